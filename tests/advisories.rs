@@ -15,7 +15,7 @@ const ACCEPTED: [(&str, &str); 5] = [
     ),
     (
         "RUSTSEC-2023-0071",
-        "rsa tells its key by the time it takes, in every version; OPC UA's policies are RSA, and only \
+        "rsa leaks its key by timing, in every version; OPC UA's policies are RSA, and only \
          equipoise-outlet-opcua has it (docs/consumers/opcua.md)",
     ),
     (
@@ -132,8 +132,8 @@ fn affected(packages: &[Package], advisories: &[(Advisory, String)]) -> BTreeMap
     let mut found = BTreeMap::new();
     for (advisory, text) in advisories {
         for package in packages.iter().filter(|package| advisory.affects(package)) {
-            let told = format!("{} {}:\n{text}", package.name, package.version);
-            found.insert(advisory.advisory.id.clone(), told);
+            let shown = format!("{} {}:\n{text}", package.name, package.version);
+            found.insert(advisory.advisory.id.clone(), shown);
         }
     }
     found
@@ -147,8 +147,8 @@ fn no_crate_in_use_has_a_known_weakness() {
     for (id, reason) in ACCEPTED {
         assert!(found.remove(id).is_some(), "{id} ({reason}) affects nothing any more: delete the line");
     }
-    let told: Vec<_> = found.into_values().collect();
-    assert!(told.is_empty(), "take another version, or accept it with a reason:\n{}", told.join("\n"));
+    let shown: Vec<_> = found.into_values().collect();
+    assert!(shown.is_empty(), "take another version, or accept it with a reason:\n{}", shown.join("\n"));
 }
 
 #[test]
@@ -168,7 +168,7 @@ fn every_crate_in_use_was_looked_for() {
     let used = cargo_lock();
     let missing: BTreeSet<_> =
         used.iter().map(|package| &*package.name).filter(|name| !looked_at.contains(name)).collect();
-    assert!(missing.is_empty(), "nobody has looked for {missing:?}: see .ci/advisories/README.md");
+    assert!(missing.is_empty(), "these were not looked for: {missing:?}: see .ci/advisories/README.md");
 }
 
 #[test]
@@ -187,7 +187,7 @@ fn a_weak_version_in_a_lock_would_be_found() {
     assert!(found("bytes", "1.11.0-rc.1").contains_key("RUSTSEC-2026-0007"));
     assert!(found("bytes", "1.11.1").is_empty() && found("bytes", "1.2.0").is_empty());
     assert!(found("zerocopy", "0.5.1").len() == 1 && found("zerocopy", "0.5.2").is_empty());
-    assert!(found("nobody-has-this", "1.0.0").is_empty());
+    assert!(found("no-such-crate", "1.0.0").is_empty());
     let withdrawn = "```toml\n[advisory]\nid = \"X\"\npackage = \"bytes\"\nwithdrawn = \"2020-01-01\"\n```\n";
     let advisories = [(Advisory::parse(withdrawn), withdrawn.to_owned())];
     assert!(affected(&lock("bytes", "1.0.0"), &advisories).is_empty());

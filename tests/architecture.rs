@@ -67,7 +67,7 @@ fn dependencies_point_down() {
 }
 
 #[test]
-fn nobody_but_tests_and_benches_knows_the_daemon() {
+fn only_tests_and_benches_depend_on_the_daemon() {
     for found in crates().filter(|found| !["daemon", "tests", "benches"].contains(&found.folder.as_str())) {
         for table in ["dependencies", "dev-dependencies", "build-dependencies"] {
             let uses = found.dependencies(table).contains("equipoise-daemon");

@@ -54,13 +54,13 @@ fn true_nm(truth: &Truth, press_m: [Vector2<f64>; 2], unloaded: [[f64; 2]; 2]) -
 /// Root mean square error of the legs' torques by geometry and by two plates, N m.
 fn errors_nm(worker: &Worker, press_m: [Vector2<f64>; 2], unloaded: [[f64; 2]; 2]) -> [f64; 2] {
     let truth = Truth::of(worker, HOLDS_S);
-    let told = ground_sample(&ground_reaction_per_foot(worker, HOLDS_S, press_m));
+    let measured = ground_sample(&ground_reaction_per_foot(worker, HOLDS_S, press_m));
     let pose = Pose::<StationWorld>::new(truth.body.origin_m, truth.body.world_from_segment);
-    let (cop_measured_m, cop_estimated_m) = (told.cop_m().unwrap(), truth.cop_without_load_m.into());
-    let (vertical_n, delta_f_n) = (told.force_n[2], LOAD_KG * GRAVITY_M_PER_S2);
+    let (cop_measured_m, cop_estimated_m) = (measured.cop_m().unwrap(), truth.cop_without_load_m.into());
+    let (vertical_n, delta_f_n) = (measured.force_n[2], LOAD_KG * GRAVITY_M_PER_S2);
     let grip_m = truth.body.grip_m;
     let by_geometry = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
-    let by_plates = FootLoads::measured(&told.feet().unwrap(), cop_measured_m);
+    let by_plates = FootLoads::measured(&measured.feet().unwrap(), cop_measured_m);
     let expected = true_nm(&truth, press_m, unloaded);
     [by_geometry, by_plates].map(|feet| {
         let loading = Loading {

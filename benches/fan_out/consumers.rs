@@ -63,7 +63,7 @@ pub(crate) fn run(arguments: &[String]) {
     peer::ready("");
     let taken: u64 = threads.into_iter().map(|thread| thread.join().expect("a consumer ended well")).sum();
     let mut out = std::io::stdout().lock();
-    std::io::Write::write_all(&mut out, bytemuck::bytes_of(&taken)).expect("whoever started us reads");
+    std::io::Write::write_all(&mut out, bytemuck::bytes_of(&taken)).expect("the parent process reads");
 }
 
 fn consume(listens: bool, ends: &AtomicBool, ready: &mpsc::Sender<()>) -> u64 {

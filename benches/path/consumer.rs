@@ -108,7 +108,7 @@ impl Notes {
         self.words.push(self.bytes);
         let mut out = std::io::stdout().lock();
         std::io::Write::write_all(&mut out, bytemuck::cast_slice(&self.words))
-            .expect("whoever started us reads");
+            .expect("the parent process reads");
     }
 }
 

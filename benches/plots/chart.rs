@@ -177,10 +177,10 @@ impl Chart {
     }
 
     fn bars(&self, scale: &Scale, index: usize, one: &Series, out: &mut String) {
-        let beside = self.series.len() as f64;
-        let width = 0.8 * self.class_width() / beside;
+        let side_by_side = self.series.len() as f64;
+        let width = 0.8 * self.class_width() / side_by_side;
         for (class, value) in one.values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-            let x = self.middle(class) + width * (index as f64 - beside / 2.0);
+            let x = self.middle(class) + width * (index as f64 - side_by_side / 2.0);
             let (y, foot) = (scale.y(*value), scale.y(scale.from));
             let _ = write!(
                 out,

@@ -95,7 +95,7 @@ fn turn(rate_hz: u32, count: usize, turn_s: f64) -> Figures {
     let mut sums: Figures = Default::default();
     for station in stations {
         let words: Vec<f64> = station.finish().chunks_exact(8).map(bytemuck::pod_read_unaligned).collect();
-        assert_eq!(words.len(), sums.len(), "a station told too little");
+        assert_eq!(words.len(), sums.len(), "a station reported too few figures");
         sums.iter_mut().zip(words).for_each(|(sum, word)| *sum += word / count as f64);
     }
     sums

@@ -79,15 +79,15 @@ pub(crate) fn run(arguments: &[String]) {
         memory_mb,
     ];
     let mut out = std::io::stdout().lock();
-    std::io::Write::write_all(&mut out, bytemuck::cast_slice(&figures)).expect("whoever started us reads");
+    std::io::Write::write_all(&mut out, bytemuck::cast_slice(&figures)).expect("the parent process reads");
 }
 
 /// Flags for the start of counting and for its end.
 fn listen() -> (Arc<AtomicBool>, Arc<AtomicBool>) {
     let flags = [(); 2].map(|()| Arc::new(AtomicBool::new(false)));
-    let told = flags.clone();
+    let flags_of_threads = flags.clone();
     spawn(move || {
-        for flag in told {
+        for flag in flags_of_threads {
             // The end of the input counts as both: the parent process has died.
             let _ = std::io::stdin().read_line(&mut String::new());
             flag.store(true, Ordering::Relaxed);

@@ -1,4 +1,4 @@
-//! Figures as files, from which `plots` draws: one JSON file a bench, beside the build's own results.
+//! Figures as files, from which `plots` draws: one JSON file a bench, next to the build's results.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

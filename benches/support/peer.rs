@@ -75,16 +75,16 @@ pub fn role() -> Option<(String, Vec<String>)> {
 /// Reports that this peer is ready, with further text on the same line.
 pub fn ready(more: &str) {
     println!("ready {more}");
-    std::io::stdout().flush().expect("whoever started us reads");
+    std::io::stdout().flush().expect("the parent process reads");
 }
 
 /// Becomes true when the parent process requests the end, or has died.
 pub fn asked_to_end() -> Arc<AtomicBool> {
     let ends = Arc::new(AtomicBool::new(false));
-    let told = Arc::clone(&ends);
+    let ending = Arc::clone(&ends);
     std::thread::spawn(move || {
         let _ = std::io::stdin().read_to_end(&mut Vec::new());
-        told.store(true, Ordering::Relaxed);
+        ending.store(true, Ordering::Relaxed);
     });
     ends
 }

@@ -84,7 +84,7 @@ fn compare(options: &Options, name: &str, policy: Policy, loaded: bool) -> Vec<F
         }
         let cycles: usize = rounds.iter().map(|round| round.ours_us.len()).sum();
         let theirs: usize = rounds.iter().map(|round| round.theirs_us.len()).sum();
-        assert!(cycles > 0 && theirs > 0, "{}: nobody was woken", contender.name());
+        assert!(cycles > 0 && theirs > 0, "{}: no thread was woken", contender.name());
         println!(" {cycles:>9} {:>9}", rounds.iter().map(|round| round.caught_up).sum::<usize>());
         figures.push(figure);
     }
@@ -95,10 +95,10 @@ fn both_ways(contender: Contender, policy: Policy, options: &Options) -> Round {
     let mut round = Round { ours_us: Vec::new(), theirs_us: Vec::new(), caught_up: 0 };
     for (ours, theirs) in [(0, 1), (1, 0)] {
         let length = Duration::from_secs_f64(options.turn_s);
-        let beside = Cyclictest::start(policy, theirs, length);
+        let their_thread = Cyclictest::start(policy, theirs, length);
         // Wait until its scheduler is set.
         std::thread::sleep(Duration::from_millis(100));
-        if beside.has_policy() != Some(policy) {
+        if their_thread.has_policy() != Some(policy) {
             println!("cyclictest does not run under {}", policy.name());
         }
         let Lateness { slept_us, caught_up, missing } = contender.run(policy, ours, length);
@@ -106,7 +106,7 @@ fn both_ways(contender: Contender, policy: Policy, options: &Options) -> Round {
             println!("{missing}");
         }
         round.ours_us.extend(slept_us);
-        round.theirs_us.extend(beside.finish());
+        round.theirs_us.extend(their_thread.finish());
         round.caught_up += caught_up;
     }
     round.ours_us.sort_by(f64::total_cmp);

@@ -90,7 +90,7 @@ impl Reconcile<'_> {
             bail!(
                 "nothing can be compared: in {} there is no fifth of a second in which both feet stand on the plate and suit \
                  and plate are both heard",
-                found.told
+                found.description
             );
         }
         Ok(Compared { session, learnt, found, left_out })

@@ -32,7 +32,7 @@ use window::Window;
 pub use worker::{Worker, prior_covariance_m2};
 
 /// Masked intervals are kept for this long, s.
-const SPOILT_FOR_S: f64 = 3.0;
+const MASK_S: f64 = 3.0;
 /// Predictions are kept for this long, s: a block waits for the largest lag and for unmasked samples after it.
 const POINTS_FOR_S: f64 = 1.5;
 
@@ -47,7 +47,7 @@ pub struct Comparison {
     /// Static-pose flag of the loop, by time.
     still: VecDeque<(f64, bool)>,
     /// Masked intervals: nothing is compared in them.
-    spoilt_s: VecDeque<[f64; 2]>,
+    masked_s: VecDeque<[f64; 2]>,
     filling: Option<Mean>,
     waiting: VecDeque<Mean>,
     kept: Kept,
@@ -71,7 +71,7 @@ impl Comparison {
             filters: Filters::default(),
             points: VecDeque::new(),
             still: VecDeque::new(),
-            spoilt_s: VecDeque::new(),
+            masked_s: VecDeque::new(),
             filling: None,
             waiting: VecDeque::new(),
             kept: Kept::new(&options),
@@ -93,16 +93,16 @@ impl Comparison {
             if time_s - last.time_s > self.options.gap_max_s {
                 self.interrupt();
             } else if moment.stance != last.stance {
-                self.spoil(time_s, self.options.stance_margin_s);
+                self.mask(time_s, self.options.stance_margin_s);
                 self.filters = Filters::default();
             }
         }
         self.last = Some(Last { time_s, stance: moment.stance });
         if moment.both_feet_stand != 1 {
-            self.spoil(time_s, self.options.stance_margin_s);
+            self.mask(time_s, self.options.stance_margin_s);
         }
         if !self.window.push(time_s, moment, &self.worker) {
-            self.spoil(time_s, self.options.half_window_s);
+            self.mask(time_s, self.options.half_window_s);
         }
         while let Some(point) = self.window.next(&self.worker, &self.options) {
             self.take(point);
@@ -131,7 +131,7 @@ impl Comparison {
         self.shear |= point.slope_is_measured;
         self.shear_missing |= !point.slope_is_measured;
         if !point.is_moderate() {
-            self.spoil(point.time_s, self.options.half_window_s);
+            self.mask(point.time_s, self.options.half_window_s);
         }
         let by_cutoff = self.filters.follow(&point);
         let number = (point.time_s / self.options.block_s).floor();
@@ -152,11 +152,11 @@ impl Comparison {
     }
 
     /// Masks the interval of `margin_s` on both sides of a time.
-    fn spoil(&mut self, time_s: f64, margin_s: f64) {
+    fn mask(&mut self, time_s: f64, margin_s: f64) {
         let [from_s, to_s] = [time_s - margin_s, time_s + margin_s];
-        match self.spoilt_s.back_mut() {
+        match self.masked_s.back_mut() {
             Some(last) if from_s <= last[1] => *last = [last[0].min(from_s), last[1].max(to_s)],
-            _ => self.spoilt_s.push_back([from_s, to_s]),
+            _ => self.masked_s.push_back([from_s, to_s]),
         }
     }
 
@@ -181,7 +181,7 @@ impl Comparison {
         }
         while self.points.pop_front_if(|point| point.time_s < now_s - POINTS_FOR_S).is_some() {}
         while self.still.pop_front_if(|(time_s, _)| *time_s < now_s - POINTS_FOR_S).is_some() {}
-        while self.spoilt_s.pop_front_if(|span_s| span_s[1] < now_s - SPOILT_FOR_S).is_some() {}
+        while self.masked_s.pop_front_if(|span_s| span_s[1] < now_s - MASK_S).is_some() {}
     }
 
     /// Keeps a block if no masked interval overlaps its neighbourhood and the predictions cover all lags.
@@ -189,7 +189,7 @@ impl Comparison {
         let [from_s, to_s] = mean.span_s;
         let overlaps = |span_s: &[f64; 2]| span_s[0] < to_s && span_s[1] > from_s;
         let Some(phase) = self.options.phase_of(mean.span_s) else { return };
-        if self.spoilt_s.iter().any(overlaps) || !self.kept.wants(phase) {
+        if self.masked_s.iter().any(overlaps) || !self.kept.wants(phase) {
             return;
         }
         let Some(by_lag) = changes::by_lag(&self.points, mean.span_s) else { return };

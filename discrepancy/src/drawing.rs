@@ -1,5 +1,6 @@
 //! Fills the plots of the report.
 
+use crate::answer::{Answer, scale};
 use crate::block::{Block, Phase};
 use crate::candidate::Candidate;
 use crate::floor::{Floor, root_mean};
@@ -11,7 +12,6 @@ use crate::picture::{
     TimePoint, Unseen, Whiteness, Window,
 };
 use crate::select::Selection;
-use crate::telling::{Told, scale};
 
 /// Lags of the autocorrelation.
 const LAGS: usize = 20;
@@ -29,7 +29,7 @@ pub(crate) fn draw(
     gram: &Gram<'_>,
     selection: &Selection,
     held: &HeldOut,
-    told: &Told,
+    answer: &Answer,
     threshold: f64,
 ) -> Picture {
     let session = gram.rows.session;
@@ -38,15 +38,15 @@ pub(crate) fn draw(
         length_s: session.length_s,
         block_s: session.block_s,
         threshold_log_odds: threshold,
-        time: (0..3).map(|axis| time(gram, held, &told.floor, axis)).collect(),
-        pose: (0..3).flat_map(|axis| pose(gram, held, &told.floor, axis)).collect(),
+        time: (0..3).map(|axis| time(gram, held, &answer.floor, axis)).collect(),
+        pose: (0..3).flat_map(|axis| pose(gram, held, &answer.floor, axis)).collect(),
         predictors: (0..selection.accepted.len())
-            .filter_map(|index| predictor(gram, selection, held, &told.floor, index))
+            .filter_map(|index| predictor(gram, selection, held, &answer.floor, index))
             .collect(),
-        whiteness: (0..3).map(|axis| whiteness(gram, told, axis)).collect(),
-        surprise: surprise(gram, told),
-        windows: windows(gram, told),
-        phases: phases(gram, held, &told.floor),
+        whiteness: (0..3).map(|axis| whiteness(gram, answer, axis)).collect(),
+        surprise: surprise(gram, answer),
+        windows: windows(gram, answer),
+        phases: phases(gram, held, &answer.floor),
         unseen: if selection.accepted.is_empty() { unseen(gram) } else { Vec::new() },
     }
 }
@@ -164,7 +164,7 @@ fn whitened(gram: &Gram<'_>, rows: &[f64], axis: usize) -> Vec<f64> {
     }
 }
 
-fn whiteness(gram: &Gram<'_>, told: &Told, axis: usize) -> Whiteness {
+fn whiteness(gram: &Gram<'_>, answer: &Answer, axis: usize) -> Whiteness {
     let of = |rows: &[f64]| {
         let values = whitened(gram, rows, axis);
         let square = dot(&values, &values);
@@ -175,17 +175,17 @@ fn whiteness(gram: &Gram<'_>, told: &Told, axis: usize) -> Whiteness {
     let count = (gram.rows.len() - gram.rows.work_from).max(1);
     Whiteness {
         signal: Signal::ALL[axis],
-        before: of(&told.rest.before),
-        after: of(&told.rest.after),
+        before: of(&answer.rest.before),
+        after: of(&answer.rest.after),
         bound: 1.96 / (count as f64).sqrt(),
     }
 }
 
-fn surprise(gram: &Gram<'_>, told: &Told) -> Vec<SurpriseBin> {
+fn surprise(gram: &Gram<'_>, answer: &Answer) -> Vec<SurpriseBin> {
     let squares = |rows: &[f64]| -> Vec<f64> {
         (0..3).flat_map(|axis| whitened(gram, rows, axis)).map(|value| value * value).collect()
     };
-    let (before, after) = (squares(&told.rest.before), squares(&told.rest.after));
+    let (before, after) = (squares(&answer.rest.before), squares(&answer.rest.after));
     let share = |list: &[f64], from: f64, to: f64| {
         list.iter().filter(|&&value| value >= from && value < to).count() as f64 / list.len().max(1) as f64
     };
@@ -218,14 +218,14 @@ fn below(value: f64) -> f64 {
     1.0 - series * (-x * x).exp()
 }
 
-fn windows(gram: &Gram<'_>, told: &Told) -> Vec<Window> {
+fn windows(gram: &Gram<'_>, answer: &Answer) -> Vec<Window> {
     let rows = gram.rows;
     let work = rows.len() - rows.work_from;
     let length = work.div_ceil(PIECES).max(1);
     let mut list = Vec::new();
     for axis in 0..3 {
         let (before, after) =
-            (whitened(gram, &told.rest.before, axis), whitened(gram, &told.rest.after, axis));
+            (whitened(gram, &answer.rest.before, axis), whitened(gram, &answer.rest.after, axis));
         for from in (0..work).step_by(length) {
             let to = (from + length).min(work);
             let root = |values: &[f64]| root_mean(values[from..to].iter().map(|value| value * value));

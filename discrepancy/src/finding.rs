@@ -1,4 +1,4 @@
-//! What was found: the workflow's answer, as it is printed with `--json` and told in the report.
+//! What was found: the workflow's answer, as it is printed with `--json` and in the report.
 
 use std::collections::BTreeMap;
 

@@ -17,7 +17,7 @@ use search::Search;
 pub(crate) use words::words;
 
 /// Largest number of reported generic terms.
-const TOLD_MAX: usize = 3;
+const REPORTED_MAX: usize = 3;
 
 /// Required gain of a generic term beyond the level reached by chance, log odds: shapes computed from the suit's motion
 /// never match the body's exactly. Clean sessions stay below.
@@ -42,7 +42,7 @@ pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Ge
     let sum = |found: Vec<Generic>| found.iter().map(|generic| generic.log_odds).sum();
     Generics {
         alone: sum(search.greedy(gram, &[], least, terms.len().max(1), |_| true)),
-        after: search.greedy(gram, &terms, least, TOLD_MAX, |_| true),
+        after: search.greedy(gram, &terms, least, REPORTED_MAX, |_| true),
         unlike: sum(search.greedy(gram, &[], least, 1, |entry| entry.is_unlike)),
     }
 }

@@ -6,6 +6,7 @@
 //! fitted on the phases that are not in question; all inference about effects is algebra on one whitened Gram matrix;
 //! the result is a [`finding::Finding`], from which model file and report are made.
 
+mod answer;
 mod ask;
 pub mod block;
 mod candidate;
@@ -32,7 +33,6 @@ mod sanity;
 mod select;
 pub mod session;
 pub mod spans;
-mod telling;
 pub mod thin;
 mod trials;
 mod verdict;

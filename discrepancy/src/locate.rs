@@ -15,7 +15,7 @@ const PIECES: usize = 30;
 /// holds few independent values.
 const BEYOND: f64 = 2.0;
 /// Largest number of reported spans.
-const TOLD_MAX: usize = 8;
+const REPORTED_MAX: usize = 8;
 /// A segment correlates with a residual if it explains at least this fraction of its square.
 const GOES_WITH: f64 = 0.25;
 
@@ -47,7 +47,7 @@ pub(crate) fn locate(gram: &Gram<'_>, floor: &Floor, residual: &[[f64; 3]]) -> V
         }
     }
     spans.sort_by(|a, b| b.times_noise.total_cmp(&a.times_noise));
-    spans.truncate(TOLD_MAX);
+    spans.truncate(REPORTED_MAX);
     spans
 }
 

@@ -2,6 +2,7 @@
 
 use equipoise_core::effect;
 
+use crate::answer::Left;
 use crate::block::Phase;
 use crate::candidate;
 use crate::finding::Finding;
@@ -16,11 +17,10 @@ use crate::refine::tie_moments;
 use crate::rows::Rows;
 use crate::select::select;
 use crate::session::Session;
-use crate::telling::Left;
 use crate::trials::by_chance;
 use crate::verdict::Rest;
 use crate::windows::Windows;
-use crate::{drawing, telling};
+use crate::{answer, drawing};
 
 /// Minimum number of work blocks.
 const WORK_MIN: usize = 30;
@@ -81,10 +81,10 @@ pub fn reconcile(
     progress(0.9);
     let floor = Floor::of(&gram, &stances_m);
     held.take_off_expected(&floor.mean);
-    let told = telling::tell(&gram, &selection, &generics, Left { held: &held, rest, floor }, threshold);
-    let picture = drawing::draw(&gram, &selection, &held, &told, threshold);
+    let answer = answer::assemble(&gram, &selection, &generics, Left { held: &held, rest, floor }, threshold);
+    let picture = drawing::draw(&gram, &selection, &held, &answer, threshold);
     progress(1.0);
-    Ok(Outcome { finding: told.finding, terms: told.terms, picture })
+    Ok(Outcome { finding: answer.finding, terms: answer.terms, picture })
 }
 
 /// Rejects sessions that do not permit an inference.
@@ -105,8 +105,8 @@ fn check(session: &Session) -> Result<(), ReconcileError> {
     if clean < CLEAN_MIN {
         return Err(ReconcileError::NothingToCompareWith { found: clean, needed: CLEAN_MIN });
     }
-    let spoilt = session.blocks.iter().find(|block| !block.is_finite());
-    spoilt.map_or(Ok(()), |block| Err(ReconcileError::NotANumber { time_s: block.observation.time_s }))
+    let not_finite = session.blocks.iter().find(|block| !block.is_finite());
+    not_finite.map_or(Ok(()), |block| Err(ReconcileError::NotANumber { time_s: block.observation.time_s }))
 }
 
 impl crate::block::Block {

@@ -55,10 +55,14 @@ fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]
         Effect::SuitLag => {
             let all: Vec<usize> = accepted.iter().copied().chain([term]).collect();
             let share = *gram.estimate(&all)?.value.last()?;
-            let told_s = (shape * share).clamp(-0.12, 0.18);
-            let [from, to] = [told_s - 0.03, told_s + 0.03];
+            let shape_s = (shape * share).clamp(-0.12, 0.18);
+            let [from, to] = [shape_s - 0.03, shape_s + 0.03];
             // A lag of the other sign is a different explanation.
-            Some(if told_s > 0.0 { [from.max(5e-4), to.min(0.18)] } else { [from.max(-0.12), to.min(-5e-4)] })
+            Some(if shape_s > 0.0 {
+                [from.max(5e-4), to.min(0.18)]
+            } else {
+                [from.max(-0.12), to.min(-5e-4)]
+            })
         }
         Effect::PlateLowpass => Some([shape / 1.6, shape * 1.6]),
         Effect::PlateDrift if shape > 0.0 => Some([8.0, 150.0]),

@@ -31,7 +31,7 @@ const LEAST_BELOW_RAD: f64 = 8.0 * std::f64::consts::PI / 180.0;
 /// The size of an effect with these parameters ([`Effect::size`]).
 pub(crate) fn size(candidate: &Candidate, value: &[f64]) -> f64 {
     let parameters = candidate.parameters(value);
-    candidate.effect.size(candidate.told_shape(value), &parameters)
+    candidate.effect.size(candidate.reported_shape(value), &parameters)
 }
 
 /// Whether it is a rotation of the pelvis or of a leg.
@@ -162,7 +162,7 @@ impl Candidate {
     pub(crate) fn parameters(&self, value: &[f64]) -> [f64; PARAMETERS_MAX] {
         let mut parameters = [0.0; PARAMETERS_MAX];
         if self.is_a_share() {
-            parameters[0] = self.told_shape(value);
+            parameters[0] = self.reported_shape(value);
         } else {
             parameters.iter_mut().zip(value).for_each(|(parameter, value)| *parameter = *value);
         }
@@ -170,7 +170,7 @@ impl Candidate {
     }
 
     /// The shape, including its fitted factor.
-    pub(crate) fn told_shape(&self, value: &[f64]) -> f64 {
+    pub(crate) fn reported_shape(&self, value: &[f64]) -> f64 {
         match self.effect {
             Effect::SuitLag => self.shape * value[0],
             // Twice the change of a slow filter corresponds to a filter twice as slow, as long as both are small.

@@ -124,7 +124,7 @@ pub struct Found {
     /// The phases.
     pub spans_s: Spans,
     /// A sentence for the user.
-    pub told: String,
+    pub description: String,
 }
 
 impl Given {
@@ -206,14 +206,14 @@ impl Given {
         }
         let found = self.identify.is_none() || self.work.is_none();
         let spans_s = Spans { identify, reference, work, found };
-        let told = format!(
+        let description = format!(
             "identification {} ({how}); clean work {} ({reference_how}); work in question {} ({})",
             seconds(identify),
             reference.map_or_else(|| "–".to_owned(), seconds),
             seconds(work),
             if self.work.is_some() { "as given" } else { "the rest" },
         );
-        Ok(Found { spans_s, told })
+        Ok(Found { spans_s, description })
     }
 
     /// The longest interval of the recording that is neither identification nor reference.
@@ -263,11 +263,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_given_is_found_and_told() {
+    fn missing_spans_are_found_and_described() {
         let found = Given::default().find(&shown(Some(80.0), Some(79.0))).unwrap();
         let spans_s = Spans { identify: [0.5, 80.0], reference: None, work: [80.0, 300.0], found: true };
         assert_eq!(found.spans_s, spans_s);
-        assert!(found.told.contains("0.5 s – 80.0 s (until the worker was identified)"), "{}", found.told);
+        assert!(
+            found.description.contains("0.5 s – 80.0 s (until the worker was identified)"),
+            "{}",
+            found.description
+        );
         // Identification did not converge: the result of the first part is used.
         let found = Given::default().find(&shown(None, Some(250.0))).unwrap();
         assert!((found.spans_s.identify[1] - 120.3).abs() < 1e-9, "{:?}", found.spans_s);

@@ -90,7 +90,7 @@ fn a_strong_push_for_a_while_is_named_with_both_of_its_edges() {
 }
 
 #[test]
-fn a_heading_that_is_far_off_is_told_as_large_as_it_is() {
+fn a_large_heading_error_is_estimated_without_bias() {
     let mut session = clean(15);
     hide(&mut session, Effect::SegmentHeading, Place::Segment(Segment::T8), &[-0.7], [REFERENCE_S, END_S]);
     let outcome = answer(&session);

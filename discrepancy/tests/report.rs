@@ -44,14 +44,14 @@ fn page_and_text_tell_the_same_words_and_numbers() {
 }
 
 #[test]
-fn the_gap_is_told_as_it_was_found() {
+fn the_report_contains_the_gap_of_the_finding() {
     let sample = sample::named(WORK_S);
     let words = html_words(file(&sample.report().pages(), "report.html")).join(" ");
     let gap = &sample.finding.gap;
     let [before, after, floor] = [(gap.before_mm, 1), (gap.after_mm, 2), (gap.noise_floor_mm, 2)]
         .map(|(mm, digits)| format!("{mm:.digits$}"));
-    let told = format!("the gap goes from {before} mm to {after} mm ; noise alone leaves {floor} mm");
-    assert!(words.contains(&told), "{told} is not in {words}");
+    let expected = format!("the gap goes from {before} mm to {after} mm ; noise alone leaves {floor} mm");
+    assert!(words.contains(&expected), "{expected} is not in {words}");
 }
 
 #[test]
@@ -199,7 +199,7 @@ fn an_empty_picture_is_still_a_report() {
 }
 
 #[test]
-fn each_answer_tells_its_own_story() {
+fn each_verdict_has_its_own_text() {
     let story = |sample: &Sample| html_words(file(&sample.report().pages(), "report.html")).join(" ");
     let [named, none, ambiguous, unexplained] = samples().map(|(_, sample)| story(&sample));
     assert!(named.contains("The model lacks a load in the right hand ( 1.513 ± 0.031 kg )"));
@@ -222,7 +222,7 @@ fn each_answer_tells_its_own_story() {
 }
 
 #[test]
-fn what_weighs_more_than_all_names_is_told_before_them() {
+fn an_unexplained_part_larger_than_all_named_ones_is_reported_first() {
     let mut sample = sample::unexplained(WORK_S);
     sample.finding.unexplained[0].log_odds = 1e4;
     let pages = sample.report().pages();

@@ -77,7 +77,7 @@ pub(crate) struct Wrong {
     error: f64,
     bound: f64,
     /// Other reported values, and the invalid reasons raised.
-    beside: String,
+    context: String,
 }
 
 /// The largest ratio of a value's error to its bound.
@@ -85,7 +85,7 @@ struct Worst {
     share: f64,
     during: &'static str,
     /// As for a wrong value, if the ratio is large enough.
-    beside: String,
+    context: String,
 }
 
 /// Checks every state.
@@ -99,7 +99,7 @@ pub(crate) struct Judge {
     held_up: [bool; 2],
     /// Invalid reason required in every state at present.
     pub(crate) must_say: Option<Validity>,
-    pub(crate) told: BTreeMap<&'static str, u64>,
+    pub(crate) published: BTreeMap<&'static str, u64>,
     worst: BTreeMap<&'static str, Worst>,
     pub(crate) wrong: Vec<Wrong>,
     truths: (u64, Vec<Truth>),
@@ -118,7 +118,7 @@ impl Judge {
             excused: [0; 2],
             held_up: [false; 2],
             must_say: None,
-            told: BTreeMap::new(),
+            published: BTreeMap::new(),
             worst: BTreeMap::new(),
             wrong: Vec::new(),
             truths: (0, Vec::new()),
@@ -151,17 +151,21 @@ impl Judge {
     /// Starts counting: the model is identified from here on.
     pub(crate) fn begin_to_count(&mut self) {
         (self.states, self.missed, self.excused) = (0, 0, [0; 2]);
-        self.told.clear();
+        self.published.clear();
     }
 
     /// A value that was checked too seldom for a verdict, or too many states that were missed.
     pub(crate) fn too_little(&self) -> Option<String> {
-        let told = |value: &&str| self.told.get(value).copied().unwrap_or(0);
-        if let Some(seldom) = VALUES.iter().find(|value| told(value) * JUDGED_ONE_IN < self.states) {
-            return Some(format!("{seldom} was judged in {} of {} states only", told(seldom), self.states));
+        let published = |value: &&str| self.published.get(value).copied().unwrap_or(0);
+        if let Some(seldom) = VALUES.iter().find(|value| published(value) * JUDGED_ONE_IN < self.states) {
+            return Some(format!(
+                "{seldom} was judged in {} of {} states only",
+                published(seldom),
+                self.states
+            ));
         }
         (self.missed * MISSED_ONE_IN > self.states)
-            .then(|| format!("{} states were not seen beside {}", self.missed, self.states))
+            .then(|| format!("{} states were missed and {} seen", self.missed, self.states))
     }
 
     /// Silence and age are checked even while the host delays the sensors.
@@ -189,9 +193,9 @@ impl Judge {
     fn values(&mut self, person: &SimulationHandle) {
         let state = self.state;
         let valid = state.validity();
-        let suit_told = !valid.any_of(Validity::SUIT_STALE) && state.suit_sample_time_ns > 0;
+        let suit_published = !valid.any_of(Validity::SUIT_STALE) && state.suit_sample_time_ns > 0;
         // Without the suit only the ground is reported, at its own newest sample time.
-        let about_ns = match suit_told {
+        let about_ns = match suit_published {
             true => state.suit_sample_time_ns,
             false if state.ground_age_ns < u64::MAX => state.time_ns - state.ground_age_ns,
             false => return,
@@ -201,25 +205,25 @@ impl Judge {
             self.truths = (about_ns, vec![person.truth_at(about_s)]);
         }
         let held_up = self.held_up;
-        let told = |spoilers: Validity, needs: Needs| {
+        let published = |spoilers: Validity, needs: Needs| {
             !valid.any_of(spoilers) && !(0..2).any(|sensor| needs[sensor] && held_up[sensor])
         };
-        if told(Validity::SPOILS_COP_MEASURED, GROUND) {
+        if published(Validity::SPOILS_COP_MEASURED, GROUND) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_measured_sigma_m);
             self.compare("measured cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_measured_m) - truth.cop_m).norm()
             });
         }
-        if told(Validity::SPOILS_GROUND_FORCE, GROUND) {
+        if published(Validity::SPOILS_GROUND_FORCE, GROUND) {
             self.compare("ground force", person, FORCE_FLOOR_N, |truth| {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
         }
         // While device time is not tied to host time, the state's sample time is undefined.
-        if !suit_told || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
+        if !suit_published || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             return;
         }
-        if told(Validity::SPOILS_COM, SUIT) {
+        if published(Validity::SPOILS_COM, SUIT) {
             // In motion too fast for the centre of pressure the state has no σ; the model error of the body is the same
             // as before.
             if state.cop_sigma_m != [0.0; 2] {
@@ -230,32 +234,32 @@ impl Judge {
                 (Vector3::from(state.com_m) - truth.com_m).xy().norm()
             });
         }
-        if told(Validity::SPOILS_COP_ESTIMATED, SUIT) {
+        if published(Validity::SPOILS_COP_ESTIMATED, SUIT) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
             self.compare("estimated cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m).norm()
             });
         }
-        if told(Validity::SPOILS_COM, SUIT) {
+        if published(Validity::SPOILS_COM, SUIT) {
             self.compare("segments", person, SEGMENT_FLOOR_M, |truth| {
                 let error_m =
                     |i: usize| (Vector3::from(state.segment_origin_m[i]) - truth.body.origin_m[i]).norm();
                 (0..SEGMENTS).map(error_m).fold(0.0, f64::max)
             });
         }
-        if told(Validity::SPOILS_DELTA_F, BOTH) {
+        if published(Validity::SPOILS_DELTA_F, BOTH) {
             let bound_n = FORCE_FLOOR_N + SIGMAS * state.delta_f_sigma_n;
             self.compare("external force", person, bound_n, |truth| {
                 (state.delta_f_n[2] + truth.load_force_in_motion_n.z).abs()
             });
         }
-        if told(Validity::SPOILS_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
+        if published(Validity::SPOILS_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
             let bound_kg = MASS_FLOOR_KG + SIGMAS * state.lifted_mass_sigma_kg;
             self.compare("lifted mass", person, bound_kg, |truth| {
                 (state.lifted_mass_kg - truth.body.load_kg).abs()
             });
         }
-        if told(Validity::SPOILS_TORQUES, BOTH) {
+        if published(Validity::SPOILS_TORQUES, BOTH) {
             let share = |truth: &Truth, j: usize| {
                 let error_nm = (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
                 error_nm / (torque_floor_nm(Joint::ALL[j]) + SIGMAS * state.torque_sigma_nm[j])
@@ -268,7 +272,7 @@ impl Judge {
             });
         }
         self.worst_joint = JOINTS;
-        if told(Validity::SPOILS_BACK, BOTH) {
+        if published(Validity::SPOILS_BACK, BOTH) {
             let bound_nm = BACK_FLOOR_NM + SIGMAS * state.l5s1_moment_sigma_nm;
             self.compare("low back", person, bound_nm, |truth| {
                 (state.l5s1_moment_nm - truth.back.moment_nm.xy().norm()).abs()
@@ -300,35 +304,35 @@ impl Judge {
             }
             least = self.truths.1.iter().map(&error).fold(least, f64::min);
         }
-        *self.told.entry(what).or_default() += 1;
+        *self.published.entry(what).or_default() += 1;
         self.hold(what, least, bound);
     }
 
     fn hold(&mut self, what: &'static str, error: f64, bound: f64) {
         let share = error / bound;
         if self.worst.get(what).is_none_or(|worst| share > worst.share) {
-            let beside = if share > WORTH_TELLING { self.beside() } else { String::new() };
-            self.worst.insert(what, Worst { share, during: self.during, beside });
+            let context = if share > WORTH_TELLING { self.context() } else { String::new() };
+            self.worst.insert(what, Worst { share, during: self.during, context });
         }
         if share > 1.0 {
-            let (during, cycle, beside) = (self.during, self.state.cycle, self.beside());
-            self.wrong.push(Wrong { what, during, cycle, error, bound, beside });
+            let (during, cycle, context) = (self.during, self.state.cycle, self.context());
+            self.wrong.push(Wrong { what, during, cycle, error, bound, context });
         }
     }
 
     /// The raised reasons, the true load, and the joint with the largest torque error.
-    fn beside(&self) -> String {
+    fn context(&self) -> String {
         let (state, joint) = (&self.state, self.worst_joint);
         let reasons: Vec<_> = state.validity().names().collect();
         let about = self.truths.1.first();
         let torque = Joint::ALL.get(joint).zip(about).map_or(String::new(), |(named, truth)| {
-            let (told, sigma) = (state.torque_nm[joint], state.torque_sigma_nm[joint]);
+            let (published, sigma) = (state.torque_nm[joint], state.torque_sigma_nm[joint]);
             let (force_n, sigma_n) = (state.delta_f_n[2], state.delta_f_sigma_n);
             let is: [f64; 3] = truth.overload_in_motion_nm[joint].into();
             let is_n = -truth.load_force_in_motion_n.z;
             let name = named.name();
             format!(
-                ", {name} {told:.1?} ± {sigma:.1} N m is {is:.1?}, force {force_n:.1} ± {sigma_n:.1} N is {is_n:.1}, feet carry {:.2?}, ankles at {:.3?} and {:.3?} m, CoP {:.3?} and {:.3?} ± {:.3?} m, truly {:.3?} and {:.3?} m",
+                ", {name} {published:.1?} ± {sigma:.1} N m is {is:.1?}, force {force_n:.1} ± {sigma_n:.1} N is {is_n:.1}, feet carry {:.2?}, ankles at {:.3?} and {:.3?} m, CoP {:.3?} and {:.3?} ± {:.3?} m, truly {:.3?} and {:.3?} m",
                 state.zeta,
                 state.segment_origin_m[Segment::LeftFoot.index()],
                 state.segment_origin_m[Segment::RightFoot.index()],
@@ -355,17 +359,17 @@ impl Judge {
         let line = |(first, last, most): &(Wrong, u64, f64)| {
             format!(
                 "{} during {}: cycles {} to {last}, {:.4} (most {most:.4}) where {:.4} is allowed; {}",
-                first.what, first.during, first.cycle, first.error, first.bound, first.beside
+                first.what, first.during, first.cycle, first.error, first.bound, first.context
             )
         };
         runs.iter().map(line).collect()
     }
 
     pub(crate) fn worst(&self) -> String {
-        let line = |(what, Worst { share, during, beside }): (&&str, &Worst)| {
-            let told = self.told.get(what).copied().unwrap_or(self.states);
+        let line = |(what, Worst { share, during, context }): (&&str, &Worst)| {
+            let published = self.published.get(what).copied().unwrap_or(self.states);
             format!(
-                "  {what:<16} told {told:>8} times, at worst {:>3.0} % of its bound ({during}) {beside}",
+                "  {what:<16} published {published:>8} times, at worst {:>3.0} % of its bound ({during}) {context}",
                 100.0 * share
             )
         };
@@ -453,14 +457,14 @@ mod tests {
         judge.begin_to_count();
         assert_eq!(judge.too_little(), None);
         judge.states = 1000;
-        judge.told = VALUES.map(|value| (value, 200)).into();
+        judge.published = VALUES.map(|value| (value, 200)).into();
         assert_eq!(judge.too_little(), None);
         judge.missed = 21;
         assert!(judge.too_little().is_some_and(|said| said.contains("21 states were not seen")));
         judge.missed = 20;
-        judge.told.insert("torques", 199);
+        judge.published.insert("torques", 199);
         assert!(judge.too_little().is_some_and(|said| said.contains("torques")));
-        judge.told.remove("torques");
+        judge.published.remove("torques");
         assert!(judge.too_little().is_some_and(|said| said.contains("torques")), "never judged");
     }
 }

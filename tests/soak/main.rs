@@ -28,7 +28,7 @@ fn number(variable: &str, otherwise: u64) -> u64 {
 }
 
 #[test]
-fn no_wrong_value_is_told_as_valid_whatever_happens() {
+fn no_fault_gives_a_wrong_valid_value() {
     let (long, seed) = (Duration::from_secs(number("SOAK_SECONDS", 4)), number("SOAK_SEED", 1));
     let mut rig = Rig::start(seed);
     rig.identify();

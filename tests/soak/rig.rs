@@ -118,7 +118,7 @@ impl Rig {
             }
             std::thread::sleep(Duration::from_millis(2));
         }
-        self.wait_until_all_is_told(RECOVERS_WITHIN);
+        self.wait_until_all_is_published(RECOVERS_WITHIN);
         self.judge.begin_to_count();
         self.descriptors = self.resources.descriptors();
     }
@@ -226,7 +226,7 @@ impl Rig {
         self.pass(LASTS);
         for (unplugged, stale) in [(suit, Validity::SUIT_STALE), (plate, Validity::GROUND_STALE)] {
             if unplugged {
-                self.must_be_told(stale);
+                self.must_be_reported(stale);
             }
         }
         self.person.silence_suit(false);
@@ -234,7 +234,7 @@ impl Rig {
     }
 
     /// Checks that a reason is raised at all; its timing is checked by the judge.
-    fn must_be_told(&mut self, reason: Validity) {
+    fn must_be_reported(&mut self, reason: Validity) {
         let started = Instant::now();
         while !self.judge.state.validity().any_of(reason) {
             assert!(
@@ -270,7 +270,7 @@ impl Rig {
         self.adapters[which].kill();
         self.pass(Duration::from_millis(700));
         let stale = [Validity::SUIT_STALE, Validity::GROUND_STALE][which];
-        self.must_be_told(stale);
+        self.must_be_reported(stale);
         let stream = ["suit", "ground"][which];
         self.adapters[which] = adapter_of(&self.station, stream, before);
     }
@@ -288,7 +288,10 @@ impl Rig {
             self.pass(2 * LASTS);
             let started = Instant::now();
             while !(-5..0).contains(&ahead_s) && named(self) == before {
-                assert!(started.elapsed() < RECOVERS_WITHIN, "nobody says that a clock is {ahead_s} s ahead");
+                assert!(
+                    started.elapsed() < RECOVERS_WITHIN,
+                    "no incident says that a clock is {ahead_s} s ahead"
+                );
                 self.pass(Duration::from_millis(100));
             }
             self.judge.must_say = None;
@@ -305,13 +308,13 @@ impl Rig {
         // Immediate faults must have become visible; otherwise the state would still appear healthy.
         self.pass(FELT_WITHIN);
         let within = if chaos == Chaos::SuitRestarts { PLACE_FOUND_WITHIN } else { RECOVERS_WITHIN };
-        self.wait_until_all_is_told(within);
+        self.wait_until_all_is_published(within);
         let took = started.elapsed();
         self.pass(CALM);
         took
     }
 
-    fn wait_until_all_is_told(&mut self, within: Duration) {
+    fn wait_until_all_is_published(&mut self, within: Duration) {
         let begun = Instant::now();
         let (mut started, mut held_up_ns) = (begun, [0; 2]);
         let before = self.judge.state.cycle;
@@ -372,7 +375,11 @@ impl Rig {
         });
         assert!(left.is_empty(), "shared memory is left: {left:?}");
         let wrong = [failures, judge.report()].concat();
-        assert!(wrong.is_empty(), "wrong values were told as valid, or none again:\n{}", wrong.join("\n"));
+        assert!(
+            wrong.is_empty(),
+            "wrong values were published as valid, or none again:\n{}",
+            wrong.join("\n")
+        );
         if let Some(little) = judge.too_little() {
             panic!(
                 "too busy for a verdict: {little}; {:?} states had a sensor that was held up",

@@ -22,14 +22,14 @@ pub fn words(kind: Incident) -> Words {
 
 /// Active incidents on one line, with their durations; `None` if there are none. `now_ns` is CLOCK_MONOTONIC.
 pub fn line(incidents: &Incidents, now_ns: u64) -> Option<String> {
-    let told: Vec<String> = incidents
+    let shown: Vec<String> = incidents
         .active()
         .map(|kind| {
             let since_ns = now_ns.saturating_sub(incidents.last_begun_ns[kind as usize]);
             format!("{} for {}", kind.name(), span(since_ns))
         })
         .collect();
-    (!told.is_empty()).then(|| told.join(", "))
+    (!shown.is_empty()).then(|| shown.join(", "))
 }
 
 /// A duration for people: seconds, minutes or hours.

@@ -18,7 +18,7 @@
 //! | `mass_kg` | kg | the mass is not known |
 //! | `body_source`: where the bones come from (`poses`, `null_pose`, `stored`) | | the bones are not known |
 //! | `sole_source`: where the soles' outline comes from (`stature`, `suit`) | | never |
-//! | `body_refused`: why the suit's null pose is not used | name | it is used, or none was told |
+//! | `body_refused`: why the suit's null pose is not used | name | it is used, or none was sent |
 //! | `motion_samples_used` | count | never |
 //! | `group_delay_ns`: how far the values lie behind the newest suit sample | ns | never |
 //! | `cop_measured`, `cop_measured_sigma` | m, world x and y | the plate is silent, or the feet are off it |

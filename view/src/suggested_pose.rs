@@ -31,7 +31,7 @@ impl SuggestedPose {
     }
 }
 
-/// Stature by the lengths of all bones, which no pose changes: good enough to draw by, whoever wears the suit. 1.7 m where
+/// Stature by the lengths of all bones, which no pose changes: good enough for drawing any wearer. 1.7 m where
 /// no pose came yet.
 pub(crate) fn height_m(origin_m: &[[f64; 3]; SEGMENTS]) -> f64 {
     const NOMINAL_M: f64 = 1.7;

@@ -258,42 +258,42 @@ mod tests {
     }
 
     #[test]
-    fn the_block_says_what_the_back_bears_and_what_would_help() {
+    fn the_block_shows_the_load_of_the_back_and_the_advice() {
         let block = dashboard(&carrying(), "station-1", None);
         for line in [
             "  pressed by  2410 ± 390 N on the lowest disc",
             "  worst       left knee, tired 31 %: bring the load closer (0.5 N m per cm)",
             "  this shift  12 lifts, risk of a day like this 7 %, most tired left knee 31 %",
         ] {
-            assert!(block.lines().any(|told| told == line), "{line}\n{block}");
+            assert!(block.lines().any(|shown| shown == line), "{line}\n{block}");
         }
         let mut moving = carrying();
         moving.valid = Validity::MOVING.0;
         let block = dashboard(&moving, "station-1", None);
         assert!(!block.contains("98 N") && !block.contains("2410"), "{block}");
-        assert!(block.contains("12 lifts"), "what has added up is always told: {block}");
+        assert!(block.contains("12 lifts"), "sums are always shown: {block}");
     }
 
     #[test]
-    fn the_suit_s_own_centre_of_mass_stands_beside_ours_where_it_is_sent() {
+    fn the_suit_s_centre_of_mass_is_shown_next_to_the_estimated_one() {
         let mut state = State { com_m: [0.03, -0.02, 0.98], suit_com_m: [0.045, -0.02, 0.95], ..carrying() };
         let line = "  CoM           forward 30 left -20 up 980 mm; the suit's own +15 +0 -30";
-        assert!(dashboard(&state, "station-1", None).lines().any(|told| told == line));
+        assert!(dashboard(&state, "station-1", None).lines().any(|shown| shown == line));
         state.not_given = NotGiven::SuitCom as u32;
         assert!(!dashboard(&state, "station-1", None).contains("the suit's own"));
     }
 
     #[test]
     fn the_block_says_how_far_the_values_lie_behind() {
-        let told = |group_delay_ns| {
+        let shown = |group_delay_ns| {
             let state = State { suit_age_ns: 4_000_000, group_delay_ns, ..carrying() };
             dashboard(&state, "station-1", None).lines().nth(4).map(str::to_owned)
         };
         assert_eq!(
-            told(66_700_000).as_deref(),
+            shown(66_700_000).as_deref(),
             Some("  suit 4 ms old  ground 0 ms old  values 67 ms behind the suit")
         );
-        assert_eq!(told(0).as_deref(), Some("  suit 4 ms old  ground 0 ms old"));
+        assert_eq!(shown(0).as_deref(), Some("  suit 4 ms old  ground 0 ms old"));
     }
 
     #[test]
@@ -302,8 +302,8 @@ mod tests {
         (state.worst_joint, state.valid, state.pose_mismatch_rad) = (u32::MAX, 0, 1.0);
         let pose = "turn by 90° to the left, both arms up and out, like a Y, to tell hand_load right from worn_mass T8";
         let block = dashboard(&state, "station-1", Some(pose));
-        let told: Vec<&str> = block.lines().skip(1).take(2).map(str::trim).collect();
-        assert_eq!(told.join(" "), format!("Take this pose: {pose}"));
+        let shown: Vec<&str> = block.lines().skip(1).take(2).map(str::trim).collect();
+        assert_eq!(shown.join(" "), format!("Take this pose: {pose}"));
         assert_eq!(halves("short"), ["short", ""]);
     }
 

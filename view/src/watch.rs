@@ -20,7 +20,7 @@ use crate::banner::Headline;
 use crate::words::Tone;
 
 /// Minimum width for the two-column layout, columns.
-const BESIDE_FROM: u16 = 80;
+const TWO_COLUMNS_FROM: u16 = 80;
 /// Minimum height of the body for the plate to be drawn, lines.
 const PLATE_FROM: u16 = 16;
 /// Maximum width of a text column for easy reading.
@@ -83,7 +83,7 @@ pub fn draw(frame: &mut Frame<'_>, watch: &Watch<'_>) {
     frame.render_widget(Paragraph::new(head), top);
     frame.render_widget(Paragraph::new(trouble), wrong);
     match watch.state {
-        Some(state) if body.width >= BESIDE_FROM => beside(frame, watch, state, body),
+        Some(state) if body.width >= TWO_COLUMNS_FROM => two_columns(frame, watch, state, body),
         Some(state) => below(frame, watch, state, body),
         None => frame.render_widget(Paragraph::new(nothing(watch)).wrap(Wrap { trim: true }), body),
     }
@@ -94,7 +94,7 @@ pub fn draw(frame: &mut Frame<'_>, watch: &Watch<'_>) {
 }
 
 /// Two columns: joints and load on the left; plate, sensors and latency on the right.
-fn beside(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
+fn two_columns(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
     let left_width = (area.width * 11 / 20).min(JOINTS_WIDTH_MAX);
     let [left, _, right] =
         Layout::horizontal([Constraint::Length(left_width), Constraint::Length(1), Constraint::Min(0)])
@@ -109,11 +109,11 @@ fn beside(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
     let text = (sensors.len() + latency.len()) as u16;
     let plate_height = area.height.saturating_sub(text);
     let shown = if area.height >= PLATE_FROM && plate_height >= 6 { plate_height } else { 0 };
-    let [picture, told] = Layout::vertical([Constraint::Length(shown), Constraint::Min(0)]).areas(right);
+    let [picture, below] = Layout::vertical([Constraint::Length(shown), Constraint::Min(0)]).areas(right);
     if shown > 0 {
         plate::draw(frame, state, picture);
     }
-    frame.render_widget(Paragraph::new([sensors, latency].concat()), told);
+    frame.render_widget(Paragraph::new([sensors, latency].concat()), below);
 }
 
 /// One column: joints, load, sensors, and further parts if there is room.
@@ -177,11 +177,11 @@ fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
         let reasons = &headline.reasons;
         // The first reason may also be the instruction.
         let rows = if area.height >= 30 { 3 } else { 1 };
-        let told = reasons.iter().take(rows).map(|reason| {
+        let below = reasons.iter().take(rows).map(|reason| {
             let style = if reason.fault { Style::new().fg(Color::Red) } else { faint() };
             Line::styled(format!(" {}", cut(reason.text, area.width.saturating_sub(1))), style)
         });
-        lines.extend(told);
+        lines.extend(below);
         lines.push(Line::default());
     }
     lines

@@ -1,5 +1,5 @@
 //! What a state means in plain English: the worker's page and the terminal say the same. The sentences themselves stand
-//! in the table of each language ([`table`]); what is said to the worker bears its key, so that a page can say it in
+//! in the table of each language ([`table`]); texts for the worker have a key, so that a page can say it in
 //! another one.
 
 pub mod table;
@@ -53,7 +53,7 @@ pub fn body(state: &State) -> String {
         _ => "soles by stature",
     };
     let refused = match BodyRefusal::from_number(state.body_refused) {
-        Some(BodyRefusal::Impossible) => "; its null pose is refused: nobody is built like that",
+        Some(BodyRefusal::Impossible) => "; its null pose is refused: not a possible human body",
         Some(BodyRefusal::Stale) => "; its null pose is refused: it is of a session that has ended, or old",
         Some(BodyRefusal::OtherCharacter) => "; its null pose is refused: it is another character's",
         Some(BodyRefusal::ContradictsPoses) => {
@@ -227,7 +227,7 @@ pub fn torque_nm(state: &State, joint: Joint) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// A level for people: colours alone say nothing to the colour-blind. Tables and figures that stand beside a torque say of
+/// A level for people: colours alone say nothing to the colour-blind. Tables and figures next to a torque say of
 /// what it is; only a sentence needs the word for it, and there is no place for it there.
 pub fn level(number: u32) -> &'static str {
     english_or("level", level_name(number)).trim_end_matches(" load")
@@ -260,13 +260,13 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_is_told_before_anything_else() {
+    fn a_fault_has_priority_over_other_instructions() {
         let mut state = State::zeroed();
         state.valid = Validity::NOT_IDENTIFIED.and(Validity::GROUND_STALE).0;
         assert_eq!(reasons(&state)[0].name, "ground_stale");
-        let told = instruction(&state, None);
-        assert_eq!((told.text.as_str(), told.tone), ("The force plate is silent", Tone::Alarm));
-        assert_eq!(told.key, "reason.ground_stale");
+        let shown = instruction(&state, None);
+        assert_eq!((shown.text.as_str(), shown.tone), ("The force plate is silent", Tone::Alarm));
+        assert_eq!(shown.key, "reason.ground_stale");
     }
 
     #[test]
@@ -274,18 +274,18 @@ mod tests {
         let mut state = State::zeroed();
         state.phase = Phase::Identifying as u32;
         state.valid = Validity::NOT_IDENTIFIED.and(Validity::BELOW_LOAD_THRESHOLD).0;
-        let told = |state: &State| instruction(state, Some("arms out")).text;
+        let shown = |state: &State| instruction(state, Some("arms out")).text;
         // Static, but in another pose: not used.
         (state.pose_mismatch_rad, state.static_pose) = (1.0, 1);
-        assert_eq!(told(&state), "Take this pose: arms out");
+        assert_eq!(shown(&state), "Take this pose: arms out");
         (state.pose_mismatch_rad, state.static_pose) = (0.1, 0);
-        assert_eq!(told(&state), "Hold still");
+        assert_eq!(shown(&state), "Hold still");
         state.static_pose = 1;
-        assert_eq!(told(&state), "Good. Hold still");
+        assert_eq!(shown(&state), "Good. Hold still");
         state.valid = Validity::NOT_IDENTIFIED.0;
-        assert_eq!(told(&state), "Put down what you carry");
+        assert_eq!(shown(&state), "Put down what you carry");
         state.valid |= Validity::FEET_OFF_PLATE.0;
-        assert_eq!(told(&state), "Your feet are off the plate");
+        assert_eq!(shown(&state), "Your feet are off the plate");
     }
 
     #[test]
@@ -295,13 +295,13 @@ mod tests {
         state.worst_joint = u32::MAX;
         state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
         state.pose_mismatch_rad = 1.0;
-        let told = |state: &State| instruction(state, Some("arms out, to tell this from that")).text;
-        assert_eq!(told(&state), "Take this pose: arms out, to tell this from that");
+        let shown = |state: &State| instruction(state, Some("arms out, to tell this from that")).text;
+        assert_eq!(shown(&state), "Take this pose: arms out, to tell this from that");
         state.valid |= Validity::FEET_OFF_PLATE.0;
-        assert_eq!(told(&state), "Your feet are off the plate");
+        assert_eq!(shown(&state), "Your feet are off the plate");
         state.valid = 0;
         state.worst_joint = 0;
-        assert_ne!(told(&state), "Take this pose: arms out, to tell this from that");
+        assert_ne!(shown(&state), "Take this pose: arms out, to tell this from that");
     }
 
     #[test]
@@ -310,7 +310,7 @@ mod tests {
         state.phase = Phase::Monitoring as u32;
         let knee = Joint::named("RightKnee").unwrap();
         state.worst_joint = knee.index() as u32;
-        for (level, told, tone) in [
+        for (level, shown, tone) in [
             (Level::Green, "The load is easy on your joints", Tone::Good),
             (Level::Orange, "Right knee: medium load", Tone::Warn),
             (Level::Red, "Right knee: high load", Tone::Alarm),
@@ -319,16 +319,16 @@ mod tests {
         ] {
             state.joint_level[knee.index()] = level as u32;
             let instruction = instruction(&state, None);
-            assert_eq!((instruction.text.as_str(), instruction.tone), (told, tone));
+            assert_eq!((instruction.text.as_str(), instruction.tone), (shown, tone));
         }
         state.valid = Validity::MOVING.0;
         assert_eq!(worst_joint(&state), None);
     }
 
     #[test]
-    fn a_level_beside_a_torque_is_one_word() {
-        let told = [Level::Green, Level::Orange, Level::Red, Level::AboveMax].map(|each| level(each as u32));
-        assert_eq!(told, ["low", "medium", "high", "overloaded"]);
+    fn a_level_next_to_a_torque_is_one_word() {
+        let shown = [Level::Green, Level::Orange, Level::Red, Level::AboveMax].map(|each| level(each as u32));
+        assert_eq!(shown, ["low", "medium", "high", "overloaded"]);
     }
 
     #[test]
@@ -346,9 +346,9 @@ mod tests {
             ([0.0, -0.2, 0.9], "Move the load away from you"),
             ([0.2, 0.0, 0.9], "Move the load to your right"),
         ];
-        for (left_hip, told) in turned {
+        for (left_hip, shown) in turned {
             state.segment_origin_m[Segment::LeftUpperLeg.index()] = left_hip;
-            assert_eq!(advice(&state), Some(told));
+            assert_eq!(advice(&state), Some(shown));
         }
         state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
         assert_eq!(advice(&state), None);

@@ -44,7 +44,7 @@ fn connect(page: &Page) -> TcpStream {
 }
 
 /// Sends a request, which must end with an empty line, and returns the response.
-fn told(page: &Page, request: &str) -> String {
+fn response(page: &Page, request: &str) -> String {
     let mut stream = connect(page);
     // The server may already have closed the connection after refusing the request.
     let _ = stream.write_all(request.as_bytes());
@@ -54,7 +54,7 @@ fn told(page: &Page, request: &str) -> String {
 }
 
 fn get(page: &Page, target: &str, headers: &str) -> String {
-    told(
+    response(
         page,
         &format!("GET {target} HTTP/1.1\r\nHost: station-pc:8080\r\nConnection: close\r\n{headers}\r\n"),
     )
@@ -132,7 +132,10 @@ fn on_loopback_the_token_and_the_host_must_both_be_right() {
     let page = page("127.0.0.1:0", Token::new(SECRET));
     let bearer = format!("Authorization: Bearer {SECRET}\r\n");
     let ask = |host: &str, headers: &str| {
-        status(&told(&page, &format!("GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n")))
+        status(&response(
+            &page,
+            &format!("GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n"),
+        ))
     };
     assert_eq!(ask("localhost", &bearer), 200);
     assert_eq!(ask("localhost", ""), 401);
@@ -144,7 +147,7 @@ fn on_loopback_the_token_and_the_host_must_both_be_right() {
 fn what_is_too_long_too_many_or_has_a_body_is_refused() {
     let page = page("127.0.0.1:0", None);
     let ask = |target: &str, headers: &str, body: &str| {
-        status(&told(
+        status(&response(
             &page,
             &format!("GET {target} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{headers}\r\n{body}"),
         ))

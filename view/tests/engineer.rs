@@ -59,7 +59,7 @@ fn connect(page: &Page, request: &str) -> TcpStream {
     stream
 }
 
-fn told(page: &Page, method: &str, target: &str, headers: &str) -> (u16, String) {
+fn response_to(page: &Page, method: &str, target: &str, headers: &str) -> (u16, String) {
     let host = page.address();
     let request = format!("{method} {target} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n{headers}\r\n");
     let mut answer = String::new();
@@ -74,11 +74,11 @@ fn with(token: &str) -> String {
 #[test]
 fn a_command_reaches_the_daemon_and_its_sentence_comes_back() {
     let (page, known) = page(None, Some(COMMANDING));
-    let (status, answer) = told(&page, "POST", "/api/command/identify-start", &with(COMMANDING));
+    let (status, answer) = response_to(&page, "POST", "/api/command/identify-start", &with(COMMANDING));
     assert!(status == 200 && answer.ends_with("done as asked"), "{answer}");
-    let (status, answer) = told(&page, "POST", "/api/command/tare", &with(COMMANDING));
+    let (status, answer) = response_to(&page, "POST", "/api/command/tare", &with(COMMANDING));
     assert!(status == 409 && answer.ends_with("somebody stands on the plate"), "{answer}");
-    let (status, _) = told(&page, "POST", "/api/command/subject-load/anon-7", &with(COMMANDING));
+    let (status, _) = response_to(&page, "POST", "/api/command/subject-load/anon-7", &with(COMMANDING));
     assert_eq!(status, 200);
     let asked = known.commands.lock().unwrap().clone();
     let load = PageCommand::SubjectLoad("anon-7".to_owned());
@@ -87,7 +87,7 @@ fn a_command_reaches_the_daemon_and_its_sentence_comes_back() {
 }
 
 #[test]
-fn whoever_may_only_look_may_not_command() {
+fn a_viewer_may_not_command() {
     let (page, known) = page(Some(VIEWING), Some(COMMANDING));
     let bearer = format!("Authorization: Bearer {VIEWING}\r\n");
     let target = "/api/command/identify-reset";
@@ -100,11 +100,11 @@ fn whoever_may_only_look_may_not_command() {
         with(COMMANDING),
         format!("Authorization: Bearer {COMMANDING}\r\n"),
     ] {
-        let (status, answer) = told(&page, "POST", target, &headers);
+        let (status, answer) = response_to(&page, "POST", target, &headers);
         assert_eq!(status, 401, "{headers}: {answer}");
     }
     assert!(known.commands.lock().unwrap().is_empty());
-    let (status, _) = told(&page, "POST", target, &format!("{bearer}{}", with(COMMANDING)));
+    let (status, _) = response_to(&page, "POST", target, &format!("{bearer}{}", with(COMMANDING)));
     assert_eq!((status, known.commands.lock().unwrap().len()), (200, 1));
     page.stop();
 }
@@ -120,33 +120,33 @@ fn no_other_site_commands_even_with_the_token() {
         "Sec-Fetch-Site: cross-site\r\n".to_owned(),
         "Sec-Fetch-Site: same-site\r\n".to_owned(),
     ] {
-        let (status, answer) = told(&page, "POST", target, &format!("{headers}{}", with(COMMANDING)));
+        let (status, answer) = response_to(&page, "POST", target, &format!("{headers}{}", with(COMMANDING)));
         assert_eq!(status, 403, "{headers}: {answer}");
     }
     // Preflight request of a browser before a custom header: nothing is permitted.
     let asks = "Origin: http://evil.example\r\nAccess-Control-Request-Method: POST\r\n\
                 Access-Control-Request-Headers: x-equipoise-command\r\n";
-    let (status, answer) = told(&page, "OPTIONS", target, asks);
+    let (status, answer) = response_to(&page, "OPTIONS", target, asks);
     assert!(status == 405 && !answer.to_lowercase().contains("access-control-allow"), "{answer}");
     // Links and images use GET, forms send a body.
-    assert_eq!(told(&page, "GET", target, &with(COMMANDING)).0, 405);
+    assert_eq!(response_to(&page, "GET", target, &with(COMMANDING)).0, 405);
     let form = format!("X-Equipoise-Command: {COMMANDING}\r\nContent-Length: 3\r\n\r\na=1");
-    assert_eq!(told(&page, "POST", target, &form).0, 413);
+    assert_eq!(response_to(&page, "POST", target, &form).0, 413);
     assert!(known.commands.lock().unwrap().is_empty());
     let own_origin = format!("Origin: http://{own}\r\nSec-Fetch-Site: same-origin\r\n{}", with(COMMANDING));
-    assert_eq!(told(&page, "POST", target, &own_origin).0, 200);
+    assert_eq!(response_to(&page, "POST", target, &own_origin).0, 200);
     page.stop();
 }
 
 #[test]
 fn without_a_command_token_nothing_is_commanded_and_unknown_commands_are_not_there() {
     let (deaf, known) = page(None, None);
-    assert_eq!(told(&deaf, "POST", "/api/command/identify-start", &with(COMMANDING)).0, 403);
+    assert_eq!(response_to(&deaf, "POST", "/api/command/identify-start", &with(COMMANDING)).0, 403);
     assert!(known.commands.lock().unwrap().is_empty());
     deaf.stop();
     let (page, known) = page(None, Some(COMMANDING));
     for target in ["subject-delete/anon-1", "reload", "subject-load", "subject-load/a.b", "tare/now"] {
-        let (status, _) = told(&page, "POST", &format!("/api/command/{target}"), &with(COMMANDING));
+        let (status, _) = response_to(&page, "POST", &format!("/api/command/{target}"), &with(COMMANDING));
         assert_eq!(status, 404, "{target}");
     }
     assert!(known.commands.lock().unwrap().is_empty());
@@ -157,7 +157,7 @@ fn without_a_command_token_nothing_is_commanded_and_unknown_commands_are_not_the
 fn facts_are_gathered_only_while_somebody_looks_and_a_late_joiner_gets_them_at_once() {
     let (page, known) = page(None, None);
     std::thread::sleep(Duration::from_millis(600));
-    assert_eq!(known.asked_for_facts.load(Ordering::SeqCst), 0, "nobody looks");
+    assert_eq!(known.asked_for_facts.load(Ordering::SeqCst), 0, "no viewer");
     let look = || {
         let request = format!("GET /events/station HTTP/1.1\r\nHost: {}\r\n\r\n", page.address());
         BufReader::new(connect(&page, &request))
@@ -174,10 +174,10 @@ fn facts_are_gathered_only_while_somebody_looks_and_a_late_joiner_gets_them_at_o
 #[test]
 fn the_page_its_history_and_the_report_are_served_under_rules_that_run_nothing() {
     let (page, _) = page(None, None);
-    let (status, index) = told(&page, "GET", "/engineer", "");
+    let (status, index) = response_to(&page, "GET", "/engineer", "");
     assert!(status == 200 && !index.contains("https://"), "{index}");
-    assert!(told(&page, "GET", "/api/history", "").1.ends_with("{\"t\":[]}"));
-    let (status, report) = told(&page, "GET", "/report", "");
+    assert!(response_to(&page, "GET", "/api/history", "").1.ends_with("{\"t\":[]}"));
+    let (status, report) = response_to(&page, "GET", "/report", "");
     assert!(status == 200 && report.contains("what the model lacks"), "{report}");
     let policy = report.lines().find(|line| line.starts_with("content-security-policy")).unwrap();
     assert!(policy.contains("sandbox") && policy.contains("default-src 'none'"), "{policy}");

@@ -19,7 +19,7 @@ pub struct Summary<'a> {
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (session, learnt) = (&self.compared.session, &self.compared.learnt);
-        writeln!(f, "{}", self.compared.found.told)?;
+        writeln!(f, "{}", self.compared.found.description)?;
         let still = session.blocks.iter().filter(|block| block.still).count();
         writeln!(
             f,

@@ -65,7 +65,7 @@ fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
     samples.write_from(&work, &script.config(), from_ns, Some(&memory));
 
     let brought = compared(&work, &script.config(), Given::default());
-    assert!(brought.found.told.contains("the worker was identified before the recording began"));
+    assert!(brought.found.description.contains("the worker was identified before the recording began"));
     assert!(brought.session.blocks.len() > 80, "{}", brought.session.blocks.len());
     assert!(brought.session.blocks.iter().all(|block| block.phase == Phase::Work));
     let [phi, again] = [&known, &brought].map(|one| one.session.blocks[0].observation.phi_m);

@@ -115,8 +115,11 @@ fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
     assert!(!blocks.is_empty());
     for block in &blocks {
         let seen = &block.observation;
-        for told in [seen.com_acceleration_m_per_s2, seen.origin_acceleration_m_per_s2[5]] {
-            assert!((Vector3::from(told) - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-6, "{told:?}");
+        for acceleration in [seen.com_acceleration_m_per_s2, seen.origin_acceleration_m_per_s2[5]] {
+            assert!(
+                (Vector3::from(acceleration) - Vector3::new(0.2, 0.0, 0.0)).norm() < 1e-6,
+                "{acceleration:?}"
+            );
         }
         // Without measured shear the slope is the suit's.
         assert!((seen.slope[0] - 0.2 / GRAVITY_M_PER_S2).abs() < 1e-6);
@@ -172,15 +175,15 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
             moment.time_ns += 1_000_000_000;
         }
     });
-    let spoilt = |block: &Block, from_s: f64, to_s: f64| {
+    let masked = |block: &Block, from_s: f64, to_s: f64| {
         let begin_s = (block.observation.time_s / 0.2).floor() * 0.2;
         let end_s = begin_s + 0.2;
         begin_s < to_s - 1e-9 && end_s > from_s + 1e-9
     };
     for (from_s, to_s) in [(4.6, 5.4), (9.6, 10.85), (14.92, 15.15), (19.95, 21.05)] {
-        assert!(blocks.iter().all(|block| !spoilt(block, from_s, to_s)), "{from_s}");
+        assert!(blocks.iter().all(|block| !masked(block, from_s, to_s)), "{from_s}");
         // No more blocks are masked than required.
-        let near = |block: &&Block| spoilt(block, from_s - 0.9, to_s + 0.9);
+        let near = |block: &&Block| masked(block, from_s - 0.9, to_s + 0.9);
         let near = blocks.iter().filter(near).count();
         assert!(near >= 6, "{from_s}: {near}");
     }
@@ -197,7 +200,7 @@ fn a_long_stream_is_thinned_evenly_and_the_poses_are_kept() {
         comparison.push(&standing(time_s));
         comparison.hold(standing(time_s).time_ns, true);
         let held = comparison.points.len() + comparison.still.len() + comparison.waiting.len();
-        assert!(held < 120 && comparison.spoilt_s.len() < 10, "{held}");
+        assert!(held < 120 && comparison.masked_s.len() < 10, "{held}");
     }
     let blocks = comparison.finish();
     assert!(blocks.len() <= most, "{}", blocks.len());

@@ -123,7 +123,7 @@ mod tests {
             assert!(ASK.contains(from));
             ModelFile::parse(&ASK.replace(from, to), "m.toml").unwrap_err().to_string()
         };
-        for (from, to, told) in [
+        for (from, to, expected) in [
             (
                 "both arms up",
                 "both arms upp",
@@ -138,7 +138,7 @@ mod tests {
             ("turn_deg", "turn", "`turn` is not known; did you mean `turn_deg`"),
         ] {
             let said = refusal(from, to);
-            assert!(said.contains(told), "{said}");
+            assert!(said.contains(expected), "{said}");
         }
     }
 }

@@ -123,7 +123,7 @@ fn place(raw: &RawEffect, effect: Effect) -> Result<Place, Refusal> {
 
 fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
     let Some(name) = effect.shape_name() else { return Ok((0.0, 0.0)) };
-    let Some(told) = raw.parameters.get(name) else {
+    let Some(written) = raw.parameters.get(name) else {
         // A drift without a time constant is linear.
         return if effect == Effect::PlateDrift {
             Ok((0.0, 0.0))
@@ -131,15 +131,15 @@ fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
             refuse(&format!("parameters.{name}"), "must be given")
         };
     };
-    check_parameter(name, told, text::shape_unit(effect))?;
+    check_parameter(name, written, text::shape_unit(effect))?;
     let [least, most] = match effect {
         Effect::SuitLag => [-0.5, 0.5],
         Effect::PlateLowpass => [0.05, 500.0],
         Effect::PeriodicSway => [0.01, 10.0],
         _ => [0.1, 100_000.0],
     };
-    within(name, told.value, least, most)?;
-    Ok((told.value, told.sigma))
+    within(name, written.value, least, most)?;
+    Ok((written.value, written.sigma))
 }
 
 fn values(
@@ -159,23 +159,23 @@ fn values(
     }
     let (mut value, mut sigma) = ([0.0; PARAMETERS_MAX], [0.0; PARAMETERS_MAX]);
     for (index, parameter) in parameters.iter().enumerate() {
-        let Some(told) = raw.parameters.get(parameter.name) else { continue };
-        check_parameter(parameter.name, told, parameter.unit)?;
+        let Some(written) = raw.parameters.get(parameter.name) else { continue };
+        check_parameter(parameter.name, written, parameter.unit)?;
         let most = largest(parameter.unit);
-        within(parameter.name, told.value, -most, most)?;
-        (value[index], sigma[index]) = (told.value, told.sigma);
+        within(parameter.name, written.value, -most, most)?;
+        (value[index], sigma[index]) = (written.value, written.sigma);
     }
     Ok((value, sigma))
 }
 
-fn check_parameter(name: &str, told: &RawParameter, unit: &str) -> Result<(), Refusal> {
-    if told.unit != unit {
-        return refuse(&format!("parameters.{name}.unit"), format!("`{}` must be `{unit}`", told.unit));
+fn check_parameter(name: &str, written: &RawParameter, unit: &str) -> Result<(), Refusal> {
+    if written.unit != unit {
+        return refuse(&format!("parameters.{name}.unit"), format!("`{}` must be `{unit}`", written.unit));
     }
-    if !(told.sigma >= 0.0 && told.sigma.is_finite()) {
+    if !(written.sigma >= 0.0 && written.sigma.is_finite()) {
         return refuse(
             &format!("parameters.{name}.sigma"),
-            format!("{} must be a finite number, at least 0", told.sigma),
+            format!("{} must be a finite number, at least 0", written.sigma),
         );
     }
     Ok(())

@@ -67,7 +67,7 @@ fn what_stands_in_a_file_is_what_runs() {
 }
 
 #[test]
-fn what_is_wrong_is_told_with_file_effect_key_and_the_nearest_name() {
+fn an_error_names_file_effect_key_and_the_nearest_name() {
     let with = |from: &str, to: &str| {
         assert!(TEXT.contains(from));
         refusal(&TEXT.replacen(from, to, 1))
@@ -152,13 +152,13 @@ fn what_cannot_do_without_its_shape_says_so() {
         )
     };
     assert!(refusal(&lag("")).contains("effect 1, parameters.tau_s: must be given"));
-    let told = lag("[effect.parameters.tau_s]\nvalue = 0.02\nsigma = 0.001\nunit = \"s\"\n");
-    let file = ModelFile::parse(&told, "m.toml").unwrap();
+    let toml = lag("[effect.parameters.tau_s]\nvalue = 0.02\nsigma = 0.001\nunit = \"s\"\n");
+    let file = ModelFile::parse(&toml, "m.toml").unwrap();
     assert_eq!((file.effects[0].shape, file.effects[0].value[0]), (0.02, 0.02));
 }
 
 #[test]
-fn a_file_is_read_as_it_was_told_and_nonsense_is_refused() {
+fn a_file_is_read_as_written_and_invalid_values_are_refused() {
     let file = ModelFile::parse(TEXT, "m.toml").unwrap();
     assert_eq!(ModelFile::parse(&file.to_toml(), "m.toml").unwrap(), file);
 

@@ -83,7 +83,7 @@ pub(super) fn shape_is_parameter(effect: Effect) -> bool {
 /// The file as TOML.
 pub(super) fn of(file: &ModelFile) -> String {
     let mut text = format!(
-        "# What the model of this station has beside the body. `equipoise check` says whether a configuration with it can \
+        "# What the model of this station has in addition to the body. `equipoise check` says whether a configuration with it can \
          be\n# used.\nversion = {VERSION}\n"
     );
     if let Some(provenance) = &file.provenance {
@@ -119,8 +119,8 @@ fn write_effect(text: &mut String, fitted: &Fitted) {
         parameter(name, fitted.shape, fitted.shape_sigma, shape_unit(effect));
     }
     if !shape_is_parameter(effect) {
-        for (index, told) in effect.parameters_of(fitted.shape).iter().enumerate() {
-            parameter(told.name, fitted.value[index], fitted.sigma[index], told.unit);
+        for (index, described) in effect.parameters_of(fitted.shape).iter().enumerate() {
+            parameter(described.name, fitted.value[index], fitted.sigma[index], described.unit);
         }
     }
 }

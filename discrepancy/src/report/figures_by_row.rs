@@ -39,12 +39,12 @@ pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
         .map(|(name, gap)| {
             let (before, rest) = (gap.before / gap.noise_floor, gap.after / gap.noise_floor);
             let mut values = vec![(Look::Before, before)];
-            let mut told = format!("{before:.1}");
+            let mut caption = format!("{before:.1}");
             if after {
                 values.push((Look::After, rest));
-                told = format!("{before:.1} → {rest:.1}");
+                caption = format!("{before:.1} → {rest:.1}");
             }
-            Row { name: axis(name), values, told }
+            Row { name: axis(name), values, caption }
         })
         .collect();
     if rows.is_empty() {
@@ -79,8 +79,8 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
         .take(MOST)
         .map(|candidate| {
             let look = if named.contains(&candidate.name) { Look::After } else { Look::Noise };
-            let told = words::odds(candidate.log_odds);
-            Row { name: candidate.name.clone(), values: vec![(look, candidate.log_odds)], told }
+            let caption = words::odds(candidate.log_odds);
+            Row { name: candidate.name.clone(), values: vec![(look, candidate.log_odds)], caption }
         })
         .collect();
     if rows.is_empty() {

@@ -81,9 +81,8 @@ pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
     let plot = Plot {
         name: "surprise".to_owned(),
         title: "How surprising the blocks are".to_owned(),
-        description:
-            "Share of blocks by the square of the whitened residual, beside what noise alone would have."
-                .to_owned(),
+        description: "Share of blocks by the square of the whitened residual, next to that of noise alone."
+            .to_owned(),
         x,
         y: Axis::new("share of blocks, %", Scale::exactly(0.0, 104.0 * highest.max(0.01))),
         marks,

@@ -54,7 +54,7 @@ fn headline(report: &Report) -> Text {
         }
         Verdict::Unexplained if finding.effects.is_empty() => unexplained(finding),
         Verdict::Unexplained if mostly_unexplained(finding) => unexplained(finding)
-            .plain(" What was named beside it is ")
+            .plain(" Also named is ")
             .strong(found)
             .plain(": it may be no more than the shadow of the same cause."),
         Verdict::Unexplained => Text::from("The model lacks ")

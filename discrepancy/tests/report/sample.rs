@@ -393,7 +393,7 @@ pub(crate) fn ambiguous(work_s: f64) -> Sample {
         candidate("unbalanced_parameters Pelvis", 30.8),
         candidate("plate_yaw", 9.1),
     ];
-    finding.set_aside = vec![set_aside("plate_yaw", 9.1, "earns nothing beside a plate offset")];
+    finding.set_aside = vec![set_aside("plate_yaw", 9.1, "earns nothing in addition to a plate offset")];
     finding.ask_next = Some(
         "Stand on the plate turned by 90° and hold for 5 s: the two then differ by 14 times noise."
             .to_owned(),

@@ -38,12 +38,12 @@ pub(super) fn head(origin_m: &[[f64; 3]; SEGMENTS], color: Color) -> Sphere {
 
 /// A sphere for each joint, larger for a worse level, so that the level is visible without colour.
 pub(super) fn joints(state: &State) -> Vec<Sphere> {
-    let told = |number: u32| {
+    let published = |number: u32| {
         let level = Level::from_number(number).unwrap_or(Level::None);
         state.unless(Validity::SPOILS_TORQUES, level).unwrap_or(Level::None)
     };
     let sphere = |joint: Joint| {
-        let (diameter_m, color) = look(told(state.joint_level[joint.index()]));
+        let (diameter_m, color) = look(published(state.joint_level[joint.index()]));
         let at_m = state.segment_origin_m[joint.segment().index()];
         Sphere { pose: Pose::at(at_m), size: [diameter_m; 3].into(), color }
     };

@@ -74,7 +74,7 @@ pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
         let size_m = state.cop_sigma_m.map(|sigma_m| (4.0 * sigma_m).max(COP_M));
         entities.push(Entity { cylinders: vec![disc(cop_m, size_m, ESTIMATED_COLOR)], ..entity(ESTIMATED) });
     }
-    entities.push(Entity { texts: vec![text(told(state))], ..entity(WORDS) });
+    entities.push(Entity { texts: vec![text(caption(state))], ..entity(WORDS) });
     SceneUpdate::of(&ALL, time_ns, entities)
 }
 
@@ -129,7 +129,7 @@ fn advice(state: &State, origin_m: &[[f64; 3]; SEGMENTS]) -> Option<Arrow> {
 }
 
 /// The phase, and a line for each validity flag.
-fn told(state: &State) -> String {
+fn caption(state: &State) -> String {
     let mut lines = vec![words::phase(state).to_owned()];
     // Only the part before the colon, which names the condition; the remedy follows it.
     let what = |text: &'static str| text.split(':').next().unwrap_or(text).to_owned();

@@ -152,9 +152,9 @@ impl Snapshot {
     }
 
     fn adapters(&self, families: &mut Families<'_>) -> fmt::Result {
-        let told = || self.streams.iter().filter_map(|stream| Some((stream, stream.health?)));
+        let reporting = || self.streams.iter().filter_map(|stream| Some((stream, stream.health?)));
         let of = |count: fn(&AdapterHealth) -> u64| -> Vec<_> {
-            told().map(|(stream, health)| ([("stream", stream.name)], count(&health))).collect()
+            reporting().map(|(stream, health)| ([("stream", stream.name)], count(&health))).collect()
         };
         let help = "Datagrams or records that an adapter took from the wire since it was started";
         families.counters("adapter_received", help, &of(|health| health.received))?;
@@ -162,7 +162,7 @@ impl Snapshot {
         families.counters("adapter_samples_published", help, &of(|health| health.published))?;
         let help = "Samples that the device sent and the adapter never saw";
         families.counters("adapter_samples_lost", help, &of(|health| health.lost))?;
-        let refused: Vec<_> = told()
+        let refused: Vec<_> = reporting()
             .flat_map(|(stream, health)| {
                 stream
                     .reasons
@@ -172,13 +172,13 @@ impl Snapshot {
             })
             .collect();
         families.counters("adapter_refused", "What an adapter refused, by reason", &refused)?;
-        let rates: Vec<_> = told()
+        let rates: Vec<_> = reporting()
             .filter(|(_, health)| self.now_ns.saturating_sub(health.time_ns) < 3 * OLD_NS)
             .map(|(stream, health)| ([("stream", stream.name)], health.rate_hz))
             .collect();
         let unit = Unit::Other("hertz".to_owned());
         families.gauges(("adapter_rate", Some(unit)), "Samples a second over the last second", &rates)?;
-        let blocks: Vec<_> = told()
+        let blocks: Vec<_> = reporting()
             .filter(|(_, health)| health.block_latency_ns > 0)
             .map(|(stream, health)| ([("stream", stream.name)], seconds(health.block_latency_ns)))
             .collect();
@@ -307,7 +307,7 @@ mod tests {
             "equipoise_sample_age_seconds{station=\"bench\",stream=\"suit\"} 0.005",
             "equipoise_phase{station=\"bench\",phase=\"monitoring\"} 1.0",
         ] {
-            assert!(text.lines().any(|told| told == line), "{line}\n{text}");
+            assert!(text.lines().any(|reporting| reporting == line), "{line}\n{text}");
         }
         assert!(text.contains("level=\"red\"} 6\n"), "{text}");
         assert!(!text.contains("stream=\"ground\""), "nothing is known of it: {text}");

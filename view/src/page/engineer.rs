@@ -37,16 +37,16 @@ type Facts = Option<Arc<str>>;
 struct Desk {
     engineer: Engineer,
     /// Invalid after the page has stopped.
-    told: Weak<watch::Sender<Facts>>,
+    sender: Weak<watch::Sender<Facts>>,
     places: Arc<Semaphore>,
 }
 
 /// The routes, and the task that polls facts while there are viewers; it runs until it is aborted.
 pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + Send + 'static) {
-    let told = Arc::new(watch::Sender::new(None));
+    let sender = Arc::new(watch::Sender::new(None));
     let desk = Desk {
         engineer: engineer.clone(),
-        told: Arc::downgrade(&told),
+        sender: Arc::downgrade(&sender),
         places: Arc::new(Semaphore::new(COMMANDS_AT_ONCE)),
     };
     let routes = Router::new()
@@ -56,31 +56,31 @@ pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + 
         .route("/api/command/{name}", post(command))
         .route("/api/command/{name}/{subject}", post(command_on))
         .with_state(desk);
-    (routes, tell(engineer.station, told))
+    (routes, tell(engineer.station, sender))
 }
 
-async fn tell(station: Arc<dyn Station>, told: Arc<watch::Sender<Facts>>) {
+async fn tell(station: Arc<dyn Station>, sender: Arc<watch::Sender<Facts>>) {
     let mut ticks = interval(LOOK_EVERY);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let (mut watchers, mut last) = (0, None::<Instant>);
     loop {
         ticks.tick().await;
-        let now = told.receiver_count();
+        let now = sender.receiver_count();
         let came = now > watchers;
         watchers = now;
         if watchers == 0 {
             // The next viewer must not get old facts.
-            told.send_if_modified(|facts| facts.take().is_some());
+            sender.send_if_modified(|facts| facts.take().is_some());
         } else if came || last.is_none_or(|last| last.elapsed() >= FACTS_EVERY) {
             last = Some(Instant::now());
-            told.send_replace(Some(station.facts().into()));
+            sender.send_replace(Some(station.facts().into()));
         }
     }
 }
 
 async fn events(State(desk): State<Desk>) -> Response {
-    match desk.told.upgrade() {
-        Some(told) => Sse::new(stream(told.subscribe())).into_response(),
+    match desk.sender.upgrade() {
+        Some(sender) => Sse::new(stream(sender.subscribe())).into_response(),
         None => (StatusCode::SERVICE_UNAVAILABLE, "The page is ending.\n").into_response(),
     }
 }

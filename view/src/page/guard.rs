@@ -66,10 +66,7 @@ impl Access {
             return refused(StatusCode::URI_TOO_LONG, "No address of this page is that long.\n");
         }
         if has_body(request.headers()) {
-            return refused(
-                StatusCode::PAYLOAD_TOO_LARGE,
-                "This page tells and does not listen: send no body.\n",
-            );
+            return refused(StatusCode::PAYLOAD_TOO_LARGE, "This page accepts no request body: send none.\n");
         }
         if self.loopback_only && !names_loopback(request.headers(), request.uri()) {
             return refused(

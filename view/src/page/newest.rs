@@ -35,7 +35,7 @@ where
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let mut shown = None;
     let mut banner = Banner::default();
-    let mut told = Instant::now();
+    let mut sent_at = Instant::now();
     loop {
         ticks.tick().await;
         // Compares both numbers, because cycle numbers start again when the daemon restarts.
@@ -44,11 +44,11 @@ where
             shown = Some((frame.state.cycle, frame.state.time_ns));
             let headline = banner.update(&frame.state, frame.pose());
             if let Ok(texts) = texts(&frame, headline) {
-                told = Instant::now();
+                sent_at = Instant::now();
                 newest.send_replace(texts);
             }
-        } else if told.elapsed() >= SILENT_AFTER {
-            told = Instant::now();
+        } else if sent_at.elapsed() >= SILENT_AFTER {
+            sent_at = Instant::now();
             newest.send_replace(Newest::Silent);
         }
     }

@@ -85,9 +85,9 @@ mod tests {
     }
 
     #[test]
-    fn it_is_never_told() {
-        let told = format!("{:?}", Token::new(SECRET).unwrap());
-        assert_eq!(told, "Token(not shown)");
+    fn debug_output_hides_the_token() {
+        let shown = format!("{:?}", Token::new(SECRET).unwrap());
+        assert_eq!(shown, "Token(not shown)");
     }
 
     #[test]

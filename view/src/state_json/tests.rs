@@ -122,10 +122,14 @@ fn every_reason_alone_withholds_the_torques_and_names_itself() {
             assert!(json.get(key).is_none(), "{name} {key}");
         }
         for key in ["fatigue", "lifts", "dose_damage", "dose_probability"] {
-            assert!(json.get(key).is_some(), "{name} {key}: what has added up is always told");
+            assert!(json.get(key).is_some(), "{name} {key}: sums are always published");
         }
         let back = json.get("l5s1_compression_n").is_some();
-        assert_eq!(back, *reason == Validity::BELOW_LOAD_THRESHOLD, "{name}: the back bears the body alone");
+        assert_eq!(
+            back,
+            *reason == Validity::BELOW_LOAD_THRESHOLD,
+            "{name}: the back carries the body alone"
+        );
     }
 }
 
@@ -143,7 +147,7 @@ fn what_the_sensors_do_not_give_is_named_and_absent() {
 }
 
 #[test]
-fn the_distance_of_a_load_that_is_not_at_the_hands_is_told() {
+fn the_distance_of_a_load_that_is_not_at_the_hands_is_published() {
     let mut state = monitoring();
     state.valid = Validity::LOAD_NOT_AT_HANDS.0;
     let json = parsed(&state);
@@ -176,7 +180,7 @@ fn a_pose_is_mentioned_only_when_asked_for() {
 }
 
 #[test]
-fn what_has_not_been_found_is_not_told() {
+fn values_that_were_not_found_are_absent() {
     let mut state = monitoring();
     (state.suit_skew_s, state.advice_direction, state.worst_joint) = (0.004, [0.0; 3], u32::MAX);
     (state.cop_measured_sigma_m, state.delta_f_sigma_n) = ([0.0; 2], 0.0);

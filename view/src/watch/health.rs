@@ -49,14 +49,15 @@ pub(super) fn sensors(watch: &Watch<'_>, state: &State, width: u16) -> Vec<Line<
         ("ground", state.ground_age_ns, Validity::GROUND_STALE),
     ];
     let rows = ages.map(|(name, age_ns, silent)| {
-        let told = watch.sensors.iter().find(|sensor| sensor.name == name).map_or_else(String::new, counts);
+        let counters =
+            watch.sensors.iter().find(|sensor| sensor.name == name).map_or_else(String::new, counts);
         match state.unless(silent, age_ns) {
             Some(age_ns) => {
                 let age_ms = 1e3 * seconds(age_ns);
-                Line::raw(cut(&format!(" {name:<7} {age_ms:>3.0} ms old{told}"), width))
+                Line::raw(cut(&format!(" {name:<7} {age_ms:>3.0} ms old{counters}"), width))
             }
             None => {
-                Line::styled(cut(&format!(" {name:<7} silent{told}"), width), Style::new().fg(Color::Red))
+                Line::styled(cut(&format!(" {name:<7} silent{counters}"), width), Style::new().fg(Color::Red))
             }
         }
     });

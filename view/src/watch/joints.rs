@@ -89,7 +89,7 @@ fn fatigue(state: &State, width: usize) -> Vec<Line<'static>> {
             100.0 * share
         ))
     });
-    let why = words::reasons(state).first().map_or("no reason told", |reason| reason.text);
+    let why = words::reasons(state).first().map_or("no reason given", |reason| reason.text);
     let why = why.split_once(':').map_or(why, |(what, _)| what);
     let lead = [
         heading("Overload: withheld"),

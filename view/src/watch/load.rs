@@ -15,11 +15,11 @@ pub(super) fn lines(state: &State, width: u16) -> Vec<Line<'static>> {
         ("worst", or_withheld(terminal::worst(state))),
         ("shift", terminal::shift(state)),
     ];
-    let told = rows.map(|(name, value)| Line::raw(cut(&format!(" {name:<8} {value}"), width)));
-    if width >= super::BESIDE_FROM / 2 + 4 {
-        [heading("Load and dose")].into_iter().chain(told).collect()
+    let lines = rows.map(|(name, value)| Line::raw(cut(&format!(" {name:<8} {value}"), width)));
+    if width >= super::TWO_COLUMNS_FROM / 2 + 4 {
+        [heading("Load and dose")].into_iter().chain(lines).collect()
     } else {
-        told.to_vec()
+        lines.to_vec()
     }
 }
 

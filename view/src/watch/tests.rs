@@ -116,8 +116,8 @@ fn what_is_withheld_is_on_no_screen() {
         let lines = drawn(&Watch { state: Some(&state), ..empty() }, size);
         place(&lines, "The force plate is silent");
         place(&lines, "Overload: withheld");
-        for spoilt in ["73", "98 N", "2410", "10.0"] {
-            assert!(!shows(&lines, spoilt), "{spoilt} at {size:?}\n{}", lines.join("\n"));
+        for invalid in ["73", "98 N", "2410", "10.0"] {
+            assert!(!shows(&lines, invalid), "{invalid} at {size:?}\n{}", lines.join("\n"));
         }
         let measured = lines.iter().any(|line| line.contains('+'));
         assert!(!measured, "the plate's CoP at {size:?}\n{}", lines.join("\n"));
@@ -145,7 +145,7 @@ fn while_the_daemon_is_silent_nothing_of_it_is_shown() {
 }
 
 #[test]
-fn sensors_incidents_and_latency_are_told_where_there_is_room() {
+fn sensors_incidents_and_latency_are_shown_where_there_is_room() {
     let state = carrying();
     let sensors = [
         Sensor { name: "suit", rate_hz: 60.0, lost: 3, refused: vec![("stale", 2)] },

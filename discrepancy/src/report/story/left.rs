@@ -86,7 +86,7 @@ fn next(report: &Report, section: &mut Section) {
     match &report.finding.ask_next {
         Some(ask) => section.say(strong("Do this next: ").plain(ask)),
         None if report.finding.verdict == Verdict::Ambiguous => section.say(
-            "No pose of the library tells the explanations apart any better: look at the worker and at the station.",
+            "No pose of the library distinguishes the explanations any better: look at the worker and at the station.",
         ),
         None => section.say("No further pose or motion is needed to tell explanations apart."),
     }

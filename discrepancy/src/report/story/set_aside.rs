@@ -11,7 +11,7 @@ pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
     let mut section = Section::new("3. What was considered and set aside");
     section.say(format!(
-        "Every effect of the catalogue was tried, alone and beside those accepted before it. It counts from a log odds \
+        "Every effect of the catalogue was tried, alone and together with those accepted before it. It counts from a log odds \
          of {} on: the data must be {} times more likely with it than without it, which covers that many were tried.",
         odds(report.picture.threshold_log_odds),
         words::times(report.picture.threshold_log_odds).unwrap_or_else(|| "hardly".to_owned())

@@ -22,7 +22,7 @@ pub struct Row {
     /// Bars from zero, or dots.
     pub values: Vec<(Look, f64)>,
     /// Text at its end.
-    pub told: String,
+    pub caption: String,
 }
 
 /// A plot of rows.
@@ -108,7 +108,7 @@ impl Rows {
             at(NAMES - 8.0),
             xml(&shortened(&row.name)),
             at(WIDTH - 6.0),
-            xml(&row.told)
+            xml(&row.caption)
         );
         let finite: Vec<(Look, f64)> = row.values.iter().copied().filter(|(_, v)| v.is_finite()).collect();
         if self.bars {

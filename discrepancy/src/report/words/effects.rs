@@ -25,7 +25,7 @@ const EFFECTS: [(&str, &str, &str); 18] = [
     (
         "plate_yaw",
         "a plate that is turned against the suit",
-        "Measure how the plate is turned and correct yaw_deg in [ground.frame], or set the suit's heading anew.",
+        "Measure how the plate is turned and correct yaw_deg in [ground.frame], or reset the suit's heading.",
     ),
     (
         "plate_gain",
@@ -57,7 +57,7 @@ const EFFECTS: [(&str, &str, &str); 18] = [
     (
         "suit_heading_drift",
         "a suit that slowly turns about the upright",
-        "Set the suit's heading anew, and keep away from steel and motors.",
+        "Reset the suit's heading, and keep away from steel and motors.",
     ),
     (
         "segment_heading",
@@ -67,7 +67,7 @@ const EFFECTS: [(&str, &str, &str); 18] = [
     (
         "segment_misalignment",
         "a sensor that sits crooked on {}",
-        "Seat the sensor of this segment anew and calibrate the suit.",
+        "Mount the sensor of this segment again and calibrate the suit.",
     ),
     (
         "inertia",

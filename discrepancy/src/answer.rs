@@ -20,7 +20,7 @@ use crate::select::{Accepted, Selection, last_of, padded};
 use crate::verdict::{Rest, verdict};
 
 /// The finding and the quantities from which it was made.
-pub(crate) struct Told {
+pub(crate) struct Answer {
     /// The finding.
     pub(crate) finding: Finding,
     /// The terms of the model.
@@ -42,13 +42,13 @@ pub(crate) struct Left<'a> {
 }
 
 /// Assembles the finding.
-pub(crate) fn tell(
+pub(crate) fn assemble(
     gram: &Gram<'_>,
     selection: &Selection,
     generics: &Generics,
     left: Left<'_>,
     threshold: f64,
-) -> Told {
+) -> Answer {
     let Left { held, rest, floor } = left;
     let accepted = selection.terms();
     let verdict = verdict(selection, generics, &rest, threshold);
@@ -70,7 +70,7 @@ pub(crate) fn tell(
         ask,
         model: None,
     };
-    Told { finding, terms, rest, floor }
+    Answer { finding, terms, rest, floor }
 }
 
 fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted> {
@@ -81,7 +81,7 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
     let is_shaped = matches!(candidate.effect, Effect::PeriodicSway | Effect::SuitLag | Effect::PlateLowpass)
         || (candidate.effect == Effect::PlateDrift && candidate.shape > 0.0);
     let mut term = candidate.term(gram.rows, candidate.parameters(&estimate.value));
-    term.shape = candidate.told_shape(&estimate.value);
+    term.shape = candidate.reported_shape(&estimate.value);
     if let Scope::Span([_, to_s]) = candidate.scope {
         let rows = gram.rows;
         let last_s = rows.time_s(rows.len() - 1);
