@@ -460,7 +460,7 @@ mod tests {
         judge.published = VALUES.map(|value| (value, 200)).into();
         assert_eq!(judge.too_little(), None);
         judge.missed = 21;
-        assert!(judge.too_little().is_some_and(|said| said.contains("21 states were not seen")));
+        assert!(judge.too_little().is_some_and(|said| said.contains("21 states were missed")));
         judge.missed = 20;
         judge.published.insert("torques", 199);
         assert!(judge.too_little().is_some_and(|said| said.contains("torques")));
