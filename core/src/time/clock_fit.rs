@@ -142,7 +142,10 @@ impl ClockFit {
             self.open = point;
         }
         // Between two fits only the offset follows, and at once: no sample may appear to arrive before it was taken.
-        self.line.offset_ns += self.line.excess(point).min(0.0);
+        // All points lie farther above the line by as much.
+        let early_ns = (-self.line.excess(point)).max(0.0);
+        self.line.offset_ns -= early_ns;
+        self.spread_ns += early_ns;
     }
 
     /// Time at which the sample with this counter was taken; `None` before there are enough observations.
@@ -155,11 +158,13 @@ impl ClockFit {
         }
         let counts = counter.wrapping_sub(first_counter).cast_signed() as f64;
         let since_first_ns = self.line.at(counts) as i64;
-        let host_ns = first_arrival_ns.saturating_add_signed(since_first_ns).max(self.given_ns);
+        let fitted_ns = first_arrival_ns.saturating_add_signed(since_first_ns);
+        let host_ns = fitted_ns.max(self.given_ns);
         self.given_ns = host_ns;
+        let held_ns = (host_ns - fitted_ns) as f64;
         let excess_ns = self.line.excess(self.newest);
         let off_ns = if self.off_since_ns.is_some() { excess_ns } else { 0.0 };
-        Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
+        Some(Estimate { host_ns, sigma_ns: (self.spread_ns + held_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
     }
 
     /// Host time per count, ns; `None` before there are enough observations.

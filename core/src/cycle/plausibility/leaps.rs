@@ -44,7 +44,9 @@ pub(super) struct Reading {
     vertical_n: f64,
     cop_m: [f64; 2],
     /// 1 if a person stands on the plate and the CoP is available.
-    stands: u64,
+    stands: u32,
+    /// Standard deviation of `time_ns`, µs, rounded up; `u32::MAX` while the device's clock is not known.
+    time_sigma_us: u32,
 }
 
 impl Reading {
@@ -54,8 +56,17 @@ impl Reading {
             time_ns: sample.sample_time_ns,
             vertical_n: sample.force_n[2],
             cop_m: cop_m.unwrap_or_default(),
-            stands: u64::from(cop_m.is_some()),
+            stands: u32::from(cop_m.is_some()),
+            time_sigma_us: u32::try_from(sample.sample_time_sigma_ns.div_ceil(1000)).unwrap_or(u32::MAX),
         }
+    }
+
+    /// Time that may have passed since an earlier reading, s: at a stream's start the stamps of a batch of samples lie
+    /// closer together than the samples.
+    fn span_since_s(&self, earlier: &Reading) -> f64 {
+        let stamped_ns = self.time_ns.saturating_sub(earlier.time_ns);
+        let sigma_us = u64::from(self.time_sigma_us) + u64::from(earlier.time_sigma_us);
+        (stamped_ns + 1000 * sigma_us) as f64 * 1e-9
     }
 
     /// Difference of two readings: as a force, N, and as the moment of the part that moved, N m.
@@ -127,7 +138,7 @@ impl Leaps {
         let noise_n = self.difference_n2.map(|[short, long]| LEAP_SIGMAS * math::sqrt(short.min(long)));
         let step_s = step_ns as f64 * 1e-9;
         for (index, then) in compared.iter().enumerate() {
-            let span_s = now.time_ns.saturating_sub(then.time_ns) as f64 * 1e-9;
+            let span_s = now.span_since_s(then);
             let [by_n, by_nm] = then.to(&now);
             let bound_n = noise_n[index] + LOADING_RATE_MAX_N_PER_S * span_s;
             let clipped_n = by_n.min(bound_n);

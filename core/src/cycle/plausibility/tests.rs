@@ -71,6 +71,24 @@ fn a_plate_under_who_works_is_believed() {
 }
 
 #[test]
+fn samples_of_one_delivery_are_believed_before_the_clock_is_known() {
+    // A plate at 200 Hz: eight samples wait and arrive 50 µs apart, then the line is still late by some ms.
+    for (sigma_ns, since_ns) in [(u64::MAX, 50_000), (6 * MS_NS, 50_000), (6 * MS_NS, 0)] {
+        let mut plate = Plate { watch: Zeroable::zeroed(), ..Plate::new() };
+        let begun_ns = plate.now_ns();
+        let mut believed = 0;
+        for sample in 0..8 {
+            believed += plate.show(1, |_, ground| {
+                *ground = Plate::truth(begun_ns / MS_NS + 5 * sample);
+                ground.sample_time_ns = begun_ns + sample * since_ns;
+                ground.sample_time_sigma_ns = sigma_ns;
+            });
+        }
+        assert_eq!(believed, 8, "{sigma_ns} {since_ns}");
+    }
+}
+
+#[test]
 fn a_glitch_is_suspect_from_its_beginning_for_less_than_half_a_second() {
     for by in [2.0, 0.5, 5.0] {
         let mut plate = Plate::new();

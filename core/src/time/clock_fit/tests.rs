@@ -63,6 +63,19 @@ fn sigma_is_honest() {
 }
 
 #[test]
+fn an_early_arrival_shows_by_how_much_the_others_were_late() {
+    // All samples are delayed by 5 ms, until one is not; the stamps wait for the line, and say how far they are off.
+    let mut fit = ClockFit::new();
+    for index in 0..40 {
+        let taken_ns = START_NS + index * 4_000_000;
+        fit.observe(index, taken_ns + if index < 30 { 5_000_000 } else { 0 });
+        let Some(estimate) = fit.estimate(index) else { continue };
+        let error_ns = estimate.host_ns.abs_diff(taken_ns);
+        assert!(index < 30 || error_ns <= estimate.sigma_ns, "{index}: {error_ns} ns and {estimate:?}");
+    }
+}
+
+#[test]
 fn a_few_samples_are_enough_and_fewer_are_not() {
     let mut fit = ClockFit::new();
     assert_eq!(fit.estimate(0), None);
