@@ -161,6 +161,7 @@ impl ClockFit {
         let fitted_ns = first_arrival_ns.saturating_add_signed(since_first_ns);
         let host_ns = fitted_ns.max(self.given_ns);
         self.given_ns = host_ns;
+        // An estimate that would be earlier than the previous one is wrong by the difference.
         let held_ns = (host_ns - fitted_ns) as f64;
         let excess_ns = self.line.excess(self.newest);
         let off_ns = if self.off_since_ns.is_some() { excess_ns } else { 0.0 };

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use equipoise_core::message::Validity;
+use equipoise_core::message::{Incident, Validity};
 use equipoise_daemon::profile::Profile;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_daemon::station_file::StationFile;
@@ -219,6 +219,8 @@ impl Bench<'_> {
             eyes.state.time_ns > killed_ns && measured
         });
         assert!(state.poses_used >= bound, "{} of {bound} poses of {}", state.poses_used, self.in_use);
+        let leaps = self.eyes.begun(Incident::GroundImplausible);
+        assert_eq!(leaps, 0, "the first samples after the start count as a fault of the plate");
         let off_n = state.ground_force_n[2] - WORKER_KG * G;
         assert!(off_n.abs() < 0.5 * OFFSET_KG * G, "the tare is lost: {off_n} N");
         // Reference for the following comparisons.
