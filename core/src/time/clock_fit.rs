@@ -158,14 +158,11 @@ impl ClockFit {
         }
         let counts = counter.wrapping_sub(first_counter).cast_signed() as f64;
         let since_first_ns = self.line.at(counts) as i64;
-        let fitted_ns = first_arrival_ns.saturating_add_signed(since_first_ns);
-        let host_ns = fitted_ns.max(self.given_ns);
+        let host_ns = first_arrival_ns.saturating_add_signed(since_first_ns).max(self.given_ns);
         self.given_ns = host_ns;
-        // An estimate that would be earlier than the previous one is wrong by the difference.
-        let held_ns = (host_ns - fitted_ns) as f64;
         let excess_ns = self.line.excess(self.newest);
         let off_ns = if self.off_since_ns.is_some() { excess_ns } else { 0.0 };
-        Some(Estimate { host_ns, sigma_ns: (self.spread_ns + held_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
+        Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
     }
 
     /// Host time per count, ns; `None` before there are enough observations.
