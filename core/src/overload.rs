@@ -17,7 +17,7 @@ pub mod limits;
 pub mod load_place;
 pub mod sharing;
 
-use nalgebra::Vector3;
+use nalgebra::{Rotation3, Vector3};
 
 use crate::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
 use crate::frame::{Pose, StationWorld};
@@ -120,8 +120,12 @@ pub struct LoadingSigma {
     /// σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
     /// axes, m. Used only if it is not measured.
     pub press_m: [f64; 2],
+    /// σ per axis of the load's position if that by the two CoPs contradicts that in the hands, m; an error of either.
+    pub contradiction_m: f64,
     /// σ of each segment's orientation per axis, rad.
     pub orientation_rad: f64,
+    /// σ of the body's heading on the plate, rad; an error rotates the body about the middle between the feet.
+    pub heading_rad: f64,
     /// σ of the point of action on each hand along the hand's axes, m: across, along, normal to the palm.
     pub grip_m: [f64; 3],
     /// Error of the segments' origins, common to all, m: the difference between the suit's positions and the positions
@@ -141,7 +145,9 @@ impl LoadingSigma {
         load_ahead_m: [0.0; 2],
         zeta: 0.0,
         press_m: [0.0; 2],
+        contradiction_m: 0.0,
         orientation_rad: 0.0,
+        heading_rad: 0.0,
         grip_m: [0.0; 3],
         origin_m: [Vector3::new(0.0, 0.0, 0.0); SEGMENTS],
     };
@@ -181,23 +187,44 @@ impl LoadingSigma {
         let [x, y] = self.load_ahead_m;
         off[12].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
         off[13].delta_f_n += self.delta_f_n;
+        let load_share = loading.delta_f_n / loading.vertical_n;
+        for axis in 0..2 {
+            off[14 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
+            off[16 + axis].cop_measured_m[axis] += self.contradiction_m * load_share;
+        }
         off
     }
 }
 
 impl LoadingSigma {
-    /// Pose and loading with the segments' origins changed by their 1-σ.
-    fn elsewhere(&self, pose: &Pose<StationWorld>, loading: &Loading) -> (Pose<StationWorld>, Loading) {
+    /// Pose and loading with the segments' origins changed by their 1-σ, and with the body turned to either side by √3 σ of
+    /// its heading; each with its weight. The three-point Gauss-Hermite rule covers headings uncertain by tens of degrees.
+    fn elsewhere(
+        &self,
+        pose: &Pose<StationWorld>,
+        loading: &Loading,
+    ) -> [(Pose<StationWorld>, Loading, f64); 3] {
+        let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()));
+        let between = 0.5 * (left + right);
+        let turned = |by_rad: f64| {
+            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), by_rad);
+            let about = |point: Vector3<f64>| between + turn * (point - between);
+            let pose = Pose::new(pose.origin.map(about), pose.world_from_segment);
+            (pose, Loading { grip_m: loading.grip_m.map(about), ..*loading }, 1.0 / 6.0)
+        };
         let origin = core::array::from_fn(|index| pose.origin[index] + self.origin_m[index]);
         let grip_m =
             Side::BOTH.map(|side| loading.grip_m[side as usize] + self.origin_m[side.hand().index()]);
-        (Pose::new(origin, pose.world_from_segment), Loading { grip_m, ..*loading })
+        let moved = (Pose::new(origin, pose.world_from_segment), Loading { grip_m, ..*loading }, 1.0);
+        let by_rad = math::sqrt(3.0) * self.heading_rad;
+        [moved, turned(by_rad), turned(-by_rad)]
     }
 }
 
 /// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), point of action under the left
-/// foot (forward, sideways) and the right one, ζ, η, load ahead of the grips, force.
-const SOURCES: usize = 14;
+/// foot (forward, sideways) and the right one, ζ, η, load ahead of the grips, force, contradictory position of the load
+/// (x, y) as an error of the grips and of the measured CoP.
+const SOURCES: usize = 18;
 
 /// Overload torque of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -266,9 +293,10 @@ pub fn zeta_sigma(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingS
     };
     let base = right(pose, loading);
     let elsewhere = sigma.elsewhere(pose, loading);
+    let elsewhere = elsewhere.iter().map(|(pose, loading, weight)| (right(pose, loading), *weight));
     let errors = sigma.errors(pose, loading);
-    let changed = errors.iter().map(|off| right(pose, off)).chain([right(&elsewhere.0, &elsewhere.1)]);
-    math::sqrt(changed.map(|changed| (changed - base) * (changed - base)).sum())
+    let changed = errors.iter().map(|off| (right(pose, off), 1.0)).chain(elsewhere);
+    math::sqrt(changed.map(|(changed, weight)| weight * (changed - base) * (changed - base)).sum())
 }
 
 /// Loading with the resulting reactions of both feet.
@@ -360,19 +388,22 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
     let errors = sigma.errors(pose, loading);
     let (base, errors) = (Acting::new(pose, loading), errors.each_ref().map(|off| Acting::new(pose, off)));
     let elsewhere = sigma.elsewhere(pose, loading);
-    let elsewhere = Acting::new(&elsewhere.0, &elsewhere.1);
+    let elsewhere = elsewhere.each_ref().map(|(pose, off, weight)| (pose, Acting::new(pose, off), *weight));
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
         let [x, y] = base.horizontal_nm(ends, origin);
         let torque_nm = Vector3::new(x, y, base.vertical_nm(ends, origin));
         let [arm_xx, arm_xy, arm_yy] = base.place_covariance_nm2(pose, joint, sigma);
         let mut covariance_nm2 = [arm_yy, -arm_xy, arm_xx];
-        let mut add = |off_nm: [f64; 2]| {
+        let mut add = |off_nm: [f64; 2], weight: f64| {
             let [x, y] = [off_nm[0] - torque_nm.x, off_nm[1] - torque_nm.y];
-            covariance_nm2.iter_mut().zip([x * x, x * y, y * y]).for_each(|(sum, product)| *sum += product);
+            let products = [x * x, x * y, y * y];
+            covariance_nm2.iter_mut().zip(products).for_each(|(sum, product)| *sum += weight * product);
         };
-        errors.iter().for_each(|off| add(off.horizontal_nm(ends, origin)));
-        add(elsewhere.horizontal_nm(ends, origin + sigma.origin_m[joint.segment().index()]));
+        errors.iter().for_each(|off| add(off.horizontal_nm(ends, origin), 1.0));
+        for (pose, off, weight) in &elsewhere {
+            add(off.horizontal_nm(ends, pose.origin_of(joint.segment())), *weight);
+        }
         let sigma_nm = sigma_of_length([torque_nm.x, torque_nm.y], covariance_nm2);
         Torque { torque_nm, sigma_nm, covariance_nm2 }
     })
@@ -415,12 +446,15 @@ impl Acting<'_> {
                 let [xx, xy, yy] = chain_m2(side.hand());
                 let grip_m2 = grip_covariance_m2(pose, side, sigma.grip_m);
                 let of_hand_m2 = [xx + grip_m2[0], xy + grip_m2[1], yy + grip_m2[2]];
-                // Root mean square of the uncertain η: a hand that seems empty may hold a part of the load.
-                let eta_rms = math::hypot([self.loading.eta[index], sigma.eta]);
-                add(eta_rms * self.loading.delta_f_n, of_hand_m2);
+                // The error of the hand's position counts with the largest η of a uniform distribution: a hand that seems
+                // empty may hold the load.
+                let eta_range = math::sqrt(3.0) * sigma.eta;
+                let eta_max = (self.loading.eta[index] + eta_range).min(1.0);
+                add(eta_max * self.loading.delta_f_n, of_hand_m2);
                 if ends.hands != [true; 2] {
-                    let [x, y] = sigma.load_ahead_m;
-                    add(sigma.eta * self.loading.delta_f_n, [x * x, x * y, y * y]);
+                    let ([x, y], off_m) = (sigma.load_ahead_m, sigma.contradiction_m);
+                    let of_load_m2 = [x * x + off_m * off_m, x * y, y * y + off_m * off_m];
+                    add(eta_range * self.loading.delta_f_n, of_load_m2);
                 }
             }
             if ends.feet[index] {

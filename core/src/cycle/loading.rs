@@ -7,14 +7,14 @@ use super::memory::Memory;
 use super::monitoring::SUPPORT_MARGIN_M;
 use super::settings::{Motion, Settings};
 use super::{sole, support};
-use crate::body::{SEGMENTS, Side};
+use crate::body::{SEGMENTS, Segment, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::state::SharingSource;
 use crate::message::{GroundSample, State, Validity};
 use crate::motion::Moment;
 use crate::motion::unloaded::SIGMAS_OF_A_LOAD;
-use crate::overload::load_place::{ANOTHER_GRIP_SIGMAS, ByModel, Measured};
+use crate::overload::load_place::{ANOTHER_GRIP_SIGMAS, ByModel, EVEN_SIGMA, Measured};
 use crate::overload::sharing::{TOO_CLOSE_M, project};
 use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 
@@ -123,7 +123,9 @@ impl Memory {
             load_ahead_m: hands.ahead_sigma_m,
             zeta: if is_measured { (self.ground_sigma.force_n / vertical_n).min(0.5) } else { 0.0 },
             press_m: PRESS_SIGMA_M,
-            orientation_rad: self.orientation_sigma_rad(settings),
+            contradiction_m: hands.contradiction_m,
+            orientation_rad: settings.suit_orientation_sigma_rad(),
+            heading_rad: self.placing.sigma_rad(),
             grip_m: GRIP_SIGMA_M,
             origin_m: self.origin_sigma_m(pose, settings),
         };
@@ -266,6 +268,7 @@ impl Memory {
                 ahead_sigma_m,
                 place_sigma_m,
                 missed_m,
+                contradiction_m: 0.0,
                 swing_n,
                 distance_m,
                 distance_sigma_m,
@@ -279,7 +282,11 @@ impl Memory {
         } else {
             [apart.x / apart_m, apart.y / apart_m]
         };
-        let ahead = [-aside[1], aside[0]];
+        let middle = [0, 1].map(|axis| 0.5 * (between[0][axis] + between[1][axis]));
+        // Away from the body, also if the hands cross.
+        let pelvis = pose.origin_of(Segment::Pelvis);
+        let is_away = aside[0] * (middle[1] - pelvis.y) - aside[1] * (middle[0] - pelvis.x) >= 0.0;
+        let ahead = if is_away { [-aside[1], aside[0]] } else { [aside[1], -aside[0]] };
         let rows = worker.reduction.rows(pose, body.slope);
         let cop_rows = [0, 1].map(|axis| worker.with_stance(&rows, axis));
         let magnified = weight_n / delta_f_n;
@@ -287,7 +294,6 @@ impl Memory {
         let rest_m2 = [0, 1].map(|axis| (sigma_m[axis] * sigma_m[axis] - by_model_m2[axis]).max(0.0));
         // The load's position along a direction from the middle between the grips, per unit.
         let along = |direction: [f64; 2], unit_m: f64| {
-            let middle = [0, 1].map(|axis| 0.5 * (between[0][axis] + between[1][axis]));
             let value: f64 = (0..2).map(|axis| direction[axis] * (load_m[axis] - middle[axis])).sum();
             let rest_m2: f64 = (0..2).map(|axis| direction[axis] * direction[axis] * rest_m2[axis]).sum();
             let parts = direction.map(|part| -part * magnified / unit_m);
@@ -323,6 +329,11 @@ impl Memory {
             let sigma = math::hypot([sigma_m[axis], place_sigma_m[axis]]);
             Measured { value: load_m[axis] - in_hands_m, sigma }
         });
+        // The assumed grip is wrong, or a CoP is: the fractions are then unknown by as much.
+        let is_contradiction = missed_m.iter().any(|missed: &Measured| missed.is_beyond(ANOTHER_GRIP_SIGMAS));
+        let contradiction_m =
+            if is_contradiction { math::hypot(missed_m.map(|missed| missed.value)) } else { 0.0 };
+        let eta_sigma = math::hypot([eta_sigma, contradiction_m / apart_m.max(TOO_CLOSE_M)]).min(EVEN_SIGMA);
         let load_kg = body.load_kg(delta_f_n);
         InHands {
             grip_m: grip_m.map(|grip_m| grip_m + offset),
@@ -331,6 +342,7 @@ impl Memory {
             ahead_sigma_m,
             place_sigma_m,
             missed_m,
+            contradiction_m,
             swing_n: swing.map(|acceleration| load_kg * acceleration),
             distance_m,
             distance_sigma_m,
@@ -351,6 +363,8 @@ struct InHands {
     place_sigma_m: [f64; 2],
     /// Load position by the two CoPs minus the position in the hands, world x and y, m.
     missed_m: [Measured; 2],
+    /// Their length if they contradict each other, m; otherwise 0.
+    contradiction_m: f64,
     /// Horizontal force that accelerates the load, N.
     swing_n: [f64; 2],
     /// Distance of the load from the line between the grips, by the two CoPs, and its 1-σ, m.

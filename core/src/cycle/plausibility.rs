@@ -47,9 +47,12 @@ const PELVIS_SPEED_MAX_M_PER_S: f64 = 5.0;
 /// Maximum step by which a suit corrects its drift, m …
 const PELVIS_STEP_MAX_M: f64 = 0.1;
 /// … and its heading, rad.
-const PELVIS_TURN_MAX_RAD: f64 = 0.3;
+const TURN_MAX_RAD: f64 = 0.3;
 /// Maximum rate of rotation of a pelvis, rad/s: a figure skater reaches 30, a worker who turns quickly 8.
 const PELVIS_RATE_MAX_RAD_PER_S: f64 = 15.0;
+/// Maximum rate of rotation of any segment, rad/s: a forearm reaches 40 in a baseball pitch (elbow extension; Fleisig et
+/// al. 1999).
+const SEGMENT_RATE_MAX_RAD_PER_S: f64 = 40.0;
 
 /// Interval in which a sensor is implausible; all zero for none.
 #[repr(C)]
@@ -165,11 +168,9 @@ impl Whereabouts {
     fn is_beyond(&self, there: &Whereabouts) -> bool {
         let span_s = self.time_ns.saturating_sub(there.time_ns) as f64 * 1e-9;
         let by_m = length([0, 1, 2].map(|axis| self.position_m[axis] - there.position_m[axis]));
-        let pairs = self.orientation_wxyz.iter().zip(&there.orientation_wxyz);
-        let cos_half = pairs.map(|(here, there)| here * there).sum::<f64>().abs().min(1.0);
-        let by_rad = 2.0 * math::atan2(math::sqrt(1.0 - cos_half * cos_half), cos_half);
+        let by_rad = angle_rad(&self.orientation_wxyz, &there.orientation_wxyz);
         by_m > PELVIS_STEP_MAX_M + PELVIS_SPEED_MAX_M_PER_S * span_s
-            || by_rad > PELVIS_TURN_MAX_RAD + PELVIS_RATE_MAX_RAD_PER_S * span_s
+            || by_rad > TURN_MAX_RAD + PELVIS_RATE_MAX_RAD_PER_S * span_s
     }
 }
 
@@ -274,6 +275,9 @@ impl Plausibility {
         if is_same && (plate_moves || has_just_moved) && self.poses.probability() < REPEAT_CHANCE {
             return false;
         }
+        if turns_too_fast(before, sample) {
+            self.suit.add(from_ns, time_ns);
+        }
         let here = Whereabouts::of(sample);
         if !here.is_beyond(&Whereabouts::of(before)) {
             self.leapt = Zeroable::zeroed();
@@ -331,6 +335,21 @@ fn length([x, y, z]: [f64; 3]) -> f64 {
 fn largest_step_m(from: &SuitSample, to: &SuitSample) -> f64 {
     let pairs = from.position_m.iter().zip(&to.position_m);
     pairs.map(|(from, to)| length([0, 1, 2].map(|axis| to[axis] - from[axis]))).fold(0.0, f64::max)
+}
+
+/// Angle between two orientations, rad.
+fn angle_rad(from_wxyz: &[f64; 4], to_wxyz: &[f64; 4]) -> f64 {
+    let pairs = from_wxyz.iter().zip(to_wxyz);
+    let cos_half = pairs.map(|(from, to)| from * to).sum::<f64>().abs().min(1.0);
+    2.0 * math::atan2(math::sqrt(1.0 - cos_half * cos_half), cos_half)
+}
+
+/// Whether a segment turned faster than any body.
+fn turns_too_fast(from: &SuitSample, to: &SuitSample) -> bool {
+    let span_s = to.sample_time_ns.saturating_sub(from.sample_time_ns) as f64 * 1e-9;
+    let limit_rad = TURN_MAX_RAD + SEGMENT_RATE_MAX_RAD_PER_S * span_s;
+    let mut pairs = from.orientation_wxyz.iter().zip(&to.orientation_wxyz);
+    pairs.any(|(from, to)| angle_rad(from, to) > limit_rad)
 }
 
 fn is_long_bone(segment: Segment) -> bool {

@@ -15,9 +15,10 @@ use bytemuck::{Pod, Zeroable};
 use crate::kalman::STATES;
 use crate::math;
 
-/// Prior mean and 1-σ of the hand load fraction: uniform between one hand and the other.
+/// Prior mean of the hand load fraction …
 const EVEN: f64 = 0.5;
-const EVEN_SIGMA: f64 = 0.289;
+/// … and its 1-σ: uniform between one hand and the other.
+pub const EVEN_SIGMA: f64 = 0.289;
 /// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for
 /// the centre of a box; the variance of a uniform distribution is the square of its width over 12.
 const AHEAD_M: f64 = 0.025;
@@ -36,6 +37,13 @@ pub struct Measured {
     pub value: f64,
     /// Its 1-σ.
     pub sigma: f64,
+}
+
+impl Measured {
+    /// Whether a difference is larger than `sigmas` σ.
+    pub fn is_beyond(&self, sigmas: f64) -> bool {
+        self.value.abs() > sigmas * self.sigma
+    }
 }
 
 /// One coordinate with the body model's part of its error separate.

@@ -229,11 +229,32 @@ fn a_hand_that_seems_empty_has_the_sigma_of_a_load_that_it_may_hold() {
     };
     let only_eta = at_wrist(&LoadingSigma { eta: 0.2, ..NO_SIGMA });
     let own = core::array::from_fn::<f64, 3, _>(|part| at_wrist(&sigma)[part] - only_eta[part]);
-    // 0.2 of 60 N, 10 mm along both axes and 20 mm more along x.
-    let expected = [12.0 * 12.0 * 1e-4, 0.0, 12.0 * 12.0 * 5e-4];
+    // √3 times 0.2 of 60 N, 10 mm along both axes and 20 mm more along x.
+    let expected = [3.0 * 12.0 * 12.0 * 1e-4, 0.0, 3.0 * 12.0 * 12.0 * 5e-4];
     for (found, expected) in own.into_iter().zip(expected) {
         assert!((found - expected).abs() < 1e-9, "{own:?}");
     }
+}
+
+#[test]
+fn an_unsure_heading_turns_the_torque_and_a_very_unsure_one_shortens_it() {
+    let (pose, shoulder) = (t_pose(), Joint::named("RightShoulder").unwrap().index());
+    let of = |heading_rad: f64| {
+        torques(&pose, &loaded(&pose, 60.0), &LoadingSigma { heading_rad, ..NO_SIGMA })[shoulder]
+    };
+    let [x, y, _] = of(0.0).torque_nm.into();
+    let length_nm = x.hypot(y);
+    // Along and across the torque.
+    let parts = |[xx, xy, yy]: [f64; 3]| {
+        let along = (x * x * xx + 2.0 * x * y * xy + y * y * yy) / (length_nm * length_nm);
+        [math::sqrt(along), math::sqrt(xx + yy - along)].map(|part_nm| part_nm / length_nm)
+    };
+    let [along, across] = parts(of(0.01).covariance_nm2);
+    assert!(along < 1e-4 && (across - 0.01).abs() < 1e-5, "{along} {across}");
+    // A turn by φ changes the length along the torque by 1 − cos φ, on average φ²/2: its root mean square is √3/2 σ².
+    let [along, across] = parts(of(0.3).covariance_nm2);
+    assert!((along / (0.75_f64.sqrt() * 0.09) - 1.0).abs() < 0.1, "{along}");
+    assert!((across / 0.3 - 1.0).abs() < 0.1, "{across}");
 }
 
 #[test]

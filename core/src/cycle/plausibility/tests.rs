@@ -248,6 +248,30 @@ fn poses_that_repeat_leap_or_come_apart_are_refused() {
 }
 
 #[test]
+fn a_segment_that_turns_faster_than_any_body_is_suspect() {
+    // Arms that hang: no position shows a turn of the forearm about its own axis.
+    let turned_at = |number: u64, by_rad: f64| {
+        believed(100, |now, sample| {
+            if now >= number {
+                let orientation = &mut sample.orientation_wxyz[Segment::LeftForearm.index()];
+                let [w, x, y, z] = *orientation;
+                let turn = nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::y_axis(), by_rad);
+                *orientation = wxyz(
+                    &(nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
+                        * turn),
+                );
+            }
+        })
+    };
+    // 100 Hz.
+    let (count, watch) = turned_at(650, 0.9);
+    assert_eq!(count, 100, "the samples are used");
+    let at_ns = 1_000_000_000 + 650 * 10 * MS_NS;
+    assert!(watch.suit.touches(at_ns, at_ns) && !watch.suit.touches(at_ns + 1, u64::MAX));
+    assert!(!turned_at(650, 0.5).1.suit.touches(0, u64::MAX), "an arm can do that");
+}
+
+#[test]
 fn a_pose_of_a_moving_body_that_repeats_is_left_out_at_first_even_if_the_plate_does_not_move() {
     let (person, mut watch) = (Person::real(), Plausibility::zeroed());
     let mut before: Option<SuitSample> = None;

@@ -16,7 +16,11 @@ fn learnt() -> (Person, Bench) {
 }
 
 fn grips(person: &Person) -> [Vector3<f64>; 2] {
-    let pose = person.pose(&carrying());
+    grips_in(person, &carrying())
+}
+
+fn grips_in(person: &Person, posture: &Posture) -> [Vector3<f64>; 2] {
+    let pose = person.pose(posture);
     Side::BOTH.map(|side| pose.point_on(side.hand(), person.body.grip_m(side.hand())))
 }
 
@@ -55,6 +59,38 @@ fn a_load_in_one_hand_loads_that_arm() {
         |name: &str| Vector3::from(bench.state().torque_nm[Joint::named(name).unwrap().index()]).norm();
     assert!(magnitude("RightShoulder") > 4.0 * magnitude("LeftShoulder"));
     assert!(magnitude("RightShoulder") > 20.0);
+}
+
+#[test]
+fn a_load_is_ahead_of_the_hands_also_if_they_cross() {
+    let (person, mut bench) = learnt();
+    for elbow in [10, 75] {
+        let posture = stand(10, 0, [0, 0, -80], [0, 0, 80], elbow);
+        let [left, right] = grips_in(&person, &posture);
+        assert_eq!(left.y < right.y, elbow == 75, "the hands cross with bent elbows: {left} {right}");
+        let middle = 0.5 * (left + right);
+        bench.hold(&person, &posture, None, 300);
+        bench.hold(&person, &posture, Some((8.0, middle + Vector3::new(0.03, 0.0, 0.0))), 600);
+        let ahead_m = bench.memory.load_point_m[0] - middle.x;
+        assert!((0.01..0.05).contains(&ahead_m), "{elbow}°: {ahead_m} m ahead");
+    }
+}
+
+#[test]
+fn a_load_farther_from_the_hands_than_all_errors_allow_makes_torques_and_fractions_unsure() {
+    let (person, mut bench) = learnt();
+    let middle = 0.5 * (grips(&person)[0] + grips(&person)[1]);
+    let mut sigma_of = |ahead_m: f64| {
+        bench.hold(&person, &carrying(), None, 300);
+        bench.hold(&person, &carrying(), Some((20.0, middle + Vector3::new(ahead_m, 0.0, 0.0))), 600);
+        let state = bench.state();
+        assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+        [state.torque_sigma_nm[0], state.eta_sigma]
+    };
+    let (at_hands, far) = (sigma_of(0.03), sigma_of(0.24));
+    // 20 kg, 0.24 m from the hands.
+    assert!(at_hands[0] < 8.0 && far[0] > 35.0, "{at_hands:?} {far:?}");
+    assert!(far[1] > 1.5 * at_hands[1], "{at_hands:?} {far:?}");
 }
 
 #[test]
