@@ -131,7 +131,7 @@ enum equipoise_phase {
     EQUIPOISE_PHASE_DEGRADED = 3
 };
 
-/* How close a torque is to the joint's limit. UNDECIDED: its uncertainty covers two levels. */
+/* How close a torque is to the joint's limit. UNDECIDED: the torque's uncertainty covers two levels. */
 enum equipoise_level {
     EQUIPOISE_LEVEL_NONE = 0,
     EQUIPOISE_LEVEL_GREEN = 1,

@@ -39,7 +39,7 @@ enum equipoise_udp_phase {
     EQUIPOISE_UDP_PHASE_DEGRADED = 3
 };
 
-/* joint_level. UNDECIDED: its uncertainty covers two levels. Treat it as the worst. */
+/* joint_level. UNDECIDED: the torque's uncertainty covers two levels. Treat it as the worst. */
 enum equipoise_udp_level {
     EQUIPOISE_UDP_LEVEL_NONE = 0,
     EQUIPOISE_UDP_LEVEL_GREEN = 1,

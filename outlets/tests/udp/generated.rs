@@ -199,7 +199,7 @@ fn c_header() -> String {
     c_enumeration(&mut out, "phase", "PHASE", numbered(|at| Phase::from_number(at).map(Phase::name)));
     c_enumeration(
         &mut out,
-        "joint_level. UNDECIDED: its uncertainty covers two levels. Treat it as the worst.",
+        "joint_level. UNDECIDED: the torque's uncertainty covers two levels. Treat it as the worst.",
         "LEVEL",
         numbered(|at| Level::from_number(at).map(Level::name)),
     );
