@@ -18,11 +18,11 @@ from equipoise import NotGiven, PickUp, Reason, State, Why, _arrays, _bus, _mess
 STATION = "alone"
 # As old as no state here becomes, so that a machine that stands still changes nothing.
 ANY_AGE_S = 3600.0
-# A consumer joins anew after 2 s of silence.
+# A consumer rejoins after 2 s of silence.
 LONGER_THAN_REJOIN_S = 2.2
 HANGS_AFTER_S = 30
-# Fields that no reason withholds, and that every state says.
-ALWAYS_TOLD = {
+# Fields that no reason withholds and that are available in every state.
+ALWAYS_VALID = {
     "cycle", "time_ns", "group_delay_ns", "valid", "phase", "static_pose", "converged", "poses_used", "stance",
     "motion_samples_used", "lifts", "body_source", "sole_source", "body_refused", "not_given", "dose_damage",
     "dose_probability", "fatigue", "published_ns",
@@ -58,7 +58,7 @@ def joined(root, name, **settings):
     return equipoise.subscribe(STATION, name=name, root=root, stale_after_s=ANY_AGE_S, **settings)
 
 
-def who_never_waits_reports(root, publisher):
+def a_polling_consumer_reports(root, publisher):
     """Each finds a state at once, ten periods after the one before."""
     bus = _bus.Bus(STATION, "reports", root)
     reports = bus.subscriber(PickUp, _messages.PICK_UP, 16)
@@ -78,7 +78,7 @@ def who_never_waits_reports(root, publisher):
     bus.close()
 
 
-def who_asks_seldom_reads(root, publisher):
+def a_seldom_polling_consumer_reads(root, publisher):
     with joined(root, "seldom", report=False) as consumer:
         for _ in range(2):
             time.sleep(LONGER_THAN_REJOIN_S)
@@ -87,7 +87,7 @@ def who_asks_seldom_reads(root, publisher):
             assert reading and reading.is_new, f"asked every {LONGER_THAN_REJOIN_S} s: {reading}"
 
 
-def who_never_waits_joins_anew(root, publisher):
+def a_polling_consumer_rejoins(root, publisher):
     """The bus's directory goes, as `systemctl stop` removes it; a publisher comes later."""
     with joined(root, "polls", report=False) as consumer:
         publisher.publish()
@@ -97,11 +97,11 @@ def who_never_waits_joins_anew(root, publisher):
         publisher.close()
         shutil.rmtree(root)
 
-        def is_joined_anew():
+        def has_rejoined():
             assert not consumer.next(0.0), "a state without a publisher"
             return os.path.isdir(root)
 
-        until("a consumer that never waits makes the bus anew", is_joined_anew)
+        until("a polling consumer recreates the bus", has_rejoined)
         publisher = Publisher(root)
 
         def is_read():
@@ -112,7 +112,7 @@ def who_never_waits_joins_anew(root, publisher):
     return publisher
 
 
-def a_clock_ahead_blinds_nobody(root, publisher):
+def a_clock_ahead_blocks_no_consumer(root, publisher):
     with joined(root, "ahead") as consumer:
         publisher.publish()
         assert consumer.latest()
@@ -126,21 +126,21 @@ def a_clock_ahead_blinds_nobody(root, publisher):
         assert consumer.pick_up_report.states == states + 1, "a state from ahead was counted"
 
 
-def what_is_too_old_is_told(root, publisher):
+def a_stale_state_is_reported(root, publisher):
     with equipoise.subscribe(STATION, name="hasty", root=root, stale_after_s=0.0, report=False) as consumer:
         publisher.publish()
         for read in (lambda: consumer.next(0.0), consumer.latest):
             publisher.publish()
             refused = read()
             assert not refused and refused.why is Why.STALE, refused
-        # It is heard, so there is nothing to join anew.
+        # States arrive, so the consumer must not rejoin.
         ports = consumer._ports
         time.sleep(LONGER_THAN_REJOIN_S)
         publisher.publish()
-        assert consumer.next(0.0).why is Why.STALE and consumer._ports is ports, "it joined anew, though states come"
+        assert consumer.next(0.0).why is Why.STALE and consumer._ports is ports, "it rejoined although states arrive"
 
 
-def the_closed_stay_closed(root, publisher):
+def closed_consumers_stay_closed(root, publisher):
     consumer = joined(root, "closed")
     consumer.close()
     consumer.close()
@@ -178,7 +178,7 @@ def killed_reader(root, publisher, count):
         return set(glob.glob(pattern)) - before
 
 
-def remains_hang_nobody(root, publisher):
+def leftovers_hang_no_consumer(root, publisher):
     """Memory without a size, which iceoryx2 waits for ever to get one, if it clears its dead maker away."""
     empty = killed_reader(root, publisher, 1)
     assert empty, "the child had no connection"
@@ -195,8 +195,8 @@ def remains_hang_nobody(root, publisher):
         os.remove(path)
 
 
-def places_of_the_dead_are_waited_for(root, publisher):
-    """A consumer clears nobody away; it waits until the daemon's housekeeping has."""
+def slots_of_dead_processes_are_awaited(root, publisher):
+    """A consumer removes no resources of dead processes; it waits until the daemon's housekeeping has done so."""
     killed_reader(root, publisher, 2)
     crowd = []
     try:
@@ -224,12 +224,12 @@ def reading_of(**fields):
 
 def what_is_not_given_is_no_number():
     whole, names = reading_of(), [name for name, _ in State._fields_]
-    assert set(_arrays.SPOILERS) | set(_arrays.SAID_WHERE) | ALWAYS_TOLD == set(names), "a field of which nothing is known"
+    assert set(_arrays.SPOILERS) | set(_arrays.SAID_WHERE) | ALWAYS_VALID == set(names), "a field without a validity rule"
     for name in names:
         assert whole.array(name) is not None, f"{name} is withheld from a state that says all"
-    spoilt = reading_of(valid=2**64 - 1)
+    invalid = reading_of(valid=2**64 - 1)
     for name in set(_arrays.SPOILERS):
-        assert spoilt.array(name) is None, f"{name} under every reason"
+        assert invalid.array(name) is None, f"{name} under every reason"
     silent = equipoise.Reading(
         State(suit_age_ns=2**64 - 1, ground_age_ns=2**64 - 1, suggested_pose=2**32 - 1), 1, 0, None, 0, False, True
     )
@@ -241,7 +241,7 @@ def what_is_not_given_is_no_number():
     assert no_com.array("suit_com_m") is None and no_shear.array("suit_com_m") is not None
     assert no_shear.array("ground_force_n") is None and no_com.array("ground_force_n") is not None
     no_shear.state.ground_force_n[2] = 700.0
-    assert no_shear.ground_force_up_n == 700.0 and spoilt.ground_force_up_n is None
+    assert no_shear.ground_force_up_n == 700.0 and invalid.ground_force_up_n is None
     frame = equipoise.to_pandas([silent])
     assert frame["delta_f_sigma_n"].isna().all() and not frame["fatigue_l5s1"].isna().any(), frame
 
@@ -268,10 +268,11 @@ def clear(root):
 def all_of(root):
     what_is_not_given_is_no_number()
     publisher = Publisher(root)
-    for test in (who_never_waits_reports, who_asks_seldom_reads, a_clock_ahead_blinds_nobody, what_is_too_old_is_told,
-                 the_closed_stay_closed, remains_hang_nobody, places_of_the_dead_are_waited_for):
+    for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_clock_ahead_blocks_no_consumer,
+                 a_stale_state_is_reported, closed_consumers_stay_closed, leftovers_hang_no_consumer,
+                 slots_of_dead_processes_are_awaited):
         test(root, publisher)
-    who_never_waits_joins_anew(root, publisher).close()
+    a_polling_consumer_rejoins(root, publisher).close()
     print("clients: the Python package on a bus of its own: silence, clocks, seldom, slow, closed and killed consumers")
 
 

@@ -51,15 +51,15 @@ def check_sums(consumer, until_ns):
     of_one_daemon = [report for report in consumer.reports if report["at_ns"] < until_ns]
     consumer.check(len(of_one_daemon) >= 10, f"only {len(of_one_daemon)} reports")
     first, last = of_one_daemon[0], of_one_daemon[-1]
-    told = (last["states"] + last["missed"]) - (first["states"] + first["missed"])
+    counted = (last["states"] + last["missed"]) - (first["states"] + first["missed"])
     passed = last["cycle"] - first["cycle"]
-    consumer.check(abs(told - passed) <= CYCLES_APART, f"{told} states seen or missed, {passed} cycles passed")
+    consumer.check(abs(counted - passed) <= CYCLES_APART, f"{counted} states received or missed, {passed} cycles passed")
     consumer.check(passed >= CYCLES_APART * 4, f"only {passed} cycles passed")
     for before, after in zip(consumer.reports, consumer.reports[1:]):
         consumer.check(before["states"] <= after["states"], "the count of states went back")
-        consumer.check(before["since_ns"] == after["since_ns"], "it began to count anew")
+        consumer.check(before["since_ns"] == after["since_ns"], "the count was restarted")
         consumer.check(before["missed"] <= after["missed"], "the count of missed states went back")
-    return told, passed
+    return counted, passed
 
 
 def check_last_word(consumer):
@@ -103,12 +103,12 @@ def check_lines(consumer, marks):
     consumer.check(len(after) >= 2, "nothing after the daemon came back")
     consumer.check(after[-1]["due_ns"] > marks["daemon_started"], "it is still of the old daemon")
     consumer.check(after[-1]["cycle"] < current[0]["cycle"] + (after[-1]["at_ns"] - marks["daemon_started"]) * RATE_HZ // 10**9
-                   + CYCLES_APART, "the cycles were not counted anew")
+                   + CYCLES_APART, "the cycle count was not restarted")
     consumer.check(consumer.end["restarts"] == 1, f"{consumer.end['restarts']} restarts noticed")
 
 
 def check_unmoved(consumer, marks):
-    """A consumer beside it was killed: it goes on reading, at the same rate."""
+    """Another consumer was killed: this one continues to read at the same rate."""
     def reports(since, until):
         found = [report for report in consumer.reports if since < report["at_ns"] < until]
         consumer.check(len(found) >= 2, "too few reports")
@@ -138,14 +138,14 @@ def judge(folder, processes):
     reports = [numbers(line) for line in (folder / "reader.out").read_text().splitlines()]
     for name, process in processes.items():
         consumer = Consumer(folder, name, process, reports)
-        told, passed = check_sums(consumer, marks["daemon_killed"])
+        counted, passed = check_sums(consumer, marks["daemon_killed"])
         p50_ns, low, high = check_last_word(consumer)
         check_lines(consumer, marks)
         check_unmoved(consumer, marks)
         last = consumer.reports[-1]
         print(
             f"clients: {name}: {len(consumer.reports)} reports, {last['states']} states, {last['missed']} missed; "
-            f"{told} of {passed} cycles; p50 {p50_ns / 1000:.1f} µs, reported {low / 1000:.1f} to {high / 1000:.1f} µs"
+            f"{counted} of {passed} cycles; p50 {p50_ns / 1000:.1f} µs, reported {low / 1000:.1f} to {high / 1000:.1f} µs"
         )
     for name in ("udp_c", "udp_python"):
         check_udp(folder, name, marks)
@@ -154,20 +154,21 @@ def judge(folder, processes):
 
 
 def check_udp(folder, name, marks):
-    """A reader of datagrams: each taken, and the daemon's silence told apart from the network's."""
+    """A reader of datagrams: receives all, and distinguishes the daemon's silence from the network's."""
     lines = [(line, pairs(line)) for line in (folder / f"{name}.out").read_text().splitlines() if line.startswith("state=")]
-    states = [told["state"] for _, told in lines]
+    states = [fields["state"] for _, fields in lines]
     assert states.count("current") >= 10, f"{name}: {states}"
     last_current = len(states) - 1 - states[::-1].index("current")
     assert "silent" in states[:last_current], f"{name} did not hear that the daemon was dead: {states}"
     assert states[-1] == "network_silent", f"{name} did not notice that the outlet was gone: {states}"
-    for line, told in lines:
-        moves = told["state"] != "current" and told["speed_percent"] != "0"
+    for line, fields in lines:
+        moves = fields["state"] != "current" and fields["speed_percent"] != "0"
         assert not moves, f"{name}: the robot moves: {line}"
-        assert told["refused"] == "0", f"{name}: {line}"
+        assert fields["refused"] == "0", f"{name}: {line}"
     last = numbers(lines[-1][0])
     assert last["missed"] <= last["taken"] // 20, f"{name}: {last}"
-    print(f"clients: {name}: {last['taken']} datagrams, {last['missed']} missed; the daemon's silence and the network's told apart")
+    print(f"clients: {name}: {last['taken']} datagrams, {last['missed']} missed; "
+          "the daemon's silence and the network's are distinguished")
 
 
 def by_the_documents():
@@ -221,14 +222,14 @@ def arrays(station):
         if sum(map(bool, readings)) >= 50:
             break
     states = [reading for reading in readings if reading]
-    told = 0
+    with_origins = 0
     for reading in states:
         fatigue, level = reading.array("fatigue"), reading.array("joint_level")
         assert list(fatigue) == list(reading.state.fatigue) and fatigue.dtype == numpy.float64
-        assert (level is None) == reading.spoilt_by(equipoise.SPOILS_TORQUES) == (reading.array("torque_nm") is None)
+        assert (level is None) == reading.invalidated_by(equipoise.SPOILS_TORQUES) == (reading.array("torque_nm") is None)
         origins = reading.array("segment_origin_m")
         if origins is not None:
-            told += 1
+            with_origins += 1
             assert origins.shape == (equipoise.SEGMENTS, 3) and list(origins.ravel()) == list(reading.state.segment_origin_m)
         cycle = reading.array("cycle")
         assert cycle.shape == (1,) and cycle[0] == reading.state.cycle
@@ -236,10 +237,10 @@ def arrays(station):
         assert cycle[0] == reading.state.cycle, "an array is a copy"
         reading.state.cycle -= 1
         assert not cycle.flags.writeable
-    assert told, "the suit was never there"
+    assert with_origins, "the suit was never there"
     frame = equipoise.to_pandas(readings)
     assert list(frame["cycle"]) == [reading.state.cycle for reading in states]
-    withheld = [reading.spoilt_by(equipoise.SPOILS_TORQUES) for reading in states]
+    withheld = [reading.invalidated_by(equipoise.SPOILS_TORQUES) for reading in states]
     assert list(frame["torque_l5s1_nm"].isna()) == withheld
     one = equipoise.latest(station, name="once")
     assert one and one.state.cycle > states[-1].state.cycle
@@ -247,7 +248,7 @@ def arrays(station):
 
 
 def refusals(station):
-    """What a consumer is refused, and what not. With the package installed, beside the other consumers."""
+    """Calls that a consumer refuses and accepts. With the package installed, next to the other consumers."""
     import equipoise
     from equipoise import _bus, _messages, _pick_up
 

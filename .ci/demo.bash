@@ -45,8 +45,7 @@ if [[ -z ${EQUIPOISE:-} ]]; then
     cargo build --quiet --workspace --bin equipoise
 fi
 
-# A free port of loopback, below those that the kernel gives to whoever asks for any: between here and its use nobody
-# else gets it by chance.
+# A free loopback port below the kernel's ephemeral range, so that no other process gets it by chance before it is used.
 free_port() { # SOCK_STREAM or SOCK_DGRAM
     python3 - "$1" <<'PY'
 import random, socket, sys
@@ -63,9 +62,9 @@ while True:
 PY
 }
 
-# The program of an outlet that stands on a big library, as `cargo test --workspace` has left it: there is nothing to build
-# after that stage. The test is one of the outlet's own, whose build brings the program; `cargo build -p` would build the
-# third parties' crates anew, with other features.
+# The program of a gateway that depends on a big library, as built by `cargo test --workspace`: there is nothing to build
+# after that stage. The test is one of the gateway's own, whose build includes the program; `cargo build -p` would rebuild
+# third-party crates with other features.
 outlet_program() { # KIND, TEST
     cargo test --quiet --workspace --test "$2" --no-run >&2
     echo "${CARGO_TARGET_DIR:-target}/debug/equipoise-outlet-$1"

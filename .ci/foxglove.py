@@ -1,4 +1,4 @@
-"""A viewer of the live outlet, with a stuck one beside it: foxglove.py PORT PID-OF-OUTLET PID-OF-STATION.
+"""A viewer of the live gateway, next to a stuck one: foxglove.py PORT PID-OF-OUTLET PID-OF-STATION.
 
 Speaks foxglove.sdk.v1 by the `websockets` package: text frames announce channels, binary ones carry messages.
 """
@@ -19,7 +19,7 @@ import scene
 BEAT = "/equipoise/beat"
 TOPICS = {scene.SCENE, scene.STATE, BEAT}
 SECONDS = 6
-# Ages on a machine that may be busy: the law is that they are told, and not those of long ago.
+# Ages on a machine that may be busy: they must be published, and be recent.
 AGE_MAX_NS = 1_000_000_000
 
 
@@ -89,7 +89,7 @@ def watch(viewer, seconds):
 def main():
     port, outlet, station = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     stuck = Viewer(port)
-    # Nobody takes messages of it: the library's thread stops reading once a few of them wait. Another never says a word.
+    # No code takes this viewer's messages: the library's thread stops reading once a few are queued. Another sends nothing.
     silent_one = socket.create_connection(("127.0.0.1", port))
     time.sleep(SECONDS / 2)
     before = resident_kib(outlet)
@@ -100,14 +100,14 @@ def main():
         assert count[topic] >= 0.5 * 60 * SECONDS, f"{topic}: only {count[topic]} in {SECONDS} s"
     assert {"figure", "support polygon", "centre of pressure, measured"} <= drawn, drawn
     grown = resident_kib(outlet) - before
-    assert grown < 16_384, f"the outlet has grown by {grown} KiB beside a stuck viewer"
+    assert grown < 16_384, f"the gateway has grown by {grown} KiB with a stuck viewer"
     print("foxglove: " + ", ".join(f"{topic} {count[topic]}" for topic in sorted(count)), f"in {SECONDS} s; {grown} KiB more")
 
-    # The station dies: within seconds viewers are told that there is no state, and why.
+    # The station is killed: within seconds viewers receive that there is no state, and why.
     os.kill(station, signal.SIGKILL)
     deadline, silent, cleared = time.monotonic() + 20, False, False
     while not (silent and cleared):
-        assert time.monotonic() < deadline, "nobody said that the station is silent"
+        assert time.monotonic() < deadline, "no message reports that the station is silent"
         topic, _, message = viewer.message()
         if topic == BEAT and not message["fresh"]:
             assert message["missing"] == "silent" and "age_ns" not in message, message

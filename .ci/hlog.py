@@ -36,10 +36,11 @@ def check_measured(folder):
     assert STAGES | OWN <= set(rows), f"no {sorted((STAGES | OWN) - set(rows))}"
     for tag, row in rows.items():
         _, count, read = read_by_java(log, tag)
-        assert count == row["count"], f"{tag}: {count} values read, {row['count']} told"
+        assert count == row["count"], f"{tag}: {count} values read, {row['count']} reported"
         for percentile, value in read.items():
-            told = row[percentile]
-            assert abs(value - told) <= RESOLUTION * told + 1, f"{tag}: {percentile} read as {value}, told as {told}"
+            reported = row[percentile]
+            is_near = abs(value - reported) <= RESOLUTION * reported + 1
+            assert is_near, f"{tag}: {percentile} read as {value}, reported as {reported}"
     return len(rows)
 
 

@@ -19,7 +19,7 @@ PATIENCE_S = 120
 JOINTS = 22
 LEVELS = {"green", "orange", "red", "above_max", "undecided"}
 PHASES = {"waiting", "identifying", "monitoring", "degraded"}
-# Every key that may leave the machine, and what its value may be beside null.
+# Keys that may leave the machine, and their allowed values other than null.
 ALLOWED = {
     "v": lambda value: value == 1,
     "station": lambda value: value == "demo",
@@ -47,7 +47,7 @@ def check(summary):
         assert summary["counts"] == {name: levels.count(name) for name in LEVELS}
 
 
-# The station with the right certificate comes and goes; nobody else who is not "demo" may say a word.
+# The station with the right certificate connects and disconnects; no other client except "demo" may publish.
 LET_IN = "equipoise/certificate/"
 
 
@@ -135,11 +135,11 @@ def judge_page():
     assert summary(-1, "red") == "green", "one that came late took the place of a newer one"
     clock.now_s += 1
     assert summary(86_400, "red") is None, "a clock that is a day ahead"
-    told = []
+    accepted = []
     for _ in range(10):
         clock.now_s += 1
-        told.append(summary(0, "green"))
-    assert told[-1] == "green", f"blind after the clock was ahead: {told}"
+        accepted.append(summary(0, "green"))
+    assert accepted[-1] == "green", f"no summary is accepted after the clock was ahead: {accepted}"
     clock.now_s += 100
     late = [summary(-left_s, "red") for left_s in range(90, 10, -1)]
     assert not any(late), f"what a broker had kept was taken: {late}"
@@ -189,21 +189,21 @@ def judge(port, scratch, mosquitto, outlet, demo, start):
     assert known.wait(30) == 0
     print("mqtt: another signer, a wrong password and a missing certificate are refused, the right ones let in")
 
-    # What is told of a person who lifts.
+    # Summaries about a person who lifts.
     start("demo", demo)
-    phases, told = set(), 0
+    phases, received = set(), 0
 
     def lifts(message):
-        nonlocal told
+        nonlocal received
         if isinstance(message, dict):
             phases.add(message["phase"])
-            told += 1
+            received += 1
             return message["levels"] is not None
         return False
 
     summary = watcher.until("levels", lifts)
     assert {"identifying", "monitoring"} <= phases, phases
-    print(f"mqtt: {told} summaries of levels and counts only, then {summary['counts']}, worst {summary['worst_joint']}")
+    print(f"mqtt: {received} summaries of levels and counts only, then {summary['counts']}, worst {summary['worst_joint']}")
 
     # The outlet dies.
     right.kill()
@@ -212,7 +212,7 @@ def judge(port, scratch, mosquitto, outlet, demo, start):
     right = serve("right")
     watcher.until("online again", "online".__eq__)
     watcher.until("a summary again", lambda message: isinstance(message, dict))
-    print("mqtt: the broker tells the outlet's SIGKILL (last will), and the next outlet is online")
+    print("mqtt: the broker publishes the gateway's last will after SIGKILL, and the next gateway is online")
 
     # The broker hangs.
     before_mib = resident_mib(right)

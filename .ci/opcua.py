@@ -251,7 +251,7 @@ async def judge(port, scratch, outlet, demo, start):
 
     values = await until("torques", with_torques)
     worst = values["WorstJoint"].Value.Value
-    print(f"opcua: torques are told; worst {worst}, {values['LiftedMass'].Value.Value:.1f} kg;"
+    print(f"opcua: torques are published; worst {worst}, {values['LiftedMass'].Value.Value:.1f} kg;"
           f" {heard.good} sequence numbers heard by subscription")
     assert heard.good >= 20
 
@@ -276,10 +276,10 @@ async def judge(port, scratch, outlet, demo, start):
         beats.add(values["SequenceNumber"].ServerTimestamp)
         largest_mib = max(largest_mib, resident_mib(served.pid))
         await asyncio.sleep(0.15)
-    assert good > 0, "no values beside stuck clients"
-    assert len(beats) > 50, f"only {len(beats)} beats in 100 readings beside stuck clients"
+    assert good > 0, "no values with stuck clients"
+    assert len(beats) > 50, f"only {len(beats)} beats in 100 readings with stuck clients"
     assert largest_mib - before_mib < 100, f"the outlet grew from {before_mib:.0f} to {largest_mib:.0f} MiB"
-    print(f"opcua: beside a stopped subscriber and one that reads no answer, {good} of 100 readings had values,"
+    print(f"opcua: with a stopped subscriber and one that reads no answer, {good} of 100 readings had values,"
           f" of {len(beats)} beats; {before_mib:.0f} to {largest_mib:.0f} MiB")
     eater.kill()
 
@@ -300,7 +300,7 @@ async def judge(port, scratch, outlet, demo, start):
     for _ in range(20):
         assert await silent(), "a value came back from the dead"
         await asyncio.sleep(0.05)
-    # Which bad status it was, is told to subscribers by a filter only (docs/consumers/opcua.md).
+    # Subscribers receive the kind of bad status only with a filter (docs/consumers/opcua.md).
     await until("word of the death", lambda: asyncio.sleep(0, None if heard.is_good else True))
     daemon.wait()
     heard.good = 0

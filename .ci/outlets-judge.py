@@ -1,4 +1,4 @@
-"""All outlets beside one daemon: outlets-judge.py judge EQUIPOISE FOLDER SCRATCH SECONDS KIND=PORT...
+"""All gateways on one daemon: outlets-judge.py judge EQUIPOISE FOLDER SCRATCH SECONDS KIND=PORT...
 
 Each client is a process of its own (outlets-judge.py client KIND PORT), of a library that is not ours where the wire has one.
 It says "reads" when something has come; one that is to hang is stopped then. Phases alternate, so that what the machine
@@ -42,19 +42,19 @@ def read_udp(port):
 def read_rtde(port):
     """A controller, as far as the outlet asks for one: it accepts everything, sends its timestamp, and takes what comes."""
     with socket.create_server(("127.0.0.1", port)) as server:
-        told = False
+        has_data = False
         while True:
             connection, _ = server.accept()
             try:
                 with connection, connection.makefile("rb") as stream:
                     while head := stream.read(3):
                         payload = stream.read(int.from_bytes(head[:2], "big") - 3)
-                        told = answer_rtde(connection, head[2:], payload, told)
+                        has_data = answer_rtde(connection, head[2:], payload, has_data)
             except OSError:
                 pass  # The outlet has left; it comes again.
 
 
-def answer_rtde(connection, kind, payload, told):
+def answer_rtde(connection, kind, payload, has_data):
     """Answers one package; whether data have come."""
     def package(kind, payload):
         return (3 + len(payload)).to_bytes(2, "big") + kind + payload
@@ -68,7 +68,7 @@ def answer_rtde(connection, kind, payload, told):
             pass  # The outlet has left.
 
     if kind == b"U":
-        if not told:
+        if not has_data:
             reads()
         return True
     kinds = ["INT32" if b"_int_" in name else "DOUBLE" for name in payload.split(b",")]
@@ -77,7 +77,7 @@ def answer_rtde(connection, kind, payload, told):
     connection.sendall(package(kind, answers[kind]))
     if kind == b"S":
         threading.Thread(target=send_timestamps, daemon=True).start()
-    return told
+    return has_data
 
 
 def read_page(port):
@@ -112,11 +112,11 @@ def read_opcua(port):
     class Handler:
         """What a subscription calls."""
 
-        told = False
+        has_data = False
 
         def datachange_notification(self, *_):
-            if not self.told:
-                self.told = True
+            if not self.has_data:
+                self.has_data = True
                 reads()
 
     async def variables(node):
@@ -146,12 +146,12 @@ def read_foxglove(port):
 
     connect(port).close()
     with open_websocket(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"]) as websocket:
-        number, told = 0, False
+        number, has_data = 0, False
         while True:
             message = websocket.recv()
             if isinstance(message, bytes):
-                if not told:
-                    told = True
+                if not has_data:
+                    has_data = True
                     reads()
                 continue
             said = json.loads(message)
@@ -182,7 +182,7 @@ def fail(what):
 
 
 class House:
-    """The daemon, and what runs beside it in a phase."""
+    """The daemon and the other processes of a phase."""
 
     def __init__(self, equipoise, folder, scratch, ports):
         self.equipoise, self.scratch, self.ports, self.running = equipoise, scratch, ports, []
@@ -316,7 +316,7 @@ def judge(equipoise, folder, scratch, seconds, ports):
         fail(f"page faults of the loop: {faults} before, {after} after")
     missing = {"view" if kind == "page" else kind for kind in house.kinds} - {c["consumer"] for c in shown["consumers"]}
     if missing:
-        fail(f"these told nobody how late states came to them: {missing}")
+        fail(f"no receipt of these consumers: {missing}")
 
 
 def main():

@@ -1,13 +1,13 @@
 """Opens the pages in headless Chromium, clicks through them in every phase and looks at what they show.
 
 page.py demo URL DEMO-COMMAND...          the demonstration: poses, hold still, a load, the service's death
-page.py station URL EQUIPOISE CONFIG SUIT PLATE   a page beside daemon and person: every level, commands, silence, no WebGL
+page.py station URL EQUIPOISE CONFIG SUIT PLATE   a page next to daemon and person: every level, commands, silence, no WebGL
 
 With PAGE_SHOTS=DIRECTORY the pictures are written there. A picture whose name ends in -de or -it is in that language, every
 other in English, or the test fails.
 
 Chromium is spoken to over its debugging pipe, so that nothing but Python's own library is needed. What the page's canvas
-shows is told by whoever drew it: who stands there, and how many triangles the graphics library drew.
+shows is reported by the code that draws it: which figure it draws, and how many triangles the graphics library drew.
 """
 
 import base64
@@ -71,7 +71,7 @@ NOTHING = {"connection": None, "phase": "", "phaseText": "", "instruction": "", 
            "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0, "busy": 0, "nameless": 0}
 
 
-# Once what is wished for is on the page, the page goes on being told the same: a picture takes longer than a pose is held.
+# Once the page shows the expected content, it receives the same data repeatedly: a picture takes longer than a pose is held.
 FREEZE = """(() => {
   const Real = window.EventSource;
   let frozen = {};
@@ -251,17 +251,17 @@ def in_3d(seen):
 
 def languages(browser):
     """Every sentence that is shown changes with the language, and comes back."""
-    told = {}
+    links = {}
     for language in LANGUAGES:
         seen = browser.say_in(language)
         table = json.loads(pathlib.Path(f"view/src/words/{language}.json").read_text(encoding="utf-8"))
         wrong = {key: text for key, text in seen["words"].items() if text != table[key]}
         if wrong or not seen["words"]:
             raise RuntimeError(f"not what the table of {language} says: {wrong or 'no words at all'}")
-        told[language] = seen["link"]
-    if len(set(told.values())) != 3:
-        raise RuntimeError(f"the same words in three languages: {told}")
-    return told
+        links[language] = seen["link"]
+    if len(set(links.values())) != 3:
+        raise RuntimeError(f"the same words in three languages: {links}")
+    return links
 
 
 def end(browser, server, url):
@@ -273,7 +273,7 @@ def end(browser, server, url):
 
 
 def demo(browser, start, url, *command):
-    """Each scene from the beginning, and again if a slow machine's browser was not in time for it: the person waits for nobody."""
+    """Each scene from the beginning; again if the browser was too late on a slow machine, since the person does not wait."""
     for scene in (poses, learnt_and_loaded):
         for attempt in range(TRIES):
             server = start(*command)
@@ -329,7 +329,7 @@ def station(browser, start, url, equipoise, config, suit, plate):
     server = start(equipoise, "view", "--config", config)
     wait_for(url, server)
     browser.ask("Page.navigate", url=url)
-    browser.look_until(lambda seen: seen["connection"] == "silent" and nothing_shown(seen), "that nobody speaks")
+    browser.look_until(lambda seen: seen["connection"] == "silent" and nothing_shown(seen), "that the daemon is silent")
     daemon = start(equipoise, "run", "--config", config)
     browser.look_until(lambda seen: seen["phase"] in ("waiting", "degraded"), "a daemon that waits for its sensors")
     browser.shoot("worker-waiting")
@@ -462,7 +462,7 @@ def commands(browser, url):
     browser.type("token", SECRET)
     press(browser, "tare")
     browser.look_until(lambda seen: seen["reply"].startswith("refused: ") and "refused: refused" in seen["reply"],
-                       "that nobody tares a plate with a person on it")
+                       "that a plate with a person on it is not tared")
     press(browser, "identify-stop")
     seen = browser.look_until(lambda seen: seen["reply"].startswith("done: stopped"), "the end of learning")
     says(f"engineer: stop says \"{seen['reply']}\"")

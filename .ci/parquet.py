@@ -41,14 +41,14 @@ def check_states(folder):
     with open(f"{folder}/states.jsonl", encoding="utf-8") as lines:
         for rows, line in enumerate(map(json.loads, lines), 1):
             for name, path in SAME.items():
-                told, expected = columns[name][rows - 1], at(line, path)
-                assert told == expected, f"{name} at {line['t']}: {told}, JSON {expected}"
+                value, expected = columns[name][rows - 1], at(line, path)
+                assert value == expected, f"{name} at {line['t']}: {value}, JSON {expected}"
             level, joints = columns["joint_level_L5S1"][rows - 1], line.get("joints")
             assert (joints is None) == (level is None)
             assert joints is None or levels[str(level)] == joints["L5S1"]["level"]
             assert columns["valid_names"][rows - 1].split() == line["valid"]
     unseen = [name for name in SAME if all(value is None for value in columns[name])]
-    assert not unseen, f"never told, so nothing was compared: {unseen}"
+    assert not unseen, f"never valid, so nothing was compared: {unseen}"
     assert rows == table.num_rows > 1000, f"{table.num_rows} rows, {rows} lines"
     return table.num_rows
 
@@ -73,8 +73,8 @@ def check_csv(folder, topic):
 def main():
     folder = sys.argv[1]
     states = check_states(folder)
-    told = [check_csv(folder, topic) for topic in ("state", "suit", "ground", "cycle")]
-    print(f"parquet: {states} states are the replay's; " + ", ".join(told))
+    topics = [check_csv(folder, topic) for topic in ("state", "suit", "ground", "cycle")]
+    print(f"parquet: {states} states are the replay's; " + ", ".join(topics))
 
 
 if __name__ == "__main__":

@@ -85,7 +85,7 @@ def main():
     for topic, rate in TOPICS.items():
         # Half the rate is enough: this looks at the format, and the machine may be busy.
         assert count[topic] >= 0.5 * rate * seconds, f"{topic}: only {count[topic]} messages in {seconds} s"
-    assert last["/equipoise/ground"][1].force_n[2] > 200.0, "nobody stands on the plate"
+    assert last["/equipoise/ground"][1].force_n[2] > 200.0, "no person stands on the plate"
     print("python-mcap: " + ", ".join(f"{topic} {count[topic]}" for topic in sorted(count)))
     print("python-mcap: " + check_pictures(path, seconds))
 

@@ -13,8 +13,8 @@ SEQUENCE, STATE, AGE = "input_int_register_24", "input_int_register_25", "input_
 def last(path):
     """The newest whole line of the controller, as numbers."""
     lines = pathlib.Path(path).read_text().split("\n")[:-1]
-    told = [line for line in lines if line.startswith("packages=")]
-    return {name: float(value) for name, value in (word.split("=") for word in told[-1].split())} if told else {}
+    reports = [line for line in lines if line.startswith("packages=")]
+    return {name: float(value) for name, value in (word.split("=") for word in reports[-1].split())} if reports else {}
 
 
 def until(what, ready):
@@ -34,8 +34,9 @@ def other_client(robot, path):
 
     client = until("ur_rtde connects", lambda: attempt(lambda: rtde_io.RTDEIOInterface(robot, False, True)))
     assert client.setInputIntRegister(42, 4711) and client.setInputDoubleRegister(43, 0.125) and client.setSpeedSlider(0.5)
-    told = {"input_int_register_42": 4711, "input_double_register_43": 0.125, "speed_slider_fraction": 0.5}
-    until("the controller has ur_rtde's values", lambda: all(last(path).get(name) == value for name, value in told.items()))
+    values = {"input_int_register_42": 4711, "input_double_register_43": 0.125, "speed_slider_fraction": 0.5}
+    until("the controller has ur_rtde's values",
+          lambda: all(last(path).get(name) == value for name, value in values.items()))
     time.sleep(4)
     client.disconnect()
     print("rtde: ur_rtde spoke to the controller, and left")
@@ -84,7 +85,7 @@ class Robot:
         self.watch = self.world["equipoise_watch"]()
 
     def after(self, seconds, sequence=None):
-        """The share of the speed after a time in which the sequence moves at 100 Hz, or stands, or is what is told."""
+        """Speed fraction after a time in which the sequence stands, moves at 100 Hz (`moves`) or in each step (`bursts`)."""
         for step in range(round(seconds / self.STEP_S)):
             if sequence == "moves" and step % 5 == 0:
                 self.registers["int", 24] += 1
@@ -95,15 +96,15 @@ class Robot:
 
 
 def script(path):
-    """Leftovers, standstills and bursts are not believed; a station that goes on telling is."""
+    """Old values, standstills and bursts are not accepted; a station that keeps publishing is."""
     green = {("int", 24): 5000, ("int", 25): 1, ("int", 26): 0, ("int", 27): 256, ("int", 28): 1, ("double", 24): 0.004}
     robot = Robot(path, dict(green))
-    assert robot.after(0.002) == 0 and robot.after(5) == 0, "what stood there before is believed"
-    assert robot.after(0.3, "moves") == 0, "a burst after a standstill is believed"
-    assert robot.after(1, "moves") == 1, "a station that tells is not believed"
+    assert robot.after(0.002) == 0 and robot.after(5) == 0, "a value from before the start is accepted"
+    assert robot.after(0.3, "moves") == 0, "a burst after a standstill is accepted"
+    assert robot.after(1, "moves") == 1, "a station that publishes is not accepted"
     assert robot.after(0.05) == 1, "a single package that is late stops the robot"
-    assert robot.after(0.1) == 0, "a station that is silent is believed"
-    assert robot.after(0.1, "bursts") == 0, "what has waited in the network is believed"
+    assert robot.after(0.1) == 0, "a station that is silent is accepted"
+    assert robot.after(0.1, "bursts") == 0, "packages that waited in the network are accepted"
     assert robot.after(0.5, "moves") == 1
     for change, share in [(("int", 28, 2), 0.6), (("int", 28, 3), 0.25), (("int", 28, 5), 0.25), (("int", 27, 255), 0.25),
                           (("int", 25, 2), 0), (("double", 24, -1.0), 0), (("double", 24, 0.2), 0)]:
@@ -114,7 +115,7 @@ def script(path):
     robot.registers.update(green)
     robot.registers.update({("int", 26): 32, ("int", 27): 0, ("int", 28): 0})
     assert robot.after(1, "moves") == 1, "nothing in the hands is knowledge"
-    print("rtde: the robot's program believes nothing that stands, begins, stops or bursts")
+    print("rtde: the robot's program accepts no values that stand, begin, stop or burst")
 
 
 def main():
@@ -142,7 +143,7 @@ def main():
         print("rtde: without a daemon: silent, and the sequence moves")
     elif what == "still":
         # What it sent last may be read a moment after it has gone.
-        until("nobody writes any more", lambda: stands(path))
+        until("no process writes any more", lambda: stands(path))
         assert last(path)[STATE] == 2, last(path)
         print("rtde: without the outlet the sequence stands still")
 

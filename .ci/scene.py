@@ -51,4 +51,4 @@ def check_scene(message):
 def check_state(message):
     """Values and reasons agree."""
     if message["valid"]:
-        assert "joints" not in message, f'torques are told in spite of {message["valid"]}'
+        assert "joints" not in message, f'torques are published in spite of {message["valid"]}'

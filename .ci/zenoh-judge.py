@@ -52,7 +52,7 @@ def session(mode, **endpoints):
     while True:
         try:
             return zenoh.open(config)
-        except zenoh.ZError as error:  # Nobody listens yet.
+        except zenoh.ZError as error:  # No process listens yet.
             if time.monotonic() > end:
                 fail(f"no session with {endpoints}: {error}")
             time.sleep(0.5)
@@ -155,9 +155,9 @@ def same(a, b):
     return abs(a - b) <= 1e-9 * max(1.0, abs(b))
 
 
-def judge_pair(ros, told):
-    """One beat's CDR and JSON say the same."""
-    state = told["state"]
+def judge_pair(ros, message):
+    """CDR and JSON of one tick contain the same values."""
+    state = message["state"]
     where = f"{ros.station} cycle {state['cycle']}"
     if (ros.phase, list(ros.reasons)) != (state["phase"], state["valid"]):
         fail(f"{where}: {ros.phase} {ros.reasons} and {state['phase']} {state['valid']}")
@@ -180,17 +180,17 @@ def judge_pair(ros, told):
 def judge_values(reader):
     def pairs(station):
         by_cycle = {m.cycle[0]: m for m in list(reader.ros[station].messages) if m.current}
-        told = [m for m in list(reader.json[station].messages) if m["current"]]
-        return [(by_cycle[m["state"]["cycle"]], m) for m in told if m["state"]["cycle"] in by_cycle]
+        current = [m for m in list(reader.json[station].messages) if m["current"]]
+        return [(by_cycle[m["state"]["cycle"]], m) for m in current if m["state"]["cycle"] in by_cycle]
 
     for station in ("north", "south"):
         compared = await_that(f"20 states of {station}", lambda s=station: len(p := pairs(s)) >= 20 and p)
-        for ros, told in compared:
-            judge_pair(ros, told)
+        for ros, message in compared:
+            judge_pair(ros, message)
     loaded = await_that("overload torques of the demonstration",
-                        lambda: any([judge_pair(ros, told) for ros, told in pairs("demo")]) and pairs("demo"))
+                        lambda: any([judge_pair(ros, message) for ros, message in pairs("demo")]) and pairs("demo"))
     print(f"zenoh: {len(loaded)} states of the demonstration are the same in CDR (read by rosbags) and JSON, "
-          f"{sum('joints' in told['state'] for _, told in loaded)} of them with torques")
+          f"{sum('joints' in message['state'] for _, message in loaded)} of them with torques")
 
 
 def counted(reader, seconds):
@@ -218,7 +218,7 @@ def judge_stuck(reader, direct, outlet):
     finally:
         stuck.kill()
         stuck.wait()
-    print(f"zenoh: beside a subscriber that hangs another got {while_stuck} messages, {before} without it; "
+    print(f"zenoh: with a hanging subscriber another one got {while_stuck} messages, {before} without it; "
           f"the outlet grew by {growth} KiB")
     if before == 0:
         fail("nothing came before anybody hung")
@@ -242,7 +242,7 @@ def judge_bad_link(reader, namespace):
         subprocess.run([*shape, "del", "dev", "eqp0", "root"], check=True)
     for name, stream in sorted(reader.ros.items()):
         print(f"zenoh: {name} over a link with 40±10 ms and 5 % loss: {len(stream.messages) - got[name]} came, "
-              f"{stream.lost() - lost[name]} lost, told by the sequence")
+              f"{stream.lost() - lost[name]} lost by the sequence numbers")
         if len(stream.messages) == got[name]:
             fail(f"{name}: nothing came over the bad link")
 
@@ -262,7 +262,7 @@ def judge_ends(opened, reader, daemon, outlet):
     await_that("the end of south's token",
                lambda: any("DELETE" in kind and "south" in key for kind, key in changes), 30)
     watch.undeclare()
-    print("zenoh: a daemon's end is told as silence, an outlet's by its token")
+    print("zenoh: a daemon's end is reported as silence, a gateway's by its token")
 
 
 def cpu_s(process):

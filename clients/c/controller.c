@@ -143,7 +143,7 @@ int main(int argc, char **argv) {
                 fprintf(stderr, "%s\n", equipoise_error());
             }
         }
-        /* Here the robot would be told its speed: speed_percent, or 0 without a reading. */
+        /* Command the robot's speed here: speed_percent, or 0 without a reading. */
         if (now_ns() >= print_ns) {
             print_line(outcome, &reading);
             print_ns += PRINT_EVERY_NS;

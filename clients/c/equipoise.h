@@ -68,7 +68,7 @@ extern "C" {
    device whose gain is another than before. */
 #define EQUIPOISE_REASON_WEIGHT_MISSING (UINT64_C(1) << 17)
 
-/* Which reasons spoil which values: no bit of the set may be raised. A spoilt value is 0 and means nothing. */
+/* Sets of reasons that invalidate a value: no bit of its set may be raised. An invalid value is 0 and has no meaning. */
 #define EQUIPOISE_SPOILS_GROUND_FORCE \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_PLATE_FAULT | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
@@ -131,7 +131,7 @@ enum equipoise_phase {
     EQUIPOISE_PHASE_DEGRADED = 3
 };
 
-/* How close a torque is to the joint's limit. UNDECIDED: the torque is told, but not well enough to say which. */
+/* How close a torque is to the joint's limit. UNDECIDED: the torque's uncertainty covers two levels. */
 enum equipoise_level {
     EQUIPOISE_LEVEL_NONE = 0,
     EQUIPOISE_LEVEL_GREEN = 1,
@@ -368,7 +368,7 @@ typedef struct equipoise_reading {
     uint64_t moment_age_ns;
     /* States since the last new one that were not handed out: overwritten before they were read, or too old. */
     uint64_t missed;
-    /* 1 if the daemon was started anew between the last new state and this one. */
+    /* 1 if the daemon was restarted between the last new state and this one. */
     uint32_t restarted;
     /* 1 if it was not handed out before; equipoise_latest hands one out again. */
     uint32_t is_new;
@@ -383,7 +383,7 @@ enum equipoise_outcome {
     EQUIPOISE_STALE = 2,
     /* The daemon's CLOCK_MONOTONIC is another one: both must run in one time namespace. */
     EQUIPOISE_OTHER_CLOCK = 3,
-    /* The bus cannot be joined or read. An open consumer joins anew by itself. */
+    /* The bus cannot be joined or read. An open consumer rejoins by itself. */
     EQUIPOISE_BUS = 4,
     /* The call itself is wrong: a null pointer, another thread's consumer, another header. */
     EQUIPOISE_WRONG_USE = 5,

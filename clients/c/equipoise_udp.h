@@ -39,7 +39,7 @@ enum equipoise_udp_phase {
     EQUIPOISE_UDP_PHASE_DEGRADED = 3
 };
 
-/* joint_level. UNDECIDED: the torque is told, but not well enough to say which. Treat it as the worst. */
+/* joint_level. UNDECIDED: the torque's uncertainty covers two levels. Treat it as the worst. */
 enum equipoise_udp_level {
     EQUIPOISE_UDP_LEVEL_NONE = 0,
     EQUIPOISE_UDP_LEVEL_GREEN = 1,
@@ -281,7 +281,7 @@ enum equipoise_udp_outcome {
 
 /* Takes the datagrams of one station, each once and in order. */
 typedef struct equipoise_udp_reader {
-    /* NULL: whichever comes. */
+    /* NULL: any station. */
     const char *station;
     uint64_t session_ns;
     uint64_t sequence;

@@ -134,7 +134,7 @@ int main(int argc, char **argv) {
         struct pollfd ready = {.fd = receiver, .events = POLLIN};
         poll(&ready, 1, 10);
         take_all(receiver, &reader, &last, each);
-        /* Here the robot would be told its speed: also when nothing came. */
+        /* Command the robot's speed here, also when no datagram came. */
         if (!each && now_ns() >= print_ns) {
             print_line(&reader, &last);
             print_ns += UINT64_C(1000000000);

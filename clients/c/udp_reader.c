@@ -100,9 +100,9 @@ static int judge(const equipoise_udp_reader *reader, const uint8_t *bytes, size_
     return is_later(reader, read, now_ns) ? EQUIPOISE_UDP_TAKEN : EQUIPOISE_UDP_OLD;
 }
 
-/* How late a datagram is. This clock is ahead of the station's by a number that nobody knows; but a datagram cannot come
- * before it was sent, and has waited in the socket at most since that was empty. Each narrows the bounds; it is as late as the
- * lower one allows.
+/* Lateness of a datagram. The offset of this clock from the station's is unknown, but bounded: a datagram cannot arrive
+ * before it was sent, and has waited in the socket at most since that was last empty. The lateness is relative to the
+ * lower bound.
  */
 static void measure(equipoise_udp_reader *reader, const equipoise_udp_datagram *read, uint64_t now_ns) {
     const int64_t apart_ns = (int64_t)(now_ns - read->state_time_ns - read->age_ns);

@@ -116,7 +116,7 @@ int run(const std::string &station, const std::string &name, std::uint64_t end_n
             std::cerr << "an old state as new: cycle " << reading->cycle() << "\n";
             return 1;
         }
-        // Here the robot would be told its speed.
+        // Command the robot's speed here.
         if (now_ns() >= print_ns) {
             print_line(reading);
             tally.print();

@@ -92,7 +92,7 @@ public:
     }
     // States since the last one that were not handed out.
     std::uint64_t missed() const noexcept { return reading_.missed; }
-    // The daemon was started anew since the last one: it may be another worker, or one not identified yet.
+    // The daemon was restarted since the last state: the subject may be another one, or not identified yet.
     bool restarted() const noexcept { return reading_.restarted != 0; }
     bool is_new() const noexcept { return reading_.is_new != 0; }
 
@@ -179,7 +179,7 @@ enum class Why {
     silent = EQUIPOISE_SILENT,           // No new state came in time: the daemon is not running, or hangs.
     stale = EQUIPOISE_STALE,             // States came, but all too old.
     other_clock = EQUIPOISE_OTHER_CLOCK, // Both must run in one time namespace.
-    bus = EQUIPOISE_BUS,                 // The bus cannot be read; the consumer joins anew by itself.
+    bus = EQUIPOISE_BUS,                 // The bus cannot be read; the consumer rejoins by itself.
     wrong_use = EQUIPOISE_WRONG_USE,     // Another thread's consumer, another header.
     defect = EQUIPOISE_DEFECT,           // Of the library.
 };

@@ -25,7 +25,7 @@ def speed_percent(reading: Reading) -> int:
     """The robot's speed for this state, percent."""
     if reading.reasons == Reason.BELOW_LOAD_THRESHOLD:
         return 100  # Nothing is carried: that is knowledge, not the lack of it.
-    if reading.spoilt_by(equipoise.SPOILS_TORQUES):
+    if reading.invalidated_by(equipoise.SPOILS_TORQUES):
         return 25  # Torques are withheld: careful.
     # An undecided joint counts as its worst: its number is the highest.
     worst = max(reading.state.joint_level)
@@ -93,7 +93,7 @@ def main() -> None:
                 tally.silences += 1
                 if reading.why is equipoise.Why.BUS:
                     print(reading, file=sys.stderr)
-            # Here the robot would be told its speed: speed_percent, or 0 without a reading.
+            # Command the robot's speed here: speed_percent, or 0 without a reading.
             if time.monotonic_ns() >= print_ns:
                 print(line(reading, tally), flush=True)
                 print_ns += PRINT_EVERY_NS

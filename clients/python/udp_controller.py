@@ -69,7 +69,7 @@ def main() -> None:
             else:
                 # The newest: whatever waits is taken, for the robot's own work may take longer than a datagram's period.
                 receiver.next(0.01)
-            # Here the robot would be told its speed: also when nothing came.
+            # Command the robot's speed here, also when no datagram came.
             if not each and time.monotonic_ns() >= print_ns:
                 print(line(receiver), flush=True)
                 print_ns += PRINT_EVERY_NS

@@ -42,7 +42,7 @@ class Station:
         age_ms = self.message["age_ns"] / 1e6 + silent_s * 1e3
         start = f"{name:16} {state['phase']:12} age {age_ms:6.1f} ms"
         if "joints" not in state:
-            return f"{start} withheld: {', '.join(state['valid']) or 'nothing told'}; {count}", GREY
+            return f"{start} withheld: {', '.join(state['valid']) or 'no reason reported'}; {count}", GREY
         level = max((joint["level"] for joint in state["joints"].values()), key=WORST.index, default="none")
         worst = state.get("worst_joint", "-")
         return f"{start} {level:10} worst {worst:16} lifts {state['lifts']}; {count}", COLOURS.get(level, "")

@@ -118,7 +118,7 @@ pub enum StationFileError {
         source: std::io::Error,
     },
     /// It is not what it should be.
-    #[error("{path}: {what}; `equipoise check {path}` tells more")]
+    #[error("{path}: {what}; run `equipoise check {path}` for details")]
     Wrong {
         /// Which file.
         path: PathBuf,

@@ -21,11 +21,11 @@ struct Arguments {
     config: PathBuf,
 }
 
-/// An outlet, and how often it wants to be told.
+/// A gateway and its rate.
 pub struct Made {
-    /// The outlet.
+    /// The gateway.
     pub outlet: Box<dyn Outlet>,
-    /// Beats a second.
+    /// Ticks per second.
     pub rate_hz: f64,
 }
 

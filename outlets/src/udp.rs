@@ -15,7 +15,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use crate::config::StationFile;
 use crate::outlet::{Outlet, Seen, Tally};
 use crate::process::{Made, no_section};
-use encode::{Told, encode};
+use encode::{Datagram, encode};
 use peer::Peer;
 
 /// Sends datagrams to all configured addresses.
@@ -48,8 +48,8 @@ impl Outlet for Udp {
             self.daemon_life = reading.daemon_life as u16;
         }
         let Udp { station, session_ns, sequence, daemon_life, .. } = self;
-        let told = Told::new(station, *session_ns, *sequence, *daemon_life, seen);
-        let bytes = encode(&told);
+        let datagram = Datagram::new(station, *session_ns, *sequence, *daemon_life, seen);
+        let bytes = encode(&datagram);
         for peer in &mut self.peers {
             peer.send(&bytes);
         }

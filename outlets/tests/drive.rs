@@ -59,7 +59,7 @@ impl Outlet for Printer {
 
 /// Contents of a printed line.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Told {
+struct Beat {
     cycle: u64,
     age_ns: u64,
     is_new: bool,
@@ -69,7 +69,7 @@ struct Told {
 /// A gateway's process, killed with SIGKILL when the test ends.
 struct Outside {
     child: Child,
-    beats: Receiver<Option<Told>>,
+    beats: Receiver<Option<Beat>>,
 }
 
 impl Outside {
@@ -83,8 +83,8 @@ impl Outside {
         std::thread::spawn(move || {
             for line in lines.map_while(Result::ok) {
                 // The first line follows output of the test harness.
-                let Some((_, told)) = line.split_once("beat ") else { continue };
-                if to.send(read(told)).is_err() {
+                let Some((_, fields)) = line.split_once("beat ") else { continue };
+                if to.send(read(fields)).is_err() {
                     return;
                 }
             }
@@ -92,11 +92,11 @@ impl Outside {
         Outside { child, beats }
     }
 
-    fn beat(&self) -> Option<Told> {
+    fn beat(&self) -> Option<Beat> {
         self.beats.recv_timeout(PATIENCE).unwrap()
     }
 
-    fn until<T>(&self, what: &str, ready: impl Fn(Option<Told>) -> Option<T>) -> T {
+    fn until<T>(&self, what: &str, ready: impl Fn(Option<Beat>) -> Option<T>) -> T {
         let begun = std::time::Instant::now();
         loop {
             if let Some(value) = ready(self.beat()) {
@@ -114,10 +114,10 @@ impl Drop for Outside {
     }
 }
 
-fn read(told: &str) -> Option<Told> {
-    let numbers: Vec<u64> = told.split(' ').map_while(|word| word.parse().ok()).collect();
+fn read(fields: &str) -> Option<Beat> {
+    let numbers: Vec<u64> = fields.split(' ').map_while(|word| word.parse().ok()).collect();
     let &[cycle, age_ns, is_new, daemon_life] = &numbers[..] else { return None };
-    Some(Told { cycle, age_ns, is_new: is_new == 1, daemon_life })
+    Some(Beat { cycle, age_ns, is_new: is_new == 1, daemon_life })
 }
 
 #[test]
@@ -125,47 +125,47 @@ fn a_bus_that_was_removed_and_made_again_is_found_by_the_outlet() {
     let root = root();
     let outlet = Outside::start(&root, 100.0, &[]);
     let first = Station::start(&root, "child_publishes");
-    assert_eq!(outlet.until("a state is told", |beat| beat).daemon_life, 1);
+    assert_eq!(outlet.until("a state is published", |beat| beat).daemon_life, 1);
     drop(first);
-    outlet.until("silence is told", |beat| beat.is_none().then_some(()));
+    outlet.until("silence is published", |beat| beat.is_none().then_some(()));
     root.remove_the_bus();
     let _second = Station::start(&root, "child_publishes");
     assert_eq!(outlet.until("the new bus is found", |beat| beat).daemon_life, 2);
 }
 
 #[test]
-fn who_beats_faster_than_the_loop_tells_a_state_again_and_older() {
+fn a_tick_rate_above_the_loop_rate_repeats_states_with_a_higher_age() {
     let root = root();
     let _station = Station::start(&root, "child_publishes");
     let outlet = Outside::start(&root, 2.5 / PERIOD.as_secs_f64(), &[]);
-    let mut last = outlet.until("a state is told", |beat| beat);
+    let mut last = outlet.until("a state is published", |beat| beat);
     let (mut new, mut again) = (0, 0);
     while new + again < 1000 {
         // On a busy machine a tick may lack a current state.
-        let Some(told) = outlet.beat() else { continue };
-        assert_eq!(told.is_new, told.cycle > last.cycle, "{told:?} after {last:?}");
-        if told.is_new {
+        let Some(beat) = outlet.beat() else { continue };
+        assert_eq!(beat.is_new, beat.cycle > last.cycle, "{beat:?} after {last:?}");
+        if beat.is_new {
             new += 1;
         } else {
             again += 1;
-            assert!(told.cycle == last.cycle && told.age_ns > last.age_ns, "{told:?} after {last:?}");
+            assert!(beat.cycle == last.cycle && beat.age_ns > last.age_ns, "{beat:?} after {last:?}");
         }
-        last = told;
+        last = beat;
     }
-    assert!(new > 0 && again > 0, "{new} new, {again} told again");
+    assert!(new > 0 && again > 0, "{new} new, {again} repeated");
 }
 
 #[test]
 fn a_slow_outlet_feeds_the_watchdog_between_its_beats() {
     let root = root();
     let manager = root.path().with_file_name("manager");
-    let told = UnixDatagram::bind(&manager).unwrap();
-    told.set_read_timeout(Some(PATIENCE)).unwrap();
+    let notifications = UnixDatagram::bind(&manager).unwrap();
+    notifications.set_read_timeout(Some(PATIENCE)).unwrap();
     let outlet = Outside::start(&root, 0.05, &[("NOTIFY_SOCKET", manager.to_str().unwrap())]);
     let mut watchdog = 0;
     while watchdog < 3 {
         let mut bytes = [0; 200];
-        let count = told.recv(&mut bytes).unwrap();
+        let count = notifications.recv(&mut bytes).unwrap();
         watchdog += usize::from(bytes[..count].starts_with(b"WATCHDOG=1"));
     }
     assert_eq!(outlet.beats.try_iter().count(), 1, "the next beat is 20 s away");

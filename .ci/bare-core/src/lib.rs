@@ -1,9 +1,9 @@
 //! The loop's step with nothing beneath it: no std, no heap, no operating system.
 //!
-//! A machine without an operating system has its own Rust target, but the same is proved on any. If std came in,
-//! wherever in the core's dependencies, its panic handler would collide with the one below. A heap shows when the
-//! step is linked: the allocator below calls a function that nobody defines, so that the link fails as soon as
-//! anything reachable from [`equipoise_step`] allocates or frees. (Having no allocator at all would be simpler, but
+//! A machine without an operating system has its own Rust target, but the same is proved on any. If a
+//! dependency of the core linked std, its panic handler would collide with the one below. Heap use shows when the
+//! step is linked: the allocator below calls an undefined function, so that the link fails as soon as anything
+//! reachable from [`equipoise_step`] allocates or frees. (Having no allocator at all would be simpler, but
 //! iceoryx2's trait crate names the `alloc` crate, though none of what the core takes from it uses it.)
 #![no_std]
 

@@ -160,14 +160,14 @@ pub unsafe extern "C" fn equipoise_close(consumer: *mut Handle) -> c_int {
 /// As [`equipoise_next`].
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn equipoise_report_refusal(consumer: *mut Handle) -> *const c_char {
-    let mut told = ptr::null();
+    let mut refusal = ptr::null();
     guard(|| {
         // SAFETY: by this function's contract.
-        told = unsafe { owned(consumer) }?.report_refusal().as_ptr();
+        refusal = unsafe { owned(consumer) }?.report_refusal().as_ptr();
         Ok(())
     });
     // The call failed, so the report's status is unavailable; "" would mean that it is published.
-    if told.is_null() { equipoise_error() } else { told }
+    if refusal.is_null() { equipoise_error() } else { refusal }
 }
 
 /// Error text of this thread's last refused call; see `equipoise.h`.

@@ -29,7 +29,7 @@ impl Options {
         if self.layout != layout() {
             return Err(Refusal::wrong_use(&format!(
                 "this program was compiled with another equipoise.h (layout 0x{:016x}, the library's is 0x{:016x}): \
-                 compile it anew with the header beside this library",
+                 compile it again with the header of this library",
                 self.layout,
                 layout()
             )));

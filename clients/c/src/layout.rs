@@ -6,8 +6,8 @@ use equipoise_core::message::State;
 use equipoise_core::message::layout::fnv1a;
 use std::mem::offset_of;
 
-/// `EQUIPOISE_LAYOUT` of the header: a hash of the state's fields, of every name and number in it (reasons and what they
-/// spoil, levels, joints), of the outcomes, and of places and sizes in the structs that cross the border.
+/// `EQUIPOISE_LAYOUT` of the header: a hash of the state's fields, of every name and number in it (reasons and the values
+/// they invalidate, levels, joints), of the outcomes, and of offsets and sizes in the structs of the interface.
 pub fn layout() -> u64 {
     let mut hash = State::schema();
     let mut fold =

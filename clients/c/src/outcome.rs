@@ -18,7 +18,7 @@ pub enum Outcome {
     Stale = 2,
     /// The daemon's CLOCK_MONOTONIC is another one: both must run in one time namespace.
     OtherClock = 3,
-    /// The bus cannot be joined or read. An open consumer joins anew by itself.
+    /// The bus cannot be joined or read. An open consumer rejoins by itself.
     Bus = 4,
     /// The call itself is wrong: a null pointer, another thread's consumer, another header.
     WrongUse = 5,
@@ -107,22 +107,22 @@ pub(crate) fn c_text(text: &str) -> CString {
 mod tests {
     use super::*;
 
-    fn told() -> String {
+    fn error_text() -> String {
         last_error(|text| text.to_string_lossy().into_owned())
     }
 
     #[test]
-    fn a_panic_stays_inside_and_is_told() {
+    fn a_panic_is_caught_and_reported() {
         assert_eq!(guard(|| panic!("meant")), Outcome::Defect as c_int);
-        assert!(told().contains("defect"), "{}", told());
+        assert!(error_text().contains("defect"), "{}", error_text());
     }
 
     #[test]
-    fn a_refusal_is_told_until_the_next_one() {
+    fn a_refusal_is_reported_until_the_next_one() {
         assert_eq!(guard(|| Err(Refusal::wrong_use("so not"))), Outcome::WrongUse as c_int);
         assert_eq!(guard(|| Ok(())), Outcome::Ok as c_int);
-        assert_eq!(told(), "so not");
+        assert_eq!(error_text(), "so not");
         assert_eq!(guard(|| Err(Refusal::wrong_use("cut\0off"))), Outcome::WrongUse as c_int);
-        assert_eq!(told(), "cut");
+        assert_eq!(error_text(), "cut");
     }
 }

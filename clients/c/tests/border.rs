@@ -43,7 +43,7 @@ fn wrong_calls_are_refused_with_a_sentence() {
 }
 
 #[test]
-fn the_header_for_cpp_waits_for_nobody_and_loses_nothing_silently() {
+fn the_header_for_cpp_does_not_hang_and_reports_a_leaked_consumer() {
     if !compiler::is_there("cpp") {
         eprintln!("skipped: no compiler of C++ (CXX, or c++)");
         return;
@@ -62,8 +62,8 @@ fn the_header_for_cpp_waits_for_nobody_and_loses_nothing_silently() {
     let _ = child.kill();
     let ended = child.wait_with_output().unwrap();
     assert_eq!(said(&ended), "all refused\n");
-    let told = String::from_utf8_lossy(&ended.stderr);
-    assert!(told.contains("a consumer was not closed: a consumer belongs to the thread"), "{told}");
+    let stderr = String::from_utf8_lossy(&ended.stderr);
+    assert!(stderr.contains("a consumer was not closed: a consumer belongs to the thread"), "{stderr}");
 }
 
 #[test]

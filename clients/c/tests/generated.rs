@@ -231,7 +231,7 @@ fn header() -> String {
         out = out.replace(&mark, &format!("{text}\n"));
     }
     let out = out.replace("@STATE@\n", &state());
-    assert!(!out.contains('@'), "a mark of equipoise.h.in that nobody fills");
+    assert!(!out.contains('@'), "a placeholder of equipoise.h.in without a text");
     out
 }
 

@@ -1,11 +1,11 @@
-"""Reads an Equipoise station's states, and tells how late they came.
+"""Reads an Equipoise station's states and reports their latency.
 
     import equipoise
 
     for reading in equipoise.subscribe("station-1"):
         if not reading:
             print("no value:", reading)   # now the robot goes to its safe speed
-        elif reading.spoilt_by(equipoise.SPOILS_TORQUES):
+        elif reading.invalidated_by(equipoise.SPOILS_TORQUES):
             print("withheld:", reading.reasons)
         else:
             print(reading.torque_nm(equipoise.Joint.L5S1), reading.age_ns)

@@ -100,8 +100,8 @@ def _field_types() -> Dict[str, Any]:
     return {field[0]: field[1] for field in State._fields_}
 
 
-def is_told(state: State, name: str) -> bool:
-    """Whether a field's value may be used: no reason that spoils it is raised, and the station gives it."""
+def is_valid(state: State, name: str) -> bool:
+    """Whether a field's value may be used: no reason that invalidates it is raised, and the station provides it."""
     is_said = SAID_WHERE.get(name)
     return not state.valid & SPOILERS.get(name, 0) and (is_said is None or is_said(state))
 
@@ -110,7 +110,7 @@ def view(state: State, name: str) -> Optional[Array]:
     """A field's own bytes as an array, without a copy; None while its value must not be used."""
     import numpy
 
-    if not is_told(state, name):
+    if not is_valid(state, name):
         return None
     place: Any = getattr(State, name)
     is_one = not isinstance(getattr(state, name), ctypes.Array)
@@ -147,14 +147,14 @@ def _row(reading: Reading) -> Dict[str, Union[int, float, str, bool, None]]:
         "dose_damage",
         "dose_probability",
     ):
-        row[name] = getattr(state, name) if is_told(state, name) else None
-    torques, told = state.torque_nm, not state.valid & table.SPOILS_TORQUES
+        row[name] = getattr(state, name) if is_valid(state, name) else None
+    torques, torques_valid = state.torque_nm, not state.valid & table.SPOILS_TORQUES
     for joint in Joint:
         name = joint.name.lower()
         x, y, z = torques[3 * joint : 3 * joint + 3]
-        row[f"torque_{name}_nm"] = (x * x + y * y + z * z) ** 0.5 if told else None
-        row[f"sigma_{name}_nm"] = state.torque_sigma_nm[joint] if told else None
-        row[f"level_{name}"] = table.Level(state.joint_level[joint]).name.lower() if told else None
+        row[f"torque_{name}_nm"] = (x * x + y * y + z * z) ** 0.5 if torques_valid else None
+        row[f"sigma_{name}_nm"] = state.torque_sigma_nm[joint] if torques_valid else None
+        row[f"level_{name}"] = table.Level(state.joint_level[joint]).name.lower() if torques_valid else None
         row[f"fatigue_{name}"] = state.fatigue[joint]
     return row
 

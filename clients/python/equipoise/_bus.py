@@ -58,8 +58,8 @@ def _config(root: str) -> Any:
     config = iox2.config.default()
     config.global_cfg.root_path = iox2.Path.new(text + "/")
     config.global_cfg.prefix = iox2.FileName.new(shared_memory_prefix(root))
-    # Who is killed while clearing away the dead makes remains that nobody can clear away any more, and iceoryx2 waits for
-    # ever for memory that got no size: only the daemon clears away, which looks for such memory first.
+    # A process killed during the removal of a dead process's resources leaves some that no process can remove, and iceoryx2
+    # waits for ever for shared memory without a size: only the daemon removes resources, and checks for such memory first.
     config.global_cfg.node.cleanup_dead_nodes_on_creation = False
     config.global_cfg.node.cleanup_dead_nodes_on_destruction = False
     config.global_cfg.service.cleanup_dead_nodes_on_open = False
@@ -118,7 +118,7 @@ class Bus:
             self._node = None
 
     def wait_no_more(self) -> None:
-        """Whoever finds no place from now on is told at once."""
+        """From now on, a missing slot is an error at once."""
         self._patient_until = 0.0
 
     def subscriber(self, message: Type[ctypes.Structure], row: table.Service, depth: int) -> Any:

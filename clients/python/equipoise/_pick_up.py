@@ -1,4 +1,4 @@
-"""How late states came, told once a second; core/src/message/pick_up.rs explains the buckets."""
+"""Latency of received states, published once a second; core/src/message/pick_up.rs explains the buckets."""
 
 from __future__ import annotations
 

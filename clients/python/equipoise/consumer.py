@@ -15,12 +15,12 @@ from ._messages import PickUp, State
 from ._pick_up import Reporting
 from .reading import NoReading, Reading, Why
 
-# After so long a silence everything is opened anew: the bus's directory may have been removed and made again.
+# After so long a silence all ports are reopened: the bus's directory may have been removed and recreated.
 REJOIN_AFTER_NS = 2_000_000_000
 # The longest that is slept at once: a report may be due meanwhile.
 SLEEP_MAX_NS = 200_000_000
 PAUSE_S = 0.02
-# How long a first joining waits for a place; who reads already is told at once, and joins anew.
+# How long the first join waits for a slot; later a missing slot is an error at once, and the consumer rejoins.
 PATIENCE_S = 2.5
 UNKNOWN_AGE = 2**64 - 1
 STATE_BYTES = ctypes.sizeof(State)
@@ -31,7 +31,7 @@ class _Ports:
         self.bus = Bus(station, name, root, patience_s)
         self.events = self.bus.listener()
         self.states = self.bus.subscriber(State, table.STATE, depth)
-        self.bus.wait_no_more()  # For a report's place nobody waits.
+        self.bus.wait_no_more()  # A slot for the report is not awaited.
 
     def close(self) -> None:
         """Ports first, then the bus that they hang on: else the place would look like one of a dead process."""
@@ -77,12 +77,12 @@ class Consumer:
                 while received is not None:
                     outcome = self._pick_up(*received)
                     if isinstance(outcome, Reading):
-                        # Whoever is slower than the loop never waits below, and has a report to make as well.
+                        # A consumer slower than the loop never waits below, but must report, too.
                         self._report()
                         return outcome
                     passed_over = passed_over if outcome is None else outcome  # A reason is false.
                     received = self._receive()
-                # Before the time is looked at: whoever never waits joins anew, too.
+                # Before the time-out is checked: a consumer that polls without waiting rejoins, too.
                 self._keep_up()
                 left_ns = end_ns - time.monotonic_ns()
                 if left_ns <= 0:
@@ -102,7 +102,7 @@ class Consumer:
                     break
                 newest, received = received, self._receive()
             outcome = self._pick_up(*(received or newest)) if newest else None
-            # Only if nothing came: who asks seldom would leave what waits for it, and find nothing where it joins anew.
+            # Only if nothing came: a consumer that polls rarely would lose its queued states, and receive none after a rejoin.
             if outcome is None:
                 self._keep_up()
             else:
@@ -133,13 +133,13 @@ class Consumer:
         return self._reporting.refusal
 
     def close(self) -> None:
-        """Leaves the station, with a last report so that the counts are whole. Whoever reads on gets a `BusError`."""
+        """Leaves the station, with a last report so that the counts are complete. Later reads raise a `BusError`."""
         self._closed = True
         self._reporting.publish()
         self._leave()
 
     def __del__(self) -> None:
-        """Whoever iterates over `subscribe()` itself cannot close it."""
+        """A caller that iterates over `subscribe()` itself cannot close it."""
         with contextlib.suppress(Exception):
             self._leave()
 
@@ -153,7 +153,7 @@ class Consumer:
 
     def _check_open(self) -> None:
         if self._closed:
-            raise BusError("this consumer is closed: subscribe anew")
+            raise BusError("this consumer is closed: subscribe again")
 
     def _receive(self) -> Optional[Tuple[State, int]]:
         if self._ports is None:
@@ -168,7 +168,7 @@ class Consumer:
             sample.delete()
             return state, writer
         except Exception as cause:
-            raise BusError(f"cannot receive states: {cause}; it is joined anew") from cause
+            raise BusError(f"cannot receive states: {cause}; the consumer rejoins") from cause
 
     def _pick_up(self, state: State, writer: int) -> Union[Reading, NoReading, None]:
         """Stamps and counts a state; None if it is no news."""
@@ -226,7 +226,7 @@ class Consumer:
         return NoReading(Why.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
 
     def _keep_up(self) -> None:
-        """Between two states: publishes the report if it is due, and joins anew after a long silence."""
+        """Between two states: publishes the report if it is due, and rejoins after a long silence."""
         self._report()
         if time.monotonic_ns() - max(self._heard_ns, self._joined_ns) >= REJOIN_AFTER_NS:
             # The places held now must be free first: they may be the last.
@@ -249,7 +249,7 @@ class Consumer:
         except Exception as cause:
             if "Interrupt" in f"{cause}":
                 return  # A signal: Python's own handlers run now.
-            raise BusError(f"cannot wait for states: {cause}; it is joined anew") from cause
+            raise BusError(f"cannot wait for states: {cause}; the consumer rejoins") from cause
 
     def _leave(self) -> None:
         self._reporting.close()
@@ -258,7 +258,7 @@ class Consumer:
             self._ports = None
 
     def _lose_ports(self, error: BusError) -> NoReading:
-        """What is broken is given up, and joined anew like what is silent."""
+        """Closes broken ports; the consumer rejoins as after a silence."""
         self._leave()
         return NoReading(Why.BUS, f"{error}")
 

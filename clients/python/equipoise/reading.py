@@ -26,7 +26,7 @@ class Reading(NamedTuple):
     missed: int
     """States since the last new one that were not handed out: overwritten before they were read, or too old."""
     restarted: bool
-    """The daemon was started anew between the last new state and this one."""
+    """The daemon was restarted between the last new state and this one."""
     is_new: bool
     """Whether it was not handed out before; only `Consumer.latest` hands one out again."""
 
@@ -43,13 +43,13 @@ class Reading(NamedTuple):
         """The public names of `reasons`, lowest bit first."""
         return [(reason.name or "").lower() for reason in Reason if self.state.valid & reason]
 
-    def spoilt_by(self, spoilers: Reason) -> bool:
-        """Whether a reason of `spoilers` is raised: then the value that they spoil is 0 and means nothing."""
-        return bool(self.state.valid & spoilers)
+    def invalidated_by(self, reasons: Reason) -> bool:
+        """Whether one of `reasons` is raised: then the value that they invalidate is 0 and has no meaning."""
+        return bool(self.state.valid & reasons)
 
     def torque_nm(self, joint: Joint) -> Optional[Tuple[float, float, float]]:
         """The overload torque of a joint, world axes, N m; None while it must not be used."""
-        if self.spoilt_by(SPOILS_TORQUES):
+        if self.invalidated_by(SPOILS_TORQUES):
             return None
         x, y, z = self.state.torque_nm[3 * joint : 3 * joint + 3]
         return (x, y, z)
@@ -57,14 +57,14 @@ class Reading(NamedTuple):
     @property
     def ground_force_up_n(self) -> Optional[float]:
         """The vertical ground reaction on the person, N; given without shear, too. None while it must not be used."""
-        if self.spoilt_by(SPOILS_GROUND_FORCE):
+        if self.invalidated_by(SPOILS_GROUND_FORCE):
             return None
         return float(self.state.ground_force_n[2])
 
     def array(self, name: str) -> Optional[Array]:
         """A field of the state as a NumPy array on the state's own memory; None while it must not be used.
 
-        That is while a reason spoils it, and where the station's sensors do not give it (`State.not_given`). A force
+        That is while a reason invalidates it, and where the station's sensors do not provide it (`State.not_given`). A force
         without shear is no vector: then `ground_force_n` is None, and `ground_force_up_n` a number.
         `torque_nm` has a row for each joint, `segment_origin_m` one for each segment. It cannot be written to.
         """
@@ -81,7 +81,7 @@ class Why(enum.Enum):
     OTHER_CLOCK = "other_clock"
     """The daemon's CLOCK_MONOTONIC is another one."""
     BUS = "bus"
-    """The bus cannot be read; the consumer joins anew by itself."""
+    """The bus cannot be read; the consumer rejoins by itself."""
 
 
 class NoReading(NamedTuple):

@@ -134,11 +134,10 @@ class Reader:
         return names.get(self.last.status, "unknown")
 
     def _measure(self, read: Datagram, now_ns: int) -> None:
-        """How late a datagram is.
+        """Measures the lateness of a datagram.
 
-        This clock is ahead of the station's by a number that nobody knows; but a datagram cannot come before it was sent,
-        and has waited in the socket at most since that was empty. Each narrows the bounds; it is as late as the lower one
-        allows.
+        The offset of this clock from the station's is unknown, but bounded: a datagram cannot arrive before it was sent, and
+        has waited in the socket at most since that was last empty. The lateness is relative to the lower bound.
         """
         apart_ns = now_ns - read.state_time_ns - read.age_ns
         least_ns = apart_ns - (now_ns - self._drained_at_ns)
@@ -229,5 +228,5 @@ class Receiver:
 
 
 def listen(port: int, station: Optional[str] = None, address: str = "0.0.0.0") -> Receiver:
-    """Listens for one station's datagrams; without a name, for whichever come."""
+    """Receives one station's datagrams; without a name, those of any station."""
     return Receiver(port, station, address)

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_daemon_started_anew_counts_from_one_and_what_the_old_one_left_is_old() {
+    fn a_restarted_daemon_counts_from_one_and_states_of_its_predecessor_are_old() {
         let mut sequence = Sequence::default();
         sequence.take(&state(1000, 5000), 1);
         assert_eq!(sequence.take(&state(3, 9000), 2), new(2, true));
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn each_suit_sample_is_told_once() {
+    fn each_suit_sample_is_returned_once() {
         let mut sequence = Sequence::default();
         let mut suit_of = |time_ns, suit_age_ns| match sequence
             .take(&State { suit_age_ns, ..state(time_ns, time_ns) }, 1)

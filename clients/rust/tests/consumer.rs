@@ -184,17 +184,17 @@ fn who_asks_seldom_is_given_the_newest() {
 }
 
 #[test]
-fn a_bus_that_was_removed_and_made_again_is_joined_anew() {
-    joins_anew(|consumer| consumer.next(Duration::from_millis(200)));
+fn a_bus_that_was_removed_and_recreated_is_rejoined() {
+    rejoins(|consumer| consumer.next(Duration::from_millis(200)));
 }
 
 #[test]
-fn who_never_waits_joins_anew_too() {
-    joins_anew(|consumer| consumer.next(Duration::ZERO));
-    joins_anew(Consumer::latest);
+fn a_polling_consumer_rejoins() {
+    rejoins(|consumer| consumer.next(Duration::ZERO));
+    rejoins(Consumer::latest);
 }
 
-fn joins_anew(wait: impl Fn(&mut Consumer) -> Result<Reading, NoReading>) {
+fn rejoins(wait: impl Fn(&mut Consumer) -> Result<Reading, NoReading>) {
     let root = root();
     let mut consumer = root.consumer("stayer");
     let first = station(&root);
@@ -231,7 +231,7 @@ fn the_report_is_published_and_the_last_word_too() {
     drop(consumer);
     let last = until("the last report comes", || reports.latest().unwrap());
     counted.time_ns = last.time_ns;
-    assert!(last == counted, "{} states told, {} counted", last.states, counted.states);
+    assert!(last == counted, "{} states reported, {} counted", last.states, counted.states);
 
     let silent = ConsumerSettings { report: false, ..root.settings("modest") };
     let mut consumer = Consumer::join_with(silent).unwrap();

@@ -236,7 +236,7 @@ fn the_python_module_is_what_the_tables_say() {
     let differs = written.lines().zip(module.lines()).position(|(is, should)| is != should);
     assert!(
         written == module,
-        "clients/python/equipoise/_messages.py differs from the tables from line {} on: write it anew, see the head \
+        "clients/python/equipoise/_messages.py differs from the tables from line {} on: rewrite it, see the head \
          of this test",
         differs.map_or(written.lines().count().min(module.lines().count()), |line| line) + 1
     );

@@ -183,7 +183,7 @@ fn a_viewer_sees_scene_state_and_beat_and_then_the_reason_why_there_is_none() {
 }
 
 #[test]
-fn a_viewer_that_reads_nothing_costs_no_memory_and_delays_nobody() {
+fn a_viewer_that_reads_nothing_costs_no_memory_and_delays_no_other() {
     let mut outlet = outlet();
     let mut stuck = Viewer::connect(outlet.port());
     stuck.subscribe_to_all();
@@ -238,7 +238,7 @@ impl Drop for Program {
 }
 
 #[test]
-fn a_program_that_serves_nobody_any_more_ends_and_says_so() {
+fn a_program_whose_server_has_ended_ends_with_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let address = free_address().unwrap();
     let config = folder.path().join("station.toml");
@@ -261,7 +261,7 @@ fn a_program_that_serves_nobody_any_more_ends_and_says_so() {
     let begun = Instant::now();
     let mut crowd: Vec<TcpStream> = Vec::new();
     let status = loop {
-        assert!(begun.elapsed() < PATIENCE, "it goes on without serving anybody: {}", said());
+        assert!(begun.elapsed() < PATIENCE, "it continues without a server: {}", said());
         if let Some(status) = program.0.try_wait().unwrap() {
             break status;
         }

@@ -311,7 +311,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_name_that_is_not_answered_for_holds_up_nobody() {
+    fn an_unanswered_name_lookup_ends_at_the_deadline() {
         let (_never, asked) = channel::<io::Result<()>>();
         let deadline = Instant::now() + Duration::from_millis(50);
         let error = answer_until(deadline, move || asked.recv().map_err(io::Error::other)).unwrap_err();

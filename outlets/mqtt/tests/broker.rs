@@ -98,7 +98,7 @@ impl Guest {
 }
 
 #[test]
-fn a_station_is_online_tells_levels_and_goes_offline() {
+fn a_station_goes_online_publishes_levels_and_goes_offline() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut outlet = Mqtt::new("cell-7", &config(listener.local_addr().unwrap().port(), "")).unwrap();
     let mut guest = Guest::accept(&listener);
@@ -114,26 +114,35 @@ fn a_station_is_online_tells_levels_and_goes_offline() {
     );
 
     outlet.tell(&reading(Validity(0)));
-    let told = guest.json("equipoise/cell-7/summary");
-    assert_eq!((&told["worst_joint"], &told["levels"]["RightElbow"]), (&"RightElbow".into(), &"red".into()));
+    let summary = guest.json("equipoise/cell-7/summary");
     assert_eq!(
-        (&told["counts"]["green"], &told["counts"]["red"], &told["lifts"]),
+        (&summary["worst_joint"], &summary["levels"]["RightElbow"]),
+        (&"RightElbow".into(), &"red".into())
+    );
+    assert_eq!(
+        (&summary["counts"]["green"], &summary["counts"]["red"], &summary["lifts"]),
         (&21.into(), &1.into(), &3.into())
     );
-    let keys: Vec<_> = told.as_object().unwrap().keys().map(String::as_str).collect();
+    let keys: Vec<_> = summary.as_object().unwrap().keys().map(String::as_str).collect();
     let allowed =
         ["counts", "levels", "lifts", "phase", "sequence", "station", "t", "v", "withheld", "worst_joint"];
     assert_eq!(keys, allowed, "levels and counts only");
 
     outlet.tell(&reading(Validity::MOVING));
-    let told = guest.json("equipoise/cell-7/summary");
-    assert_eq!(told["withheld"], serde_json::json!(["moving"]));
-    assert!(told["levels"].is_null() && told["counts"].is_null() && told["worst_joint"].is_null(), "{told}");
+    let summary = guest.json("equipoise/cell-7/summary");
+    assert_eq!(summary["withheld"], serde_json::json!(["moving"]));
+    assert!(
+        summary["levels"].is_null() && summary["counts"].is_null() && summary["worst_joint"].is_null(),
+        "{summary}"
+    );
 
     outlet.tell(&silence());
-    let told = guest.json("equipoise/cell-7/summary");
-    assert_eq!(told["withheld"], serde_json::json!(["daemon_silent"]));
-    assert!(told["levels"].is_null() && told["lifts"].is_null() && told["phase"].is_null(), "{told}");
+    let summary = guest.json("equipoise/cell-7/summary");
+    assert_eq!(summary["withheld"], serde_json::json!(["daemon_silent"]));
+    assert!(
+        summary["levels"].is_null() && summary["lifts"].is_null() && summary["phase"].is_null(),
+        "{summary}"
+    );
 
     let leaving = std::thread::spawn(move || drop(outlet));
     let farewell = guest.publish();
@@ -143,7 +152,7 @@ fn a_station_is_online_tells_levels_and_goes_offline() {
 }
 
 #[test]
-fn how_a_person_moves_is_told_only_if_it_is_asked_for() {
+fn motion_is_published_only_if_configured() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let config = config(listener.local_addr().unwrap().port(), "motion = true");
     let mut outlet = Mqtt::new("cell-7", &config).unwrap();
@@ -157,7 +166,7 @@ fn how_a_person_moves_is_told_only_if_it_is_asked_for() {
 }
 
 #[test]
-fn a_broker_that_does_not_answer_holds_up_nobody_and_the_newest_is_told_when_it_does() {
+fn a_broker_that_does_not_answer_blocks_nothing_and_then_receives_the_newest() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut outlet = Mqtt::new("cell-7", &config(listener.local_addr().unwrap().port(), "")).unwrap();
     let mut stuck = Guest::accept(&listener);

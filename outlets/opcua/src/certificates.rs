@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn key_and_certificate_are_made_once_and_for_nobody_else() {
+    fn key_and_certificate_are_made_once_and_are_private() {
         let scratch = tempfile::tempdir().unwrap();
         let pki = scratch.path().join("state/opcua");
         prepare(&pki, "urn:a", "a.example").unwrap();

@@ -34,8 +34,8 @@ impl Held {
         (items > ITEMS_MAX || subscriptions > SUBSCRIPTIONS_MAX).then(|| {
             format!(
                 "clients that came and went have left {subscriptions} subscriptions and {items} monitored items behind; \
-                 only a new server is rid of them. If this comes often, look for a client whose connection breaks, or \
-                 that makes its subscriptions ever anew"
+                 only a restarted server releases them. If this recurs, look for a client whose connection breaks, or \
+                 that creates its subscriptions again and again"
             )
         })
     }

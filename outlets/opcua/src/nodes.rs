@@ -178,12 +178,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_time_that_runs_backwards_is_not_told() {
+    fn a_time_that_runs_backwards_is_not_published() {
         let mut newest = Newest::default();
         let at =
             |ticks: i64| DataValue { source_timestamp: Some(DateTime::from(ticks)), ..DataValue::default() };
-        let told = [(10, true), (20, true), (20, true), (5, false), (19, false), (21, true)];
-        for (ticks, may) in told {
+        let cases = [(10, true), (20, true), (20, true), (5, false), (19, false), (21, true)];
+        for (ticks, may) in cases {
             assert_eq!(newest.may_have_time(&at(ticks)), may, "{ticks}");
             newest.may_have_time(&DataValue::default());
         }

@@ -46,10 +46,12 @@ struct Board {
     handle: ServerHandle,
     keeper: Arc<Keeper>,
     nodes: Vec<NodeId>,
-    told: Mutex<Told>,
+    published: Mutex<Published>,
 }
 
-struct Told {
+/// What the nodes show.
+struct Published {
+    /// When the nodes were last set by a tick.
     at: Instant,
     /// Whether any state was available since the server started.
     ever: bool,
@@ -79,13 +81,13 @@ impl OpcUa {
         let pki = config.pki.clone().map_or_else(certificates::usual_folder, Ok)?;
         let mut server = Server::new(station, config, &pki, users)?;
         let newest = vec![Newest::default(); server.nodes.len()];
-        let told =
-            Told { at: Instant::now(), ever: false, has_values: false, withdrawn: 0, items: 0, newest };
+        let published =
+            Published { at: Instant::now(), ever: false, has_values: false, withdrawn: 0, items: 0, newest };
         let board = Arc::new(Board {
             handle: server.handle.clone(),
             keeper: Arc::clone(&server.keeper),
             nodes: server.nodes.clone(),
-            told: Mutex::new(told),
+            published: Mutex::new(published),
         });
         board.show(&Err(NoReading::Silent { silent: Duration::ZERO }));
         let silence_max = Duration::from_secs_f64(BEATS_MISSED_MAX / config.rate_hz).max(SILENCE_MIN);
@@ -112,7 +114,7 @@ impl Outlet for OpcUa {
             Some(Variant::UInt32(count)) => u64::from(count),
             _ => 0,
         };
-        Tally { sent: self.beats, lost: self.board.told().withdrawn, peers }
+        Tally { sent: self.beats, lost: self.board.published().withdrawn, peers }
     }
 }
 
@@ -128,27 +130,28 @@ impl Drop for OpcUa {
 }
 
 impl Board {
-    fn told(&self) -> std::sync::MutexGuard<'_, Told> {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner)
+    fn published(&self) -> std::sync::MutexGuard<'_, Published> {
+        self.published.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn show(&self, seen: &Seen) {
-        let mut told = self.told();
-        told.ever |= seen.is_ok();
-        told.at = Instant::now();
-        let values = of_seen(seen, told.ever, Clocks::now());
-        self.put(&mut told, values, seen.is_ok());
+        let mut published = self.published();
+        published.ever |= seen.is_ok();
+        published.at = Instant::now();
+        let values = of_seen(seen, published.ever, Clocks::now());
+        self.put(&mut published, values, seen.is_ok());
     }
 
     /// The caller holds the lock, so that the watchdog cannot overtake a tick.
-    fn put(&self, told: &mut Told, values: Vec<DataValue>, has_values: bool) {
-        let renewed = renew(&self.keeper, self.handle.subscriptions(), &self.nodes, &mut told.newest, values);
+    fn put(&self, published: &mut Published, values: Vec<DataValue>, has_values: bool) {
+        let renewed =
+            renew(&self.keeper, self.handle.subscriptions(), &self.nodes, &mut published.newest, values);
         match renewed {
-            Ok(items) => told.items = items,
+            Ok(items) => published.items = items,
             Err(code) => error!("nodes cannot be renewed: {code}"),
         }
-        if told.has_values != has_values {
-            told.has_values = has_values;
+        if published.has_values != has_values {
+            published.has_values = has_values;
             self.handle.set_service_level(SERVICE_LEVELS[usize::from(!has_values)]);
         }
     }
@@ -156,23 +159,25 @@ impl Board {
     /// Withdraws all values if ticks have ceased for too long. Repeated at every check, so that clients that subscribed
     /// during the withdrawal are notified, too.
     fn withdraw_if_silent(&self, silence_max: Duration) {
-        let mut told = self.told();
-        let silent = told.at.elapsed();
+        let mut published = self.published();
+        let silent = published.at.elapsed();
         if silent <= silence_max {
             return;
         }
-        if told.has_values {
-            told.withdrawn += 1;
+        if published.has_values {
+            published.withdrawn += 1;
             warn!("no beat for {} ms: values are withdrawn", silent.as_millis());
         }
-        let values = of_no_reading(&NoReading::Silent { silent }, told.ever, Clocks::now());
-        self.put(&mut told, values, false);
+        let values = of_no_reading(&NoReading::Silent { silent }, published.ever, Clocks::now());
+        self.put(&mut published, values, false);
     }
 
     /// The reason why the server must end, if clients have left too many resources behind.
     fn left_behind(&self) -> Option<String> {
-        let held =
-            Held { subscriptions: leftovers::subscriptions_held(&self.handle), items: self.told().items };
+        let held = Held {
+            subscriptions: leftovers::subscriptions_held(&self.handle),
+            items: self.published().items,
+        };
         held.too_much(leftovers::living(self.handle.subscriptions(), &mut self.keeper.inner().sessions()))
     }
 }

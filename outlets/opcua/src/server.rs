@@ -74,13 +74,13 @@ impl Server {
     }
 
     /// Serves in a thread of its own until the handle is cancelled; `on_end` is called if the server ends otherwise.
-    /// The future `beside` runs concurrently and ends the server when it returns a reason.
+    /// The future `monitor` runs concurrently and ends the server when it returns a reason.
     ///
     /// # Errors
     /// The thread cannot be started, or the server already runs.
     pub fn serve(
         &mut self,
-        beside: impl Future<Output = String> + Send + 'static,
+        monitor: impl Future<Output = String> + Send + 'static,
         on_end: impl FnOnce(String) + Send + 'static,
     ) -> anyhow::Result<JoinHandle<()>> {
         let (runtime, inner, listener) = self.inner.take().context("it serves already")?;
@@ -90,7 +90,7 @@ impl Server {
                     tokio::net::TcpListener::from_std(listener).map_err(|error| error.to_string())?;
                 tokio::select! {
                     outcome = inner.run_with(listener) => outcome,
-                    why = beside => Err(why),
+                    why = monitor => Err(why),
                 }
             });
             if let Err(what) = outcome {

@@ -352,7 +352,7 @@ fn nothing_can_be_written() {
 }
 
 #[test]
-fn without_a_name_nobody_reads_where_names_are_asked_for() {
+fn anonymous_clients_are_refused_where_names_are_required() {
     let station = Station::new("anonymous = false\nusers_file = \"users\"");
     run(async {
         assert!(station.plain().await.is_none());

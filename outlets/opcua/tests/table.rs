@@ -53,14 +53,15 @@ fn reasons() -> String {
     let mut text =
         "| bit of `Valid` | reason | spoils | status of what it spoils |\n|---:|---|---|---|\n".to_owned();
     for (reason, name) in Validity::NAMES {
-        let spoilt: Vec<_> = ["torques", "lifted_mass", "back"]
+        let invalidated: Vec<_> = ["torques", "lifted_mass", "back"]
             .into_iter()
             .filter(|wanted| {
                 Validity::SPOILERS.iter().any(|(set, name)| name == wanted && set.any_of(*reason))
             })
             .collect();
         let bit = reason.0.trailing_zeros();
-        writeln!(text, "| {bit} | `{name}` | {} | {} |", spoilt.join(", "), of_withheld(*reason)).unwrap();
+        writeln!(text, "| {bit} | `{name}` | {} | {} |", invalidated.join(", "), of_withheld(*reason))
+            .unwrap();
     }
     text
 }
@@ -81,5 +82,5 @@ fn the_document_shows_the_nodes_as_they_are_declared() {
         std::fs::write(path, format!("{head}{BEGIN}{tables}{END}{tail}")).unwrap();
         return;
     }
-    assert_eq!(written, tables, "docs/consumers/opcua.md: write its tables anew, see the head of this test");
+    assert_eq!(written, tables, "docs/consumers/opcua.md: rewrite its tables, see the head of this test");
 }

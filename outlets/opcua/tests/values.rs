@@ -70,7 +70,7 @@ fn source_times_are_those_of_the_moment_by_the_wall_clock() {
 }
 
 #[test]
-fn what_is_no_number_is_not_told_as_one() {
+fn a_value_that_is_not_a_number_is_not_published() {
     let mut reading = reading(Validity(0));
     reading.state.lifted_mass_kg = f64::NAN;
     reading.state.torque_nm[3][1] = f64::INFINITY;

@@ -24,8 +24,8 @@ fn default_rate_hz() -> f64 {
 impl FoxgloveConfig {
     pub(super) fn check(&self) -> Checked {
         if !self.listen.ip().is_loopback() {
-            let what = "it shows how a person moves, to whoever connects: use a loopback address, for example \
-                        127.0.0.1:8765, and an SSH tunnel from elsewhere";
+            let what = "it shows a person's motion to every client that connects: use a loopback address, for \
+                        example 127.0.0.1:8765, and an SSH tunnel from elsewhere";
             return Err(("outlets.foxglove.listen", what.to_owned()));
         }
         between("outlets.foxglove.rate_hz", self.rate_hz, 1.0, 200.0)

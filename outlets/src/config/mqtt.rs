@@ -22,16 +22,16 @@ pub struct MqttConfig {
     /// File with the certificate of who signed the broker's (PEM). With it the connection is TLS.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ca_file: Option<PathBuf>,
-    /// File with `name:password`, that nobody else can read.
+    /// File with `name:password`, readable by its owner only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub password_file: Option<PathBuf>,
     /// This client's own certificate (PEM), if the broker asks for one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub certificate_file: Option<PathBuf>,
-    /// Its key (PEM), that nobody else can read.
+    /// Its key (PEM), readable by its owner only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub key_file: Option<PathBuf>,
-    /// Plain TCP to another machine: whoever is on the way reads and changes what is sent.
+    /// Plain TCP to another machine: every machine on the path can read and change the messages.
     #[serde(default)]
     pub insecure: bool,
     /// The whole state too, with positions and torques: how a person moves then leaves this machine.

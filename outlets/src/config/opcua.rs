@@ -22,7 +22,7 @@ pub struct OpcUaConfig {
     /// Folder of certificates; made when it is not there. `opcua` in the state directory if not named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pki: Option<PathBuf>,
-    /// File with `name:password`, one a line, that nobody else can read.
+    /// File with `name:password`, one per line, readable by its owner only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub users_file: Option<PathBuf>,
     /// Whether who names no user may read; if not said, on loopback only.
@@ -56,15 +56,15 @@ impl OpcUaConfig {
         between("outlets.opcua.rate_hz", self.rate_hz, 1.0, 100.0)?;
         between("outlets.opcua.sessions_max", self.sessions_max as f64, 1.0, 100.0)?;
         if self.users_file.is_none() && !self.lets_anonymous_read() {
-            let what = "other machines can reach this address, and nobody may read: name a file with name:password in \
-                        outlets.opcua.users_file, or say anonymous = true if whoever has a trusted certificate may read \
-                        without a name; on 127.0.0.1 neither is needed";
+            let what = "other machines can reach this address, but no client may read: name a file with name:password in \
+                        outlets.opcua.users_file, or set anonymous = true if every client with a trusted certificate may \
+                        read without a name; on 127.0.0.1 neither is needed";
             return Err(("outlets.opcua.listen", what.to_owned()));
         }
         let Some(host) = &self.host else {
             if self.listen.ip().is_unspecified() {
-                let what = "clients are told where to connect to, and every address is none: say the name or address of \
-                            this machine, as host = \"station-1.plant.example\"";
+                let what = "the server announces the address to connect to, and 0.0.0.0 or [::] is none: set the name or \
+                            address of this machine, as host = \"station-1.plant.example\"";
                 return Err(("outlets.opcua.host", what.to_owned()));
             }
             return Ok(());
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn clients_must_be_told_an_address_that_is_one() {
+    fn an_unspecified_address_requires_a_host() {
         let users = "users_file = \"users\"\nlisten = \"0.0.0.0:4840\"\n";
         assert!(refused(users).is_some_and(|what| what.starts_with("outlets.opcua.host")));
         assert_eq!(refused(&format!("{users}host = \"station-1.plant.example\"")), None);

@@ -61,7 +61,7 @@ impl RtdeConfig {
             if !recipe.iter().any(|register| register.value == needed) {
                 let name = needed.name();
                 return Err(format!(
-                    "{name} is missing: inputs hold their last value, so nobody could trust the others"
+                    "{name} is missing: inputs hold their last value, so the others could not be trusted"
                 ));
             }
         }

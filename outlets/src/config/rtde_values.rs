@@ -84,9 +84,9 @@ const LIFTED: Option<Validity> = Some(Validity::SPOILS_LIFTED_MASS);
 /// All values except those per joint.
 #[rustfmt::skip]
 const ROWS: [Row; 22] = [
-    (Value::Sequence, "sequence", true, None, "grows by 1 with each package, 1 to 2³¹ − 1, then 1 again; 0: nobody has written yet"),
-    (Value::State, "state", true, None, "1: there is a current state; 0: nobody has written yet; else there is none: 2 silent, 3 stale, 4 other_clock, 5 bus"),
-    (Value::DaemonLife, "daemon_life", true, None, "grows by 1 when the daemon was started anew (what adds up begins again), not when `subject load` or `subject delete` put another worker in place: that is a second of `model_changed` in `valid` alone; 0: none was heard; 1 again when the outlet was started anew"),
+    (Value::Sequence, "sequence", true, None, "grows by 1 with each package, 1 to 2³¹ − 1, then 1 again; 0: not written yet"),
+    (Value::State, "state", true, None, "1: there is a current state; 0: not written yet; else there is none: 2 silent, 3 stale, 4 other_clock, 5 bus"),
+    (Value::DaemonLife, "daemon_life", true, None, "grows by 1 when the daemon restarts (sums begin again), not when `subject load` or `subject delete` changes the subject: that shows only as a second of `model_changed` in `valid`; 0: no daemon yet; 1 again when the gateway restarts"),
     (Value::Valid, "valid", true, None, "reasons why values are withheld (bits); −1 without a state"),
     (Value::Usable, "usable", true, None, "groups of values that may be used (bits); 0 without a state"),
     (Value::NotGiven, "not_given", true, None, "what the station's sensors never give (bits)"),

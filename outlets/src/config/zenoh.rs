@@ -53,7 +53,7 @@ impl ZenohConfig {
             return Err(("outlets.zenoh.ros_domain_id", what));
         }
         if self.connect.is_empty() && self.listen.is_empty() && self.file.is_none() {
-            let what = "nobody could be reached: name a router, as \"tcp/192.0.2.30:7447\", or an address at \
+            let what = "no peer can be reached: name a router, as \"tcp/192.0.2.30:7447\", or an address at \
                         outlets.zenoh.listen";
             return Err(("outlets.zenoh.connect", what.to_owned()));
         }

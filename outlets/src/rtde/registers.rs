@@ -24,7 +24,7 @@ pub(super) fn word(value: Value, counts: Counts, seen: &Seen) -> Word {
         Value::DaemonLife => Word::Int(i32::try_from(counts.daemon_life).unwrap_or(i32::MAX)),
         Value::State => Word::Int(state_number(seen)),
         value => match seen {
-            Ok(reading) => told(value, &reading.state, reading.age_ns, reading.moment_age_ns),
+            Ok(reading) => word_of_state(value, &reading.state, reading.age_ns, reading.moment_age_ns),
             Err(_) => nothing(value),
         },
     }
@@ -54,7 +54,8 @@ fn zero(value: Value) -> Word {
     if value.is_whole() { Word::Int(0) } else { Word::Double(0.0) }
 }
 
-fn told(value: Value, state: &State, age_ns: u64, moment_age_ns: Option<u64>) -> Word {
+/// Register value with a state; zero if the state's value is invalid.
+fn word_of_state(value: Value, state: &State, age_ns: u64, moment_age_ns: Option<u64>) -> Word {
     if value.needs().is_some_and(|spoilers| state.validity().any_of(spoilers)) {
         return zero(value);
     }

@@ -12,7 +12,7 @@ pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// Contents of a datagram.
 #[derive(Debug)]
-pub struct Told<'a> {
+pub struct Datagram<'a> {
     /// Name of the station.
     pub station: &'a str,
     /// When the sender started, ns since 1970.
@@ -32,12 +32,18 @@ pub struct Told<'a> {
 /// Names of `status`, by number.
 pub const STATUSES: [&str; 5] = ["current", "silent", "stale", "other_clock", "bus"];
 
-impl<'a> Told<'a> {
+impl<'a> Datagram<'a> {
     /// Contents of the datagram for `seen`.
-    pub fn new(station: &'a str, session_ns: u64, sequence: u64, daemon_life: u16, seen: &Seen) -> Told<'a> {
+    pub fn new(
+        station: &'a str,
+        session_ns: u64,
+        sequence: u64,
+        daemon_life: u16,
+        seen: &Seen,
+    ) -> Datagram<'a> {
         let (status, status_ns) = status(seen);
         let reading = seen.as_ref().map_or_else(|_| nothing(), Clone::clone);
-        Told { station, session_ns, sequence, daemon_life, status, status_ns, reading }
+        Datagram { station, session_ns, sequence, daemon_life, status, status_ns, reading }
     }
 
     /// The state.
@@ -87,13 +93,13 @@ fn nothing() -> Reading {
 }
 
 /// Encodes the datagram.
-pub fn encode(told: &Told<'_>) -> [u8; LENGTH] {
+pub fn encode(data: &Datagram<'_>) -> [u8; LENGTH] {
     let mut bytes = [0; LENGTH];
     let mut rest = &mut bytes[..];
     for field in FIELDS {
         let (place, after) = rest.split_at_mut(field.bytes());
         for (at, place) in place.chunks_exact_mut(field.kind.bytes()).enumerate() {
-            write(place, field.kind, value(field, told, at));
+            write(place, field.kind, value(field, data, at));
         }
         rest = after;
     }
@@ -103,9 +109,9 @@ pub fn encode(told: &Told<'_>) -> [u8; LENGTH] {
 }
 
 /// An invalid value is encoded as zero.
-fn value(field: &Field, told: &Told<'_>, at: usize) -> Number {
-    let spoilt = field.needs.is_some_and(|spoilers| told.reading.validity().any_of(spoilers));
-    if spoilt { Number::Whole(0) } else { (field.value)(told, at) }
+fn value(field: &Field, data: &Datagram<'_>, at: usize) -> Number {
+    let invalid = field.needs.is_some_and(|reasons| data.reading.validity().any_of(reasons));
+    if invalid { Number::Whole(0) } else { (field.value)(data, at) }
 }
 
 fn write(place: &mut [u8], kind: Kind, number: Number) {

@@ -8,7 +8,7 @@ use equipoise_core::body::JOINTS;
 use equipoise_core::message::Validity;
 use equipoise_core::message::state::NotGiven;
 
-use super::encode::Told;
+use super::encode::Datagram;
 use Kind::{Char, F32, U8, U16, U32, U64};
 use Number::{Real, Whole};
 
@@ -95,7 +95,7 @@ pub struct Field {
     pub needs: Option<Validity>,
     /// Description.
     pub meaning: &'static str,
-    pub(super) value: fn(&Told<'_>, usize) -> Number,
+    pub(super) value: fn(&Datagram<'_>, usize) -> Number,
 }
 
 impl Field {
@@ -115,7 +115,7 @@ impl Field {
     }
 }
 
-type Value = fn(&Told<'_>, usize) -> Number;
+type Value = fn(&Datagram<'_>, usize) -> Number;
 
 /// A field that is valid regardless of `valid`.
 const fn always(
@@ -151,102 +151,102 @@ pub const FIELDS: &[Field] = &[
     always("magic", Char, &[4], "", "`EQPU`", |_, at| Whole(u64::from(MAGIC[at]))),
     always("version", U16, &[], "", "number of this table: 2", |_, _| Whole(u64::from(VERSION))),
     always("length", U16, &[], "bytes", "of the whole datagram", |_, _| Whole(LENGTH as u64)),
-    always("station", Char, &[STATION_BYTES], "", "name of the station, filled up with zeros", |told, at| {
-        Whole(u64::from(told.station.as_bytes().get(at).copied().unwrap_or(0)))
+    always("station", Char, &[STATION_BYTES], "", "name of the station, filled up with zeros", |data, at| {
+        Whole(u64::from(data.station.as_bytes().get(at).copied().unwrap_or(0)))
     }),
     always("session_ns", U64, &[], "ns", "when the sender started, since 1970 (UTC): a later one counts from 1 again",
-        |told, _| Whole(told.session_ns)),
+        |data, _| Whole(data.session_ns)),
     always("sequence", U64, &[], "", "number of the datagram in the session, from 1; the same for all receivers",
-        |told, _| Whole(told.sequence)),
+        |data, _| Whole(data.sequence)),
     always("status", U32, &[], "", "0: a state follows. Else there is none, and why: 1 silent, 2 stale, 3 other_clock, \
-        4 bus", |told, _| Whole(u64::from(told.status))),
+        4 bus", |data, _| Whole(u64::from(data.status))),
     always("phase", U32, &[], "", "0 waiting, 1 identifying, 2 monitoring, 3 degraded",
-        |told, _| Whole(u64::from(told.state().phase))),
+        |data, _| Whole(u64::from(data.state().phase))),
     always("status_ns", U64, &[], "ns", "silent: for how long; stale: age of the newest state; other_clock: how far it \
-        is ahead; else 0", |told, _| Whole(told.status_ns)),
+        is ahead; else 0", |data, _| Whole(data.status_ns)),
     always("cycle", U64, &[], "", "number of the cycle in the daemon's life, from 1",
-        |told, _| Whole(told.state().cycle)),
+        |data, _| Whole(data.state().cycle)),
     always("state_time_ns", U64, &[], "ns", "when the cycle was due, the station's CLOCK_MONOTONIC",
-        |told, _| Whole(told.state().time_ns)),
+        |data, _| Whole(data.state().time_ns)),
     always("moment_time_ns", U64, &[], "ns", "the moment that torques, forces and centres are about, same clock; 0 \
-        before the first", |told, _| Whole(told.state().suit_sample_time_ns)),
+        before the first", |data, _| Whole(data.state().suit_sample_time_ns)),
     always("age_ns", U64, &[], "ns", "age of the state when it was sent; all ones without one",
-        |told, _| Whole(told.reading.age_ns)),
+        |data, _| Whole(data.reading.age_ns)),
     always("moment_age_ns", U64, &[], "ns", "age of the moment when it was sent; all ones before the first",
-        |told, _| Whole(told.reading.moment_age_ns.unwrap_or(u64::MAX))),
+        |data, _| Whole(data.reading.moment_age_ns.unwrap_or(u64::MAX))),
     always("suit_age_ns", U64, &[], "ns", "age of the newest suit sample at `state_time_ns`; all ones: none came",
-        |told, _| Whole(told.state().suit_age_ns)),
+        |data, _| Whole(data.state().suit_age_ns)),
     always("ground_age_ns", U64, &[], "ns", "age of the newest ground sample at `state_time_ns`; all ones: none came",
-        |told, _| Whole(told.state().ground_age_ns)),
+        |data, _| Whole(data.state().ground_age_ns)),
     always("valid", U64, &[], "bits", "reasons why values are withheld (below); all ones without a state",
-        |told, _| Whole(told.state().valid)),
+        |data, _| Whole(data.state().valid)),
     always("usable", U32, &[], "bits", "groups of values that may be used (below); 0 without a state",
-        |told, _| Whole(u64::from(told.usable()))),
+        |data, _| Whole(u64::from(data.usable()))),
     always("not_given", U32, &[], "bits", "what the station's sensors never give: 1 suit_com, 2 shear",
-        |told, _| Whole(u64::from(told.state().not_given))),
-    always("flags", U32, &[], "bits", "values, added up: 1 not sent before; 4 the worker holds still; 8 identified", |told, _| Whole(flags(told))),
+        |data, _| Whole(u64::from(data.state().not_given))),
+    always("flags", U32, &[], "bits", "values, added up: 1 not sent before; 4 the worker holds still; 8 identified", |data, _| Whole(flags(data))),
     Field { name: "worst_joint", kind: U32, shape: &[], unit: "joint", needs: None,
-        meaning: "the joint closest to its limit; all ones while torques are withheld", value: |told, _| {
-            let known = told.reading.state.unless(TORQUES, told.state().worst_joint);
-            Whole(u64::from(known.unwrap_or(u32::MAX)))
+        meaning: "the joint closest to its limit; all ones while torques are withheld", value: |data, _| {
+            let worst = data.reading.state.unless(TORQUES, data.state().worst_joint);
+            Whole(u64::from(worst.unwrap_or(u32::MAX)))
         } },
-    always("lifts", U32, &[], "", "lifts that entered the dose", |told, _| Whole(u64::from(told.state().lifts))),
+    always("lifts", U32, &[], "", "lifts that entered the dose", |data, _| Whole(u64::from(data.state().lifts))),
     Field { name: "joint_level", kind: U8, shape: PER_JOINT, unit: "", needs: Some(TORQUES),
         meaning: "0 none, 1 green, 2 orange, 3 red, 4 above_max, 5 undecided: treat it as the worst",
-        value: |told, at| Whole(u64::from(told.state().joint_level[at])) },
+        value: |data, at| Whole(u64::from(data.state().joint_level[at])) },
     always("daemon_life", U16, &[], "", "how many daemons the sender heard in this session, of which this one is the last; \
-        0: none yet. Another number, or another session, is another daemon's life", |told, _| Whole(told.daemon_life.into())),
+        0: none yet. Another number, or another session, is another daemon's life", |data, _| Whole(data.daemon_life.into())),
     unless(TORQUES, "torque_magnitude_nm", PER_JOINT, "N m", "overload torque of each joint: length of `torque_nm`",
-        |told, at| Real(length(told.state().torque_nm[at]))),
+        |data, at| Real(length(data.state().torque_nm[at]))),
     unless(TORQUES, "torque_nm", &[JOINTS, 3], "N m", "overload torque of each joint, world axes",
-        |told, at| Real(told.state().torque_nm[at / 3][at % 3])),
+        |data, at| Real(data.state().torque_nm[at / 3][at % 3])),
     unless(TORQUES, "torque_sigma_nm", PER_JOINT, "N m", "1-σ of `torque_magnitude_nm`",
-        |told, at| Real(told.state().torque_sigma_nm[at])),
+        |data, at| Real(data.state().torque_sigma_nm[at])),
     unless(TORQUES, "torque_limit_nm", PER_JOINT, "N m", "τ_max of each joint for this worker",
-        |told, at| Real(told.state().torque_limit_nm[at])),
+        |data, at| Real(data.state().torque_limit_nm[at])),
     always("fatigue", F32, PER_JOINT, "0 to 1", "overloading fatigue of each joint",
-        |told, at| Real(told.state().fatigue[at])),
+        |data, at| Real(data.state().fatigue[at])),
     unless(Validity::SPOILS_LIFTED_MASS, "lifted_mass_kg", &[], "kg", "mass in the hands",
-        |told, _| Real(told.state().lifted_mass_kg)),
+        |data, _| Real(data.state().lifted_mass_kg)),
     unless(Validity::SPOILS_LIFTED_MASS, "lifted_mass_sigma_kg", &[], "kg", "1-σ of it",
-        |told, _| Real(told.state().lifted_mass_sigma_kg)),
+        |data, _| Real(data.state().lifted_mass_sigma_kg)),
     unless(TORQUES, "load_distance_m", &[], "m", "horizontal, from the load to the line between the hands",
-        |told, _| Real(told.state().load_distance_m)),
+        |data, _| Real(data.state().load_distance_m)),
     unless(TORQUES, "reach_m", &[], "m", "horizontal, from the middle of the ankles to the load",
-        |told, _| Real(told.state().reach_m)),
+        |data, _| Real(data.state().reach_m)),
     unless(TORQUES, "eta", &[2], "share", "of the load in the left and the right hand",
-        |told, at| Real(told.state().eta[at])),
+        |data, at| Real(data.state().eta[at])),
     unless(TORQUES, "advice_direction", &[3], "1", "where the load should move to relieve the worst joint, world axes; \
-        zero if nowhere", |told, at| Real(told.state().advice_direction[at])),
+        zero if nowhere", |data, at| Real(data.state().advice_direction[at])),
     unless(TORQUES, "advice_gain_nm_per_cm", &[], "N m/cm", "by how much that relieves it",
-        |told, _| Real(told.state().advice_gain_nm_per_cm)),
+        |data, _| Real(data.state().advice_gain_nm_per_cm)),
     unless(Validity::SPOILS_DELTA_F, "delta_f_n", &[3], "N", "external force carried, world axes",
-        |told, at| Real(told.state().delta_f_n[at])),
+        |data, at| Real(data.state().delta_f_n[at])),
     unless(Validity::SPOILS_DELTA_F, "delta_f_sigma_n", &[], "N", "1-σ of its vertical part",
-        |told, _| Real(told.state().delta_f_sigma_n)),
+        |data, _| Real(data.state().delta_f_sigma_n)),
     unless(Validity::SPOILS_GROUND_FORCE, "ground_force_n", &[3], "N", "ground reaction on the person, world axes; x and \
-        y are 0 where `not_given` has shear", |told, at| Real(ground_force_n(told, at))),
+        y are 0 where `not_given` has shear", |data, at| Real(ground_force_n(data, at))),
     unless(Validity::SPOILS_COP_MEASURED, "cop_measured_m", &[2], "m", "measured centre of pressure, world x and y",
-        |told, at| Real(told.state().cop_measured_m[at])),
+        |data, at| Real(data.state().cop_measured_m[at])),
     unless(Validity::SPOILS_COP_ESTIMATED, "cop_estimated_m", &[2], "m", "the one that the unloaded body would have",
-        |told, at| Real(told.state().cop_estimated_m[at])),
+        |data, at| Real(data.state().cop_estimated_m[at])),
     unless(Validity::SPOILS_COM, "com_m", &[3], "m", "estimated centre of mass of the unloaded body",
-        |told, at| Real(told.state().com_m[at])),
-    unless(BACK, "l5s1_moment_nm", &[], "N m", "net moment at L5/S1", |told, _| Real(told.state().l5s1_moment_nm)),
-    unless(BACK, "l5s1_moment_sigma_nm", &[], "N m", "1-σ of it", |told, _| Real(told.state().l5s1_moment_sigma_nm)),
+        |data, at| Real(data.state().com_m[at])),
+    unless(BACK, "l5s1_moment_nm", &[], "N m", "net moment at L5/S1", |data, _| Real(data.state().l5s1_moment_nm)),
+    unless(BACK, "l5s1_moment_sigma_nm", &[], "N m", "1-σ of it", |data, _| Real(data.state().l5s1_moment_sigma_nm)),
     unless(BACK, "l5s1_compression_n", &[], "N", "estimated compression of the L5/S1 disc",
-        |told, _| Real(told.state().l5s1_compression_n)),
+        |data, _| Real(data.state().l5s1_compression_n)),
     unless(BACK, "l5s1_compression_sigma_n", &[], "N", "1-σ of it",
-        |told, _| Real(told.state().l5s1_compression_sigma_n)),
+        |data, _| Real(data.state().l5s1_compression_sigma_n)),
     always("dose_damage", F32, &[], "1", "cumulative damage of the low back, 1 being failure",
-        |told, _| Real(told.state().dose_damage)),
+        |data, _| Real(data.state().dose_damage)),
     always("dose_probability", F32, &[], "0 to 1", "probability of a high-risk job by that dose",
-        |told, _| Real(told.state().dose_probability)),
+        |data, _| Real(data.state().dose_probability)),
     always("crc32", U32, &[], "", "CRC-32 (ISO-HDLC: Ethernet's, zlib's) of all bytes before it", |_, _| Whole(0)),
 ];
 
-fn flags(told: &Told<'_>) -> u64 {
-    let (reading, state) = (&told.reading, told.state());
+fn flags(data: &Datagram<'_>) -> u64 {
+    let (reading, state) = (&data.reading, data.state());
     // Bit 1 was a one-time restart flag, which was lost if its datagram was lost; `daemon_life` in each datagram
     // replaces it.
     let bits = [reading.is_new, false, state.static_pose != 0, state.converged != 0];
@@ -257,7 +257,7 @@ fn length(vector: [f64; 3]) -> f64 {
     vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
-fn ground_force_n(told: &Told<'_>, axis: usize) -> f64 {
-    let given = axis == 2 || told.state().gives(NotGiven::Shear);
-    if given { told.state().ground_force_n[axis] } else { 0.0 }
+fn ground_force_n(data: &Datagram<'_>, axis: usize) -> f64 {
+    let given = axis == 2 || data.state().gives(NotGiven::Shear);
+    if given { data.state().ground_force_n[axis] } else { 0.0 }
 }

@@ -131,9 +131,9 @@ mod tests {
         peer.opened = None;
         peer.send(b"two");
         let mut bytes = [0; 10];
-        for told in [b"one", b"two"] {
+        for sent in [b"one", b"two"] {
             let count = listener.recv(&mut bytes).unwrap();
-            assert_eq!(&bytes[..count], told);
+            assert_eq!(&bytes[..count], sent);
         }
         drop(listener);
         for _ in 0..3 {

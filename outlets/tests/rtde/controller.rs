@@ -32,7 +32,7 @@ pub(crate) struct Controller {
     /// Reads, but sends no data.
     pub(crate) is_mute: AtomicBool,
     /// Data packages sent.
-    pub(crate) told: AtomicU64,
+    pub(crate) packages_sent: AtomicU64,
 }
 
 /// Serves in the background until the test ends.
@@ -184,7 +184,7 @@ impl Conversation<'_> {
                 if !is_quiet && write_package(&mut stream, b'U', &[&[1], &timestamp[..]].concat()).is_err() {
                     return;
                 }
-                controller.told.fetch_add(u64::from(!is_quiet), Ordering::SeqCst);
+                controller.packages_sent.fetch_add(u64::from(!is_quiet), Ordering::SeqCst);
                 std::thread::sleep(std::time::Duration::from_secs_f64(1.0 / rate_hz));
             }
         });

@@ -29,7 +29,7 @@ fn the_documents_name_every_value() {
     assert_eq!(
         copy.trim(),
         table.trim(),
-        "docs/consumers/rtde.md tells another table; EQUIPOISE_WRITE=1 writes it"
+        "docs/consumers/rtde.md has another table; EQUIPOISE_WRITE=1 writes it"
     );
 }
 

@@ -37,9 +37,9 @@ fn tell_until_taken(outlet: &mut Rtde, controller: &Controller, seen: &Seen) -> 
     // This is the last package sent; wait until it arrives.
     let sequence = "input_int_register_24";
     outlet.tell(seen);
-    let told = outlet.tally().sent + outlet.tally().lost;
-    while controller.inputs.lock().unwrap()[sequence] < told as f64 {
-        assert!(begun.elapsed() < PATIENCE, "package {told} does not arrive: {}", outlet.tally());
+    let packages = outlet.tally().sent + outlet.tally().lost;
+    while controller.inputs.lock().unwrap()[sequence] < packages as f64 {
+        assert!(begun.elapsed() < PATIENCE, "package {packages} does not arrive: {}", outlet.tally());
         std::thread::sleep(Duration::from_millis(1));
     }
     controller.inputs.lock().unwrap().clone()
@@ -69,8 +69,8 @@ fn the_registers_hold_the_state() {
         ("double_register_28", state.lifted_mass_kg),
         ("double_register_29", state.reach_m),
     ] {
-        let told = inputs[&format!("input_{name}")];
-        assert!((told - value).abs() < 1e-12 * value.abs().max(1.0), "{name}: {told}, not {value}");
+        let received = inputs[&format!("input_{name}")];
+        assert!((received - value).abs() < 1e-12 * value.abs().max(1.0), "{name}: {received}, not {value}");
     }
     assert_eq!(inputs.len(), 12);
     assert_eq!(outlet.tally().peers, 1);
@@ -100,10 +100,10 @@ fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
         let mut state = state();
         (state.valid, state.joint_level[0]) = (valid.0, 2);
         let inputs = tell_until_taken(&mut outlet, &controller, &Ok(reading(state)));
-        let told = |kind: &str, number: u8| inputs[&format!("input_{kind}_register_{number}")];
-        assert_eq!(told("int", 26), valid.0 as f64);
+        let register = |kind: &str, number: u8| inputs[&format!("input_{kind}_register_{number}")];
+        assert_eq!(register("int", 26), valid.0 as f64);
         for (bit, (spoilers, name)) in Validity::SPOILERS.iter().enumerate() {
-            let may = told("int", 27) as u32 >> bit & 1 == 1;
+            let may = register("int", 27) as u32 >> bit & 1 == 1;
             assert_eq!(may, !valid.any_of(*spoilers), "{name}");
         }
         for (number, kind, spoilers) in [
@@ -115,14 +115,14 @@ fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
             (27, "double", Validity::SPOILS_DELTA_F),
         ] {
             assert_eq!(
-                told(kind, number) != 0.0,
+                register(kind, number) != 0.0,
                 !valid.any_of(spoilers),
                 "{kind} {number} with {}",
                 valid.0
             );
         }
-        assert_eq!(told("int", 29) < 0.0, valid != Validity::default());
-        assert_eq!(told("double", 47), state.fatigue[0], "fatigue is never withheld");
+        assert_eq!(register("int", 29) < 0.0, valid != Validity::default());
+        assert_eq!(register("double", 47), state.fatigue[0], "fatigue is never withheld");
     }
 }
 
@@ -155,15 +155,16 @@ fn without_a_state_the_reason_is_written_and_the_values_go() {
 }
 
 #[test]
-fn another_life_of_the_daemon_is_told_and_outlasts_its_silence() {
+fn another_life_of_the_daemon_is_published_and_outlasts_its_silence() {
     let (controller, robot) = start();
     let registers = "registers = { sequence = 24, state = 25, daemon_life = 26 }";
     let mut outlet = Rtde::new(&config(robot, registers)).unwrap();
     let silent = || Err(NoReading::Silent { silent: Duration::from_secs(1) });
     let life = |daemon_life| Ok(equipoise_client::Reading { daemon_life, ..reading(state()) });
-    for (seen, told) in [(silent(), 0.0), (life(1), 1.0), (silent(), 1.0), (life(2), 2.0), (life(2), 2.0)] {
+    for (seen, expected) in [(silent(), 0.0), (life(1), 1.0), (silent(), 1.0), (life(2), 2.0), (life(2), 2.0)]
+    {
         let inputs = tell_until_taken(&mut outlet, &controller, &seen);
-        assert_eq!(inputs["input_int_register_26"], told);
+        assert_eq!(inputs["input_int_register_26"], expected);
     }
 }
 
@@ -259,7 +260,7 @@ fn a_controller_without_a_sign_of_life_is_left() {
     let (controller, robot) = start();
     let mut outlet = Rtde::new(&config(robot, "")).unwrap();
     tell_until_taken(&mut outlet, &controller, &Ok(reading(state())));
-    tell_until(&mut outlet, "it was heard", |_| controller.told.load(SeqCst) > 10);
+    tell_until(&mut outlet, "the controller sends data", |_| controller.packages_sent.load(SeqCst) > 10);
     controller.is_mute.store(true, SeqCst);
     assert!(tell_until_left(&mut outlet).1 > 1);
     controller.is_mute.store(false, SeqCst);

@@ -7,7 +7,7 @@ use equipoise_client::{NoReading, Reading};
 use equipoise_core::message::state::NotGiven;
 use equipoise_core::message::{State, Validity};
 use equipoise_outlets::outlet::Seen;
-use equipoise_outlets::udp::encode::{Told, encode};
+use equipoise_outlets::udp::encode::{Datagram, encode};
 
 use crate::states::{reading, reasons, state};
 
@@ -53,7 +53,7 @@ fn by_the_documents(datagram: &[u8]) -> HashMap<String, Row> {
 }
 
 fn datagram(seen: &Seen) -> Vec<u8> {
-    encode(&Told::new("cell-7", 1_700_000_000_000_000_000, 42, 3, seen)).to_vec()
+    encode(&Datagram::new("cell-7", 1_700_000_000_000_000_000, 42, 3, seen)).to_vec()
 }
 
 fn with(change: impl FnOnce(&mut State)) -> Reading {
@@ -66,26 +66,26 @@ fn with(change: impl FnOnce(&mut State)) -> Reading {
 fn every_value_arrives_as_the_documents_say() {
     let state = state();
     let rows = by_the_documents(&datagram(&Ok(reading(state))));
-    let told = |name: &str| rows[name].numbers.clone();
+    let decoded = |name: &str| rows[name].numbers.clone();
     let text: Vec<_> = b"EQPU".iter().map(|byte| f64::from(*byte)).collect();
-    assert_eq!(told("magic"), text);
-    assert_eq!(&told("station")[..7], b"cell-7\0".map(f64::from));
-    assert_eq!(told("sequence"), [42.0]);
-    assert_eq!(told("status"), [0.0]);
-    assert_eq!(told("cycle"), [state.cycle as f64]);
-    assert_eq!(told("state_time_ns"), [state.time_ns as f64]);
-    assert_eq!(told("moment_time_ns"), [state.suit_sample_time_ns as f64]);
-    assert_eq!(told("age_ns"), [1_234_567.0]);
-    assert_eq!(told("moment_age_ns"), [71_234_567.0]);
-    assert_eq!(told("worst_joint"), [21.0]);
-    assert_eq!(told("flags"), [13.0]);
-    assert_eq!(told("daemon_life"), [3.0]);
-    assert_eq!(told("joint_level"), state.joint_level.map(f64::from));
-    assert_eq!(told("torque_nm"), state.torque_nm.as_flattened());
-    assert_eq!(told("torque_sigma_nm"), state.torque_sigma_nm);
-    assert_eq!(told("torque_limit_nm"), state.torque_limit_nm);
-    assert_eq!(told("fatigue"), state.fatigue);
-    for (magnitude, torque) in told("torque_magnitude_nm").iter().zip(state.torque_nm) {
+    assert_eq!(decoded("magic"), text);
+    assert_eq!(&decoded("station")[..7], b"cell-7\0".map(f64::from));
+    assert_eq!(decoded("sequence"), [42.0]);
+    assert_eq!(decoded("status"), [0.0]);
+    assert_eq!(decoded("cycle"), [state.cycle as f64]);
+    assert_eq!(decoded("state_time_ns"), [state.time_ns as f64]);
+    assert_eq!(decoded("moment_time_ns"), [state.suit_sample_time_ns as f64]);
+    assert_eq!(decoded("age_ns"), [1_234_567.0]);
+    assert_eq!(decoded("moment_age_ns"), [71_234_567.0]);
+    assert_eq!(decoded("worst_joint"), [21.0]);
+    assert_eq!(decoded("flags"), [13.0]);
+    assert_eq!(decoded("daemon_life"), [3.0]);
+    assert_eq!(decoded("joint_level"), state.joint_level.map(f64::from));
+    assert_eq!(decoded("torque_nm"), state.torque_nm.as_flattened());
+    assert_eq!(decoded("torque_sigma_nm"), state.torque_sigma_nm);
+    assert_eq!(decoded("torque_limit_nm"), state.torque_limit_nm);
+    assert_eq!(decoded("fatigue"), state.fatigue);
+    for (magnitude, torque) in decoded("torque_magnitude_nm").iter().zip(state.torque_nm) {
         let length = torque.iter().map(|value| value * value).sum::<f64>().sqrt();
         assert!((magnitude - length).abs() < 1e-6 * length, "{magnitude} is not the length of {torque:?}");
     }
@@ -110,7 +110,7 @@ fn every_value_arrives_as_the_documents_say() {
         ("dose_damage", &[state.dose_damage]),
         ("dose_probability", &[state.dose_probability]),
     ] {
-        assert_eq!(told(name), values, "{name}");
+        assert_eq!(decoded(name), values, "{name}");
     }
 }
 

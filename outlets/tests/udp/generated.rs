@@ -109,7 +109,7 @@ enum equipoise_udp_outcome {
 
 /* Takes the datagrams of one station, each once and in order. */
 typedef struct equipoise_udp_reader {
-    /* NULL: whichever comes. */
+    /* NULL: any station. */
     const char *station;
     uint64_t session_ns;
     uint64_t sequence;
@@ -199,7 +199,7 @@ fn c_header() -> String {
     c_enumeration(&mut out, "phase", "PHASE", numbered(|at| Phase::from_number(at).map(Phase::name)));
     c_enumeration(
         &mut out,
-        "joint_level. UNDECIDED: the torque is told, but not well enough to say which. Treat it as the worst.",
+        "joint_level. UNDECIDED: the torque's uncertainty covers two levels. Treat it as the worst.",
         "LEVEL",
         numbered(|at| Level::from_number(at).map(Level::name)),
     );

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use equipoise_client::{NoReading, Reading};
 use equipoise_core::message::Validity;
 use equipoise_outlets::outlet::Seen;
-use equipoise_outlets::udp::encode::{CRC, Told, encode};
+use equipoise_outlets::udp::encode::{CRC, Datagram, encode};
 
 use crate::states::{reading, state};
 
@@ -61,10 +61,10 @@ impl Reader {
             let line = self.line();
             assert!(line.starts_with("state="), "{line}");
             let pairs = line.split(' ').filter_map(|pair| pair.split_once('='));
-            let told: HashMap<_, _> =
+            let fields: HashMap<_, _> =
                 pairs.filter_map(|(name, value)| Some((name.to_owned(), value.parse().ok()?))).collect();
-            if told["cycle"] >= cycle as i64 {
-                return told;
+            if fields["cycle"] >= cycle as i64 {
+                return fields;
             }
         }
     }
@@ -78,7 +78,7 @@ impl Reader {
 }
 
 fn datagram(session_ns: u64, sequence: u64, seen: &Seen) -> Vec<u8> {
-    encode(&Told::new("cell-7", session_ns, sequence, 1, seen)).to_vec()
+    encode(&Datagram::new("cell-7", session_ns, sequence, 1, seen)).to_vec()
 }
 
 /// A modified datagram with a correct checksum.
@@ -145,7 +145,11 @@ fn ask(reader: &mut Reader) {
             u32::MAX
         )
     );
-    assert_eq!(reader.said(&datagram(later + 1, 1, &current)), taken(1), "a later session counts anew");
+    assert_eq!(
+        reader.said(&datagram(later + 1, 1, &current)),
+        taken(1),
+        "a later session counts from one again"
+    );
 }
 
 fn compiled(scratch: &Path) -> PathBuf {
@@ -179,8 +183,8 @@ impl Sender {
             let mut state = state();
             state.cycle = self.sequence;
             state.time_ns = 3_600_000_000_000 + self.begun.elapsed().as_nanos() as u64;
-            let told = Ok(Reading { age_ns: 0, ..reading(state) });
-            let bytes = datagram(1_700_000_001_000_000_000, self.sequence, &told);
+            let seen = Ok(Reading { age_ns: 0, ..reading(state) });
+            let bytes = datagram(1_700_000_001_000_000_000, self.sequence, &seen);
             self.socket.send_to(&bytes, ("127.0.0.1", to.port)).unwrap();
         }
     }
@@ -192,25 +196,25 @@ fn busy(mut start: impl FnMut() -> Reader) {
         let (mut reader, mut sender) = (start(), Sender::new());
         sender.send(&reader, before);
         if before > 0 {
-            let told = reader.line_from(before);
-            assert!(told["age_ms"] >= 0 && told["missed"] == 0, "{told:?}");
+            let fields = reader.line_from(before);
+            assert!(fields["age_ms"] >= 0 && fields["missed"] == 0, "{fields:?}");
         }
         reader.signal("-STOP");
         sender.send(&reader, 50);
         sleep(Duration::from_secs(1));
         reader.signal("-CONT");
-        let told = reader.line_from(before + 1);
+        let fields = reader.line_from(before + 1);
         let all = before as i64 + 50;
-        assert_eq!((told["cycle"], told["taken"], told["missed"]), (all, all, 0), "{told:?}");
-        assert!(told["age_ms"] >= 1000 && told["speed_percent"] == 0, "{told:?}");
+        assert_eq!((fields["cycle"], fields["taken"], fields["missed"]), (all, all, 0), "{fields:?}");
+        assert!(fields["age_ms"] >= 1000 && fields["speed_percent"] == 0, "{fields:?}");
         // Datagrams that then arrive without delay must not count as late.
         sender.send(&reader, 3);
         sleep(Duration::from_millis(50));
         let until = Instant::now();
         sender.send(&reader, 1);
-        let told = reader.line_from(before + 54);
+        let fields = reader.line_from(before + 54);
         let since_ms = until.elapsed().as_millis() as i64;
-        assert!(told["age_ms"] <= since_ms + 500, "{told:?}, sent {since_ms} ms ago at most");
+        assert!(fields["age_ms"] <= since_ms + 500, "{fields:?}, sent {since_ms} ms ago at most");
     }
 }
 

@@ -46,11 +46,11 @@ fn all_receivers_get_the_same_and_one_that_refuses_is_counted() {
     let tally = outlet.tally();
     assert_eq!(tally.peers, 2);
     assert!(tally.sent >= 100, "{tally}");
-    assert!(tally.lost >= 25, "loopback tells at once that nobody listens: {tally}");
+    assert!(tally.lost >= 25, "loopback reports at once that no process listens: {tally}");
 }
 
 #[test]
-fn each_datagram_tells_the_number_of_the_daemons_life() {
+fn each_datagram_contains_the_number_of_the_daemons_life() {
     let (socket, address) = receiver();
     let mut outlet = Udp::new("cell-7", &[address]);
     let silent = || Err(NoReading::Silent { silent: Duration::from_millis(40) });
@@ -86,7 +86,7 @@ fn who_comes_back_gets_the_next_one() {
 }
 
 #[test]
-fn a_receiver_that_does_not_read_holds_nobody_up() {
+fn a_receiver_that_does_not_read_delays_no_other() {
     let (stuck, reading_one) = (receiver(), receiver());
     let mut outlet = Udp::new("cell-7", &[stuck.1, reading_one.1]);
     // Far more than any socket buffer holds.

@@ -15,12 +15,12 @@ pub fn silence_name(reason: &NoReading) -> &'static str {
     }
 }
 
-/// What is told at a beat, and where it stands among others.
+/// Contents of one tick's message, with its sequence number.
 #[derive(Debug, Clone, Copy)]
-pub struct Told<'a> {
+pub struct JsonMessage<'a> {
     /// Name of the station.
     pub station: &'a str,
-    /// The outlet's life: another one counts from 1 again.
+    /// Session of the gateway: another one counts from 1 again.
     pub session: &'a str,
     /// Number of the message on its key, from 1: a gap is loss.
     pub sequence: u64,
@@ -49,7 +49,7 @@ struct Message<'a> {
     state: Option<StateJson<'a>>,
 }
 
-impl Told<'_> {
+impl JsonMessage<'_> {
     /// The object as text.
     ///
     /// # Errors

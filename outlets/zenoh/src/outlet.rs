@@ -12,7 +12,7 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 
-use crate::json::Told;
+use crate::json::JsonMessage;
 use crate::ros::{RosNames, attachment, state_message};
 use crate::session;
 
@@ -119,7 +119,7 @@ impl ZenohOutlet {
 
     fn tell_json(&mut self, seen: &Seen, now_unix_ns: u64) {
         self.json.sequence += 1;
-        let told = Told {
+        let message = JsonMessage {
             station: &self.station,
             session: &self.session_id,
             sequence: self.json.sequence,
@@ -127,7 +127,7 @@ impl ZenohOutlet {
             seen,
             with_body: self.with_body,
         };
-        match told.to_text() {
+        match message.to_text() {
             Ok(text) => count(&mut self.tally, self.json.publisher.put(text).wait()),
             Err(error) => {
                 self.tally.lost += 1;

@@ -174,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_and_passwords_that_others_can_read_are_refused_wherever_they_are_named() {
+    fn keys_and_passwords_that_others_can_read_are_refused_at_every_setting() {
         let tls = |name: &str, path: &str| {
             format!("{{ transport: {{ link: {{ tls: {{ {name}: {path:?} }} }} }} }}")
         };
@@ -207,7 +207,7 @@ mod tests {
             let refusal = format!("{:#}", folder.settings("").expect_err("it is refused"));
             assert!(refusal.contains(named) && refusal.contains("chmod 0600"), "{refusal}");
             folder.put("secret", "s", 0o600);
-            assert!(folder.settings("").is_ok(), "{named}: nobody else can read it");
+            assert!(folder.settings("").is_ok(), "{named}: only its owner can read it");
         }
         // Key files named in the section are checked, too.
         let folder = Folder::with("{}");
@@ -221,22 +221,22 @@ mod tests {
     fn a_file_opens_only_what_it_says() {
         let tls = r#"{ transport: { link: { tls: { close_link_on_expiration: true } } } }"#;
         let closed = with_file(tls, "connect = [\"tls/192.0.2.30:7447\"]");
-        let told = |settings: &Config, key: &str| get(settings, key).expect("a key of Zenoh's");
-        assert_eq!(told(&closed, "listen/endpoints"), "[]");
-        assert_eq!(told(&closed, "connect/endpoints"), "[\"tls/192.0.2.30:7447\"]");
-        assert_eq!(told(&closed, "scouting/multicast/enabled"), "false");
+        let setting = |settings: &Config, key: &str| get(settings, key).expect("a key of Zenoh's");
+        assert_eq!(setting(&closed, "listen/endpoints"), "[]");
+        assert_eq!(setting(&closed, "connect/endpoints"), "[\"tls/192.0.2.30:7447\"]");
+        assert_eq!(setting(&closed, "scouting/multicast/enabled"), "false");
         assert!(
-            !told(&closed, "scouting/gossip/autoconnect").contains("peer\":[\""),
-            "links that gossip tells of"
+            !setting(&closed, "scouting/gossip/autoconnect").contains("peer\":[\""),
+            "links announced by gossip"
         );
-        assert_eq!(told(&closed, "mode"), "\"peer\"");
-        assert_eq!(told(&closed, "transport/link/tls/close_link_on_expiration"), "true");
+        assert_eq!(setting(&closed, "mode"), "\"peer\"");
+        assert_eq!(setting(&closed, "transport/link/tls/close_link_on_expiration"), "true");
 
         let said = r#"{ mode: "router", listen: { endpoints: ["tcp/192.0.2.17:7447"] },
                         scouting: { multicast: { enabled: true } } }"#;
         let open = with_file(said, "");
-        assert_eq!(told(&open, "mode"), "\"router\"");
-        assert_eq!(told(&open, "listen/endpoints"), "[\"tcp/192.0.2.17:7447\"]");
-        assert_eq!(told(&open, "scouting/multicast/enabled"), "true");
+        assert_eq!(setting(&open, "mode"), "\"router\"");
+        assert_eq!(setting(&open, "listen/endpoints"), "[\"tcp/192.0.2.17:7447\"]");
+        assert_eq!(setting(&open, "scouting/multicast/enabled"), "true");
     }
 }

@@ -197,8 +197,8 @@ fn each_reason_empties_what_it_spoils_and_nothing_else() {
             (written(&seen(state)), serde_json::to_value(StateJson::new(&state, 0.0)).unwrap());
         assert_eq!(message["reasons"], json!([name]));
         for (key, field) in pairs {
-            let told = !message[field].as_array().unwrap().is_empty();
-            assert_eq!(told, json.get(key).is_some(), "{field} under {name}");
+            let is_present = !message[field].as_array().unwrap().is_empty();
+            assert_eq!(is_present, json.get(key).is_some(), "{field} under {name}");
         }
     }
 }

@@ -98,15 +98,15 @@ fn a_dashboard_reads_states_by_wildcard_in_their_order_and_hears_of_silence() {
         assert_eq!((&message["age_ns"], &message["moment_age_ns"]), (&Value::from(1), &Value::from(2)));
     }
     let silent = Err(NoReading::Silent { silent: Duration::from_secs(1) });
-    let told = tell_until(&mut outlet, &silent, &states, 10);
-    let message = json(told.last().unwrap());
+    let messages = tell_until(&mut outlet, &silent, &states, 10);
+    let message = json(messages.last().unwrap());
     assert_eq!((&message["current"], &message["silence"]), (&Value::from(false), &Value::from("silent")));
     assert!(message.get("state").is_none() && message.get("age_ns").is_none());
     assert!(message["sequence"].as_u64().unwrap() > last);
 }
 
 #[test]
-fn mass_and_centre_of_mass_are_told_only_if_it_is_asked_for() {
+fn mass_and_centre_of_mass_are_published_only_if_configured() {
     for body in [false, true] {
         let port = free_address().unwrap().port();
         let mut outlet = ZenohOutlet::open("north", &ZenohConfig { body, ..config(port) }).unwrap();
@@ -190,7 +190,7 @@ fn the_end_of_an_outlet_is_heard() {
 }
 
 #[test]
-fn nobody_to_reach_and_a_wrong_address_are_told() {
+fn a_missing_peer_and_a_wrong_address_are_reported() {
     let mut none = config(1);
     none.listen.clear();
     let outlets = equipoise_outlets::OutletsConfig { zenoh: Some(none), ..Default::default() };

@@ -1,4 +1,4 @@
-/* Every wrong call that can be told is refused with a sentence, and leaves nothing behind that could be believed. */
+/* Every wrong call that can be detected is refused with an error text, and leaves no value that could be used. */
 #include "equipoise.h"
 
 #include <pthread.h>

@@ -34,7 +34,7 @@ int main() {
     MUST(throws<equipoise::Error>([] { Consumer("a/b", "cpp"); }));
 
     auto consumer = std::make_unique<Consumer>("test", "cpp");
-    const equipoise::Reading reading = consumer->next(-1ns); // Nobody publishes.
+    const equipoise::Reading reading = consumer->next(-1ns); // No process publishes.
     MUST(!reading && reading.why() == equipoise::Why::silent);
     MUST(!consumer->next(std::chrono::nanoseconds::min()));
     MUST(throws<std::bad_variant_access>([&] { (void)(*reading).cycle(); }));
@@ -45,7 +45,7 @@ int main() {
     MUST(std::strcmp(consumer->report_refusal(), "") == 0);
     std::thread([&] {
         MUST(std::strstr(consumer->report_refusal(), "thread") != nullptr);
-        consumer.reset(); // Is told on standard error.
+        consumer.reset(); // Reported on standard error.
     }).join();
     std::cout << "all refused\n";
     return 0;
