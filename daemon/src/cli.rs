@@ -171,17 +171,17 @@ fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
     text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
 }
 
-/// What went wrong and why, outermost first; a cause that was told already is not told again.
+/// The error and its causes in one sentence, outermost first; a cause that the text already contains is omitted.
 fn in_one_sentence(error: &anyhow::Error) -> String {
-    let mut told = String::new();
+    let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
-        if told.is_empty() {
-            told = cause;
-        } else if !told.contains(&cause) {
-            told = format!("{told}: {cause}");
+        if text.is_empty() {
+            text = cause;
+        } else if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
         }
     }
-    told
+    text
 }
 
 /// Logs to standard error: under systemd with the journal's own priorities in mind, without colours and times.

@@ -109,7 +109,7 @@ fn answer(
             None => Err("no pose is asked for now".to_owned()),
         },
         Some(kind @ CommandKind::IdentifyReset) => {
-            hand_over(rings, kind).map(|()| "all poses are forgotten; learning starts anew".to_owned())
+            hand_over(rings, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
         }
         Some(kind @ CommandKind::Checkpoint) => {
             hand_over(rings, kind).map(|()| "a checkpoint is being published".to_owned())

@@ -52,10 +52,10 @@ pub struct Config {
     /// What counts as still.
     #[serde(default)]
     pub static_pose: StaticPoseConfig,
-    /// When overload is told.
+    /// When overload is reported.
     #[serde(default)]
     pub overload: OverloadConfig,
-    /// What the model has beside the body; nothing without this section.
+    /// Effects of the model in addition to the body; none without this section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelConfig>,
     /// The page that `equipoise view` serves; without this section there is none.
@@ -92,7 +92,7 @@ pub struct LoopConfig {
     /// Core that the loop is pinned to, and egress with it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cpu: Option<usize>,
-    /// Ingress and egress look for work without sleeping. Costs two cores beside the loop's.
+    /// Ingress and egress poll without sleeping. Costs two cores in addition to the loop's.
     pub busy_poll: bool,
     /// Lock all memory.
     pub lock_memory: bool,
@@ -199,8 +199,8 @@ impl Config {
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config = Config::parse(&text, &path.display().to_string())?;
         if let Some(model) = &config.model {
-            let beside = path.parent().unwrap_or(Path::new(""));
-            config.loaded_model = Some(LoadedModel::read(&beside.join(&model.file))?);
+            let folder = path.parent().unwrap_or(Path::new(""));
+            config.loaded_model = Some(LoadedModel::read(&folder.join(&model.file))?);
         }
         Ok(config)
     }

@@ -83,12 +83,12 @@ impl Deletion {
             // The state directory of a killed daemon is searched as well.
             let Some(directory) = StateDirectory::of_daemon(&facts) else { continue };
             match ask(&facts.station) {
-                Ok(told) => {
-                    if told.contains("was in use") {
+                Ok(answer) => {
+                    if answer.contains("was in use") {
                         let (station, remembers) = (facts.station.clone(), remembers(&facts));
                         self.users.push(User { station, directory: directory.clone(), remembers });
                     }
-                    self.daemons.push(format!("station {}: {told}", facts.station));
+                    self.daemons.push(format!("station {}: {answer}", facts.station));
                     self.running.push(facts.station);
                 }
                 Err(_) if !runs(facts.process_id) => {}

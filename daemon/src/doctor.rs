@@ -1,4 +1,4 @@
-//! `equipoise doctor`: what on this computer stands in the way of real time, and how to mend it.
+//! `equipoise doctor`: checks this computer for obstacles to real time, and how to fix each.
 //!
 //! [`facts`] reads the computer, [`station`] the station, [`suit_facts`] the suit's port; everything else judges what they found and reads nothing.
 
@@ -42,27 +42,27 @@ pub struct Check {
     pub verdict: Verdict,
     /// What was found.
     pub found: String,
-    /// What to do, if it is not as it should be.
+    /// What to do if the check failed or warns.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub mend: Option<String>,
+    pub fix: Option<String>,
 }
 
 impl Check {
     fn ok(name: &'static str, found: impl Into<String>) -> Check {
-        Check { name, verdict: Verdict::Ok, found: found.into(), mend: None }
+        Check { name, verdict: Verdict::Ok, found: found.into(), fix: None }
     }
 
-    fn warn(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Check {
-        Check { name, verdict: Verdict::Warn, found: found.into(), mend: Some(mend.into()) }
+    fn warn(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Check {
+        Check { name, verdict: Verdict::Warn, found: found.into(), fix: Some(fix.into()) }
     }
 
-    fn fail(name: &'static str, found: impl Into<String>, mend: impl Into<String>) -> Check {
-        Check { name, verdict: Verdict::Fail, found: found.into(), mend: Some(mend.into()) }
+    fn fail(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Check {
+        Check { name, verdict: Verdict::Fail, found: found.into(), fix: Some(fix.into()) }
     }
 }
 
-/// Every check, in the order in which a person would mend things. Without a configuration the computer alone is judged,
-/// for the defaults.
+/// All checks, in the order in which a person would fix things. Without a configuration only the computer is checked,
+/// with the defaults.
 pub fn judge(facts: &Facts, config: Option<&Config>, station: Option<&StationFacts>) -> Vec<Check> {
     let tick = config.map(|config| config.tick.clone()).unwrap_or_default();
     let runs = station.is_some_and(|station| station.daemon.is_some());

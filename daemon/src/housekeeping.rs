@@ -35,8 +35,8 @@ const WATCHED: [Watched; 5] = [
         reason: Validity::PLACE_UNKNOWN,
         incident: Incident::PlaceUnknown,
         after: Duration::ZERO,
-        sentence: "the suit was started anew or was silent for long; where the worker stands is found while they move \
-                   without a load",
+        sentence: "the suit was restarted or was silent for long; the worker's position on the plate is estimated again \
+                   while they move without a load",
     },
     Watched {
         reason: Validity::GROUND_IMPLAUSIBLE,
@@ -55,8 +55,8 @@ const WATCHED: [Watched; 5] = [
         reason: Validity::WEIGHT_MISSING,
         incident: Incident::WeightMissing,
         after: Duration::from_secs(3),
-        sentence: "the ground carries less than the worker weighs: a foot beside the plate, a hand that leans on something, \
-                   or a plate whose gain or zero has changed (tare it while nobody stands on it)",
+        sentence: "the ground carries less than the worker weighs: a foot next to the plate, a hand that leans on something, \
+                   or a plate whose gain or zero has changed (tare it while it is empty)",
     },
     Watched {
         reason: Validity::LOAD_NOT_AT_HANDS,
@@ -80,12 +80,12 @@ pub struct Housekeeping {
     board: Arc<IncidentBoard>,
     roster: Arc<Roster>,
     /// Value of the board's change counter at the last publication.
-    told_changes: u64,
+    published_changes: u64,
     /// Whether it was reported that some supervision is unavailable.
-    blind_told: bool,
+    blind_reported: bool,
     status: StatusFile,
     /// Since when each of [`WATCHED`] is active.
-    told_since: [Option<Instant>; WATCHED.len()],
+    active_since: [Option<Instant>; WATCHED.len()],
     // Ports must be dropped before the node that they depend on.
     bus: Bus,
 }
@@ -113,10 +113,10 @@ impl Housekeeping {
             rings,
             board,
             roster,
-            told_changes: 0,
-            blind_told: false,
+            published_changes: 0,
+            blind_reported: false,
             status,
-            told_since: [None; WATCHED.len()],
+            active_since: [None; WATCHED.len()],
             bus,
         })
     }
@@ -141,10 +141,10 @@ impl Housekeeping {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
-        self.watch_what_is_told();
+        self.watch_validity();
         let looked = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
         if let Err(error) = looked
-            && !std::mem::replace(&mut self.blind_told, true)
+            && !std::mem::replace(&mut self.blind_reported, true)
         {
             warn!("supervision does not see everything: {error}");
         }
@@ -153,9 +153,9 @@ impl Housekeeping {
     /// On change at once, and once a second for late subscribers.
     fn tell_incidents(&mut self, due: bool) {
         let changes = self.board.changes();
-        let changed = changes != self.told_changes;
+        let changed = changes != self.published_changes;
         if changed || due {
-            self.told_changes = changes;
+            self.published_changes = changes;
             // A failed bus is reported by its other users.
             let _ = self.incidents.send(&self.board.message());
         }
@@ -182,12 +182,12 @@ impl Housekeeping {
     }
 
     /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.
-    fn watch_what_is_told(&mut self) {
+    fn watch_validity(&mut self) {
         let Some(state) = &self.newest else { return };
         let valid = state.validity();
         for (index, watched) in WATCHED.iter().enumerate() {
             let holds = valid.any_of(watched.reason);
-            let since = &mut self.told_since[index];
+            let since = &mut self.active_since[index];
             *since = if holds { Some(since.unwrap_or_else(Instant::now)) } else { None };
             match *since {
                 Some(since) if since.elapsed() >= watched.after => {

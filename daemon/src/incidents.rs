@@ -31,7 +31,7 @@ struct Written {
     /// Text of the last line.
     what: String,
     /// Whether the last begin was logged.
-    is_told: bool,
+    is_logged: bool,
     /// Sentences suppressed since the last line.
     repeated: u32,
 }
@@ -42,8 +42,8 @@ impl Written {
         if self.lines > 0 && now_ns.saturating_sub(self.since_ns) >= JOURNAL_EVERY_NS {
             self.lines = 0;
         }
-        self.is_told = self.lines == 0 || (self.lines < SENTENCES_MAX && self.what != what);
-        if !self.is_told {
+        self.is_logged = self.lines == 0 || (self.lines < SENTENCES_MAX && self.what != what);
+        if !self.is_logged {
             return None;
         }
         if self.lines == 0 {
@@ -104,7 +104,7 @@ impl IncidentBoard {
             self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
             self.changes.fetch_add(1, Ordering::Relaxed);
             self.with_said(|said| said.remove(kind.name()));
-            if self.with_written(kind, |written| std::mem::take(&mut written.is_told)) {
+            if self.with_written(kind, |written| std::mem::take(&mut written.is_logged)) {
                 info!(incident = kind.name(), "ended");
             }
         }
@@ -132,7 +132,7 @@ impl IncidentBoard {
 
     /// Logs the line of an active incident that was suppressed at its begin because it followed another line too soon.
     fn catch_up(&self, kind: Incident, what: &str) {
-        let due = |written: &mut Written| if written.is_told { None } else { written.due(now_ns(), what) };
+        let due = |written: &mut Written| if written.is_logged { None } else { written.due(now_ns(), what) };
         if let Some(repeated) = self.with_written(kind, due) {
             warn!(incident = kind.name(), "still: {what}{repeated}");
         }
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn an_incident_is_told_once_until_it_ends() {
+    fn an_incident_is_logged_once_until_it_ends() {
         let board = IncidentBoard::default();
         for _ in 0..3 {
             board.begin(Incident::SuitSilent, "for the test");

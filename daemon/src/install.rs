@@ -77,9 +77,9 @@ impl Place {
 
     /// Destination of systemd files: below the prefix if systemd searches there, otherwise among the administrator's
     /// files.
-    fn folder(&self, beside: &str, admin: &str) -> PathBuf {
+    fn folder(&self, below_prefix: &str, admin: &str) -> PathBuf {
         let looked_at = PREFIXES_OF_SYSTEMD.iter().any(|prefix| self.prefix == Path::new(prefix));
-        if looked_at { self.prefix.join(beside) } else { PathBuf::from(admin) }
+        if looked_at { self.prefix.join(below_prefix) } else { PathBuf::from(admin) }
     }
 
     fn units(&self) -> PathBuf {
@@ -138,7 +138,7 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
         Ok(outcome)
     };
     write(&place.program(), &read(program)?, 0o755)?;
-    for name in others::beside(program) {
+    for name in others::next_to(program) {
         write(&place.other_program(name), &read(&program.with_file_name(name))?, 0o755)?;
     }
     for (path, text) in place.texts() {
@@ -150,7 +150,7 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
             let sample = configuration.with_extension("toml.new");
             write(&sample, CONFIGURATION.as_bytes(), 0o644)?;
             done.push(format!(
-                "kept {} as it is; the sample of this release is beside it as {}",
+                "kept {} as it is; the sample of this release is next to it as {}",
                 configuration.display(),
                 sample.display()
             ));

@@ -97,13 +97,13 @@ mod tests {
     struct Stage {
         now: Cell<Duration>,
         ends_at: Duration,
-        told: RefCell<Vec<Option<String>>>,
+        reported: RefCell<Vec<Option<String>>>,
         starts: RefCell<Vec<Duration>>,
     }
 
     impl Stage {
         fn until(ends_at: Duration) -> Stage {
-            Stage { now: Cell::default(), ends_at, told: RefCell::default(), starts: RefCell::default() }
+            Stage { now: Cell::default(), ends_at, reported: RefCell::default(), starts: RefCell::default() }
         }
 
         /// An adapter whose n-th start executes `act`.
@@ -115,7 +115,7 @@ mod tests {
                 now: &|| self.now.get(),
                 sleep: &|time| self.now.set(self.now.get() + time),
                 stopping: &|| self.now.get() >= self.ends_at,
-                down: &|why| self.told.borrow_mut().push(why.map(str::to_owned)),
+                down: &|why| self.reported.borrow_mut().push(why.map(str::to_owned)),
             };
             keep("suit", &world, |ready| {
                 let count = self.starts.borrow().len();
@@ -139,11 +139,11 @@ mod tests {
         let stage = Stage::until(Duration::from_secs(100));
         assert_eq!(stage.keep(|_, _| Err("port taken".to_owned())), Err("port taken".to_owned()));
         assert_eq!(stage.starts.borrow().len(), 1);
-        assert!(stage.told.borrow().is_empty());
+        assert!(stage.reported.borrow().is_empty());
     }
 
     #[test]
-    fn whoever_fails_or_panics_again_and_again_is_started_ever_later() {
+    fn repeated_failures_and_panics_lengthen_the_pause_before_a_restart() {
         let stage = Stage::until(Duration::from_secs(40));
         let outcome = stage.keep(|count, ready| {
             if count == 0 {
@@ -157,12 +157,12 @@ mod tests {
         });
         assert_eq!(outcome, Ok(()));
         assert_eq!(stage.pauses_ms(), [250, 500, 1000, 2000, 4000, 8000, 8000, 8000, 8000]);
-        let told = stage.told.borrow();
+        let reported = stage.reported.borrow();
         let said = |index: usize, words: &str| {
-            let sentence = told[index].as_deref().unwrap();
+            let sentence = reported[index].as_deref().unwrap();
             assert!(sentence.contains(words) && sentence.contains("started again"), "{sentence}");
         };
-        assert_eq!(told[0], None);
+        assert_eq!(reported[0], None);
         said(1, "no socket");
         said(2, "it panicked: index out of bounds");
         said(3, "it ended of itself");
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pause_ends_when_all_shall_end() {
+    fn a_stop_request_ends_a_pause() {
         let stage = Stage::until(Duration::from_millis(700));
         assert_eq!(
             stage.keep(|_, ready| {

@@ -46,8 +46,8 @@ pub struct LatencyLog {
     flights: PathBuf,
     hlog_failed: bool,
     flight_failed: bool,
-    dropped_told: u64,
-    told: Instant,
+    dropped_reported: u64,
+    reported_at: Instant,
 }
 
 impl LatencyLog {
@@ -70,8 +70,8 @@ impl LatencyLog {
             flight_cycles: config.latency.flight_cycles,
             hlog_failed: false,
             flight_failed: false,
-            dropped_told: 0,
-            told: Instant::now(),
+            dropped_reported: 0,
+            reported_at: Instant::now(),
         }
     }
 
@@ -94,7 +94,7 @@ impl LatencyLog {
                 self.tell();
                 return Report::of(&self.total);
             }
-            if self.told.elapsed() >= TELL_EVERY {
+            if self.reported_at.elapsed() >= TELL_EVERY {
                 self.tell();
             }
             std::thread::sleep(LOOK_EVERY);
@@ -155,7 +155,7 @@ impl LatencyLog {
             }
             Err(error) => Some(format!(
                 "cannot keep the cycles around the deadline missed by cycle {}: {error}; make room in the state \
-                 directory or mend its rights, or set `[latency] flight_cycles = 0`",
+                 directory or correct its permissions, or set `[latency] flight_cycles = 0`",
                 flight.cycle
             )),
         };
@@ -174,9 +174,9 @@ impl LatencyLog {
 
     /// Reports outcomes that are missing in the log and files.
     fn tell(&mut self) {
-        self.told = Instant::now();
+        self.reported_at = Instant::now();
         let dropped = self.drain.dropped();
-        let new = dropped - std::mem::replace(&mut self.dropped_told, dropped);
+        let new = dropped - std::mem::replace(&mut self.dropped_reported, dropped);
         if new > 0 {
             self.board.happened(
                 Incident::LatencyNotLogged,

@@ -67,19 +67,19 @@ impl LoadedModel {
         let (_, left_out) = self.file.model(self.spans());
         let running = self.file.effects.iter().filter(|fitted| !left_out.contains(fitted));
         let names = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join(", ") };
-        let mut told = format!("model {}: {}", self.name, names(running.map(Fitted::name).collect()));
+        let mut text = format!("model {}: {}", self.name, names(running.map(Fitted::name).collect()));
         if self.spans_hold {
-            told += ", each in the span of this recording in which it was found";
+            text += ", each in the span of this recording in which it was found";
         }
         if !left_out.is_empty() {
             let left_out = names(left_out.into_iter().map(Fitted::name).collect());
-            told +=
+            text +=
                 &format!("; left out, since it ended before the recording it was found in did: {left_out}");
         }
         if let Some(ask) = &self.file.ask {
-            told += &format!("; {}, to tell {} from {}", ask.what(), ask.between[0], ask.between[1]);
+            text += &format!("; {}, to tell {} from {}", ask.what(), ask.between[0], ask.between[1]);
         }
-        told
+        text
     }
 
     fn spans(&self) -> Spans {
@@ -153,8 +153,8 @@ mod tests {
             loaded.model().terms.iter().flatten().map(|term| term.span_s).collect::<Vec<_>>()
         };
         assert_eq!(spans(&loaded), [[0.0, f64::INFINITY]]);
-        let told = "model m.toml: plate_offset; left out, since it ended before the recording it was found in did: plate_yaw";
-        assert_eq!(loaded.tell(), told);
+        let text = "model m.toml: plate_offset; left out, since it ended before the recording it was found in did: plate_yaw";
+        assert_eq!(loaded.tell(), text);
         loaded.fit_to(&here).unwrap();
         assert_eq!(spans(&loaded), [[1.0, f64::INFINITY], [1.0, 1.5]]);
         assert!(loaded.tell().contains("plate_offset, plate_yaw, each in the span"), "{}", loaded.tell());

@@ -105,7 +105,7 @@ const SIGNALS: [Signal; 3] = [Signal::CopForward, Signal::CopLeft, Signal::Force
 #[derive(Debug, Default)]
 pub struct ModelWatch {
     seen: VecDeque<Seen>,
-    told_ns: Option<u64>,
+    reported_ns: Option<u64>,
     now: Option<Suspicion>,
 }
 
@@ -129,10 +129,11 @@ impl ModelWatch {
             return None;
         }
         self.now = self.judge();
-        let silent = self.told_ns.is_some_and(|told_ns| seen.time_ns.saturating_sub(told_ns) < SILENCE_NS);
-        let told = self.now.filter(|_| !silent)?;
-        self.told_ns = Some(seen.time_ns);
-        Some(told)
+        let silent =
+            self.reported_ns.is_some_and(|reported_ns| seen.time_ns.saturating_sub(reported_ns) < SILENCE_NS);
+        let reported = self.now.filter(|_| !silent)?;
+        self.reported_ns = Some(seen.time_ns);
+        Some(reported)
     }
 
     /// The current discrepancy, reported or not.

@@ -39,7 +39,7 @@ const LOOK_AFTER_THE_BUS_EVERY: Duration = Duration::from_secs(1);
 const REPORT_EVERY: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
-type Told = Mutex<PickedUp>;
+type Receipts = Mutex<PickedUp>;
 
 /// A page being served, and the thread that feeds it. Dropping it closes connections and leaves the bus.
 pub struct ServedPage {
@@ -63,10 +63,10 @@ impl ServedPage {
         let engineer = Engineer { station: Arc::clone(&desk) as _, command_token };
         let newest = Arc::new(Newest::default());
         let asked = Arc::new(AtomicU64::new(0));
-        let told = Arc::new(Told::new(PickedUp::new(CONSUMER_NAME, now_ns())));
-        let frames = frames(config, &newest, &told, &asked);
+        let receipts = Arc::new(Receipts::new(PickedUp::new(CONSUMER_NAME, now_ns())));
+        let frames = frames(config, &newest, &receipts, &asked);
         let page = Page::start_with(page.listen, token, frames, Some(engineer)).context("page.listen")?;
-        let feed = follow(&config.station, Arc::downgrade(&newest), told)?;
+        let feed = follow(&config.station, Arc::downgrade(&newest), receipts)?;
         let gathering = station::gather(desk, Arc::downgrade(&newest))?;
         let file = PageFile::new(&config.station, page.url(), token.is_some());
         // Without the file only `equipoise status` is affected: it does not list the page.
@@ -104,7 +104,7 @@ impl Drop for ServedPage {
 }
 
 /// Starts the thread that receives the newest state of a station; it ends when `newest` is dropped.
-fn follow(station: &str, newest: Weak<Newest>, told: Arc<Told>) -> anyhow::Result<JoinHandle<()>> {
+fn follow(station: &str, newest: Weak<Newest>, receipts: Arc<Receipts>) -> anyhow::Result<JoinHandle<()>> {
     let settings = BusSettings::new(station, PAGE_ROLE);
     let (joined, first) = std::sync::mpsc::channel();
     // Ports of the bus are bound to one thread, so this thread opens them.
@@ -113,7 +113,7 @@ fn follow(station: &str, newest: Weak<Newest>, told: Arc<Told>) -> anyhow::Resul
         match join(&settings) {
             Ok(ports) => {
                 let _ = joined.send(Ok(()));
-                take_until_it_is_another(ports, &settings.root, &newest, &told);
+                take_until_it_is_another(ports, &settings.root, &newest, &receipts);
             }
             Err(error) => {
                 let _ = joined.send(Err(error));
@@ -122,7 +122,7 @@ fn follow(station: &str, newest: Weak<Newest>, told: Arc<Told>) -> anyhow::Resul
         }
         while newest.strong_count() > 0 {
             match join(&settings) {
-                Ok(ports) => take_until_it_is_another(ports, &settings.root, &newest, &told),
+                Ok(ports) => take_until_it_is_another(ports, &settings.root, &newest, &receipts),
                 Err(error) => {
                     warn!("the page has no data: {error}");
                     std::thread::sleep(LOOK_AFTER_THE_BUS_EVERY);
@@ -145,7 +145,8 @@ struct Ports {
 
 fn join(settings: &BusSettings) -> Result<Ports, BusError> {
     let bus = Bus::join(settings)?;
-    let reports = bus.publisher().inspect_err(|error| warn!("how late the page is, is not told: {error}"));
+    let reports =
+        bus.publisher().inspect_err(|error| warn!("the latency of the page is not reported: {error}"));
     Ok(Ports {
         states: bus.subscriber::<State>(1)?,
         reports: reports.ok(),
@@ -156,15 +157,15 @@ fn join(settings: &BusSettings) -> Result<Ports, BusError> {
 
 impl Ports {
     /// Publishes the latency report, once a second.
-    fn report(&mut self, told: &Told) {
+    fn report(&mut self, receipts: &Receipts) {
         if self.reported.elapsed() < REPORT_EVERY {
             return;
         }
         self.reported = Instant::now();
         let Some(reports) = &self.reports else { return };
-        let sent = told.lock().map(|mut told| reports.send(told.dated(now_ns())));
+        let sent = receipts.lock().map(|mut receipts| reports.send(receipts.dated(now_ns())));
         if let Ok(Err(error)) = sent {
-            warn!("how late the page is, is not told: {error}");
+            warn!("the latency of the page is not reported: {error}");
             self.reports = None;
         }
     }
@@ -172,7 +173,7 @@ impl Ports {
 
 /// Receives states until `newest` is dropped, the bus fails, or its directory was replaced: a directory created again
 /// holds a bus that the old ports do not reach.
-fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>, told: &Told) {
+fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>, receipts: &Receipts) {
     let mut place = Place::of(root);
     while let Some(newest) = newest.upgrade() {
         match ports.states.latest() {
@@ -188,7 +189,7 @@ fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>
                 return;
             }
         }
-        ports.report(told);
+        ports.report(receipts);
         if place.is_another() {
             // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
             std::mem::forget(ports);
@@ -224,18 +225,18 @@ impl Place {
 fn frames(
     config: &Config,
     newest: &Arc<Newest>,
-    told: &Arc<Told>,
+    receipts: &Arc<Receipts>,
     asked: &Arc<AtomicU64>,
 ) -> impl FnMut() -> Option<PageFrame> + Send + 'static {
-    let (newest, told, asked) = (Arc::downgrade(newest), Arc::clone(told), Arc::clone(asked));
+    let (newest, receipts, asked) = (Arc::downgrade(newest), Arc::clone(receipts), Arc::clone(asked));
     let target_m = (config.identification.stop == StopConfig::PredictedCop)
         .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
     let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
     move || {
         asked.fetch_add(1, Ordering::Relaxed);
         let state = newest.upgrade()?.lock().ok().and_then(|newest| *newest)?;
-        if let Ok(mut told) = told.lock() {
-            told.enter_once(&state, now_ns());
+        if let Ok(mut receipts) = receipts.lock() {
+            receipts.enter_once(&state, now_ns());
         }
         let suggested = LIBRARY.get(state.suggested_pose as usize).map(|posture| {
             let pose = SuggestedPose::on_the_spot(posture, &state.segment_origin_m);

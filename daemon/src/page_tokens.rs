@@ -32,7 +32,7 @@ impl PageTokens {
         let command = read(&config.command_token_file, "page.command_token_file")?;
         anyhow::ensure!(
             !matches!((&page, &command), (Some(a), Some(b)) if a.is_the_same_as(b)),
-            "page.command_token_file: holds the token of page.token_file, so that whoever may look may command; make \
+            "page.command_token_file: holds the token of page.token_file, so that every viewer may command; make \
              another with `equipoise token --out FILE`"
         );
         Ok(PageTokens { page, command })

@@ -223,7 +223,7 @@ impl Start<'_> {
         })?;
         running.others.push(("egress", egress));
 
-        let Remembered { memory, worker, tare, station_refused, told } = self.remembered;
+        let Remembered { memory, worker, tare, station_refused, messages } = self.remembered;
         let (rings, period_ns) = (Arc::clone(self.rings), config.period_ns());
         let asked_loop = Asked { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
         let mut observer = self.observer;
@@ -252,7 +252,7 @@ impl Start<'_> {
             model_toml: config.model_toml(),
             state_directory: self.workers.state().path().to_owned(),
             subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
-            remembered: told,
+            remembered: messages,
             reload: 0,
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),

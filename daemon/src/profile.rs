@@ -28,10 +28,10 @@ use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
 const FORMAT: u32 = 4;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 
-/// Of another subject's name so much is told.
+/// Maximum number of characters of another subject's name in a message.
 const ID_CHARS_MAX: usize = 64;
 
-/// How a worker is built, beside the mass.
+/// Body dimensions of a worker other than the mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Build {
     /// Stature, m.
@@ -323,7 +323,7 @@ mod tests {
     }
 
     #[test]
-    fn a_profile_of_another_subject_or_of_nobody_is_refused() {
+    fn a_profile_of_another_subject_or_of_no_valid_body_is_refused() {
         let directory = tempfile::tempdir().unwrap();
         let (path, other) = (directory.path().join("a.toml"), directory.path().join("b.toml"));
         let text = "format = 1\nsubject = \"a\"\nparameters = 0\nmass_kg = 70.0\nheight_m = 1.7\nposes_used = 3\n\
@@ -333,7 +333,7 @@ mod tests {
         assert!(Profile::read(&path).unwrap().is_some());
         fs::copy(&path, &other).unwrap();
         assert!(Profile::read(&other).unwrap_err().to_string().contains("of the subject a"));
-        for (good, bad, told) in [
+        for (good, bad, expected) in [
             ("70.0", "700.0", "mass_kg is 700"),
             ("70.0", "nan", "mass_kg is NaN"),
             ("1.7", "17.0", "height_m is 17"),
@@ -342,7 +342,7 @@ mod tests {
         ] {
             fs::write(&path, text.replace(good, bad)).unwrap();
             let refusal = Profile::read(&path).unwrap_err().to_string();
-            assert!(refusal.contains(told), "{bad}: {refusal}");
+            assert!(refusal.contains(expected), "{bad}: {refusal}");
         }
     }
 

@@ -82,9 +82,9 @@ mod tests {
             not_measured: Component::Shear as u32 | Component::FreeMoment as u32,
             ..Zeroable::zeroed()
         };
-        let mut told = Vec::new();
-        Provenance::of(&sample).write(&mut told).unwrap();
+        let mut text = Vec::new();
+        Provenance::of(&sample).write(&mut text).unwrap();
         let expected = "  feet    on insoles, each measured by itself, in its sole's frame; not measured: shear and free moment\n";
-        assert_eq!(String::from_utf8(told).unwrap(), expected);
+        assert_eq!(String::from_utf8(text).unwrap(), expected);
     }
 }

@@ -13,7 +13,7 @@ use serde::Serialize;
 /// Timer slack that every thread asks for, ns: ordinary threads are woken up to 50 µs late by default.
 pub const TIMER_SLACK_NS: u64 = 1;
 
-/// What a thread asks for, beside [`TIMER_SLACK_NS`].
+/// Scheduling that a thread requests in addition to [`TIMER_SLACK_NS`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Asked {
     /// SCHED_FIFO priority, 1 to 99; 0 for the ordinary scheduler.
@@ -61,7 +61,7 @@ impl ThreadReport {
         }
         if granted.fifo_priority > self.asked.fifo_priority {
             return Some(format!(
-                "thread {thread} asked for SCHED_FIFO {} and has {}; nobody but the daemon should set it",
+                "thread {thread} asked for SCHED_FIFO {} and has {}; only the daemon should set it",
                 self.asked.fifo_priority, granted.fifo_priority
             ));
         }
@@ -149,8 +149,8 @@ fn fifo_priority() -> u32 {
 /// Locks all memory, now and later, so that the loop takes no page fault.
 ///
 /// # Errors
-/// Why it was not done. With a limit on locked memory it is not even tried: memory asked for later would then be
-/// refused, and the process would die of it. The limit does not hold for whoever has CAP_IPC_LOCK: mlock(2).
+/// The reason. With a limit on locked memory it is not tried: later allocations would fail, and the process would
+/// abort. The limit does not apply to processes with CAP_IPC_LOCK: mlock(2).
 pub fn lock_memory() -> Result<(), String> {
     let limited = getrlimit(Resource::Memlock).current.is_some();
     let exempt = capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
@@ -172,7 +172,7 @@ pub fn prefault_stack() {
     std::hint::black_box(&mut stack);
 }
 
-/// Touches every page of something that was only asked for, so that nobody waits for it later.
+/// Writes to every page of newly allocated memory, so that no later access takes a page fault.
 pub fn touch<T: bytemuck::Pod>(value: &mut T) {
     for page in bytemuck::bytes_of_mut(value).chunks_mut(4096) {
         if let Some(byte) = page.first_mut() {
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn sleep_ends_at_or_after_the_time_it_was_told() {
+    fn sleep_ends_at_or_after_the_requested_time() {
         let due_ns = now_ns() + 2_000_000;
         sleep_until(due_ns);
         assert!(now_ns() >= due_ns);

@@ -46,7 +46,7 @@ const SETTLE: Duration = Duration::from_millis(300);
 /// Interval for checking that the file is still at its path.
 const PLACE_EVERY: Duration = Duration::from_secs(1);
 /// Replaces the pseudonym of a deleted subject.
-const NOBODY: &str = "nobody";
+const ANONYMOUS: &str = "anonymous";
 /// Minimum interval of checkpoint requests after losses.
 const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 
@@ -213,7 +213,7 @@ fn profile_of(facts: &Status) -> String {
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
     if facts.subject.is_empty() {
-        config.subject.id = NOBODY.to_owned();
+        config.subject.id = ANONYMOUS.to_owned();
     }
     Ok(config.to_toml())
 }

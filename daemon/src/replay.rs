@@ -93,8 +93,8 @@ impl Replay<'_> {
                 summary.left_out = input::left_out_of(recording, None);
                 summary.fidelity = Some(fidelity);
                 if self.as_recorded && start == Start::Afresh {
-                    let told = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
-                    summary.left_out.rejected.push(told.to_owned());
+                    let reason = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
+                    summary.left_out.rejected.push(reason.to_owned());
                 }
             }
             input => {
@@ -136,7 +136,7 @@ impl Replay<'_> {
 
 /// Unused data in words, for the end of a summary.
 pub(crate) fn left_out_lines(left_out: &LeftOut) -> String {
-    let rejected = left_out.rejected.iter().map(|told| format!("rejected: {told}\n"));
-    let passed_over = left_out.passed_over.iter().map(|told| format!("passed over: {told}\n"));
+    let rejected = left_out.rejected.iter().map(|reason| format!("rejected: {reason}\n"));
+    let passed_over = left_out.passed_over.iter().map(|reason| format!("passed over: {reason}\n"));
     rejected.chain(passed_over).collect()
 }

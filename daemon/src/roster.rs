@@ -141,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whoever_asks_is_on_the_roster_once_and_whoever_does_not_is_there_too() {
+    fn threads_are_listed_once_with_and_without_a_request() {
         let roster = Roster::default();
         roster.ask("loop", Asked::default());
         roster.ask("loop", Asked::default());

@@ -50,7 +50,7 @@ pub enum AdapterError {
     /// Another process publishes the same stream.
     #[error(
         "the {stream} of station {station} is published by process {process} already; two would contradict each other: \
-         stop that one, or let this one be for another `station` (a daemon beside `equipoise adapter {stream}` says \
+         stop that one, or let this one be for another `station` (a daemon next to `equipoise adapter {stream}` has \
          {stream}.source = \"external\")"
     )]
     Taken {
@@ -141,7 +141,7 @@ pub fn run_ground(
     let mut source = Ground::open(config)?;
     ready();
     let mut samples = Vec::with_capacity(64);
-    let (mut told, mut noted) = (None, None);
+    let (mut reported, mut noted) = (None, None);
     let mut noted_at: Option<Instant> = None;
     while !stopping() {
         samples.clear();
@@ -162,9 +162,9 @@ pub fn run_ground(
             noted = note;
         }
         let now = source.trouble();
-        if now != told {
+        if now != reported {
             trouble(now.as_deref());
-            told = now;
+            reported = now;
         }
         if health.tell_if_due(|| source.health())? {
             publisher.update_connections()?;

@@ -46,8 +46,8 @@ impl StateDirectory {
     /// # Errors
     /// Neither is available.
     pub fn of_station(station: &str) -> Result<StateDirectory, NoStateDirectory> {
-        let told = status::read(station).as_ref().and_then(StateDirectory::of_daemon);
-        told.map_or_else(StateDirectory::of_environment, Ok)
+        let published = status::read(station).as_ref().and_then(StateDirectory::of_daemon);
+        published.map_or_else(StateDirectory::of_environment, Ok)
     }
 
     /// The directories of all daemons on this bus without duplicates; without a daemon, that of the environment.

@@ -20,7 +20,7 @@ use crate::stored_file::{self, Formats, Refusal, sealed};
 const FORMAT: u32 = 2;
 /// Format 1 had no checksum.
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
-/// A tare older than this is told to be old, s: one shift, in which a plate warms up and cools down.
+/// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
 const TARE_IS_OLD_S: u64 = 12 * 3600;
 
 /// A station's file.
@@ -59,7 +59,7 @@ pub struct SubjectPart {
 }
 
 impl SubjectPart {
-    /// Who is in use, unless it is the configured subject or nobody.
+    /// The subject in use; `None` if it is the configured subject or unnamed.
     pub fn of(in_use: &str, config: &Config) -> Option<SubjectPart> {
         (!in_use.is_empty() && in_use != config.subject.id)
             .then(|| SubjectPart { in_use: in_use.to_owned(), configured: fingerprint(config) })
@@ -104,7 +104,7 @@ pub struct TarePart {
 pub struct RegistrationPart {
     /// Which start of the machine the time belongs to.
     boot: String,
-    /// SHA-256 of the plates' frames: where the worker stands is told in the world that they were put into. Empty in files of
+    /// SHA-256 of the plates' frames: the registration is relative to the world that they define. Empty in files of
     /// before it was kept.
     #[serde(default)]
     frames: String,
@@ -236,14 +236,14 @@ impl TarePart {
         let &TarePart { force_n, moment_nm, foot_vertical_n, foot_lever_nm, .. } = self;
         let age_s = now_unix_s.saturating_sub(self.taken_unix_s);
         let old = if age_s > TARE_IS_OLD_S { "; tare again as soon as the plate is empty" } else { "" };
-        let told =
+        let message =
             format!("the tare of {:.1} h ago is in force ({:.1} N){old}", age_s as f64 / 3600.0, force_n[2]);
-        Ok((Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm }, told))
+        Ok((Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm }, message))
     }
 }
 
 impl RegistrationPart {
-    /// A registration that was found; nothing while none was, or where the machine's start cannot be told.
+    /// The registration; `None` without one, or if the start of the machine cannot be determined.
     pub fn of(kept: &Kept, config: &Config) -> Option<RegistrationPart> {
         let Registration {
             station_from_suit_rad,
@@ -278,7 +278,7 @@ impl RegistrationPart {
     /// Why it does not hold any more.
     pub fn registration(&self, config: &Config, now_ns: u64) -> Result<Registration, String> {
         if boot().as_deref() != Some(&self.boot) {
-            return Err("the machine was started anew".to_owned());
+            return Err("the machine was restarted".to_owned());
         }
         if !self.is_in_frames_of(config) {
             return Err("[ground.frame] is another than it was".to_owned());
@@ -319,8 +319,8 @@ fn plate_of(config: &Config) -> String {
 
 fn frames_of(config: &Config) -> String {
     let frames = [Some(&config.ground), config.ground.second.as_deref()];
-    let told = frames.map(|ground| ground.and_then(|ground| toml::to_string(&ground.frame).ok()));
-    sha256_of_text(&told.map(Option::unwrap_or_default).join("and"))
+    let texts = frames.map(|ground| ground.and_then(|ground| toml::to_string(&ground.frame).ok()));
+    sha256_of_text(&texts.map(Option::unwrap_or_default).join("and"))
 }
 
 /// Which start of the machine this is; `None` if the kernel does not say.
@@ -384,9 +384,9 @@ mod tests {
     #[test]
     fn a_tare_holds_for_the_plate_it_was_taken_with() {
         let part = TarePart::of(&kept().tare, 1000, &config("")).unwrap();
-        let (tare, told) = part.tare(&config(""), 1000 + 3600).unwrap();
+        let (tare, message) = part.tare(&config(""), 1000 + 3600).unwrap();
         assert_eq!(tare, kept().tare);
-        assert!(told.contains("1.0 h ago") && !told.contains("tare again"), "{told}");
+        assert!(message.contains("1.0 h ago") && !message.contains("tare again"), "{message}");
         assert!(part.tare(&config(""), 1000 + 20 * 3600).unwrap().1.contains("tare again"));
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
         assert!(part.tare(&moved, 1000).unwrap_err().contains("tare again"));

@@ -1,4 +1,4 @@
-//! What a running daemon says of itself beside the bus: a small file that `equipoise status` and recorders read.
+//! Status of a running daemon outside the bus: a small file that `equipoise status` and recorders read.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -30,13 +30,13 @@ pub struct Status {
     pub station: String,
     /// The whole configuration, defaults included.
     pub config_toml: String,
-    /// The model in use beside the body; empty without one.
+    /// The model in use in addition to the body; empty without one.
     #[serde(default)]
     pub model_toml: String,
     /// Where the daemon keeps its state; empty in the status of a version that does not tell.
     #[serde(default)]
     pub state_directory: PathBuf,
-    /// The subject in use; empty if nobody with a name is.
+    /// The subject in use; empty if it is unnamed.
     #[serde(default)]
     pub subject: String,
     /// What was found of the daemon before, and what of it is used or not, in words.
@@ -121,7 +121,7 @@ impl StatusFile {
         self.facts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes it whole. It is old in a second and dies with the daemon: nobody waits for a disk because of it.
+    /// Writes the file atomically, without a sync to disk: it is outdated after a second and removed with the daemon.
     ///
     /// # Errors
     /// What the system said.
@@ -154,8 +154,8 @@ pub fn read(station: &str) -> Option<Status> {
 /// The facts of all daemons on this bus, also of such as were killed.
 ///
 /// # Errors
-/// One of the files is there and cannot be understood, for instance because it is another version's: whoever needs to
-/// know of all daemons does not.
+/// One of the files cannot be parsed, for instance because it is another version's: the list of daemons would be
+/// incomplete.
 pub fn all() -> anyhow::Result<Vec<Status>> {
     all_in(&equipoise_bus::root::root_of_environment())
 }
@@ -194,14 +194,14 @@ fn all_in(root: &Path) -> anyhow::Result<Vec<Status>> {
     Ok(all)
 }
 
-/// Where a station's page is, told by the process that serves it.
+/// Address of a station's page, published by the process that serves it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PageStatus {
     /// Process that serves it.
     pub process_id: u32,
     /// What to type into a browser.
     pub url: String,
-    /// Whether it asks for a token; which, nobody is told.
+    /// Whether it requires a token; the token itself is not published.
     pub needs_token: bool,
 }
 
@@ -237,7 +237,7 @@ impl PageFile {
     }
 }
 
-/// Where a station's page is said to be; `None` if nobody said so.
+/// Published address of a station's page; `None` if there is none.
 pub fn read_page(station: &str) -> Option<PageStatus> {
     read_page_file(&page_path_of(station))
 }
@@ -250,7 +250,7 @@ fn page_path_of(station: &str) -> PathBuf {
     equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}{PAGE_ENDING}"))
 }
 
-/// Beside the files of the bus, so that whoever finds the one finds the other.
+/// Path of the file, next to the files of the bus, so that both are found together.
 fn path_of(station: &str) -> PathBuf {
     equipoise_bus::root::root_of_environment().join(format!("equipoise-{station}.json"))
 }

@@ -55,9 +55,9 @@ pub fn read<T: DeserializeOwned>(path: &Path, formats: &Formats) -> Result<Optio
 }
 
 fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String> {
-    let told = |error: toml::de::Error| error.message().to_owned();
+    let message = |error: toml::de::Error| error.message().to_owned();
     // Check the format number first: the fields of a later version are unknown.
-    let table: toml::Table = text.parse().map_err(told)?;
+    let table: toml::Table = text.parse().map_err(message)?;
     let format = table.get("format").and_then(toml::Value::as_integer);
     let known = format.and_then(|format| u32::try_from(format).ok()).filter(|it| formats.read.contains(it));
     let Some(known) = known else {
@@ -70,7 +70,7 @@ fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String
             "its checksum is not that of its content: it was damaged, cut or changed by hand".to_owned()
         );
     }
-    toml::from_str(text).map_err(told)
+    toml::from_str(text).map_err(message)
 }
 
 fn is_whole(text: &str) -> bool {
@@ -101,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_older_than_the_seal_is_read_and_a_later_format_is_told_first() {
+    fn files_older_than_the_seal_are_read_and_a_later_format_is_reported_first() {
         assert_eq!(said("format = 1\n"), "read");
         assert_eq!(said("format = 4\n"), "its format is 4, this version reads 1 to 3");
         assert!(said("a = 1\n").contains("format is missing"));

@@ -50,7 +50,7 @@ pub struct Loop {
     record: CycleRecord,
     /// A checkpoint is due and will be taken once a blank one is available.
     owes_checkpoint: bool,
-    told: Told,
+    checkpointed: Learnt,
     /// Number of the worker in `memory`.
     worker: u64,
     /// Time of the last copy of the persistent state in `memory`.
@@ -61,16 +61,16 @@ pub struct Loop {
 
 /// Subject data at the last checkpoint.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Told {
+struct Learnt {
     poses_used: u64,
     learning: u64,
     identified: u64,
     has_mass: bool,
 }
 
-impl Told {
-    fn of(worker: &Identification) -> Told {
-        Told {
+impl Learnt {
+    fn of(worker: &Identification) -> Learnt {
+        Learnt {
             poses_used: worker.poses_used,
             learning: worker.learning,
             identified: worker.identified,
@@ -90,7 +90,7 @@ impl Loop {
         rings: Arc<Rings>,
         period_ns: u64,
     ) -> Loop {
-        let told = Told::of(&memory.identification);
+        let checkpointed = Learnt::of(&memory.identification);
         let record = CycleRecord { period_ns, ..bytemuck::Zeroable::zeroed() };
         let mut new = Loop {
             settings,
@@ -100,7 +100,7 @@ impl Loop {
             ground: bytemuck::zeroed_box(),
             record,
             owes_checkpoint: true,
-            told,
+            checkpointed,
             worker,
             kept_ns: 0,
             owes_copy: false,
@@ -249,14 +249,14 @@ impl Loop {
     }
 
     fn take_checkpoint(&mut self, cycle: u64, command: Option<CommandKind>) {
-        let worker = Told::of(&self.memory.identification);
-        self.owes_checkpoint |= worker != self.told || command.is_some();
+        let worker = Learnt::of(&self.memory.identification);
+        self.owes_checkpoint |= worker != self.checkpointed || command.is_some();
         if self.owes_checkpoint
             && let Some(mut checkpoint) = self.rings.blank.pop()
         {
             checkpoint.take(cycle, &self.memory);
             self.owes_checkpoint = false;
-            self.told = worker;
+            self.checkpointed = worker;
             // Cannot fail: the ring has as many slots as there are boxes.
             let _ = self.rings.taken.push(checkpoint);
         }

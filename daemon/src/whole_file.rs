@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_nobody_writes_any_more_is_cleared() {
+    fn only_abandoned_files_are_cleared() {
         let directory = tempfile::tempdir().unwrap();
         // No process has this id: ids are below 2^22.
         let dead = "a.toml.4194305-3.new";

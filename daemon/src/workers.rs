@@ -40,7 +40,7 @@ impl Saving {
     }
 
     /// An unnamed subject, of which nothing is saved.
-    pub fn nobody() -> Saving {
+    pub fn unnamed() -> Saving {
         Saving {
             subject: String::new(),
             path: PathBuf::new(),
@@ -126,7 +126,7 @@ impl Workers {
     pub fn forget(&self, subject: &str) {
         self.with(|all| {
             for saving in all.iter_mut().filter(|saving| saving.subject == subject) {
-                *saving = Saving::nobody();
+                *saving = Saving::unnamed();
             }
         });
         drop(self.disk.lock());

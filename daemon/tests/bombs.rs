@@ -94,7 +94,7 @@ fn a_flood_of_attachments_is_refused() {
 }
 
 #[test]
-fn a_foreign_file_s_names_are_told_short_and_in_one_line() {
+fn a_foreign_file_s_names_are_printed_short_and_in_one_line() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("foreign.mcap");
     let mut file = Mcap::create(&path);
@@ -139,9 +139,9 @@ fn configurations_that_are_vast_or_no_files_are_refused_at_once() {
     let (vast, pipe) = (directory.path().join("vast.toml"), directory.path().join("pipe.toml"));
     std::fs::File::create(&vast).unwrap().set_len(400 * MIB as u64).unwrap();
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    for (path, told) in [(&vast, "longer than 1048576 bytes"), (&pipe, "no regular file")] {
+    for (path, reason) in [(&vast, "longer than 1048576 bytes"), (&pipe, "no regular file")] {
         let output = equipoise(&["check", path.to_str().unwrap()]);
-        assert!(output.status.code() == Some(1) && said(&output).contains(told), "{}", said(&output));
+        assert!(output.status.code() == Some(1) && said(&output).contains(reason), "{}", said(&output));
     }
     for name in ["a.mcap", "a.csv", "a.mvnx", "a.pcap"] {
         let path = directory.path().join(name);

@@ -178,13 +178,17 @@ fn stomps_join_two_clocks() {
     let session = Session::new();
     let output = session.join("a.mcap", &["--join", "stomp"]);
     assert!(output.status.success(), "{}", said(&output));
-    let told = String::from_utf8_lossy(&output.stdout);
-    assert!(told.contains("1920 suit and 10000 ground samples"), "{told}");
-    assert!(told.contains("joined by 3 stomps (of 3 hits of the plate and 3 stops of a foot)"), "{told}");
-    assert!(told.contains("1-sigma"), "{told}");
-    let found_s: f64 = told.split("suit + ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    let output_text = String::from_utf8_lossy(&output.stdout);
+    assert!(output_text.contains("1920 suit and 10000 ground samples"), "{output_text}");
+    assert!(
+        output_text.contains("joined by 3 stomps (of 3 hits of the plate and 3 stops of a foot)"),
+        "{output_text}"
+    );
+    assert!(output_text.contains("1-sigma"), "{output_text}");
+    let found_s: f64 =
+        output_text.split("suit + ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     // The contact here is a half sine: both instants are in its middle, to half a millisecond.
-    assert!((found_s - LATER_S).abs() < 0.003, "{told}");
+    assert!((found_s - LATER_S).abs() < 0.003, "{output_text}");
     assert!(session.apart_s("a.mcap").abs() < 0.010, "{}", session.apart_s("a.mcap"));
     let (suit, ground) = session.samples("a.mcap");
     assert_eq!((suit.len(), ground.len()), (1920, 10_000));
@@ -226,14 +230,17 @@ fn wall_clocks_join_two_files_that_have_one() {
     assert!(output.status.success(), "{}", said(&output));
     assert!(session.apart_s("b.mcap").abs() < 0.010);
 
-    let told = session.refused(&session.join("no.mcap", &["--join", "clock"]));
-    assert!(told.contains("the plate's file does not say when it was; add --with-start"), "{told}");
+    let output_text = session.refused(&session.join("no.mcap", &["--join", "clock"]));
+    assert!(
+        output_text.contains("the plate's file does not say when it was; add --with-start"),
+        "{output_text}"
+    );
     let yesterday = ["--join", "clock", "--with-start", "2026-11-21T10:10:00Z"];
-    let told = session.refused(&session.join("no.mcap", &yesterday));
-    assert!(told.contains("no moment in common"), "{told}");
-    let told = session
+    let output_text = session.refused(&session.join("no.mcap", &yesterday));
+    assert!(output_text.contains("no moment in common"), "{output_text}");
+    let output_text = session
         .refused(&session.join("no.mcap", &["--join", "clock", "--with-start", "2020-01-01T00:00:00Z"]));
-    assert!(told.contains("days apart; they are not of one session"), "{told}");
+    assert!(output_text.contains("days apart; they are not of one session"), "{output_text}");
 }
 
 #[test]
@@ -269,9 +276,9 @@ fn a_capture_of_the_suit_goes_with_a_text_of_the_plate() {
     );
     assert_eq!(session.samples("a.mcap").1.len(), 10_000);
     // It contains no stomp.
-    let told =
+    let output_text =
         session.refused(&session.join_files("take.pcap", "plate.txt", "no.mcap", &["--join", "stomp"]));
-    assert!(told.contains("the suit saw no stomp"), "{told}");
+    assert!(output_text.contains("the suit saw no stomp"), "{output_text}");
 }
 
 #[test]
@@ -307,26 +314,27 @@ fn a_ground_of_any_kind_that_sends_datagrams_is_read_from_a_capture() {
 #[test]
 fn what_cannot_be_joined_is_refused_with_a_reason() {
     let session = Session::new();
-    let told = session.refused(&session.join("no.mcap", &["--join", "stomp", "--within", "0.5"]));
-    assert!(told.contains("--within S bounds the offset"), "{told}");
+    let output_text = session.refused(&session.join("no.mcap", &["--join", "stomp", "--within", "0.5"]));
+    assert!(output_text.contains("--within S bounds the offset"), "{output_text}");
     plate(&session.file("bare.txt"), 0.0, 1.0, "");
-    let told = session.refused(&session.join_files("take.mvnx", "bare.txt", "no.mcap", &["--join", "stomp"]));
-    assert!(told.contains("has no unit of time; declare the units"), "{told}");
+    let output_text =
+        session.refused(&session.join_files("take.mvnx", "bare.txt", "no.mcap", &["--join", "stomp"]));
+    assert!(output_text.contains("has no unit of time; declare the units"), "{output_text}");
     let declared = ["--join", "stomp", "--with-units", "s,N,N.m"];
     let output = session.join_files("take.mvnx", "bare.txt", "declared.mcap", &declared);
     assert!(output.status.success(), "{}", said(&output));
     mvnx(&session.file("half.mvnx"), LATER_S, "configuration=\"UpperBody\"");
-    let told =
+    let output_text =
         session.refused(&session.join_files("half.mvnx", "plate.txt", "no.mcap", &["--join", "stomp"]));
-    assert!(told.contains("worn as UpperBody"), "{told}");
+    assert!(output_text.contains("worn as UpperBody"), "{output_text}");
 
     // The plate's pose is not assumed.
     let arguments: [&OsStr; 5] =
         ["--with".as_ref(), "x.txt".as_ref(), "--join".as_ref(), "stomp".as_ref(), "-o".as_ref()];
     let mut command = equipoise();
     command.arg("import").arg(session.file("take.mvnx")).args(arguments).arg(session.file("no.mcap"));
-    let told = session.refused(&command.output().unwrap());
-    assert!(told.contains("--with needs --config"), "{told}");
+    let output_text = session.refused(&command.output().unwrap());
+    assert!(output_text.contains("--with needs --config"), "{output_text}");
     // Invalid usage: one option without the other, an unknown method.
     for more in [&["--join", "hope"][..], &[], &["--join", "clock", "--with-units", "stone"]] {
         assert_eq!(session.join("no.mcap", more).status.code(), Some(2), "{more:?}");
@@ -343,7 +351,7 @@ fn what_cannot_be_joined_is_refused_with_a_reason() {
 }
 
 #[test]
-fn a_suit_alone_is_imported_too_and_a_cut_file_is_told() {
+fn a_suit_alone_is_imported_too_and_a_cut_file_is_reported() {
     let session = Session::new();
     let import = |name: &str, out: &str| {
         equipoise().arg("import").arg(session.file(name)).arg("-o").arg(session.file(out)).output().unwrap()
@@ -355,8 +363,11 @@ fn a_suit_alone_is_imported_too_and_a_cut_file_is_told() {
     std::fs::write(session.file("cut.mvnx"), &text[..text.len() / 2]).unwrap();
     let output = import("cut.mvnx", "b.mcap");
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-    let told = String::from_utf8_lossy(&output.stdout);
-    assert!(told.contains("rejected: line ") && told.contains("the frames before it were read"), "{told}");
+    let output_text = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output_text.contains("rejected: line ") && output_text.contains("the frames before it were read"),
+        "{output_text}"
+    );
     std::fs::write(session.file("none.mvnx"), "<html></html>").unwrap();
     assert_eq!(import("none.mvnx", "c.mcap").status.code(), Some(1));
 }

@@ -84,18 +84,18 @@ fn the_configured_latency_is_taken_off_sample_times_and_off_nothing_else() {
     for path in [csv, pcap] {
         let input = Input::open(&path).unwrap();
         let expected: Vec<Sample> = input.samples(&plain).unwrap().collect();
-        let told: Vec<Sample> = input.samples(&late).unwrap().collect();
-        assert_eq!(told.len(), expected.len());
-        assert!(told.len() >= 2 * ROWS as usize - 1, "{}: {}", path.display(), told.len());
-        for (told, expected) in told.into_iter().zip(expected) {
-            match (told, expected) {
-                (Sample::Suit(mut told), Sample::Suit(expected)) => {
-                    told.sample_time_ns += SUIT_NS;
-                    assert_eq!(told, expected);
+        let shifted: Vec<Sample> = input.samples(&late).unwrap().collect();
+        assert_eq!(shifted.len(), expected.len());
+        assert!(shifted.len() >= 2 * ROWS as usize - 1, "{}: {}", path.display(), shifted.len());
+        for (shifted, expected) in shifted.into_iter().zip(expected) {
+            match (shifted, expected) {
+                (Sample::Suit(mut shifted), Sample::Suit(expected)) => {
+                    shifted.sample_time_ns += SUIT_NS;
+                    assert_eq!(shifted, expected);
                 }
-                (Sample::Ground(mut told), Sample::Ground(expected)) => {
-                    told.sample_time_ns += GROUND_NS;
-                    assert_eq!(told, expected);
+                (Sample::Ground(mut shifted), Sample::Ground(expected)) => {
+                    shifted.sample_time_ns += GROUND_NS;
+                    assert_eq!(shifted, expected);
                 }
                 pair => panic!("another order: {pair:?}"),
             }

@@ -59,8 +59,8 @@ pub fn elsewhere(config: &Config, before: Latencies, after: Latencies) -> Option
     })
 }
 
-/// The change in one line; `None` without a change.
-pub fn told(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
+/// What to change, in one line; `None` without a change.
+pub fn advice(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     after.changed(before)?;
     Some(elsewhere(config, before, after).unwrap_or_else(|| {
         let keys = to_set(config, before, after);

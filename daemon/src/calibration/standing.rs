@@ -15,7 +15,7 @@ use nalgebra::Vector3;
 /// Suit samples kept until the matching state arrives: one second at 240 Hz.
 const KEPT: usize = 256;
 /// The slowest suit sends a sample every 17 ms, so the nearest sample is at most this far away.
-const BESIDE_NS: u64 = 10_000_000;
+const APART_MAX_NS: u64 = 10_000_000;
 
 /// Position of a person according to a suit sample, in the suit's own world frame.
 #[derive(Debug, Clone, Copy)]
@@ -31,13 +31,13 @@ pub struct Standing {
     height_m: f64,
     sex: Sex,
     bodies: VecDeque<Body>,
-    told_ns: u64,
+    returned_ns: u64,
 }
 
 impl Standing {
     /// For a body of the given stature (m) and sex.
     pub fn new(height_m: f64, sex: Sex) -> Standing {
-        Standing { height_m, sex, bodies: VecDeque::new(), told_ns: 0 }
+        Standing { height_m, sex, bodies: VecDeque::new(), returned_ns: 0 }
     }
 
     /// Ingests a suit sample.
@@ -63,19 +63,19 @@ impl Standing {
     /// available.
     pub fn state(&mut self, state: &State) -> Option<Moment> {
         let time_ns = state.suit_sample_time_ns;
-        if time_ns <= self.told_ns {
+        if time_ns <= self.returned_ns {
             return None;
         }
         // The loop may have corrected the sample's time by a model's lag, so exact equality is not required; the
         // position of a person standing still is the same in the nearest sample.
         let off_ns = |body: &&Body| body.time_ns.abs_diff(time_ns);
-        let body = self.bodies.iter().min_by_key(off_ns).filter(|body| off_ns(body) <= BESIDE_NS)?;
-        self.told_ns = time_ns;
-        let spoilt = state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SUIT_STALE));
+        let body = self.bodies.iter().min_by_key(off_ns).filter(|body| off_ns(body) <= APART_MAX_NS)?;
+        self.returned_ns = time_ns;
+        let invalid = state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SUIT_STALE));
         Some(Moment {
             time_ns,
             stance: state.stance,
-            still: state.static_pose == 1 && !spoilt,
+            still: state.static_pose == 1 && !invalid,
             seen: Hold {
                 measured_m: state.cop_measured_m,
                 expected_m: [body.centre_m.x, body.centre_m.y],
@@ -93,7 +93,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     #[test]
-    fn a_body_that_stands_straight_is_above_its_pelvis_wherever_the_loop_has_shifted_it() {
+    fn a_body_that_stands_straight_is_above_its_pelvis_in_a_shifted_world() {
         let mut standing = Standing::new(1.77, Sex::Male);
         let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.5);
         let t_pose = Skeleton::nominal(1.77).t_pose_m();
@@ -116,13 +116,13 @@ mod tests {
         state.suit_sample_time_ns = sample.sample_time_ns - 8_000_000;
         assert!(standing.state(&state).is_some());
         state.suit_sample_time_ns = sample.sample_time_ns - 500_000_000;
-        assert!(standing.state(&state).is_none(), "nothing is known of that time");
+        assert!(standing.state(&state).is_none(), "no suit sample near that time");
         // The centre of mass lies slightly in front of the pelvis, along the body's heading.
         let [x, y] = moment.seen.expected_m;
         let forward = (turn.inverse() * (Vector3::new(x, y, 0.0) - turn * Vector3::from(t_pose[0]))).xy();
         assert!(forward.y.abs() < 1e-3 && forward.x.abs() < 0.05, "{forward}");
-        assert!(standing.state(&state).is_none(), "told once");
+        assert!(standing.state(&state).is_none(), "returned once");
         state.suit_sample_time_ns = 78;
-        assert!(standing.state(&state).is_none(), "of that sample nothing is known");
+        assert!(standing.state(&state).is_none(), "no sample after the last state");
     }
 }

@@ -1,4 +1,4 @@
-//! `equipoise doctor`: what stands in the way of real time on this computer, and how to mend it.
+//! `equipoise doctor`: checks this computer for obstacles to real time, and prints how to fix each.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::doctor::{Check, Facts, StationFacts, SuitFacts, Verdict, judge, judge
 use crate::state_directory::StateDirectory;
 use crate::status;
 
-/// Look at this computer and station: limits, kernel, clock, memory, ports, plate, suit; say how to mend each
+/// Check this computer and station: limits, kernel, clock, memory, ports, plate, suit; print a fix for each problem
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -99,8 +99,8 @@ fn run_suit(arguments: &SuitArguments) -> anyhow::Result<Outcome> {
     let checks = judge_suit(&config, &facts);
     let mut out = std::io::stdout().lock();
     if arguments.place.json {
-        let told = serde_json::json!({ "checks": checks, "heard": facts.to_json() });
-        writeln!(out, "{}", serde_json::to_string_pretty(&told)?)?;
+        let report = serde_json::json!({ "checks": checks, "heard": facts.to_json() });
+        writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         for check in &checks {
             write_check(&mut out, check)?;
@@ -126,8 +126,8 @@ fn run_all(arguments: &Place) -> anyhow::Result<Outcome> {
     });
     let mut out = std::io::stdout().lock();
     if arguments.json {
-        let told = serde_json::json!({ "checks": checks, "note": note });
-        writeln!(out, "{}", serde_json::to_string_pretty(&told)?)?;
+        let report = serde_json::json!({ "checks": checks, "note": note });
+        writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         for check in &checks {
             write_check(&mut out, check)?;
@@ -154,8 +154,8 @@ fn write_check(out: &mut impl Write, check: &Check) -> std::io::Result<()> {
         Verdict::Fail => "FAIL",
     };
     write!(out, "{verdict:<5} {:<21} {}", check.name, check.found)?;
-    match &check.mend {
-        Some(mend) => writeln!(out, " -> {mend}"),
+    match &check.fix {
+        Some(fix) => writeln!(out, " -> {fix}"),
         None => writeln!(out),
     }
 }

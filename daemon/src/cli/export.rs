@@ -17,7 +17,7 @@ const PROGRAM: &str = "equipoise-export";
 
 /// Write a recording as a table: Parquet or CSV, a row a message, a column a number
 ///
-/// Every field of the message, joints, segments and axes by name, times in seconds of the recording's own clock beside the
+/// Every field of the message; joints, segments and axes by name; times in seconds of the recording's clock next to the
 /// stamps. A value that must not be used is null (Parquet) or empty (CSV). A Parquet file says in its footer what units,
 /// numbers and bits mean, and holds the configuration. docs/export.md has the columns.
 #[derive(Debug, clap::Args)]
@@ -25,7 +25,7 @@ const PROGRAM: &str = "equipoise-export";
     after_help = "Examples:\n  equipoise export shift.mcap --out shift.parquet\n  equipoise export shift.mcap --out \
                         ground.csv --topic ground\n  python3 -c 'import pandas; \
                         print(pandas.read_parquet(\"shift.parquet\").describe())'\n\nTables are written by the program \
-                        equipoise-export, which lies beside this one:\n  cargo build --release -p \
+                        equipoise-export, which is in the directory of this one:\n  cargo build --release -p \
                         equipoise-export\n\nExit code 3: part of the recording was damaged or is missing; what could be \
                         read is written."
 )]
@@ -45,7 +45,7 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Topic {
-    /// What the loop told, a row a cycle; computed by a replay where the recording has no states
+    /// States of the loop, a row a cycle; computed by a replay where the recording has no states
     State,
     /// Samples of the suit
     Suit,
@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     write(file, *topic, out)
 }
 
-/// Computes the states first, into a recording beside the table, which goes when the table is there.
+/// Computes the states first, into a temporary recording next to the table, which is removed afterwards.
 fn replayed(input: &Input, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut states: OsString = arguments.out.as_os_str().to_owned();
     states.push(format!(".{}.mcap", std::process::id()));
@@ -92,8 +92,8 @@ fn compute(input: &Input, arguments: &Arguments, states: &Path) -> anyhow::Resul
     let replay = Replay { input, config: &chosen.config, as_recorded: config.is_none(), residual_s: None };
     let summary = replay.run(Some(states))?;
     println!("{}: {} states computed by a replay", arguments.file.display(), summary.cycles);
-    for told in &summary.left_out.rejected {
-        eprintln!("rejected: {told}");
+    for rejected in &summary.left_out.rejected {
+        eprintln!("rejected: {rejected}");
     }
     let written = write(states, Topic::State, &arguments.out)?;
     Ok(if summary.left_out.rejected.is_empty() { written } else { Outcome::PartRejected })
@@ -108,7 +108,7 @@ fn write(recording: &Path, topic: Topic, out: &Path) -> anyhow::Result<Outcome> 
         Command::new(&program).arg(recording).arg("--out").arg(out).args(["--topic", &topic]).status();
     let ended = ended.with_context(|| {
         format!(
-            "cannot start {}: it is built apart, by cargo build --release -p {PROGRAM}, and lies beside this program",
+            "cannot start {}: build it with cargo build --release -p {PROGRAM}, into the directory of this program",
             program.display()
         )
     })?;

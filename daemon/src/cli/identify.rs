@@ -20,7 +20,7 @@ enum Action {
     Start,
     /// End learning and monitor with what is known
     Stop,
-    /// Forget every pose and start anew
+    /// Discard all poses and start again
     Reset,
     /// The worker cannot hold the pose that is asked for: ask for another
     Skip,

@@ -31,7 +31,7 @@ pub(super) struct Arguments {
     /// Configuration to read it with and to keep in the recording; defaults without it
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// The plate's file beside the suit's
+    /// The plate's file, in addition to the suit's
     #[arg(long, value_name = "PLATE", requires = "join")]
     with: Option<PathBuf>,
     /// How the clocks of both files are joined: clock (both say when they were), stomp (the foot stops when the plate is

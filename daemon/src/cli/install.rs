@@ -20,8 +20,9 @@ struct PlaceArguments {
 
 /// Install this program as a service: units, user, directories, a configuration if there is none
 ///
-/// Outlets that are programs of their own (equipoise-outlet-KIND) and equipoise-export are installed too if they lie beside
-/// this one. It says which do not, and which unit to enable for each [outlets.KIND] of the configuration.
+/// Outlets that are separate programs (equipoise-outlet-KIND) and equipoise-export are installed too if they are in the
+/// directory of this program. Those that are missing are listed, with the unit to enable for each [outlets.KIND] of the
+/// configuration.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  sudo equipoise install\n  equipoise install --prefix /usr --root package/ --enable"

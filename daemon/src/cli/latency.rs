@@ -19,7 +19,7 @@ use crate::realtime::now_ns;
 
 /// What this consumer is called among the others.
 const OWN_NAME: &str = "self";
-/// Owner writes, group reads, nobody else.
+/// The owner writes, the group reads, others have no access.
 const MODE: u32 = 0o640;
 
 /// Measure the path from sensor to consumer and print percentiles per stage

@@ -12,11 +12,11 @@ use equipoise_outlets::{StationFile, process, rtde, udp};
 use super::{ConfigArgument, Outcome, log_to_stderr};
 use crate::config::Config;
 
-/// Tell controllers and other machines what the station knows, by one of the configuration's [outlets]
+/// Send the station's states to controllers and other machines, by one of the configuration's [outlets]
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise outlet udp --config /etc/equipoise/equipoise.toml\n\nudp and rtde need nothing more. \
-                  Each other outlet is a program of its own, equipoise-outlet-KIND, that lies beside this one:\n  cargo \
+                  Each other outlet is a program of its own, equipoise-outlet-KIND, in the directory of this one:\n  cargo \
                   build --release -p equipoise-outlet-opcua"
 )]
 pub(super) struct Arguments {
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let name = program.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Err(failed).with_context(|| {
         format!(
-            "cannot start {}: outlets are built apart, by cargo build --release -p {name}, and lie beside this program",
+            "cannot start {}: build it with cargo build --release -p {name}, into the directory of this program",
             program.display()
         )
     })

@@ -143,7 +143,7 @@ fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Tells people at a terminal how far it is.
+/// Progress bar on a terminal.
 struct Bar(Option<ProgressBar>);
 
 impl Bar {

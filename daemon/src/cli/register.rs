@@ -34,9 +34,9 @@ const PLACES: [&str; 7] = [
 /// follow the turn and the place of the plate.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example: equipoise register --write /etc/equipoise/station-1.toml\n\nThe result is put in force by a \
-                  restart of the daemon; then tare, and identify the worker anew: what was learnt with the frame before \
-                  holds for that one."
+    after_help = "Example: equipoise register --write /etc/equipoise/station-1.toml\n\nRestart the daemon to apply the \
+                  result; then tare, and identify the worker again: the previous identification is valid for the \
+                  previous frame only."
 )]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -45,7 +45,7 @@ pub(super) struct Arguments {
     /// Also judge the identified model on data it was not learnt from, in so many blocks of time
     #[arg(long, value_name = "BLOCKS")]
     cross_validate: Option<usize>,
-    /// Nothing is carried in all of it: cross-validation judges every sample, moving or not, beside the still ones
+    /// No load is carried in the recording: cross-validation judges every sample, moving or not, next to static ones
     #[arg(long, requires = "cross_validate")]
     unloaded: bool,
     /// Cross-validation learns from at most so many poses, each unlike the others

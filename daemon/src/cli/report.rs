@@ -13,23 +13,23 @@ use crate::record::signature::public_key_of;
 use crate::replay::input::Input;
 use crate::report::{Facts, Source, document, pdf};
 
-/// Tell a session as a page: identification, exposure, lifts, dose, low back, latency, data quality
+/// Report a session as a page: identification, exposure, lifts, dose, low back, latency, data quality
 ///
-/// One HTML file that needs nothing else: no script, nothing from elsewhere. Of a recording with states these are told as
-/// they were; of samples alone, and of captures, states are computed by a replay, and the page says so. What was withheld
-/// is told as a share of time and a reason, and is drawn nowhere. The same file gives the same page.
+/// One self-contained HTML file without scripts. Recorded states are reported as they are; for samples alone and for
+/// captures, states are computed by a replay, and the page says so. Withheld values are reported as a share of time
+/// with the reason, and are not plotted. The same file gives the same page.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise report shift.mcap                        writes shift.html\n  equipoise report \
                         shift.mcap --pdf shift.pdf        and prints it, where Chromium is installed\n  equipoise report \
-                        take.mcap --config station.toml   computes the states anew with it\n\nExit \
+                        take.mcap --config station.toml   computes the states again with it\n\nExit \
                         code 3: part of the recording was damaged or is missing; the page's last section says what. Or the recording \
                         was altered, signed by another key, or the one before it is missing."
 )]
 pub(super) struct Arguments {
     /// Recording or capture
     file: PathBuf,
-    /// Page to write; beside the recording, with its name, if none is named
+    /// Page to write; by default next to the recording, with its name
     #[arg(long, value_name = "FILE.html")]
     out: Option<PathBuf>,
     /// Print it, too
@@ -78,8 +78,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         pdf::print(&html, path)?;
         println!("{}: printed", path.display());
     }
-    for told in &facts.rejected {
-        eprintln!("rejected: {told}");
+    for rejected in &facts.rejected {
+        eprintln!("rejected: {rejected}");
     }
     let is_sound = authenticity.is_none_or(|authenticity| authenticity.is_sound());
     Ok(if facts.is_whole() && is_sound { Outcome::Done } else { Outcome::PartRejected })
@@ -87,12 +87,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 /// The key that is named, or the one next to the secret key of a configuration that is named.
 fn public_key(arguments: &Arguments, config: &Config) -> anyhow::Result<Option<PublicKey>> {
-    let beside_secret = || {
+    let next_to_secret = || {
         let base = arguments.config.as_ref()?.parent().unwrap_or(Path::new(""));
         let path = public_key_of(&base.join(config.recording.as_ref()?.sign_key.as_ref()?));
         path.exists().then_some(path)
     };
-    arguments.public_key.clone().or_else(beside_secret).map(|path| read_public_key(&path)).transpose()
+    arguments.public_key.clone().or_else(next_to_secret).map(|path| read_public_key(&path)).transpose()
 }
 
 fn is_same_file(a: &Path, b: &Path) -> bool {

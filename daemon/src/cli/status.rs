@@ -16,7 +16,7 @@ use equipoise_view::state_json::StateJson;
 use equipoise_view::terminal::dashboard;
 use equipoise_view::words;
 
-use self::incidents::Told;
+use self::incidents::IncidentReport;
 use super::{Outcome, StationArgument, client};
 use crate::calibration::latency::{self, Latencies};
 use crate::config::Config;
@@ -26,8 +26,8 @@ use crate::provenance::Provenance;
 use crate::realtime::now_ns;
 use crate::status::{self, PageStatus, Status, ThreadStatus};
 
-/// How long to wait for the adapters' word and the incidents, which come once a second.
-const TOLD_PATIENCE: Duration = Duration::from_millis(1200);
+/// Timeout for adapter health and incidents, which are published once a second.
+const HEALTH_TIMEOUT: Duration = Duration::from_millis(1200);
 
 /// Show what a running daemon says, once
 #[derive(Debug, clap::Args)]
@@ -49,11 +49,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let state = client::newest_state(&bus)?;
     let (mut adapters, started): (Vec<AdapterHealth>, _) = (Vec::new(), Instant::now());
     let mut incidents = None;
-    while started.elapsed() < TOLD_PATIENCE && (adapters.len() < 2 || incidents.is_none()) {
+    while started.elapsed() < HEALTH_TIMEOUT && (adapters.len() < 2 || incidents.is_none()) {
         incidents = board.latest()?.or(incidents);
-        while let Some(told) = health.receive()? {
-            adapters.retain(|other| other.stream != told.stream);
-            adapters.push(told);
+        while let Some(report) = health.receive()? {
+            adapters.retain(|other| other.stream != report.stream);
+            adapters.push(report);
         }
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let ground = ground.latest()?.map(|sample| Provenance::of(&sample));
     let incidents = incidents.map(|incidents| {
         let sentences = facts.as_ref().map(|facts| facts.incidents.clone()).unwrap_or_default();
-        Told::new(&incidents, &sentences, now_ns())
+        IncidentReport::new(&incidents, &sentences, now_ns())
     });
     let mut out = std::io::stdout().lock();
     if arguments.json {
@@ -103,10 +103,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 /// Where the station's page is, if the process that said so is still on the bus.
 fn living_page(bus: &Bus) -> Option<PageStatus> {
-    let told = status::read_page(bus.station())?;
+    let page = status::read_page(bus.station())?;
     let participants = bus.participants().ok()?;
-    let serves = |one: &Participant| one.role == PAGE_ROLE && one.process_id == told.process_id;
-    participants.iter().any(serves).then_some(told)
+    let serves = |one: &Participant| one.role == PAGE_ROLE && one.process_id == page.process_id;
+    participants.iter().any(serves).then_some(page)
 }
 
 /// What the daemon's model file asks for, if it does.
@@ -137,7 +137,7 @@ fn skew(state: &State, config: Option<&Config>) -> Option<String> {
         return Some(format!("{found}: add {off_ms:.0} to [{table}] latency_ms"));
     };
     let before = Latencies { suit_ms: config.suit.latency_ms, ground_ms: config.ground.latency_ms };
-    let set = latency::told(config, before, before.without_skew(skew_ms.signum() * off_ms))?;
+    let set = latency::advice(config, before, before.without_skew(skew_ms.signum() * off_ms))?;
     Some(format!("{found}: {set}"))
 }
 
@@ -229,8 +229,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_skew_is_told_with_the_setting_that_ends_it() {
-        let told = |skew_ms: f64, sigma_ms: f64, config: Option<&Config>| {
+    fn a_skew_is_printed_with_the_setting_that_removes_it() {
+        let advice = |skew_ms: f64, sigma_ms: f64, config: Option<&Config>| {
             let mut state: State = bytemuck::Zeroable::zeroed();
             (state.suit_skew_s, state.suit_skew_sigma_s) = (1e-3 * skew_ms, 1e-3 * sigma_ms);
             skew(&state, config)
@@ -244,26 +244,28 @@ mod tests {
         };
         let (plain, set) = (config([0.0, 0.0], "mvn-udp", ""), config([20.0, 1.5], "mvn-udp", ""));
         let (plain, set) = (Some(&plain), Some(&set));
-        assert_eq!(told(0.0, 0.0, plain), None, "the motion has not shown it");
+        assert_eq!(advice(0.0, 0.0, plain), None, "the motion has not shown it");
         let said = "suit 12 ± 2 ms later than the ground: set [suit] latency_ms = 12";
-        assert_eq!(told(12.2, 2.1, plain).as_deref(), Some(said));
-        assert!(told(12.2, 2.1, set).unwrap().ends_with("later than the ground: set [suit] latency_ms = 32"));
+        assert_eq!(advice(12.2, 2.1, plain).as_deref(), Some(said));
         assert!(
-            told(-12.2, 2.1, set).unwrap().ends_with("earlier than the ground: set [suit] latency_ms = 8")
+            advice(12.2, 2.1, set).unwrap().ends_with("later than the ground: set [suit] latency_ms = 32")
         );
-        assert!(told(-30.0, 2.1, set).unwrap().ends_with("set [ground] latency_ms = 31.5"));
-        assert!(told(-30.0, 2.1, None).unwrap().ends_with("add 30 to [ground] latency_ms"));
+        assert!(
+            advice(-12.2, 2.1, set).unwrap().ends_with("earlier than the ground: set [suit] latency_ms = 8")
+        );
+        assert!(advice(-30.0, 2.1, set).unwrap().ends_with("set [ground] latency_ms = 31.5"));
+        assert!(advice(-30.0, 2.1, None).unwrap().ends_with("add 30 to [ground] latency_ms"));
         let external = config([20.0, 1.5], "external", "");
         let said =
             "add 12 to [suit] latency_ms in the file of the process that reads the suit, and restart it";
-        assert!(told(12.2, 2.1, Some(&external)).unwrap().ends_with(said));
+        assert!(advice(12.2, 2.1, Some(&external)).unwrap().ends_with(said));
         let two = config(
             [0.0, 1.5],
             "mvn-udp",
             "foot = \"left\"\n[ground.second]\nsource = \"ati-rdt\"\naddress = \"127.0.0.1:49153\"\nlatency_ms = 4.0\nfoot = \"right\"\n",
         );
         let said = "set [ground] latency_ms = 31.5 and [ground.second] latency_ms = 34";
-        assert!(told(-30.0, 2.1, Some(&two)).unwrap().ends_with(said));
-        assert_eq!(told(3.0, 2.0, plain).unwrap(), "suit and ground agree within 4 ms");
+        assert!(advice(-30.0, 2.1, Some(&two)).unwrap().ends_with(said));
+        assert_eq!(advice(3.0, 2.0, plain).unwrap(), "suit and ground agree within 4 ms");
     }
 }

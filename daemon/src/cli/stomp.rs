@@ -31,8 +31,8 @@ const PAUSE: Duration = Duration::from_millis(5);
 /// foot stops at the moment at which the plate is hit; what lies between both is the delay that `latency_ms` is for.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example: equipoise stomp --write /etc/equipoise/station-1.toml\n\nThe result is put in force by a restart \
-                  of the daemon. Exit code 1: no delay could be told; the sentence says why."
+    after_help = "Example: equipoise stomp --write /etc/equipoise/station-1.toml\n\nRestart the daemon to apply the result. \
+                  Exit code 1: no delay could be determined; the message says why."
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         );
         let word = if suit_later_ms > 0.0 { "later" } else { "earlier" };
         println!("the suit is {:.1} ± {sigma_ms:.1} ms {word} than the ground", suit_later_ms.abs());
-        match latency::told(&config, before, after) {
+        match latency::advice(&config, before, after) {
             Some(line) => println!("{line}"),
             None => println!("that is less than twice its σ: leave latency_ms as it is"),
         }
@@ -139,7 +139,7 @@ fn watch(arguments: &Arguments) -> anyhow::Result<StompOffset> {
     let [mut suit, mut ground] = ["the suit", "the ground"].map(|what| Heard::new(what, station));
     let (mut heights, mut forces) = (Vec::new(), Vec::new());
     let (begun, mut looked) = (Instant::now(), Instant::now());
-    let mut told = 0;
+    let mut printed = 0;
     let (mut found, mut since) = (None, Instant::now());
     while begun.elapsed().as_secs_f64() < arguments.seconds && !stop.load(Ordering::Relaxed) {
         while let Some(sample) = suits.receive()? {
@@ -161,9 +161,9 @@ fn watch(arguments: &Arguments) -> anyhow::Result<StompOffset> {
             looked = Instant::now();
             found = Some(estimate(&forces, &feet_of_heights(&heights), &StompSettings::default()));
             let stomps = found.as_ref().map_or(0, |found| found.as_ref().map_or(0, |offset| offset.stomps));
-            if stomps > told {
+            if stomps > printed {
                 eprintln!("stomp {stomps} of {}", arguments.stomps);
-                (told, since) = (stomps, Instant::now());
+                (printed, since) = (stomps, Instant::now());
             }
             // The end of the last stomp may still be pending.
             if stomps >= arguments.stomps && since.elapsed() > 2 * LOOK_EVERY {

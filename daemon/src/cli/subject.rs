@@ -38,17 +38,18 @@ enum Action {
     },
     /// Take the last lift of the shift back
     ///
-    /// For one that was none: it leaves the dose and the count, and the list of lifts beside the profile says so. Again for
-    /// the one before, up to 16.
+    /// For a wrongly detected lift: it is removed from dose and count, and noted in the list of lifts next to the
+    /// profile. Repeat for earlier ones, up to 16.
     UndoLift {
         #[command(flatten)]
         station: StationArgument,
     },
     /// Delete a subject for good
     ///
-    /// Profile, mentions in stations' files, and what running daemons on this bus know; one that has the subject in use
-    /// goes on with an unknown worker. Looks where those daemons keep their state, and where the environment says. Flight
-    /// records beside the profile go, all of them: they name nobody. Says what is not deleted.
+    /// Deletes the profile, entries in stations' files, and the data of running daemons on this bus; a daemon that has
+    /// the subject in use continues with an unknown one. Searches the state directories of those daemons and of the
+    /// environment. All flight records next to the profile are deleted, since they name no subject. Prints what is not
+    /// deleted.
     Delete {
         /// Pseudonymous id
         id: String,
@@ -135,14 +136,14 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     if let Some(folder) = recordings {
         deletion.look_into_recordings(id, folder, with_recordings)?;
     }
-    for told in &deletion.daemons {
-        println!("{told}");
+    for answer in &deletion.daemons {
+        println!("{answer}");
     }
     for path in &deletion.deleted {
         println!("{} is deleted", path.display());
     }
     for path in &deletion.flights {
-        println!("{} is deleted: flight records name nobody, so it may have held {id}", path.display());
+        println!("{} is deleted: flight records name no subject, so it may be of {id}", path.display());
     }
     for path in &deletion.changed {
         println!("{} does not name {id} any more", path.display());

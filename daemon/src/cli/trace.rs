@@ -12,7 +12,7 @@ use equipoise_adapters::recording::Recording;
 use super::Outcome;
 use crate::trace::write_trace;
 
-/// Owner writes, group reads, nobody else.
+/// The owner writes, the group reads, others have no access.
 const MODE: u32 = 0o640;
 
 /// Turn the cycles of a recording or flight record into a trace for Perfetto and chrome://tracing

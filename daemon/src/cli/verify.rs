@@ -1,7 +1,7 @@
 //! `equipoise verify`: a known mass on the plate, or a rod that leans: does the plate say what is so?
 
 mod load;
-mod told;
+mod results;
 
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -14,7 +14,7 @@ use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::client::Heard;
 use super::{Outcome, StationArgument, client};
-use told::{Rod, Told};
+use results::{MassResult, Rod};
 
 /// The empty plate before a rod is put on it, blocks of 0.1 s.
 const ZERO_BLOCKS: usize = 20;
@@ -23,13 +23,13 @@ const ZERO_BLOCKS: usize = 20;
 ///
 /// Leave the plate empty at first: its zero is measured, so a tare is not needed. With --places the mass is lifted off and
 /// put down again elsewhere; with --at also the scale of the moments, the turn and the origin of the plate are checked.
-/// With --rod, press a pointed rod on one point of the plate and lean it all around: that tells the height of the surface
-/// above the sensor.
+/// With --rod, press a pointed rod on one point of the plate and lean it all around: this measures the height of the
+/// surface above the sensor.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise verify --mass 20.0\n  equipoise verify --mass 20.0 --at 0.2,0.15 --at 0.2,-0.15 --at \
                   -0.2,-0.15 --at -0.2,0.15\n  equipoise verify --rod\n  equipoise verify load --mass 10 --at 0.35,0 --at 0.5,0\n\nExit code 1: the plate is off by more than \
-                  --tolerance, or it could not be told."
+                  --tolerance, or its error could not be determined."
 )]
 #[command(group = clap::ArgGroup::new("what").required(true), subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
@@ -66,7 +66,7 @@ pub(super) struct Arguments {
     json: bool,
 }
 
-/// What is checked beside the plate alone.
+/// Checks other than that of the plate alone.
 #[derive(Debug, clap::Subcommand)]
 enum Other {
     Load(load::Arguments),
@@ -168,20 +168,20 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
     if !done {
         bail!("time is over: {} of {places} places were measured", verification.placed().len());
     }
-    let told = Told {
+    let result = MassResult {
         mass_kg,
         tolerance_percent: arguments.tolerance,
         placed: verification.placed().to_vec(),
         zero_n,
         zero_drift_n,
-        geometry: told::geometry_of(verification.placed(), &arguments.at, &arguments.station.station)?,
+        geometry: results::geometry_of(verification.placed(), &arguments.at, &arguments.station.station)?,
     };
     if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&told.json())?);
+        println!("{}", serde_json::to_string_pretty(&result.json())?);
     } else {
-        print!("{}", told.text());
+        print!("{}", result.text());
     }
-    let worst = told.worst_percent();
+    let worst = result.worst_percent();
     if worst.abs() > arguments.tolerance {
         bail!(
             "the plate is off by {worst:+.2} %, more than {} %: check its scale (counts or units of [ground]), its range, and \

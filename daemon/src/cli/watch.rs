@@ -30,7 +30,7 @@ const STOP_EVERY: Duration = Duration::from_millis(50);
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise watch                     a screen, from 40 columns and 12 lines on; \
-                        q ends it, ? tells the signs\n  equipoise watch --for 60 | tee log  one line a second, as \
+                        q quits, ? explains the signs\n  equipoise watch --for 60 | tee log  one line a second, as \
                         always where output or input is no terminal\n\nThe screen waits for a daemon that is not \
                         there, and goes on with the next one."
 )]

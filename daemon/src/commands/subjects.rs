@@ -13,7 +13,7 @@ use crate::workers::{Saving, Workers};
 const TOO_MANY: &str = "too many commands at once; ask again";
 
 pub(super) fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> Answer {
-    let saving = workers.get(workers.in_use()).ok_or("nobody is in use")?;
+    let saving = workers.get(workers.in_use()).ok_or("no subject is in use")?;
     if let Some(why) = saving.refusal {
         return Err(format!("{} is not saved: {why}", saving.subject));
     }
@@ -68,7 +68,7 @@ pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, worke
         // The configured mass belongs to the configured subject.
         let settings = equipoise_core::cycle::Settings { mass_kg: None, ..forced.settings };
         unknown.identification.start(&settings);
-        put_in_place(rings, workers, unknown, Saving::nobody())?;
+        put_in_place(rings, workers, unknown, Saving::unnamed())?;
     }
     workers.forget(&id);
     if is_similar {
@@ -78,16 +78,16 @@ pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, worke
         }
         in_force.replace(forced.clone());
     }
-    let mut told = if in_use {
+    let mut answer = if in_use {
         format!("{id} was in use: forgotten, an unknown worker is learnt instead and not saved")
     } else {
         format!("the daemon keeps nothing of {id}")
     };
     if forced.config.subject.id == id {
-        told +=
+        answer +=
             "; its configuration still names it: change subject.id, or the next start begins a new profile";
     }
-    Ok(told)
+    Ok(answer)
 }
 
 fn id_of(command: &Command) -> Result<String, String> {

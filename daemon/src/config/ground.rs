@@ -271,8 +271,8 @@ impl GroundConfig {
         }
     }
 
-    /// Samples a second, where the configuration says it.
-    pub(super) fn told_rate_hz(&self) -> Option<f64> {
+    /// Samples per second according to the configuration; `None` if it does not state them.
+    pub(super) fn configured_rate_hz(&self) -> Option<f64> {
         match self.source {
             GroundSourceKind::TecGihan => Some(tec_gihan::rate_hz(self)),
             GroundSourceKind::KistlerLabamp => labamp::samples_hz(self),
@@ -340,8 +340,8 @@ impl GroundConfig {
 }
 
 impl GroundConfig {
-    /// A section or key of another source would be read by nobody. Where another process reads the device, they may stay:
-    /// the same file serves both with one word changed.
+    /// Rejects sections and keys of other sources, which would have no effect. If another process reads the device,
+    /// they are allowed: the same file serves both with one word changed.
     fn check_sections(&self) -> Result<(), Mistake> {
         use GroundSourceKind::{
             AmtiSerial, AtiRdt, Binary, BotaSerial, External, KistlerLabamp, Lsl, MoticonUdp, Qtm, TecGihan,

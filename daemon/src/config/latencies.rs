@@ -24,7 +24,7 @@ pub(super) fn span_ns(milliseconds: f64) -> u64 {
 pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
     let suit_later_ms = suit.latency_ms - ground.latency_ms;
     let suit_later_max_ms =
-        (GROUND_SAMPLES_KEPT / ground.told_rate_hz().unwrap_or(USUAL_HZ) * 1e3).min(APART_MAX_MS);
+        (GROUND_SAMPLES_KEPT / ground.configured_rate_hz().unwrap_or(USUAL_HZ) * 1e3).min(APART_MAX_MS);
     if suit_later_ms > suit_later_max_ms {
         return Err((
             "suit.latency_ms",

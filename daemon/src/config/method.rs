@@ -133,7 +133,7 @@ pub struct IdentificationConfig {
     pub stop_cop_sigma_mm: f64,
     /// Never finished before this many poses.
     pub poses_min: u64,
-    /// 1-σ of a held pose's measurement beside the suit's and the plate's, mm: sway and breath.
+    /// 1-σ of a held pose's measurement in addition to the suit's and the plate's, mm: sway and breath.
     pub measurement_sigma_mm: f64,
     /// Growth of each parameter's standard deviation per pose, mm (Q of Eq. 7).
     pub process_sigma_mm: f64,

@@ -13,7 +13,7 @@ pub struct OverloadConfig {
     pub threshold_n: f64,
     /// A load farther than this from the line between the hands is not in the hands, m.
     pub load_distance_max_m: f64,
-    /// How overload is told while the worker moves.
+    /// Reporting of overload while the worker moves.
     pub motion: MotionConfig,
     /// Half the window over which accelerations are taken, ms: results lie that far behind the newest sample.
     pub motion_window_ms: f64,
@@ -48,7 +48,7 @@ impl Default for OverloadConfig {
     }
 }
 
-/// How overload is told while the worker moves.
+/// Reporting of overload while the worker moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MotionConfig {

@@ -60,7 +60,7 @@ pub struct OtherWorker {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Up {
-    /// X forward, Y left, Z up: what MVN sends unless told otherwise.
+    /// X forward, Y left, Z up: MVN's default.
     #[default]
     Z,
     /// X left, Y up, Z forward.

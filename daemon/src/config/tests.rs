@@ -41,7 +41,7 @@ fn a_value_out_of_range_is_named_with_its_line() {
     let said = refusal(&SMALLEST.replace("1.77", "177"));
     assert!(said.starts_with("c.toml, line 11: subject.height_m: 177 is not between 1 and 2.3"), "{said}");
     let counted = SMALLEST.replace("counts_per_newton = 1000000", "");
-    assert!(Config::parse(&counted, "c.toml").is_ok(), "the device's own page tells it");
+    assert!(Config::parse(&counted, "c.toml").is_ok(), "the device's own page states it");
     let axia = Config::parse(include_str!("../../../examples/sensors/ati-rdt.toml"), "axia.toml").unwrap();
     assert_eq!(axia.ground.ati.unwrap().model, ground::ati_rdt::Model::Axia);
     let said = refusal(&format!("{counted}\n[ground.ati]\npage = false"));
@@ -172,13 +172,13 @@ fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
 
 #[test]
 fn what_a_file_does_not_say_is_what_core_has_for_defaults() {
-    let told = Config::parse(SMALLEST, "c.toml").unwrap().settings();
-    let core = Settings { library: told.library, ..Settings::for_height(1.77) };
-    assert_eq!(format!("{told:?}"), format!("{core:?}"));
+    let settings = Config::parse(SMALLEST, "c.toml").unwrap().settings();
+    let core = Settings { library: settings.library, ..Settings::for_height(1.77) };
+    assert_eq!(format!("{settings:?}"), format!("{core:?}"));
 }
 
 #[test]
-fn a_model_lies_beside_the_configuration_and_reaches_the_cycle() {
+fn a_model_next_to_the_configuration_reaches_the_cycle() {
     let folder = tempfile::tempdir().unwrap();
     let (path, model) = (folder.path().join("c.toml"), folder.path().join("models/m.toml"));
     std::fs::write(&path, format!("{SMALLEST}[model]\nfile = \"models/m.toml\"")).unwrap();

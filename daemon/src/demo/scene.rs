@@ -217,9 +217,9 @@ impl Script {
     }
 
     fn check(&mut self, state: &State, person: &SimulationHandle, now_s: f64, fresh: bool) {
-        let spoilt =
+        let invalid =
             state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED));
-        if fresh && state.static_pose == 1 && !spoilt {
+        if fresh && state.static_pose == 1 && !invalid {
             self.unloaded.add(state);
         }
         if now_s - self.scene_since_s > CHECK_POSE_S * (self.check_pose + 1) as f64 {

@@ -63,15 +63,15 @@ pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
         return Check::warn(NAME, found, "raise the Stream rate in the Network Streamer: 60 Hz at the least");
     }
     if !refused.is_empty() {
-        let mend = "`equipoise status` tells the reasons; docs/operation.md what they mean";
-        return Check::warn(NAME, format!("{found}{}", refusals(refused)), mend);
+        let fix = "`equipoise status` shows the reasons; docs/operation.md explains them";
+        return Check::warn(NAME, format!("{found}{}", refusals(refused)), fix);
     }
     Check::ok(NAME, found)
 }
 
 fn refusals(refused: &[(String, u64)]) -> String {
-    let told: Vec<String> = refused.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
-    if told.is_empty() { String::new() } else { format!("; refused: {}", told.join(", ")) }
+    let counts: Vec<String> = refused.iter().map(|(reason, count)| format!("{count} {reason}")).collect();
+    if counts.is_empty() { String::new() } else { format!("; refused: {}", counts.join(", ")) }
 }
 
 pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
@@ -93,7 +93,7 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
         Some(newtons) if newtons.abs() > EMPTY_SHOWS_MAX_N => Check::warn(
             NAME,
             format!("empty, it shows {newtons:.1} N{ground}"),
-            "with nobody on it: `equipoise tare`",
+            "step off, then: `equipoise tare`",
         ),
         Some(newtons) => Check::ok(NAME, format!("empty, it shows {newtons:.1} N{ground}")),
     }
@@ -123,19 +123,19 @@ mod tests {
         assert_eq!(of(Some(sound())).verdict, Ok);
         assert_eq!(of(None).verdict, Warn);
         let slow = of(Some(Streamed { rate_hz: 30.0, ..sound() }));
-        assert!(slow.verdict == Warn && slow.mend.unwrap().contains("Stream rate"));
+        assert!(slow.verdict == Warn && slow.fix.unwrap().contains("Stream rate"));
         let euler = of(Some(Streamed { quaternions: false, stand_in: Some("Euler angles (01)"), ..sound() }));
-        assert!(euler.verdict == Warn && euler.mend.unwrap().contains("(02)"));
+        assert!(euler.verdict == Warn && euler.fix.unwrap().contains("(02)"));
         let none = of(Some(Streamed { quaternions: false, ..sound() }));
-        assert!(none.verdict == Fail && none.mend.unwrap().contains("tick the box"));
+        assert!(none.verdict == Fail && none.fix.unwrap().contains("tick the box"));
         let other = of(Some(Streamed { avatars: vec![2], ..sound() }));
-        assert!(other.verdict == Fail && other.mend.unwrap().contains("suit.avatar = 2"));
+        assert!(other.verdict == Fail && other.fix.unwrap().contains("suit.avatar = 2"));
         let refused = of(Some(Streamed { refused: vec![("length".to_owned(), 3)], ..sound() }));
         assert!(refused.verdict == Warn && refused.found.contains("3 length"));
     }
 
     #[test]
-    fn what_a_plate_does_not_measure_is_told() {
+    fn what_a_plate_does_not_measure_is_reported() {
         let ground = " (insoles; not measured: shear and free moment)".to_owned();
         let facts =
             StationFacts { daemon: Some(1), plate_shows_n: Some(0.0), ground, ..StationFacts::default() };

@@ -262,11 +262,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sound_computer_has_nothing_to_mend() {
+    fn a_sound_computer_needs_no_fix() {
         let checks = super::super::judge(&Facts::sound(), None, None);
         assert_eq!(checks.len(), 13);
         for check in checks {
-            assert_eq!((check.verdict, check.mend), (super::super::Verdict::Ok, None), "{}", check.name);
+            assert_eq!((check.verdict, check.fix), (super::super::Verdict::Ok, None), "{}", check.name);
         }
     }
 

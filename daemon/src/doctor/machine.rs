@@ -43,7 +43,7 @@ pub(super) fn real_time(facts: &Facts, tick: &LoopConfig) -> Check {
             NAME,
             format!("RLIMIT_RTPRIO is {limit}, loop.priority {asked}, and CAP_SYS_NICE is missing"),
             "run under the shipped systemd unit (AmbientCapabilities=CAP_SYS_NICE), or put `@realtime - rtprio 90` into \
-             /etc/security/limits.d/ and log in anew",
+             /etc/security/limits.d/ and log in again",
         ),
         _ => Check::ok(NAME, format!("SCHED_FIFO {asked} may be had (RLIMIT_RTPRIO)")),
     }
@@ -60,10 +60,10 @@ pub(super) fn throttling(facts: &Facts) -> Check {
     let share = runtime_us as f64 / period_us.max(1) as f64;
     let found =
         format!("real-time threads may use {:.0} % of each {:.1} s", 100.0 * share, period_us as f64 * 1e-6);
-    const MEND: &str = "sysctl -w kernel.sched_rt_runtime_us=950000 (and a file in /etc/sysctl.d/)";
+    const FIX: &str = "sysctl -w kernel.sched_rt_runtime_us=950000 (and a file in /etc/sysctl.d/)";
     match share {
-        share if share <= 0.0 => Check::fail(NAME, found, MEND),
-        share if share < RT_SHARE_MIN => Check::warn(NAME, found, MEND),
+        share if share <= 0.0 => Check::fail(NAME, found, FIX),
+        share if share < RT_SHARE_MIN => Check::warn(NAME, found, FIX),
         _ => Check::ok(NAME, format!("{found}; the loop needs a few")),
     }
 }
@@ -127,19 +127,19 @@ pub(super) fn core(facts: &Facts, tick: &LoopConfig) -> Check {
 
 pub(super) fn preemption(facts: &Facts) -> Check {
     const NAME: &str = "kernel preemption";
-    const MEND: &str =
+    const FIX: &str =
         "boot with `preempt=full`, or install a kernel with PREEMPT_RT (Debian: linux-image-rt-amd64)";
     match facts.preemption {
         Preemption::RealTime => Check::ok(NAME, "PREEMPT_RT"),
         Preemption::Full => Check::ok(NAME, "full; PREEMPT_RT would bound the worst case too"),
         Preemption::Less(ref model) => {
-            Check::warn(NAME, format!("{model}: the kernel finishes its own work before the loop's"), MEND)
+            Check::warn(NAME, format!("{model}: the kernel finishes its own work before the loop's"), FIX)
         }
         Preemption::Chosen => Check::warn(
             NAME,
             "chosen at boot (PREEMPT_DYNAMIC), and not to be seen from here",
             format!(
-                "as root: `mount -t debugfs none /sys/kernel/debug`, ask anew; unless it is full, {MEND}"
+                "as root: `mount -t debugfs none /sys/kernel/debug`, run this again; unless it is full, {FIX}"
             ),
         ),
     }
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn root_is_told_that_it_is_not_needed() {
+    fn root_gets_a_note_that_it_is_not_needed() {
         let as_id = |user_id| user(&Facts { user_id, ..Facts::sound() }).verdict;
         assert_eq!((as_id(0), as_id(104), as_id(1000)), (Warn, Ok, Ok));
     }
@@ -180,7 +180,7 @@ mod tests {
             real_time(&Facts { may_schedule, rtprio_limit, ..Facts::sound() }, &tick(priority, None))
         };
         assert_eq!(check(false, Some(0), 80).verdict, Fail);
-        assert!(check(false, Some(79), 80).mend.unwrap().contains("CAP_SYS_NICE"));
+        assert!(check(false, Some(79), 80).fix.unwrap().contains("CAP_SYS_NICE"));
         assert_eq!(check(false, Some(80), 80).verdict, Ok);
         assert_eq!(check(false, None, 80).verdict, Ok, "no limit at all");
         assert_eq!(check(true, Some(0), 80).verdict, Ok);
@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn less_than_full_preemption_is_told() {
+    fn less_than_full_preemption_is_reported() {
         let check = |preemption| preemption_of(preemption).verdict;
         assert_eq!(check(Preemption::RealTime), Ok);
         assert_eq!(check(Preemption::Full), Ok);
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn a_slow_clock_is_told() {
+    fn a_slow_clock_is_reported() {
         let check = |source: Option<&str>| {
             clock_source(&Facts { clock_source: source.map(str::to_owned), ..Facts::sound() }).verdict
         };

@@ -13,7 +13,7 @@ const BUFFER_MIN: u64 = 256 << 10;
 
 pub(super) fn receive_buffer(facts: &Facts) -> Check {
     const NAME: &str = "socket buffers";
-    const MEND: &str = "sysctl -w net.core.rmem_max=4194304 (and a file in /etc/sysctl.d/)";
+    const FIX: &str = "sysctl -w net.core.rmem_max=4194304 (and a file in /etc/sysctl.d/)";
     match facts.rmem_max {
         None => Check::ok(NAME, "the kernel does not tell"),
         Some(bytes) if bytes < BUFFER_MIN => Check::warn(
@@ -22,12 +22,12 @@ pub(super) fn receive_buffer(facts: &Facts) -> Check {
                 "net.core.rmem_max is {} kB: a stall of a quarter of a second loses samples",
                 bytes >> 10
             ),
-            MEND,
+            FIX,
         ),
         Some(bytes) if bytes < BUFFER_WANTED => Check::warn(
             NAME,
             format!("net.core.rmem_max is {} kB; the adapters ask for {}", bytes >> 10, BUFFER_WANTED >> 10),
-            MEND,
+            FIX,
         ),
         Some(bytes) => Check::ok(NAME, format!("net.core.rmem_max is {} kB", bytes >> 10)),
     }
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_small_buffer_is_told() {
+    fn a_small_buffer_is_reported() {
         let of = |rmem_max| receive_buffer(&Facts { rmem_max, ..Facts::sound() }).verdict;
         assert_eq!([of(Some(212_992)), of(Some(1 << 20)), of(Some(4 << 20)), of(None)], [Warn, Warn, Ok, Ok]);
     }

@@ -21,7 +21,9 @@ pub(super) fn bus_root(facts: &Facts) -> Check {
     if REMOTE.contains(&file_system.as_str()) {
         return Check::fail(
             NAME,
-            format!("{found}, which other computers share: nobody could tell who is alive"),
+            format!(
+                "{found}, which other computers share: living and dead processes cannot be distinguished there"
+            ),
             "set EQUIPOISE_BUS_ROOT to a directory of this computer, for example below /run",
         );
     }
@@ -72,15 +74,15 @@ pub(super) fn remove_ipc(facts: &Facts) -> Check {
 
 pub(super) fn state_directory(facts: &Facts) -> Check {
     const NAME: &str = "state directory";
-    const MEND: &str = "set STATE_DIRECTORY (systemd: StateDirectory=) to a directory of this user";
+    const FIX: &str = "set STATE_DIRECTORY (systemd: StateDirectory=) to a directory of this user";
     let Place { path, file_system, writable, free, .. } = match &facts.state_directory {
         Ok(place) => place,
-        Err(why) => return Check::fail(NAME, why.to_string(), MEND),
+        Err(why) => return Check::fail(NAME, why.to_string(), FIX),
     };
     let found = format!("{} on {file_system}, {} free", path.display(), megabytes(*free));
     const ROOM: &str = "make room there, or set STATE_DIRECTORY to another place";
     if !writable {
-        return Check::fail(NAME, format!("{}: this user may not write there", path.display()), MEND);
+        return Check::fail(NAME, format!("{}: this user may not write there", path.display()), FIX);
     }
     match *free {
         free if free < STATE_FREE_MIN => Check::fail(NAME, found, ROOM),

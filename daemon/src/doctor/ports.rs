@@ -12,7 +12,7 @@ use crate::config::SuitConfig;
 /// Whether a port can be had.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Port {
-    /// Nobody has it.
+    /// No process has it.
     #[default]
     Free,
     /// A process of this station has it.

@@ -106,13 +106,13 @@ impl StationFacts {
         let mut suit = bus.subscriber::<SuitSample>(64)?;
         let mut health = bus.subscriber::<AdapterHealth>(8)?;
         let mut ground = bus.subscriber::<GroundSample>(1)?;
-        let (mut blocks, mut told, begun) = (None::<u32>, None, Instant::now());
+        let (mut blocks, mut newest, begun) = (None::<u32>, None, Instant::now());
         while begun.elapsed() < LISTEN {
             while let Some(sample) = suit.receive()? {
                 blocks = Some(blocks.unwrap_or(0) | sample.blocks);
             }
             while let Some(adapter) = health.receive()? {
-                told = Some(adapter).filter(|adapter| adapter.stream == 1).or(told);
+                newest = Some(adapter).filter(|adapter| adapter.stream == 1).or(newest);
             }
             if let Some(sample) = ground.latest()? {
                 let provenance = Provenance::of(&sample);
@@ -124,7 +124,7 @@ impl StationFacts {
             }
             std::thread::sleep(Duration::from_millis(20));
         }
-        let Some(told) = told.filter(|told| told.received > 0) else { return Ok(()) };
+        let Some(adapter) = newest.filter(|adapter| adapter.received > 0) else { return Ok(()) };
         let sent = |block: SuitBlocks| blocks.unwrap_or(0) & block as u32 != 0;
         let others = [
             (SuitBlocks::JointAngles, "joint angles (20)"),
@@ -132,10 +132,10 @@ impl StationFacts {
             (SuitBlocks::AngularKinematics, "angular kinematics (22)"),
             (SuitBlocks::CentreOfMass, "centre of mass (24)"),
         ];
-        let is_much = |count: u64| count as f64 > REFUSED_SHARE_MIN * told.received as f64;
-        let refused = SuitRefusal::NAMES.iter().zip(told.refused);
+        let is_much = |count: u64| count as f64 > REFUSED_SHARE_MIN * adapter.received as f64;
+        let refused = SuitRefusal::NAMES.iter().zip(adapter.refused);
         self.streamed = Some(Streamed {
-            rate_hz: told.rate_hz,
+            rate_hz: adapter.rate_hz,
             // A sample does not say in which format its pose arrived.
             quaternions: blocks.is_some(),
             stand_in: None,
@@ -207,9 +207,9 @@ mod tests {
             linear_kinematics::encode(&header, &[linear; 23], &mut bytes).unwrap();
             heard.take(sender, &bytes, arrival_ns);
         }
-        let told = streamed(&heard, 3).unwrap();
-        assert!((told.rate_hz - 60.0).abs() < 0.01, "{}", told.rate_hz);
-        assert!(told.quaternions && told.stand_in.is_none());
-        assert_eq!((told.avatars, told.others), (vec![3], vec!["type 21".to_owned()]));
+        let stream = streamed(&heard, 3).unwrap();
+        assert!((stream.rate_hz - 60.0).abs() < 0.01, "{}", stream.rate_hz);
+        assert!(stream.quaternions && stream.stand_in.is_none());
+        assert_eq!((stream.avatars, stream.others), (vec![3], vec!["type 21".to_owned()]));
     }
 }

@@ -30,7 +30,7 @@ pub fn judge_suit(config: &Config, facts: &SuitFacts) -> Vec<Check> {
     match &facts.heard {
         Heard::Nowhere(None) => {}
         Heard::Nowhere(Some(why)) => {
-            checks.push(Check::fail("listening", why.clone(), "mend that, then look again"));
+            checks.push(Check::fail("listening", why.clone(), "fix that, then run this again"));
         }
         Heard::OnTheBus(word) => checks.extend(bus::judge(config, word, facts.time)),
         Heard::AtThePort(survey) if survey.is_silent() => {
@@ -79,7 +79,7 @@ fn port(config: &Config, facts: &SuitFacts) -> Option<Check> {
 /// The likely causes, most frequent first.
 fn when_nothing_comes(suit: &SuitConfig) -> String {
     let host = host_for(suit.listen);
-    let mut told = format!(
+    let mut advice = format!(
         "in MVN: Options > Network Streamer: Host = {host}, Port = {}, Protocol = {}, the box \"{}\" ticked, the stream \
          switched on, a recording or a live suit playing",
         suit.listen.port(),
@@ -87,18 +87,18 @@ fn when_nothing_comes(suit: &SuitConfig) -> String {
         boxes::POSE,
     );
     if suit.listen.ip().is_loopback() {
-        told.push_str(&format!(
+        advice.push_str(&format!(
             "; if MVN runs on another PC: suit.listen = \"0.0.0.0:{}\" (now only this PC is heard), suit.allow_remote = \
              true",
             suit.listen.port()
         ));
     } else {
-        told.push_str("; both PCs in one network, and no firewall that keeps the port shut");
+        advice.push_str("; both PCs in one network, and no firewall that keeps the port shut");
     }
     if protocol(suit) == "TCP" {
-        told.push_str("; MVN connects when its stream is switched on: switch it off and on again");
+        advice.push_str("; MVN connects when its stream is switched on: switch it off and on again");
     }
-    told
+    advice
 }
 
 fn host_for(listen: SocketAddr) -> String {
@@ -119,7 +119,7 @@ fn judge_survey(suit: &SuitConfig, survey: &Survey, facts: &SuitFacts) -> Vec<Ch
     checks.extend(boxes::judge(character, seconds));
     checks.extend(samples(character));
     checks.extend(up(suit, character));
-    checks.extend(beside_the_body(character));
+    checks.extend(props_and_gloves(character));
     let total = character.types.values().map(|seen| seen.datagrams).sum();
     checks.extend(refusals(character.refused().map(|(reason, count)| (reason.name(), count)), total));
     checks
@@ -143,8 +143,8 @@ fn sender(suit: &SuitConfig, survey: &Survey, seconds: f64) -> Check {
         survey.bytes as f64 / seconds / 1e3
     );
     if survey.senders.len() > 1 {
-        let mend = "let all but one send elsewhere: the daemon keeps to one until it is silent for a second";
-        return Check::warn(NAME, found, mend);
+        let fix = "let all but one send elsewhere: the daemon keeps to one until it is silent for a second";
+        return Check::warn(NAME, found, fix);
     }
     match survey.turned_away.is_empty() {
         true => Check::ok(NAME, found),
@@ -158,26 +158,26 @@ fn sender(suit: &SuitConfig, survey: &Survey, seconds: f64) -> Check {
 fn unreadable(survey: &Survey) -> Option<Check> {
     const NAME: &str = "readable";
     let datagrams: u64 = survey.senders.values().sum();
-    let told = in_words(survey.unreadable.iter().map(|(reason, count)| (*reason, *count)));
+    let reasons = in_words(survey.unreadable.iter().map(|(reason, count)| (*reason, *count)));
     if survey.characters.is_empty() {
-        let mend = "another program sends to this port: end it, or choose another port, here and in MVN";
-        return Some(Check::fail(NAME, format!("nothing that came is MVN's: {told}"), mend));
+        let fix = "another program sends to this port: end it, or choose another port, here and in MVN";
+        return Some(Check::fail(NAME, format!("nothing that came is MVN's: {reasons}"), fix));
     }
     let bad: u64 = survey.unreadable.values().sum();
     let is_much = bad as f64 > REFUSED_SHARE_MIN * datagrams as f64;
     is_much.then(|| {
-        let mend = "does something else send to this port, or does the network cut datagrams (length)?";
+        let fix = "does something else send to this port, or does the network cut datagrams (length)?";
         Check::warn(
             NAME,
-            format!("{bad} of {datagrams} datagrams are not MVN's or are damaged: {told}"),
-            mend,
+            format!("{bad} of {datagrams} datagrams are not MVN's or are damaged: {reasons}"),
+            fix,
         )
     })
 }
 
 fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
     const NAME: &str = "characters";
-    let told = |objects: bool| -> Vec<String> {
+    let names = |objects: bool| -> Vec<String> {
         let those = survey.characters.iter().filter(|(_, one)| one.is_object() == objects);
         those
             .map(|(avatar, one)| match one.name() {
@@ -186,7 +186,7 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
             })
             .collect()
     };
-    let (people, objects) = (told(false), told(true));
+    let (people, objects) = (names(false), names(true));
     let mut found = if people.is_empty() { "no person".to_owned() } else { people.join(", ") };
     if !objects.is_empty() {
         found.push_str(&format!("; objects, which are not used: {}", objects.join(", ")));
@@ -197,26 +197,26 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
     let first = survey.characters.iter().find(|(_, one)| !one.is_object());
     if let Some(missing) = wanted.iter().find(|avatar| !is_there(avatar)) {
         let key = if *missing == suit.avatar { "suit.avatar" } else { "suit.others" };
-        let mend = match first {
+        let fix = match first {
             Some((avatar, _)) if key == "suit.avatar" => {
                 format!("suit.avatar = {avatar}, or another Avatar in the Network Streamer")
             }
             _ => "in MVN a stream sends one avatar: add one for it, with the same Host and Port".to_owned(),
         };
-        return Check::fail(NAME, format!("{found}; {missing} ({key}) is not among them"), mend);
+        return Check::fail(NAME, format!("{found}; {missing} ({key}) is not among them"), fix);
     }
-    let nobodys: Vec<String> = survey
+    let unused: Vec<String> = survey
         .characters
         .iter()
         .filter(|(avatar, one)| !wanted.contains(avatar) && !one.is_object())
         .map(|(avatar, _)| avatar.to_string())
         .collect();
-    if nobodys.is_empty() {
+    if unused.is_empty() {
         return Check::ok(NAME, format!("{found}; {} is this station's", suit.avatar));
     }
     Check::warn(
         NAME,
-        format!("{found}; {} belongs to no station", nobodys.join(", ")),
+        format!("{found}; {} belongs to no station", unused.join(", ")),
         "give each a station with suit.others (docs/sensors/mvn.md), or do not send it",
     )
 }
@@ -286,7 +286,7 @@ fn up(suit: &SuitConfig, character: &Character) -> Option<Check> {
     })
 }
 
-fn beside_the_body(character: &Character) -> Option<Check> {
+fn props_and_gloves(character: &Character) -> Option<Check> {
     let layout = character.layout().filter(|layout| layout.props + layout.fingers > 0)?;
     Some(Check::ok(
         "props and gloves",
@@ -300,10 +300,10 @@ fn beside_the_body(character: &Character) -> Option<Check> {
 /// Frequent refusal reasons, with advice for the first that has a remedy.
 fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Option<Check> {
     // Reported by other checks: other characters by name, duplicates with the samples.
-    let told_elsewhere = [SuitRefusal::OtherAvatar.name(), SuitRefusal::Duplicate.name()];
+    let reported_elsewhere = [SuitRefusal::OtherAvatar.name(), SuitRefusal::Duplicate.name()];
     let much: Vec<(&str, u64)> = refused
         .filter(|(reason, count)| {
-            *count as f64 > REFUSED_SHARE_MIN * total as f64 && !told_elsewhere.contains(reason)
+            *count as f64 > REFUSED_SHARE_MIN * total as f64 && !reported_elsewhere.contains(reason)
         })
         .collect();
     let advice = |reason: &str| match reason {
@@ -316,11 +316,11 @@ fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Op
         "late" => Some("datagrams of one sample are torn apart on their way: a cable instead of wireless"),
         _ => None,
     };
-    let mend = much
+    let fix = much
         .iter()
         .find_map(|(reason, _)| advice(reason))
         .unwrap_or("docs/sensors/mvn.md says what each means");
-    (!much.is_empty()).then(|| Check::warn("refused", in_words(much.into_iter()), mend))
+    (!much.is_empty()).then(|| Check::warn("refused", in_words(much.into_iter()), fix))
 }
 
 fn in_words<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> String {

@@ -91,12 +91,12 @@ impl SuitFacts {
 
     /// All counts as JSON.
     pub fn to_json(&self) -> Value {
-        let mut told = json!({ "listened_s": self.time.as_secs_f64(), "holder": self.holder });
+        let mut facts = json!({ "listened_s": self.time.as_secs_f64(), "holder": self.holder });
         match &self.heard {
             Heard::Nowhere(_) => {}
-            Heard::AtThePort(survey) => told["at_the_port"] = survey_json(survey),
+            Heard::AtThePort(survey) => facts["at_the_port"] = survey_json(survey),
             Heard::OnTheBus(word) => {
-                told["on_the_bus"] = json!({
+                facts["on_the_bus"] = json!({
                     "samples": word.samples,
                     "avatar": word.avatar,
                     "received": word.health.map(|health| health.received),
@@ -105,7 +105,7 @@ impl SuitFacts {
                 });
             }
         }
-        told
+        facts
     }
 }
 
@@ -126,8 +126,8 @@ fn listen(bus: &Bus, time: Duration, stopping: &dyn Fn() -> bool) -> Result<BusW
             word.blocks |= sample.blocks;
             word.avatar = Some(sample.avatar);
         }
-        while let Some(told) = health.receive()? {
-            word.health = Some(told).filter(|told| told.stream == 1).or(word.health);
+        while let Some(report) = health.receive()? {
+            word.health = Some(report).filter(|report| report.stream == 1).or(word.health);
         }
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -146,11 +146,11 @@ fn survey_json(survey: &Survey) -> Value {
                 .types
                 .iter()
                 .map(|(kind, seen)| {
-                    let told = json!({
+                    let counts = json!({
                         "datagrams": seen.datagrams, "bytes": seen.bytes, "items": seen.items,
                         "rate_hz": seen.rate_hz(), "stride": seen.stride(), "lost": seen.lost, "repeated": seen.repeated,
                     });
-                    (kind.to_string(), told)
+                    (kind.to_string(), counts)
                 })
                 .collect();
             let refused: serde_json::Map<String, Value> =

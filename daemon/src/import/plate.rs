@@ -101,8 +101,9 @@ impl PlateSamples<'_> {
         match &self.source {
             Source::Text(capture) => {
                 let rejected = capture.rejected();
-                let told = (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
-                LeftOut { rejected: told.into_iter().collect(), passed_over: Vec::new() }
+                let reason =
+                    (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
+                LeftOut { rejected: reason.into_iter().collect(), passed_over: Vec::new() }
             }
             Source::Input(samples) => samples.left_out(),
         }

@@ -27,17 +27,17 @@ pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put>
     let written = (|| {
         let folder = path.parent().unwrap_or(Path::new("/"));
         make_folder(folder)?;
-        let mut beside = path.as_os_str().to_owned();
-        beside.push(".part");
-        let beside = Path::new(&beside);
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let part = Path::new(&part);
         // Leftover of an interrupted attempt, or a link planted to redirect the write.
-        match fs::remove_file(beside) {
+        match fs::remove_file(part) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
             _ => {}
         }
-        write_new(beside, content, mode)
-            .and_then(|()| fs::rename(beside, path))
-            .inspect_err(|_| drop(fs::remove_file(beside)))?;
+        write_new(part, content, mode)
+            .and_then(|()| fs::rename(part, path))
+            .inspect_err(|_| drop(fs::remove_file(part)))?;
         File::open(folder)?.sync_all()
     })();
     written.with_context(|| refused("write", path))?;

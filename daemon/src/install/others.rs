@@ -16,7 +16,7 @@ pub const PROGRAMS: [&str; 5] = [
 ];
 
 /// Those present in the directory of `program`.
-pub(super) fn beside(program: &Path) -> impl Iterator<Item = &'static str> {
+pub(super) fn next_to(program: &Path) -> impl Iterator<Item = &'static str> {
     PROGRAMS.into_iter().filter(|name| program.with_file_name(name).is_file())
 }
 
@@ -28,14 +28,14 @@ pub(super) fn missing(place: &Place, program: &Path) -> Vec<String> {
     let mut said = Vec::new();
     if !absent.is_empty() {
         said.push(format!(
-            "not installed, since not beside {}: {}; whoever needs one: cargo build --release -p NAME, and install again",
+            "not installed, since not next to {}: {}; if you need one: cargo build --release -p NAME, and install again",
             program.display(),
             absent.join(", ")
         ));
     }
     for name in kept {
         said.push(format!(
-            "note: {} stays, since there is no newer one beside {}; all on one bus must be of one release: cargo build \
+            "note: {} stays, since there is no newer one next to {}; all on one bus must be of one release: cargo build \
              --release -p {name}, and install again",
             place.other_program(name).display(),
             program.display()

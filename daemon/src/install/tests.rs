@@ -79,12 +79,12 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
 }
 
 #[test]
-fn programs_that_lie_beside_it_come_along_and_others_are_named() {
+fn programs_next_to_it_are_installed_and_others_are_named() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
     let place = at("/opt/equipoise", &root);
-    let beside = directory.path().join("equipoise-outlet-opcua");
-    fs::write(&beside, "a server").unwrap();
+    let outlet = directory.path().join("equipoise-outlet-opcua");
+    fs::write(&outlet, "a server").unwrap();
     fs::write(directory.path().join("equipoise-study"), "no part of the service").unwrap();
     let done = install(&place, &program, false).unwrap();
     assert!(done.contains(&"installed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
@@ -99,7 +99,7 @@ fn programs_that_lie_beside_it_come_along_and_others_are_named() {
     assert!(!root.join("opt/equipoise/bin/equipoise-study").exists());
 
     // A remaining program may be of another release.
-    fs::remove_file(&beside).unwrap();
+    fs::remove_file(&outlet).unwrap();
     let done = install(&place, &program, false).unwrap();
     assert!(done.iter().any(|line| line.contains("bin/equipoise-outlet-opcua stays")), "{done:?}");
     assert!(installed.exists());

@@ -124,8 +124,8 @@ mod tests {
         flights.extend(recorder.end());
         let cycles_of =
             |flight: &Flight| flight.outcomes.iter().map(|outcome| outcome.record.cycle).collect();
-        let told = flights.iter().map(|flight| (flight.cycle, cycles_of(flight))).collect();
-        (told, recorder.take_left_out())
+        let recorded = flights.iter().map(|flight| (flight.cycle, cycles_of(flight))).collect();
+        (recorded, recorder.take_left_out())
     }
 
     #[test]

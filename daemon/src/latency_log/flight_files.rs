@@ -17,7 +17,7 @@ use crate::whole_file::{clear_leftovers, write_whole};
 pub const FILES_MAX: usize = 32;
 
 /// Replaces the subject's pseudonym.
-const NOBODY: &str = "nobody";
+const ANONYMOUS: &str = "anonymous";
 
 /// The records of one station.
 #[derive(Debug)]
@@ -32,7 +32,7 @@ impl FlightFiles {
     pub fn new(directory: &Path, config: &Config) -> FlightFiles {
         // Latencies do not depend on the subject: omit the pseudonym, so that none remains when a subject is deleted.
         let mut settled = config.clone().without_paths();
-        NOBODY.clone_into(&mut settled.subject.id);
+        ANONYMOUS.clone_into(&mut settled.subject.id);
         FlightFiles {
             directory: directory.to_owned(),
             station: config.station.clone(),
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_goes_when_there_are_too_many_and_nobody_elses_file_does() {
+    fn the_oldest_record_above_the_limit_is_removed_and_no_file_of_others() {
         let directory = tempfile::tempdir().unwrap();
         let foreign = ["s-10-cycle-5.mcap", "s-1-cycle-x.mcap", "s-1-cycle-5.mcap.txt", "note"];
         for name in foreign {

@@ -21,7 +21,7 @@ struct Session {
     memory: Box<Memory>,
     cycle: u64,
     watch: ModelWatch,
-    told: Vec<(u64, Suspicion)>,
+    reported: Vec<(u64, Suspicion)>,
 }
 
 impl Session {
@@ -41,7 +41,7 @@ impl Session {
             memory,
             cycle: 0,
             watch: ModelWatch::default(),
-            told: Vec::new(),
+            reported: Vec::new(),
         }
     }
 
@@ -78,7 +78,7 @@ impl Session {
             if self.cycle.is_multiple_of(2 * SUIT_HZ)
                 && let Some(suspicion) = self.watch.look(state)
             {
-                self.told.push((state.suit_sample_time_ns, suspicion));
+                self.reported.push((state.suit_sample_time_ns, suspicion));
             }
         }
     }
@@ -104,7 +104,7 @@ impl Session {
 fn a_worker_whom_the_model_fits_is_not_suspected() {
     let mut session = Session::identified();
     session.poses(3, 40);
-    assert_eq!(session.told, []);
+    assert_eq!(session.reported, []);
     assert!(session.watch.seen.len() > 2 * MOMENTS_MIN, "it has looked: {}", session.watch.seen.len());
 }
 
@@ -112,19 +112,21 @@ fn a_worker_whom_the_model_fits_is_not_suspected() {
 const HIDDEN_KG: f64 = 0.7;
 
 #[test]
-fn a_hidden_mass_is_told_once_in_five_minutes_and_where_it_shows() {
+fn a_hidden_mass_is_reported_with_its_place_once_in_five_minutes() {
     let mut session = Session::identified();
     let at_s = session.now_s() + 0.1;
     session.worker.lift(HIDDEN_KG, at_s);
     session.poses(3, 40);
-    let [(first_ns, told)] = session.told[..] else { panic!("told once: {:?}", session.told) };
-    assert_eq!(told.signal, Signal::Force);
+    let [(first_ns, reported)] = session.reported[..] else {
+        panic!("reported once: {:?}", session.reported)
+    };
+    assert_eq!(reported.signal, Signal::Force);
     // The first window that reveals the mass still contains samples from before.
-    assert!((0.6..1.1).contains(&(told.size / (HIDDEN_KG * 9.81))), "{told:?}");
+    assert!((0.6..1.1).contains(&(reported.size / (HIDDEN_KG * 9.81))), "{reported:?}");
     assert!(session.watch.suspected().is_some(), "and the status goes on saying so");
     session.poses(3, 110);
-    assert!(session.told.len() >= 2, "and again later");
-    assert!(session.told[1].0 - first_ns >= SILENCE_NS);
+    assert!(session.reported.len() >= 2, "and again later");
+    assert!(session.reported[1].0 - first_ns >= SILENCE_NS);
 }
 
 #[test]
@@ -133,7 +135,7 @@ fn a_load_is_no_discrepancy() {
     let at_s = session.now_s() + 0.1;
     session.worker.lift(6.0, at_s);
     session.poses(3, 40);
-    assert_eq!(session.told, []);
+    assert_eq!(session.reported, []);
 }
 
 /// State of an identified, unloaded subject, one second after the previous one, with a given residual.
@@ -155,23 +157,23 @@ fn state(second: u64, off_m: [f64; 2], still: bool, hand_m: f64) -> State {
 #[test]
 fn the_limb_axis_and_phase_are_named() {
     let mut watch = ModelWatch::default();
-    let told: Vec<Suspicion> = (1..=60)
+    let reported: Vec<Suspicion> = (1..=60)
         .filter_map(|second| {
             // Forward and back with a period of seven seconds.
             let hand_m = 0.1 * (second % 7) as f64;
             watch.look(&state(second, [0.001, -0.02 - 0.03 * hand_m], second % 2 == 0, hand_m))
         })
         .collect();
-    let [told] = told[..] else { panic!("{told:?}") };
-    assert_eq!((told.signal, told.limb), (Signal::CopLeft, Some(Limb::RightArm)));
-    assert!(told.size < -0.02 && told.times_sigma > 6.0, "{told:?}");
-    let said = told.to_string();
+    let [reported] = reported[..] else { panic!("{reported:?}") };
+    assert_eq!((reported.signal, reported.limb), (Signal::CopLeft, Some(Limb::RightArm)));
+    assert!(reported.size < -0.02 && reported.times_sigma > 6.0, "{reported:?}");
+    let said = reported.to_string();
     assert!(said.contains("the centre of pressure lies in the median 29 mm right of"), "{said}");
     assert!(said.contains("it goes with the pose of the right arm"), "{said}");
 }
 
 #[test]
-fn who_is_learnt_anew_is_looked_at_anew() {
+fn a_new_identification_restarts_the_watch() {
     let mut watch = ModelWatch::default();
     for second in 1..=39 {
         assert_eq!(watch.look(&state(second, [0.05, 0.0], true, 0.0)), None, "too short");
@@ -182,11 +184,11 @@ fn who_is_learnt_anew_is_looked_at_anew() {
     for second in 41..=70 {
         assert_eq!(watch.look(&state(second, [0.05, 0.0], true, 0.0)), None);
     }
-    let mut spoilt = state(90, [0.05, 0.0], true, 0.0);
-    spoilt.valid |= Validity::MOVING.0;
-    assert_eq!(watch.look(&spoilt), None, "what is not known is not compared");
-    let told = watch.look(&state(91, [0.05, 0.0], true, 0.0));
-    assert!(told.is_some_and(|told| told.still && told.limb.is_none()), "{told:?}");
+    let mut invalid = state(90, [0.05, 0.0], true, 0.0);
+    invalid.valid |= Validity::MOVING.0;
+    assert_eq!(watch.look(&invalid), None, "invalid values are not compared");
+    let reported = watch.look(&state(91, [0.05, 0.0], true, 0.0));
+    assert!(reported.is_some_and(|reported| reported.still && reported.limb.is_none()), "{reported:?}");
     assert!(watch.look(&state(91, [0.05, 0.0], true, 0.0)).is_none(), "one state is seen once");
 }
 

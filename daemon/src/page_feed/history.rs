@@ -1,4 +1,4 @@
-//! How the numbers of an identification went, for whoever opens the engineer's page late.
+//! History of an identification's numbers, for an engineer's page that is opened late.
 
 use std::collections::VecDeque;
 

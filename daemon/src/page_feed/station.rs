@@ -38,7 +38,7 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
 /// Timeout of the daemon's reply to the request.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// The daemon publishes its incidents once a second; an older message does not count as current, ns.
-const TOLD_FOR_NS: u64 = 5 * NS_PER_S / 2;
+const INCIDENTS_FRESH_NS: u64 = 5 * NS_PER_S / 2;
 /// Older states are ignored, ns.
 const FRESH_NS: u64 = NS_PER_S / 4;
 /// Maximum size of a displayed report, bytes.
@@ -80,11 +80,11 @@ impl Station for Desk {
         self.wanted_ns.store(now_ns(), Ordering::Relaxed);
         let facts = status::read(&self.station);
         let gathered = self.gathered();
-        let told = |name: &str| facts.as_ref().and_then(|facts| facts.incidents.get(name));
-        let is_told = |time_ns: u64| now_ns().saturating_sub(time_ns) < TOLD_FOR_NS;
-        let incidents = gathered.incidents.as_ref().filter(|all| is_told(all.time_ns)).map(|all| {
+        let sentence = |name: &str| facts.as_ref().and_then(|facts| facts.incidents.get(name));
+        let is_current = |time_ns: u64| now_ns().saturating_sub(time_ns) < INCIDENTS_FRESH_NS;
+        let incidents = gathered.incidents.as_ref().filter(|all| is_current(all.time_ns)).map(|all| {
             let begun = Incident::ALL.iter().filter(|kind| all.begun[**kind as usize] > 0);
-            begun.map(|kind| incident(all, *kind, told(kind.name()))).collect::<Vec<_>>()
+            begun.map(|kind| incident(all, *kind, sentence(kind.name()))).collect::<Vec<_>>()
         });
         json!({
             "station": self.station,

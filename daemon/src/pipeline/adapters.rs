@@ -34,11 +34,11 @@ pub(super) fn start(
     if config.reads_ground() {
         let kept = Kept { name: "ground", down: Incident::GroundAdapterDown, asked };
         let (station, ground) = (config.station.clone(), config.ground.clone());
-        let told = Arc::clone(board);
+        let incidents = Arc::clone(board);
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
             let trouble = |sentence: Option<&str>| match sentence {
-                Some(sentence) => told.begin(Incident::GroundAdapterDown, sentence),
-                None => told.end(Incident::GroundAdapterDown),
+                Some(sentence) => incidents.begin(Incident::GroundAdapterDown, sentence),
+                None => incidents.end(Incident::GroundAdapterDown),
             };
             sensors::run_ground(&station, &ground, ready, &trouble, stopping)
         };

@@ -47,9 +47,9 @@ impl Pipeline {
         // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
         // matching configuration. Restore the previous status if the loop does not apply it.
         let reload = now_ns() / 1000;
-        let told_before = self.tell(&config, reload)?;
+        let status_before = self.tell(&config, reload)?;
         if !self.rings.hand_over_settings(reload, Box::new(settings)) {
-            self.status.change(|status| *status = told_before);
+            self.status.change(|status| *status = status_before);
             let _ = self.status.write();
             bail!("the loop takes nothing up; see `equipoise status`");
         }
@@ -78,7 +78,7 @@ impl Pipeline {
             status.model_toml = config.model_toml();
             status.reload = reload;
         });
-        let before = before.context("nothing was told yet")?;
+        let before = before.context("no status was published yet")?;
         if let Err(error) = self.status.write() {
             self.status.change(|status| status.clone_from(&before));
             return Err(error).with_context(|| format!("cannot write {}", self.status.path.display()));

@@ -20,7 +20,7 @@ pub(super) struct Remembered {
     /// The station file exists and must not be overwritten, or saving is disabled.
     pub(super) station_refused: bool,
     /// All findings and their outcome, as messages.
-    pub(super) told: Vec<String>,
+    pub(super) messages: Vec<String>,
 }
 
 impl Remembered {
@@ -33,7 +33,7 @@ impl Remembered {
             worker: workers::CONFIGURED,
             tare: (bytemuck::Zeroable::zeroed(), 0),
             station_refused: true,
-            told: Vec::new(),
+            messages: Vec::new(),
         };
         if config.subject.remember {
             for folder in [workers.state().profiles(), workers.state().stations()] {
@@ -111,13 +111,13 @@ impl Remembered {
         })?;
         self.memory.identification = *worker;
         let known = if profile.identified { "identified" } else { "not finished" };
-        self.tell(format!("profile {} is in use: {} poses, {known}", profile.subject, profile.poses_used));
+        self.note(format!("profile {} is in use: {} poses, {known}", profile.subject, profile.poses_used));
         match profile.shift(unix_s()) {
             Ok(shift) => {
                 self.memory.resume_shift(&shift);
-                self.tell(format!("the shift goes on: {} lifts so far", shift.lifts));
+                self.note(format!("the shift goes on: {} lifts so far", shift.lifts));
             }
-            Err(why) => self.tell(format!("a new shift begins: {why}")),
+            Err(why) => self.note(format!("a new shift begins: {why}")),
         }
         Ok(Some(profile))
     }
@@ -128,9 +128,9 @@ impl Remembered {
         }
         match station.tare.as_ref().map(|part| (part.taken_unix_s, part.tare(config, unix_s()))) {
             None => {}
-            Some((taken_unix_s, Ok((tare, told)))) if self.memory.resume_tare(&tare) => {
+            Some((taken_unix_s, Ok((tare, message)))) if self.memory.resume_tare(&tare) => {
                 self.tare = (tare, taken_unix_s);
-                self.tell(told);
+                self.note(message);
             }
             Some((_, Ok(_))) => self.warn("the tare is not used: a number of it is out of range".to_owned()),
             Some((_, Err(why))) => self.warn(format!("the tare is not used: {why}")),
@@ -138,30 +138,30 @@ impl Remembered {
         match station.registration.as_ref().map(|part| part.registration(config, now_ns())) {
             None => {}
             Some(Ok(registration)) if self.memory.resume_registration(&registration, settings) => {
-                self.tell(
-                    "where the suit's world lies is known, if the suit was not started anew".to_owned(),
+                self.note(
+                    "the position of the suit's world is restored, if the suit was not restarted".to_owned(),
                 );
             }
-            Some(Ok(_)) => self.tell("where the suit's world lay is not used".to_owned()),
+            Some(Ok(_)) => self.note("the stored position of the suit's world is not used".to_owned()),
             Some(Err(why)) => {
                 // Newly configured frames already describe the current position of the suit world.
-                let told_anew =
+                let has_new_frames =
                     station.registration.as_ref().is_some_and(|part| !part.is_in_frames_of(config));
-                if settings.suit_drifts && self.memory.identification.has_body() && !told_anew {
+                if settings.suit_drifts && self.memory.identification.has_body() && !has_new_frames {
                     self.memory.lose_the_place();
                 }
-                self.tell(format!("where the suit's world lies is found anew: {why}"));
+                self.note(format!("the position of the suit's world is estimated again: {why}"));
             }
         }
     }
 
-    fn tell(&mut self, what: String) {
+    fn note(&mut self, what: String) {
         info!("{what}");
-        self.told.push(what);
+        self.messages.push(what);
     }
 
     fn warn(&mut self, what: String) {
         warn!("{what}");
-        self.told.push(what);
+        self.messages.push(what);
     }
 }

@@ -68,7 +68,7 @@ pub fn learn(
             None => "in the recording".to_owned(),
         };
         bail!(
-            "nobody holds a pose still {place}, so the worker cannot be identified: record some held poses first \
+            "no pose is held still {place}, so the worker cannot be identified: record some held poses first \
              (equipoise identify), or say where they are with --identify; [static_pose] of the configuration says what \
              counts as still"
         );
@@ -163,19 +163,19 @@ impl<'a> Pass<'a> {
 
     fn see(&self, memory: &Memory, seen: &mut Seen) {
         let worker = &memory.identification;
-        let told_s = self.survey.seconds(memory.state.suit_sample_time_ns);
-        let is_first_choice = told_s <= self.until_s || seen.worker.is_none();
+        let time_s = self.survey.seconds(memory.state.suit_sample_time_ns);
+        let is_first_choice = time_s <= self.until_s || seen.worker.is_none();
         let [poses, moments] = [worker.poses_used, u64::from(memory.state.motion_samples_used)];
         if poses + moments != seen.count {
             seen.count = poses + moments;
             if is_first_choice {
-                seen.last_learnt_s = Some(told_s);
+                seen.last_learnt_s = Some(time_s);
             }
         }
         if worker.identified == 1 {
-            seen.identified_s = Some(told_s);
+            seen.identified_s = Some(time_s);
         }
-        let over = told_s >= self.until_s && seen.worker.is_none();
+        let over = time_s >= self.until_s && seen.worker.is_none();
         if over || worker.identified == 1 {
             self.keep(memory, seen);
         }

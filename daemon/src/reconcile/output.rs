@@ -122,14 +122,14 @@ impl Results<'_> {
     /// Writes all files into a temporary subfolder, and moves them when all are complete.
     fn place(&self, files: &[(String, String)]) -> io::Result<()> {
         fs::create_dir_all(self.folder)?;
-        let beside = self.folder.join(format!(".reconcile-{}", std::process::id()));
-        fs::create_dir(&beside)?;
-        let written = files.iter().try_for_each(|(name, text)| fs::write(beside.join(name), text));
+        let temporary = self.folder.join(format!(".reconcile-{}", std::process::id()));
+        fs::create_dir(&temporary)?;
+        let written = files.iter().try_for_each(|(name, text)| fs::write(temporary.join(name), text));
         let moved = written.and_then(|()| {
-            files.iter().try_for_each(|(name, _)| fs::rename(beside.join(name), self.folder.join(name)))
+            files.iter().try_for_each(|(name, _)| fs::rename(temporary.join(name), self.folder.join(name)))
         });
         // Cleaning up may fail; return the first error.
-        let _ = fs::remove_dir_all(&beside);
+        let _ = fs::remove_dir_all(&temporary);
         moved
     }
 }

@@ -24,7 +24,7 @@ pub(super) fn compare(
 ) -> anyhow::Result<(Session, LeftOut)> {
     let settings = reconcile.settings();
     let Some(worker) = Worker::of(&learnt.worker, &settings) else {
-        bail!("the worker's mass is not known: nobody stood still on the plate; give subject.mass_kg");
+        bail!("the worker's mass is not known: no person stood still on the plate; give subject.mass_kg");
     };
     let has_inertia = settings.motion != Motion::Paper;
     let mut options = Options::new(survey.begin_ns(), found.spans_s, has_inertia);
@@ -36,15 +36,15 @@ pub(super) fn compare(
     let mut samples = reconcile.input.samples(reconcile.config)?;
     let mut tares = survey.tares_ns.iter().copied().peekable();
     let length_s = survey.samples_s()[1];
-    let (mut pushed_ns, mut told_ns) = (0, 0);
+    let (mut pushed_ns, mut held_ns) = (0, 0);
     free::run(samples.by_ref(), TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
         let share = survey.seconds(tick.due_ns) / length_s.max(1e-9);
         progress(Progress { doing: "comparing model and plate", share });
         let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
         let state = *step(&settings, &mut memory, tick, Inputs { command, ..inputs });
-        if state.suit_sample_time_ns != told_ns {
-            told_ns = state.suit_sample_time_ns;
-            comparison.hold(told_ns, state.static_pose == 1);
+        if state.suit_sample_time_ns != held_ns {
+            held_ns = state.suit_sample_time_ns;
+            comparison.hold(held_ns, state.static_pose == 1);
         }
         for moment in memory.history.since(pushed_ns) {
             pushed_ns = moment.time_ns;

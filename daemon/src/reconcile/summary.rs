@@ -34,7 +34,7 @@ impl fmt::Display for Summary<'_> {
         let finding = self.finding;
         writeln!(f, "{}", verdict(finding))?;
         for named in &finding.effects {
-            write!(f, "{}", Told(named))?;
+            write!(f, "{}", EffectLine(named))?;
         }
         for Generic { what, log_odds } in &finding.unexplained {
             writeln!(f, "  not explained: {what} (log odds {log_odds:.1})")?;
@@ -63,16 +63,16 @@ fn verdict(finding: &Finding) -> String {
                 .to_owned()
         }
         (Verdict::Unexplained, _) => {
-            "unexplained: beside what is named, something is missing that no effect of the catalogue explains"
+            "unexplained: apart from what is named, something is missing that no effect of the catalogue explains"
                 .to_owned()
         }
     }
 }
 
 /// One named effect.
-struct Told<'a>(&'a Named);
+struct EffectLine<'a>(&'a Named);
 
-impl fmt::Display for Told<'_> {
+impl fmt::Display for EffectLine<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let named = self.0;
         write!(f, "  {}", named.name)?;

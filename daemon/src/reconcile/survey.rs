@@ -217,7 +217,7 @@ impl Survey {
             );
         }
         if self.weight_n.is_empty() {
-            bail!("nobody stands on the plate: its vertical force stays below {STANDING_N:.0} N");
+            bail!("no person stands on the plate: its vertical force stays below {STANDING_N:.0} N");
         }
         Ok(())
     }

@@ -106,7 +106,7 @@ impl fmt::Display for Fidelity {
             (self.cycles_lacking_samples, "cycles took samples that the recording lacks"),
             (self.unknown_commands, "commands are of a later version and were left out"),
             (self.out_of_order, "cycle records stand behind later ones and were left out"),
-            (self.restarts, "times the daemon was started anew"),
+            (self.restarts, "times the daemon was restarted"),
             (self.reloads, "times other settings came into force"),
             (self.resumed, "times the replay went on from a later checkpoint"),
         ];

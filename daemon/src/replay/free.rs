@@ -36,7 +36,7 @@ pub(crate) fn run(
                 Sample::Suit(sample) => suit.push(*sample),
                 Sample::Ground(sample) => ground.push(*sample),
                 // Keep only the newest; each message is complete.
-                Sample::Body(told) => body = Some(*told),
+                Sample::Body(newest) => body = Some(*newest),
             }
         }
         cycle += 1;

@@ -220,8 +220,8 @@ pub(super) fn left_out_of(recording: &Recording, damage: Option<String>) -> Left
     let mut left_out = LeftOut::default();
     left_out.rejected.extend(damage);
     if recording.truncated() {
-        let told = "the recording was cut short: what came after its last whole chunk is not there";
-        left_out.rejected.push(told.to_owned());
+        let reason = "the recording was cut short: what came after its last whole chunk is not there";
+        left_out.rejected.push(reason.to_owned());
     }
     left_out
 }

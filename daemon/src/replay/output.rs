@@ -236,7 +236,7 @@ mod tests {
         (state.lifts, state.worst_joint, state.fatigue[0]) = (3, 0, 0.25);
         (state.advice_direction, state.advice_gain_nm_per_cm) = ([-1.0, 0.0, 0.0], 0.5);
         state.joint_level[0] = 5;
-        let told = |state: &State, column: &str| {
+        let cell = |state: &State, column: &str| {
             let mut line = String::new();
             csv_line(&mut line, state, 0).unwrap();
             let head = csv_head();
@@ -254,13 +254,13 @@ mod tests {
             ("L5S1_level", "undecided"),
             ("L5S1_fatigue", "0.25"),
         ] {
-            assert_eq!(told(&state, column), value, "{column}");
+            assert_eq!(cell(&state, column), value, "{column}");
         }
         state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
         for column in ["lifted_mass_kg", "reach_m", "worst_joint", "advice_x", "L5S1_level"] {
-            assert_eq!(told(&state, column), "", "{column}");
+            assert_eq!(cell(&state, column), "", "{column}");
         }
-        assert_eq!(told(&state, "l5s1_compression_n"), "2400");
-        assert_eq!(told(&state, "L5S1_fatigue"), "0.25");
+        assert_eq!(cell(&state, "l5s1_compression_n"), "2400");
+        assert_eq!(cell(&state, "L5S1_fatigue"), "0.25");
     }
 }

@@ -161,11 +161,11 @@ impl PcapSamples {
     pub(super) fn left_out(&self) -> LeftOut {
         let mut left_out = LeftOut::default();
         for (reason, tally) in self.capture.rejected().reasons() {
-            let told = format!("{} packets {reason} (first at packet {})", tally.count, tally.first);
+            let note = format!("{} packets {reason} (first at packet {})", tally.count, tally.first);
             // Every capture contains ARP, TCP and the like; do not report them as rejected.
             match reason {
-                "not_ip" | "not_udp" => left_out.passed_over.push(told),
-                _ => left_out.rejected.push(told),
+                "not_ip" | "not_udp" => left_out.passed_over.push(note),
+                _ => left_out.rejected.push(note),
             }
         }
         if self.other_ports > 0 {
@@ -177,8 +177,8 @@ impl PcapSamples {
                     "another port than {suit}; the ground that is configured does not come as datagrams"
                 ),
             };
-            let told = format!("{} datagrams of {which}", self.other_ports);
-            left_out.passed_over.push(told);
+            let note = format!("{} datagrams of {which}", self.other_ports);
+            left_out.passed_over.push(note);
         }
         tell_refused("suit datagrams", self.suit.counts(), SuitRefusal::NAMES, &mut left_out);
         if let Some(ground) = &self.ground {
@@ -191,12 +191,12 @@ impl PcapSamples {
 
 fn tell_refused(what: &str, counts: &Counts, names: &[&str], left_out: &mut LeftOut) {
     for (name, count) in names.iter().zip(counts.refused).filter(|(_, count)| *count > 0) {
-        let told = format!("{count} {what} {name}");
+        let note = format!("{count} {what} {name}");
         // Another character on the same port belongs to another subject.
         if *name == SuitRefusal::OtherAvatar.name() {
-            left_out.passed_over.push(told);
+            left_out.passed_over.push(note);
         } else {
-            left_out.rejected.push(told);
+            left_out.rejected.push(note);
         }
     }
     if counts.lost > 0 {

@@ -1,4 +1,4 @@
-//! The loop's own residual: what is measured beside what the identified model predicts, with every load that is there.
+//! The loop's own residual: measured values minus those that the identified model predicts, including every load.
 
 use std::fmt;
 
@@ -84,11 +84,11 @@ impl Residual {
 impl Serialize for Residual {
     fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         use serde::ser::SerializeStruct;
-        let mut told = serializer.serialize_struct("Residual", 3)?;
-        told.serialize_field("span_s", &self.span_s)?;
-        told.serialize_field("still", &self.still())?;
-        told.serialize_field("all", &self.all())?;
-        told.end()
+        let mut fields = serializer.serialize_struct("Residual", 3)?;
+        fields.serialize_field("span_s", &self.span_s)?;
+        fields.serialize_field("still", &self.still())?;
+        fields.serialize_field("all", &self.all())?;
+        fields.end()
     }
 }
 

@@ -131,14 +131,14 @@ impl<'a> Samples<'a> {
             Source::Recording(recording, ordered) => left_out_of(recording, ordered.damage.clone()),
             Source::Csv(capture, ..) => {
                 let rejected = capture.rejected();
-                let told = (!rejected.is_empty()).then(|| format!("rows left out: {rejected}"));
-                LeftOut { rejected: told.into_iter().collect(), passed_over: Vec::new() }
+                let note = (!rejected.is_empty()).then(|| format!("rows left out: {rejected}"));
+                LeftOut { rejected: note.into_iter().collect(), passed_over: Vec::new() }
             }
             Source::Mvnx(capture, ..) => {
                 let rejected = capture.rejected();
-                let told = (!rejected.is_empty()).then(|| format!("frames left out: {rejected}"));
+                let note = (!rejected.is_empty()).then(|| format!("frames left out: {rejected}"));
                 let fault = capture.fault().map(|fault| format!("{fault}; the frames before it were read"));
-                LeftOut { rejected: told.into_iter().chain(fault).collect(), passed_over: Vec::new() }
+                LeftOut { rejected: note.into_iter().chain(fault).collect(), passed_over: Vec::new() }
             }
             Source::Pcap(samples) => samples.left_out(),
         }

@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_are_told_apart_and_summed_up() {
+    fn blocks_are_distinguished_and_summed_up() {
         let at = |seconds: u64, x: f64| Scored {
             time_ns: 1_000_000_000 * (1 + seconds),
             measured_m: [x, 0.0],

@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn an_adapter_that_was_started_again_counts_anew() {
+    fn a_restarted_adapter_counts_from_zero() {
         let mut waiting = of(&[8, 9, 1, 2, 8, 9]);
         assert_eq!(take(&mut waiting, 9, 1, 2, 2), Some(10));
         assert_eq!(take(&mut waiting, 8, 9, 2, 5), Some(17));

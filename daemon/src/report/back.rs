@@ -16,9 +16,9 @@ pub struct Back {
     /// Cumulative damage of the low back.
     pub damage: Series,
     /// Duration of valid compression, s.
-    pub told_s: f64,
+    pub valid_s: f64,
     /// Part of it since the current subject is in use.
-    told_of_worker_s: f64,
+    valid_of_worker_s: f64,
     /// Largest compression, its 1-σ and its time: N, N, s.
     pub peak: Option<[f64; 3]>,
     /// Integral of the compression over its valid time, N s.
@@ -33,8 +33,8 @@ impl Back {
         if let Some(newtons) = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n) {
             self.compression_n.push(time_s, newtons);
             self.moment_nm.push(time_s, state.l5s1_moment_nm);
-            self.told_s += step_s;
-            self.told_of_worker_s += step_s;
+            self.valid_s += step_s;
+            self.valid_of_worker_s += step_s;
             self.compression_n_s += newtons * step_s;
             if self.peak.is_none_or(|[peak_n, ..]| newtons > peak_n) {
                 self.peak = Some([newtons, state.l5s1_compression_sigma_n, time_s]);
@@ -49,18 +49,18 @@ impl Back {
 
     /// From the next state on another subject is in use, with a separate dose.
     pub fn another_worker(&mut self) {
-        self.told_of_worker_s = 0.0;
+        self.valid_of_worker_s = 0.0;
     }
 
     /// The final dose; `None` if there is no basis for it: the compression was never valid, and no damage had
     /// accumulated before.
     pub fn judged(&self) -> Option<[f64; 2]> {
-        self.dose.filter(|[damage, _]| self.told_of_worker_s > 0.0 || *damage > 0.0)
+        self.dose.filter(|[damage, _]| self.valid_of_worker_s > 0.0 || *damage > 0.0)
     }
 
     /// Mean compression while valid, N.
     pub fn mean_n(&self) -> Option<f64> {
-        (self.told_s > 0.0).then(|| self.compression_n_s / self.told_s)
+        (self.valid_s > 0.0).then(|| self.compression_n_s / self.valid_s)
     }
 }
 
@@ -70,10 +70,10 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn only_what_was_told_counts() {
+    fn only_valid_values_count() {
         let mut back = Back::default();
         back.take(&State { valid: Validity::NOT_IDENTIFIED.0, ..State::zeroed() }, 0.5, 0.5);
-        assert_eq!(back.judged(), None, "no risk is not the same as none known");
+        assert_eq!(back.judged(), None, "an unknown risk is not zero");
         let carried = State { valid: Validity::NOT_IDENTIFIED.0, dose_damage: 1e-4, ..State::zeroed() };
         back.take(&carried, 0.6, 0.5);
         assert_eq!(back.judged(), Some([1e-4, 0.0]), "what the shift brought along");
@@ -85,9 +85,9 @@ mod tests {
         assert_eq!(back.compression_n.points().len(), 2);
         // Without a load the low-back values remain valid.
         back.take(&State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..state }, 4.0, 0.5);
-        assert_eq!(back.told_s, 1.5);
+        assert_eq!(back.valid_s, 1.5);
         back.another_worker();
         back.take(&State { valid: Validity::NOT_IDENTIFIED.0, ..State::zeroed() }, 5.0, 0.5);
-        assert_eq!((back.judged(), back.told_s), (None, 1.5), "of whom nothing was told");
+        assert_eq!((back.judged(), back.valid_s), (None, 1.5), "no valid value of this worker");
     }
 }

@@ -28,7 +28,7 @@ pub fn document(facts: &Facts) -> Document {
 
 /// The pseudonyms of all subjects.
 pub(super) fn subject(facts: &Facts) -> String {
-    if facts.subjects.is_empty() { "nobody with a name".to_owned() } else { facts.subjects.join(" and ") }
+    if facts.subjects.is_empty() { "unnamed".to_owned() } else { facts.subjects.join(" and ") }
 }
 
 fn verdict(facts: &Facts) -> &'static str {
@@ -36,33 +36,35 @@ fn verdict(facts: &Facts) -> &'static str {
 }
 
 fn headline(facts: &Facts) -> Text {
-    let told = match facts.exposure.worst() {
+    let headline_text = match facts.exposure.worst() {
         Some(worst) => {
             format!("The {} was the joint closest to its limit for the longest.", words::joint(worst))
         }
-        None => "No overload torque was told in this session.".to_owned(),
+        None => "No overload torque was reported in this session.".to_owned(),
     };
     match facts.source {
-        Source::Recorded => told.into(),
-        Source::Replayed => Text::from(told).plain(" The states were computed from the samples by a replay."),
+        Source::Recorded => headline_text.into(),
+        Source::Replayed => {
+            Text::from(headline_text).plain(" The states were computed from the samples by a replay.")
+        }
     }
 }
 
 fn numbers(facts: &Facts) -> Vec<[String; 3]> {
     let number = |what: &str, value: String, meaning: &str| [what.to_owned(), value, meaning.to_owned()];
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
-    let told = share_percent(facts.exposure.told_s, facts.quality.seen_s);
+    let valid_percent = share_percent(facts.exposure.valid_s, facts.quality.seen_s);
     let mut numbers = vec![
         number("Watched", length(to_s - from_s), "from the first to the last state"),
         number("Lifts", facts.lifts.lifts.len().to_string(), "that ended in it"),
-        number("Torques told", told, "of the time; the rest was withheld, with a reason"),
+        number("Torques reported", valid_percent, "of the time; the rest was withheld, with a reason"),
     ];
     numbers.push(match facts.back.judged() {
         Some([damage, probability]) => {
             let meaning = format!("of a high-risk job, by the low back's dose (damage {damage:.2e})");
             number("Risk", format!("{:.0} %", 100.0 * probability), &meaning)
         }
-        None => number("Risk", "-".to_owned(), "the low back's load was never told: see data quality"),
+        None => number("Risk", "-".to_owned(), "the low back's load was never reported: see data quality"),
     });
     let last = facts.identification.poses.last();
     if let Some(sigma_m) = last.and_then(|pose| pose.cop_sigma_m) {

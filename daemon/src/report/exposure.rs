@@ -47,14 +47,14 @@ pub struct Exposure {
     /// In the order of the joints' indices.
     pub joints: [JointExposure; JOINTS],
     /// Duration of valid torques, s.
-    pub told_s: f64,
+    pub valid_s: f64,
     /// Intervals of [`COLUMN_S`] by their number since the begin of the recording.
     pub columns: Vec<(i64, Column)>,
 }
 
 impl Default for Exposure {
     fn default() -> Exposure {
-        Exposure { joints: [JointExposure::default(); JOINTS], told_s: 0.0, columns: Vec::new() }
+        Exposure { joints: [JointExposure::default(); JOINTS], valid_s: 0.0, columns: Vec::new() }
     }
 }
 
@@ -66,7 +66,7 @@ impl Exposure {
             joint.fatigue_max = joint.fatigue_max.max(fatigue);
         }
         let Some(worst) = state.unless(Validity::SPOILS_TORQUES, state.worst_joint) else { return };
-        self.told_s += step_s;
+        self.valid_s += step_s;
         let number = (time_s / COLUMN_S).floor() as i64;
         if self.columns.last().is_none_or(|(last, _)| *last != number) {
             self.columns.push((number, [None; JOINTS]));
@@ -154,8 +154,8 @@ mod tests {
         let joint = &exposure.joints[3];
         assert_eq!((joint.at(Level::Green), joint.at(Level::Red), joint.at(Level::None)), (0.01, 0.01, 0.0));
         assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.share)), Some((50.0, 0.5)));
-        assert_eq!((exposure.told_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
-        assert_eq!(exposure.columns.len(), 1, "nothing was told in the second after");
+        assert_eq!((exposure.valid_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
+        assert_eq!(exposure.columns.len(), 1, "no valid torque in the second after");
         assert_eq!(exposure.columns[0].1[3], Some(Level::Red));
     }
 }

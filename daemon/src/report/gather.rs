@@ -154,8 +154,8 @@ impl Facts {
         let report = PathReport::of(&path);
         self.path = (report.cycles > 0).then_some(report);
         if recording.truncated() {
-            let told = "the recording was cut short: what came after its last whole chunk is not there";
-            self.rejected.push(told.to_owned());
+            let reason = "the recording was cut short: what came after its last whole chunk is not there";
+            self.rejected.push(reason.to_owned());
         }
     }
 
@@ -167,9 +167,9 @@ impl Facts {
             self.take(state);
             Ok(())
         })?;
-        for told in summary.left_out.rejected {
-            if !self.rejected.contains(&told) {
-                self.rejected.push(told);
+        for reason in summary.left_out.rejected {
+            if !self.rejected.contains(&reason) {
+                self.rejected.push(reason);
             }
         }
         Ok(())

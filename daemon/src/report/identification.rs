@@ -32,7 +32,7 @@ pub struct Identification {
     /// Whether the subject was identified at the begin of the recording or when loaded.
     pub known_before: bool,
     /// Number of resets in the recording.
-    pub begun_anew: u32,
+    pub resets: u32,
     /// Motion samples used.
     pub motion_samples: u32,
     /// Final prior inflation; 1 without inflation.
@@ -50,7 +50,7 @@ impl Identification {
                 self.note(state, time_s, None);
             }
             Some((poses, _)) if state.poses_used < poses => {
-                self.begun_anew += 1;
+                self.resets += 1;
                 self.known_before = false;
                 self.poses.clear();
                 self.converged_s = None;
@@ -110,13 +110,13 @@ mod tests {
         found.take(&state(0, 0.02, 1), 1.0, false);
         found.take(&state(1, 0.01, 2), 2.0, false);
         found.take(&State { converged: 1, ..state(2, 0.004, u32::MAX) }, 3.0, false);
-        let told: Vec<_> =
+        let poses: Vec<_> =
             found.poses.iter().map(|pose| (pose.poses, pose.cop_sigma_m, pose.asked)).collect();
         let names = [1, 2].map(|index: usize| Some(LIBRARY[index].name));
-        assert_eq!(told, [(0, Some(0.02), None), (1, Some(0.01), names[0]), (2, Some(0.004), names[1])]);
-        assert_eq!((found.converged_s, found.known_before, found.begun_anew), (Some(3.0), false, 0));
+        assert_eq!(poses, [(0, Some(0.02), None), (1, Some(0.01), names[0]), (2, Some(0.004), names[1])]);
+        assert_eq!((found.converged_s, found.known_before, found.resets), (Some(3.0), false, 0));
         found.take(&state(0, 0.02, 1), 4.0, false);
-        assert_eq!((found.poses.len(), found.converged_s, found.begun_anew), (1, None, 1));
+        assert_eq!((found.poses.len(), found.converged_s, found.resets), (1, None, 1));
         found.take(&State { converged: 1, ..state(1, 0.02, 1) }, 5.0, true);
         assert_eq!((found.converged_s, found.stopped), (Some(5.0), true), "somebody ended it");
         let mut known = Identification::default();

@@ -75,16 +75,16 @@ impl Lifts {
 
 impl Episode {
     fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
-        let told_kg = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg);
+        let valid_kg = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg);
         // A negative mass indicates leaning on something: no load, as in the loop.
-        if let Some(mass_kg) = told_kg.filter(|mass_kg| *mass_kg > 0.0) {
+        if let Some(mass_kg) = valid_kg.filter(|mass_kg| *mass_kg > 0.0) {
             let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
             self.span_s = Some([from_s, time_s]);
             self.masses += 1.0;
             self.mass_sum_kg += mass_kg;
             self.sigma_sum_kg += state.lifted_mass_sigma_kg;
             self.empty_s = 0.0;
-        } else if told_kg.is_some() || state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
+        } else if valid_kg.is_some() || state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
             self.empty_s += step_s;
         }
         if let Some(reach_m) = state.unless(Validity::SPOILS_TORQUES, state.reach_m) {
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lift_of_which_nothing_was_told_has_no_mass() {
+    fn a_lift_without_valid_values_has_no_mass() {
         let mut lifts = Lifts::default();
         let hidden = State { valid: Validity::MOVING.0, lifted_mass_kg: 7.0, ..State::zeroed() };
         lifts.take(&hidden, 0.0, 0.01);

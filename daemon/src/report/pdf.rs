@@ -29,7 +29,7 @@ pub fn print(html: &str, pdf: &Path) -> anyhow::Result<()> {
              name one in {VARIABLE}; the HTML page itself prints as well"
         );
     };
-    let room = Room::beside(pdf)?;
+    let room = Room::next_to(pdf)?;
     let page = room.0.join("report.html");
     std::fs::write(&page, html).with_context(|| format!("cannot write {}", page.display()))?;
     let printed = room.0.join("report.pdf");
@@ -109,7 +109,7 @@ fn wait(mut child: Child) -> anyhow::Result<()> {
 struct Room(PathBuf);
 
 impl Room {
-    fn beside(pdf: &Path) -> anyhow::Result<Room> {
+    fn next_to(pdf: &Path) -> anyhow::Result<Room> {
         let folder = match pdf.parent() {
             Some(folder) if folder != Path::new("") => folder,
             _ => Path::new("."),

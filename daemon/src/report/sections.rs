@@ -39,7 +39,7 @@ pub(super) fn session(facts: &Facts) -> Section {
     row("station", code(facts.config.station.as_str()));
     row("subject", code(subject(facts)));
     let begun = match header.started_unix_ns {
-        0 => "not told by the recording".to_owned(),
+        0 => "not stated in the recording".to_owned(),
         unix_ns => rfc_3339(unix_ns / 1_000_000_000),
     };
     row("begin", begun.into());
@@ -48,7 +48,8 @@ pub(super) fn session(facts: &Facts) -> Section {
     row("recorded by", software(&header.software_version).into());
     row("reported by", software(env!("CARGO_PKG_VERSION")).into());
     row("configuration", format!("{}; {} Hz", facts.config_origin, facts.config.tick.rate_hz).into());
-    let model = if header.model_toml.is_empty() { "none" } else { "beside the body: see the recording" };
+    let model =
+        if header.model_toml.is_empty() { "none" } else { "in addition to the body: see the recording" };
     row("model file", model.into());
     let mass = if facts.mass_kg > 0.0 { format!("{:.1} kg", facts.mass_kg) } else { "not known".to_owned() };
     row("body mass in use at the end", mass.into());
@@ -59,8 +60,8 @@ pub(super) fn session(facts: &Facts) -> Section {
              computed from its samples by a replay through the same cycle.",
         );
     }
-    if let Some(told) = several(facts) {
-        section.say(told);
+    if let Some(note) = several(facts) {
+        section.say(note);
     }
     section.note(DISCLAIMER);
     section
@@ -74,13 +75,13 @@ fn several(facts: &Facts) -> Option<String> {
     let times: Vec<String> = facts.changes_s.iter().map(|time_s| format!("{time_s:.1} s")).collect();
     Some(format!(
         "The worker changed at t = {}: times, peaks and largest fatigues are of several workers together; dose, risk and \
-         what is told at the end are of the last one, with what that worker's shift had before.",
+         the final values are of the last one, with what that worker's shift had before.",
         times.join(", ")
     ))
 }
 
 fn software(version: &str) -> String {
-    if version.is_empty() { "not told".to_owned() } else { format!("Equipoise {version}") }
+    if version.is_empty() { "unknown".to_owned() } else { format!("Equipoise {version}") }
 }
 
 /// Progress of the identification.
@@ -101,8 +102,8 @@ pub(super) fn identification(facts: &Facts) -> Section {
         (false, Some(time_s)) => format!("The stop rule was met at t = {time_s:.1} s."),
         (false, None) => "The stop rule was not met: the worker is not identified.".to_owned(),
     });
-    if found.begun_anew > 0 {
-        section.say(format!("It was begun anew {} times; what follows is the last time.", found.begun_anew));
+    if found.resets > 0 {
+        section.say(format!("It was reset {} times; what follows is the last run.", found.resets));
     }
     let mut table = Table::new(&[
         ">poses",
@@ -182,21 +183,21 @@ fn convergence(facts: &Facts) -> Vec<Figure> {
 pub(super) fn exposure(facts: &Facts) -> Section {
     let mut section = Section::new("Exposure by joint");
     let (found, span_s) = (&facts.exposure, facts.span_s.unwrap_or_default());
-    if found.told_s <= 0.0 {
+    if found.valid_s <= 0.0 {
         section.say(
-            "No torque was told: without an identified worker, without a load or with faulty data there is none. See \
+            "No torque was reported: without an identified worker, without a load or with faulty data there is none. See \
              data quality for the reasons.",
         );
         return section;
     }
-    if let Some(told) = several(facts) {
-        section.say(told);
+    if let Some(note) = several(facts) {
+        section.say(note);
     }
     if let Some(worst) = found.worst() {
         let worst_s = found.joints[worst.index()].worst_s;
         section.say(format!(
-            "Torques were told for {} in all. The {} was the joint closest to its limit for {}.",
-            length(found.told_s),
+            "Torques were reported for {} in all. The {} was the joint closest to its limit for {}.",
+            length(found.valid_s),
             words::joint(worst),
             length(worst_s)
         ));
@@ -208,7 +209,7 @@ pub(super) fn exposure(facts: &Facts) -> Section {
     section.table(levels(facts));
     section.note(
         "Low is up to 0.3, medium up to 0.6, high up to 1 of the joint's limit (Table I of the paper), overloaded \
-         is beyond; not sure where the torque's σ does not let two levels be told apart. Peak: the closest to the \
+         is beyond; not sure where the torque's σ does not let two levels be distinguished. Peak: the closest to the \
          limit, ± 1-σ.",
     );
     section

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_waits_for_a_thread_that_was_stopped_in_the_middle() {
+    fn no_thread_waits_for_one_that_was_stopped_in_the_middle() {
         let ring = Ring::new(4);
         ring.push(1).unwrap();
         // Simulates that the other thread was interrupted while it holds its end.

@@ -35,21 +35,21 @@ impl Build {
 /// Schedule of the publication.
 #[derive(Debug, Default)]
 pub(crate) struct BuildCadence {
-    told: Option<SuitBody>,
+    published: Option<SuitBody>,
 }
 
 impl BuildCadence {
     /// The body dimensions to publish at `now_ns`, stamped; `None` if they are unchanged and a second has not passed.
     pub(crate) fn due(&mut self, body: Option<SuitBody>, now_ns: u64) -> Option<SuitBody> {
         let body = SuitBody { published_ns: now_ns, ..body? };
-        let said_before = self.told.as_ref().is_some_and(|told| {
-            told.is_same_build(&body) && now_ns.saturating_sub(told.published_ns) < INTERVAL_NS
+        let said_before = self.published.as_ref().is_some_and(|published| {
+            published.is_same_build(&body) && now_ns.saturating_sub(published.published_ns) < INTERVAL_NS
         });
         if said_before {
             return None;
         }
-        self.told = Some(body);
-        self.told
+        self.published = Some(body);
+        self.published
     }
 }
 
@@ -59,17 +59,17 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn a_build_is_told_at_once_when_it_changes_and_once_a_second() {
+    fn a_build_is_published_at_once_when_it_changes_and_once_a_second() {
         let mut cadence = BuildCadence::default();
-        let told = |cadence: &mut BuildCadence, session: u32, now_ns: u64| {
+        let published = |cadence: &mut BuildCadence, session: u32, now_ns: u64| {
             let body = SuitBody { session, ..SuitBody::zeroed() };
             cadence.due(Some(body), now_ns).map(|body| (body.session, body.published_ns))
         };
         assert_eq!(cadence.due(None, 1), None);
-        assert_eq!(told(&mut cadence, 0, 5), Some((0, 5)));
-        assert_eq!(told(&mut cadence, 0, 6), None);
-        assert_eq!(told(&mut cadence, 1, 7), Some((1, 7)));
-        assert_eq!(told(&mut cadence, 1, 7 + INTERVAL_NS - 1), None);
-        assert_eq!(told(&mut cadence, 1, 7 + INTERVAL_NS), Some((1, 7 + INTERVAL_NS)));
+        assert_eq!(published(&mut cadence, 0, 5), Some((0, 5)));
+        assert_eq!(published(&mut cadence, 0, 6), None);
+        assert_eq!(published(&mut cadence, 1, 7), Some((1, 7)));
+        assert_eq!(published(&mut cadence, 1, 7 + INTERVAL_NS - 1), None);
+        assert_eq!(published(&mut cadence, 1, 7 + INTERVAL_NS), Some((1, 7 + INTERVAL_NS)));
     }
 }

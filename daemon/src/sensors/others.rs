@@ -122,7 +122,7 @@ impl Drop for Other {
 fn publish(station: &str, said: &Receiver<Said>) {
     let mut link = None;
     let mut try_at = Instant::now();
-    let mut told = None;
+    let mut logged = None;
     loop {
         let said = match said.recv_timeout(LOOK_EVERY) {
             Ok(said) => Some(said),
@@ -134,7 +134,7 @@ fn publish(station: &str, said: &Receiver<Said>) {
             None if Instant::now() < try_at => continue,
             None => Link::open(station).map(|opened| {
                 info!("the suit of station {station} is published here too (suit.others)");
-                told = None;
+                logged = None;
                 link = Some(opened);
             }),
         };
@@ -142,9 +142,9 @@ fn publish(station: &str, said: &Receiver<Said>) {
             link = None;
             try_at = Instant::now() + RETRY;
             let why = error.to_string();
-            if told.as_ref() != Some(&why) {
+            if logged.as_ref() != Some(&why) {
                 warn!("suit.others: station {station} gets no samples of its suit: {why}; it is tried again");
-                told = Some(why);
+                logged = Some(why);
             }
         }
     }

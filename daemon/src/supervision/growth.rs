@@ -50,7 +50,7 @@ mod tests {
         }
         let ended = (0..20).take_while(|_| growth.goes_on(10, 1_000_000_000)).count();
         assert!((5..10).contains(&ended), "{ended}");
-        assert!(growth.goes_on(11, 1), "and anew");
+        assert!(growth.goes_on(11, 1), "a new growth is reported");
         assert_eq!(growth.last(), "the last just now");
         growth.goes_on(11, 3_500_000_000);
         assert_eq!(growth.last(), "the last 3 s ago");

@@ -146,13 +146,13 @@ impl ClockWatch {
             let seconds = seconds(self.off_ns.unsigned_abs());
             let where_to = if self.off_ns > 0 { "in the future" } else { "ago" };
             return Some(format!(
-                "samples bear the arrival of {seconds:.1} s {where_to}: their adapter runs on another clock (another \
-                 time namespace or container); run it beside the daemon"
+                "samples have the arrival time of {seconds:.1} s {where_to}: their adapter runs on another clock (another \
+                 time namespace or container); run it next to the daemon"
             ));
         }
         (self.unsynchronised_ns >= UNSYNCHRONISED_AFTER_NS).then(|| {
             "samples come, but the device's counter has not been tied to this computer's time for ten seconds: its rate \
-             wanders or its counter leaps; start the device's stream anew"
+             drifts or its counter jumps; restart the device's stream"
                 .to_owned()
         })
     }
@@ -184,21 +184,21 @@ mod tests {
             monotonic_ns: monotonic_s * 1_000_000_000,
             boottime_ns: monotonic_s * 1_000_000_000 + asleep_ns,
         };
-        assert_eq!(watch.tick(at(100, 7_000_000_000)), None, "sleep before the start is nobody's business");
+        assert_eq!(watch.tick(at(100, 7_000_000_000)), None, "sleep before the start is ignored");
         assert_eq!(watch.tick(at(101, 7_000_030_000)), None);
         assert_eq!(watch.tick(at(102, 67_000_000_000)), Some(60_000_000_000));
-        assert_eq!(watch.tick(at(103, 67_000_000_000)), None, "told once");
+        assert_eq!(watch.tick(at(103, 67_000_000_000)), None, "reported once");
     }
 
     #[test]
-    fn a_clock_source_that_changes_is_told_until_it_is_back() {
+    fn a_changed_clock_source_is_reported_until_it_is_back() {
         let mut watch = ClockWatch::default();
         watch.name_source(Some("tsc".to_owned()));
         assert_eq!(watch.trouble(), None);
         watch.name_source(Some("hpet".to_owned()));
         assert!(watch.trouble().unwrap().contains("was tsc and is hpet"));
         watch.name_source(None);
-        assert_eq!(watch.trouble(), None, "not told is not changed");
+        assert_eq!(watch.trouble(), None, "an unknown source is not a change");
         watch.name_source(Some("tsc".to_owned()));
         assert_eq!(watch.trouble(), None);
     }
@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_counter_that_is_never_tied_is_told_after_ten_seconds_of_samples() {
+    fn a_counter_that_is_never_tied_is_reported_after_ten_seconds_of_samples() {
         let mut watch = ClockWatch::default();
         let looks = (0..1000)
             .take_while(|_| {

@@ -92,13 +92,13 @@ mod tests {
         assert_eq!(time.take_stall(), None, "49 ms");
         time.see(&record(102, 199));
         assert_eq!(time.take_stall(), Some(Stall { cycle: 102, slots: 50, span_ns: 50_000_000 }));
-        assert_eq!(time.take_stall(), None, "told once");
+        assert_eq!(time.take_stall(), None, "reported once");
         time.see(&record(500, 999));
         assert_eq!(time.take_stall(), None, "cycles between them were not seen");
     }
 
     #[test]
-    fn a_loop_that_hangs_is_told_after_a_second_of_looking() {
+    fn a_loop_that_hangs_is_reported_after_a_second() {
         let mut time = LoopTime::default();
         assert!(!time.stands(true, 50_000_000));
         let looks = (0..100).take_while(|_| !time.stands(false, 50_000_000)).count();

@@ -156,13 +156,13 @@ impl StreamWatch {
                 }
             }
             Verdict::Repeats => format!(
-                "{what} sends the same samples again and again ({}): its stream is paused, or its device hangs; start \
-                 the stream anew",
+                "{what} sends the same samples again and again ({}): its stream is paused, or its device hangs; \
+                 restart the stream",
                 self.refusals().unwrap_or_default()
             ),
             Verdict::Refused => format!(
                 "samples of {what} come, but the loop refuses them: their time does not advance, lies in the future, \
-                 or their numbers are impossible; start its adapter anew on this computer's clock"
+                 or their numbers are impossible; restart its adapter on this computer's clock"
             ),
         }
     }
@@ -218,7 +218,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_since_the_start_is_told_after_five_seconds_and_ends_with_the_first_sample() {
+    fn silence_since_the_start_is_reported_after_five_seconds_and_ends_with_the_first_sample() {
         let mut watch = watch();
         assert_eq!(looks(&mut watch, 99, 0, 0), Verdict::Fine);
         assert_eq!(looks(&mut watch, 1, 0, 0), Verdict::NeverCame);
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_of_rubbish_is_told_by_its_reasons() {
+    fn a_stream_of_invalid_samples_is_reported_with_its_reasons() {
         let mut watch = watch();
         watch.hear(&heard(50, 0, 50));
         assert_eq!(looks(&mut watch, 100, 0, 0), Verdict::NeverCame);

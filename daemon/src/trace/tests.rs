@@ -103,9 +103,9 @@ fn every_stage_of_every_cycle_is_a_slice_of_just_its_stamps() {
         let cycle = spans.remove(&("cycle".to_owned(), record.cycle));
         assert_eq!(cycle, Some((record.woken_ns, record.compute_end_ns - record.woken_ns)));
         for stage in Stage::ALL.into_iter().filter(|stage| stage.is_part()) {
-            let told = spans.remove(&(stage.name().to_owned(), record.cycle));
+            let shown = spans.remove(&(stage.name().to_owned(), record.cycle));
             let stamps = stage.span_ns(record).and_then(Result::ok);
-            assert_eq!(told, stamps.map(|(from_ns, to_ns)| (from_ns, to_ns - from_ns)), "{}", stage.name());
+            assert_eq!(shown, stamps.map(|(from_ns, to_ns)| (from_ns, to_ns - from_ns)), "{}", stage.name());
         }
     }
     assert!(spans.is_empty(), "{spans:?}");
@@ -148,11 +148,11 @@ fn slices_of_a_thread_follow_or_hold_each_other() {
 fn what_happened_is_an_instant_of_its_cycle() {
     let (_, events) = trace_of(&records(), None);
     let instants: Vec<_> = events.iter().filter(|event| event["ph"] == "i").collect();
-    let told: Vec<_> = instants
+    let shown: Vec<_> = instants
         .iter()
         .map(|event| (event["name"].as_str().unwrap(), event["args"]["cycle"].as_u64().unwrap()))
         .collect();
-    assert_eq!(told, [("command", 7), ("deadline missed", 30), ("slots skipped", 31)]);
+    assert_eq!(shown, [("command", 7), ("deadline missed", 30), ("slots skipped", 31)]);
     assert_eq!(instants[0]["args"]["command"], "tare");
     assert_eq!(instants[2]["args"]["slots"], 4);
     let counters = |name: &str| events.iter().filter(|e| e["ph"] == "C" && e["name"] == name).count();
@@ -160,7 +160,7 @@ fn what_happened_is_an_instant_of_its_cycle() {
 }
 
 #[test]
-fn a_range_holds_its_cycles_and_a_gap_is_told() {
+fn a_range_holds_its_cycles_and_a_gap_is_reported() {
     let mut records = records();
     let (summary, events) = trace_of(&records, Some(20..=22));
     assert_eq!((summary.cycles, summary.span), (3, Some((20, 22))));

@@ -78,7 +78,7 @@ const NOTHING: Faults =
 const NO_COUNT: &str = "The device counts nothing that it sends: a sample that never came leaves no trace but in the times \
                         of the others.";
 const HOST_POLLS: &str = "Each block is asked for and waited for: what is lost is a block that never comes, and the device is \
-                          asked anew.";
+                          asked again.";
 const NO_FRAMES: &str = "Numbers without header, count or check sum: whatever comes is numbers. A block that is cut is given up \
                          when the next does not come, and nothing else can be known.";
 const MANY_DATAGRAMS: &str = "A sample comes in a dozen datagrams, and is made of those that arrive.";

@@ -134,14 +134,14 @@ impl Sample {
                 let truth = person.seen(Streams::NONE, time_s, 0, 0);
                 let off = (sample.position_m.iter().flatten())
                     .zip(truth.position_m.iter().flatten())
-                    .map(|(told, is)| (told - is).abs())
+                    .map(|(sent, truth)| (sent - truth).abs())
                     .fold(0.0, f64::max);
                 if off > tolerance.cop_m {
                     return Some(format!("a segment is {off} m off"));
                 }
                 let turned = (sample.orientation_wxyz.iter())
                     .zip(&truth.orientation_wxyz)
-                    .map(|(told, is)| turn_rad(told, is))
+                    .map(|(sent, truth)| turn_rad(sent, truth))
                     .fold(0.0, f64::max);
                 (turned > TURN_RAD).then(|| format!("a segment is turned by {turned} rad"))
             }
@@ -163,7 +163,7 @@ fn ground_wrong(
 ) -> Option<String> {
     let truth = person.on_feet(time_s);
     if tolerance.feet && sample.per_foot != 1 {
-        return Some("the feet are not told one by one".into());
+        return Some("the feet are not reported separately".into());
     }
     if !sample.measures(Component::Shear) && sample.per_foot == 1 {
         if sample.measures(Component::Tilt) || sample.measures(Component::FreeMoment) {
@@ -173,9 +173,9 @@ fn ground_wrong(
     }
     let whole = truth.whole();
     for axis in 0..3 {
-        let told = sample.force_n[axis];
+        let force_n = sample.force_n[axis];
         let measured = axis == 2 || sample.measures(Component::Shear);
-        if measured && (told - whole.force_n[axis]).abs() > tolerance.force_n {
+        if measured && (force_n - whole.force_n[axis]).abs() > tolerance.force_n {
             return Some(format!("force {:?}, truth {:?}", sample.force_n, whole.force_n));
         }
     }
@@ -190,10 +190,10 @@ fn ground_wrong(
     // The moment about the vertical through the centre of pressure.
     let turn =
         |force: [f64; 3], moment_z: f64, cop: [f64; 2]| moment_z - (cop[0] * force[1] - cop[1] * force[0]);
-    let told = turn(sample.force_n, sample.moment_nm[2], cop);
+    let sent = turn(sample.force_n, sample.moment_nm[2], cop);
     let is = turn(whole.force_n.into(), whole.moment_nm.z, whole.cop_m().into());
-    if sample.measures(Component::FreeMoment) && (told - is).abs() > 0.5 {
-        return Some(format!("turn {told}, truth {is}"));
+    if sample.measures(Component::FreeMoment) && (sent - is).abs() > 0.5 {
+        return Some(format!("turn {sent}, truth {is}"));
     }
     (sample.per_foot == 1).then(|| feet_wrong(sample, &truth, tolerance)).flatten()
 }
@@ -203,11 +203,11 @@ fn feet_wrong(sample: &GroundSample, truth: &OnFeet, tolerance: &Tolerance) -> O
     for (k, sole) in truth.soles.iter().enumerate() {
         let wrench = &truth.wrench[k];
         let is_m = if sample.foot_frame == FootFrame::Sole as u32 { sole.cop_m } else { wrench.cop_m() };
-        let (told_n, told_m) = (sample.foot_vertical_n[k], sample.foot_cop_m[k]);
-        let off_m = (nalgebra::Vector2::from(told_m) - is_m).norm();
-        if (told_n - wrench.force_n.z).abs() > tolerance.force_n || off_m > tolerance.cop_m {
+        let (force_n, cop_m) = (sample.foot_vertical_n[k], sample.foot_cop_m[k]);
+        let off_m = (nalgebra::Vector2::from(cop_m) - is_m).norm();
+        if (force_n - wrench.force_n.z).abs() > tolerance.force_n || off_m > tolerance.cop_m {
             return Some(format!(
-                "foot {k}: {told_n} N at {told_m:?}, truth {} N at {is_m:?}",
+                "foot {k}: {force_n} N at {cop_m:?}, truth {} N at {is_m:?}",
                 wrench.force_n.z
             ));
         }

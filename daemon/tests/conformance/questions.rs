@@ -128,8 +128,8 @@ fn loss(case: &Case, rig: &mut Rig<'_>) -> Answer {
     rig.while_measured("samples behind the lost ones", (case.rate_hz * 0.25) as u64)?;
     rig.more("samples behind the lost ones", SETTLED)?;
     let (after, suffered) = rig.lost();
-    let (told, is) = (after - before, suffered.lost - suffered_before.lost);
-    if told == is { Ok("yes".into()) } else { Err(format!("{told} are told, {is} were lost")) }
+    let (reported, is) = (after - before, suffered.lost - suffered_before.lost);
+    if reported == is { Ok("yes".into()) } else { Err(format!("{reported} are reported, {is} were lost")) }
 }
 
 /// Samples after garbage are as accurate as before.

@@ -72,6 +72,6 @@ pub(crate) fn compare_with_the_documents(table: &str) {
     assert_eq!(
         copy.trim(),
         table.trim(),
-        "docs/sensors/README.md tells another table; EQUIPOISE_WRITE=1 writes this one"
+        "docs/sensors/README.md has another table; EQUIPOISE_WRITE=1 writes this one"
     );
 }

@@ -48,12 +48,12 @@ fn obey(mut process: Process, mut act: impl FnMut(&str)) -> (Option<i32>, Value,
         done = whole;
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
-    let told = process.stdout();
-    (process.wait().code(), serde_json::from_str(&told).unwrap_or(Value::Null), process.stderr())
+    let report = process.stdout();
+    (process.wait().code(), serde_json::from_str(&report).unwrap_or(Value::Null), process.stderr())
 }
 
-fn number(told: &Value, pointer: &str) -> f64 {
-    told.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no {pointer} in {told}"))
+fn number(report: &Value, pointer: &str) -> f64 {
+    report.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("no {pointer} in {report}"))
 }
 
 /// Each of these with the sensors in the daemon, and with each sensor in a process of its own.
@@ -78,7 +78,7 @@ macro_rules! together_and_apart {
 together_and_apart! {
     a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma
-    a_rod_tells_how_high_the_surface_is
+    a_rod_measures_the_height_of_the_surface
     a_plate_in_a_wrong_place_is_found_and_put_right
     stomps_tell_how_much_later_the_suit_is
     two_plates_are_tared_together_and_not_while_somebody_stands_there
@@ -101,7 +101,7 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     let mut arguments = vec!["verify", "--mass", "20", "--for", "1", "--json"];
     let places = ["0.2,0.15", "0.2,-0.15", "-0.2,0.1"];
     places.iter().for_each(|place| arguments.extend(["--at", place]));
-    let (code, told, said) = obey(station.spawn(&arguments), |line| {
+    let (code, report, said) = obey(station.spawn(&arguments), |line| {
         if let Some((_, rest)) = line.split_once("put the 20 kg at ") {
             let place = rest.split_once(" m").expect("a place").0;
             let (x, y) = place.split_once(", ").expect("two numbers");
@@ -114,19 +114,22 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     assert_eq!(code, Some(0), "{said}");
     // Half a percent too high; gravity is the simulator's own.
     let gravity_percent = 100.0 * (9.81 / equipoise_core::overload::GRAVITY_M_PER_S2 - 1.0);
-    let measured = told["places"].as_array().expect("places");
+    let measured = report["places"].as_array().expect("places");
     let sigma_percent =
         measured.iter().map(|place| 100.0 * number(place, "/mass_sigma_kg") / 20.0).fold(0.0, f64::max);
-    let off_percent = (number(&told, "/worst_percent") - 0.5 - gravity_percent).abs();
-    assert!(off_percent < 4.0 * sigma_percent, "{off_percent} {sigma_percent} {told}");
-    assert_eq!((told["within"].as_bool(), told["places"].as_array().map(Vec::len)), (Some(true), Some(3)));
-    for place in told["places"].as_array().expect("places") {
+    let off_percent = (number(&report, "/worst_percent") - 0.5 - gravity_percent).abs();
+    assert!(off_percent < 4.0 * sigma_percent, "{off_percent} {sigma_percent} {report}");
+    assert_eq!(
+        (report["within"].as_bool(), report["places"].as_array().map(Vec::len)),
+        (Some(true), Some(3))
+    );
+    for place in report["places"].as_array().expect("places") {
         assert!(number(place, "/mass_sigma_kg") < 0.05 && number(place, "/cop_sigma_m/0") < 0.002, "{place}");
     }
     for scale in ["scale_x", "scale_y", "turned_rad"] {
-        assert!(number(&told, &format!("/geometry/{scale}/value")).abs() < 0.02, "{told}");
+        assert!(number(&report, &format!("/geometry/{scale}/value")).abs() < 0.02, "{report}");
     }
-    assert!(number(&told, "/geometry/origin_x_m/value").abs() < 0.003, "{told}");
+    assert!(number(&report, "/geometry/origin_x_m/value").abs() < 0.003, "{report}");
 
     // A kilogram more than declared; output in words.
     person.put_on_plates(OnPlates::Nothing);
@@ -199,7 +202,7 @@ fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond
     assert!(code == Some(1) && said.contains("sigma: check the plate"), "{code:?} {said}");
 }
 
-fn a_rod_tells_how_high_the_surface_is(station: &Station) {
+fn a_rod_measures_the_height_of_the_surface(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
     let person = person(settings);
@@ -209,14 +212,14 @@ fn a_rod_tells_how_high_the_surface_is(station: &Station) {
     let _daemon = station.daemon(&configuration(station, &low));
     let mut eyes = Eyes::open(station);
     eyes.until("both sensors", Eyes::both_fresh);
-    let (code, told, said) = obey(station.spawn(&["verify", "--rod", "--for", "4", "--json"]), |line| {
+    let (code, report, said) = obey(station.spawn(&["verify", "--rod", "--for", "4", "--json"]), |line| {
         if line.contains("press the rod") {
             person.put_on_plates(OnPlates::Rod { press_n: 300.0, lean_n: 60.0, at_m: [0.1, 0.05] });
         }
     });
     assert_eq!(code, Some(0), "{said}");
-    let off_m = number(&told, "/higher_m") - 0.012;
-    assert!(off_m.abs() < 4.0 * number(&told, "/tip_sigma_m/2") && off_m.abs() < 0.003, "{told}");
+    let off_m = number(&report, "/higher_m") - 0.012;
+    assert!(off_m.abs() < 4.0 * number(&report, "/tip_sigma_m/2") && off_m.abs() < 0.003, "{report}");
 }
 
 fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
@@ -234,11 +237,11 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
         person.go(5.0 + 6.5 * index as f64, Place { middle_m: [*x, *y].into(), heading_rad: 0.0 });
     }
     let process = station.spawn(&["register", "--places", "5", "--json", "--write", &path]);
-    let (code, told, said) = obey(process, |_| {});
+    let (code, report, said) = obey(process, |_| {});
     assert_eq!(code, Some(0), "{said}");
     assert_eq!(said.matches("got it").count(), 5, "{said}");
-    println!("{told:#}");
-    let frame = &told["frames"]["ground.frame"];
+    println!("{report:#}");
+    let frame = &report["frames"]["ground.frame"];
     let (yaw_deg, sigma_deg) = (number(frame, "/yaw_deg"), number(frame, "/yaw_sigma_deg"));
     assert!(sigma_deg < 6.0 && (yaw_deg - 25.0).abs() < 3.0 * sigma_deg, "{yaw_deg} ± {sigma_deg}");
     for axis in 0..2 {
@@ -263,9 +266,9 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
     let true_feet = [17, 21].map(|foot| truth.body.origin_m[foot].xy());
     let true_middle = (true_feet[0] + true_feet[1]) * 0.5;
     for axis in 0..2 {
-        let (told_m, true_m) =
+        let (measured_m, true_m) =
             (state.cop_measured_m[axis] - middle[axis], truth.cop_m[axis] - true_middle[axis]);
-        assert!((told_m - true_m).abs() < 0.05, "{axis}: {told_m} {true_m}");
+        assert!((measured_m - true_m).abs() < 0.05, "{axis}: {measured_m} {true_m}");
     }
 }
 
@@ -280,12 +283,12 @@ fn stomps_tell_how_much_later_the_suit_is(station: &Station) {
     station.run(&["stomp", "--for", "2"]).failed_with(1, &["the plate felt no stomp"]);
     person.stomp(5);
     let process = station.spawn(&["stomp", "--stomps", "3", "--json", "--write", &path]);
-    let (code, told, said) = obey(process, |_| {});
+    let (code, report, said) = obey(process, |_| {});
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("stomp 3 of 3"), "{said}");
-    let (later_ms, sigma_ms) = (number(&told, "/suit_later_ms"), number(&told, "/sigma_ms"));
+    let (later_ms, sigma_ms) = (number(&report, "/suit_later_ms"), number(&report, "/sigma_ms"));
     println!("45 ms later: found {later_ms:.1} ± {sigma_ms:.1} ms");
-    assert!(sigma_ms < 12.0 && (later_ms - 45.0).abs() < 3.0 * sigma_ms, "{told}");
+    assert!(sigma_ms < 12.0 && (later_ms - 45.0).abs() < 3.0 * sigma_ms, "{report}");
     let written: toml::Table =
         std::fs::read_to_string(&path).expect("the configuration").parse().expect("TOML");
     assert_eq!(written["suit"]["latency_ms"].as_float(), Some(later_ms.round()));

@@ -56,7 +56,7 @@ fn identification_and_profiles_are_steered_and_nonsense_is_refused() {
     station.run(&["tare"]).failed_with(1, &["refused", "stand on the plate", "step off"]);
 
     let characters = "made of letters, digits, '-' and '_'";
-    station.run(&["subject", "load", "nobody"]).failed_with(1, &["there is no profile nobody"]);
+    station.run(&["subject", "load", "anon-9"]).failed_with(1, &["there is no profile anon-9"]);
     for trick in ["../../etc/passwd", "/etc/passwd", "..", "", "a b", "anon-1.toml", "ä"] {
         station.run(&["subject", "load", trick]).failed_with(1, &[characters]);
         station.run(&["subject", "delete", trick]).failed_with(1, &[characters]);

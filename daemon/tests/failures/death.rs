@@ -43,7 +43,7 @@ fn a_killed_daemon_starts_again_without_help_and_remembers_the_worker() {
 }
 
 #[test]
-fn a_broken_profile_is_told_and_never_overwritten() {
+fn a_broken_profile_is_reported_and_never_overwritten() {
     let station = Station::new();
     let path = station.profile("anon-1");
     std::fs::create_dir_all(path.parent().expect("a directory")).expect("a directory");
@@ -61,7 +61,7 @@ fn a_broken_profile_is_told_and_never_overwritten() {
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_eq!(std::fs::read(&path).expect("the profile"), broken);
     let files = std::fs::read_dir(path.parent().expect("a directory")).expect("a directory").count();
-    assert_eq!(files, 1, "nothing is left beside it");
+    assert_eq!(files, 1, "no other file is left");
 }
 
 #[test]

@@ -30,17 +30,17 @@ fn a_port_of_somebody_else_fails_with_what_to_do_and_a_free_one_is_listened_on()
     let taken = UdpSocket::bind(station.suit).expect("the port");
     let ended = station.run(&command);
     ended.failed_with(1, &["checks failed"]);
-    let told = report(&ended);
-    let port = check(&told, "suit.listen");
+    let facts = report(&ended);
+    let port = check(&facts, "suit.listen");
     assert_eq!(port["verdict"], "fail", "{port}");
-    assert!(port["mend"].as_str().is_some_and(|mend| mend.contains("ss -ulpn")), "{port}");
-    assert_eq!(check(&told, "metrics.listen")["verdict"], "ok");
+    assert!(port["fix"].as_str().is_some_and(|fix| fix.contains("ss -ulpn")), "{port}");
+    assert_eq!(check(&facts, "metrics.listen")["verdict"], "ok");
     drop(taken);
 
     let _suit = streams::suit(station.suit);
-    let told = report(&station.run(&command));
-    assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
-    let heard = check(&told, "MVN stream");
+    let facts = report(&station.run(&command));
+    assert_eq!(check(&facts, "suit.listen")["verdict"], "ok", "{facts}");
+    let heard = check(&facts, "MVN stream");
     // The number of samples a second on a busy machine is not tested here.
     assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
     let other =
@@ -54,15 +54,15 @@ fn a_port_of_somebody_else_fails_with_what_to_do_and_a_free_one_is_listened_on()
 }
 
 #[test]
-fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
+fn a_running_daemon_holds_its_ports_and_reports_suit_and_plate() {
     let station = Station::new();
     let _person = station.person();
     let _daemon = station.daemon(&station.configuration());
     let mut eyes = Eyes::open(&station);
     eyes.until("both sensors", Eyes::both_fresh);
     // Without a file argument the daemon's own configuration is used.
-    let told = report(&station.run(&["doctor", "--json"]));
-    assert_eq!(check(&told, "suit.listen")["verdict"], "ok", "{told}");
+    let facts = report(&station.run(&["doctor", "--json"]));
+    assert_eq!(check(&facts, "suit.listen")["verdict"], "ok", "{facts}");
     // Another file, whose port another process holds.
     let stranger = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let taken = stranger.local_addr().expect("its address").to_string();
@@ -70,12 +70,12 @@ fn a_running_daemon_holds_its_ports_and_tells_of_suit_and_plate() {
     let path = station.write("other.toml", &text).display().to_string();
     let other = report(&station.run(&["doctor", "--json", "--config", &path]));
     assert_eq!(check(&other, "suit.listen")["verdict"], "fail", "{other}");
-    let plate = check(&told, "plate");
+    let plate = check(&facts, "plate");
     assert!(plate["found"].as_str().is_some_and(|found| found.contains("somebody stands on it")), "{plate}");
-    let heard = check(&told, "MVN stream");
+    let heard = check(&facts, "MVN stream");
     assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
-    assert_eq!(check(&told, "bus root")["verdict"], "ok", "{told}");
-    assert_eq!(told["note"], Value::Null);
+    assert_eq!(check(&facts, "bus root")["verdict"], "ok", "{facts}");
+    assert_eq!(facts["note"], Value::Null);
 }
 
 #[test]
@@ -89,8 +89,8 @@ fn the_ports_of_page_and_metrics_are_the_stations_only_while_page_and_daemon_hol
     let _daemon = station.daemon(&text);
     let path = station.write("page.toml", &text).display().to_string();
     let port = |name: &str| {
-        let told = report(&station.run(&["doctor", "--json", "--config", &path]));
-        check(&told, name)["verdict"].as_str().expect("a verdict").to_owned()
+        let facts = report(&station.run(&["doctor", "--json", "--config", &path]));
+        check(&facts, name)["verdict"].as_str().expect("a verdict").to_owned()
     };
     // Another process holds the page's port, while the station is fully operational without it.
     let stranger = std::net::TcpListener::bind(page).expect("the port");

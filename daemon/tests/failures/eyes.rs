@@ -53,8 +53,8 @@ impl Eyes {
             assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
             self.state = state;
         }
-        while let Some(told) = self.health.receive().expect("the bus") {
-            self.adapters[told.stream as usize - 1] = told;
+        while let Some(health) = self.health.receive().expect("the bus") {
+            self.adapters[health.stream as usize - 1] = health;
         }
         if let Some(board) = self.incidents.latest().expect("the bus") {
             self.board = board;

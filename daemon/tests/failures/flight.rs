@@ -116,7 +116,8 @@ fn disks_that_take_nothing_are_an_incident_and_nothing_else() {
     let settings = BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");
     let mut incidents = bus.subscriber::<Incidents>(8).expect("a place");
-    let mut active = || incidents.latest().expect("the bus").map(|told| told.active().collect::<Vec<_>>());
+    let mut active =
+        || incidents.latest().expect("the bus").map(|newest| newest.active().collect::<Vec<_>>());
     wait_for("the incident on the bus", || active()?.contains(&Incident::LatencyNotLogged).then_some(()));
     wait_for("its words", || {
         let said = daemon.stderr();

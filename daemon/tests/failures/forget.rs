@@ -122,8 +122,11 @@ fn a_subject_is_found_where_the_daemon_keeps_it_whatever_the_environment_says() 
     let profile = service.join("subjects/anon-1.toml");
     wait_for("a profile", || profile.exists().then_some(()));
     assert!(station.run(&["subject", "list"]).done().contains("anon-1"));
-    let told = station.run(&["doctor", "--json"]).stdout;
-    assert!(told.contains(&*service.to_string_lossy()) && !told.contains(&*own.to_string_lossy()), "{told}");
+    let output = station.run(&["doctor", "--json"]).stdout;
+    assert!(
+        output.contains(&*service.to_string_lossy()) && !output.contains(&*own.to_string_lossy()),
+        "{output}"
+    );
     wait_for("the status", || {
         station.status().filter(|status| status["daemon"]["subject"] == "anon-1").map(drop)
     });
@@ -140,7 +143,7 @@ fn a_subject_is_found_where_the_daemon_keeps_it_whatever_the_environment_says() 
     std::fs::write(service.join("flight/bench-cycle-7.mcap"), "x").expect("a record");
     let said = station.run(&["subject", "delete", "anon-1"]);
     assert!(
-        said.done().contains("bench-cycle-7.mcap is deleted: flight records name nobody"),
+        said.done().contains("bench-cycle-7.mcap is deleted: flight records name no subject"),
         "{}",
         said.stdout
     );

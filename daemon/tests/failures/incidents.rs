@@ -23,7 +23,7 @@ fn journal(kind: Incident) -> String {
 }
 
 #[test]
-fn silence_is_told_everywhere_with_what_to_do_and_ends_with_the_next_sample() {
+fn silence_is_reported_everywhere_with_its_remedy_and_ends_with_the_next_sample() {
     let station = Station::new();
     let person = station.person();
     let daemon = station.daemon(&station.configuration());
@@ -41,24 +41,24 @@ fn silence_is_told_everywhere_with_what_to_do_and_ends_with_the_next_sample() {
         assert!(text.contains("sends nothing any more: is") && !text.contains("to do:"), "{text}");
         let watched = station.run(&["watch", "--for", "2.5"]).done().to_owned();
         assert!(watched.contains(&format!("{} for ", kind.name())), "{watched}");
-        let told = |status: &serde_json::Value, list: &str| {
+        let listed = |status: &serde_json::Value, list: &str| {
             let list = status["incidents"][list].as_array().cloned().unwrap_or_default();
             list.into_iter().find(|incident| incident["name"] == kind.name())
         };
         let status = station.status().expect("the daemon answers");
-        let active = told(&status, "active").expect("it goes on");
+        let active = listed(&status, "active").expect("it goes on");
         assert!(active["what"].as_str().is_some_and(|what| what.contains("sends nothing")), "{active}");
         silence(false);
         eyes.until("its end", |eyes| !eyes.goes_on(kind));
         let status = station.status().expect("the daemon answers");
-        assert_eq!(told(&status, "past").expect("it was")["begun"], eyes.begun(kind), "{status}");
-        assert!(told(&status, "active").is_none(), "{status}");
+        assert_eq!(listed(&status, "past").expect("it was")["begun"], eyes.begun(kind), "{status}");
+        assert!(listed(&status, "active").is_none(), "{status}");
     }
     assert!(!daemon.stderr().contains("phase="), "phases are none: {}", daemon.stderr());
 }
 
 #[test]
-fn a_sensor_that_never_comes_is_told_with_the_address_to_look_at() {
+fn a_sensor_that_never_sends_is_reported_with_its_address() {
     let station = Station::new();
     let daemon = station.daemon(&station.configuration());
     let mut eyes = Eyes::open(&station);

@@ -57,7 +57,7 @@ fn row<'a>(report: &'a Value, name: &str) -> &'a Value {
 }
 
 #[test]
-fn the_path_is_told_to_the_last_consumer() {
+fn the_path_is_reported_to_the_last_consumer() {
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());
@@ -88,8 +88,8 @@ fn the_path_is_told_to_the_last_consumer() {
         let row = row(&report, name);
         assert!(row["count"].as_u64() > Some(0), "{row}");
         let percentiles = ["p50_ns", "p90_ns", "p99_ns", "p99_9_ns", "p99_99_ns", "max_ns"];
-        let told: Vec<u64> = percentiles.iter().map(|key| row[key].as_u64().expect("ns")).collect();
-        assert!(told.is_sorted(), "{row}");
+        let values: Vec<u64> = percentiles.iter().map(|key| row[key].as_u64().expect("ns")).collect();
+        assert!(values.is_sorted(), "{row}");
     }
     let own = row(&report, "self.from_due")["p50_ns"].as_u64();
     assert!(own >= row(&report, "self.pick_up")["p50_ns"].as_u64(), "a part is longer than its whole");

@@ -55,7 +55,7 @@ fn a_scrape_shows_counts_that_grow_incidents_by_name_and_no_motion() {
     assert_eq!(of(&body, "equipoise_publishing"), 1.0);
     assert!(body.contains("# TYPE equipoise_cycles_total counter"), "{body}");
     for private in ["anon-1", "torque", "segment_origin", "position", "com_m"] {
-        assert!(!body.contains(private), "{private} is nobody's business: {body}");
+        assert!(!body.contains(private), "{private} is private: {body}");
     }
     let before = of(&body, "equipoise_cycles_total");
     wait_for("more cycles and the end of the silence", || {

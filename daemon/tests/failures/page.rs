@@ -41,15 +41,15 @@ fn get(address: SocketAddr, target: &str, headers: &str) -> Option<(u16, String)
 }
 
 /// The next event of the engineer's page about the daemon and its sensors.
-fn station_told(address: SocketAddr) -> Option<serde_json::Value> {
+fn station_facts(address: SocketAddr) -> Option<serde_json::Value> {
     let mut stream = TcpStream::connect(address).ok()?;
     stream.set_read_timeout(Some(Duration::from_secs(10))).expect("a timeout");
     write!(stream, "GET /events/station HTTP/1.1\r\nHost: localhost\r\n\r\n").ok()?;
     let lines = BufReader::new(stream).lines();
     // The page sends `{}` until the data are gathered.
     lines.map_while(Result::ok).find_map(|line| {
-        let told: serde_json::Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
-        told.get("station").is_some().then_some(told)
+        let facts: serde_json::Value = serde_json::from_str(line.strip_prefix("data: ")?).ok()?;
+        facts.get("station").is_some().then_some(facts)
     })
 }
 
@@ -83,17 +83,17 @@ fn it_waits_for_a_daemon_and_outlives_it() {
     assert_eq!(status["page"]["process_id"], view.id());
     assert!(station.run(&["status"]).done().contains(&format!("page http://{address}/")));
 
-    let all_is_known = |told: &serde_json::Value| {
-        told["incidents"].is_array() && told["daemon"].is_object() && told["adapters"][0].is_object()
+    let all_is_known = |facts: &serde_json::Value| {
+        facts["incidents"].is_array() && facts["daemon"].is_object() && facts["adapters"][0].is_object()
     };
-    wait_for("the station's facts", || station_told(address).filter(all_is_known));
+    wait_for("the station's facts", || station_facts(address).filter(all_is_known));
 
     daemon.kill();
     until_silent(address);
     // The last data of a dead daemon must not be shown as current.
     wait_for("nothing to be known of it", || {
-        let told = station_told(address)?;
-        (told["incidents"].is_null() && told["daemon"].is_null()).then_some(())
+        let facts = station_facts(address)?;
+        (facts["incidents"].is_null() && facts["daemon"].is_null()).then_some(())
     });
     let mut daemon = station.daemon(&station.configuration());
     until_live(address);
@@ -106,7 +106,7 @@ fn it_waits_for_a_daemon_and_outlives_it() {
 }
 
 #[test]
-fn it_tells_how_late_states_come_to_it() {
+fn it_reports_the_latency_of_its_states() {
     let station = Station::new();
     let address = free_address().expect("a free port");
     let _daemon = station.daemon(&station.configuration());
@@ -122,7 +122,7 @@ fn it_tells_how_late_states_come_to_it() {
 }
 
 #[test]
-fn a_page_that_was_killed_is_not_told_as_living() {
+fn a_killed_page_is_not_in_the_status() {
     let station = Station::new();
     let address = free_address().expect("a free port");
     let _daemon = station.daemon(&station.configuration());
@@ -133,7 +133,7 @@ fn a_page_that_was_killed_is_not_told_as_living() {
 }
 
 #[test]
-fn a_bus_that_was_removed_and_made_anew_is_found_again() {
+fn a_bus_that_was_removed_and_created_again_is_found() {
     let station = Station::new();
     let address = free_address().expect("a free port");
     let mut daemon = station.daemon(&station.configuration());
@@ -152,12 +152,12 @@ fn the_daemon_itself_listens_on_no_page() {
     let station = Station::new();
     let address = free_address().expect("a free port");
     let daemon = station.daemon(&format!("{}[page]\nlisten = \"{address}\"\n", station.configuration()));
-    let _ours = TcpListener::bind(address).expect("a port that nobody else has");
+    let _ours = TcpListener::bind(address).expect("a free port");
     assert!(!daemon.stderr().contains(&address.to_string()));
 }
 
 #[test]
-fn what_it_cannot_serve_is_told_with_its_key() {
+fn what_it_cannot_serve_is_reported_with_its_key() {
     let station = Station::new();
     let taken = TcpListener::bind(free_address().expect("a free port")).expect("the port");
     let address = taken.local_addr().expect("its address").to_string();
@@ -218,7 +218,7 @@ fn a_page_for_the_whole_network_needs_a_token() {
 }
 
 #[test]
-fn the_token_opens_the_page_and_is_told_nowhere() {
+fn the_token_opens_the_page_and_is_published_nowhere() {
     let station = Station::new();
     let token = station.file("page.token");
     let made = station.run(&["token", "--out", &token.display().to_string()]);
@@ -251,14 +251,14 @@ fn the_token_opens_the_page_and_is_told_nowhere() {
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_eq!(view.stop(Signal::TERM), Some(0));
     let recorded = std::fs::read(&recording).expect("the recording");
-    for (place, told) in [
+    for (place, facts) in [
         ("status", status.as_bytes()),
         ("check", shown.as_bytes()),
         ("the daemon's journal", daemon.stderr().as_bytes()),
         ("the page's journal", view.stderr().as_bytes()),
         ("a recording", &recorded),
     ] {
-        let found = told.windows(secret.len()).any(|window| window == secret.as_bytes());
+        let found = facts.windows(secret.len()).any(|window| window == secret.as_bytes());
         assert!(!found, "{place} holds the token");
     }
 }

@@ -20,11 +20,11 @@ fn a_faulty_sensor_has_no_centre_of_pressure_until_it_is_sound_again() {
     let person = station.person();
     let _daemon = station.daemon(&station.configuration());
     let mut eyes = Eyes::open(&station);
-    let spoilt = |eyes: &Eyes| eyes.has(Validity::SPOILS_COP_MEASURED);
-    eyes.until("a centre of pressure", |eyes| eyes.both_fresh() && !spoilt(eyes));
+    let invalid = |eyes: &Eyes| eyes.has(Validity::SPOILS_COP_MEASURED);
+    eyes.until("a centre of pressure", |eyes| eyes.both_fresh() && !invalid(eyes));
 
     person.set_plate_status(0x8000_0000);
-    eyes.until("a reason against it", spoilt);
+    eyes.until("a reason against it", invalid);
     eyes.until("the fault to be counted", |eyes| eyes.ground_refused(GroundRefusal::DeviceStatus) > 0);
     let status = station.status().expect("the daemon answers");
     assert!(status["state"].get("cop_measured").is_none(), "{status}");
@@ -32,7 +32,7 @@ fn a_faulty_sensor_has_no_centre_of_pressure_until_it_is_sound_again() {
     assert!(status["adapters"][1]["refused"]["device_status"].as_u64() > Some(0), "{status}");
 
     person.set_plate_status(0);
-    eyes.until("the centre of pressure again", |eyes| !spoilt(eyes));
+    eyes.until("the centre of pressure again", |eyes| !invalid(eyes));
     let status = station.status().expect("the daemon answers");
     assert!(status["state"]["cop_measured"].is_array(), "{status}");
 }
@@ -49,13 +49,13 @@ fn what_is_no_new_record_of_the_plate_is_counted_and_not_used() {
     let old: Arc<Mutex<Vec<u8>>> = Arc::default();
     let kept = Arc::clone(&old);
     plate.stream.slip_in(move |sound| {
-        kept.lock().expect("nobody panics").extend_from_slice(sound);
+        kept.lock().expect("no thread panics").extend_from_slice(sound);
         Vec::new()
     });
     for _ in 0..ROUNDS {
         let replayed = Arc::clone(&old);
         plate.stream.slip_in(<[u8]>::to_vec);
-        plate.stream.slip_in(move |_| replayed.lock().expect("nobody panics").clone());
+        plate.stream.slip_in(move |_| replayed.lock().expect("no thread panics").clone());
         plate.stream.slip_in(|sound| sound[..35].to_vec());
         plate.stream.slip_in(|sound| [sound, &sound[..1]].concat());
         plate.stream.slip_in(|_| b"GET / HTTP/1.1\r\n\r\n".to_vec());

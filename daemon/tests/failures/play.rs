@@ -57,7 +57,7 @@ fn a_recorded_motion_is_played_to_a_daemon() {
 }
 
 #[test]
-fn rejected_rows_are_counted_and_told_by_the_exit_code() {
+fn rejected_rows_are_counted_and_set_the_exit_code() {
     let station = Station::new();
     let _daemon = station.daemon(&station.configuration());
     let path = station.write("motion.csv", &csv(30, &[7, 11])).display().to_string();
@@ -102,7 +102,7 @@ fn what_cannot_be_simulated_or_played_is_refused() {
 }
 
 #[test]
-fn a_simulation_ends_when_its_time_is_over_and_when_told() {
+fn a_simulation_ends_after_its_time_and_on_a_signal() {
     let station = Station::new();
     let (suit, plate) = (station.suit.to_string(), station.plate.to_string());
     station.run(&["simulate", "--suit", &suit, "--plate", &plate, "--for", "1"]).done();

@@ -62,7 +62,7 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
 }
 
 #[test]
-fn strict_refuses_what_nobody_is_granted_and_names_it() {
+fn strict_refuses_a_start_without_the_requested_scheduling_and_names_it() {
     let station = Station::new();
     let strict = |key: &str| station.configuration().replace("[loop]\n", &format!("[loop]\n{key}\n"));
     let mut refused = station.try_daemon(&strict("cpu = 4095\nstrict = true"));
@@ -77,7 +77,7 @@ fn strict_refuses_what_nobody_is_granted_and_names_it() {
 }
 
 #[test]
-fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
+fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() {
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());
@@ -114,7 +114,7 @@ fn status_tells_of_every_thread_what_was_asked_granted_and_suffered() {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("a living daemon").count();
     assert_eq!(threads.len(), tasks);
     assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");
-    let told = station.run(&["status"]);
-    assert!(told.done().contains("asked other, granted other"), "{}", told.stdout);
+    let ended = station.run(&["status"]);
+    assert!(ended.done().contains("asked other, granted other"), "{}", ended.stdout);
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

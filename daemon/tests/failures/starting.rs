@@ -50,7 +50,7 @@ fn a_second_daemon_names_the_first_and_does_it_no_harm() {
     }
 
     let state = eyes.until("more cycles of the first", |eyes| eyes.state.cycle > before + 100);
-    assert!(state.cycle > before, "its cycles go on, they do not begin anew");
+    assert!(state.cycle > before, "its cycles continue, they do not restart");
     eyes.until("both sensors", Eyes::both_fresh);
     assert!(first.is_running());
     assert_eq!(station.status().expect("the first answers")["daemon"]["process_id"], pid);

@@ -87,11 +87,11 @@ impl OnTheBus {
     #[track_caller]
     fn health(&mut self, holds: impl Fn(&AdapterHealth) -> bool) -> AdapterHealth {
         wait_for("a word of the adapter", || {
-            let mut told = None;
+            let mut newest = None;
             while let Some(health) = self.health.receive().expect("the bus") {
-                told = Some(health).filter(|health| health.stream == 1 && holds(health)).or(told);
+                newest = Some(health).filter(|health| health.stream == 1 && holds(health)).or(newest);
             }
-            told
+            newest
         })
     }
 }
@@ -195,7 +195,7 @@ fn a_station_whose_suit_somebody_else_publishes_is_tried_again_and_the_own_goes_
 }
 
 #[test]
-fn doctor_suit_tells_what_comes_and_who_has_the_port() {
+fn doctor_suit_reports_what_is_received_and_which_process_has_the_port() {
     let station = Station::new();
     let taken = UdpSocket::bind(station.suit).expect("the port");
     let (report, code) = doctor(&station, &station.configuration());
@@ -210,8 +210,8 @@ fn doctor_suit_tells_what_comes_and_who_has_the_port() {
 
     let (report, code) = doctor(&station, &station.configuration());
     assert_eq!(code, Some(1), "{report}");
-    let mend = check(&report, "sender")["mend"].as_str().expect("what to do");
-    assert!(mend.contains(&format!("Port = {}", station.suit.port())), "{report}");
+    let fix = check(&report, "sender")["fix"].as_str().expect("what to do");
+    assert!(fix.contains(&format!("Port = {}", station.suit.port())), "{report}");
 
     let suits = [0, 3].map(|avatar| streams::suit_of(station.suit, avatar));
     let (report, code) = doctor(&station, &station.configuration());

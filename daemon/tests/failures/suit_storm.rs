@@ -13,9 +13,9 @@ const HEADER: usize = 24;
 const ITEM: usize = 32;
 
 /// A valid datagram of type 02, corrupted.
-fn spoilt(sound: &[u8], spoil: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+fn corrupted(sound: &[u8], corrupt: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     let mut bad = sound.to_vec();
-    spoil(&mut bad);
+    corrupt(&mut bad);
     bad
 }
 
@@ -36,12 +36,12 @@ fn counter(bytes: &[u8]) -> u32 {
 
 fn with_counter(sound: &[u8], steps: i32) -> Vec<u8> {
     let counter = counter(sound).wrapping_add_signed(steps);
-    spoilt(sound, |bad| put(bad, 6, &counter.to_be_bytes()))
+    corrupted(sound, |bad| put(bad, 6, &counter.to_be_bytes()))
 }
 
 /// Replaces a float of an item, by its index in the item (0 is the segment's id).
 fn with_float(sound: &[u8], item: usize, word: usize, value: f32) -> Vec<u8> {
-    spoilt(sound, |bad| put(bad, HEADER + item * ITEM + word * 4, &value.to_be_bytes()))
+    corrupted(sound, |bad| put(bad, HEADER + item * ITEM + word * 4, &value.to_be_bytes()))
 }
 
 type Make = fn(&[u8]) -> Vec<u8>;
@@ -53,41 +53,41 @@ const TRICKS: &[(&str, SuitRefusal, Make)] = &[
     ("23 bytes", SuitRefusal::TooShort, |sound| sound[..23].to_vec()),
     ("a header alone", SuitRefusal::Length, |sound| sound[..HEADER].to_vec()),
     ("truncated", SuitRefusal::Length, |sound| sound[..sound.len() - 1].to_vec()),
-    ("larger than any", SuitRefusal::Length, |sound| spoilt(sound, |bad| bad.resize(2041, 0))),
-    ("65 kB", SuitRefusal::Length, |sound| spoilt(sound, |bad| bad.resize(65_507, 0))),
-    ("a payload size of 0", SuitRefusal::Length, |sound| spoilt(sound, |bad| put(bad, 22, &[0, 0]))),
-    ("a payload size too small", SuitRefusal::Length, |sound| spoilt(sound, |bad| put(bad, 22, &[0, 1]))),
-    ("more items than bytes", SuitRefusal::Items, |sound| spoilt(sound, |bad| bad[11] = 63)),
-    ("no items", SuitRefusal::Items, |sound| spoilt(sound, |bad| bad[11] = 0)),
+    ("larger than any", SuitRefusal::Length, |sound| corrupted(sound, |bad| bad.resize(2041, 0))),
+    ("65 kB", SuitRefusal::Length, |sound| corrupted(sound, |bad| bad.resize(65_507, 0))),
+    ("a payload size of 0", SuitRefusal::Length, |sound| corrupted(sound, |bad| put(bad, 22, &[0, 0]))),
+    ("a payload size too small", SuitRefusal::Length, |sound| corrupted(sound, |bad| put(bad, 22, &[0, 1]))),
+    ("more items than bytes", SuitRefusal::Items, |sound| corrupted(sound, |bad| bad[11] = 63)),
+    ("no items", SuitRefusal::Items, |sound| corrupted(sound, |bad| bad[11] = 0)),
     ("a position that is NaN", SuitRefusal::NotFinite, |sound| with_float(sound, 3, 1, f32::NAN)),
     ("an infinite position", SuitRefusal::NotFinite, |sound| with_float(sound, 22, 3, f32::INFINITY)),
     ("a hand 4 m off", SuitRefusal::Implausible, |sound| with_float(sound, 14, 2, 4.0)),
     ("everybody far away", SuitRefusal::Implausible, |sound| with_float(sound, 0, 1, -1e30)),
     ("a quaternion of norm 2", SuitRefusal::NotUnitQuaternion, |sound| with_float(sound, 0, 4, 2.0)),
     ("a quaternion of zeros", SuitRefusal::NotUnitQuaternion, |sound| {
-        spoilt(sound, |bad| bad[HEADER + 16..HEADER + 32].fill(0))
+        corrupted(sound, |bad| bad[HEADER + 16..HEADER + 32].fill(0))
     }),
     ("one segment twice", SuitRefusal::DuplicateSegment, |sound| {
-        spoilt(sound, |bad| put(bad, HEADER + ITEM, &1_u32.to_be_bytes()))
+        corrupted(sound, |bad| put(bad, HEADER + ITEM, &1_u32.to_be_bytes()))
     }),
     ("22 segments", SuitRefusal::MissingSegment, |sound| {
-        spoilt(sound, |bad| {
+        corrupted(sound, |bad| {
             bad.truncate(HEADER + 22 * ITEM);
             announce(bad, 22);
         })
     }),
     ("a segment that is none", SuitRefusal::MissingSegment, |sound| {
-        spoilt(sound, |bad| put(bad, HEADER + 5 * ITEM, &u32::MAX.to_be_bytes()))
+        corrupted(sound, |bad| put(bad, HEADER + 5 * ITEM, &u32::MAX.to_be_bytes()))
     }),
-    ("another avatar", SuitRefusal::OtherAvatar, |sound| spoilt(sound, |bad| bad[16] = 3)),
+    ("another avatar", SuitRefusal::OtherAvatar, |sound| corrupted(sound, |bad| bad[16] = 3)),
     ("the same counter again", SuitRefusal::Duplicate, <[u8]>::to_vec),
     ("overtaken", SuitRefusal::OutOfOrder, |sound| with_counter(sound, -2)),
     ("of long ago", SuitRefusal::OutOfOrder, |sound| with_counter(sound, -900)),
     ("a wild counter", SuitRefusal::OutOfOrder, |sound| with_counter(sound, i32::MAX)),
-    ("another protocol", SuitRefusal::NotMvn, |sound| spoilt(sound, |bad| put(bad, 0, b"MXTQ"))),
-    ("type 99", SuitRefusal::UnknownType, |sound| spoilt(sound, |bad| put(bad, 4, b"99"))),
+    ("another protocol", SuitRefusal::NotMvn, |sound| corrupted(sound, |bad| put(bad, 0, b"MXTQ"))),
+    ("type 99", SuitRefusal::UnknownType, |sound| corrupted(sound, |bad| put(bad, 4, b"99"))),
     ("upside down", SuitRefusal::UpsideDown, |sound| {
-        spoilt(sound, |bad| {
+        corrupted(sound, |bad| {
             for item in 0..23 {
                 // The sign of z.
                 bad[HEADER + item * ITEM + 12] ^= 0x80;

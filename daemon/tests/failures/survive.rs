@@ -207,7 +207,7 @@ impl Bench<'_> {
         println!("slowest write before the kill: {slowest:?}");
         let loss = LOSS + WRITES * slowest;
         if found != self.in_use {
-            let (before, asked) = self.before.take().expect("nobody else was ever in use");
+            let (before, asked) = self.before.take().expect("no other subject was in use");
             assert!(found == before && killed - asked < loss, "{found} in place of {}", self.in_use);
             self.in_use = found;
         }
@@ -309,7 +309,7 @@ fn a_pipe_in_the_place_of_the_station_s_file_does_not_hold_the_start() {
 }
 
 #[test]
-fn a_station_s_file_of_a_later_version_is_told_and_left_alone() {
+fn a_station_s_file_of_a_later_version_is_reported_and_left_unchanged() {
     let station = Station::new();
     let path = station.state_directory().join("stations").join("bench.toml");
     std::fs::create_dir_all(path.parent().expect("a folder")).expect("a folder");

@@ -62,7 +62,7 @@ fn a_suit_and_a_plate_are_published_by_one_living_process_each() {
 }
 
 #[test]
-fn a_daemon_with_adapters_of_its_own_and_an_adapter_beside_it_exclude_each_other() {
+fn a_daemon_with_internal_adapters_and_a_separate_adapter_exclude_each_other() {
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());

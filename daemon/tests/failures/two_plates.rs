@@ -181,10 +181,10 @@ fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
     let ([left, _], [_, [true_left, _]]) = (state.zeta, truth.foot_share);
     assert!((left - true_left).abs() < 0.03, "{left} {true_left}");
     let status = station.status().expect("the daemon answers");
-    let told = serde_json::json!({
+    let expected = serde_json::json!({
         "devices": ["plate", "insoles"], "per_foot": true, "foot_frame": "sole", "not_measured": []
     });
-    assert_eq!(status["ground"], told, "{status}");
+    assert_eq!(status["ground"], expected, "{status}");
 
     insoles.silence(true);
     eyes.until("geometry", |eyes| {

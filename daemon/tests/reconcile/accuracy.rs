@@ -50,7 +50,7 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
     };
     let first_m = offset(&memory);
     let (mut suit, mut ground) = (samples.suit.iter().peekable(), samples.ground.iter().peekable());
-    let (mut told, mut due_ns, mut seen_ns) = (Vec::new(), EPOCH_NS, 0);
+    let (mut residuals, mut due_ns, mut seen_ns) = (Vec::new(), EPOCH_NS, 0);
     for cycle in 1.. {
         due_ns += 4_000_000;
         let mut inputs = (Vec::new(), Vec::new());
@@ -62,21 +62,21 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
         }
         let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, body: None, command: None };
         let state = *step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
-        let spoilt = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(spoilt)
+        let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+        if state.suit_sample_time_ns != seen_ns && state.static_pose == 1 && !state.validity().any_of(invalid)
         {
             let now_m = offset(&memory);
             let residual_m = [0, 1].map(|axis| {
                 state.cop_measured_m[axis] - state.cop_estimated_m[axis] + now_m[axis] - first_m[axis]
             });
-            told.push(((state.suit_sample_time_ns - EPOCH_NS) as f64 * 1e-9, residual_m));
+            residuals.push(((state.suit_sample_time_ns - EPOCH_NS) as f64 * 1e-9, residual_m));
         }
         seen_ns = state.suit_sample_time_ns;
         if suit.peek().is_none() && ground.peek().is_none() {
-            return told;
+            return residuals;
         }
     }
-    told
+    residuals
 }
 
 #[test]
@@ -85,12 +85,13 @@ fn still_blocks_miss_by_what_the_loop_misses() {
     let samples = script.samples();
     let compared = compared(&script, &samples);
     let config = Config::parse(&script.config(), "test").unwrap();
-    let told = by_the_loop(&compared, &samples, &config);
+    let residuals = by_the_loop(&compared, &samples, &config);
     let session = &compared.session;
     let mut apart = Vec::new();
     for block in session.blocks.iter().filter(|block| block.still) {
         let middle_s = block.observation.time_s;
-        let within = told.iter().filter(|(time_s, _)| (time_s - middle_s).abs() <= 0.5 * session.block_s);
+        let within =
+            residuals.iter().filter(|(time_s, _)| (time_s - middle_s).abs() <= 0.5 * session.block_s);
         let within: Vec<[f64; 2]> = within.map(|(_, residual_m)| *residual_m).collect();
         if within.len() < 6 {
             continue;
@@ -128,8 +129,8 @@ fn accelerations_are_those_of_the_simulated_body() {
             }
         }
         let pairs = seen.origin_acceleration_m_per_s2.iter().flatten().zip(truth.iter().flatten());
-        for (told, truth) in pairs {
-            origin.push(told - truth);
+        for (residuals, truth) in pairs {
+            origin.push(residuals - truth);
             size.push(*truth);
         }
         let force = |axis: usize| seen.force_measured_n[axis] / seen.mass_kg;

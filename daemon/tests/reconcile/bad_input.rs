@@ -37,7 +37,7 @@ impl Trial {
     }
 
     /// Samples corrupted by `change`.
-    fn spoilt(change: impl FnOnce(&mut Samples)) -> Trial {
+    fn corrupted(change: impl FnOnce(&mut Samples)) -> Trial {
         let mut samples = session().1.clone();
         change(&mut samples);
         Trial::of(&samples, &session().0.config())
@@ -77,7 +77,7 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 #[test]
-fn a_whole_session_is_told_and_its_report_written() {
+fn a_whole_session_is_summarised_and_its_report_written() {
     let trial = Trial::whole();
     let output = trial.run(&[]);
     let text = String::from_utf8_lossy(&output.stdout);
@@ -171,22 +171,22 @@ fn what_was_written_before_stays_as_it_was() {
             .collect()
     };
     let before = written();
-    let constant = Trial::spoilt(|samples| {
+    let constant = Trial::corrupted(|samples| {
         let first = samples.ground[0];
         for sample in &mut samples.ground {
             (sample.force_n, sample.moment_nm) = (first.force_n, first.moment_nm);
         }
     });
-    let plate_only = Trial::spoilt(|samples| samples.suit.clear());
-    let suit_only = Trial::spoilt(|samples| samples.ground.clear());
-    let spoilt: [Vec<u8>; 5] = [
+    let plate_only = Trial::corrupted(|samples| samples.suit.clear());
+    let suit_only = Trial::corrupted(|samples| samples.ground.clear());
+    let corrupted: [Vec<u8>; 5] = [
         Vec::new(),
         bytes[..4000].to_vec(),
         std::fs::read(&constant.recording).unwrap(),
         std::fs::read(&plate_only.recording).unwrap(),
         std::fs::read(&suit_only.recording).unwrap(),
     ];
-    for bytes in spoilt {
+    for bytes in corrupted {
         std::fs::write(&trial.recording, bytes).unwrap();
         let output = trial.run(&[]);
         assert_eq!(output.status.code(), Some(1), "{}", said(&output));
@@ -206,21 +206,21 @@ fn another_worker_s_configuration_is_refused() {
 }
 
 #[test]
-fn without_a_still_pose_nobody_is_identified() {
+fn without_a_static_pose_no_worker_is_identified() {
     let script = Script { poses: 0, work_s: 20.0, ..session().0 };
     let mut config = script.config().replace("[identification]", "[identification]\nmethod = \"static\"");
     config += "[static_pose]\njoint_deg = 0.1\ncop_mm = 0.1\n";
     let trial = Trial::of(&script.samples(), &config);
-    trial.refuses(&[], &["nobody holds a pose still", "--identify", "[static_pose]"]);
+    trial.refuses(&[], &["no pose is held still", "--identify", "[static_pose]"]);
 }
 
 #[test]
 fn one_stream_alone_is_no_comparison() {
-    Trial::spoilt(|samples| samples.suit.clear())
+    Trial::corrupted(|samples| samples.suit.clear())
         .refuses(&[], &["samples of the plate and none of the suit", "suit.listen"]);
-    Trial::spoilt(|samples| samples.ground.clear())
+    Trial::corrupted(|samples| samples.ground.clear())
         .refuses(&[], &["samples of the suit and none of the plate", "ground.address"]);
-    Trial::spoilt(|samples| {
+    Trial::corrupted(|samples| {
         samples.suit.clear();
         samples.ground.clear();
     })
@@ -229,14 +229,14 @@ fn one_stream_alone_is_no_comparison() {
 
 #[test]
 fn a_sensor_that_never_changes_is_not_believed() {
-    Trial::spoilt(|samples| {
+    Trial::corrupted(|samples| {
         let first = samples.ground[0];
         for sample in &mut samples.ground {
             (sample.force_n, sample.moment_nm) = (first.force_n, first.moment_nm);
         }
     })
     .refuses(&[], &["the plate never changes", "cable"]);
-    Trial::spoilt(|samples| {
+    Trial::corrupted(|samples| {
         let first = samples.suit[0];
         for sample in &mut samples.suit {
             (sample.position_m, sample.orientation_wxyz) = (first.position_m, first.orientation_wxyz);
@@ -246,18 +246,18 @@ fn a_sensor_that_never_changes_is_not_believed() {
 }
 
 #[test]
-fn streams_that_do_not_meet_and_an_empty_plate_are_told() {
-    Trial::spoilt(|samples| {
+fn streams_without_common_time_and_an_empty_plate_are_reported() {
+    Trial::corrupted(|samples| {
         samples.suit.retain(|sample| sample.sample_time_ns < 20_000_000_000);
         samples.ground.retain(|sample| sample.sample_time_ns > 30_000_000_000);
     })
     .refuses(&[], &["not recorded at the same time"]);
-    Trial::spoilt(|samples| {
+    Trial::corrupted(|samples| {
         for sample in &mut samples.ground {
             sample.force_n = sample.force_n.map(|newtons| 0.01 * newtons);
         }
     })
-    .refuses(&[], &["nobody stands on the plate"]);
+    .refuses(&[], &["no person stands on the plate"]);
 }
 
 #[test]

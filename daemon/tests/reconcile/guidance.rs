@@ -62,8 +62,8 @@ fn a_daemon_asks_for_the_pose_of_its_model_file_until_it_was_held() {
     run(&["identify", "stop"]);
     until(&mut states, "the pose that is asked for", |state| state.suggested_pose == WANTED as u32);
     // Compare words, independent of line breaks.
-    let told = run(&["status"]).split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(told.contains(&format!("Take this pose: {pose}, {BETWEEN}")), "{told}");
+    let output = run(&["status"]).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(output.contains(&format!("Take this pose: {pose}, {BETWEEN}")), "{output}");
     let line = run(&["watch", "--for", "0.5"]);
     assert!(line.contains(BETWEEN), "{line}");
 

@@ -135,8 +135,8 @@ impl Live {
                 // The status is written shortly after.
                 std::thread::sleep(Duration::from_millis(1500));
                 let output = self.station.command("status").arg("--json").output().unwrap();
-                let told: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-                return Some(told["daemon"]["model_suspicion"].as_str().unwrap_or_default().to_owned());
+                let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+                return Some(report["daemon"]["model_suspicion"].as_str().unwrap_or_default().to_owned());
             }
         }
         None
@@ -187,8 +187,8 @@ fn a_live_daemon_notices_that_its_model_no_longer_explains_the_worker() {
     let clean = Script { carried_kg: 0.0, ..script };
     let (samples, clean_samples) = (script.samples(), clean.samples());
     let worker = learnt(&clean, &clean_samples);
-    // Long enough before the load for the offset of the vertical force: of a load that is there from the start it cannot be
-    // told from clothing.
+    // Long enough before the load for the offset of the vertical force: a load that is there from the start is
+    // indistinguishable from clothing.
     let span_s = [script.lift_s() - 8.0, script.length_s()];
     let [disturbed, clean] = std::thread::scope(|scope| {
         [(&script, &samples), (&clean, &clean_samples)]
@@ -201,8 +201,8 @@ fn a_live_daemon_notices_that_its_model_no_longer_explains_the_worker() {
             .map(|run| run.join().unwrap())
     });
     assert_eq!(clean, None, "nothing is wrong there");
-    let told = disturbed.expect("an event");
-    assert!(told.contains("no longer explains") && told.contains("vertical force"), "{told}");
-    assert!(told.contains("above what is predicted"), "{told}");
-    assert!(told.contains("holding still") || told.contains("moving"), "{told}");
+    let report = disturbed.expect("an event");
+    assert!(report.contains("no longer explains") && report.contains("vertical force"), "{report}");
+    assert!(report.contains("above what is predicted"), "{report}");
+    assert!(report.contains("holding still") || report.contains("moving"), "{report}");
 }

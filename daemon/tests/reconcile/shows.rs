@@ -54,7 +54,7 @@ fn number(value: &Value) -> f64 {
 }
 
 #[test]
-fn a_hidden_load_is_named_written_and_told() {
+fn a_hidden_load_is_named_written_and_reported() {
     let shown = shown();
     let finding = &shown.finding;
     assert_eq!(finding["verdict"], "named", "{finding:#}");
@@ -68,7 +68,7 @@ fn a_hidden_load_is_named_written_and_told() {
     let written = LoadedModel::read(&shown.model()).unwrap().file().clone();
     let [fitted] = written.effects.as_slice() else { panic!("{written:?}") };
     assert_eq!((fitted.effect, fitted.place), (Effect::HandLoad, Place::Hand(Side::Right)));
-    assert_eq!(fitted.value[0], value_kg, "the loop runs what was told");
+    assert_eq!(fitted.value[0], value_kg, "the loop runs the reported value");
     // The detected start is close to the script's, and the load is kept.
     let taken_s = shown.script.lift_s();
     assert!((fitted.span_s[0] - taken_s).abs() < 1.5 && fitted.open_ended, "{fitted:?}, not {taken_s}");
@@ -91,8 +91,8 @@ fn the_second_picture_is_flat_on_data_held_out() {
         assert!(after < before, "{axis}: {of_axis}");
     }
     let report = std::fs::read_to_string(shown.out.join("report.md")).unwrap();
-    let told = format!("goes from **{before_mm:.1} mm** to **{after_mm:.2} mm**");
-    assert!(report.contains(&told), "the report tells the same: {told}");
+    let sentence = format!("goes from **{before_mm:.1} mm** to **{after_mm:.2} mm**");
+    assert!(report.contains(&sentence), "the report has the same numbers: {sentence}");
     for picture in ["again-cop_x-before.svg", "again-cop_x-after.svg", "again-fz-after.svg"] {
         assert!(report.contains(picture) && shown.out.join(picture).exists(), "{picture}");
     }
@@ -113,8 +113,8 @@ fn a_replay_with_the_model_shrinks_by_what_the_finding_says() {
         command.arg("replay").arg(&shown.recording).args(["--json", "--work", &work]).args(options);
         let output = command.output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-        let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-        told["residual"]["all"].clone()
+        let summary: Value = serde_json::from_slice(&output.stdout).unwrap();
+        summary["residual"]["all"].clone()
     };
     let (without, with) = (residual(&[]), residual(&["--model", shown.model().to_str().unwrap()]));
     println!("without {without}, with {with}");
@@ -128,14 +128,14 @@ fn a_replay_with_the_model_shrinks_by_what_the_finding_says() {
     ];
     for (key, of_finding) in pairs {
         let [before, after] = of_finding.map(number);
-        let [loop_before, loop_after] = [&without, &with].map(|told| number(&told[key]));
+        let [loop_before, loop_after] = [&without, &with].map(|residual| number(&residual[key]));
         assert!(loop_after < 0.5 * loop_before, "{key}: {loop_before} {loop_after}");
         let taken = |before: f64, after: f64| (before * before - after * after).sqrt();
-        let (told, seen) = (taken(before, after), taken(loop_before, loop_after));
-        println!("{key}: the finding takes {told:.2} away, the loop {seen:.2}");
-        assert!((seen / told - 1.0).abs() < 0.25, "{key}: {seen} {told}");
-        let [told, seen] = [after / before, loop_after / loop_before];
-        println!("{key}: the finding leaves {told:.2}, the loop {seen:.2}");
-        assert!((seen - told).abs() < 0.15, "{key}: {seen} {told}");
+        let (reported, seen) = (taken(before, after), taken(loop_before, loop_after));
+        println!("{key}: the finding takes {reported:.2} away, the loop {seen:.2}");
+        assert!((seen / reported - 1.0).abs() < 0.25, "{key}: {seen} {reported}");
+        let [reported, seen] = [after / before, loop_after / loop_before];
+        println!("{key}: the finding leaves {reported:.2}, the loop {seen:.2}");
+        assert!((seen - reported).abs() < 0.15, "{key}: {seen} {reported}");
     }
 }

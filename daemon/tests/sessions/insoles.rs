@@ -25,10 +25,10 @@ fn until(station: &Station, what: &str, wanted: impl Fn(&Value) -> bool) -> Valu
     let started = Instant::now();
     loop {
         let output = station.command("status").arg("--json").output().unwrap();
-        if let Ok(told) = serde_json::from_slice::<Value>(&output.stdout)
-            && wanted(&told["state"])
+        if let Ok(status) = serde_json::from_slice::<Value>(&output.stdout)
+            && wanted(&status["state"])
         {
-            return told["state"].clone();
+            return status["state"].clone();
         }
         assert!(started.elapsed() < Duration::from_secs(90), "{what}: {}", said(&output));
         std::thread::sleep(Duration::from_millis(50));
@@ -67,13 +67,13 @@ fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
     });
     assert_eq!(names(&state, "ground_devices"), ["insoles"], "{state}");
     assert_eq!(names(&state, "not_given"), ["shear"], "{state}");
-    assert!(state.get("ground_force_n").is_none(), "the horizontal force is nobody's: {state}");
+    assert!(state.get("ground_force_n").is_none(), "no device measures the horizontal force: {state}");
     let weight_n = 9.81 * 72.0;
     assert!((state["vertical_force_n"].as_f64().unwrap() - weight_n).abs() < 0.05 * weight_n, "{state}");
     let truth = simulation.truth();
     for axis in 0..2 {
-        let told_m = state["cop_measured"][axis].as_f64().unwrap();
-        assert!((told_m - truth.cop_m[axis]).abs() < PLACED_M, "{told_m} {}", truth.cop_m[axis]);
+        let measured_m = state["cop_measured"][axis].as_f64().unwrap();
+        assert!((measured_m - truth.cop_m[axis]).abs() < PLACED_M, "{measured_m} {}", truth.cop_m[axis]);
     }
     // Static poses are used for identification as on a plate.
     let learnt = until(&station, "a pose", |state| state["poses_used"].as_u64() >= Some(1));

@@ -36,10 +36,10 @@ fn state_of(station: &Station) -> serde_json::Value {
     let started = Instant::now();
     loop {
         let output = station.command("status").arg("--json").output().unwrap();
-        if let Ok(told) = serde_json::from_slice::<serde_json::Value>(&output.stdout)
-            && told["state"]["body_source"] == "null_pose"
+        if let Ok(status) = serde_json::from_slice::<serde_json::Value>(&output.stdout)
+            && status["state"]["body_source"] == "null_pose"
         {
-            return told["state"].clone();
+            return status["state"].clone();
         }
         assert!(started.elapsed() < Duration::from_secs(60), "{}", said(&output));
         std::thread::sleep(Duration::from_millis(100));
@@ -98,8 +98,8 @@ fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
             })
             .unwrap();
         let last = last.unwrap();
-        let told = (BodySource::from_number(last.body_source), BodyRefusal::from_number(last.body_refused));
-        assert_eq!(told, (Some(BodySource::NullPose), Some(BodyRefusal::None)), "{summary}");
+        let body = (BodySource::from_number(last.body_source), BodyRefusal::from_number(last.body_refused));
+        assert_eq!(body, (Some(BodySource::NullPose), Some(BodyRefusal::None)), "{summary}");
         if as_recorded {
             let fidelity = summary.fidelity.clone().unwrap();
             assert_eq!((fidelity.states_differing, fidelity.memories_differing), (0, 0), "{summary}");
@@ -110,5 +110,5 @@ fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
     let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", said(&output));
     let lines = std::fs::read_to_string(lines).unwrap();
-    assert!(lines.lines().last().unwrap().contains(r#""com_suit":["#), "the suit's own centre is told");
+    assert!(lines.lines().last().unwrap().contains(r#""com_suit":["#), "the suit's own centre is published");
 }

@@ -166,7 +166,7 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     let id = rustix::process::Pid::from_child(&child);
     rustix::process::kill_process(id, rustix::process::Signal::TERM).unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0));
-    assert!(others.exists(), "it is nobody's of ours");
+    assert!(others.exists(), "it is a file of others");
 
     let ours: Vec<PathBuf> = files(&kept).into_iter().filter(|path| *path != others).collect();
     assert!(ours.len() >= 2, "{ours:?}");

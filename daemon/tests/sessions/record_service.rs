@@ -87,17 +87,21 @@ fn a_file_that_is_deleted_while_it_is_written_is_let_go_of_and_the_next_one_begi
 
     let mut delete = recorded.station.command("subject");
     delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&recorded.kept);
-    let told = delete.output().unwrap();
-    assert_eq!(told.status.code(), Some(0), "{}", said(&told));
-    assert!(!said(&told).contains("NOT looked into"), "nobody holds what was deleted: {}", said(&told));
-    assert!(!first.exists() && !alone.exists(), "{}", said(&told));
+    let deleted = delete.output().unwrap();
+    assert_eq!(deleted.status.code(), Some(0), "{}", said(&deleted));
+    assert!(
+        !said(&deleted).contains("NOT looked into"),
+        "no process holds what was deleted: {}",
+        said(&deleted)
+    );
+    assert!(!first.exists() && !alone.exists(), "{}", said(&deleted));
 
     let ended = recorder.wait_with_output().unwrap();
     assert_eq!(ended.status.code(), Some(1), "{}", said(&ended));
     assert!(said(&ended).contains("removed or replaced while it was written"), "{}", said(&ended));
 
     let next = recorded.next_after(first);
-    assert_eq!(Recording::open(&next).unwrap().header().subject_toml, "", "nobody is in use");
+    assert_eq!(Recording::open(&next).unwrap().header().subject_toml, "", "no subject is in use");
     // A foreign file under the name is handled the same way.
     std::fs::rename(&next, recorded.station.file("elsewhere.mcap")).unwrap();
     std::fs::write(&next, "somebody's").unwrap();

@@ -28,19 +28,19 @@ fn model(recording_sha256: &str) -> String {
 }
 
 /// Estimated centres of pressure of every state that has one, by its time in s.
-fn told(lines: &Path) -> Vec<(f64, [f64; 2])> {
+fn estimated_cop(lines: &Path) -> Vec<(f64, [f64; 2])> {
     let text = std::fs::read_to_string(lines).unwrap();
     let states = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
-    let told = states.filter_map(|state| {
+    let estimates = states.filter_map(|state| {
         let number = |value: &serde_json::Value| value.as_f64();
         let [x, y] = [0, 1].map(|axis| number(&state["cop_estimated"][axis]));
         Some((number(&state["t"])?, [x?, y?]))
     });
-    told.collect()
+    estimates.collect()
 }
 
 #[test]
-fn figaroh_replayed_with_a_model_tells_prediction_and_terms() {
+fn figaroh_replayed_with_a_model_has_prediction_and_terms() {
     let Some(csv) = human_motion() else { return };
     let directory = tempfile::tempdir().unwrap();
     let file = |name: &str| directory.path().join(name);
@@ -66,14 +66,14 @@ fn figaroh_replayed_with_a_model_tells_prediction_and_terms() {
     assert!(summary.contains("left out, since it ended before"), "{summary}");
 
     // Before identification only the terms differ.
-    let [plain, here_told, elsewhere_told] =
-        ["plain.jsonl", "here.jsonl", "elsewhere.jsonl"].map(|name| told(&file(name)));
+    let [plain, here_cop, elsewhere_cop] =
+        ["plain.jsonl", "here.jsonl", "elsewhere.jsonl"].map(|name| estimated_cop(&file(name)));
     let difference = |with: &[(f64, [f64; 2])]| {
         let first = |all: &[(f64, [f64; 2])]| *all.iter().find(|(time_s, _)| *time_s > 1.0).unwrap();
         let ((_, plain), (_, with)) = (first(&plain), first(with));
         [0, 1].map(|axis| 1e3 * (with[axis] - plain[axis]))
     };
-    for (with, expected_mm) in [(&here_told, [40.0, 70.0]), (&elsewhere_told, [40.0, 0.0])] {
+    for (with, expected_mm) in [(&here_cop, [40.0, 70.0]), (&elsewhere_cop, [40.0, 0.0])] {
         let found_mm = difference(with);
         let near = |axis: usize| (found_mm[axis] - expected_mm[axis]).abs() < 1.0;
         assert!(near(0) && near(1), "{found_mm:?}, not {expected_mm:?}");

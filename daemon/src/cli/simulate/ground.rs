@@ -60,7 +60,7 @@ enum Site {
 }
 
 impl Kind {
-    /// Where it is unless told otherwise.
+    /// Default address or port.
     fn usual(self) -> Site {
         let local = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
         match self {

@@ -1,4 +1,4 @@
-//! The station's incidents as `status` tells them: what goes on first, then how often what was.
+//! Incidents of the station as `status` prints them: active ones first, then counts of past ones.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -8,9 +8,9 @@ use equipoise_core::time::seconds;
 use equipoise_view::incident_words::{span, words};
 use serde::Serialize;
 
-/// All that is told of a station's incidents.
+/// Active and past incidents of a station.
 #[derive(Debug, Serialize)]
-pub(super) struct Told {
+pub(super) struct IncidentReport {
     active: Vec<Active>,
     past: Vec<Past>,
 }
@@ -49,9 +49,13 @@ struct Past {
     ended_s_ago: f64,
 }
 
-impl Told {
+impl IncidentReport {
     /// `sentences` are the daemon's own words on what goes on, by name; `now_ns` is CLOCK_MONOTONIC.
-    pub(super) fn new(incidents: &Incidents, sentences: &BTreeMap<String, String>, now_ns: u64) -> Told {
+    pub(super) fn new(
+        incidents: &Incidents,
+        sentences: &BTreeMap<String, String>,
+        now_ns: u64,
+    ) -> IncidentReport {
         let since_s = |then_ns: u64| seconds(now_ns.saturating_sub(then_ns));
         let is_active = |kind: Incident| incidents.active().any(|active| active == kind);
         let active = incidents.active().map(|kind| Active {
@@ -68,7 +72,7 @@ impl Told {
             begun: incidents.begun[kind as usize],
             ended_s_ago: since_s(incidents.last_ended_ns[kind as usize]),
         });
-        Told { active: active.collect(), past: past.collect() }
+        IncidentReport { active: active.collect(), past: past.collect() }
     }
 
     pub(super) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
@@ -106,7 +110,7 @@ mod tests {
         }
         let printed = |sentences: BTreeMap<String, String>| {
             let mut text = Vec::new();
-            Told::new(&incidents, &sentences, 0).write(&mut text).unwrap();
+            IncidentReport::new(&incidents, &sentences, 0).write(&mut text).unwrap();
             String::from_utf8(text).unwrap()
         };
         let text = printed(BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]));
@@ -125,16 +129,16 @@ mod tests {
         (incidents.last_begun_ns[silent], incidents.last_ended_ns[silent]) = (70_000_000_000, 50_000_000_000);
         incidents.last_ended_ns[died] = 60_000_000_000;
         let sentences = BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]);
-        let told = Told::new(&incidents, &sentences, 80_000_000_000);
+        let report = IncidentReport::new(&incidents, &sentences, 80_000_000_000);
         let mut text = Vec::new();
-        told.write(&mut text).unwrap();
+        report.write(&mut text).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert!(
             text.starts_with("  INCIDENT suit_silent for 10 s, 2 times so far: is it on?\n  past incidents"),
             "{text}"
         );
         assert!(text.ends_with("past incidents: participant_died 5 times, last 20 s ago\n"), "{text}");
-        let json = serde_json::to_value(&told).unwrap();
+        let json = serde_json::to_value(&report).unwrap();
         assert_eq!(
             (&json["active"][0]["begun"], &json["past"][0]["name"]),
             (&2.into(), &"participant_died".into())

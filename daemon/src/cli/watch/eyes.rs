@@ -87,10 +87,10 @@ impl Eyes {
             self.state = Some((state, Instant::now()));
         }
         self.incidents = ports.board.latest()?.or(self.incidents);
-        while let Some(told) = ports.health.receive()? {
-            let (name, _) = reasons(&told);
-            let refused = refused(&told).collect();
-            let sensor = Sensor { name, rate_hz: told.rate_hz, lost: told.lost, refused };
+        while let Some(report) = ports.health.receive()? {
+            let (name, _) = reasons(&report);
+            let refused = refused(&report).collect();
+            let sensor = Sensor { name, rate_hz: report.rate_hz, lost: report.lost, refused };
             self.sensors.retain(|(other, _)| other.name != name);
             self.sensors.push((sensor, Instant::now()));
         }

@@ -30,7 +30,7 @@ pub struct AmtiConfig {
     pub force_unit: ForceUnit,
     /// In which unit it gives moments.
     pub moment_unit: MomentUnit,
-    /// Take what is on the plate when the daemon starts as zero. Nobody may stand on it then.
+    /// Use the load at the daemon's start as zero. The plate must be empty then.
     #[serde(default)]
     pub auto_zero: bool,
 }

@@ -26,7 +26,7 @@ pub struct BinaryConfig {
     /// What every frame begins with, in hexadecimal digits; nothing by default.
     #[serde(default, skip_serializing_if = "Hex::is_empty")]
     pub sync: Hex,
-    /// Bytes of a frame, or where it tells them.
+    /// Bytes of a frame, or the number in the frame that contains them.
     pub length: LengthConfig<NumberType>,
     /// Numbers that must have certain values, or there is no frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -60,10 +60,10 @@ pub struct BinaryConfig {
     /// The number that says that the device's trigger input is active.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trigger: Option<TagConfig>,
-    /// What the device is told so that it begins, and again while it is silent, in hexadecimal digits.
+    /// Command that starts the device, repeated while it is silent, in hexadecimal digits.
     #[serde(default, skip_serializing_if = "Hex::is_empty")]
     pub send_on_open: Hex,
-    /// What it is told before the connection is closed, in hexadecimal digits.
+    /// Command that is sent before the connection is closed, in hexadecimal digits.
     #[serde(default, skip_serializing_if = "Hex::is_empty")]
     pub send_on_close: Hex,
 }
@@ -223,14 +223,14 @@ fn section(ground: &GroundConfig) -> Result<&BinaryConfig, Mistake> {
 pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
     let config = section(ground)?;
     way::check(ground, config.over)?;
-    let told = !config.send_on_open.is_empty() || !config.send_on_close.is_empty();
+    let has_commands = !config.send_on_open.is_empty() || !config.send_on_close.is_empty();
     let key = if config.send_on_open.is_empty() { "send_on_close" } else { "send_on_open" };
     match config.over {
-        Over::Udp if told && ground.address.is_none() => Err(Mistake::new(
+        Over::Udp if has_commands && ground.address.is_none() => Err(Mistake::new(
             format!("ground.binary.{key}"),
-            "a device that is told something has an address: ground.address",
+            "a device that receives commands has an address: ground.address",
         )),
-        Over::File if told => {
+        Over::File if has_commands => {
             Err(Mistake::new(format!("ground.binary.{key}"), "a file takes no commands; leave it out"))
         }
         _ => settings(ground).map(drop),

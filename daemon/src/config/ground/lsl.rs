@@ -23,10 +23,10 @@ pub struct LslConfig {
     /// What the stream calls its device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_id: Option<String>,
-    /// Unit of forces, for a stream that tells none.
+    /// Unit of forces, for a stream that does not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub force_unit: Option<String>,
-    /// Unit of moments, for a stream that tells none.
+    /// Unit of moments, for a stream that does not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment_unit: Option<String>,
     /// Which channels are what: by label, or by number from 1.

@@ -54,7 +54,7 @@ fn settings(ground: &GroundConfig) -> Result<MoticonSettings, Mistake> {
     let Some(y_to) = config.y_to else {
         return Err(Mistake::new(
             "ground.moticon.y_to",
-            "must be given: Moticon tells the centre of pressure in coordinates that are alike for both feet, and no source says \
+            "must be given: Moticon sends the centre of pressure in coordinates that are alike for both feet, and no source says \
              to which edge y grows. Stand on the outer edges of both feet: if y grows then, y_to = \"lateral\", else \"medial\"",
         ));
     };

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use super::mistake::Mistake;
 
-/// A number that a device tells: its name alone, or a table with more.
+/// A number that a device sends: its name alone, or a table with more.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NamedNumber {
     /// What it is called.
@@ -133,7 +133,7 @@ impl ModulusConfig {
             0 => Ok(1 << 64),
             1..=15 => Err(Mistake::new(
                 key,
-                format!("a count that starts again at {} tells no loss; leave it out", self.0),
+                format!("a count that starts again at {} reveals no loss; leave it out", self.0),
             )),
             modulus => Ok(u128::from(modulus)),
         }
@@ -186,29 +186,29 @@ impl<'de> Deserialize<'de> for Hex {
     }
 }
 
-/// Bytes of a frame: a number, or where the frame tells it.
+/// Bytes of a frame: a constant, or a number in the frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum LengthConfig<Type> {
-    /// Always so many.
+    /// Constant.
     Fixed(usize),
-    /// It tells.
-    Told {
+    /// A number in the frame.
+    InFrame {
         /// First byte of the number.
         at: i32,
-        /// What it is.
+        /// Type of the number.
         #[serde(rename = "type")]
         number: Type,
-        /// So many bytes of the frame it leaves out.
+        /// Bytes of the frame that the number does not count.
         plus: usize,
-        /// The longest frame, all of it.
+        /// Length of the longest frame.
         most: usize,
     },
 }
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct ToldLength<Type> {
+struct LengthField<Type> {
     at: i32,
     #[serde(rename = "type")]
     number: Type,
@@ -238,7 +238,8 @@ impl<'de, Type: Deserialize<'de>> Visitor<'de> for NumberOrTable<Type> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<LengthConfig<Type>, A::Error> {
-        let ToldLength { at, number, plus, most } = ToldLength::deserialize(MapAccessDeserializer::new(map))?;
-        Ok(LengthConfig::Told { at, number, plus, most })
+        let LengthField { at, number, plus, most } =
+            LengthField::deserialize(MapAccessDeserializer::new(map))?;
+        Ok(LengthConfig::InFrame { at, number, plus, most })
     }
 }

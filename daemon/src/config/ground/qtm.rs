@@ -13,7 +13,7 @@ use crate::config::method::Checked;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QtmConfig {
-    /// In whose axes QTM tells forces; its page Project options > Force data says so.
+    /// Axes in which QTM reports forces, as set on its page Project options > Force data.
     pub coordinates: Coordinates,
     /// The plate's number in QTM.
     #[serde(default = "one")]

@@ -83,8 +83,8 @@ impl GroundConfig {
         let external = |ground: &GroundConfig| ground.source == GroundSourceKind::External;
         if external(self) || external(second) {
             let field = if external(self) { "ground.source" } else { "ground.second.source" };
-            let what = "with [ground.second] one adapter reads both devices: name each device here, and let `equipoise \
-                        adapter ground` of the same configuration run elsewhere if it shall";
+            let what = "with [ground.second] one adapter reads both devices: name each device here; to read them in \
+                        another process, run `equipoise adapter ground` with the same configuration";
             return Err((field, what.to_owned()));
         }
         if self.is_insoles() {
@@ -129,7 +129,7 @@ const ONE_FOOT: &str = "say `foot` of both plates, or of neither";
 /// Insoles cover both feet and move with them, so `foot` and `frame` do not apply.
 fn check_insoles(plate: &GroundConfig, insoles: &GroundConfig) -> Checked {
     if plate.foot.is_some() {
-        return Err(("ground.foot", "the insoles say what each foot bears; leave it out".to_owned()));
+        return Err(("ground.foot", "the insoles report the load of each foot; leave it out".to_owned()));
     }
     if insoles.foot.is_some() {
         return Err(("ground.second.foot", "insoles are under both feet; leave it out".to_owned()));

@@ -53,7 +53,7 @@ fn examples_are_read_written_and_read_again() {
 }
 
 #[test]
-fn whoever_never_asks_over_udp_must_listen() {
+fn a_udp_source_that_sends_no_request_must_listen() {
     let listens = TEXT.lines().find(|line| line.starts_with("listen = ")).unwrap();
     let said = refusal(TEXT, listens, "address = \"192.168.1.20:8888\"");
     assert!(said.starts_with("ground.address: ") && said.contains("give `listen` in its place"), "{said}");
@@ -118,7 +118,7 @@ fn mistakes_in_a_text_form_are_named_with_key_and_line() {
         said.starts_with("ground.text.sequence: no column is called `cuont`; did you mean `count`?"),
         "{said}"
     );
-    assert!(refusal(TEXT, "65536", "2").contains("tells no loss"));
+    assert!(refusal(TEXT, "65536", "2").contains("reveals no loss"));
     let said = refusal(TEXT, "\"count\"", "{ name = \"count\", scale = 0.1 }");
     assert!(said.starts_with("ground.text.columns: a time or a count is taken as it stands"), "{said}");
     assert!(refusal(TEXT, "unit = \"s\"", "unit = \"min\"").contains("did you mean"));

@@ -38,7 +38,7 @@ pub struct TextConfig {
     /// A line longer than this is none.
     #[serde(default = "line_bytes_default")]
     pub line_bytes_max: usize,
-    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" for one that nobody reads.
+    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" for an unused one.
     pub columns: Vec<Spanned<NamedNumber>>,
     /// Which column is the device's time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -159,7 +159,7 @@ impl TextConfig {
                 return Err(Mistake::at(
                     column,
                     key,
-                    "a column without a name; one that nobody reads is called \"-\"",
+                    "a column without a name; an unused one is called \"-\"",
                 ));
             }
             if !(is_factor(*scale) && is_summand(*offset)) {
@@ -189,15 +189,15 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
         return Err(Mistake::new("ground.text.line_bytes_max", what));
     }
     let mut time = None;
-    if let Some(told) = &config.time {
-        time = Some((config.place(&told.column, "ground.text.time")?, told.unit.in_text()));
+    if let Some(clock) = &config.time {
+        time = Some((config.place(&clock.column, "ground.text.time")?, clock.unit.in_text()));
     }
     let mut sequence = None;
-    if let Some(told) = &config.sequence {
-        let modulus = told.modulus.unwrap_or_default().checked("ground.text.sequence")?;
-        sequence = Some(Numbered { field: config.place(&told.column, "ground.text.sequence")?, modulus });
+    if let Some(count) = &config.sequence {
+        let modulus = count.modulus.unwrap_or_default().checked("ground.text.sequence")?;
+        sequence = Some(Numbered { field: config.place(&count.column, "ground.text.sequence")?, modulus });
     }
-    for field in time.iter().map(|(field, _)| *field).chain(sequence.iter().map(|told| told.field)) {
+    for field in time.iter().map(|(field, _)| *field).chain(sequence.iter().map(|numbered| numbered.field)) {
         let column = &config.columns[field];
         let NamedNumber { scale, offset, .. } = column.get_ref();
         if (*scale, *offset) != (1.0, 0.0) {
@@ -217,8 +217,7 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
     let channels = channels::channels(ground, &mut asked)?;
     if let Some(unused) = asked.unused().next() {
         let column = &config.columns[config.place(unused, "ground.text.columns")?];
-        let what =
-            format!("[ground.channels] does not use `{unused}`; a column that nobody reads is called \"-\"");
+        let what = format!("[ground.channels] does not use `{unused}`; an unused column is called \"-\"");
         return Err(Mistake::at(column, "ground.text.columns", what));
     }
     let column = |field: usize| {
@@ -237,8 +236,8 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
     })
 }
 
-/// Where a stream may be joined in the middle of a line: a device sends on while nobody listens, and a file's end may be
-/// there.
+/// Framing of the stream. A serial device sends without a listener, and a file's end may be incomplete, so reading may
+/// start in the middle of a line.
 fn framing(ground: &GroundConfig, over: Over) -> Framing {
     match over {
         Over::Udp => Framing::Datagrams,

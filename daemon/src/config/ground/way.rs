@@ -58,7 +58,7 @@ pub(super) fn check(ground: &GroundConfig, over: Over) -> Result<(), Mistake> {
         Over::Udp => match (ground.address, ground.listen) {
             (None, None) => Err(must(
                 "ground.listen",
-                "listen = \"0.0.0.0:8888\" (or `address`, for a device that is told something by send_on_open)",
+                "listen = \"0.0.0.0:8888\" (or `address`, for a device that receives send_on_open)",
             )),
             (Some(_), Some(_)) => Err(Mistake::new(
                 "ground.listen",
@@ -67,7 +67,7 @@ pub(super) fn check(ground: &GroundConfig, over: Over) -> Result<(), Mistake> {
             (Some(_), None) if ground.binary.as_ref().is_none_or(|binary| binary.send_on_open.is_empty()) => {
                 Err(Mistake::new(
                     "ground.address",
-                    "a device over UDP learns where to send only from what it is told: give `listen` in its place, or \
+                    "a device over UDP learns where to send only from a command: give `listen` in its place, or \
                  send_on_open of [ground.binary]",
                 ))
             }

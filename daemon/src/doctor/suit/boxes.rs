@@ -51,7 +51,7 @@ pub(super) const BOXES: [TickBox; 12] = {
             T::LINEAR_KINEMATICS,
             "21 linear kinematics",
             "Linear Segment Kinematics",
-            Better("the suit's own accelerations, by which quick motion is told better"),
+            Better("the suit's own accelerations, which improve estimates in fast motion"),
         ),
         one(
             T::ANGULAR_KINEMATICS,
@@ -89,7 +89,7 @@ pub(super) fn judge(character: &Character, seconds: f64) -> Vec<Check> {
         character.types.keys().filter(|kind| !known(kind)).map(ToString::to_string).collect();
     if !unknown.is_empty() {
         let found = format!("{}: not known here, and not used", unknown.join(", "));
-        checks.push(Check { mend: Some("may be unticked".to_owned()), ..Check::ok("other types", found) });
+        checks.push(Check { fix: Some("may be unticked".to_owned()), ..Check::ok("other types", found) });
     }
     checks
 }
@@ -99,7 +99,7 @@ impl TickBox {
         let TickBox { title, label, .. } = *self;
         let has_quaternions = character.of(DatagramType::POSE_QUATERNION).is_some();
         let tick = |why: &str| format!("tick the box \"{label}\"{why}");
-        let with_mend = |check: Check, mend: String| Check { mend: Some(mend), ..check };
+        let with_fix = |check: Check, fix: String| Check { fix: Some(fix), ..check };
         Some(match (&self.use_, seen) {
             (Use::Needed, Some(seen)) => {
                 Check::ok(title, format!("{}: needed, and there", self.amount(character, seen)))
@@ -111,12 +111,12 @@ impl TickBox {
                 Check::warn(title, "not sent: another type stands in", tick(": it is the most exact"))
             }
             (Use::StandsIn, Some(seen)) if has_quaternions => {
-                self.superfluous(seen, "not used beside 02", seconds)
+                self.superfluous(seen, "not used together with 02", seconds)
             }
             (Use::StandsIn, Some(_))
                 if character.of(DatagramType::POSE_EULER).is_some() && self.kind == DatagramType::UNITY =>
             {
-                Check::ok(title, "sent; not used beside 01")
+                Check::ok(title, "sent; not used together with 01")
             }
             (Use::StandsIn, Some(seen)) => {
                 Check::ok(title, format!("{}: stands in for 02", self.amount(character, seen)))
@@ -126,7 +126,7 @@ impl TickBox {
             }
             (Use::Better(why), None) => Check::warn(title, "not sent", tick(&format!(": {why}"))),
             (Use::Shown(why), None) => {
-                with_mend(Check::ok(title, "not sent"), tick(&format!(" if wanted: {why}")))
+                with_fix(Check::ok(title, "not sent"), tick(&format!(" if wanted: {why}")))
             }
             (Use::Unused, Some(seen)) => self.superfluous(seen, "not used", seconds),
             (Use::StandsIn | Use::Unused, None) => return None,
@@ -136,7 +136,7 @@ impl TickBox {
     fn superfluous(&self, seen: &TypeSeen, why: &str, seconds: f64) -> Check {
         let found = format!("sent, {:.0} kB/s; {why}", seen.bytes as f64 / seconds / 1e3);
         Check {
-            mend: Some(format!("the box \"{}\" may be unticked", self.label)),
+            fix: Some(format!("the box \"{}\" may be unticked", self.label)),
             ..Check::ok(self.title, found)
         }
     }

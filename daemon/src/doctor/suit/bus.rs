@@ -34,7 +34,7 @@ pub(super) fn judge(config: &Config, word: &BusWord, time: Duration) -> Vec<Chec
     }
     checks.push(Check::ok(
         "what else is sent",
-        "cannot be told while an adapter has the port: stop it, and look again",
+        "unknown while an adapter has the port: stop it, and run this again",
     ));
     checks
 }
@@ -42,7 +42,7 @@ pub(super) fn judge(config: &Config, word: &BusWord, time: Duration) -> Vec<Chec
 fn samples(config: &Config, word: &BusWord, time: Duration) -> Check {
     const NAME: &str = "samples";
     let Some(health) = word.health.filter(|health| health.received > 0 || word.samples > 0) else {
-        let mend = match (config.suit.source, word.health) {
+        let fix = match (config.suit.source, word.health) {
             (SuitSourceKind::External, None) => {
                 "start `equipoise adapter suit`, or the daemon that has this station in its suit.others"
                     .to_owned()
@@ -52,7 +52,7 @@ fn samples(config: &Config, word: &BusWord, time: Duration) -> Check {
             }
             _ => when_nothing_comes(&config.suit),
         };
-        return Check::fail(NAME, format!("none on the bus for {} s", time.as_secs_f64()), mend);
+        return Check::fail(NAME, format!("none on the bus for {} s", time.as_secs_f64()), fix);
     };
     let avatar = word.avatar.map(|avatar| format!(" of character {avatar}")).unwrap_or_default();
     let found = format!(

@@ -76,8 +76,8 @@ fn verdict(checks: &[Check], name: &str) -> Verdict {
     check(checks, name).verdict
 }
 
-fn mend<'a>(checks: &'a [Check], name: &str) -> &'a str {
-    check(checks, name).mend.as_deref().unwrap_or("")
+fn fix<'a>(checks: &'a [Check], name: &str) -> &'a str {
+    check(checks, name).fix.as_deref().unwrap_or("")
 }
 
 fn fails(checks: &[Check]) -> Vec<&str> {
@@ -121,13 +121,13 @@ fn a_whole_stream_is_praised_and_what_is_not_used_may_go() {
         (Ok, Ok)
     );
     assert!(
-        mend(&checks, "22 angular kinematics")
+        fix(&checks, "22 angular kinematics")
             .contains("tick the box \"Angular Segment Kinematics\" if wanted")
     );
-    assert!(mend(&checks, "24 centre of mass").contains("if wanted"));
+    assert!(fix(&checks, "24 centre of mass").contains("if wanted"));
     for unused in ["03 virtual markers", "25 time code"] {
         assert_eq!(verdict(&checks, unused), Ok);
-        assert!(mend(&checks, unused).contains("may be unticked"), "{unused}");
+        assert!(fix(&checks, unused).contains("may be unticked"), "{unused}");
     }
     assert!(!checks.iter().any(|check| check.name == "23 motion trackers"), "neither sent nor wanted");
 }
@@ -139,7 +139,7 @@ fn without_a_pose_nothing_works_and_another_type_stands_in() {
     };
     let checks = of_survey("", heard(0, &code));
     assert_eq!(fails(&checks), ["02 pose quaternion"]);
-    assert!(mend(&checks, "02 pose quaternion").contains(POSE_LABEL));
+    assert!(fix(&checks, "02 pose quaternion").contains(POSE_LABEL));
     let unity = |header: &Header| vec![encoded(|out| unity::encode(header, &standing(), out).unwrap())];
     let checks = of_survey("", heard(0, &unity));
     assert_eq!(fails(&checks), [""; 0], "{checks:#?}");
@@ -149,41 +149,41 @@ fn without_a_pose_nothing_works_and_another_type_stands_in() {
         [("21 linear kinematics", "Linear Segment Kinematics"), ("13 scaling", "Avatar Scaling data")]
     {
         assert_eq!(verdict(&checks, better), Warn);
-        assert!(mend(&checks, better).starts_with(&format!("tick the box \"{label}\"")));
+        assert!(fix(&checks, better).starts_with(&format!("tick the box \"{label}\"")));
     }
 }
 
 const POSE_LABEL: &str = "\"Position + Orientation (Quaternion)\"";
 
 #[test]
-fn silence_strangers_and_nonsense_are_told_apart() {
+fn silence_foreign_senders_and_nonsense_are_distinguished() {
     let silent = of_survey("", Survey::new(SuitSettings::default()));
     assert_eq!(fails(&silent), ["sender"]);
     for part in [POSE_LABEL, "Port = 9763", "Protocol = UDP", "allow_remote = true", "0.0.0.0:9763"] {
-        assert!(mend(&silent, "sender").contains(part), "{part}: {silent:#?}");
+        assert!(fix(&silent, "sender").contains(part), "{part}: {silent:#?}");
     }
     let open =
         of_survey("listen = \"0.0.0.0:9000\"\nallow_remote = true", Survey::new(SuitSettings::default()));
-    assert!(mend(&open, "sender").contains("firewall") && mend(&open, "sender").contains("Port = 9000"));
+    assert!(fix(&open, "sender").contains("firewall") && fix(&open, "sender").contains("Port = 9000"));
     let mut away = Survey::new(SuitSettings::default());
     away.turn_away(SENDER);
     let checks = of_survey("", away);
     assert!(check(&checks, "sender").found.contains("192.168.1.4") && fails(&checks) == ["sender"]);
-    assert!(mend(&checks, "sender").contains("suit.allow_remote = true"));
+    assert!(fix(&checks, "sender").contains("suit.allow_remote = true"));
     let mut nonsense = Survey::new(SuitSettings::default());
     nonsense.take(SENDER, &[7; 100], 0);
     let checks = of_survey("", nonsense);
     assert_eq!(fails(&checks)[0], "readable");
-    assert!(!mend(&silent, "sender").contains("switch it off and on"));
+    assert!(!fix(&silent, "sender").contains("switch it off and on"));
     let tcp = SuitConfig { source: crate::config::SuitSourceKind::MvnTcp, ..config("").suit };
     let tcp = Config { suit: tcp, ..config("") };
     let tcp = checks_of(&tcp, Heard::AtThePort(Box::new(Survey::new(SuitSettings::default()))));
-    assert!(mend(&tcp, "sender").contains("switch it off and on"), "{tcp:#?}");
+    assert!(fix(&tcp, "sender").contains("switch it off and on"), "{tcp:#?}");
     assert!(check(&tcp, "suit.listen").found.starts_with("TCP "), "{tcp:#?}");
 }
 
 #[test]
-fn characters_are_told_by_whose_they_are() {
+fn characters_are_reported_by_station() {
     let whole = |header: &Header| vec![pose(header)];
     let object = |header: &Header| {
         vec![encoded(|out| pose_quaternion::encode(header, &standing()[..1], out).unwrap())]
@@ -198,13 +198,13 @@ fn characters_are_told_by_whose_they_are() {
     let both = "others = [{ avatar = 1, station = \"b\" }]";
     assert_eq!(verdict(&of_survey(both, survey.clone()), "characters"), Ok);
     let missing = of_survey("others = [{ avatar = 5, station = \"b\" }]", survey.clone());
-    assert!(fails(&missing) == ["characters"] && mend(&missing, "characters").contains("add one for it"));
+    assert!(fails(&missing) == ["characters"] && fix(&missing, "characters").contains("add one for it"));
     let object = of_survey("avatar = 2", survey);
-    assert!(fails(&object) == ["characters"] && mend(&object, "characters").contains("suit.avatar = 0"));
+    assert!(fails(&object) == ["characters"] && fix(&object, "characters").contains("suit.avatar = 0"));
 }
 
 #[test]
-fn rate_loss_and_a_pause_are_told() {
+fn rate_loss_and_a_pause_are_reported() {
     let of = |survey| of_survey("", survey);
     let mut lossy = Survey::new(SuitSettings::default());
     for index in (0..120u32).filter(|index| index % 10 != 9) {
@@ -212,7 +212,7 @@ fn rate_loss_and_a_pause_are_told() {
     }
     let checks = of(lossy);
     assert!(
-        verdict(&checks, "samples") == Warn && mend(&checks, "samples").contains("mvn-tcp"),
+        verdict(&checks, "samples") == Warn && fix(&checks, "samples").contains("mvn-tcp"),
         "{checks:#?}"
     );
     let mut slow = Survey::new(SuitSettings::default());
@@ -221,10 +221,10 @@ fn rate_loss_and_a_pause_are_told() {
         slow.take(SENDER, &pose(&Header::new(index, index * 33, 0)), u64::from(index) * 33_000_000);
         paused.take(SENDER, &pose(&Header::new(7, 100, 0)), u64::from(index) * 33_000_000);
     }
-    assert!(mend(&of(slow), "samples").contains("Stream rate"));
+    assert!(fix(&of(slow), "samples").contains("Stream rate"));
     let checks = of(paused);
-    assert!(verdict(&checks, "samples") == Warn && mend(&checks, "samples").contains("Send Paused"));
-    assert!(!checks.iter().any(|check| check.name == "refused"), "told once");
+    assert!(verdict(&checks, "samples") == Warn && fix(&checks, "samples").contains("Send Paused"));
+    assert!(!checks.iter().any(|check| check.name == "refused"), "reported once");
 }
 
 #[test]
@@ -237,13 +237,13 @@ fn the_up_axis_says_which_to_choose() {
         vec![encoded(|out| pose_quaternion::encode(header, &poses, out).unwrap())]
     };
     let wrong = of_survey("", heard(0, &y_up));
-    assert!(fails(&wrong) == ["up axis"] && mend(&wrong, "up axis").contains("suit.up = \"y\""));
-    assert!(mend(&wrong, "refused").contains("up axis"));
+    assert!(fails(&wrong) == ["up axis"] && fix(&wrong, "up axis").contains("suit.up = \"y\""));
+    assert!(fix(&wrong, "refused").contains("up axis"));
     let mut survey = Survey::new(SuitSettings { up: Up::Y.axis(), ..SuitSettings::default() });
     hear(&mut survey, 0, &y_up);
     assert_eq!(verdict(&of_survey("up = \"y\"", survey), "up axis"), Ok);
     let z_up = of_survey("up = \"y\"", heard(0, &|header| vec![pose(header)]));
-    assert!(fails(&z_up) == ["up axis"] && mend(&z_up, "up axis").contains("suit.up = \"z\""));
+    assert!(fails(&z_up) == ["up axis"] && fix(&z_up, "up axis").contains("suit.up = \"z\""));
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn a_taken_port_names_who_has_it_and_a_running_adapter_is_asked() {
     let holder = Holder { process_id: 77, program: "viewer".to_owned() };
     let taken = judge_suit(&config(""), &facts(Port::Taken, Some(holder), Heard::Nowhere(None)));
     assert!(fails(&taken) == ["suit.listen"] && taken[0].found.contains("taken by viewer (process 77)"));
-    assert!(judge_suit(&config(""), &facts(Port::Taken, None, Heard::Nowhere(None)))[0].mend.is_some());
+    assert!(judge_suit(&config(""), &facts(Port::Taken, None, Heard::Nowhere(None)))[0].fix.is_some());
     let mut word =
         BusWord { samples: 100, blocks: SuitBlocks::LinearKinematics as u32, avatar: Some(0), health: None };
     let mut health: equipoise_core::message::AdapterHealth = bytemuck::Zeroable::zeroed();
@@ -289,5 +289,5 @@ fn a_taken_port_names_who_has_it_and_a_running_adapter_is_asked() {
         ..config("")
     };
     let none = judge_suit(&external, &facts(Port::Free, None, Heard::OnTheBus(Box::default())));
-    assert!(fails(&none) == ["samples"] && mend(&none, "samples").contains("suit.others"));
+    assert!(fails(&none) == ["samples"] && fix(&none, "samples").contains("suit.others"));
 }

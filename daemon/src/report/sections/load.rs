@@ -43,7 +43,7 @@ pub(in crate::report) fn lifts(facts: &Facts) -> Section {
         .figures(over_time(facts, "lifted", title, "mass, kg", &facts.back.lifted_kg).into_iter().collect());
     section.note(
         "A lift is at least half a second in which a load is known to be carried, and ends with half a second in which \
-         none is. Mass and reach are means over the time in which they were told, σ is that of one state; - : withheld \
+         none is. Mass and reach are means over the time in which they were valid, σ is that of one state; - : withheld \
          all the time. Reach is from the middle of the ankles.",
     );
     section
@@ -52,8 +52,8 @@ pub(in crate::report) fn lifts(facts: &Facts) -> Section {
 /// Cumulative dose and fatigue.
 pub(in crate::report) fn dose(facts: &Facts) -> Section {
     let mut section = Section::new("Dose and fatigue");
-    if let Some(told) = several(facts) {
-        section.say(told);
+    if let Some(note) = several(facts) {
+        section.say(note);
     }
     match facts.back.judged() {
         Some([damage, probability]) => section.say(format!(
@@ -62,11 +62,13 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
             100.0 * probability
         )),
         None => section.say(
-            "The low back's load was never told, so nothing is known of its dose: see data quality for the reasons.",
+            "The low back's load was never reported, so nothing is known of its dose: see data quality for the reasons.",
         ),
     }
-    if facts.back.told_s <= 0.0 && facts.back.judged().is_some() {
-        section.say("All of it had added up before this recording: here the low back's load was never told.");
+    if facts.back.valid_s <= 0.0 && facts.back.judged().is_some() {
+        section.say(
+            "All of it had added up before this recording: here the low back's load was never reported.",
+        );
     }
     let title = "Damage of the low back";
     let figure = over_time(facts, "damage", title, "damage", &facts.back.damage);
@@ -88,15 +90,15 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
         ]);
     }
     if tired.is_empty() {
-        section.say(if facts.exposure.told_s > 0.0 {
+        section.say(if facts.exposure.valid_s > 0.0 {
             "No joint grew tired."
         } else {
-            "No torque was told, so nothing is known of how tired joints grew."
+            "No torque was reported, so nothing is known of how tired joints grew."
         });
     }
     section.table(table);
     section.note(
-        "Both are models of averages, and know only the time in which torques were told. They go on over a restart of the \
+        "Both are models of averages, and include only the time in which torques were valid. They go on over a restart of the \
          daemon within a shift, so a recording may begin with more than nothing.",
     );
     section
@@ -106,16 +108,16 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
 pub(in crate::report) fn back(facts: &Facts) -> Section {
     let mut section = Section::new("Low back");
     let found = &facts.back;
-    if let Some(told) = several(facts) {
-        section.say(told);
+    if let Some(note) = several(facts) {
+        section.say(note);
     }
     match (found.peak, found.mean_n()) {
         (Some([peak_n, sigma_n, time_s]), Some(mean_n)) => section.say(format!(
-            "Compression of the L5/S1 disc was told for {}: {mean_n:.0} N on average, at most {peak_n:.0} ± {sigma_n:.0} \
+            "Compression of the L5/S1 disc was reported for {}: {mean_n:.0} N on average, at most {peak_n:.0} ± {sigma_n:.0} \
              N at t = {time_s:.1} s.",
-            length(found.told_s)
+            length(found.valid_s)
         )),
-        _ => section.say("Compression of the low back was never told."),
+        _ => section.say("Compression of the low back was never reported."),
     }
     let force =
         over_time(facts, "compression", "Compression of L5/S1", "compression, N", &found.compression_n);

@@ -43,7 +43,7 @@ pub(in crate::report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
     let found = &facts.quality;
     section.say(format!(
-        "Everything was told for {} of the time.",
+        "Everything was reported for {} of the time.",
         share_percent(found.all_valid_s, found.seen_s)
     ));
     section.head("Why values were withheld");
@@ -98,7 +98,7 @@ fn adapters(facts: &Facts, section: &mut Section) {
         ]);
     }
     section.table(table);
-    section.note("Counts since each adapter's start, as told last.");
+    section.note("Counts since each adapter's start, as last reported.");
 }
 
 fn gaps(facts: &Facts, section: &mut Section) {
@@ -114,6 +114,6 @@ fn gaps(facts: &Facts, section: &mut Section) {
     if !found.not_given.is_empty() {
         items.push(format!("The sensors do not give: {}.", found.not_given.join(", ")).into());
     }
-    items.extend(facts.rejected.iter().map(|told| Text::from(format!("Not used: {told}"))));
+    items.extend(facts.rejected.iter().map(|reason| Text::from(format!("Not used: {reason}"))));
     section.list(items);
 }

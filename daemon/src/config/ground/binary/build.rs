@@ -96,7 +96,7 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Mistake>
 /// Checks which numbering fields may be combined.
 fn check_numbering(config: &BinaryConfig) -> Result<(), Mistake> {
     if config.counter.is_some() && config.sequence.is_none() {
-        let what = "counts measurements, sent or not, and tells no loss; if each of them is sent, call it `sequence`";
+        let what = "counts measurements, sent or not, and reveals no loss; if each of them is sent, call it `sequence`";
         return Err(Mistake::new(key("counter"), what));
     }
     if config.counter.is_some() && config.time.is_some() {
@@ -127,7 +127,7 @@ fn check_numbering(config: &BinaryConfig) -> Result<(), Mistake> {
 fn form(config: &BinaryConfig, datagrams: bool) -> Result<FrameForm, Mistake> {
     let length = match &config.length {
         LengthConfig::Fixed(bytes) => Length::Fixed(*bytes),
-        LengthConfig::Told { at, number, plus, most } => {
+        LengthConfig::InFrame { at, number, plus, most } => {
             Length::InHead { place: place(*at, *number, None, config.endian), plus: *plus, most: *most }
         }
     };

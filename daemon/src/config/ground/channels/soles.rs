@@ -91,7 +91,7 @@ pub(super) fn channels(config: &SolesConfig, names: &mut Names<'_>) -> Result<Ch
             return Err(Mistake::new("ground.channels.soles.length_m", what));
         }
         _ => {
-            let what = "length_m and width_m are for a centre of pressure told as a share: cop = \"share\"";
+            let what = "length_m and width_m are for a centre of pressure given as a share: cop = \"share\"";
             return Err(Mistake::new("ground.channels.soles.cop", what));
         }
     };

@@ -44,7 +44,7 @@ fn report(name: &str, recording: &std::path::Path) -> Page {
 }
 
 #[test]
-fn a_change_of_worker_is_told_and_makes_no_lifts() {
+fn a_change_of_worker_is_reported_and_adds_no_lifts() {
     let states: Vec<State> = (1..900)
         .map(|cycle| {
             let state = State { cycle, time_ns: cycle * 10_000_000, lifted_mass_kg: 7.0, ..State::zeroed() };
@@ -81,7 +81,7 @@ fn a_change_of_worker_is_told_and_makes_no_lifts() {
 }
 
 #[test]
-fn who_was_never_judged_has_no_risk_told() {
+fn a_worker_without_valid_loads_has_no_reported_risk() {
     let state = |cycle| State {
         cycle,
         time_ns: cycle * 10_000_000,
@@ -90,13 +90,15 @@ fn who_was_never_judged_has_no_risk_told() {
     };
     let states: Vec<State> = (1..300).map(state).collect();
     let page = report("unjudged.html", &recording("unjudged.mcap", &states, |_| CycleRecord::zeroed()));
-    for told in ["the low back's load was never told: see data quality", "nothing is known of how tired"] {
-        assert!(page.words.contains(told), "{told} is not in {}", page.words);
+    for expected in
+        ["the low back's load was never reported: see data quality", "nothing is known of how tired"]
+    {
+        assert!(page.words.contains(expected), "{expected} is not in {}", page.words);
     }
-    for untold in ["grew tired.", "high-risk job with a probability", "Damage of the low back"] {
+    for absent in ["grew tired.", "high-risk job with a probability", "Damage of the low back"] {
         assert!(
-            !page.words.replace("how tired joints grew.", "").contains(untold),
-            "{untold} is in {}",
+            !page.words.replace("how tired joints grew.", "").contains(absent),
+            "{absent} is in {}",
             page.words
         );
     }

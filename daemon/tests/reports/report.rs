@@ -24,8 +24,8 @@ fn number(text: &str) -> f64 {
 }
 
 #[track_caller]
-fn near(told: &str, expected: f64, within: f64) {
-    assert!((number(told) - expected).abs() <= within, "told {told}, expected {expected}");
+fn near(cell: &str, expected: f64, within: f64) {
+    assert!((number(cell) - expected).abs() <= within, "reported {cell}, expected {expected}");
 }
 
 fn magnitude(torque: &Value) -> f64 {
@@ -35,10 +35,10 @@ fn magnitude(torque: &Value) -> f64 {
 #[test]
 fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
     let (session, page) = (session(), report("joints.html", &session().states));
-    let told: Vec<&Value> = session.told("joints").map(|(_, joints)| joints).collect();
-    assert!(told.len() > 500, "torques must be told for the test to mean something: {}", told.len());
+    let reported: Vec<&Value> = session.values_of("joints").map(|(_, joints)| joints).collect();
+    assert!(reported.len() > 500, "too few valid torques for the test: {}", reported.len());
     for joint in Joint::ALL {
-        let states = || told.iter().map(|joints| &joints[joint.name()]);
+        let states = || reported.iter().map(|joints| &joints[joint.name()]);
         let cell = |column: &str| page.cell("Minutes at each level", words::joint(joint), column);
         for (column, level) in [
             ("low", "green"),
@@ -55,7 +55,7 @@ fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
         near(cell("peak, N m"), magnitude(&peak["torque_nm"]), 0.051);
         near(cell("of the limit"), 100.0 * share(peak), 0.51);
     }
-    let worst = |name: &str| session.told("worst_joint").filter(|(_, worst)| *worst == name).count();
+    let worst = |name: &str| session.values_of("worst_joint").filter(|(_, worst)| *worst == name).count();
     let most = Joint::ALL.into_iter().max_by_key(|joint| worst(joint.name())).unwrap();
     assert!(
         page.words.contains(&format!("The {} was the joint closest", words::joint(most))),
@@ -71,15 +71,17 @@ fn lifts_are_those_that_were_made() {
     let counted = session.lines.last().unwrap()["lifts"].as_u64().unwrap();
     assert_eq!((rows.len(), counted), (2, 2), "{rows:?}");
     for (row, (mass_kg, [from_s, to_s])) in rows.iter().zip(LIFTS) {
-        let [told_from_s, told_to_s] = [&row[1], &row[2]].map(|cell| number(cell));
+        let [reported_from_s, reported_to_s] = [&row[1], &row[2]].map(|cell| number(cell));
         assert!(
-            told_from_s > from_s - 0.6 && told_to_s < to_s + 0.6 && told_to_s - told_from_s > 2.0,
+            reported_from_s > from_s - 0.6
+                && reported_to_s < to_s + 0.6
+                && reported_to_s - reported_from_s > 2.0,
             "{row:?}"
         );
         near(&row[3], mass_kg, 0.8);
         let between = |key| {
-            let within = |time_s: f64| (told_from_s - 0.06..told_to_s + 0.06).contains(&time_s);
-            let values = session.told(key).filter(move |(time_s, _)| within(*time_s));
+            let within = |time_s: f64| (reported_from_s - 0.06..reported_to_s + 0.06).contains(&time_s);
+            let values = session.values_of(key).filter(move |(time_s, _)| within(*time_s));
             values.map(|(_, value)| value.as_f64().unwrap()).collect::<Vec<_>>()
         };
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
@@ -119,10 +121,11 @@ fn identification_dose_and_quality_are_those_of_the_states() {
     }
     let damage = format!("{:.3e}", last["dose_damage"].as_f64().unwrap());
     assert!(page.words.contains(&damage), "{damage} is not in {}", page.words);
-    let peak_n = session.told("l5s1_compression_n").map(|(_, n)| n.as_f64().unwrap()).fold(0.0, f64::max);
+    let peak_n =
+        session.values_of("l5s1_compression_n").map(|(_, n)| n.as_f64().unwrap()).fold(0.0, f64::max);
     assert!(peak_n > 500.0 && page.words.contains(&format!("at most {peak_n:.0} ±")), "{peak_n}");
-    for told in ["2026-09-21T14:13:20Z", "bench-1", "anon-7", "The stop rule was met at t ="] {
-        assert!(page.words.contains(told), "{told} is not in {}", page.words);
+    for expected in ["2026-09-21T14:13:20Z", "bench-1", "anon-7", "The stop rule was met at t ="] {
+        assert!(page.words.contains(expected), "{expected} is not in {}", page.words);
     }
     assert!(
         page.words.contains("no cycle records") && page.words.contains("losses and refusals are not known")
@@ -206,7 +209,7 @@ fn what_was_withheld_is_drawn_nowhere() {
 }
 
 #[test]
-fn latency_and_adapters_are_told_where_they_were_recorded() {
+fn latency_and_adapters_are_reported_where_they_were_recorded() {
     let all: Vec<State> =
         (1..200).map(|cycle| State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() }).collect();
     let recording = states("path.mcap", &all, |recorder| {
@@ -240,7 +243,7 @@ fn latency_and_adapters_are_told_where_they_were_recorded() {
 }
 
 #[test]
-fn a_recording_that_was_cut_short_is_told_as_far_as_it_goes() {
+fn a_truncated_recording_is_reported_as_far_as_it_goes() {
     let session = session();
     let bytes = std::fs::read(&session.states).unwrap();
     let (cut, out) = (session.file("cut.mcap"), session.file("cut.html"));

@@ -38,8 +38,8 @@ pub(crate) fn session() -> &'static Session {
             let ended = equipoise(&["replay", text(&samples), "--out", text(out)]);
             assert!(ended.status.success(), "{ended:?}");
         }
-        let told = std::fs::read_to_string(&json).unwrap();
-        let lines = told.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let written = std::fs::read_to_string(&json).unwrap();
+        let lines = written.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         Session { directory, samples, states, lines }
     })
 }
@@ -51,7 +51,10 @@ impl Session {
     }
 
     /// The lines that contain a key, with their times, s.
-    pub(crate) fn told<'a>(&'a self, key: &'a str) -> impl Iterator<Item = (f64, &'a serde_json::Value)> {
+    pub(crate) fn values_of<'a>(
+        &'a self,
+        key: &'a str,
+    ) -> impl Iterator<Item = (f64, &'a serde_json::Value)> {
         self.lines.iter().filter_map(move |line| Some((line["t"].as_f64()?, line.get(key)?)))
     }
 }

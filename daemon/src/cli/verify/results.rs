@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use crate::cli::client;
 
 /// Results for a mass at one or several places.
-pub(super) struct Told {
+pub(super) struct MassResult {
     pub(super) mass_kg: f64,
     pub(super) tolerance_percent: f64,
     pub(super) placed: Vec<Placed>,
@@ -41,7 +41,7 @@ pub(super) fn geometry_of(
     Ok(geometry(&seen_m, at_m))
 }
 
-impl Told {
+impl MassResult {
     fn percent(&self, placed: &Placed) -> f64 {
         100.0 * (placed.mass_kg / self.mass_kg - 1.0)
     }
@@ -171,7 +171,7 @@ impl Rod {
                 self.higher_m()
             )
         } else {
-            writeln!(text, "that is the surface of [ground.frame], as far as can be told")
+            writeln!(text, "the surface agrees with [ground.frame] within the uncertainty")
         };
         text
     }
