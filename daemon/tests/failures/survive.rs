@@ -277,9 +277,12 @@ fn killed_at_any_instant_it_loses_at_most_a_second() {
         daemon = station.daemon(&station.configuration());
         bench.compare(killed, killed_ns);
         let said = daemon.stderr();
-        for part in
-            ["is in use: ", "the shift goes on", "the tare of", "where the suit's world lies is known"]
-        {
+        for part in [
+            "is in use: ",
+            "the shift goes on",
+            "the tare of",
+            "the position of the suit's world is restored",
+        ] {
             assert!(said.contains(part), "{part:?} is not in {said}");
         }
         learnt = bench.eyes.state.poses_used.max(learnt);
