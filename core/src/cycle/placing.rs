@@ -28,7 +28,7 @@ use crate::registration::PlanarFit;
 use crate::sesc::PARAMETERS;
 
 /// While the feet stand, the CoP stays within this distance of its usual position, m: half a foot's length forwards and
-/// backwards, half a pace sideways.
+/// backwards, half a pace sideways. The root mean square of a uniform distribution is this over √3.
 const STANCE_REACH_M: f64 = 0.10;
 
 /// Maximum distance between measured and predicted CoP, m: three σ of a registration that counts as determined …
@@ -269,7 +269,7 @@ impl Memory {
         let fit = &self.placing.fit;
         let (sigma_rad, fit_m2) = (fit.heading_sigma_rad(), fit.variance_m2(measured_m));
         let at_m2 = [0, 1].map(|axis| fit_m2[axis] + of_first_m2[axis]);
-        let reach_m = STANCE_REACH_M * sigma_rad;
+        let reach_m = STANCE_REACH_M / math::sqrt(3.0) * sigma_rad;
         let is_known = fit.is_rigid()
             && at_m2.iter().all(|at_m2| math::hypot([math::sqrt(*at_m2), reach_m]) <= REGISTRATION_SIGMA_M);
         let is_better = known == Known::Not as u64 || sigma_rad <= 0.5 * self.placing.sigma_rad;
