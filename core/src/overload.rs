@@ -11,18 +11,20 @@
 //! **Covariance**: each source of error changes one input by its 1-σ; the resulting differences of the torques are the
 //! columns of a factor of their covariance. First order, with independent sources.
 
+mod errors;
 pub mod feet;
 pub mod level;
 pub mod limits;
 pub mod load_place;
 pub mod sharing;
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::Vector3;
 
-use crate::body::{JOINTS, Joint, SEGMENTS, Segment, Side};
+use crate::body::{JOINTS, Joint, Segment, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 
+pub use errors::LoadingSigma;
 pub use feet::{FootLoads, FootReaction};
 pub use level::{Level, Levels};
 pub use limits::TorqueLimits;
@@ -96,135 +98,6 @@ impl Loading {
         self
     }
 }
-
-/// 1-σ of the inputs of the overload.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LoadingSigma {
-    /// σ of the measured CoP per axis, m.
-    pub cop_measured_m: f64,
-    /// σ of the estimated CoP per axis, m.
-    pub cop_estimated_m: [f64; 2],
-    /// Error of the body's position on the plate per metre of error of the estimated CoP, per axis: both contain the
-    /// stance offset.
-    pub place_by_estimate: [f64; 2],
-    /// σ of the rest of the body's position on the plate, per axis, m.
-    pub place_m: [f64; 2],
-    /// σ of the difference between vertical ground reaction and body weight, N.
-    pub delta_f_n: f64,
-    /// σ of the load's fraction in one hand, in [0, 0.5].
-    pub eta: f64,
-    /// σ of the load's distance ahead of the grips: a horizontal vector, m.
-    pub load_ahead_m: [f64; 2],
-    /// σ of a measured fraction of the ground reaction under one foot, in [0, 0.5].
-    pub zeta: f64,
-    /// σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
-    /// axes, m. Used only if it is not measured.
-    pub press_m: [f64; 2],
-    /// σ per axis of the load's position if that by the two CoPs contradicts that in the hands, m; an error of either.
-    pub contradiction_m: f64,
-    /// σ of each segment's orientation per axis, rad.
-    pub orientation_rad: f64,
-    /// σ of the body's heading on the plate, rad; an error rotates the body about the middle between the feet.
-    pub heading_rad: f64,
-    /// σ of the point of action on each hand along the hand's axes, m: across, along, normal to the palm.
-    pub grip_m: [f64; 3],
-    /// Error of the segments' origins, common to all, m: the difference between the suit's positions and the positions
-    /// by its orientations along constant bones.
-    pub origin_m: [Vector3<f64>; SEGMENTS],
-}
-
-impl LoadingSigma {
-    /// No errors.
-    pub const EXACT: LoadingSigma = LoadingSigma {
-        cop_measured_m: 0.0,
-        cop_estimated_m: [0.0; 2],
-        place_by_estimate: [0.0; 2],
-        place_m: [0.0; 2],
-        delta_f_n: 0.0,
-        eta: 0.0,
-        load_ahead_m: [0.0; 2],
-        zeta: 0.0,
-        press_m: [0.0; 2],
-        contradiction_m: 0.0,
-        orientation_rad: 0.0,
-        heading_rad: 0.0,
-        grip_m: [0.0; 3],
-        origin_m: [Vector3::new(0.0, 0.0, 0.0); SEGMENTS],
-    };
-
-    /// One loading per source of error, changed by 1-σ of that source.
-    fn errors(&self, pose: &Pose<StationWorld>, loading: &Loading) -> [Loading; SOURCES] {
-        let mut off = [*loading; SOURCES];
-        for axis in 0..2 {
-            let mut along = [0.0; 2];
-            along[axis] = 1.0;
-            let by = |metres: f64| along.map(|part| part * metres);
-            let estimated_m = self.cop_estimated_m[axis];
-            off[axis] = loading.displaced(by(self.place_by_estimate[axis] * estimated_m));
-            off[axis].cop_estimated_m[axis] += estimated_m;
-            off[2 + axis] = loading.displaced(by(self.place_m[axis]));
-            off[4 + axis].cop_measured_m[axis] += self.cop_measured_m;
-            if let FootLoads::Measured { cop_m, .. } = &mut off[4 + axis].feet {
-                cop_m.iter_mut().for_each(|cop_m| cop_m[axis] += self.cop_measured_m);
-            }
-            for (foot, side) in Side::BOTH.into_iter().enumerate() {
-                let ahead = pose.world_from_segment[side.foot().index()] * Vector3::x();
-                let level = math::hypot([ahead.x, ahead.y]).max(1e-9);
-                let forward = [ahead.x / level, ahead.y / level];
-                let direction = if axis == 0 { forward } else { [-forward[1], forward[0]] };
-                let off = &mut off[6 + 2 * foot + axis].feet;
-                if let FootLoads::Geometry { press_m, .. } | FootLoads::Fractions { press_m, .. } = off {
-                    for (press, direction) in press_m[foot].iter_mut().zip(direction) {
-                        *press += direction * self.press_m[axis];
-                    }
-                }
-            }
-        }
-        if let FootLoads::Fractions { zeta, .. } | FootLoads::Measured { zeta, .. } = &mut off[10].feet {
-            *zeta = [zeta[0] - self.zeta, zeta[1] + self.zeta];
-        }
-        off[11].eta = [loading.eta[0] - self.eta, loading.eta[1] + self.eta];
-        let [x, y] = self.load_ahead_m;
-        off[12].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
-        off[13].delta_f_n += self.delta_f_n;
-        let load_share = loading.delta_f_n / loading.vertical_n;
-        for axis in 0..2 {
-            off[14 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
-            off[16 + axis].cop_measured_m[axis] += self.contradiction_m * load_share;
-        }
-        off
-    }
-}
-
-impl LoadingSigma {
-    /// Pose and loading with the segments' origins changed by their 1-σ, and with the body turned to either side by √3 σ of
-    /// its heading; each with its weight. The three-point Gauss-Hermite rule covers headings uncertain by tens of degrees.
-    fn elsewhere(
-        &self,
-        pose: &Pose<StationWorld>,
-        loading: &Loading,
-    ) -> [(Pose<StationWorld>, Loading, f64); 3] {
-        let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()));
-        let between = 0.5 * (left + right);
-        let turned = |by_rad: f64| {
-            let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), by_rad);
-            let about = |point: Vector3<f64>| between + turn * (point - between);
-            let pose = Pose::new(pose.origin.map(about), pose.world_from_segment);
-            (pose, Loading { grip_m: loading.grip_m.map(about), ..*loading }, 1.0 / 6.0)
-        };
-        let origin = core::array::from_fn(|index| pose.origin[index] + self.origin_m[index]);
-        let grip_m =
-            Side::BOTH.map(|side| loading.grip_m[side as usize] + self.origin_m[side.hand().index()]);
-        let moved = (Pose::new(origin, pose.world_from_segment), Loading { grip_m, ..*loading }, 1.0);
-        let by_rad = math::sqrt(3.0) * self.heading_rad;
-        [moved, turned(by_rad), turned(-by_rad)]
-    }
-}
-
-/// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), point of action under the left
-/// foot (forward, sideways) and the right one, ζ, η, load ahead of the grips, force, contradictory position of the load
-/// (x, y) as an error of the grips and of the measured CoP.
-const SOURCES: usize = 18;
 
 /// Overload torque of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -455,6 +328,10 @@ impl Acting<'_> {
                     let ([x, y], off_m) = (sigma.load_ahead_m, sigma.contradiction_m);
                     let of_load_m2 = [x * x + off_m * off_m, x * y, y * y + off_m * off_m];
                     add(eta_range * self.loading.delta_f_n, of_load_m2);
+                    // A heading's error turns the arm of that load too.
+                    let arm = self.loading.grip_m[index] - pose.origin_of(joint.segment());
+                    let [x, y] = [-arm.y, arm.x].map(|across_m| across_m * sigma.heading_rad);
+                    add(eta_range * self.loading.delta_f_n, [x * x, x * y, y * y]);
                 }
             }
             if ends.feet[index] {
