@@ -3,7 +3,7 @@
 //! 1 kHz loop, suit at 60 Hz, ground at 1 kHz, all 69 parameters, the library of 50 poses: the worker holds pose after
 //! pose for identification, then holds loads. The dense version computes a suit sample's `B Φ`, `B P Bᵀ` and Eq. 15,
 //! and a pose's mean rows, Joseph update and predicted σ over the library; it has no stream alignment, no foot anchor,
-//! no static-pose detection. `cargo bench -p equipoise-benches --bench cycle`; figures in `docs/performance/README.md`.
+//! no static-pose detection. `cargo bench -p equipoise-benches --bench cycle`; figures in `docs/realtime.md`.
 
 mod session;
 

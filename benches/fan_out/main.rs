@@ -2,7 +2,7 @@
 //!
 //! The real loop at 1 kHz and the real egress; 0 to 16 consumers in another process, each a thread with its own place
 //! on the bus. A listener sleeps until it is woken for each state; a poller polls once a millisecond and is never
-//! woken. `cargo bench -p equipoise-benches --bench fan_out`; figures in `docs/performance/README.md`.
+//! woken. `cargo bench -p equipoise-benches --bench fan_out`; figures in `docs/realtime.md`.
 
 mod consumers;
 mod station;

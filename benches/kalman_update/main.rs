@@ -1,6 +1,6 @@
 //! Duration of the filter's update with one pose, two rows, compared with the two dense textbook forms.
 //!
-//! `cargo bench -p equipoise-benches --bench kalman_update`; figures in `docs/performance/README.md`.
+//! `cargo bench -p equipoise-benches --bench kalman_update`; figures in `docs/realtime.md`.
 
 use std::hint::black_box;
 

@@ -2,7 +2,7 @@
 //! memory.
 //!
 //! With warm caches, and with caches filled by other work, as in the loop. `cargo bench -p equipoise-benches --bench
-//! keep`; figures in `docs/performance/README.md`.
+//! keep`; figures in `docs/realtime.md`.
 
 use std::hint::black_box;
 use std::time::Instant;

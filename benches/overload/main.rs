@@ -1,7 +1,7 @@
 //! Duration of the torques of 22 joints, compared with Eq. 15 with its Jacobians written out.
 //!
 //! The dense version computes no σ; the core's does. `cargo bench -p equipoise-benches --bench overload`; figures in
-//! `docs/performance/README.md`.
+//! `docs/realtime.md`.
 
 use std::hint::black_box;
 

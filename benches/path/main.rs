@@ -2,7 +2,7 @@
 //!
 //! The same threads under the same policies carry the same bytes: `SuitSample` in, `State` out, by the bus or by
 //! datagrams. The loop is the real one; a sample's wait for the next cycle is excluded in all cases. `cargo bench -p
-//! equipoise-benches --bench path`; figures in `docs/performance/README.md`.
+//! equipoise-benches --bench path`; figures in `docs/realtime.md`.
 
 mod carrier;
 mod consumer;

@@ -2,7 +2,7 @@
 //!
 //! Each station is a process with the whole daemon and a simulated person on real wires (suit 60 Hz, plate 250 Hz). The
 //! cost of the simulated person is excluded. `cargo bench -p equipoise-benches --bench stations`; figures in
-//! `docs/performance/README.md`.
+//! `docs/realtime.md`.
 
 mod station;
 

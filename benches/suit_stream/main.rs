@@ -1,7 +1,7 @@
 //! Number of suits that one core could read: a second of MVN's full stream (240 Hz; types 02, 20 to 25) through the
 //! assembler, compared with a copy of the same bytes, which every receiver has to make.
 //!
-//! `cargo bench -p equipoise-benches --bench suit_stream`; figures in `docs/performance/README.md`.
+//! `cargo bench -p equipoise-benches --bench suit_stream`; figures in `docs/realtime.md`.
 
 mod stream;
 

@@ -3,7 +3,7 @@
 //! Each turn runs one contender on one core and cyclictest on the other, each round in both assignments. The contenders
 //! range from a second cyclictest over a thread that only sleeps to the whole daemon, which separates the contributions
 //! of the machine, the sleep method, the loop's work and the threads around it. `cargo bench -p equipoise-benches
-//! --bench wakeup`; figures in `docs/performance/README.md`. Needs cyclictest (Debian: rt-tests) and stress-ng.
+//! --bench wakeup`; figures in `docs/realtime.md`. Needs cyclictest (Debian: rt-tests) and stress-ng.
 
 mod contender;
 mod cyclictest;

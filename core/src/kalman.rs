@@ -4,7 +4,7 @@
 //! / s`, `s = h P hᵀ + r`, Joseph's form `(I − K h) P (I − K h)ᵀ + K r Kᵀ` simplifies to `P − w wᵀ` with `w = P hᵀ /
 //! √s`: one multiplication and one subtraction per entry. Both triangles are stored and updated by whole rows: `wᵢ wⱼ`
 //! and `wⱼ wᵢ` round equally, so P is symmetric to the last bit, and rows are contiguous in memory whereas half of a
-//! column is not. Times and ratios: `docs/performance/README.md`.
+//! column is not. Times and ratios: `docs/realtime.md`.
 //!
 //! Rounding dominates where a difference nearly cancels: every variance is therefore increased by the possible rounding
 //! error, and never falls below `r / s` of its previous value, the smallest that a measurement can leave. Tests verify
