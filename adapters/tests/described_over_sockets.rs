@@ -18,7 +18,7 @@ use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_core::message::GroundSample;
 use equipoise_simulator::ports::free_address;
 
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 fn vertical() -> Channels {
     let direct = Direct { force: [None, None, Some(0)], ..Direct::default() };

@@ -10,7 +10,7 @@ use equipoise_core::message::GroundSample;
 use std::time::{Duration, Instant};
 
 /// Long enough for a loaded machine; no test here measures speed.
-const PATIENCE: Duration = Duration::from_secs(30);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Runs a source until a condition is met; returns the samples received meanwhile.
 fn until(

@@ -9,7 +9,7 @@ use equipoise_adapters::source::{Flow, GroundSource, LineSettings, SerialLine};
 use equipoise_core::message::GroundSample;
 use std::time::{Duration, Instant};
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 fn open(socket: &Socket, baud: u32, device: impl GroundDevice + 'static) -> GroundSource {
     let settings = LineSettings { port: socket.port(), baud, flow: Flow::Free, key: "ground.serial.port" };

@@ -11,7 +11,7 @@ use crate::host::{Host, Sample, Tolerance};
 use crate::person::Person;
 
 /// Time limit of every wait.
-const PATIENCE: Duration = Duration::from_secs(10);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 pub(crate) struct Rig<'a> {
     pub(crate) host: Host,

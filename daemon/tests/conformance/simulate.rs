@@ -11,7 +11,7 @@ use equipoise_simulator::ports::free_address;
 use crate::host::{Host, Sample};
 
 /// Time limit of every wait.
-const PATIENCE: Duration = Duration::from_secs(15);
+const PATIENCE: Duration = Duration::from_secs(90);
 const MASS_KG: f64 = 72.0;
 
 /// Ends the program that it started, and no other.

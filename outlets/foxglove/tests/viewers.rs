@@ -14,7 +14,7 @@ use equipoise_outlets::{Outlet, Seen};
 use equipoise_simulator::ports::free_address;
 use serde_json::Value;
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 fn outlet() -> FoxgloveOutlet {
     FoxgloveOutlet::start("test", SocketAddr::from(([127, 0, 0, 1], 0)), |why| panic!("{why}")).unwrap()

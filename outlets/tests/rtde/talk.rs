@@ -20,7 +20,7 @@ use crate::controller::{Controller, package, start, text};
 use crate::states::{reading, reasons, state};
 
 /// Test time-out, far above the expected duration; not a measurement.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 fn config(robot: SocketAddr, registers: &str) -> RtdeConfig {
     toml::from_str(&format!("robot = \"{robot}\"\n{registers}")).unwrap()

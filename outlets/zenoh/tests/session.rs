@@ -18,7 +18,7 @@ use zenoh::sample::Sample;
 use zenoh::{Config, Session, Wait};
 
 /// Test time-out.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 fn config(port: u16) -> ZenohConfig {
     ZenohConfig {
