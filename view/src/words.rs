@@ -311,11 +311,11 @@ mod tests {
         let knee = Joint::named("RightKnee").unwrap();
         state.worst_joint = knee.index() as u32;
         for (level, shown, tone) in [
-            (Level::Green, "The load is easy on your joints", Tone::Good),
+            (Level::Green, "The load on your joints is low", Tone::Good),
             (Level::Orange, "Right knee: medium load", Tone::Warn),
             (Level::Red, "Right knee: high load", Tone::Alarm),
             (Level::AboveMax, "Right knee: overloaded, put the load down", Tone::Alarm),
-            (Level::Undecided, "Right knee: the load is not known well enough to judge", Tone::Calm),
+            (Level::Undecided, "Right knee: the load is too uncertain to evaluate", Tone::Calm),
         ] {
             state.joint_level[knee.index()] = level as u32;
             let instruction = instruction(&state, None);

@@ -104,7 +104,7 @@ fn a_late_joiner_gets_a_frame_and_then_newer_ones() {
     wait_until("a state", || answer(&page, "/api/state", "localhost").starts_with("HTTP/1.1 200"));
     let mut events = events(&page);
     let (name, first) = next_event(&mut events);
-    assert_eq!((name.as_str(), &first["phase"]), ("frame", &"Learning your body".into()));
+    assert_eq!((name.as_str(), &first["phase"]), ("frame", &"Calibration".into()));
     assert_eq!(first["segment_origin_m"].as_array().map(Vec::len), Some(23));
     let (_, second) = next_event(&mut events);
     assert!(second["state"]["cycle"].as_u64() > first["state"]["cycle"].as_u64());

@@ -1,4 +1,4 @@
-// Builds ../assets: `npm ci && npm run build`. The same input gives the same bytes, which `.ci/web` compares.
+// Builds ../assets: `npm ci && npm run build`. Reproducible: `.ci/web` compares the bytes.
 import { cp, mkdir, readFile, readdir, rm, writeFile } from "node:fs/promises";
 import { build } from "esbuild";
 
@@ -15,7 +15,7 @@ const { metafile } = await build({
 for (const file of [...PAGES.map((page) => `${page}.html`), "icon.svg"]) await cp(SOURCES + file, ASSETS + file);
 await writeFile(`${ASSETS}LIBRARIES.md`, await libraries(Object.keys(metafile.inputs)));
 
-// Whose code is in the bundles, under which licence, and from where: every package that esbuild took a file of.
+// Licence, version and origin of each package with code in the bundles.
 async function libraries(inputs) {
   const names = [...new Set(inputs.map((path) => path.match(/node_modules\/((?:@[^/]+\/)?[^/]+)\//)?.[1]).filter(Boolean))].sort();
   const lock = JSON.parse(await readFile(new URL("package-lock.json", import.meta.url), "utf8"));

@@ -159,7 +159,7 @@ fn the_screen_outlives_the_daemon_and_leaves_a_clean_terminal() {
 
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    seat.shows("Learning your body");
+    seat.shows("Calibration");
     seat.shows("ms old");
     seat.shows("late awake");
     seat.press("?");
@@ -169,7 +169,7 @@ fn the_screen_outlives_the_daemon_and_leaves_a_clean_terminal() {
     wait_for("the help to go", || (!seat.text().contains("Bars: overload")).then_some(()));
     seat.resize(40, 12);
     wait_for("a smaller screen", || (!seat.text().contains("late awake")).then_some(()));
-    seat.shows("Learning your body");
+    seat.shows("Calibration");
     seat.resize(100, 30);
     seat.shows("late awake");
 
@@ -177,7 +177,7 @@ fn the_screen_outlives_the_daemon_and_leaves_a_clean_terminal() {
     seat.shows("The daemon is silent");
     seat.shows("what came before is old and not shown");
     let _next = station.daemon(&station.configuration());
-    seat.shows("Learning your body");
+    seat.shows("Calibration");
     drop(person);
     seat.shows("The suit is silent");
     seat.press("q");

@@ -87,7 +87,7 @@ fn at_every_size_it_says_what_to_do_and_which_joint_is_worst() {
     let watch = Watch { state: Some(&state), ..empty() };
     for size in SIZES {
         let lines = drawn(&watch, size);
-        assert!(shows(&lines, "Watching the load"), "{size:?}\n{}", lines.join("\n"));
+        assert!(shows(&lines, "Load monitoring"), "{size:?}\n{}", lines.join("\n"));
         place(&lines, "Left knee: high load");
         let (knee, elbow, hip) =
             (place(&lines, " left knee  "), place(&lines, " right elbow  "), place(&lines, " right hip  "));

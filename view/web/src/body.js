@@ -17,13 +17,13 @@ export const HANDS = [10, 14];
 export const TOES = [18, 22];
 export const FEET = [[17, 18], [21, 22]];
 
-// Size and sign tell the level without colour.
+// Size and sign distinguish the levels without colour.
 export const LEVELS = {
   none: { radius: 0.018, sign: "" }, green: { radius: 0.032, sign: "" }, orange: { radius: 0.046, sign: "–" },
   red: { radius: 0.054, sign: "!" }, above_max: { radius: 0.064, sign: "✕" }, undecided: { radius: 0.036, sign: "?" },
 };
 
-// Radius of each segment's bone from its parent's origin, m; the torso's stand for the trunk.
+// Radius of each segment's bone from its parent's origin, m; those of the torso are trunk radii.
 export const BONE_RADIUS = [
   0, 0.085, 0.085, 0.085, 0.085, 0.055, 0.04, 0.05, 0.05, 0.042, 0.034, 0.05, 0.05, 0.042, 0.034,
   0.075, 0.066, 0.05, 0.04, 0.075, 0.066, 0.05, 0.04,
@@ -33,13 +33,13 @@ export const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
 export const sub = (a, b) => a.map((v, i) => v - b[i]);
 export const norm = (a) => Math.hypot(...a);
 
-// Where a limb without a distal joint ends: along its parent's direction, `length` further.
+// End point of a segment without a distal joint: `length` further in the direction of its parent's bone.
 export function tip(origins, segment, length) {
   const along = sub(origins[segment], origins[PARENT[segment]]);
   return add(origins[segment], along, length / Math.max(norm(along), 1e-6));
 }
 
-// All bones of a figure: from, to, radius, and the segment that they belong to.
+// All bones of a figure: end points and radius (m), and segment.
 export function bones(origins) {
   const all = PARENT.map((parent, segment) => ({ from: origins[parent], to: origins[segment], radius: BONE_RADIUS[segment], segment })).slice(1);
   for (const hand of HANDS) all.push({ from: origins[hand], to: tip(origins, hand, 0.12), radius: 0.03, segment: hand });
@@ -49,14 +49,14 @@ export function bones(origins) {
 
 export const headCentre = (origins) => tip(origins, HEAD, 0.09);
 
-// The level that a joint is drawn with.
+// Displayed level of a joint.
 export const levelOf = (frame, joint) => frame.state.joints?.[joint]?.level ?? "none";
 
 export function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 }
 
-// Fits a canvas to its box at the screen's own resolution and gives a cleared context in CSS pixels.
+// Resizes a canvas to its box at device resolution and returns a cleared context in CSS pixels.
 export function prepared(canvas) {
   const ratio = window.devicePixelRatio || 1;
   const { width, height } = canvas.getBoundingClientRect();

@@ -1,13 +1,13 @@
-// Curves over time. uPlot draws them; here is what they hold and how they look.
+// Time series charts: data and style; drawn by uPlot.
 import uPlot from "uplot";
-import { withHoles } from "./holes.js";
+import { withGaps } from "./gaps.js";
 
 const HUES = ["#1f6feb", "#d6293e", "#1f9d55", "#e07b00", "#6d5bd0", "#0e8fa3", "#b2478f", "#6b7a12"];
 const grid = { stroke: "#e3e8ef", width: 1 };
-const bare = { points: { show: false } };
+const noPoints = { points: { show: false } };
 const axis = (more = {}) => ({ grid, ticks: grid, stroke: "#566273", font: "11px system-ui, 'DejaVu Sans', sans-serif", ...more });
 const SHOWN_MIN_S = 5;
-// Time runs from the right edge: seconds before now.
+// Time axis: seconds before now, which is at the right edge.
 const ago = (u, splits) => splits.map((at) => `${Number(at.toFixed(1))} s`);
 
 class Chart {
@@ -24,22 +24,22 @@ class Chart {
     }).observe(element);
   }
 
-  // The first column is times, s. One point alone is no curve, and makes no axis; where nothing was told for longer than
-  // `holeAfter` seconds nothing is drawn.
-  show([times, ...columns], holeAfter) {
+  // The first column is time, s. A single point is not drawn: it gives no axis range. Gaps longer than `gapAfter` seconds
+  // interrupt the curves.
+  show([times, ...columns], gapAfter) {
     const data = times.length > 1 ? [times.map((at) => at - times.at(-1)), ...columns] : [[], ...columns.map(() => [])];
-    this.plot.setData(withHoles(data, holeAfter));
-    // What is drawn, for whoever cannot see it.
+    this.plot.setData(withGaps(data, gapAfter));
+    // For tests of the page.
     this.element.dataset.points = String(data[0].length);
     this.element.dataset.curves = String(columns.length);
   }
 }
 
-// The last half minute of measured less estimated, with ± 2σ of both.
+// Residual (measured minus estimated CoP) of the last 30 s, with ± 2σ of measurement and estimate.
 export class ResidualChart extends Chart {
   constructor(element, words) {
-    const line = (label, stroke) => ({ label, stroke, width: 1.8, spanGaps: false, ...bare, value: (u, v) => (v == null ? "–" : v.toFixed(1)) });
-    const edge = (label) => ({ label, stroke: "transparent", ...bare });
+    const line = (label, stroke) => ({ label, stroke, width: 1.8, spanGaps: false, ...noPoints, value: (u, v) => (v == null ? "–" : v.toFixed(1)) });
+    const edge = (label) => ({ label, stroke: "transparent", ...noPoints });
     super(element, {
       series: [{ label: "t", value: () => "" }, line(words.forward, HUES[0]), line(words.left, HUES[3]), edge(words.noise), edge("\u00a0")],
       bands: [{ series: [3, 4], fill: "#1f6feb1f" }],
@@ -49,9 +49,9 @@ export class ResidualChart extends Chart {
     this.rows = [];
   }
 
-  take({ t, cop_measured: a, cop_estimated: b, cop_sigma: s, cop_measured_sigma: m = [0, 0] }) {
+  add({ t, cop_measured: a, cop_estimated: b, cop_sigma: s, cop_measured_sigma: m = [0, 0] }) {
     const last = this.rows.at(-1);
-    // Ten points a second are as many as can be seen; an older one is another daemon's.
+    // At most 10 points/s. Time runs backwards after a restart of the daemon: clear.
     if (last && t - last[0] < 0.1 && t >= last[0]) return;
     if (last && t < last[0]) this.rows = [];
     const both = a && b;
@@ -68,10 +68,10 @@ export class ResidualChart extends Chart {
   }
 }
 
-// Largest P_jj and the predicted σ of the CoP, both as millimetres, on a logarithmic axis, with where it stops.
+// √ of the largest P_jj, predicted σ of the CoP and its target, mm, on a logarithmic axis.
 export class ConvergenceChart extends Chart {
   constructor(element, words) {
-    const line = (label, stroke, more = {}) => ({ label, stroke, width: 2, ...bare, ...more });
+    const line = (label, stroke, more = {}) => ({ label, stroke, width: 2, ...noPoints, ...more });
     super(element, {
       series: [{ label: "t" }, line(words.variance, HUES[4]), line(words.cop_sigma, HUES[0]), line(words.target, "#566273", { dash: [6, 5], width: 1.2 })],
       scales: { y: { distr: 3 } }, axes: [axis({ values: ago }), axis({ size: 46, values: (u, splits) => splits.map((v) => (v == null ? "" : String(v))) })],
@@ -85,7 +85,7 @@ export class ConvergenceChart extends Chart {
   }
 }
 
-// Every parameter of Φ that the filter holds.
+// All parameters of the filter, mm.
 export class PhiChart {
   constructor(element) {
     this.element = element;
@@ -98,7 +98,7 @@ export class PhiChart {
     if (this.names !== names.join()) {
       this.names = names.join();
       this.element.replaceChildren();
-      const series = names.map((label, i) => ({ label, stroke: HUES[i % HUES.length], width: 1.5, dash: i >= HUES.length ? [6, 3] : [], ...bare }));
+      const series = names.map((label, i) => ({ label, stroke: HUES[i % HUES.length], width: 1.5, dash: i >= HUES.length ? [6, 3] : [], ...noPoints }));
       this.chart = new Chart(this.element, { series: [{ label: "t" }, ...series], legend: { show: false } }, [[], ...names.map(() => [])]);
     }
     this.chart.show([parameters.map(({ t }) => t),

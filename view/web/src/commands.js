@@ -1,10 +1,10 @@
-// The buttons. A command is a POST without a body that brings the token in a header of its own, which no other site can send;
-// the token is in this page's field and nowhere else.
+// Command buttons. A command is a POST without a body, with the token in a custom header, which other sites cannot send
+// (CORS). The token is stored only in the page's input field.
 import { oneAtATime } from "./once.js";
 import { t } from "./words.js";
 
-// Longer than any command takes. On a connection whose other end is gone an answer never comes, and buttons would wait for it.
-const ANSWER_WITHIN_MS = 30_000;
+// Longer than any command takes. Without it, a lost connection would block the buttons.
+const RESPONSE_TIMEOUT_MS = 30_000;
 
 export function commands(element) {
   const buttons = [...document.querySelectorAll("[data-command]")];
@@ -20,19 +20,19 @@ export function commands(element) {
 
   async function send(name) {
     if (name === "identify-reset" && !window.confirm(t("ui.sure"))) return;
-    tell("asking", t("ui.asking"));
+    showReply("pending", t("ui.asking"));
     const subject = name === "subject-load" ? `/${encodeURIComponent(element("subject").value)}` : "";
     try {
-      const answer = await fetch(`/api/command/${name}${subject}`, {
-        method: "POST", headers: { "X-Equipoise-Command": element("token").value }, signal: AbortSignal.timeout(ANSWER_WITHIN_MS),
+      const response = await fetch(`/api/command/${name}${subject}`, {
+        method: "POST", headers: { "X-Equipoise-Command": element("token").value }, signal: AbortSignal.timeout(RESPONSE_TIMEOUT_MS),
       });
-      tell(answer.ok ? "done" : "refused", (await answer.text()).trim());
+      showReply(response.ok ? "done" : "refused", (await response.text()).trim());
     } catch {
-      tell("refused", t("reason.lost"));
+      showReply("refused", t("reason.lost"));
     }
   }
 
-  function tell(kind, text) {
+  function showReply(kind, text) {
     element("reply").dataset.kind = kind;
     element("reply").textContent = text;
   }

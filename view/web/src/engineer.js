@@ -1,15 +1,15 @@
-// The engineer's page: where the numbers come from, how sure they are, what goes wrong, and what to do about it.
+// Engineer's page: estimates with uncertainty, identification, latency, sensors, incidents and commands.
 import { ConvergenceChart, PhiChart, ResidualChart } from "./charts.js";
 import { commands } from "./commands.js";
 import { drawPlate } from "./plate.js";
-import { Stream, painter, say } from "./stream.js";
+import { Stream, painter, setText } from "./stream.js";
 import { has, instruction, languageSwitch, reason, t } from "./words.js";
 
 const NUMBERS_EVERY_MS = 250;
-// As many as the service keeps.
+// As many as the server stores.
 const POINTS_MAX = 1200;
 const POINT_EVERY_S = 0.5;
-// An adapter tells its health once a second.
+// Adapters publish their health once a second.
 const ADAPTER_SILENT_AFTER_S = 3;
 const CONNECTION = { waiting: ["ui.connecting", "connecting"], live: ["ui.live"], silent: ["ui.no_data", "silent"], lost: ["ui.no_connection", "lost"] };
 
@@ -17,17 +17,17 @@ const element = (id) => document.getElementById(id);
 let charts = null;
 let history = { t: [], variance_max_m2: [], predicted_cop_sigma_m: [], nis: [], poses_used: [], parameters: [] };
 let numbersShown = -Infinity;
-let tabled = null;
+let shownFacts = null;
 
 const redraw = painter(draw);
 const frames = new Stream("/events", ["frame"], redraw);
 const station = new Stream("/events/station", ["station"], redraw);
 
-// What was before this page was opened.
-fetch("/api/history").then((answer) => (answer.ok ? answer.json() : null)).then((before) => {
-  if (before) history = before;
+// Curves from before this page was opened.
+fetch("/api/history").then((response) => (response.ok ? response.json() : null)).then((earlier) => {
+  if (earlier) history = earlier;
   redraw();
-}).catch(() => { /* the page shows what comes from now on */ });
+}).catch(() => { /* the curves then start now */ });
 
 function draw(now) {
   const frame = frames.newest();
@@ -35,21 +35,21 @@ function draw(now) {
   drawPlate(element("plate"), frame);
   element("plate").style.visibility = frame ? "" : "hidden";
   element("plate").dataset.drawn = [frame?.state.cop_measured && "measured", frame?.state.cop_estimated && "estimated", frame?.segment_origin_m && "support"].filter(Boolean).join(" ");
-  if (frame) charts.residual.take(frame.state);
+  if (frame) charts.residual.add(frame.state);
   if (now - numbersShown < NUMBERS_EVERY_MS && frame) return;
   numbersShown = now;
-  if (frame) keep(frame.state);
+  if (frame) record(frame.state);
   charts.residual.paint();
   charts.convergence.paint(history, frame?.cop_sigma_target_m);
   charts.phi.paint(history.parameters);
   element("phi-none").hidden = history.parameters.length > 0;
   showHead(frame, facts);
   showSensors(frame, facts);
-  if (facts !== tabled) showFacts(facts);
-  tabled = facts;
+  if (facts !== shownFacts) showFacts(facts);
+  shownFacts = facts;
 }
 
-function keep(state) {
+function record(state) {
   const last = history.t.at(-1);
   if (last !== undefined && state.t < last) for (const key of ["t", "variance_max_m2", "predicted_cop_sigma_m", "nis", "poses_used"]) history[key] = [];
   if (last !== undefined && state.t - last < POINT_EVERY_S && state.t >= last) return;
@@ -60,19 +60,19 @@ function keep(state) {
 }
 
 function showHead(frame, facts) {
-  const [pill, why] = CONNECTION[frames.connection];
+  const [pill, reasonName] = CONNECTION[frames.connection];
   const { dataset } = document.body;
   dataset.connection = frames.connection;
   dataset.phase = frame?.phase_name ?? "";
-  say(element("connection"), t(pill));
-  say(element("station"), facts?.station ?? "");
-  say(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
-  element("silent").hidden = !why;
-  say(element("silent"), why ? t(`reason.${why}`) : "");
+  setText(element("connection"), t(pill));
+  setText(element("station"), facts?.station ?? "");
+  setText(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
+  element("silent").hidden = !reasonName;
+  setText(element("silent"), reasonName ? t(`reason.${reasonName}`) : "");
   const { cop_measured: a, cop_estimated: b, nis, poses_used: poses, com_suit: suit } = frame?.state ?? {};
-  say(element("apart"), a && b ? `${(1000 * Math.hypot(a[0] - b[0], a[1] - b[1])).toFixed(1)} mm` : "–");
-  say(element("nis"), nis === undefined ? "–" : nis.toFixed(2));
-  say(element("poses"), poses === undefined ? "–" : String(poses));
+  setText(element("apart"), a && b ? `${(1000 * Math.hypot(a[0] - b[0], a[1] - b[1])).toFixed(1)} mm` : "–");
+  setText(element("nis"), nis === undefined ? "–" : nis.toFixed(2));
+  setText(element("poses"), poses === undefined ? "–" : String(poses));
   element("suit-com-legend").hidden = !suit;
   const reasons = frame?.reasons ?? [];
   const key = reasons.map(({ name }) => name).join() + document.documentElement.lang;
@@ -90,8 +90,8 @@ function showHead(frame, facts) {
 function showFacts(facts) {
   const suspicion = facts?.daemon?.model_suspicion;
   element("model").hidden = !suspicion;
-  // The heading has said the first half of the daemon's sentence, in the reader's language.
-  say(element("model-what"), suspicion?.replace(/^the model no longer explains this worker's data: /, "") ?? "");
+  // The heading replaces the first half of the daemon's sentence.
+  setText(element("model-what"), suspicion?.replace(/^the model no longer explains this worker's data: /, "") ?? "");
   element("model-report").hidden = !facts?.report;
   element("model-no-report").hidden = Boolean(facts?.report);
   element("report").hidden = !facts?.report;
@@ -100,30 +100,30 @@ function showFacts(facts) {
   rows("latency", stages.map((one) => [one.stage, ...[one.p50_ns, one.p99_ns, one.p99_9_ns, one.max_ns].map(micro)]), stages.map(({ definition }) => definition));
   const { latency, daemon } = facts ?? {};
   const loop = [["cycles", latency?.cycles], ["deadlines", latency?.deadlines_missed], ["skipped", latency?.slots_skipped],
-    ["faults", daemon?.loop_faults?.join(" + ")], ["subject", daemon && (daemon.subject || t("ui.nobody"))]];
+    ["faults", daemon?.loop_faults?.join(" + ")], ["subject", daemon && (daemon.subject || t("ui.unnamed"))]];
   element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`)], ["dd", value ?? "–"]].map(([kind, text]) =>
     Object.assign(document.createElement(kind), { textContent: text }))));
   showIncidents(facts?.incidents);
   if (facts?.parameters && facts.parameters.cycle !== history.parameters.at(-1)?.cycle) {
-    // Other names are another reduction, and a lower cycle another daemon: neither belongs into one picture.
+    // Other names: another reduction; a lower cycle: the daemon was restarted. Start a new chart in both cases.
     const last = history.parameters.at(-1);
     const same = last?.names.join() === facts.parameters.names.join() && last.cycle < facts.parameters.cycle;
     history.parameters = [...(same ? history.parameters.slice(-POINTS_MAX) : []), facts.parameters];
   }
 }
 
-// Two silences: of the sensor, whose newest sample grows old in the loop's eyes, and of the adapter that should tell of it.
+// Distinguishes a silent sensor (age of its newest sample in the loop) from a silent adapter (age of its health message).
 function showSensors(frame, facts) {
   const streams = ["suit", "ground"].map((stream) => {
     const ageNs = frame?.state[`${stream}_age_ns`];
-    const told = facts?.adapters?.find((one) => one.stream === stream);
-    const mute = told && told.said_s_ago > ADAPTER_SILENT_AFTER_S;
-    const adapter = mute ? t("ui.adapter_silent", { span: span(told.said_s_ago) }) : told ? t("ui.adapter_speaks") : "–";
-    const known = told && !mute;
+    const health = facts?.adapters?.find((one) => one.stream === stream);
+    const silent = health && health.said_s_ago > ADAPTER_SILENT_AFTER_S;
+    const adapter = silent ? t("ui.adapter_silent", { span: span(health.said_s_ago) }) : health ? t("ui.adapter_speaks") : "–";
+    const current = health && !silent;
     const stale = frame?.reasons.some(({ name }) => name === `${stream}_stale`);
     return {
-      faults: [false, Boolean(stale), Boolean(mute)],
-      cells: [t(`ui.${stream}`), ageNs === undefined ? "–" : age(ageNs * 1e-9), adapter, known ? `${told.rate_hz.toFixed(0)} Hz` : "–", told?.lost ?? "–", told?.refused ?? "–"],
+      faults: [false, Boolean(stale), Boolean(silent)],
+      cells: [t(`ui.${stream}`), ageNs === undefined ? "–" : age(ageNs * 1e-9), adapter, current ? `${health.rate_hz.toFixed(0)} Hz` : "–", health?.lost ?? "–", health?.refused ?? "–"],
     };
   });
   const key = JSON.stringify(streams);
@@ -148,7 +148,7 @@ function span(seconds) {
   return seconds < 120 ? `${seconds.toFixed(0)} s` : seconds < 7200 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(0)} h`;
 }
 
-// Null: no daemon says whether anything is wrong, which is not that nothing is.
+// `incidents` is null if no daemon publishes them: unknown, not none.
 function showIncidents(incidents) {
   const sorted = [...(incidents ?? [])].sort((a, b) => Number(b.active) - Number(a.active));
   const items = sorted.map((one) => {
@@ -156,10 +156,10 @@ function showIncidents(incidents) {
     item.classList.toggle("active", one.active);
     item.dataset.incident = one.name;
     const [head, more, todo] = ["b", "small", "small"].map((kind) => document.createElement(kind));
-    const known = (part, other) => (has(`incident.${one.name}.${part}`) ? t(`incident.${one.name}.${part}`) : other);
-    head.textContent = known("meaning", one.name);
+    const translated = (part, fallback) => (has(`incident.${one.name}.${part}`) ? t(`incident.${one.name}.${part}`) : fallback);
+    head.textContent = translated("meaning", one.name);
     more.textContent = `${one.name}: ${one.active ? t("ui.goes_on", { span: span(one.for_s) }) : t("ui.was", { count: one.begun, span: span(one.ended_s_ago) })}${one.what ? ` – ${one.what}` : ""}`;
-    todo.textContent = `${t("ui.to_do")}: ${known("do", "")}`;
+    todo.textContent = `${t("ui.to_do")}: ${translated("do", "")}`;
     item.append(head, more, ...(one.active ? [todo] : []));
     return item;
   });
@@ -181,7 +181,7 @@ window.addEventListener("resize", redraw);
 languageSwitch(element("languages"), () => {
   makeCharts();
   numbersShown = -Infinity;
-  tabled = undefined;
+  shownFacts = undefined;
   redraw();
 });
 commands(element);

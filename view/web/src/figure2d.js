@@ -1,30 +1,30 @@
-// The same figure drawn flat, for browsers without WebGL.
+// 2D figure, for browsers without WebGL.
 import { FEET, JOINT, LEVELS, add, bones, colour, headCentre, levelOf, prepared, sub } from "./body.js";
 import { isPlaced } from "./match.js";
-import { Standing } from "./standing.js";
-import { Turning } from "./turning.js";
+import { Orbit } from "./orbit.js";
+import { ViewCentre } from "./view_centre.js";
 
 const DISTANCE_M = 5.5;
-// From below the floor to hands held up, which are nearer.
+// Includes raised hands, enlarged by perspective, and a margin below the floor.
 const SHOWN_HEIGHT_M = 2.65;
 const SHOWN_WIDTH_M = 2.3;
 
-export class Figure2d extends Turning {
+export class Figure2d extends Orbit {
   constructor(canvas) {
     super(canvas);
     this.canvas = canvas;
-    this.standing = new Standing();
+    this.viewCentre = new ViewCentre();
   }
 
-  // `frame` is null while there is nothing to show.
-  draw(frame, off, reachedRad) {
+  // `frame` is null while no data are available. `deviations`: angle of each limb from the suggested pose, rad.
+  draw(frame, deviations, reachedRad) {
     const { context, width, height } = prepared(this.canvas);
     const origins = frame?.segment_origin_m;
-    const centre = this.standing.see(origins);
+    const centre = this.viewCentre.update(origins);
     this.project = this.camera(width, height, centre);
     const pen = new Pen(context, this.project);
     drawFloor(pen, centre, frame?.plate_corners_m);
-    if (frame?.suggested) drawGhost(context, pen, frame.suggested.segment_origin_m, (segment) => colour(isPlaced(segment, off, reachedRad) ? "green" : "ghost"));
+    if (frame?.suggested) drawGhost(context, pen, frame.suggested.segment_origin_m, (segment) => colour(isPlaced(segment, deviations, reachedRad) ? "green" : "ghost"));
     if (origins) {
       drawShadow(pen, origins, centre[2]);
       drawBody(pen, origins, () => colour("you"));
@@ -46,21 +46,21 @@ export class Figure2d extends Turning {
   }
 }
 
-// Draws in metres of the world.
+// Draws in world coordinates, m.
 class Pen {
   constructor(context, project) {
     this.context = context;
     this.project = project;
   }
 
-  // Thickness in metres, never thinner than `least` pixels.
+  // `thickness` in metres; at least `least` pixels.
   line(points, style, thickness, least = 2) {
     const { context } = this;
-    const seen = points.map(this.project);
+    const projected = points.map(this.project);
     context.beginPath();
-    for (const [x, y] of seen) context.lineTo(x, y);
+    for (const [x, y] of projected) context.lineTo(x, y);
     context.strokeStyle = style;
-    context.lineWidth = Math.max(least, thickness * seen[0][2]);
+    context.lineWidth = Math.max(least, thickness * projected[0][2]);
     context.lineCap = context.lineJoin = "round";
     context.stroke();
   }
@@ -113,7 +113,7 @@ function drawBody(pen, origins, styleOf, thickness = 1) {
   pen.disc(headCentre(origins), 0.105 * thickness, styleOf());
 }
 
-// Drawn solid on a canvas of its own and laid over as one: overlapping limbs would show twice.
+// Drawn opaque on a separate canvas, then blended once: otherwise overlapping limbs would be darker.
 function drawGhost(context, pen, origins, styleOf) {
   const { canvas } = context;
   const layer = new OffscreenCanvas(canvas.width, canvas.height);
@@ -137,7 +137,7 @@ function drawShadow(pen, origins, floor) {
 }
 
 function drawJoints(pen, origins, frame) {
-  // Nearer joints are drawn later, over those behind them.
+  // Painter's algorithm: far joints first.
   const order = JOINT.map((name, index) => ({ name, at: origins[index + 1] }))
     .sort((a, b) => pen.project(a.at)[2] - pen.project(b.at)[2]);
   for (const { name, at } of order) {

@@ -1,5 +1,4 @@
-// The figure in three dimensions: the worker in blue, the pose to take in black, and on the joints balls whose colour, size
-// and sign tell the level.
+// 3D figure: worker in blue, suggested pose in black, and a ball on each joint whose colour, size and sign show the level.
 import {
   AmbientLight, CanvasTexture, CircleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, DynamicDrawUsage,
   GridHelper, InstancedMesh, LineBasicMaterial, LineLoop, BufferGeometry, Matrix4, Mesh, MeshBasicMaterial,
@@ -8,14 +7,14 @@ import {
 } from "three";
 import { FEET, JOINT, LEVELS, bones, colour, headCentre, levelOf } from "./body.js";
 import { isPlaced } from "./match.js";
-import { Standing } from "./standing.js";
-import { Turning } from "./turning.js";
+import { Orbit } from "./orbit.js";
+import { ViewCentre } from "./view_centre.js";
 
 const DISTANCE_M = 5.5;
-// From below the floor to hands held up, which are nearer.
+// Includes raised hands, enlarged by perspective, and a margin below the floor.
 const SHOWN_HEIGHT_M = 2.65;
 const SHOWN_WIDTH_M = 2.0;
-// The pose to take is drawn thinner: who stands in it has its limbs inside the own ones.
+// The suggested pose is thinner, so that the worker's limbs cover it once they match.
 const GHOST_THICKNESS = 0.72;
 const BONES = 26;
 const BALLS = 2 * BONES;
@@ -25,7 +24,7 @@ const matrix = new Matrix4();
 const turn = new Quaternion();
 const [from, to, middle, along, size] = Array.from({ length: 5 }, () => new Vector3());
 
-// One body of capsules: a cylinder and two balls for every bone, and a head.
+// Body of capsules: a cylinder and two balls per bone, and a head.
 class Body {
   constructor(scene, { material, order, thickness = 1 }) {
     const instanced = (geometry, count) => {
@@ -42,8 +41,8 @@ class Body {
     this.meshes = [this.cylinders, this.balls];
   }
 
-  // Draws the same body once more, for instance into the depth only.
-  again(scene, material, order) {
+  // Adds another render pass of the same body with another material.
+  addPass(scene, material, order) {
     for (const mesh of [...this.meshes]) {
       const copy = new InstancedMesh(mesh.geometry, material, mesh.count);
       copy.instanceMatrix = mesh.instanceMatrix;
@@ -85,16 +84,16 @@ class Body {
       mesh.instanceMatrix.needsUpdate = true;
       if (mesh.instanceColor) mesh.instanceColor.needsUpdate = true;
     }
-    // Colours come into being with the first of them, after the copies.
+    // three.js allocates `instanceColor` at the first `setColorAt`, after the copies were made.
     this.meshes.forEach((mesh, i) => { mesh.instanceColor = this.meshes[i % 2].instanceColor; });
   }
 }
 
-// A ball with its level's sign, drawn once a level.
+// Material of a ball with its level's sign.
 function ball(level) {
   const canvas = Object.assign(document.createElement("canvas"), { width: 96, height: 96 });
   const context = canvas.getContext("2d");
-  // A small highlight: the colour is what is to be seen, and that of the legend.
+  // Small highlight only, so that the colour matches the legend.
   const light = context.createRadialGradient(34, 30, 1, 36, 32, 20);
   light.addColorStop(0, "#ffffff90");
   light.addColorStop(1, "#ffffff00");
@@ -117,22 +116,22 @@ function ball(level) {
   return new SpriteMaterial({ map, depthTest: false, transparent: true });
 }
 
-export class Figure3d extends Turning {
+export class Figure3d extends Orbit {
   constructor(canvas) {
     super(canvas);
     this.canvas = canvas;
     // Throws where the browser has no WebGL.
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
-    this.standing = new Standing();
+    this.viewCentre = new ViewCentre();
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
     this.camera.up.set(0, 0, 1);
     this.lights();
     this.floor();
     this.worker = new Body(this.scene, { material: new MeshLambertMaterial({ color: colour("you") }), order: 0 });
-    // First into the depth only, then as one: overlapping limbs would show twice.
+    // Depth pass first, then one blended pass: otherwise overlapping limbs would be darker.
     this.ghost = new Body(this.scene, { material: new MeshBasicMaterial({ colorWrite: false }), order: 1, thickness: GHOST_THICKNESS });
-    this.ghost.again(this.scene, new MeshLambertMaterial({ transparent: true, opacity: 0.7 }), 2);
+    this.ghost.addPass(this.scene, new MeshLambertMaterial({ transparent: true, opacity: 0.7 }), 2);
     this.shades = { black: new Color("#0b0e12"), placed: new Color(colour("green")) };
     this.materials = Object.fromEntries(Object.keys(LEVELS).map((level) => [level, ball(level)]));
     this.joints = JOINT.map(() => {
@@ -159,17 +158,17 @@ export class Figure3d extends Turning {
     this.scene.add(this.ground, this.grid, this.plate, ...this.shadows);
   }
 
-  // `frame` is null while there is nothing to show; `off` says how far each limb is from the pose asked for, rad.
-  draw(frame, off, reachedRad) {
+  // `frame` is null while no data are available. `deviations`: angle of each limb from the suggested pose, rad.
+  draw(frame, deviations, reachedRad) {
     const origins = frame?.segment_origin_m;
-    const [x, y, z] = this.standing.see(origins);
+    const [x, y, z] = this.viewCentre.update(origins);
     this.ground.position.set(x, y, z - 0.004);
     this.grid.position.set(Math.round(x * 4) / 4, Math.round(y * 4) / 4, z - 0.002);
     this.plate.visible = Boolean(frame?.plate_corners_m);
     if (this.plate.visible) this.plate.geometry.setFromPoints(frame.plate_corners_m.map(([a, b]) => new Vector3(a, b, z)));
     if (origins) this.worker.show(origins);
     else this.worker.hide();
-    if (frame?.suggested) this.ghost.show(frame.suggested.segment_origin_m, (segment) => this.shadeOf(segment, off, reachedRad));
+    if (frame?.suggested) this.ghost.show(frame.suggested.segment_origin_m, (segment) => this.shadeOf(segment, deviations, reachedRad));
     else this.ghost.hide();
     this.shadows.forEach((shadow, i) => {
       shadow.visible = Boolean(origins);
@@ -178,23 +177,23 @@ export class Figure3d extends Turning {
       shadow.position.set((heel[0] + toe[0]) / 2, (heel[1] + toe[1]) / 2, z);
     });
     this.drawJoints(frame, origins);
-    this.look([x, y, z + 1.06]);
+    this.aimCamera([x, y, z + 1.06]);
     this.renderer.render(this.scene, this.camera);
-    // What was drawn, for whoever cannot see it.
+    // For tests of the page.
     this.canvas.dataset.drawn = [origins && "worker", frame?.suggested && "suggested"].filter(Boolean).join(" ");
     this.canvas.dataset.triangles = String(this.renderer.info.render.triangles);
   }
 
-  shadeOf(segment, off, reachedRad) {
-    return isPlaced(segment, off, reachedRad) ? this.shades.placed : this.shades.black;
+  shadeOf(segment, deviations, reachedRad) {
+    return isPlaced(segment, deviations, reachedRad) ? this.shades.placed : this.shades.black;
   }
 
   drawJoints(frame, origins) {
-    // Before the body is known nothing can be said of joints.
-    const judged = origins && frame.state.phase === "monitoring";
+    // Levels are available only after identification.
+    const evaluated = origins && frame.state.phase === "monitoring";
     this.joints.forEach((sprite, i) => {
-      sprite.visible = Boolean(judged);
-      if (!judged) return;
+      sprite.visible = Boolean(evaluated);
+      if (!evaluated) return;
       const level = levelOf(frame, JOINT[i]);
       sprite.material = this.materials[level] ?? this.materials.none;
       sprite.scale.setScalar(2 * (LEVELS[level] ?? LEVELS.none).radius);
@@ -202,7 +201,7 @@ export class Figure3d extends Turning {
     });
   }
 
-  look(target) {
+  aimCamera(target) {
     const { width, height } = this.canvas.getBoundingClientRect();
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
     if (this.width !== width || this.height !== height || this.ratio !== ratio) {
@@ -221,9 +220,9 @@ export class Figure3d extends Turning {
     this.lamp.target.position.set(...target);
   }
 
-  // Where a point of the world is on the canvas, CSS pixels.
+  // Canvas position of a world point, CSS pixels.
   project(point) {
-    const seen = from.fromArray(point).project(this.camera);
-    return [(seen.x + 1) * this.width / 2, (1 - seen.y) * this.height / 2];
+    const clip = from.fromArray(point).project(this.camera);
+    return [(clip.x + 1) * this.width / 2, (1 - clip.y) * this.height / 2];
   }
 }

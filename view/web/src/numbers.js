@@ -1,8 +1,8 @@
-// Numbers for people: with the decimal sign of the language in which they are told.
+// Number formats with the decimal sign of the page's language.
 
 export const number = (value, digits, language) =>
   value.toLocaleString(language, { minimumFractionDigits: digits, maximumFractionDigits: digits });
 
-// What is in the hands. Too little to be judged is not nothing; and who leans on something carries nothing: the plate then
-// bears less than the body.
+// Mass of the load. Not shown below the detection limit, nor if negative: the worker then leans on something and the plate
+// measures less than the body weight.
 export const load = (massKg, language) => (massKg > 0 ? `${number(massKg, 1, language)} kg` : "–");

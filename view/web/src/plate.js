@@ -1,7 +1,7 @@
-// The plate from above: the worker faces up, so left is left.
+// Plate from above. World X (forward) is up, world Y (left) is left.
 import { FEET, colour, prepared } from "./body.js";
 
-const LEAST_SHOWN_M = 0.62;
+const SHOWN_MIN_M = 0.62;
 
 export function drawPlate(canvas, frame) {
   const { context, width, height } = prepared(canvas);
@@ -10,14 +10,13 @@ export function drawPlate(canvas, frame) {
   const origins = frame.segment_origin_m;
   const feet = origins ? FEET.map((foot) => foot.map((segment) => origins[segment])) : [];
   const corners = frame.plate_corners_m;
-  const seen = corners ?? feet.flat();
-  const known = seen.length ? seen : [measured, estimated].filter(Boolean);
-  if (!known.length) return;
+  const outline = corners ?? feet.flat();
+  const shown = outline.length ? outline : [measured, estimated].filter(Boolean);
+  if (!shown.length) return;
 
-  // World X (forward) is up, world Y (left) is left.
-  const range = [0, 1].map((axis) => known.map((p) => p[axis]));
+  const range = [0, 1].map((axis) => shown.map((p) => p[axis]));
   const [middleX, middleY] = range.map((values) => (Math.min(...values) + Math.max(...values)) / 2);
-  const [spanX, spanY] = range.map((values) => Math.max(LEAST_SHOWN_M, Math.max(...values) - Math.min(...values) + 0.08));
+  const [spanX, spanY] = range.map((values) => Math.max(SHOWN_MIN_M, Math.max(...values) - Math.min(...values) + 0.08));
   const scale = Math.min(height / spanX, width / spanY);
   const at = ([x, y]) => [width / 2 - (y - middleY) * scale, height / 2 - (x - middleX) * scale];
 
@@ -29,8 +28,8 @@ export function drawPlate(canvas, frame) {
     stroke(context, colour("none"), 1.5);
   }
   if (feet.length) {
-    // Where the ground can push: what lies between the soles.
-    path(context, hull(feet.flatMap(sole)).map(at));
+    // Support polygon.
+    path(context, hull(feet.flatMap(footOutline)).map(at));
     context.closePath();
     context.fillStyle = "#dfe7f3";
     context.fill();
@@ -51,7 +50,7 @@ export function drawPlate(canvas, frame) {
   if (estimated) {
     const [x, y] = at(estimated);
     if (sigma) {
-      // Two sigma: the true point is inside in about 86 of 100 cases.
+      // 2σ ellipse: contains the true point with a probability of 86 %.
       context.beginPath();
       context.ellipse(x, y, Math.max(2, 2 * sigma[1] * scale), Math.max(2, 2 * sigma[0] * scale), 0, 0, 2 * Math.PI);
       context.globalAlpha = 0.22;
@@ -71,7 +70,7 @@ export function drawPlate(canvas, frame) {
     context.fill();
   }
   if (suitCom) {
-    // What the suit's maker takes for this body's centre of mass: an average body's.
+    // Centre of mass by the suit's software, from an average body.
     const [x, y] = at(suitCom);
     path(context, [[x, y - 6], [x + 6, y], [x, y + 6], [x - 6, y]]);
     context.closePath();
@@ -86,15 +85,16 @@ export function drawPlate(canvas, frame) {
   }
 }
 
-// The corners of a sole, from the joints of its foot: a third of their distance behind the ankle and before the ball.
-function sole([heel, ball]) {
+// Corners of a foot outline from ankle and ball of the foot: it extends 0.33 of their distance behind the ankle and 0.4 in
+// front of the ball.
+function footOutline([heel, ball]) {
   const [ax, ay] = [ball[0] - heel[0], ball[1] - heel[1]];
   const length = Math.max(Math.hypot(ax, ay), 1e-6);
   const side = [-ay / length * 0.045, ax / length * 0.045];
   return [-0.33, 1.4].flatMap((k) => [1, -1].map((s) => [heel[0] + k * ax + s * side[0], heel[1] + k * ay + s * side[1]]));
 }
 
-// The convex hull, counterclockwise (Andrew's monotone chain).
+// Convex hull, counterclockwise (Andrew's monotone chain).
 export function hull(points) {
   const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   const turns = (o, a, b) => (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);

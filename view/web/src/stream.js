@@ -1,79 +1,79 @@
-// The service's event stream: the newest frame, or why there is none.
+// Event stream of the server: the newest frame, or the connection state if there is none.
 
-// The service speaks 60 times a second, and once a second when it has nothing to say.
+// The server sends 60 events/s; once a second if there are no data.
 const LOST_AFTER_MS = 2500;
-// A connection whose other end is gone without a word stays open for a browser, for minutes: who hears nothing for so long
-// asks anew, and gives every attempt as long.
-const RENEWED_AFTER_MS = 5000;
+// Browsers detect a vanished peer only after minutes. Reconnect after this time without an event, counted
+// from the start of each attempt.
+const RECONNECT_AFTER_MS = 5000;
 
 export class Stream {
-  // `changed` is called when something new is there; whoever draws asks for it when the screen is ready.
+  // `changed` is called at each event; the drawing code reads `newest` when the screen is ready.
   constructor(address, names, changed) {
     this.address = address;
     this.names = names;
     this.changed = changed;
     this.connection = "waiting"; // or live, silent, lost
     this.frame = null;
-    this.heard = performance.now();
+    this.lastEventAt = performance.now();
     this.connect();
-    // The browser tries again by itself, but gives up after some errors, and does not notice a frozen service.
+    // The browser reconnects automatically, but gives up after some errors and does not detect a frozen server.
     setInterval(() => {
       const now = performance.now();
-      if (now - this.heard > LOST_AFTER_MS) this.become("lost");
-      const mute = now - Math.max(this.heard, this.asked) > RENEWED_AFTER_MS;
-      if (this.connection === "lost" && (mute || this.source.readyState === EventSource.CLOSED)) this.connect();
+      if (now - this.lastEventAt > LOST_AFTER_MS) this.setConnection("lost");
+      const timedOut = now - Math.max(this.lastEventAt, this.attemptAt) > RECONNECT_AFTER_MS;
+      if (this.connection === "lost" && (timedOut || this.source.readyState === EventSource.CLOSED)) this.connect();
     }, 1000);
   }
 
   connect() {
     this.source?.close();
-    this.asked = performance.now();
+    this.attemptAt = performance.now();
     this.source = new EventSource(this.address);
     for (const name of this.names) {
       this.source.addEventListener(name, (event) => {
-        // Kept as text: of two that come between two pictures only the newer is read.
+        // Parsed on demand: of several events between two screen refreshes only the newest is needed.
         this.text = event.data;
-        this.hear("live");
+        this.receive("live");
       });
     }
-    this.source.addEventListener("silent", () => this.hear("silent"));
-    this.source.addEventListener("error", () => this.become("lost"));
+    this.source.addEventListener("silent", () => this.receive("silent"));
+    this.source.addEventListener("error", () => this.setConnection("lost"));
   }
 
-  hear(connection) {
-    this.heard = performance.now();
-    this.become(connection);
+  receive(connection) {
+    this.lastEventAt = performance.now();
+    this.setConnection(connection);
     this.changed();
   }
 
-  become(connection) {
-    if (connection !== "live") this.text = this.frame = null; // never show what may no longer be true
+  setConnection(connection) {
+    if (connection !== "live") this.text = this.frame = null; // stale data must not be displayed
     if (connection === this.connection) return;
     this.connection = connection;
     this.changed();
   }
 
-  // The newest frame, read when it is needed; `null` if there is none.
+  // The newest frame, or `null`.
   newest() {
     if (this.text) [this.frame, this.text] = [JSON.parse(this.text), null];
     return this.frame;
   }
 }
 
-// Calls `draw` at the screen's pace, and only when asked.
+// Returns a function that schedules one `draw` at the next screen refresh.
 export function painter(draw) {
-  let asked = false;
+  let scheduled = false;
   return () => {
-    if (asked) return;
-    asked = true;
+    if (scheduled) return;
+    scheduled = true;
     requestAnimationFrame((now) => {
-      asked = false;
+      scheduled = false;
       draw(now);
     });
   };
 }
 
-// Unchanged text is left alone: screen readers would read it again.
-export function say(element, text) {
+// Sets a text only if it differs: screen readers would repeat it.
+export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

@@ -1,44 +1,44 @@
-// Sentences in the reader's language. The tables are those that the service itself speaks from.
+// Texts in the selected language, from the tables that the server uses too.
 import de from "../../src/words/de.json";
 import en from "../../src/words/en.json";
 import it from "../../src/words/it.json";
 
 export const LANGUAGES = { en, de, it };
-const KEPT_AS = "equipoise.language";
+const STORAGE_KEY = "equipoise.language";
 
 let code = "en";
 
-// `values` stand in the sentence for what is in braces. A key that no table has is shown as it is.
+// Text of a key; `values` replace the placeholders in braces. An unknown key is returned as it is.
 export function t(key, values = {}) {
   const sentence = LANGUAGES[code][key] ?? en[key] ?? key;
-  return sentence.replace(/\{(\w+)\}/g, (place, name) => values[name] ?? place);
+  return sentence.replace(/\{(\w+)\}/g, (placeholder, name) => values[name] ?? placeholder);
 }
 
 export const language = () => code;
 export const has = (key) => key in en;
 
-// A stopped browser's storage may refuse; the choice is then forgotten with the page.
-function kept() {
-  try { return localStorage.getItem(KEPT_AS); } catch { return null; }
+// Browsers may block the storage; the choice is then lost when the page is closed.
+function stored() {
+  try { return localStorage.getItem(STORAGE_KEY); } catch { return null; }
 }
 
-// The address says it, or what was chosen here before, or what the browser prefers.
+// By priority: `?lang=`, the stored choice, the browser's languages, English.
 export function preferred() {
-  const asked = [new URLSearchParams(location.search).get("lang"), kept(), ...(navigator.languages ?? [])];
-  return asked.map((one) => one?.slice(0, 2).toLowerCase()).find((one) => one in LANGUAGES) ?? "en";
+  const candidates = [new URLSearchParams(location.search).get("lang"), stored(), ...(navigator.languages ?? [])];
+  return candidates.map((one) => one?.slice(0, 2).toLowerCase()).find((one) => one in LANGUAGES) ?? "en";
 }
 
-export function speak(chosen, keep = false) {
+export function setLanguage(chosen, store = false) {
   code = chosen;
-  if (keep) {
-    try { localStorage.setItem(KEPT_AS, chosen); } catch { /* as above */ }
+  if (store) {
+    try { localStorage.setItem(STORAGE_KEY, chosen); } catch { /* storage blocked */ }
   }
   document.documentElement.lang = chosen;
   for (const element of document.querySelectorAll("[data-t]")) element.textContent = t(element.dataset.t);
   for (const element of document.querySelectorAll("[data-t-label]")) element.setAttribute("aria-label", t(element.dataset.tLabel));
 }
 
-// One button a language; `changed` is called after a choice.
+// Creates one button per language; calls `changed` after each choice.
 export function languageSwitch(group, changed) {
   const buttons = Object.keys(LANGUAGES).map((one) => {
     const button = document.createElement("button");
@@ -50,8 +50,8 @@ export function languageSwitch(group, changed) {
     button.addEventListener("click", () => choose(one, true));
     return button;
   });
-  const choose = (one, keep) => {
-    speak(one, keep);
+  const choose = (one, store) => {
+    setLanguage(one, store);
     for (const button of buttons) button.setAttribute("aria-pressed", String(button.dataset.language === one));
     changed();
   };
@@ -63,13 +63,13 @@ export const capitalised = (text) => text.charAt(0).toUpperCase() + text.slice(1
 
 const POSES = Object.keys(en).filter((key) => key.startsWith("pose.")).map((key) => key.slice(5)).sort((a, b) => b.length - a.length);
 
-// A pose's English name in the reader's language. What a model file adds to a name (a turn, a purpose) stays as it is.
+// Translates a pose's English name. Additions of a model file to the name (a turn, a purpose) stay English.
 export function pose(name) {
-  const known = POSES.find((one) => name.includes(one));
-  return known ? name.replace(known, t(`pose.${known}`)) : name;
+  const match = POSES.find((one) => name.includes(one));
+  return match ? name.replace(match, t(`pose.${match}`)) : name;
 }
 
-// What the service says, in the reader's language; of a reason only what stands before its colon.
+// Translates an instruction; of a reason only the part before the colon.
 export function instruction({ key, text, joint, pose: name }) {
   if (!has(key)) return text;
   if (key.startsWith("reason.")) return t(key).split(": ")[0];

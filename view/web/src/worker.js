@@ -1,14 +1,14 @@
-// The worker's page: shows what the service says. Levels, reasons and validity come from there; words from the tables.
+// Worker's page. Levels, reasons and validity come from the daemon, texts from the tables.
 import { JOINT, LEVELS } from "./body.js";
 import { Figure2d } from "./figure2d.js";
 import { Figure3d } from "./figure3d.js";
 import { Hold } from "./hold.js";
-import { LIMB_REACHED_RAD, limbsOff, share, worstLimb } from "./match.js";
+import { LIMB_REACHED_RAD, limbDeviations, share, worstLimb } from "./match.js";
 import { load } from "./numbers.js";
-import { Stream, painter, say } from "./stream.js";
+import { Stream, painter, setText } from "./stream.js";
 import { capitalised, instruction, language, languageSwitch, reason, t } from "./words.js";
 
-// Numbers that change faster than this cannot be read.
+// Faster changes are not readable.
 const NUMBERS_EVERY_MS = 250;
 const FATIGUE_ROWS = 5;
 const FATIGUE_MIN = 0.01;
@@ -23,7 +23,7 @@ const element = (id) => document.getElementById(id);
 const hold = new Hold();
 let numbersShown = -Infinity;
 
-// A canvas that was asked for one kind of context gives no other: a browser without WebGL gets a new one.
+// A canvas provides only one kind of context: without WebGL it is replaced.
 function makeFigure() {
   try {
     const figure = new Figure3d(element("figure"));
@@ -44,43 +44,43 @@ const stream = new Stream("/events", ["frame"], redraw);
 
 function draw(now) {
   const newest = stream.newest();
-  // A pose to take is drawn where the worker stands: nowhere, while that is not known.
+  // The suggested pose is drawn at the worker's position, and omitted while that is unavailable.
   const frame = newest && (newest.segment_origin_m ? newest : { ...newest, suggested: undefined });
-  const off = frame?.suggested && frame.segment_origin_m
-    ? limbsOff(frame.segment_origin_m, frame.suggested.segment_origin_m) : null;
-  figure.draw(frame, off, LIMB_REACHED_RAD);
+  const deviations = frame?.suggested && frame.segment_origin_m
+    ? limbDeviations(frame.segment_origin_m, frame.suggested.segment_origin_m) : null;
+  figure.draw(frame, deviations, LIMB_REACHED_RAD);
   showWords(frame);
   showHold(frame, now);
   showWorstLabel(frame);
   if (now - numbersShown > NUMBERS_EVERY_MS || !frame) {
     numbersShown = now;
-    showMatch(frame, off);
+    showMatch(frame, deviations);
     showProgress(frame);
     showJoints(frame);
   }
 }
 
 function showWords(frame) {
-  const told = CONNECTION[stream.connection];
+  const connection = CONNECTION[stream.connection];
   const { dataset } = document.body;
   dataset.connection = stream.connection;
   dataset.phase = frame?.phase_name ?? "";
   dataset.posing = String(Boolean(frame?.suggested));
-  say(element("connection"), t(told.pill));
-  say(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
-  const headline = frame ? instruction(frame.instruction) : told.reason ? instruction({ key: `reason.${told.reason}` }) : "";
-  say(element("instruction"), headline);
-  element("instruction").dataset.tone = frame ? frame.instruction.tone : told.tone ?? "calm";
+  setText(element("connection"), t(connection.pill));
+  setText(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
+  const headline = frame ? instruction(frame.instruction) : connection.reason ? instruction({ key: `reason.${connection.reason}` }) : "";
+  setText(element("instruction"), headline);
+  element("instruction").dataset.tone = frame ? frame.instruction.tone : connection.tone ?? "calm";
   element("no-picture").hidden = Boolean(frame?.segment_origin_m);
-  showReasons(frame ? frame.reasons : told.reason ? [{ name: told.reason, fault: stream.connection === "lost" }] : []);
+  showReasons(frame ? frame.reasons : connection.reason ? [{ name: connection.reason, fault: stream.connection === "lost" }] : []);
 }
 
 function showReasons(reasons) {
-  // What is only to be known, not to be done, is in the large sentence already.
-  const told = reasons.filter(({ name }) => !["not_identified", "below_load_threshold"].includes(name));
-  // While equipment fails, what follows from it is no news and nothing that the worker could do.
-  const faults = told.filter(({ fault }) => fault);
-  const shown = faults.length ? faults : told;
+  // These need no action and are in the headline already.
+  const relevant = reasons.filter(({ name }) => !["not_identified", "below_load_threshold"].includes(name));
+  // During an equipment fault, the other reasons are its consequences: omit them.
+  const faults = relevant.filter(({ fault }) => fault);
+  const shown = faults.length ? faults : relevant;
   element("reasons-card").hidden = shown.length === 0;
   const lines = shown.map(reason);
   const key = lines.join("\n");
@@ -98,20 +98,20 @@ function showReasons(reasons) {
   }));
 }
 
-// Whether a pose is asked for that the worker is to hold now.
-const asked = (frame) => Boolean(frame?.suggested && frame.phase_name !== "degraded" && frame.state.pose_mismatch_rad !== undefined && frame.segment_origin_m);
+// Whether the worker should take a pose now.
+const isPoseRequested = (frame) => Boolean(frame?.suggested && frame.phase_name !== "degraded" && frame.state.pose_mismatch_rad !== undefined && frame.segment_origin_m);
 
 function showHold(frame, now) {
-  const reached = asked(frame) && frame.state.pose_mismatch_rad < frame.pose_reached_rad;
-  const seen = hold.see(now, {
-    origins: frame?.segment_origin_m, reached, still: frame?.state.static_pose, poses: frame?.state.poses_used ?? null,
+  const reached = isPoseRequested(frame) && frame.state.pose_mismatch_rad < frame.pose_reached_rad;
+  const ring = hold.update(now, {
+    origins: frame?.segment_origin_m, reached, isStatic: frame?.state.static_pose, poses: frame?.state.poses_used ?? null,
   });
-  const shown = seen.done || reached;
-  const full = seen.done || seen.share === 1;
+  const shown = ring.done || reached;
+  const full = ring.done || ring.share === 1;
   element("hold").hidden = !shown;
   element("hold").dataset.state = full ? "full" : "filling";
-  element("hold-fill").style.strokeDashoffset = String(100 * (1 - (seen.done ? 1 : seen.share)));
-  say(element("hold-text"), t(seen.done ? "ui.hold_done" : seen.share > 0.3 ? "ui.hold_keep" : "ui.hold_still"));
+  element("hold-fill").style.strokeDashoffset = String(100 * (1 - (ring.done ? 1 : ring.share)));
+  setText(element("hold-text"), t(ring.done ? "ui.hold_done" : ring.share > 0.3 ? "ui.hold_keep" : "ui.hold_still"));
 }
 
 function showWorstLabel(frame) {
@@ -120,11 +120,11 @@ function showWorstLabel(frame) {
   const shown = Boolean(worst && frame.segment_origin_m && !["none", "green"].includes(worst.level));
   label.hidden = !shown;
   if (!shown) return;
-  say(label, `${capitalised(t(`joint.${worst.joint}`))}: ${t(`level.${worst.level}`)}`);
+  setText(label, `${capitalised(t(`joint.${worst.joint}`))}: ${t(`level.${worst.level}`)}`);
   label.dataset.level = worst.level;
   const [x, y] = figure.project(frame.segment_origin_m[JOINT.indexOf(worst.joint) + 1]);
   const { width } = figure.canvas.getBoundingClientRect();
-  // Beside the body, not across it, where there is room.
+  // Next to the body, if the space suffices.
   const [[middle], wide] = [figure.project(frame.segment_origin_m[0]), label.offsetWidth];
   const sides = [x + 50, x - 50 - wide];
   if (x < middle) sides.reverse();
@@ -138,14 +138,14 @@ function fill(bar, part) {
   bar.setAttribute("aria-valuenow", (100 * part).toFixed(0));
 }
 
-function showMatch(frame, off) {
-  element("match-card").hidden = !asked(frame);
-  if (!asked(frame)) return;
+function showMatch(frame, deviations) {
+  element("match-card").hidden = !isPoseRequested(frame);
+  if (!isPoseRequested(frame)) return;
   const part = share(frame.state.pose_mismatch_rad, frame.pose_reached_rad);
-  say(element("match-share"), `${(100 * part).toFixed(0)} %`);
+  setText(element("match-share"), `${(100 * part).toFixed(0)} %`);
   fill(element("match-bar"), part);
-  const limb = part < 1 && worstLimb(off);
-  say(element("match-words"), part >= 1 ? t("ui.match_good") : limb ? t("ui.match_limb", { limb: t(`limb.${limb}`) }) : "");
+  const limb = part < 1 && worstLimb(deviations);
+  setText(element("match-words"), part >= 1 ? t("ui.match_good") : limb ? t("ui.match_limb", { limb: t(`limb.${limb}`) }) : "");
 }
 
 function showProgress(frame) {
@@ -155,10 +155,10 @@ function showProgress(frame) {
   const [sigma, target] = [state.predicted_cop_sigma_m, frame.cop_sigma_target_m];
   const part = state.converged ? 1 : sigma && target ? Math.min(0.99, target / sigma) : Math.min(0.9, state.poses_used / 8);
   const count = state.poses_used;
-  say(element("poses"), t(count === 0 ? "ui.progress_none" : count === 1 ? "ui.progress_one" : "ui.progress_many", { count }));
+  setText(element("poses"), t(count === 0 ? "ui.progress_none" : count === 1 ? "ui.progress_one" : "ui.progress_many", { count }));
   fill(element("progress-bar"), part);
   const words = part >= 1 ? "done" : part > 0.75 ? "nearly" : part > 0.4 ? "half" : "early";
-  say(element("progress-words"), t(`ui.progress_${words}`));
+  setText(element("progress-words"), t(`ui.progress_${words}`));
 }
 
 function showJoints(frame) {
@@ -171,20 +171,20 @@ function showJoints(frame) {
   if (worst) {
     const dot = element("worst").querySelector(".dot");
     dot.dataset.level = worst.level;
-    say(dot, LEVELS[worst.level]?.sign ?? "");
-    say(element("worst-name"), capitalised(t(`joint.${worst.joint}`)));
-    say(element("worst-level"), t(`level.${worst.level}`));
+    setText(dot, LEVELS[worst.level]?.sign ?? "");
+    setText(element("worst-name"), capitalised(t(`joint.${worst.joint}`)));
+    setText(element("worst-level"), t(`level.${worst.level}`));
   }
-  say(element("joints-words"), worst ? "" : t("ui.joints_unloaded"));
+  setText(element("joints-words"), worst ? "" : t("ui.joints_unloaded"));
   element("advice").hidden = !frame.advice_name;
-  say(element("advice"), frame.advice_name ? t(`advice.${frame.advice_name}`) : "");
-  say(element("load"), load(state.lifted_mass_kg, language()));
+  setText(element("advice"), frame.advice_name ? t(`advice.${frame.advice_name}`) : "");
+  setText(element("load"), load(state.lifted_mass_kg, language()));
   showFatigue(state.fatigue ?? {});
 }
 
 function showFatigue(fatigue) {
-  const tired = Object.entries(fatigue).filter(([, part]) => part >= FATIGUE_MIN).sort((a, b) => b[1] - a[1]).slice(0, FATIGUE_ROWS);
-  const rows = tired.map(([joint, part]) => {
+  const fatigued = Object.entries(fatigue).filter(([, part]) => part >= FATIGUE_MIN).sort((a, b) => b[1] - a[1]).slice(0, FATIGUE_ROWS);
+  const rows = fatigued.map(([joint, part]) => {
     const row = document.createElement("li");
     const bar = document.createElement("div");
     bar.className = "bar";

@@ -6,30 +6,30 @@ import { Hold } from "../src/hold.js";
 const standing = () => Array.from({ length: 23 }, (_, i) => [0, 0, i / 10]);
 const moved = (by) => standing().map(([x, y, z]) => [x + by, y, z]);
 
-test("the ring fills while nothing moves, and is full only when the service says so", () => {
+test("the ring fills during stillness and is full only for a static pose", () => {
   const hold = new Hold();
-  const seen = (now, still = false, origins = standing()) => hold.see(now, { origins, reached: true, still, poses: 0 }).share;
-  assert.equal(seen(0), 0);
-  assert.ok(seen(400) > 0.3 && seen(400) < 0.6);
-  assert.ok(seen(60_000) < 1, "not by waiting");
-  assert.equal(seen(60_010, true), 1);
+  const share = (now, isStatic = false, origins = standing()) => hold.update(now, { origins, reached: true, isStatic, poses: 0 }).share;
+  assert.equal(share(0), 0);
+  assert.ok(share(400) > 0.3 && share(400) < 0.6);
+  assert.ok(share(60_000) < 1, "not full by time alone");
+  assert.equal(share(60_010, true), 1);
 });
 
-test("who moves, or leaves the pose, begins again", () => {
+test("motion or another pose resets the ring", () => {
   const hold = new Hold();
-  const see = (now, origins, reached = true) => hold.see(now, { origins, reached, still: false, poses: 0 }).share;
-  see(0, standing());
-  assert.ok(see(500, moved(0.01)) > 0, "a body sways");
-  assert.equal(see(600, moved(0.05)), 0);
-  assert.equal(see(1200, moved(0.05), false), 0);
-  assert.equal(see(1300, null), 0, "nothing is known of the worker");
+  const share = (now, origins, reached = true) => hold.update(now, { origins, reached, isStatic: false, poses: 0 }).share;
+  share(0, standing());
+  assert.ok(share(500, moved(0.01)) > 0, "sway is no motion");
+  assert.equal(share(600, moved(0.05)), 0);
+  assert.equal(share(1200, moved(0.05), false), 0);
+  assert.equal(share(1300, null), 0, "no data of the worker");
 });
 
-test("a pose that was taken is told once", () => {
+test("a recorded pose is reported once", () => {
   const hold = new Hold();
-  const see = (now, poses) => hold.see(now, { origins: standing(), reached: false, still: false, poses }).done;
-  assert.equal(see(0, 3), false, "who comes late sees nothing done");
-  assert.equal(see(100, 4), true);
-  assert.equal(see(10_000, 4), false);
-  assert.equal(see(10_100, 0), false, "forgotten poses are no success");
+  const isDone = (now, poses) => hold.update(now, { origins: standing(), reached: false, isStatic: false, poses }).done;
+  assert.equal(isDone(0, 3), false, "poses recorded before the page was opened");
+  assert.equal(isDone(100, 4), true);
+  assert.equal(isDone(10_000, 4), false);
+  assert.equal(isDone(10_100, 0), false, "discarded poses");
 });

@@ -1,53 +1,53 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { REST_MS, oneAtATime } from "../src/once.js";
+import { COOLDOWN_MS, oneAtATime } from "../src/once.js";
 
 const button = () => ({ setAttribute(name, value) { this[name] = value; } });
 
-// `answer` and `fail` end the command that is on its way.
-function pressed(t) {
+// `pending.succeed` and `pending.fail` end the command in progress.
+function setUp(t) {
   t.mock.timers.enable({ apis: ["setTimeout"] });
-  const [buttons, sent, way] = [[button(), button()], [], {}];
+  const [buttons, sent, pending] = [[button(), button()], [], {}];
   const press = oneAtATime(buttons, (name) => {
     sent.push(name);
-    return new Promise((resolve, reject) => { Object.assign(way, { answer: resolve, fail: reject }); });
+    return new Promise((resolve, reject) => { Object.assign(pending, { succeed: resolve, fail: reject }); });
   });
-  return { buttons, sent, way, press, resting: () => buttons.every((one) => one["aria-disabled"] === "true") };
+  return { buttons, sent, pending, press, inactive: () => buttons.every((one) => one["aria-disabled"] === "true") };
 }
 
-test("a double click is one command, and so is one that comes with the answer", async (t) => {
-  const { sent, way, press, resting } = pressed(t);
+test("a double click sends one command, also if the second click comes after the response", async (t) => {
+  const { sent, pending, press, inactive } = setUp(t);
   const first = press("tare");
   press("tare");
   press("pose-skip");
   assert.deepEqual(sent, ["tare"]);
-  assert.ok(resting());
-  way.answer();
+  assert.ok(inactive());
+  pending.succeed();
   await first;
-  t.mock.timers.tick(REST_MS - 1);
+  t.mock.timers.tick(COOLDOWN_MS - 1);
   press("tare");
   assert.deepEqual(sent, ["tare"]);
-  assert.ok(resting());
+  assert.ok(inactive());
   t.mock.timers.tick(1);
-  assert.ok(!resting());
+  assert.ok(!inactive());
   press("identify-start");
   assert.deepEqual(sent, ["tare", "identify-start"]);
 });
 
 test("buttons work again after a command that failed", async (t) => {
-  const { way, press, resting } = pressed(t);
+  const { pending, press, inactive } = setUp(t);
   const first = press("tare");
-  way.fail(new Error("no connection"));
+  pending.fail(new Error("no connection"));
   await assert.rejects(first);
-  t.mock.timers.tick(REST_MS);
-  assert.ok(!resting());
+  t.mock.timers.tick(COOLDOWN_MS);
+  assert.ok(!inactive());
 });
 
-test("they are never taken out of the keyboard's way", async (t) => {
-  const { buttons, way, press } = pressed(t);
+test("buttons stay focusable during a command", async (t) => {
+  const { buttons, pending, press } = setUp(t);
   const first = press("tare");
   assert.ok(buttons.every((one) => one.disabled === undefined));
-  way.answer();
+  pending.succeed();
   await first;
 });

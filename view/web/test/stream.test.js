@@ -3,27 +3,27 @@ import test from "node:test";
 
 import { Stream } from "../src/stream.js";
 
-// A browser's connection, as the page sees it; `made` holds all that were asked for.
-class Connection {
+// Test double of the browser's `EventSource`; `made` lists all instances.
+class FakeEventSource {
   static CLOSED = 2;
   static made = [];
 
   constructor() {
     this.readyState = 1;
-    this.heard = {};
-    Connection.made.push(this);
+    this.listeners = {};
+    FakeEventSource.made.push(this);
   }
 
-  addEventListener(name, heard) { this.heard[name] = heard; }
-  close() { this.readyState = Connection.CLOSED; }
-  tell(name, data) { this.heard[name]({ data }); }
+  addEventListener(name, listener) { this.listeners[name] = listener; }
+  close() { this.readyState = FakeEventSource.CLOSED; }
+  emit(name, data) { this.listeners[name]({ data }); }
 }
 
-// A stream, and `after(ms)`, which lets time pass a second at a time, as the stream looks at its clock.
-function begun(t) {
+// A stream, and `after(ms)`, which advances the mocked time in steps of a second, the period of the stream's timer.
+function setUp(t) {
   let now = 0;
-  Connection.made = [];
-  globalThis.EventSource = Connection;
+  FakeEventSource.made = [];
+  globalThis.EventSource = FakeEventSource;
   t.mock.timers.enable({ apis: ["setInterval"] });
   t.mock.method(performance, "now", () => now);
   const stream = new Stream("/events", ["frame"], () => {});
@@ -36,43 +36,43 @@ function begun(t) {
   return { stream, after };
 }
 
-test("who hears something stays connected", (t) => {
-  const { stream, after } = begun(t);
+test("events keep the connection", (t) => {
+  const { stream, after } = setUp(t);
   for (let i = 0; i < 20; i += 1) {
-    Connection.made[0].tell("silent");
+    FakeEventSource.made[0].emit("silent");
     after(2000);
   }
-  assert.equal(Connection.made.length, 1);
+  assert.equal(FakeEventSource.made.length, 1);
   assert.equal(stream.connection, "silent");
 });
 
-test("a connection on which nothing is heard is lost, and asked for anew though it is open", (t) => {
-  const { stream, after } = begun(t);
-  Connection.made[0].tell("frame", "{}");
+test("an open connection without events is lost and opened again", (t) => {
+  const { stream, after } = setUp(t);
+  FakeEventSource.made[0].emit("frame", "{}");
   after(3000);
   assert.equal(stream.connection, "lost");
-  assert.equal(stream.newest(), null, "what was told may no longer be true");
-  assert.equal(Connection.made.length, 1, "a service may be late");
+  assert.equal(stream.newest(), null, "stale data are discarded");
+  assert.equal(FakeEventSource.made.length, 1, "no reconnection yet");
   after(3000);
-  assert.equal(Connection.made.length, 2);
-  assert.equal(Connection.made[0].readyState, Connection.CLOSED);
-  Connection.made[1].tell("frame", '{"a":1}');
+  assert.equal(FakeEventSource.made.length, 2);
+  assert.equal(FakeEventSource.made[0].readyState, FakeEventSource.CLOSED);
+  FakeEventSource.made[1].emit("frame", '{"a":1}');
   assert.equal(stream.connection, "live");
   assert.deepEqual(stream.newest(), { a: 1 });
 });
 
-test("every attempt has as long as the first", (t) => {
-  const { after } = begun(t);
+test("every attempt has the same timeout", (t) => {
+  const { after } = setUp(t);
   after(60_000);
-  assert.equal(Connection.made.length, 1 + 60 / 6);
+  assert.equal(FakeEventSource.made.length, 1 + 60 / 6);
 });
 
-test("what the browser gave up is asked for after a second", (t) => {
-  const { after } = begun(t);
-  Connection.made[0].tell("error");
+test("a connection closed by the browser is opened again after a second", (t) => {
+  const { after } = setUp(t);
+  FakeEventSource.made[0].emit("error");
   after(1000);
-  assert.equal(Connection.made.length, 1, "the browser tries by itself");
-  Connection.made[0].readyState = Connection.CLOSED;
+  assert.equal(FakeEventSource.made.length, 1, "the browser reconnects by itself");
+  FakeEventSource.made[0].readyState = FakeEventSource.CLOSED;
   after(1000);
-  assert.equal(Connection.made.length, 2);
+  assert.equal(FakeEventSource.made.length, 2);
 });

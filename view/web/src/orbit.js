@@ -1,7 +1,7 @@
-// From where the figure is looked at: dragged, by arrow keys, or by a button.
+// Orbit control of the view: by dragging and arrow keys; azimuth and elevation in degrees.
 const STEPS = { ArrowLeft: [-6, 0], ArrowRight: [6, 0], ArrowUp: [0, 4], ArrowDown: [0, -4] };
 
-export class Turning {
+export class Orbit {
   constructor(canvas) {
     this.azimuth = 30;
     this.elevation = 12;
@@ -31,7 +31,7 @@ export class Turning {
     this.onturn();
   }
 
-  // Unit vectors of the view: towards the eye, to its right, up.
+  // Unit vectors of the view: towards the camera, right, up.
   axes() {
     const [az, el] = [this.azimuth, this.elevation].map((degrees) => degrees * Math.PI / 180);
     return {

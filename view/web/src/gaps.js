@@ -1,0 +1,7 @@
+// Inserts a row of nulls into each gap longer than `gapAfter`, so that charts do not interpolate across missing data. The first
+// column is time, s.
+export function withGaps([t, ...columns], gapAfter) {
+  const rows = t.map((at, i) => [at, ...columns.map((column) => column[i])]);
+  const filled = rows.flatMap((row, i) => (i && row[0] - rows[i - 1][0] > gapAfter ? [[(row[0] + rows[i - 1][0]) / 2, ...columns.map(() => null)], row] : [row]));
+  return [t, ...columns].map((_, k) => filled.map((row) => row[k]));
+}
