@@ -137,7 +137,7 @@ fn adapter(health: &AdapterHealth) -> Value {
     json!({
         "stream": if health.stream == 1 { "suit" } else { "ground" },
         "rate_hz": health.rate_hz, "received": health.received, "published": health.published, "lost": health.lost,
-        "refused": health.refused.iter().sum::<u64>(), "said_s_ago": seconds(now_ns().saturating_sub(health.time_ns)),
+        "refused": health.refused.iter().sum::<u64>(), "age_s": seconds(now_ns().saturating_sub(health.time_ns)),
     })
 }
 

@@ -117,8 +117,8 @@ function showSensors(frame, facts) {
   const streams = ["suit", "ground"].map((stream) => {
     const ageNs = frame?.state[`${stream}_age_ns`];
     const health = facts?.adapters?.find((one) => one.stream === stream);
-    const silent = health && health.said_s_ago > ADAPTER_SILENT_AFTER_S;
-    const adapter = silent ? t("ui.adapter_silent", { span: span(health.said_s_ago) }) : health ? t("ui.adapter_speaks") : "–";
+    const silent = health && health.age_s > ADAPTER_SILENT_AFTER_S;
+    const adapter = silent ? t("ui.adapter_silent", { span: span(health.age_s) }) : health ? t("ui.adapter_speaks") : "–";
     const current = health && !silent;
     const stale = frame?.reasons.some(({ name }) => name === `${stream}_stale`);
     return {
