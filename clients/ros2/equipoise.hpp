@@ -1,0 +1,38 @@
+// A usable overload of a station, or none, by the rules of docs/consumers/ros2.md. Not compiled.
+#pragma once
+
+#include <cstdint>
+#include <cstdlib>
+
+#include <equipoise_msgs/msg/state.hpp>
+#include <rclcpp/rclcpp.hpp>
+
+using State = equipoise_msgs::msg::State;
+
+class Equipoise
+{
+public:
+  explicit Equipoise(rclcpp::Node & node)
+  : subscription_(node.create_subscription<State>(
+        "/equipoise/station_1/state", rclcpp::QoS(1).best_effort(),
+        [this](State::ConstSharedPtr state) {last_ = state; came_ = steady_.now();}))
+  {
+  }
+
+  // nullptr: no usable value. Valid until the next message.
+  const equipoise_msgs::msg::Overload * overload()
+  {
+    if (!last_ || !last_->current || last_->age_ns.empty()) {return nullptr;}         // see last_->silence
+    const auto waited = (steady_.now() - came_).nanoseconds();    // since the callback, not since the arrival
+    if (static_cast<int64_t>(last_->age_ns[0]) + waited > 100'000'000) {return nullptr;}
+    const auto old = (wall_.now() - rclcpp::Time(last_->header.stamp, RCL_SYSTEM_TIME)).nanoseconds();
+    if (std::abs(old) > 100'000'000) {return nullptr;}            // only with synchronised clocks
+    return last_->overload.empty() ? nullptr : &last_->overload[0];                   // see last_->reasons
+  }
+
+private:
+  rclcpp::Clock steady_{RCL_STEADY_TIME}, wall_{RCL_SYSTEM_TIME};
+  rclcpp::Time came_{0, 0, RCL_STEADY_TIME};
+  State::ConstSharedPtr last_;
+  rclcpp::Subscription<State>::SharedPtr subscription_;
+};
