@@ -1,6 +1,6 @@
 //! Sequential test of the lag in use against other lags, within some 0.3 s of a change of a stream's delay.
 //!
-//! [`super::skew_watch`] estimates the lag over seconds. This test asks only whether the lag in use still explains the
+//! [`super::skew_monitor`] estimates the lag over seconds. This test asks only whether the lag in use still explains the
 //! vertical force, and needs mass and load. With the weight and inertia U of the unloaded body and the weight w per
 //! kilogram in the hands, both by the suit, the mass in the hands under a lag τ is
 //!
@@ -26,7 +26,7 @@ use super::body_motion::BodyMotion;
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
 use crate::math;
-use crate::motion::Moment;
+use crate::motion::Snapshot;
 use crate::overload::GRAVITY_M_PER_S2;
 
 /// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the skew
@@ -228,21 +228,21 @@ impl Memory {
     /// Ingests a snapshot whose external force is up to date; `is_usable` if motion and force are both measured.
     pub(super) fn test_lag(
         &mut self,
-        moment: &Moment,
+        snapshot: &Snapshot,
         body: &BodyMotion,
         is_usable: bool,
         settings: &Settings,
     ) {
-        let worker = &self.identification;
+        let subject = &self.identification;
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
-        if !is_wanted || worker.identified != 1 || worker.mass_kg <= 0.0 || !worker.has_body() {
+        if !is_wanted || subject.identified != 1 || subject.mass_kg <= 0.0 || !subject.has_body() {
             self.lag_test.clear();
             return;
         }
-        let [_, _, delta_f_n] = self.known.delta_f_n;
-        let force_n = moment.ground.force_n[2];
+        let [_, _, delta_f_n] = self.estimate.delta_f_n;
+        let force_n = snapshot.ground.force_n[2];
         let now = Sample {
-            time_ns: moment.time_ns,
+            time_ns: snapshot.time_ns,
             force_n,
             unloaded_n: force_n - delta_f_n,
             load_weight_m_per_s2: body.load_weight_m_per_s2(),
@@ -253,7 +253,7 @@ impl Memory {
         }
         let window_s = 2.0 * settings.half_window_ns() as f64 * 1e-9;
         let [rate_n_per_s, _] = self.ground_rates;
-        self.lag_test.update(now, self.known.delta_f_sigma_n, rate_n_per_s.height(), window_s.max(1e-3));
+        self.lag_test.update(now, self.estimate.delta_f_sigma_n, rate_n_per_s.height(), window_s.max(1e-3));
     }
 }
 

@@ -16,7 +16,7 @@ pub(super) const PARAMETERS: [Parameter; 1] = [Parameter { name: "cutoff_hz", un
 pub struct LowPass {
     /// The newest sample, and the filter's output there.
     newest: f64,
-    shown: f64,
+    output: f64,
     /// 1 once there was a sample.
     started: u64,
 }
@@ -29,28 +29,28 @@ impl LowPass {
         let turned = per_s * step_s;
         // The comparison is false for NaN.
         let usable = turned > 0.0 && self.started == 1;
-        self.shown = match usable {
+        self.output = match usable {
             true => {
                 // In steady state the response to a line lags by one time constant.
                 let late = (value - self.newest) / turned;
-                value - late + (self.shown - self.newest + late) * math::exp(-turned)
+                value - late + (self.output - self.newest + late) * math::exp(-turned)
             }
-            false if self.started == 1 => self.shown,
+            false if self.started == 1 => self.output,
             false => value,
         };
         self.newest = value;
         self.started = 1;
-        self.shown
+        self.output
     }
 
     /// Resets the filter: the next sample is the first.
-    pub fn forget(&mut self) {
+    pub fn reset(&mut self) {
         *self = Zeroable::zeroed();
     }
 
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
-        self.newest.is_finite() && self.shown.is_finite() && self.started <= 1
+        self.newest.is_finite() && self.output.is_finite() && self.started <= 1
     }
 }
 
@@ -62,7 +62,7 @@ mod tests {
 
     /// At the cutoff, a first-order filter outputs 1/√2 of an oscillation, delayed by an eighth of a period.
     #[test]
-    fn at_its_cutoff_it_shows_the_root_of_a_half_an_eighth_late() {
+    fn at_the_cutoff_the_gain_is_root_half_and_the_delay_an_eighth() {
         let mut filter: LowPass = Zeroable::zeroed();
         let (step_s, mut worst) = (0.002, 0.0_f64);
         for index in 0..5000 {
@@ -95,13 +95,13 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_change_is_shown_as_it_is() {
+    fn a_constant_passes_unchanged() {
         let mut filter: LowPass = Zeroable::zeroed();
         assert!(
             [0.0, 0.01, -1.0, 0.5, f64::NAN].iter().all(|step| filter.step(CUTOFF_HZ, *step, 0.3) == 0.3)
         );
         assert!(filter.is_sound());
-        filter.forget();
+        filter.reset();
         assert_eq!(filter.step(CUTOFF_HZ, 0.01, -1.0), -1.0);
     }
 }

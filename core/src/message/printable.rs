@@ -46,7 +46,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_terminal_or_a_log_would_obey_is_escaped() {
+    fn control_characters_are_escaped() {
         assert_eq!(shown("a\nb\r\u{1b}[31mred\u{9b}\u{202e}", 100), "a\\nb\\r\\u{1b}[31mred\\u{9b}\\u{202e}");
         assert_eq!(shown("Plattenmaß 5 µm — gut", 100), "Plattenmaß 5 µm — gut");
     }

@@ -33,14 +33,14 @@ pub struct TorqueLimits {
 
 /// Fraction of the mean strength that three in four workers reach: 1 − 0.674 · 0.25, since the standard deviation of
 /// strengths is a quarter of their mean (Anderson et al. 2007, table 3: 21 to 33 %; Benfica et al. 2018: 20 to 30 %).
-const THREE_IN_FOUR: f64 = 0.83;
+const LOWER_QUARTILE: f64 = 0.83;
 /// Fraction of the strength that remains for the load: an overload adds to the body's own weight. An arm held out
 /// without a load takes 22 to 25 % of a man's and 34 % of a woman's strength at the shoulder ("Isometric strength in
 /// flexors, abductors and external rotators of the shoulder", 186 people of Stockholm, where women's flexors have 55 %
 /// of men's).
-const LEFT_FOR_THE_LOAD: f64 = 0.7;
+const FRACTION_FOR_LOAD: f64 = 0.7;
 /// τ_max over the mean static strength of the joint, 0.58.
-pub const STRENGTH_SHARE: f64 = THREE_IN_FOUR * LEFT_FOR_THE_LOAD;
+pub const STRENGTH_SHARE: f64 = LOWER_QUARTILE * FRACTION_FOR_LOAD;
 
 /// Weight times stature of the people of the table, N m: 62 kg and 1.63 m, 75 kg and 1.76 m.
 const BODY_NM: [f64; 2] = [62.0 * 9.81 * 1.63, 75.0 * 9.81 * 1.76];

@@ -110,7 +110,7 @@ pub(in crate::cycle) struct Bench {
     /// Shear in messages of devices that declare it unmeasured, N.
     pub(in crate::cycle) unmeasured_shear_n: Option<[f64; 2]>,
     /// Body message of the suit in every cycle.
-    pub(in crate::cycle) build: Option<SuitBody>,
+    pub(in crate::cycle) suit_body: Option<SuitBody>,
     /// The last posture; weight of the load, N, times its position, N m, and offset of the plate, m.
     pub(in crate::cycle) shown: Option<(Posture, [f64; 4])>,
     /// Duration of the transition between poses or loads, ms.
@@ -138,7 +138,7 @@ impl Bench {
             suit_drift_m: 0.0,
             feet_m: None,
             unmeasured_shear_n: None,
-            build: None,
+            suit_body: None,
             shown: None,
             takes_ms: 100.0,
             suit_session: 0,
@@ -231,11 +231,11 @@ impl Bench {
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
             self.suit_sequence += u64::from(has_suit);
-            let build = self.build.map(|build| SuitBody { published_ns: self.now_ns, ..build });
+            let suit_body = self.suit_body.map(|suit_body| SuitBody { published_ns: self.now_ns, ..suit_body });
             let inputs = Inputs {
                 suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
                 ground: if self.ground_silent { &[] } else { core::slice::from_ref(&ground) },
-                body: build.as_ref(),
+                body: suit_body.as_ref(),
                 command: None,
             };
             step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);

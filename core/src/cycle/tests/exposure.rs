@@ -182,7 +182,7 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     assert_eq!(bench.state().lifts, 1, "the same worker");
     let mut another = bytemuck::zeroed_box::<Worker>();
     another.identification = bench.memory.identification;
-    bench.memory.put_in_place(&another);
+    bench.memory.replace_subject(&another);
     (bench.suit_silent, bench.ground_silent) = (true, true);
     bench.command(CommandKind::SubjectLoad);
     assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "at once, also without sensors");
@@ -214,12 +214,12 @@ fn a_force_that_is_doubled_for_20_ms_changes_no_dose_and_for_200_ms_it_does() {
 }
 
 #[test]
-fn levels_follow_table_1_where_the_torque_is_known_well() {
+fn levels_follow_table_1_where_sigma_is_small() {
     let person = Person::real();
     // Long enough to determine the load's position in the hands.
     let bench = carrying(&person, 4000);
     let state = bench.state();
-    let mut known = Vec::new();
+    let mut with_sigma = Vec::new();
     for joint in Joint::ALL {
         let index = joint.index();
         let magnitude_nm = Vector3::from(state.torque_nm[index]).norm();
@@ -228,11 +228,11 @@ fn levels_follow_table_1_where_the_torque_is_known_well() {
         let level = Level::from_number(state.joint_level[index]).unwrap();
         if of(magnitude_nm - sigma_nm) == of(magnitude_nm + sigma_nm) {
             assert_eq!(level, of(magnitude_nm), "{}", joint.name());
-            known.push(level);
+            with_sigma.push(level);
         }
         assert_ne!(level, Level::None);
     }
-    assert!(known.contains(&Level::Green) && known.iter().any(|level| *level > Level::Green), "{known:?}");
+    assert!(with_sigma.contains(&Level::Green) && with_sigma.iter().any(|level| *level > Level::Green), "{with_sigma:?}");
 }
 
 #[test]
