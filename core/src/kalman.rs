@@ -25,8 +25,8 @@ pub const STATES: usize = PARAMETERS + NUISANCE;
 /// to two units in the last place of √(P_ii P_jj) in either direction, add up to √71 times that.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// State and covariance: `count` parameters θ, then [`NUISANCE`] states that are exactly zero until [`Filter::reset_state`]
-/// gives them a variance. Rows and columns beyond are unused.
+/// State and covariance: `count` parameters θ, then [`NUISANCE`] states that are exactly zero until
+/// [`Filter::reset_state`] gives them a variance. Rows and columns beyond are unused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Filter {

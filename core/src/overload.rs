@@ -226,8 +226,8 @@ impl<'a> Acting<'a> {
         })
     }
 
-    /// Vertical component of a joint's Δτ, N m: of the load's horizontal force at the hands, and of the difference of the
-    /// ground's with and without the load.
+    /// Vertical component of a joint's Δτ, N m: of the load's horizontal force at the hands, and of the difference of
+    /// the ground's with and without the load.
     fn vertical_nm(&self, ends: &Ends, origin: Vector3<f64>) -> f64 {
         let Loading { swing, grip_m, eta, cop_measured_m, cop_estimated_m, .. } = self.loading;
         let about = |[x, y]: [f64; 2], [force_x, force_y]: [f64; 2]| x * force_y - y * force_x;
@@ -283,8 +283,8 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
 }
 
 impl Acting<'_> {
-    /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to the
-    /// joint, (N m)².
+    /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to
+    /// the joint, (N m)².
     ///
     /// The error φ of a segment's orientation moves the end of the segment d by `φ × d`: perpendicular to it, with the
     /// covariance `σ² (|d|² I − d dᵀ)`.
@@ -319,8 +319,8 @@ impl Acting<'_> {
                 let [xx, xy, yy] = chain_m2(side.hand());
                 let grip_m2 = grip_covariance_m2(pose, side, sigma.grip_m);
                 let of_hand_m2 = [xx + grip_m2[0], xy + grip_m2[1], yy + grip_m2[2]];
-                // The error of the hand's position counts with the largest η of a uniform distribution: a hand that seems
-                // empty may hold the load.
+                // The error of the hand's position counts with the largest η of a uniform distribution: a hand that
+                // seems empty may hold the load.
                 let eta_range = math::sqrt(3.0) * sigma.eta;
                 let eta_max = (self.loading.eta[index] + eta_range).min(1.0);
                 add(eta_max * self.loading.delta_f_n, of_hand_m2);

@@ -1,4 +1,4 @@
-//! Outline of each sole relative to its foot segment: contact area with the ground, and position of an insole.
+//! Outline of each foot relative to its segment: contact area with the ground, and position of an insole.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
@@ -17,13 +17,13 @@ const TIP_FORWARD: f64 = 0.05;
 const BALL_FORWARD: f64 = 0.10;
 /// Ankle above the sole, over stature.
 const ANKLE_HEIGHT: f64 = 0.054;
-/// Minimum length and width of a plausible sole, m.
+/// Minimum length and width of a plausible outline, m.
 const LENGTH_MIN_M: f64 = 0.12;
 const WIDTH_MIN_M: f64 = 0.03;
 /// A ball nearer to the ankle is no separate joint, m.
 const BALL_MIN_M: f64 = 0.01;
 
-/// A sole in the axes of its foot segment (X forward, Y left, Z up, from the ankle), m.
+/// The outline of a sole in the axes of its foot segment (X forward, Y left, Z up, from the ankle), m.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct FootOutline {
@@ -35,7 +35,7 @@ pub struct FootOutline {
     pub sole_z_m: f64,
 }
 
-/// Both soles, left first: the suit's points if available, else fractions of the stature.
+/// Both outlines, left first: the suit's points if available, else fractions of the stature.
 pub fn both<W>(pose: &Pose<W>, body: Option<&SuitBody>, height_m: f64) -> [FootOutline; 2] {
     Side::BOTH.map(|side| {
         let nominal = FootOutline::by_stature(pose, side, height_m);

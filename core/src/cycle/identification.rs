@@ -221,7 +221,7 @@ impl Identification {
     ) -> bool {
         let (Some(newest), Some(rows)) = (window.newest(), self.mean_rows(window)) else { return false };
         let variance_m2 = self.pose_variance_m2(&pose_of(&newest), statistics, lasting_m, settings);
-        // In the cycle the stance was followed already.
+        // No effect in the cycle, which updates the stance at every snapshot.
         self.update_stance(newest.stance, [STANCE_SIGMA_M; 2], settings);
         self.filter.predict(settings.process_variance_m2);
         if self.update_from_rows(&rows, statistics.cop_m, variance_m2).is_none() {

@@ -1,22 +1,22 @@
 //! Sequential test of the lag in use against other lags, within some 0.3 s of a change of a stream's delay.
 //!
-//! [`super::skew_monitor`] estimates the lag over seconds. This test asks only whether the lag in use still explains the
-//! vertical force, and needs mass and load. With the weight and inertia U of the unloaded body and the weight w per
+//! [`super::skew_monitor`] estimates the lag over seconds. This test asks only whether the lag in use still explains
+//! the vertical force, and needs mass and load. With the weight and inertia U of the unloaded body and the weight w per
 //! kilogram in the hands, both by the suit, the mass in the hands under a lag τ is
 //!
 //! ```text
 //! m_τ(t) = (F(t) − U(t − τ)) / w(t − τ)
 //! ```
 //!
-//! τ is the delay of the ground relative to the lag in use. A suit that becomes later is left to the skew watch: the
+//! τ is the delay of the ground relative to the lag in use. A suit that becomes later is left to the skew monitor: the
 //! suit's later samples would be needed.
 //!
 //! Each sample has three explanations: the lag in use and an unchanged load, `N(m_0; μ, σ)`; another lag and an
 //! unchanged load, `N(m_τ; μ, σ_τ)`; and a load that changes, uniform over ±25 kg. The log-likelihood ratio of each
 //! other lag against the better of the remaining two, for the same force, is summed up from its last minimum (CUSUM;
-//! Page 1954, Biometrika 41). So a load that is picked up is not a lag: no lag explains its force with the previous load. Nor does a body at
-//! rest contradict a lag, and there no lag changes a result. If no lag explains a sample with the previous load, the load
-//! has changed, and all sums restart.
+//! Page 1954, Biometrika 41). So a load that is picked up is not a lag: no lag explains its force with the previous
+//! load. Nor does a body at rest contradict a lag, and there no lag changes a result. If no lag explains a sample with
+//! the previous load, the load has changed, and all sums restart.
 //!
 //! A rejected lag is accepted again by the same sum for the lag in use.
 
@@ -29,15 +29,15 @@ use crate::math;
 use crate::motion::Snapshot;
 use crate::overload::GRAVITY_M_PER_S2;
 
-/// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the skew
-/// watch.
+/// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the
+/// skew monitor.
 const LATE_S: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
 /// Half of their spacing: a lag between two of them is off by up to this much, uniformly distributed, s.
 const LATE_OFF_MAX_S: f64 = 0.05;
 /// Range of a change of the load, kg: up to 25 kg, the reference mass of ISO 11228-1 for men, up or down.
 const CHANGE_RANGE_KG: f64 = 50.0;
-/// 1-σ of the mass in the hands beyond that of the force, kg: a load does not move exactly as the hands do. Chosen on the
-/// sessions of `equipoise-study faults`, seeds 1 to 20: half of it rejects the right lag three times as often.
+/// 1-σ of the mass in the hands beyond that of the force, kg: a load does not move exactly as the hands do. Chosen on
+/// the sessions of `equipoise-study faults`, seeds 1 to 20: half of it rejects the right lag three times as often.
 const LOAD_SIGMA_KG: f64 = 0.3;
 /// Sum of log-likelihood ratios for a decision: odds of 150.
 const EVIDENCE: f64 = 5.0;

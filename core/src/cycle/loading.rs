@@ -22,8 +22,8 @@ use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 /// axes, m: measured on people who lift objects on two plates.
 const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
 /// 1-σ of the point of action on the hand, in addition to the uncertainty ahead, m, each of a uniform distribution.
-/// Across the hand: the middle third of its breadth at the knuckles, 84 mm. Along it: from the hollow of the palm to the
-/// middle of the first phalanges, 42 mm. Normal to the palm: the middle of handles and edges 10 to 50 mm thick.
+/// Across the hand: the middle third of its breadth at the knuckles, 84 mm. Along it: from the hollow of the palm to
+/// the middle of the first phalanges, 42 mm. Normal to the palm: the middle of handles and edges 10 to 50 mm thick.
 const GRIP_SIGMA_M: [f64; 3] = [0.0081, 0.0121, 0.0058];
 
 impl Memory {
@@ -159,8 +159,8 @@ impl Memory {
     }
 
     /// Ĉ_wo, world x and y, m, conditional on the position of the load in the hands. The load's position by the two
-    /// CoPs has the error of Ĉ_wo times W/ΔF, and the hands have the part of that error that displaces the body: part of
-    /// the distance between them is that error (conditional normal distribution).
+    /// CoPs has the error of Ĉ_wo times W/ΔF, and the hands have the part of that error that displaces the body: part
+    /// of the distance between them is that error (conditional normal distribution).
     fn cop_given_load(&self, residual_m: [Measured; 2], weight_n: f64, delta_f_n: f64) -> [Measured; 2] {
         core::array::from_fn(|axis| {
             let (value, sigma) = (self.estimate.cop_estimated_m[axis], self.estimate.cop_sigma_m[axis]);
@@ -184,8 +184,8 @@ impl Memory {
         })
     }
 
-    /// Distribution of the ground reaction between the feet: measured, or from the ankles of a body whose position is off
-    /// by `body_offset_m`.
+    /// Distribution of the ground reaction between the feet: measured, or from the ankles of a body whose position is
+    /// off by `body_offset_m`.
     fn foot_loads(
         &self,
         pose: &Pose<StationWorld>,

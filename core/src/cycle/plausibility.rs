@@ -50,8 +50,8 @@ const PELVIS_STEP_MAX_M: f64 = 0.1;
 const TURN_MAX_RAD: f64 = 0.3;
 /// Maximum rate of rotation of a pelvis, rad/s: a figure skater reaches 30, a worker who turns quickly 8.
 const PELVIS_RATE_MAX_RAD_PER_S: f64 = 15.0;
-/// Maximum rate of rotation of any segment, rad/s: a forearm reaches 40 in a baseball pitch (elbow extension; Fleisig et
-/// al. 1999).
+/// Maximum rate of rotation of any segment, rad/s: a forearm reaches 40 in a baseball pitch (elbow extension; Fleisig
+/// et al. 1999).
 const SEGMENT_RATE_MAX_RAD_PER_S: f64 = 40.0;
 
 /// Interval in which a sensor is implausible; all zero for none.

@@ -47,7 +47,7 @@ impl Memory {
             at_rest_n: self.ground_sigma.force_n,
             by_motion_n: self.noise.vertical.sigma(self.noise.vertical_activity_n.height()),
         };
-        // A step below the plate's assumed σ, as of a tool in a pocket, is for the force offset to follow.
+        // A step below the plate's assumed σ, such as a tool in a pocket, belongs to the force offset.
         let gate = ForceSigma { at_rest_n: sigma.at_rest_n.max(settings.force_sigma_n), ..sigma };
         if !self.unloaded.update(self.estimate.delta_f_n[2], step_s, settings.load_threshold_n, gate) {
             return;

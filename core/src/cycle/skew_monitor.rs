@@ -21,8 +21,8 @@ const OFF_SIGMAS: f64 = 3.0;
 const OFF_MIN_S: f64 = 0.010;
 /// Upper bound of the lag, s.
 pub(super) const LAG_MAX_S: f64 = 1.0;
-/// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting suit
-/// samples for each that arrives.
+/// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting
+/// suit samples for each that arrives.
 const SLEW: f64 = 0.5;
 
 /// The estimator and the lag in use.

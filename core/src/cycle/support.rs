@@ -6,7 +6,7 @@ use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 
-/// Whether a point of the floor lies in the convex hull of the left and the right sole, widened by `margin_m`.
+/// Whether a point of the floor lies in the convex hull of the left and the right foot outline, widened by `margin_m`.
 ///
 /// A point is inside if no direction separates it from all corners; 32 directions are accurate to about 2 % of the
 /// feet's distance and never reject a point inside.
@@ -23,7 +23,7 @@ pub fn is_supported(
 /// Which feet are loaded while the CoP is `cop_m`, world x and y: left, right.
 ///
 /// A foot whose ankle is higher than the other's may still be loaded at its ball. This is certain if the CoP lies
-/// outside the lower foot's sole, widened by `margin_m`.
+/// outside the lower foot's outline, widened by `margin_m`.
 pub fn bearing_feet(
     pose: &Pose<StationWorld>,
     cop_m: [f64; 2],
@@ -91,11 +91,11 @@ mod tests {
     }
 
     #[test]
-    fn longer_soles_carry_farther() {
+    fn longer_outlines_extend_the_support() {
         let pose = standing();
         let short = Side::BOTH.map(|side| FootOutline::by_stature(&pose, side, 1.77));
         let toe_m = short[0].along_m[1];
-        let long = short.map(|sole| FootOutline { along_m: [sole.along_m[0], toe_m + 0.1], ..sole });
+        let long = short.map(|outline| FootOutline { along_m: [outline.along_m[0], toe_m + 0.1], ..outline });
         let point_m = [toe_m + 0.05, 0.0];
         assert!(!is_supported(&pose, point_m, &short, 0.0) && is_supported(&pose, point_m, &long, 0.0));
     }

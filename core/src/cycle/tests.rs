@@ -203,7 +203,7 @@ fn staleness_is_reported_within_two_periods_and_the_tolerance() {
 fn the_mass_is_measured_where_it_is_not_configured() {
     let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
     bench.hold(&person, &postures()[1], None, 1000);
-    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "too short to know its error");
+    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "too short to estimate its error");
     bench.hold(&person, &postures()[1], None, 500);
     assert!((bench.state().mass_kg - MASS_KG).abs() < 1e-9);
 }

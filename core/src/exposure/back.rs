@@ -3,10 +3,10 @@
 //! **Moment**: the moment that the pelvis exerts on the body above L5/S1, about the horizontal axes: the weight and the
 //! inertia of everything above the joint, and the load.
 //!
-//! - Weight: from the identified chain. `Σ_i R_i φ_i` over the segments distal of L5/S1 is the first moment of their mass
-//!   about that joint, over the body mass (Fortini et al., Eq. 2).
-//! - Inertia (Newton and Euler): `Σ_i m_i [(c_i − o) × c̈_i] + d/dt(I_i ω_i)` with the masses and radii of gyration of the
-//!   anthropometric table ([`crate::motion::UpperInertia`]). Zero in a static pose and with `motion = "paper"`.
+//! - Weight: from the identified chain. `Σ_i R_i φ_i` over the segments distal of L5/S1 is the first moment of their
+//!   mass about that joint, over the body mass (Fortini et al., Eq. 2).
+//! - Inertia (Newton and Euler): `Σ_i m_i [(c_i − o) × c̈_i] + d/dt(I_i ω_i)` with the masses and radii of gyration of
+//!   the anthropometric table ([`crate::motion::UpperInertia`]). Zero in a static pose and with `motion = "paper"`.
 //! - Load: Eq. 15 at L5/S1.
 //!
 //! Its σ combines the covariance of the chain's parameters, the random walk of the suit's orientations, the relative

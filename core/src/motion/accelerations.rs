@@ -40,7 +40,7 @@ pub(super) fn apply_suit_accelerations<'a>(
     window: &Window<'_>,
     snapshot: impl Fn(usize) -> &'a Snapshot,
 ) -> bool {
-    if how == Accelerations::Positions || (0..window.count).any(|place| snapshot(place).has_acceleration != 1) {
+    if how == Accelerations::Positions || (0..window.count).any(|sample| snapshot(sample).has_acceleration != 1) {
         return false;
     }
     let suit = SuitAccelerations::over(window, snapshot);
@@ -73,13 +73,13 @@ impl SuitAccelerations {
         let nothing = [Vector3::zeros(); SEGMENTS];
         let mut suit = SuitAccelerations { smoothed: nothing, flattened: nothing };
         let (mut position, mut velocity, mut before) = (nothing, nothing, nothing);
-        for place in 0..window.count {
-            let (value, second) = (window.weights.value[place], window.weights.second[place]);
-            let step_s = match place.checked_sub(1) {
-                Some(last) => window.times_s[place] - window.times_s[last],
+        for sample in 0..window.count {
+            let (value, second) = (window.weights.value[sample], window.weights.second[sample]);
+            let step_s = match sample.checked_sub(1) {
+                Some(last) => window.times_s[sample] - window.times_s[last],
                 None => 0.0,
             };
-            for (segment, now) in snapshot(place).acceleration_m_per_s2.iter().enumerate() {
+            for (segment, now) in snapshot(sample).acceleration_m_per_s2.iter().enumerate() {
                 let now = Vector3::from(*now);
                 // Linear between two samples.
                 position[segment] +=

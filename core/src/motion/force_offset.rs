@@ -1,5 +1,5 @@
-//! Slowly varying difference between the vertical force of the unloaded body and the weight in use: drift of the plate's
-//! zero, an error of the mass, clothing.
+//! Slowly varying difference between the vertical force of the unloaded body and the weight in use: drift of the
+//! plate's zero, an error of the mass, clothing.
 //!
 //! A scalar Kalman filter: the offset is a random walk, and its measurement is the external force while no load is
 //! carried.
@@ -35,8 +35,8 @@ pub struct ForceOffset {
 }
 
 impl ForceOffset {
-    /// Ingests the mass in use, kg. Another one than before starts without an offset, with this 1-σ of its weight, N; the
-    /// noise of the plate is kept.
+    /// Ingests the mass in use, kg. Another one than before starts without an offset, with this 1-σ of its weight, N;
+    /// the noise of the plate is kept.
     pub fn apply_mass(&mut self, mass_kg: f64, sigma_n: f64) {
         if mass_kg != self.mass_kg {
             self.mass_kg = mass_kg;
@@ -102,8 +102,8 @@ mod tests {
 
     use super::*;
 
-    /// Errors over σ of the offset of a plate that drifts at this rate, at the end of each unloaded minute between loaded
-    /// ones, and the last σ.
+    /// Errors over σ of the offset of a plate that drifts at this rate, at the end of each unloaded minute between
+    /// loaded ones, and the last σ.
     fn work(rate_n_per_s: f64) -> (Vec<f64>, f64) {
         let mut offset = ForceOffset::zeroed();
         offset.apply_mass(80.0, 2.0);

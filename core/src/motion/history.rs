@@ -194,11 +194,11 @@ impl History {
     ) -> Option<Inertia> {
         let (first, count, times_s, weights) = self.window_at(index, half_window_ns)?;
         let mut motion = Motion::zeroed();
-        for (place, snapshot) in (first..first + count as u64).enumerate() {
-            motion.add(self.at(snapshot), weights.first[place], weights.second[place]);
+        for (position, number) in (first..first + count as u64).enumerate() {
+            motion.add(self.at(number), weights.first[position], weights.second[position]);
         }
         let window = accelerations::Window { times_s: &times_s, count, weights: &weights };
-        let snapshot = |place: usize| self.at(first + place as u64);
+        let snapshot = |position: usize| self.at(first + position as u64);
         let is_by_suit = accelerations::apply_suit_accelerations(&mut motion, accelerations, self.at(index), &window, snapshot);
         Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, masses) })
     }
@@ -208,8 +208,8 @@ impl History {
     pub fn differentiate_twice(&self, half_window_ns: u64, mut visit: impl FnMut(f64, &Snapshot)) -> bool {
         let Some(index) = self.count_out.checked_sub(1) else { return false };
         let Some((first, count, _, weights)) = self.window_at(index, half_window_ns) else { return false };
-        for (place, snapshot) in (first..first + count as u64).enumerate() {
-            visit(weights.second[place], self.at(snapshot));
+        for (position, number) in (first..first + count as u64).enumerate() {
+            visit(weights.second[position], self.at(number));
         }
         true
     }
@@ -234,8 +234,8 @@ impl History {
             return None;
         }
         let mut times_s = [0.0; CAPACITY];
-        for (time_s, snapshot) in times_s.iter_mut().zip(first..=last) {
-            *time_s = (self.at(snapshot).time_ns as f64 - centre.time_ns as f64) * 1e-9;
+        for (time_s, number) in times_s.iter_mut().zip(first..=last) {
+            *time_s = (self.at(number).time_ns as f64 - centre.time_ns as f64) * 1e-9;
         }
         let count = (last - first + 1) as usize;
         Some((first, count, times_s, weights(&times_s[..count])?))

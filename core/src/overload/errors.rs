@@ -108,8 +108,9 @@ impl LoadingSigma {
 }
 
 impl LoadingSigma {
-    /// Pose and loading with the segments' origins changed by their 1-σ, and with the body turned to either side by √3 σ of
-    /// its heading; each with its weight. The three-point Gauss-Hermite rule covers headings uncertain by tens of degrees.
+    /// Pose and loading with the segments' origins changed by their 1-σ, and with the body turned to either side by √3
+    /// σ of its heading; each with its weight. The three-point Gauss-Hermite rule covers headings uncertain by tens of
+    /// degrees.
     pub(super) fn pose_errors(
         &self,
         pose: &Pose<StationWorld>,

@@ -168,7 +168,7 @@ mod tests {
             }
             for held in TABLE {
                 assert_eq!(held.after(torque, 0.0, 100.0, 0.0), own, "without a margin");
-                assert!(held.after(torque, 0.0, 100.0, 0.02) >= own, "a margin never hides an overload");
+                assert!(held.after(torque, 0.0, 100.0, 0.02) >= own, "the margin never masks an overload");
             }
         }
     }

@@ -97,10 +97,10 @@ const POSITIVE: usize = 1;
 /// exerts on the segment.
 ///
 /// - Hip and knee flexion, dorsiflexion: Anderson et al. 2007 as above.
-/// - Trunk flexion and lateral flexion, vertical ab- and adduction of the shoulder, elbow extension: Chaffin, Andersson &
-///   Martin, 50th percentiles after Stobbe (1982); quoted from memory.
-/// - Wrist: Delp et al. 1996, men's flexion 12.2, extension 7.1, ulnar deviation 9.5 N m, quoted from memory; women by the
-///   55 % of the shoulder.
+/// - Trunk flexion and lateral flexion, vertical ab- and adduction of the shoulder, elbow extension: Chaffin, Andersson
+///   & Martin, 50th percentiles after Stobbe (1982); quoted from memory.
+/// - Wrist: Delp et al. 1996, men's flexion 12.2, extension 7.1, ulnar deviation 9.5 N m, quoted from memory; women by
+///   the 55 % of the shoulder.
 const OTHER_STRENGTH_NM: [(&str, usize, usize, [f64; 2]); 21] = [
     ("L5S1", Y, POSITIVE, TRUNK_FLEXION_NM),
     ("L5S1", X, NEGATIVE, TRUNK_ASIDE_NM),

@@ -1,8 +1,8 @@
 //! Position of a load in the hands: the hand load fraction η, and its distance ahead of the line between the grips.
 //!
 //! The two CoPs give the load's position at every instant, `p = (C_wt (W + ΔF) − Ĉ_wo W)/ΔF`. The position in the hands
-//! is constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`, combined with a
-//! prior. Its error has two parts:
+//! is constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`, combined with
+//! a prior. Its error has two parts:
 //!
 //! - that of the body model, `h δθ` with the row `h` of Ĉ_wo times W/ΔF. θ's error is the same in every posture, so the
 //!   mean has the variance `h̄ P h̄ᵀ` with the weighted mean `h̄` of the rows;

@@ -6,10 +6,10 @@
 //!
 //! Masses: V. Zatsiorsky and V. Seluyanov, "The mass and inertia characteristics of the main segments of the human
 //! body", Biomechanics VIII-B (1983) 1152–1159, give for 100 young men the standard error of each part's mass about its
-//! regression on body mass and stature, which is divided by the part's mean mass here. Assumptions: `SPREAD_FACTOR`, because
-//! the table is scaled in proportion, without that regression, and workers differ more than students of sports; full
-//! correlation of the slices of one part; the correlation between both sides; and the spread of the centres, for which
-//! no table in three axes was found.
+//! regression on body mass and stature, which is divided by the part's mean mass here. Assumptions: `SPREAD_FACTOR`,
+//! because the table is scaled in proportion, without that regression, and workers differ more than students of sports;
+//! full correlation of the slices of one part; the correlation between both sides; and the spread of the centres, for
+//! which no table in three axes was found.
 
 use super::suit_error::{EffectiveVectors, misalignment_m};
 use super::{PARAMETERS, Phi, Reduction};

@@ -63,8 +63,8 @@ impl Identification {
         self.reset_stance_offset([variance_m2; 2]);
     }
 
-    /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its shift,
-    /// with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
+    /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its
+    /// shift, with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
     pub(in crate::cycle) fn widen_stance_offset(&mut self) {
         for axis in 0..2 {
             self.filter.add_process_noise(self.reduction.count() + axis, REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M);
@@ -129,7 +129,7 @@ impl Identification {
     }
 
     /// Compares a measured CoP with the prediction, before the update: the part of the difference that neither P nor
-    /// `variance_m2` explains is model error. `rows`: its weight in motion samples.
+    /// `variance_m2` explains is model error. `weight`: number of motion samples that it counts as.
     pub(in crate::cycle) fn update_misfit(
         &mut self,
         rows: &Rows,

@@ -7,7 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 
 /// Averaging length of the excess, in motion samples.
-const ROWS_KEPT: f64 = 300.0;
+const ROWS_AVERAGED: f64 = 300.0;
 /// Limit of a single squared innovation, in variances: contacts and stumbles are no model error.
 const SQUARE_MAX: f64 = 10.8;
 
@@ -30,7 +30,7 @@ impl Misfit {
         for axis in 0..2 {
             let square_m2 = (innovation_m[axis] * innovation_m[axis]).min(SQUARE_MAX * variance_m2[axis]);
             let excess_m2 = &mut self.excess_m2[axis];
-            *excess_m2 = (*excess_m2 + (square_m2 - variance_m2[axis]) * rows / ROWS_KEPT).max(0.0);
+            *excess_m2 = (*excess_m2 + (square_m2 - variance_m2[axis]) * rows / ROWS_AVERAGED).max(0.0);
         }
     }
 

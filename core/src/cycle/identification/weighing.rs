@@ -69,8 +69,8 @@ impl Identification {
 
     /// Ingests the vertical force of a snapshot without a load, N, and the force per kilogram that the motion requires,
     /// m/s². `sigma_n`: σ of the force by the motion. The mass is used as soon as its error, with the plate's, is below
-    /// the load threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another source is
-    /// kept.
+    /// the load threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another
+    /// source is kept.
     pub(in crate::cycle) fn weigh(
         &mut self,
         vertical_n: f64,

@@ -81,7 +81,7 @@ impl Reading {
     }
 }
 
-/// A detected jump, and its development.
+/// A detected jump and its state.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Jump {
@@ -170,7 +170,7 @@ impl JumpDetector {
         self.update_jump(&now, noise_n[0])
     }
 
-    /// Follows the development of the jump.
+    /// Updates the state of the detected jump; returns the time since which the readings are suspect, ns.
     fn update_jump(&mut self, now: &Reading, noise_n: f64) -> Option<u64> {
         let Jump { from, level, detected_ns, by, change_n } = self.jump;
         if from.time_ns == 0 {

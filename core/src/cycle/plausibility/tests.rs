@@ -112,7 +112,7 @@ fn a_gain_that_changes_is_suspect_until_it_reverts_or_the_weight_agrees() {
         for _ in 0..120 {
             plate.watch.ingest_weight_agreement(Some(true), 0.01);
         }
-        assert!(plate.show(100, scaled(by)) > 0, "{by}: the weight is seen");
+        assert!(plate.show(100, scaled(by)) > 0, "{by}: the weight agrees");
     }
 }
 

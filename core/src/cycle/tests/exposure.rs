@@ -73,12 +73,12 @@ fn the_back_is_published_without_a_load_and_the_load_is_not() {
 fn a_load_that_may_be_undetected_is_flagged_and_masks_the_back() {
     let person = Person::real();
     let mut bench = carrying(&person, 600);
-    // Long enough for the offset of the vertical force, whose uncertainty also hides a load.
+    // Long enough for the offset of the vertical force, whose uncertainty also masks a load.
     bench.hold(&person, &carrying_pose(), None, 4000);
     bench.takes_ms = 10.0;
     // The bench's plate does not show the inertia of the arms, which the lag test would reject.
     bench.settings.align_streams = false;
-    let (mut hidden, mut published) = (0, 0);
+    let (mut masked, mut published) = (0, 0);
     for step in 0..560_i16 {
         // After the box is put down, the arms swing and stop repeatedly.
         let degrees = if step % 100 < 40 { (25.0 * (f64::from(step) * 0.15).sin()) as i16 } else { 0 };
@@ -93,12 +93,12 @@ fn a_load_that_may_be_undetected_is_flagged_and_masks_the_back() {
             reasons.names().collect::<Vec<_>>()
         );
         if reasons.any_of(Validity::LOAD_MAY_HIDE) {
-            hidden += 1;
+            masked += 1;
             assert!(reasons.any_of(Validity::BELOW_LOAD_THRESHOLD));
         }
         published += u32::from(compressed);
     }
-    assert!(hidden > 20 && published > 20, "{hidden} {published}");
+    assert!(masked > 20 && published > 20, "{masked} {published}");
 }
 
 #[test]

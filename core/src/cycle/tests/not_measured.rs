@@ -3,7 +3,7 @@
 use super::*;
 use crate::message::state::NotGiven;
 
-fn worked_through(shear_n: Option<[f64; 2]>) -> Bench {
+fn bench_after_poses(shear_n: Option<[f64; 2]>) -> Bench {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.unmeasured_shear_n = shear_n;
     for (index, posture) in postures().into_iter().enumerate().take(8) {
@@ -19,7 +19,7 @@ fn worked_through(shear_n: Option<[f64; 2]>) -> Bench {
 
 #[test]
 fn unmeasured_shear_is_never_read() {
-    let (zero, nonsense) = (worked_through(Some([0.0; 2])), worked_through(Some([260.0, -190.0])));
+    let (zero, nonsense) = (bench_after_poses(Some([0.0; 2])), bench_after_poses(Some([260.0, -190.0])));
     assert!(bytemuck::bytes_of(zero.state()) == bytemuck::bytes_of(nonsense.state()));
     assert!(bytemuck::bytes_of(&*zero.memory) == bytemuck::bytes_of(&*nonsense.memory));
     assert!(!zero.state().gives(NotGiven::Shear) && zero.state().poses_used > 2);

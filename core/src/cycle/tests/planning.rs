@@ -146,7 +146,7 @@ fn a_pose_that_was_not_held_for_twenty_seconds_is_replaced() {
         assert_ne!(other, suggested);
         one.withdraw_suggestion();
     }
-    assert_ne!(suggestion(&mut one, &settings, 46 * NS_PER_S), suggested, "nor after all others were suggested for");
+    assert_ne!(suggestion(&mut one, &settings, 46 * NS_PER_S), suggested, "nor after all others were suggested");
 }
 
 #[test]

@@ -24,7 +24,7 @@ fn identified(turn_rad: f64) -> (Person, Bench) {
     let mut bench = Bench::new(|settings| settings.pose_request = Some(PoseRequest { pose: WANTED, turn_rad }));
     let person = Person::real();
     bench.hold(&person, &postures()[0], None, 500);
-    assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification asks for what it needs");
+    assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification suggests its own poses");
     bench.identify(&person);
     bench.command(CommandKind::IdentifyStop);
     bench.hold(&person, &postures()[8], None, 500);
@@ -45,7 +45,7 @@ fn a_requested_pose_is_suggested_until_it_was_held() {
     assert_eq!(bench.state().suggested_pose, NONE, "once is enough");
     assert_eq!(
         bench.memory.identification.poses_used, before,
-        "it is asked for to be seen, not to be learnt"
+        "a requested pose does not update the filter"
     );
     assert!(bench.memory.is_sound());
 }

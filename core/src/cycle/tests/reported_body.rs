@@ -14,7 +14,7 @@ fn null_pose_of(skeleton: &crate::body::Skeleton) -> SuitBody {
     SuitBody { origin_m, ..Zeroable::zeroed() }
 }
 
-fn build_of(bench: &Bench) -> (BodySource, BodyRefusal) {
+fn body_status(bench: &Bench) -> (BodySource, BodyRefusal) {
     let state = bench.state();
     (
         BodySource::from_number(state.body_source).unwrap(),
@@ -27,26 +27,26 @@ fn the_null_pose_gives_exact_bone_lengths_at_the_first_sample() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 200);
-    assert_eq!(build_of(&bench), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(body_status(&bench), (BodySource::NullPose, BodyRefusal::None));
     let bones = bench.memory.identification.skeleton();
     let expected = bench.suit_body.unwrap().skeleton();
     assert_eq!(bones, expected, "the null pose's own, to the last bit");
 
     let mut without = Bench::new(|_| {});
     without.hold(&person, &upright(), None, 180);
-    assert_eq!(build_of(&without).0, BodySource::Unknown);
+    assert_eq!(body_status(&without).0, BodySource::Unknown);
     without.hold(&person, &upright(), None, 200);
-    assert_eq!(build_of(&without).0, BodySource::Poses);
+    assert_eq!(body_status(&without).0, BodySource::Poses);
 }
 
 #[test]
 fn the_null_pose_replaces_bone_lengths_from_poses_and_keeps_theta() {
     let (person, mut early) = (Person::real(), Bench::new(|_| {}));
     early.hold(&person, &upright(), None, 220);
-    assert_eq!(build_of(&early).0, BodySource::Poses);
+    assert_eq!(body_status(&early).0, BodySource::Poses);
     early.suit_body = Some(null_pose_of(&person.skeleton));
     early.hold(&person, &upright(), None, 20);
-    assert_eq!(build_of(&early).0, BodySource::NullPose);
+    assert_eq!(body_status(&early).0, BodySource::NullPose);
 
     let mut late = Bench::new(|_| {});
     late.identify(&person);
@@ -56,9 +56,9 @@ fn the_null_pose_replaces_bone_lengths_from_poses_and_keeps_theta() {
     let theta = late.memory.identification.phi();
     late.hold(&person, &upright(), None, 5);
     late.hold(&person, &upright(), None, 95);
-    assert_eq!(build_of(&late), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(body_status(&late), (BodySource::NullPose, BodyRefusal::None));
     assert!(late.memory.identification.phi() == theta || late.state().poses_used > used);
-    assert!(late.state().poses_used >= used, "nothing was forgotten");
+    assert!(late.state().poses_used >= used, "no pose is discarded");
 }
 
 #[test]
@@ -67,12 +67,12 @@ fn a_null_pose_that_contradicts_the_poses_is_rejected() {
     let taller = crate::body::Skeleton::nominal(1.2 * HEIGHT_M);
     bench.suit_body = Some(null_pose_of(&taller));
     bench.hold(&person, &upright(), None, 400);
-    assert_eq!(build_of(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
+    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
     assert!(bench.memory.identification.skeleton().differs_by_m(&person.skeleton) < 1e-9);
     // A subsequent correct message is accepted.
     bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 100);
-    assert_eq!(build_of(&bench).1, BodyRefusal::None);
+    assert_eq!(body_status(&bench).1, BodyRefusal::None);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_profile_that_contradicts_the_null_pose_is_reported_and_kept() {
     };
     bench.suit_body = Some(null_pose_of(&taller.skeleton));
     bench.hold(&taller, &upright(), None, 200);
-    assert_eq!(build_of(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
+    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
 }
 
 #[test]
@@ -106,12 +106,12 @@ fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
     ] {
         bench.suit_body = Some(suit_body);
         bench.hold(&person, &upright(), None, 50);
-        assert_eq!(build_of(&bench), (BodySource::NullPose, reason));
+        assert_eq!(body_status(&bench), (BodySource::NullPose, reason));
         let body = bench.memory.reported_body.body().copied();
         assert!(body.zip(before).is_some_and(|(body, before)| body.has_same_dimensions(&before)), "{reason:?}");
         bench.suit_body = Some(good);
         bench.hold(&person, &upright(), None, 20);
-        assert_eq!(build_of(&bench).1, BodyRefusal::None);
+        assert_eq!(body_status(&bench).1, BodyRefusal::None);
     }
     // A message that was delayed for long.
     bench.suit_body = None;
@@ -120,7 +120,7 @@ fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
     bench.now_ns += 6 * NS_PER_S;
     let inputs = Inputs { body: Some(&old), ..Inputs::default() };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle, due_ns: bench.now_ns }, inputs);
-    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn a_restarted_suit_must_send_its_null_pose_again() {
     bench.suit_session = 1;
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.reported_body.body().is_none(), "it may be another's");
-    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
 }
 
 #[test]
@@ -147,11 +147,11 @@ fn a_restarted_adapter_must_send_the_body_again() {
     bench.suit_session = 0;
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.reported_body.body().is_none(), "it may be another's");
-    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
     bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.reported_body.body().is_some_and(|body| body.session == 0));
-    assert_eq!(build_of(&bench).1, BodyRefusal::None);
+    assert_eq!(body_status(&bench).1, BodyRefusal::None);
 }
 
 #[test]
@@ -160,7 +160,7 @@ fn a_null_pose_before_the_first_pose_of_its_session_is_kept_until_that_pose() {
     bench.hold(&person, &upright(), None, 50);
     bench.suit_body = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
     bench.hold(&person, &upright(), None, 50);
-    assert!(bench.memory.reported_body.body().is_none(), "no pose of its session was seen");
+    assert!(bench.memory.reported_body.body().is_none(), "no pose of its session was received");
     bench.suit_body = None;
     bench.suit_session = 1;
     bench.hold(&person, &upright(), None, 50);

@@ -84,7 +84,7 @@ fn a_resumed_shift_counts_a_lift_in_progress_when_it_ends() {
     memory.exposure.resume(&shift);
     assert_eq!(memory.exposure.shift(), shift);
     memory.exposure.advance(NS_PER_S << 11, &load, &limits);
-    assert_eq!(memory.exposure.shift(), shift, "over the gap nothing is known");
+    assert_eq!(memory.exposure.shift(), shift, "the gap changes nothing");
 }
 
 #[test]
@@ -110,7 +110,7 @@ fn a_stored_registration_is_valid_for_the_same_suit_and_a_short_gap_only() {
         again.hold(&person, &posture, None, 300);
         anchored_m(&again) - true_m
     };
-    assert!(published_m(3 * NS_PER_S, &|_| {}).abs() < 1e-9, "drift is known still");
+    assert!(published_m(3 * NS_PER_S, &|_| {}).abs() < 1e-9, "the drift is restored");
     let new_drift_m = bench.suit_drift_m;
     assert!((published_m(SHIFT_VALID_NS + NS_PER_S, &|_| {}) - new_drift_m).abs() < 1e-9, "too long ago");
     let restarted = |stored: &mut StoredState| stored.registration.suit_counter += 100_000;

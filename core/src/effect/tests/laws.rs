@@ -117,7 +117,7 @@ fn a_contact_shifts_the_centre_by_exactly_its_columns() {
         let o = body.observation(time_s, &SuitError::none(), &phi(&body), &truth, shear);
         let contact = columns(Effect::HandContact, Place::Hand(Side::Right), 0.0, &o);
         nothing_is_left(&o, &contact, [25.0, -14.0, 60.0, 0.0], "contact");
-        assert!(contact.force_n[2][2] < 0.0, "who leans down on a bench is borne by it");
+        assert!(contact.force_n[2][2] < 0.0, "a hand that leans on a bench is supported");
     }
 }
 
