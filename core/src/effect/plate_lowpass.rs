@@ -67,10 +67,10 @@ mod tests {
         let (step_s, mut worst) = (0.002, 0.0_f64);
         for index in 0..5000 {
             let turn = core::f64::consts::TAU * CUTOFF_HZ * step_s * f64::from(index);
-            let shown = filter.step(CUTOFF_HZ, step_s, math::sin_cos(turn).0);
+            let output = filter.step(CUTOFF_HZ, step_s, math::sin_cos(turn).0);
             let expected = math::sin_cos(turn - core::f64::consts::FRAC_PI_4).0 / math::sqrt(2.0);
             if index > 1000 {
-                worst = worst.max((shown - expected).abs());
+                worst = worst.max((output - expected).abs());
             }
         }
         assert!(worst < 2e-4, "{worst}");
@@ -80,12 +80,12 @@ mod tests {
     fn uneven_steps_along_a_line_end_where_even_ones_do() {
         let show = |steps: &[f64]| {
             let mut filter: LowPass = Zeroable::zeroed();
-            let (mut time_s, mut shown) = (0.0, filter.step(CUTOFF_HZ, 0.0, 0.0));
+            let (mut time_s, mut output) = (0.0, filter.step(CUTOFF_HZ, 0.0, 0.0));
             for step_s in steps {
                 time_s += step_s;
-                shown = filter.step(CUTOFF_HZ, *step_s, 3.0 * time_s);
+                output = filter.step(CUTOFF_HZ, *step_s, 3.0 * time_s);
             }
-            shown
+            output
         };
         let (even, uneven) = (show(&[0.01; 30]), show(&[0.05, 0.01, 0.2, 0.04]));
         assert!((even - uneven).abs() < 1e-12, "{even} {uneven}");

@@ -136,8 +136,8 @@ fn a_tare_averages_the_last_samples_of_an_empty_plate_and_applies_once() {
         let force = if millisecond < 100 { 706.0 } else { 30.0 };
         take_ground(&mut alignment, &ground(millisecond * 1_000_000, force), NOW_NS);
     }
-    let shown = alignment.tare(150.0).unwrap();
-    assert!((shown.force_n[2] - 30.0).abs() < 1e-9, "{shown:?}");
+    let tare = alignment.tare(150.0).unwrap();
+    assert!((tare.force_n[2] - 30.0).abs() < 1e-9, "{tare:?}");
     assert!(alignment.tare(150.0).unwrap().force_n[2].abs() < 1e-9, "the second tare finds nothing left");
     take_ground(&mut alignment, &ground(500 * 1_000_000, 400.0), NOW_NS);
     assert!(alignment.tare(150.0).is_none(), "somebody steps on");

@@ -20,7 +20,7 @@ impl Plate {
         // A suit that never repeats a pose.
         watch.poses.readings = 1.0;
         let mut plate = Plate { watch, before: None, millisecond: 1000, silent_from: u64::MAX };
-        plate.show(3000, |_, _| {});
+        plate.feed(3000, |_, _| {});
         plate
     }
 
@@ -41,7 +41,7 @@ impl Plate {
     }
 
     /// Feeds this many milliseconds; returns the number of samples accepted.
-    fn show(&mut self, milliseconds: u64, fault: impl Fn(u64, &mut GroundSample)) -> u64 {
+    fn feed(&mut self, milliseconds: u64, fault: impl Fn(u64, &mut GroundSample)) -> u64 {
         let mut accepted = 0;
         for index in 0..milliseconds {
             self.millisecond += 1;
@@ -67,7 +67,7 @@ fn scaled(by: f64) -> impl Fn(u64, &mut GroundSample) {
 
 #[test]
 fn a_plate_under_a_working_subject_is_accepted() {
-    assert_eq!(Plate::new().show(20_000, |_, _| {}), 20_000);
+    assert_eq!(Plate::new().feed(20_000, |_, _| {}), 20_000);
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn samples_of_one_delivery_are_accepted_before_the_clock_is_synchronised() {
         let begun_ns = plate.now_ns();
         let mut accepted = 0;
         for sample in 0..8 {
-            accepted += plate.show(1, |_, ground| {
+            accepted += plate.feed(1, |_, ground| {
                 *ground = Plate::truth(begun_ns / MS_NS + 5 * sample);
                 ground.sample_time_ns = begun_ns + sample * since_ns;
                 ground.sample_time_sigma_ns = sigma_ns;
@@ -93,11 +93,11 @@ fn a_glitch_is_suspect_from_its_beginning_for_less_than_half_a_second() {
     for by in [2.0, 0.5, 5.0] {
         let mut plate = Plate::new();
         let begun_ns = plate.now_ns() + MS_NS;
-        assert_eq!(plate.show(20, scaled(by)), 0, "{by}");
+        assert_eq!(plate.feed(20, scaled(by)), 0, "{by}");
         assert!(plate.watch.ground.overlaps(begun_ns, begun_ns), "{by}");
         assert!(!plate.watch.ground.overlaps(0, begun_ns - 10 * MS_NS), "what was before is sound");
-        plate.show(450, |_, _| {});
-        assert_eq!(plate.show(1000, |_, _| {}), 1000, "{by}");
+        plate.feed(450, |_, _| {});
+        assert_eq!(plate.feed(1000, |_, _| {}), 1000, "{by}");
     }
 }
 
@@ -105,34 +105,34 @@ fn a_glitch_is_suspect_from_its_beginning_for_less_than_half_a_second() {
 fn a_gain_that_changes_is_suspect_until_it_reverts_or_the_weight_agrees() {
     for by in [2.0, 0.5, 0.8, 1.2] {
         let mut plate = Plate::new();
-        assert_eq!(plate.show(8000, scaled(by)), 0, "{by}");
-        plate.show(2500, |_, _| {});
-        assert_eq!(plate.show(1000, |_, _| {}), 1000, "{by}: it is back");
-        plate.show(8000, scaled(by));
+        assert_eq!(plate.feed(8000, scaled(by)), 0, "{by}");
+        plate.feed(2500, |_, _| {});
+        assert_eq!(plate.feed(1000, |_, _| {}), 1000, "{by}: it is back");
+        plate.feed(8000, scaled(by));
         for _ in 0..120 {
             plate.watch.ingest_weight_agreement(Some(true), 0.01);
         }
-        assert!(plate.show(100, scaled(by)) > 0, "{by}: the weight agrees");
+        assert!(plate.feed(100, scaled(by)) > 0, "{by}: the weight agrees");
     }
 }
 
 #[test]
 fn a_tenth_more_from_one_sample_to_the_next_is_suspect() {
     let mut plate = Plate::new();
-    assert_eq!(plate.show(1900, scaled(1.1)), 0);
+    assert_eq!(plate.feed(1900, scaled(1.1)), 0);
 }
 
 #[test]
 fn a_weight_agreement_before_a_jump_does_not_end_it() {
     let mut plate = Plate::new();
-    plate.show(8000, scaled(1.2));
+    plate.feed(8000, scaled(1.2));
     for _ in 0..300 {
         plate.watch.ingest_weight_agreement(Some(true), 0.01);
     }
-    plate.show(1000, scaled(1.2));
-    plate.show(100, scaled(1.5));
+    plate.feed(1000, scaled(1.2));
+    plate.feed(100, scaled(1.5));
     plate.watch.ingest_weight_agreement(Some(true), 0.01);
-    assert_eq!(plate.show(1000, scaled(1.5)), 0);
+    assert_eq!(plate.feed(1000, scaled(1.5)), 0);
 }
 
 #[test]
@@ -141,38 +141,38 @@ fn noise_that_has_ended_does_not_mask_a_jump() {
     let noisy = |index: u64, sample: &mut GroundSample| {
         sample.force_n[2] += if index.is_multiple_of(2) { 200.0 } else { -200.0 };
     };
-    plate.show(5000, noisy);
-    plate.show(10_000, |_, _| {});
-    assert_eq!(plate.show(500, scaled(1.2)), 0);
+    plate.feed(5000, noisy);
+    plate.feed(10_000, |_, _| {});
+    assert_eq!(plate.feed(500, scaled(1.2)), 0);
 }
 
 #[test]
 fn a_centre_of_pressure_that_jumps_is_suspect() {
     let mut plate = Plate::new();
     let mirrored = |_: u64, sample: &mut GroundSample| sample.moment_nm = sample.moment_nm.map(|nm| -nm);
-    assert_eq!(plate.show(4000, mirrored), 0);
+    assert_eq!(plate.feed(4000, mirrored), 0);
 }
 
 #[test]
 fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does() {
     let mut plate = Plate::new();
     let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = 706.0;
-    assert!(plate.show(400, stuck) < 10);
+    assert!(plate.feed(400, stuck) < 10);
     let mut still = Plate::new();
     still.watch.poses.run = 1;
-    assert_eq!(still.show(400, |_, sample| sample.force_n[0] = 1.5), 400);
+    assert_eq!(still.feed(400, |_, sample| sample.force_n[0] = 1.5), 400);
     let mut unseen = Plate::new();
     unseen.silent_from = unseen.millisecond;
-    unseen.show(150, |_, _| {});
+    unseen.feed(150, |_, _| {});
     // Stuck at the present value: another level would be a jump.
     let level_n = Plate::truth(unseen.millisecond).force_n[2];
     let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = level_n;
-    assert_eq!(unseen.show(400, stuck), 400, "a suit that is silent shows no motion");
+    assert_eq!(unseen.feed(400, stuck), 400, "a suit that is silent shows no motion");
 }
 
 #[test]
 fn a_plate_that_pulls_is_suspect() {
-    assert_eq!(Plate::new().show(100, scaled(-1.0)), 0);
+    assert_eq!(Plate::new().feed(100, scaled(-1.0)), 0);
 }
 
 /// A suit sample of a person in one of the bench's postures, moved slightly by each number.

@@ -161,7 +161,7 @@ pub(super) fn drawn(subject: &Identification, normal: &mut Normal) -> Vec<f64> {
 }
 
 /// Measured CoP of a person with this θ in a stance with a position error, with noise of the stated size.
-pub(super) fn shown(
+pub(super) fn simulated_cop_m(
     rows: &Rows,
     theta: &[f64],
     off_m: [f64; 2],
@@ -190,7 +190,7 @@ fn errors_m(
     (0..poses)
         .map(|index| {
             let rows = subject.reduction.rows(&person.pose(&all[(7 * index) % all.len()]), [0.0; 2]);
-            let cop_m = shown(&rows, theta, off_m, variance_m2, normal);
+            let cop_m = simulated_cop_m(&rows, theta, off_m, variance_m2, normal);
             subject.update_from_rows(&rows, cop_m, variance_m2).unwrap();
             let mut square = 0.0;
             for posture in settings.library {

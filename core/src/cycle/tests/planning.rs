@@ -54,7 +54,7 @@ fn identify(kind: ReductionKind, choice: PoseChoice, seed: u64) -> Outcome {
         let suggested = suggestion(&mut one, &settings, 1);
         let pose = posture::pose_of(&LIBRARY[suggested], &person.skeleton, [0.0; 3]);
         let variance_m2 = one.drift_variance_m2(&pose, &settings).map(|suit_m2| suit_m2 + 4e-6);
-        let cop_m = shown(&full.reduction.rows(&pose, [0.0; 2]), &theta, off_m, variance_m2, &mut normal);
+        let cop_m = simulated_cop_m(&full.reduction.rows(&pose, [0.0; 2]), &theta, off_m, variance_m2, &mut normal);
         one.update_from_rows(&one.reduction.rows(&pose, [0.0; 2]), cop_m, variance_m2).unwrap();
         one.finish_pose(&pose, &settings);
         if one.identified == 1 {
