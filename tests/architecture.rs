@@ -209,7 +209,7 @@ const ESTIMATOR_FORMULAS: [&str; 12] = [
     "FootLoads",
     "FootReaction",
     "foot_reactions",
-    "LoadPlace",
+    "LoadPosition",
     "UpperBody",
     "LoadAtBack",
     "Inertia",

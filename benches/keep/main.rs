@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use equipoise_benches::rounds::{Contender, compare, quantile};
 use equipoise_benches::worker::{HEIGHT_M, Worker};
-use equipoise_core::cycle::{Checkpoint, Kept, Memory, Settings};
+use equipoise_core::cycle::{Checkpoint, StoredState, Memory, Settings};
 use equipoise_core::frame::{Pose, SuitWorld};
 use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::sesc::PARAMETERS;
@@ -28,10 +28,10 @@ fn memory() -> Box<Memory> {
     let pose = Worker::new().pose(0);
     let pose: Pose<SuitWorld> = Pose::new(pose.origin, pose.world_from_segment);
     while !memory.identification.has_body() {
-        memory.identification.learn_skeleton(&pose, &settings);
+        memory.identification.update_skeleton(&pose, &settings);
     }
     let mut kept = bytemuck::zeroed_box();
-    memory.identification.keep(&mut kept);
+    memory.identification.store(&mut kept);
     kept.performed = Performed::of(POSES, (0..POSES).map(|pose| [pose as f64; PARAMETERS]));
     assert!(memory.identification.restore(&kept, &settings), "a worker that fits");
     memory
@@ -53,9 +53,9 @@ fn cold_us(other: &mut [u8], mut run: impl FnMut()) -> Vec<f64> {
 fn main() {
     let mut criterion = equipoise_benches::criterion();
     let memory = memory();
-    let (mut kept, mut checkpoint) = (bytemuck::zeroed_box::<Kept>(), bytemuck::zeroed_box::<Checkpoint>());
+    let (mut kept, mut checkpoint) = (bytemuck::zeroed_box::<StoredState>(), bytemuck::zeroed_box::<Checkpoint>());
     let mut contenders = [
-        Contender::new("Kept::take", || black_box(&mut kept).take(black_box(&memory))),
+        Contender::new("StoredState::copy_from", || black_box(&mut kept).copy_from(black_box(&memory))),
         Contender::new("Checkpoint::take", || black_box(&mut checkpoint).take(1, black_box(&memory))),
     ];
     let medians_us = compare(&mut criterion, "copy what survives", &mut contenders);
@@ -69,12 +69,12 @@ fn main() {
     }
     let mut other = vec![0; OTHER_WORK];
     let cold = [
-        ("Kept::take", cold_us(&mut other, || black_box(&mut kept).take(black_box(&memory)))),
+        ("StoredState::copy_from", cold_us(&mut other, || black_box(&mut kept).copy_from(black_box(&memory)))),
         ("Checkpoint::take", cold_us(&mut other, || black_box(&mut checkpoint).take(1, black_box(&memory)))),
     ];
     println!(
         "cold caches: {COLD_ROUNDS} times each; {} and {} bytes",
-        size_of::<Kept>(),
+        size_of::<StoredState>(),
         size_of::<Checkpoint>()
     );
     for (name, times) in cold {

@@ -80,7 +80,7 @@ impl Anchor {
     }
 
     /// Marks the feet's positions as lost after a gap in the data: the next pose starts a new stance.
-    pub fn lose(&mut self) {
+    pub fn mark_lost(&mut self) {
         self.lost = self.started;
     }
 
@@ -97,15 +97,15 @@ impl Anchor {
 
     /// The pose in the station world, with the standing feet held.
     pub fn hold(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
-        self.place(pose, true)
+        self.to_station(pose, true)
     }
 
     /// Likewise for a suit without drift, such as optical markers in the plate's world: counts steps, shifts nothing.
-    pub fn follow(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
-        self.place(pose, false)
+    pub fn track(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
+        self.to_station(pose, false)
     }
 
-    fn place(&mut self, pose: &Pose<SuitWorld>, suit_drifts: bool) -> Pose<StationWorld> {
+    fn to_station(&mut self, pose: &Pose<SuitWorld>, suit_drifts: bool) -> Pose<StationWorld> {
         let foot = Side::BOTH.map(|side| 0.5 * (pose.origin_of(side.foot()) + pose.origin_of(side.toe())));
         if self.started == 0 {
             *self = Anchor {
@@ -122,7 +122,7 @@ impl Anchor {
             self.lost = 0;
         }
         let (stands, dragged_m) = self.standing_feet(&foot);
-        if let Some(shift) = self.shift_that_holds(&foot, stands).filter(|_| suit_drifts) {
+        if let Some(shift) = self.holding_shift(&foot, stands).filter(|_| suit_drifts) {
             self.station_from_suit_m = shift;
         }
         for side in 0..2 {
@@ -166,7 +166,7 @@ impl Anchor {
         (stands, if lifted || !dragged { [0.0; 2] } else { moved.map(|moved_m| 0.5 * moved_m) })
     }
 
-    fn shift_that_holds(&self, foot: &[Vector3<f64>; 2], stands: [bool; 2]) -> Option<[f64; 2]> {
+    fn holding_shift(&self, foot: &[Vector3<f64>; 2], stands: [bool; 2]) -> Option<[f64; 2]> {
         let (mut sum, mut feet) = ([0.0; 2], 0.0);
         for side in (0..2).filter(|&side| stands[side]) {
             sum[0] += self.standing_at_m[side][0] - foot[side].x;
@@ -207,10 +207,10 @@ mod tests {
     }
 
     #[test]
-    fn a_suit_without_drift_is_followed_to_any_position() {
+    fn a_suit_without_drift_is_tracked_to_any_position() {
         let mut anchor: Anchor = Zeroable::zeroed();
-        anchor.follow(&standing(Vector3::new(0.0, 0.0, 0.96)));
-        let moved = anchor.follow(&standing(Vector3::new(0.2, -0.1, 0.96)));
+        anchor.track(&standing(Vector3::new(0.0, 0.0, 0.96)));
+        let moved = anchor.track(&standing(Vector3::new(0.2, -0.1, 0.96)));
         assert!((moved.origin_of(Segment::Pelvis) - Vector3::new(0.2, -0.1, 0.96)).norm() < 1e-12);
         assert!(anchor.both_feet_stand());
     }

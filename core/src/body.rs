@@ -18,7 +18,7 @@ pub const JOINTS: usize = SEGMENTS - 1;
 /// A body segment. The number is the index in every array; MVN's segment id is one more.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
-#[expect(missing_docs, reason = "the names are MVN's own and say all there is to say")]
+#[expect(missing_docs, reason = "the names are those of MVN")]
 pub enum Segment {
     Pelvis,
     L5,

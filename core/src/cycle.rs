@@ -5,30 +5,30 @@
 //! of it.
 
 pub mod alignment;
-mod asked;
+mod pose_request;
 pub mod body_motion;
-pub mod build;
+pub mod reported_body;
 pub mod checkpoint;
 mod exposure;
 mod ground_rates;
 pub mod identification;
 mod insoles;
-pub mod kept;
+pub mod stored_state;
 mod lag_test;
 mod loading;
 pub mod memory;
 mod model_terms;
 pub mod monitoring;
-mod placing;
+mod registration;
 mod plausibility;
 mod residual;
 pub mod settings;
-pub mod skew_watch;
-pub mod sole;
+pub mod skew_monitor;
+pub mod foot_outline;
 pub mod support;
 mod tare;
 
-use alignment::PATIENCE_NS;
+use alignment::WAIT_MAX_NS;
 
 use crate::message::command::CommandKind;
 use crate::message::state::Phase;
@@ -36,13 +36,13 @@ use crate::message::{GroundSample, State, SuitBody, SuitSample, Validity};
 use crate::overload::Levels;
 use crate::time::NS_PER_S;
 
-pub use build::{BodyRefusal, Build};
+pub use reported_body::{BodyRefusal, ReportedBody};
 pub use checkpoint::Checkpoint;
 pub use identification::{BodySource, Identification, NO_POSE};
-pub use kept::{Kept, Registration};
-pub use memory::{Memory, Worker};
+pub use stored_state::{StoredState, Registration};
+pub use memory::{Memory, SubjectState};
 pub use settings::{
-    Accelerations, Asked, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule,
+    Accelerations, PoseRequest, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule,
 };
 pub use tare::Tare;
 
@@ -82,16 +82,16 @@ pub struct Inputs<'a> {
 /// Runs one cycle. The state is written in place and stays valid until the next step.
 pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs: Inputs<'_>) -> &'m State {
     if let Some(command) = inputs.command {
-        memory.obey(settings, command, tick);
+        memory.apply_command(settings, command, tick);
     }
     if let Some(body) = inputs.body {
-        memory.hear_build(body, tick.due_ns);
+        memory.ingest_body(body, tick.due_ns);
     }
     for sample in inputs.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
-        let sample = memory.tare.off(sample).without_what_was_not_measured();
+        let sample = memory.tare.subtract_from(sample).mask_unmeasured();
         if memory.alignment.admits_ground(&sample, tick.due_ns) {
-            if memory.believes_ground(&sample) {
+            if memory.validate_ground(&sample) {
                 memory.skew.ingest_ground(&sample);
             }
             memory.alignment.push_ground(&sample);
@@ -100,19 +100,19 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     for sample in inputs.suit {
         let sample_time_ns = memory.terms.without_lag_ns(&settings.model, sample.sample_time_ns);
         let sample = SuitSample { sample_time_ns, ..*sample };
-        if memory.alignment.admits_suit(&sample, tick.due_ns) && memory.believes_suit(&sample, settings) {
+        if memory.alignment.admits_suit(&sample, tick.due_ns) && memory.validate_suit(&sample, settings) {
             memory.alignment.push_suit(&sample);
-            memory.watch_the_skew(&sample, settings);
+            memory.update_skew(&sample, settings);
         }
     }
     // Bounded: the queue holds a fixed number of samples.
-    while let Some(aligned) = memory.alignment.next(tick.due_ns, memory.patience_ns(settings, tick)) {
-        memory.take_in(settings, &aligned);
+    while let Some(aligned) = memory.alignment.next(tick.due_ns, memory.wait_max_ns(settings, tick)) {
+        memory.ingest_aligned(settings, &aligned);
     }
-    let stands = !memory.findings().any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));
-    let published_ns = memory.known.suit_sample_time_ns;
-    memory.identification.plan_one(published_ns, stands, memory.build.body(), settings);
-    memory.tell(settings, tick);
+    let stands = !memory.invalid_reasons().any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));
+    let published_ns = memory.estimate.suit_sample_time_ns;
+    memory.identification.plan_step(published_ns, stands, memory.reported_body.body(), settings);
+    memory.update_state(settings, tick);
     &memory.state
 }
 
@@ -126,32 +126,32 @@ impl Memory {
     /// Age after which a suit sample is processed without a ground sample, ns.
     ///
     /// Includes the constant latencies of both streams, which delay samples but are no silence.
-    fn patience_ns(&self, settings: &Settings, tick: Tick) -> u64 {
+    fn wait_max_ns(&self, settings: &Settings, tick: Tick) -> u64 {
         let latency_ns = self.suit_latency_ns(settings, tick).max(settings.ground_latency_ns);
-        PATIENCE_NS + latency_ns + self.alignment.ground_late_ns()
+        WAIT_MAX_NS + latency_ns + self.alignment.ground_late_ns()
     }
 
-    fn obey(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
+    fn apply_command(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
         match command {
-            CommandKind::IdentifyStart => self.identification.go_on_learning(),
+            CommandKind::IdentifyStart => self.identification.continue_identification(),
             CommandKind::IdentifyStop => {
-                self.identification.learning = 0;
+                self.identification.identifying = 0;
                 self.identification.identified = u64::from(self.identification.has_body());
                 self.model_changed_ns = tick.due_ns;
             }
             CommandKind::IdentifyReset => {
                 if self.identification.has_body() {
-                    self.identification.return_to_prior(settings);
+                    self.identification.reset_to_prior(settings);
                 }
                 // Samples from before the command must not update the filter again.
                 self.window.clear();
                 self.history.clear();
-                self.unloaded.forget();
-                self.asked.restart();
+                self.unloaded.clear();
+                self.pose_request.restart();
                 // The measured mass may have been wrong.
                 self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
-                self.identification.learning = 1;
-                self.known.motion_samples_used = 0;
+                self.identification.identifying = 1;
+                self.estimate.motion_samples_used = 0;
                 self.model_changed_ns = tick.due_ns;
             }
             CommandKind::Tare => {
@@ -160,66 +160,66 @@ impl Memory {
                 }
             }
             CommandKind::PoseSkip => {
-                if !self.skip_asked(settings) {
+                if !self.skip_requested_pose(settings) {
                     self.identification.skip_pose();
                 }
             }
             CommandKind::UndoLift => {
                 self.exposure.dose.undo_lift();
-                self.tell_exposure();
+                self.publish_exposure();
             }
             // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
             CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
             CommandKind::Reload => {
                 // Filters and the static pose window contain results of the previous model.
                 self.terms.restart();
-                self.asked.restart();
+                self.pose_request.restart();
                 self.window.clear();
                 self.history.clear();
-                self.unloaded.forget();
+                self.unloaded.clear();
                 self.model_changed_ns = tick.due_ns;
             }
             CommandKind::SubjectLoad => {
-                self.asked.restart();
+                self.pose_request.restart();
                 // The window contains poses of the previous subject.
                 self.window.clear();
                 self.history.clear();
-                self.unloaded.forget();
+                self.unloaded.clear();
                 self.noise = bytemuck::Zeroable::zeroed();
-                self.known.motion_samples_used = 0;
+                self.estimate.motion_samples_used = 0;
                 self.model_changed_ns = tick.due_ns;
             }
         }
     }
 
     /// Updates the state to the tick: ages, phase, validity flags; resets values that must not be used.
-    fn tell(&mut self, settings: &Settings, tick: Tick) {
+    fn update_state(&mut self, settings: &Settings, tick: Tick) {
         let now_ns = tick.due_ns;
         let age = |time: Option<u64>| time.map_or(u64::MAX, |time_ns| now_ns.saturating_sub(time_ns));
         let stale = |age_ns: u64, period_ns: u64| age_ns > 2 * period_ns + STALE_TOLERANCE_NS;
         let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
         let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
         // The newest samples may still wait for the ground; the results belong to the samples processed so far.
-        let published_age_ns = now_ns.saturating_sub(self.known.suit_sample_time_ns);
+        let published_age_ns = now_ns.saturating_sub(self.estimate.suit_sample_time_ns);
         let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
         let suit_period_ns = self.alignment.suit_period_ns();
-        let patience_ns = self.patience_ns(settings, tick);
+        let wait_max_ns = self.wait_max_ns(settings, tick);
         let suit_stale = stale(beyond(suit_age_ns, self.suit_latency_ns(settings, tick)), suit_period_ns)
-            || stale(beyond(published_age_ns, patience_ns + settings.half_window_ns()), suit_period_ns);
+            || stale(beyond(published_age_ns, wait_max_ns + settings.half_window_ns()), suit_period_ns);
         let ground_stale =
             stale(beyond(ground_age_ns, settings.ground_latency_ns), self.alignment.ground_period_ns());
         if suit_stale && !ground_stale {
-            self.measure_ground_alone();
+            self.apply_ground_alone();
         }
         // The plate may have recovered, but the current snapshot predates the recovery.
-        let ground_stale = ground_stale || self.findings().any_of(Validity::GROUND_STALE);
+        let ground_stale = ground_stale || self.invalid_reasons().any_of(Validity::GROUND_STALE);
 
         // Rejected samples reach no snapshot, but the published results predate them.
-        let suit_suspect = self.plausibility.suit.touches(self.known.suit_sample_time_ns, u64::MAX);
+        let suit_suspect = self.plausibility.suit.overlaps(self.estimate.suit_sample_time_ns, u64::MAX);
 
         let suggested = self.suggested(settings);
         let identification = &self.identification;
-        let mut valid = self.findings();
+        let mut valid = self.invalid_reasons();
         valid.raise(Validity::SUIT_STALE, suit_stale);
         valid.raise(Validity::GROUND_STALE, ground_stale);
         valid.raise(Validity::SUIT_IMPLAUSIBLE, suit_suspect);
@@ -229,12 +229,12 @@ impl Memory {
         let changed =
             self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
         valid.raise(Validity::MODEL_CHANGED, changed);
-        valid.raise(Validity::PLACE_UNKNOWN, self.placing.is_lost());
+        valid.raise(Validity::PLACE_UNKNOWN, self.registration.is_lost());
 
         let ready = !valid.any_of(Validity::BODY_UNKNOWN) && identification.mass_kg > 0.0;
         let phase = match (ready && !suit_stale && !ground_stale, identification) {
-            (true, known) if known.identified == 1 => Phase::Monitoring,
-            (true, unknown) if unknown.learning == 1 => Phase::Identifying,
+            (true, subject) if subject.identified == 1 => Phase::Monitoring,
+            (true, subject) if subject.identifying == 1 => Phase::Identifying,
             // If no stream is silent, the subject itself is not ready, for example after a reset.
             (false, _) if self.was_ready == 1 && (suit_stale || ground_stale) => Phase::Degraded,
             _ => Phase::Waiting,
@@ -243,10 +243,10 @@ impl Memory {
             self.was_ready = 1;
         }
 
-        let state = &mut self.known;
+        let state = &mut self.estimate;
         state.body_source = identification.body_source() as u32;
-        state.sole_source = self.build.sole_source() as u32;
-        state.body_refused = self.build.refused();
+        state.sole_source = self.reported_body.sole_source() as u32;
+        state.body_refused = self.reported_body.refused();
         state.cycle = tick.cycle;
         state.time_ns = now_ns;
         state.suit_age_ns = suit_age_ns;
@@ -264,7 +264,7 @@ impl Memory {
         if suit_stale || ground_stale {
             state.static_pose = 0;
         }
-        self.state = self.known;
+        self.state = self.estimate;
         mask_invalid(&mut self.state, settings, &mut self.exposure.levels);
     }
 }
@@ -294,11 +294,11 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
         state.delta_f_n = [0.0; 3];
     }
     if valid.any_of(Validity::SPOILS_TORQUES) {
-        monitoring::blank_torques(state);
+        monitoring::mask_torques(state);
         state.torque_limit_nm = *settings.limits.without_torque_nm();
-        levels.forget();
+        levels.reset();
     } else {
-        monitoring::colour(state, settings, levels);
+        monitoring::set_levels(state, settings, levels);
     }
     exposure::mask_invalid(state);
 }

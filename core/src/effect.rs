@@ -284,14 +284,14 @@ pub struct Term {
 
 impl Term {
     /// Whether it applies at a time, s since the station's first snapshot.
-    pub fn holds_at(&self, time_s: f64) -> bool {
+    pub fn applies_at(&self, time_s: f64) -> bool {
         (self.span_s[0]..self.span_s[1]).contains(&time_s)
     }
 
     /// Its columns at an instant, drifts and sways relative to the start of its span, rotations at their full size;
     /// zero outside the span.
     pub fn columns(&self, observation: &Observation) -> Columns {
-        if !self.holds_at(observation.time_s) {
+        if !self.applies_at(observation.time_s) {
             return Columns::zero(self.effect.parameters().len());
         }
         let since = Observation { time_s: observation.time_s - self.span_s[0], ..*observation };
@@ -314,7 +314,7 @@ impl Model {
 
     /// The terms that apply at a time, s since the station's first snapshot.
     pub fn at(&self, time_s: f64) -> impl Iterator<Item = &Term> {
-        self.terms.iter().flatten().filter(move |term| term.holds_at(time_s))
+        self.terms.iter().flatten().filter(move |term| term.applies_at(time_s))
     }
 
     /// Total change by all terms at an instant: of the CoP, m, and of the force, N.

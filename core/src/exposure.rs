@@ -99,7 +99,7 @@ impl Exposure {
         self.start();
         self.fatigue.share = shift.fatigue;
         let &Shift { damage, lifts, ended, latest, .. } = shift;
-        self.dose = Dose::resumed(damage, lifts, ended, latest);
+        self.dose = Dose::restored(damage, lifts, ended, latest);
     }
 
     /// Resets everything for another subject.

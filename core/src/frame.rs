@@ -62,7 +62,8 @@ impl<W> Pose<W> {
         self.world_from_segment[other.index()].inverse() * along
     }
 
-    /// Origins of all segments from these orientations along constant bones, with the middle of the feet in its place, m.
+    /// Origins of all segments from these orientations along constant bones, with the middle of the feet in its place,
+    /// m.
     pub fn origins_along(&self, skeleton: &Skeleton) -> [Vector3<f64>; SEGMENTS] {
         let origin = skeleton.origins_m(&self.world_from_segment);
         let between_feet = |origin: &[Vector3<f64>; SEGMENTS]| {

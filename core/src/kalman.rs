@@ -25,8 +25,8 @@ pub const STATES: usize = PARAMETERS + NUISANCE;
 /// to two units in the last place of √(P_ii P_jj) in either direction, add up to √71 times that.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
-/// State and covariance: `count` parameters θ, then [`NUISANCE`] states that are exactly zero until [`Filter::forget`]
-/// gives them a variance. Rows and columns beyond are unused.
+/// State and covariance: `count` parameters θ, then [`NUISANCE`] states that are exactly zero until
+/// [`Filter::reset_state`] gives them a variance. Rows and columns beyond are unused.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Filter {
@@ -77,12 +77,12 @@ impl Filter {
     }
 
     /// Eq. 7 for one state: adds a process variance.
-    pub fn wander(&mut self, index: usize, variance_m2: f64) {
+    pub fn add_process_noise(&mut self, index: usize, variance_m2: f64) {
         self.covariance_m2[index][index] += variance_m2;
     }
 
     /// Resets a state to zero with the variance `variance_m2`, independent of all others.
-    pub fn forget(&mut self, index: usize, variance_m2: f64) {
+    pub fn reset_state(&mut self, index: usize, variance_m2: f64) {
         self.theta_m[index] = 0.0;
         self.covariance_m2[index] = [0.0; STATES];
         for row in &mut self.covariance_m2 {

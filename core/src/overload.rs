@@ -15,7 +15,7 @@ mod errors;
 pub mod feet;
 pub mod level;
 pub mod limits;
-pub mod load_place;
+pub mod load_position;
 pub mod sharing;
 
 use nalgebra::Vector3;
@@ -28,7 +28,7 @@ pub use errors::LoadingSigma;
 pub use feet::{FootLoads, FootReaction};
 pub use level::{Level, Levels};
 pub use limits::TorqueLimits;
-pub use load_place::LoadPlace;
+pub use load_position::LoadPosition;
 
 /// Standard gravity is 9.80665 m/s²; golden values and the paper use two decimals.
 pub const GRAVITY_M_PER_S2: f64 = 9.81;
@@ -94,7 +94,7 @@ impl Loading {
             self.cop_measured_m[axis] -= by_m;
             self.cop_estimated_m[axis] -= by_m;
         }
-        self.feet = self.feet.seen_from(by_m);
+        self.feet = self.feet.relative_to(by_m);
         self
     }
 }
@@ -165,10 +165,10 @@ pub fn zeta_sigma(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingS
         right_n / (left_n + right_n).max(1e-9)
     };
     let base = right(pose, loading);
-    let elsewhere = sigma.elsewhere(pose, loading);
-    let elsewhere = elsewhere.iter().map(|(pose, loading, weight)| (right(pose, loading), *weight));
+    let pose_errors = sigma.pose_errors(pose, loading);
+    let pose_errors = pose_errors.iter().map(|(pose, loading, weight)| (right(pose, loading), *weight));
     let errors = sigma.errors(pose, loading);
-    let changed = errors.iter().map(|off| (right(pose, off), 1.0)).chain(elsewhere);
+    let changed = errors.iter().map(|off| (right(pose, off), 1.0)).chain(pose_errors);
     math::sqrt(changed.map(|(changed, weight)| weight * (changed - base) * (changed - base)).sum())
 }
 
@@ -226,8 +226,8 @@ impl<'a> Acting<'a> {
         })
     }
 
-    /// Vertical component of a joint's Δτ, N m: of the load's horizontal force at the hands, and of the difference of the
-    /// ground's with and without the load.
+    /// Vertical component of a joint's Δτ, N m: of the load's horizontal force at the hands, and of the difference of
+    /// the ground's with and without the load.
     fn vertical_nm(&self, ends: &Ends, origin: Vector3<f64>) -> f64 {
         let Loading { swing, grip_m, eta, cop_measured_m, cop_estimated_m, .. } = self.loading;
         let about = |[x, y]: [f64; 2], [force_x, force_y]: [f64; 2]| x * force_y - y * force_x;
@@ -260,8 +260,8 @@ impl<'a> Acting<'a> {
 pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigma) -> [Torque; JOINTS] {
     let errors = sigma.errors(pose, loading);
     let (base, errors) = (Acting::new(pose, loading), errors.each_ref().map(|off| Acting::new(pose, off)));
-    let elsewhere = sigma.elsewhere(pose, loading);
-    let elsewhere = elsewhere.each_ref().map(|(pose, off, weight)| (pose, Acting::new(pose, off), *weight));
+    let pose_errors = sigma.pose_errors(pose, loading);
+    let pose_errors = pose_errors.each_ref().map(|(pose, off, weight)| (pose, Acting::new(pose, off), *weight));
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
         let [x, y] = base.horizontal_nm(ends, origin);
@@ -274,7 +274,7 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
             covariance_nm2.iter_mut().zip(products).for_each(|(sum, product)| *sum += weight * product);
         };
         errors.iter().for_each(|off| add(off.horizontal_nm(ends, origin), 1.0));
-        for (pose, off, weight) in &elsewhere {
+        for (pose, off, weight) in &pose_errors {
             add(off.horizontal_nm(ends, pose.origin_of(joint.segment())), *weight);
         }
         let sigma_nm = sigma_of_length([torque_nm.x, torque_nm.y], covariance_nm2);
@@ -283,8 +283,8 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
 }
 
 impl Acting<'_> {
-    /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to the
-    /// joint, (N m)².
+    /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to
+    /// the joint, (N m)².
     ///
     /// The error φ of a segment's orientation moves the end of the segment d by `φ × d`: perpendicular to it, with the
     /// covariance `σ² (|d|² I − d dᵀ)`.
@@ -319,8 +319,8 @@ impl Acting<'_> {
                 let [xx, xy, yy] = chain_m2(side.hand());
                 let grip_m2 = grip_covariance_m2(pose, side, sigma.grip_m);
                 let of_hand_m2 = [xx + grip_m2[0], xy + grip_m2[1], yy + grip_m2[2]];
-                // The error of the hand's position counts with the largest η of a uniform distribution: a hand that seems
-                // empty may hold the load.
+                // The error of the hand's position counts with the largest η of a uniform distribution: a hand that
+                // seems empty may hold the load.
                 let eta_range = math::sqrt(3.0) * sigma.eta;
                 let eta_max = (self.loading.eta[index] + eta_range).min(1.0);
                 add(eta_max * self.loading.delta_f_n, of_hand_m2);

@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pose_is_far_by_its_angles_and_by_how_unsure_their_segments_are() {
+    fn the_distance_grows_with_angles_and_variances() {
         let (stand, elbow, knee) = (posture("stand", 0, 0), posture("elbow", 60, 0), posture("knee", 0, 50));
         let memory = performed(&stand);
         let mut variance = [1.0; PARAMETERS];

@@ -12,7 +12,7 @@ use crate::frame::Turn;
 use crate::math;
 
 /// Exceeded with a probability of 0.001 for two degrees of freedom.
-const NIS_OF_A_BLUNDER: f64 = 13.8;
+const NIS_OUTLIER: f64 = 13.8;
 /// A map that scales by more than this factor is not that of a rigid body. Errors common to points and images shrink
 /// the map, and so does a filter applied to one of the two: natural work gave 0.75.
 const SCALE_MAX: f64 = 2.0;
@@ -45,7 +45,7 @@ impl PlanarFit {
 
     /// Ingests a pair: a point of the plane, and its position in the other, m, each axis with its own variance, m². A
     /// pair that contradicts the earlier ones is rejected. Returns whether it was accepted.
-    pub fn take_in(&mut self, point_m: [f64; 2], image_m: [f64; 2], variance_m2: [f64; 2]) -> bool {
+    pub fn ingest_pair(&mut self, point_m: [f64; 2], image_m: [f64; 2], variance_m2: [f64; 2]) -> bool {
         let numbers = point_m.iter().chain(&image_m).chain(&variance_m2);
         if !numbers.copied().all(f64::is_finite) || variance_m2.iter().any(|variance| *variance <= 0.0) {
             return false;
@@ -64,7 +64,7 @@ impl PlanarFit {
 
     /// Ingests a vector of the plane and its image in the other, each component with its own variance: it depends on
     /// the heading alone. Returns whether it was accepted.
-    pub fn take_in_vector(&mut self, [x, y]: [f64; 2], image: [f64; 2], variance: [f64; 2]) -> bool {
+    pub fn ingest_vector(&mut self, [x, y]: [f64; 2], image: [f64; 2], variance: [f64; 2]) -> bool {
         let numbers = [x, y].into_iter().chain(image).chain(variance);
         let is_sound = numbers.clone().all(f64::is_finite) && variance.iter().all(|variance| *variance > 0.0);
         is_sound
@@ -88,21 +88,21 @@ impl PlanarFit {
                 self.covariance[index][index] = self.covariance[index][index].max(0.0);
             }
         }
-        if nis >= NIS_OF_A_BLUNDER {
+        if nis >= NIS_OUTLIER {
             (self.state, self.covariance) = before;
         }
-        nis < NIS_OF_A_BLUNDER
+        nis < NIS_OUTLIER
     }
 
     /// Adds a process variance on each axis: the plane may have moved, m².
-    pub fn wander(&mut self, variance_m2: f64) {
+    pub fn add_process_noise(&mut self, variance_m2: f64) {
         for axis in [2, 3] {
             self.covariance[axis][axis] += variance_m2;
         }
     }
 
     /// Ingests the heading, with the 1-σ `sigma_rad`.
-    pub fn believe_heading(&mut self, heading_rad: f64, sigma_rad: f64) {
+    pub fn ingest_heading(&mut self, heading_rad: f64, sigma_rad: f64) {
         let variance = sigma_rad * sigma_rad;
         let rows = [Vector4::new(1.0, 0.0, 0.0, 0.0), Vector4::new(0.0, 1.0, 0.0, 0.0)];
         self.update(rows, Turn::by(heading_rad).of([1.0, 0.0]), [variance, variance]);
@@ -147,7 +147,7 @@ impl PlanarFit {
     }
 
     /// Transforms the fit after the other plane was rotated about its origin by `turn` and then moved by `by_m`.
-    pub fn follow(&mut self, turn: Turn, by_m: [f64; 2]) {
+    pub fn transform(&mut self, turn: Turn, by_m: [f64; 2]) {
         let [cos, sin] = turn.of([1.0, 0.0]);
         let with = Matrix4::new(
             cos, -sin, 0.0, 0.0, //
@@ -200,13 +200,13 @@ mod tests {
         fit.start(sigma_rad);
         for index in 0..pairs {
             let [x, y] = Turn::by(heading_rad).of(point_m(index));
-            assert!(fit.take_in(point_m(index), [x + by_m[0], y + by_m[1]], VARIANCE_M2));
+            assert!(fit.ingest_pair(point_m(index), [x + by_m[0], y + by_m[1]], VARIANCE_M2));
         }
         fit
     }
 
     #[test]
-    fn any_heading_and_place_is_found() {
+    fn recovers_any_heading_and_position() {
         for heading_rad in [-3.0, -1.5, -0.2, 0.0, 0.7, 2.2, 3.1] {
             let fit = fitted(heading_rad, [0.3, -5.0], core::f64::consts::PI, 100);
             let off_rad = fit.heading_rad() - heading_rad;
@@ -219,11 +219,11 @@ mod tests {
     }
 
     #[test]
-    fn standing_determines_the_place_and_not_the_heading() {
+    fn standing_determines_the_position_and_not_the_heading() {
         let mut fit: PlanarFit = Zeroable::zeroed();
         fit.start(core::f64::consts::PI);
         for _ in 0..100 {
-            fit.take_in([2.0, -1.0], [0.1, 0.2], VARIANCE_M2);
+            fit.ingest_pair([2.0, -1.0], [0.1, 0.2], VARIANCE_M2);
         }
         assert!(fit.heading_sigma_rad() > 1.0);
         let [x, y] = fit.image_m([2.0, -1.0]);
@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_heading_that_is_known_needs_no_motion() {
+    fn a_heading_prior_needs_no_motion() {
         let fit = fitted(0.0, [0.3, 0.0], 0.01, 10);
         assert!(fit.heading_sigma_rad() <= 0.01 && fit.variance_m2(point_m(0))[0] < 2e-5, "{fit:?}");
     }
@@ -244,41 +244,41 @@ mod tests {
         fit.start(core::f64::consts::PI);
         for index in 0..200 {
             let [x, y] = point_m(index);
-            fit.take_in([x, y], [0.4 * x, 0.4 * y], VARIANCE_M2);
+            fit.ingest_pair([x, y], [0.4 * x, 0.4 * y], VARIANCE_M2);
         }
         assert!(!fit.is_rigid());
     }
 
     #[test]
-    fn a_blunder_and_what_is_no_number_change_nothing() {
+    fn outliers_and_non_finite_values_change_nothing() {
         let mut fit = fitted(0.3, [0.0, 0.0], core::f64::consts::PI, 50);
         let before = bytemuck::bytes_of(&fit).to_vec();
-        assert!(!fit.take_in(point_m(3), [9.0, 9.0], VARIANCE_M2));
-        assert!(!fit.take_in([f64::NAN, 0.0], [0.0; 2], VARIANCE_M2));
-        assert!(!fit.take_in(point_m(3), [0.0; 2], [0.0, 1.0]));
+        assert!(!fit.ingest_pair(point_m(3), [9.0, 9.0], VARIANCE_M2));
+        assert!(!fit.ingest_pair([f64::NAN, 0.0], [0.0; 2], VARIANCE_M2));
+        assert!(!fit.ingest_pair(point_m(3), [0.0; 2], [0.0, 1.0]));
         assert_eq!(before, bytemuck::bytes_of(&fit));
     }
 
     #[test]
-    fn vectors_tell_the_heading_and_no_place() {
+    fn vectors_determine_the_heading_and_no_position() {
         let mut fit: PlanarFit = Zeroable::zeroed();
         fit.start(core::f64::consts::PI);
         for index in 0..100 {
             let vector = [sine(f64::from(index)), sine(1.3 * f64::from(index) + 1.0)];
-            assert!(fit.take_in_vector(vector, Turn::by(-2.0).of(vector), [0.01; 2]));
+            assert!(fit.ingest_vector(vector, Turn::by(-2.0).of(vector), [0.01; 2]));
         }
         assert!((fit.heading_rad() + 2.0).abs() < 0.01 && fit.heading_sigma_rad() < 0.02 && fit.is_rigid());
         assert!(!fit.has_begun());
     }
 
     #[test]
-    fn after_the_other_plane_was_put_right_the_fit_says_so() {
+    fn transforming_the_fit_applies_the_correction() {
         let mut fit = fitted(1.1, [0.3, -5.0], core::f64::consts::PI, 100);
         let sigma_rad = fit.heading_sigma_rad();
         let (turn, point) = (Turn::by(-fit.heading_rad()), point_m(5));
         let turned = turn.of(fit.image_m(point));
         let by_m = [0, 1].map(|axis| point[axis] - turned[axis]);
-        fit.follow(turn, by_m);
+        fit.transform(turn, by_m);
         assert!(fit.heading_rad().abs() < 1e-12);
         assert!((fit.heading_sigma_rad() - sigma_rad).abs() < 1e-12);
         let again = fit.image_m(point);

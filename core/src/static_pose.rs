@@ -52,7 +52,7 @@ impl Default for Thresholds {
 /// One aligned sample as stored in the window.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct Held {
+pub struct WindowSample {
     /// Sample time of the suit.
     pub time_ns: u64,
     /// The anchor's stance.
@@ -73,7 +73,7 @@ pub struct Held {
 
 /// Variation within the window.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Stillness {
+pub struct PoseStatistics {
     /// Largest standard deviation of a joint's angle, rad.
     pub joint_rad: f64,
     /// Standard deviation of the centre of pressure per axis, m.
@@ -90,7 +90,7 @@ pub struct Stillness {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Window {
-    held: [Held; WINDOW],
+    ring: [WindowSample; WINDOW],
     /// Index of the next sample, in [0, WINDOW).
     next: u64,
     /// Number of samples, in [0, WINDOW].
@@ -99,20 +99,20 @@ pub struct Window {
 
 impl Window {
     /// Appends a sample. A new stance or a gap of more than three periods clears the window first.
-    pub fn push(&mut self, pose: &Pose<StationWorld>, mut held: Held, period_ns: u64) {
+    pub fn push(&mut self, pose: &Pose<StationWorld>, mut sample: WindowSample, period_ns: u64) {
         let newest = self.newest();
         if newest.is_some_and(|last| {
-            last.stance != held.stance || held.time_ns.saturating_sub(last.time_ns) > 3 * period_ns
+            last.stance != sample.stance || sample.time_ns.saturating_sub(last.time_ns) > 3 * period_ns
         }) {
             self.count = 0;
         }
-        held.origin_m = pose.origin.map(Into::into);
-        held.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
-        held.joint_wxyz = pose.joint_rotations().map(|rotation| wxyz(&rotation));
-        held.middle_m = (pose.origin.iter().sum::<Vector3<f64>>() / SEGMENTS as f64).into();
+        sample.origin_m = pose.origin.map(Into::into);
+        sample.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
+        sample.joint_wxyz = pose.joint_rotations().map(|rotation| wxyz(&rotation));
+        sample.middle_m = (pose.origin.iter().sum::<Vector3<f64>>() / SEGMENTS as f64).into();
         // q and −q are the same rotation; a jump between them would appear as motion.
         if let Some(last) = newest {
-            for (now, before) in held.joint_wxyz.iter_mut().zip(last.joint_wxyz) {
+            for (now, before) in sample.joint_wxyz.iter_mut().zip(last.joint_wxyz) {
                 if now.iter().zip(before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
                     *now = now.map(|component| -component);
                 }
@@ -127,7 +127,7 @@ impl Window {
             self.next = (self.next + WINDOW as u64 - 1) % WINDOW as u64;
             self.count -= 1;
         }
-        self.held[self.next as usize % WINDOW] = held;
+        self.ring[self.next as usize % WINDOW] = sample;
         self.next = (self.next + 1) % WINDOW as u64;
         self.count = (self.count + 1).min(WINDOW as u64);
         // Keep the shortest sequence of samples that covers the span.
@@ -142,8 +142,8 @@ impl Window {
     }
 
     /// The samples, the newest first.
-    pub fn samples(&self) -> impl Iterator<Item = &Held> + Clone {
-        (1..=self.count as usize).map(|back| &self.held[(self.next as usize + WINDOW - back) % WINDOW])
+    pub fn samples(&self) -> impl Iterator<Item = &WindowSample> + Clone {
+        (1..=self.count as usize).map(|back| &self.ring[(self.next as usize + WINDOW - back) % WINDOW])
     }
 
     /// Whether the samples cover the window's duration.
@@ -161,7 +161,7 @@ impl Window {
     }
 
     /// The newest sample.
-    pub fn newest(&self) -> Option<Held> {
+    pub fn newest(&self) -> Option<WindowSample> {
         self.samples().next().copied()
     }
 
@@ -169,18 +169,18 @@ impl Window {
     pub fn is_sound(&self) -> bool {
         self.next < WINDOW as u64
             && self.count <= WINDOW as u64
-            && self.held.iter().all(|held| {
-                held.vertical_n.is_finite()
-                    && held.middle_m.iter().all(|value| value.is_finite())
-                    && held.cop_m.iter().all(|value| value.is_finite())
-                    && held.origin_m.iter().flatten().all(|value| value.is_finite())
-                    && held.orientation_wxyz.iter().flatten().all(|value| value.is_finite())
-                    && held.joint_wxyz.iter().flatten().all(|value| value.is_finite())
+            && self.ring.iter().all(|sample| {
+                sample.vertical_n.is_finite()
+                    && sample.middle_m.iter().all(|value| value.is_finite())
+                    && sample.cop_m.iter().all(|value| value.is_finite())
+                    && sample.origin_m.iter().flatten().all(|value| value.is_finite())
+                    && sample.orientation_wxyz.iter().flatten().all(|value| value.is_finite())
+                    && sample.joint_wxyz.iter().flatten().all(|value| value.is_finite())
             })
     }
 
     /// Variation within the window; `None` while it fills.
-    pub fn stillness(&self) -> Option<Stillness> {
+    pub fn statistics(&self) -> Option<PoseStatistics> {
         if !self.is_full() {
             return None;
         }
@@ -188,13 +188,13 @@ impl Window {
         let mut joint_rad = 0.0_f64;
         for joint in 0..JOINTS {
             let spread: f64 =
-                (0..4).map(|part| moments(samples.clone().map(|held| held.joint_wxyz[joint][part])).1).sum();
+                (0..4).map(|part| moments(samples.clone().map(|sample| sample.joint_wxyz[joint][part])).1).sum();
             // A small rotation by ω changes the quaternion by |ω|/2.
             joint_rad = joint_rad.max(2.0 * math::sqrt(spread));
         }
-        let [x, y] = [0, 1].map(|axis| moments(samples.clone().map(|held| held.cop_m[axis])));
-        let (vertical_n, _) = moments(samples.map(|held| held.vertical_n));
-        Some(Stillness {
+        let [x, y] = [0, 1].map(|axis| moments(samples.clone().map(|sample| sample.cop_m[axis])));
+        let (vertical_n, _) = moments(samples.map(|sample| sample.vertical_n));
+        Some(PoseStatistics {
             joint_rad,
             cop_sigma_m: [math::sqrt(x.1), math::sqrt(y.1)],
             cop_m: [x.0, y.0],
@@ -207,20 +207,20 @@ impl Window {
     fn acceleration_m_per_s2(&self) -> f64 {
         let (Some(newest), mut times_s) = (self.samples().next(), [0.0; WINDOW]) else { return 0.0 };
         let half_s = 0.5e-9 * self.length_ns(0) as f64;
-        for (time_s, held) in times_s.iter_mut().zip(self.samples()) {
-            *time_s = half_s - newest.time_ns.saturating_sub(held.time_ns) as f64 * 1e-9;
+        for (time_s, sample) in times_s.iter_mut().zip(self.samples()) {
+            *time_s = half_s - newest.time_ns.saturating_sub(sample.time_ns) as f64 * 1e-9;
         }
         let Some(weights) = weights(&times_s[..self.count as usize]) else { return 0.0 };
-        let sum = self.samples().zip(weights.second).fold(Vector3::zeros(), |sum, (held, weight)| {
-            sum + weight * (Vector3::from(held.middle_m) - Vector3::from(newest.middle_m))
+        let sum = self.samples().zip(weights.second).fold(Vector3::zeros(), |sum, (sample, weight)| {
+            sum + weight * (Vector3::from(sample.middle_m) - Vector3::from(newest.middle_m))
         });
         sum.norm()
     }
 }
 
-impl Stillness {
+impl PoseStatistics {
     /// Whether the thresholds hold.
-    pub fn is_still(&self, thresholds: &Thresholds) -> bool {
+    pub fn is_static(&self, thresholds: &Thresholds) -> bool {
         self.is_within(thresholds, 1.0)
     }
 
@@ -270,13 +270,13 @@ mod tests {
             rotation[9] = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.0, elbow_rad(index)));
             rotation[10] = rotation[9];
             let pose = Pose::new([Vector3::zeros(); SEGMENTS], rotation);
-            let held = Held {
+            let sample = WindowSample {
                 time_ns: index * PERIOD_NS,
                 cop_m: [cop_x_m(index), 0.0],
                 vertical_n: 700.0,
                 ..Zeroable::zeroed()
             };
-            window.push(&pose, held, PERIOD_NS);
+            window.push(&pose, sample, PERIOD_NS);
         }
     }
 
@@ -288,10 +288,10 @@ mod tests {
     fn nineteen_samples_are_no_window() {
         let mut window = empty();
         fill(&mut window, 19, |_| 0.3, |_| 0.1);
-        assert_eq!(window.stillness(), None);
+        assert_eq!(window.statistics(), None);
         let mut window = empty();
         fill(&mut window, 20, |_| 0.3, |_| 0.1);
-        assert!(window.stillness().unwrap().is_still(&Thresholds::default()));
+        assert!(window.statistics().unwrap().is_static(&Thresholds::default()));
     }
 
     /// A squat through its lowest point, at `middle` of the time, with a suit of that rate: whether any window is
@@ -311,15 +311,15 @@ mod tests {
             for foot in [Segment::RightFoot, Segment::LeftFoot, Segment::RightToe, Segment::LeftToe] {
                 origin[foot.index()].z = 0.05;
             }
-            let held = Held {
+            let sample = WindowSample {
                 time_ns: (index as f64 / rate_hz * 1e9) as u64,
                 cop_m: [0.02 * depth, 0.0],
                 vertical_n: 700.0,
                 ..Zeroable::zeroed()
             };
-            window.push(&Pose::new(origin, rotation), held, period_ns);
+            window.push(&Pose::new(origin, rotation), sample, period_ns);
             assert!(window.is_sound() && window.samples().count() <= WINDOW);
-            any |= window.stillness().is_some_and(|stillness| stillness.is_still(&Thresholds::default()));
+            any |= window.statistics().is_some_and(|statistics| statistics.is_static(&Thresholds::default()));
         }
         any
     }
@@ -357,17 +357,17 @@ mod tests {
     fn one_moving_joint_is_motion_and_its_spread_is_measured_in_radians() {
         let mut window = empty();
         fill(&mut window, 20, |index| 0.01 * index as f64, |_| 0.1);
-        let stillness = window.stillness().unwrap();
+        let statistics = window.statistics().unwrap();
         // The standard deviation of 0, 0.01 … 0.19 is 0.0577.
-        assert!((stillness.joint_rad - 0.0577).abs() < 5e-4, "{stillness:?}");
-        assert!(!stillness.is_still(&Thresholds::default()));
+        assert!((statistics.joint_rad - 0.0577).abs() < 5e-4, "{statistics:?}");
+        assert!(!statistics.is_static(&Thresholds::default()));
     }
 
     #[test]
-    fn a_wandering_centre_of_pressure_is_motion() {
+    fn a_drifting_centre_of_pressure_is_motion() {
         let mut window = empty();
         fill(&mut window, 20, |_| 0.3, |index| 0.002 * index as f64);
-        assert!(!window.stillness().unwrap().is_still(&Thresholds::default()));
+        assert!(!window.statistics().unwrap().is_static(&Thresholds::default()));
     }
 
     #[test]
@@ -376,7 +376,7 @@ mod tests {
         let around_pi =
             |index: u64| core::f64::consts::PI + if index.is_multiple_of(2) { 0.001 } else { -0.001 };
         fill(&mut window, 20, around_pi, |_| 0.1);
-        assert!(window.stillness().unwrap().is_still(&Thresholds::default()));
+        assert!(window.statistics().unwrap().is_static(&Thresholds::default()));
     }
 
     #[test]
@@ -385,9 +385,9 @@ mod tests {
         fill(&mut window, 20, |_| 0.3, |_| 0.1);
         let pose = Pose::new([Vector3::zeros(); SEGMENTS], [UnitQuaternion::identity(); SEGMENTS]);
         let mut stepped = window;
-        stepped.push(&pose, Held { time_ns: 20 * PERIOD_NS, stance: 1, ..Zeroable::zeroed() }, PERIOD_NS);
-        assert_eq!(stepped.stillness(), None);
-        window.push(&pose, Held { time_ns: 26 * PERIOD_NS, ..Zeroable::zeroed() }, PERIOD_NS);
-        assert_eq!(window.stillness(), None);
+        stepped.push(&pose, WindowSample { time_ns: 20 * PERIOD_NS, stance: 1, ..Zeroable::zeroed() }, PERIOD_NS);
+        assert_eq!(stepped.statistics(), None);
+        window.push(&pose, WindowSample { time_ns: 26 * PERIOD_NS, ..Zeroable::zeroed() }, PERIOD_NS);
+        assert_eq!(window.statistics(), None);
     }
 }

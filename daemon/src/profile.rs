@@ -9,7 +9,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::body::SEGMENTS;
-use equipoise_core::cycle::identification::{Consistency, KeptWorker};
+use equipoise_core::cycle::identification::{Consistency, StoredSubject};
 use equipoise_core::cycle::{Identification, NO_POSE, Settings};
 use equipoise_core::exposure::Shift;
 use equipoise_core::message::Printable;
@@ -122,7 +122,7 @@ impl Profile {
     pub fn of(
         subject: &str,
         build: Option<Build>,
-        worker: &KeptWorker,
+        worker: &StoredSubject,
         shift: &Shift,
         saved_unix_s: u64,
     ) -> Option<Profile> {
@@ -140,9 +140,9 @@ impl Profile {
             sex: build.map(|build| build.sex),
             poses_used: worker.poses_used,
             identified: worker.identified == 1,
-            learning: Some(worker.learning == 1),
+            learning: Some(worker.identifying == 1),
             suggested: suggested.map(|posture| posture.name.to_owned()),
-            asked: names_of(worker.asked),
+            asked: names_of(worker.suggested_before),
             unholdable: names_of(worker.unholdable),
             poses_performed: worker.performed.count(),
             skeleton_m: worker.skeleton_m.to_vec(),
@@ -191,8 +191,8 @@ impl Profile {
         }
     }
 
-    fn kept(&self, settings: &Settings) -> Result<Box<KeptWorker>, String> {
-        let mut kept = bytemuck::zeroed_box::<KeptWorker>();
+    fn kept(&self, settings: &Settings) -> Result<Box<StoredSubject>, String> {
+        let mut kept = bytemuck::zeroed_box::<StoredSubject>();
         kept.has_body = 1;
         let bones: Result<[[f64; 3]; SEGMENTS], _> = self.skeleton_m.clone().try_into();
         kept.skeleton_m =
@@ -209,9 +209,9 @@ impl Profile {
         kept.poses_used = self.poses_used;
         kept.identified = u64::from(self.identified);
         let learning = self.learning.unwrap_or(settings.start_identifying);
-        kept.learning = u64::from(learning && !self.identified);
+        kept.identifying = u64::from(learning && !self.identified);
         // Unknown pose names are dropped; the performed poses themselves are stored separately.
-        kept.asked = set_of(&self.asked);
+        kept.suggested_before = set_of(&self.asked);
         kept.unholdable = set_of(&self.unholdable);
         kept.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
         let performed = self.performed_rad.iter().map(|pose| pose.clone().try_into());
@@ -224,7 +224,7 @@ impl Profile {
             None => {
                 let mut consistency = Consistency::start();
                 if self.poses_used > 0 {
-                    consistency.trust();
+                    consistency.accept();
                 }
                 consistency
             }
@@ -371,13 +371,13 @@ mod tests {
         let origin = Skeleton::nominal(1.77).t_pose_m().map(Into::into);
         let pose = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
         while !worker.has_body() {
-            worker.learn_skeleton(&pose, &settings);
+            worker.update_skeleton(&pose, &settings);
         }
         worker.mass_kg = 71.5;
-        let mut kept = bytemuck::zeroed_box::<KeptWorker>();
-        worker.keep(&mut kept);
+        let mut kept = bytemuck::zeroed_box::<StoredSubject>();
+        worker.store(&mut kept);
         kept.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
-        (kept.asked, kept.unholdable, kept.suggested, kept.learning) = (0b101, 0b10, 2, 0);
+        (kept.suggested_before, kept.unholdable, kept.suggested, kept.identifying) = (0b101, 0b10, 2, 0);
         kept.poses_used = 70;
         kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
@@ -385,14 +385,14 @@ mod tests {
         let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
         assert_eq!(read.shift(1_000_060), Ok(shift));
-        let mut again = bytemuck::zeroed_box::<KeptWorker>();
-        read.worker(&settings).unwrap().keep(&mut again);
+        let mut again = bytemuck::zeroed_box::<StoredSubject>();
+        read.worker(&settings).unwrap().store(&mut again);
         // The stance part of P is reset.
         let mut expected = bytemuck::zeroed_box::<Identification>();
         assert!(expected.restore(&kept, &settings));
-        expected.keep(&mut kept);
+        expected.store(&mut kept);
         assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*kept));
-        assert_eq!((again.asked, again.unholdable, again.suggested), (0b101, 0b10, 2));
-        assert_eq!((again.learning, again.performed.count()), (0, 70));
+        assert_eq!((again.suggested_before, again.unholdable, again.suggested), (0b101, 0b10, 2));
+        assert_eq!((again.identifying, again.performed.count()), (0, 70));
     }
 }

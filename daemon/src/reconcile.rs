@@ -104,7 +104,7 @@ fn memory_at_first(reconcile: &Reconcile<'_>, survey: &Survey) -> Box<Memory> {
     match survey.first_memory() {
         Some(first) => {
             bytemuck::bytes_of_mut(&mut *memory).copy_from_slice(bytemuck::bytes_of(first));
-            memory.start_over(&settings);
+            memory.restart_keeping_tare(&settings);
         }
         None => memory.start(&settings),
     }

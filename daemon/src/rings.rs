@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use equipoise_core::cycle::{Checkpoint, Kept, Settings, Worker};
+use equipoise_core::cycle::{Checkpoint, StoredState, Settings, SubjectState};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
@@ -92,17 +92,17 @@ pub struct Rings {
     /// Commands to the loop, one a cycle.
     pub command: Ring<CommandKind>,
     /// The next worker and its number, with the command that loads it.
-    pub worker: Ring<(u64, Box<Worker>)>,
+    pub worker: Ring<(u64, Box<SubjectState>)>,
     /// Empty boxes of workers, returned by the loop.
-    pub worker_back: Ring<Box<Worker>>,
+    pub worker_back: Ring<Box<SubjectState>>,
     /// New settings for the loop, and the number of their reload.
     pub settings: Ring<(u64, Box<Settings>)>,
     /// Previous settings, returned to a thread that may free them.
     pub settings_back: Ring<Box<Settings>>,
     /// Blank boxes for copies of the persistent state.
-    pub keep_blank: Ring<Box<Kept>>,
+    pub keep_blank: Ring<Box<StoredState>>,
     /// Copies of the persistent state for saving, with the number of their worker.
-    pub kept: Ring<(u64, Box<Kept>)>,
+    pub kept: Ring<(u64, Box<StoredState>)>,
     /// Blank checkpoints for the loop.
     pub blank: Ring<Box<Checkpoint>>,
     /// Completed checkpoints for egress.

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use equipoise_core::cycle::{Kept, Tare};
+use equipoise_core::cycle::{StoredState, Tare};
 use equipoise_core::message::Incident;
 use equipoise_core::time::NS_PER_S;
 use tracing::warn;
@@ -103,7 +103,7 @@ struct Keeper {
 impl Keeper {
     /// Ingests all copies; only the last one of each subject counts.
     fn take_all(&mut self) {
-        let mut newest: Option<(u64, Box<Kept>)> = None;
+        let mut newest: Option<(u64, Box<StoredState>)> = None;
         while let Some((number, kept)) = self.saver.rings.kept.pop() {
             if let Some((before, kept)) = newest.replace((number, kept)) {
                 if before != number {
@@ -119,12 +119,12 @@ impl Keeper {
         self.write();
     }
 
-    fn give_back(&self, kept: Box<Kept>) {
+    fn give_back(&self, kept: Box<StoredState>) {
         // Cannot fail: the ring has as many slots as there are boxes.
         let _ = self.saver.rings.keep_blank.push(kept);
     }
 
-    fn take_profile(&mut self, number: u64, kept: &Kept) {
+    fn take_profile(&mut self, number: u64, kept: &StoredState) {
         let Some(saving) = self.saver.workers.get(number).filter(|saving| saving.refusal.is_none()) else {
             // Keep no data of a deleted subject.
             self.profile = None;
@@ -132,7 +132,7 @@ impl Keeper {
         };
         self.lifts.take(number, &kept.shift, now_ns(), unix_s());
         let of = |saved_unix_s| {
-            Profile::of(&saving.subject, saving.build, &kept.worker, &kept.shift, saved_unix_s)
+            Profile::of(&saving.subject, saving.build, &kept.subject, &kept.shift, saved_unix_s)
         };
         let Some(undated) = of(0) else { return };
         let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);
@@ -154,7 +154,7 @@ impl Keeper {
         }
     }
 
-    fn take_station(&mut self, number: u64, kept: &Kept) {
+    fn take_station(&mut self, number: u64, kept: &StoredState) {
         let subject = self.saver.workers.get(number).map(|saving| saving.subject).unwrap_or_default();
         self.saver.status.set_subject(&subject);
         if self.saver.station_refused {

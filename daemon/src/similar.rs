@@ -131,11 +131,11 @@ mod tests {
         let pose: Pose<SuitWorld> =
             Pose::new(origin, [equipoise_core::frame::rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
         for _ in 0..WINDOW {
-            worker.learn_skeleton(&pose, &settings);
+            worker.update_skeleton(&pose, &settings);
         }
         worker.identified = identified;
         let mut kept = bytemuck::zeroed_box();
-        worker.keep(&mut kept);
+        worker.store(&mut kept);
         let profile = Profile::of(subject, build, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
         std::fs::write(folder.join(format!("{subject}.toml")), profile.to_toml().unwrap()).unwrap();
     }

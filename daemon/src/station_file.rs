@@ -7,8 +7,8 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use equipoise_core::cycle::kept::SHIFT_HOLDS_NS;
-use equipoise_core::cycle::{Kept, Registration, Tare};
+use equipoise_core::cycle::stored_state::SHIFT_VALID_NS;
+use equipoise_core::cycle::{StoredState, Registration, Tare};
 use equipoise_core::message::Printable;
 use serde::{Deserialize, Serialize};
 
@@ -244,7 +244,7 @@ impl TarePart {
 
 impl RegistrationPart {
     /// The registration; `None` without one, or if the start of the machine cannot be determined.
-    pub fn of(kept: &Kept, config: &Config) -> Option<RegistrationPart> {
+    pub fn of(kept: &StoredState, config: &Config) -> Option<RegistrationPart> {
         let Registration {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
@@ -284,7 +284,7 @@ impl RegistrationPart {
             return Err("[ground.frame] is another than it was".to_owned());
         }
         let age_ns = now_ns.saturating_sub(self.suit_time_ns);
-        if age_ns > SHIFT_HOLDS_NS {
+        if age_ns > SHIFT_VALID_NS {
             return Err(format!("the worker was last seen {:.0} s ago", age_ns as f64 * 1e-9));
         }
         let &RegistrationPart {
@@ -342,8 +342,8 @@ mod tests {
         Config::parse(&text, "the test's").unwrap()
     }
 
-    fn kept() -> Box<Kept> {
-        let mut kept = bytemuck::zeroed_box::<Kept>();
+    fn kept() -> Box<StoredState> {
+        let mut kept = bytemuck::zeroed_box::<StoredState>();
         kept.tare.force_n = [0.5, -0.25, 41.0];
         kept.registration = Registration {
             station_from_suit_rad: 0.7,
@@ -400,7 +400,7 @@ mod tests {
         assert!(part.registration(&moved, now_ns()).unwrap_err().contains("[ground.frame]"));
         assert!(part.registration(&config("latency_ms = 2.0"), now_ns()).is_ok());
         assert!(
-            part.registration(&config(""), now_ns() + 2 * SHIFT_HOLDS_NS).unwrap_err().contains("last seen")
+            part.registration(&config(""), now_ns() + 2 * SHIFT_VALID_NS).unwrap_err().contains("last seen")
         );
         part.boot.push('x');
         assert!(part.registration(&config(""), now_ns()).unwrap_err().contains("machine"));

@@ -9,7 +9,7 @@ mod lateness;
 
 use std::sync::Arc;
 
-use equipoise_core::cycle::{Identification, Inputs, Kept, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Identification, Inputs, StoredState, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
@@ -72,7 +72,7 @@ impl Learnt {
     fn of(worker: &Identification) -> Learnt {
         Learnt {
             poses_used: worker.poses_used,
-            learning: worker.learning,
+            learning: worker.identifying,
             identified: worker.identified,
             has_mass: worker.mass_kg > 0.0,
         }
@@ -205,7 +205,7 @@ impl Loop {
         {
             // Final copy of the previous worker.
             self.keep();
-            self.memory.put_in_place(&worker);
+            self.memory.replace_subject(&worker);
             self.worker = number;
             let _ = self.rings.worker_back.push(worker);
         }
@@ -242,8 +242,8 @@ impl Loop {
         self.keep_in(kept);
     }
 
-    fn keep_in(&self, mut kept: Box<Kept>) {
-        kept.take(&self.memory);
+    fn keep_in(&self, mut kept: Box<StoredState>) {
+        kept.copy_from(&self.memory);
         // Cannot fail: there are more slots than boxes.
         let _ = self.rings.kept.push((self.worker, kept));
     }
@@ -279,7 +279,7 @@ fn take<S>(places: &mut [S], ingress_ns: &mut u64, mut next: impl FnMut() -> Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use equipoise_core::cycle::Worker;
+    use equipoise_core::cycle::SubjectState;
 
     const LOAD_AT: u64 = 1000;
 
@@ -300,7 +300,7 @@ mod tests {
         fn sleep_until(&mut self, due_ns: u64) {
             (self.now_ns, self.cycle) = (due_ns, self.cycle + 1);
             if self.cycle == LOAD_AT {
-                let worker = bytemuck::zeroed_box::<Worker>();
+                let worker = bytemuck::zeroed_box::<SubjectState>();
                 assert!(self.rings.worker.push((1, worker)).is_ok());
                 self.rings.command.push(CommandKind::SubjectLoad).unwrap();
                 self.blank_before_and_after[0] = self.rings.keep_blank.waiting();

@@ -20,7 +20,7 @@ mod tests;
 
 use std::collections::VecDeque;
 
-use equipoise_core::motion::Moment;
+use equipoise_core::motion::Snapshot;
 
 use crate::block::Block;
 use changes::Filters;
@@ -84,24 +84,24 @@ impl Comparison {
     }
 
     /// Ingests the next snapshot; ignores one whose time does not advance.
-    pub fn push(&mut self, moment: &Moment) {
-        let time_s = self.options.seconds(moment.time_ns);
+    pub fn push(&mut self, snapshot: &Snapshot) {
+        let time_s = self.options.seconds(snapshot.time_ns);
         if let Some(last) = self.last {
             if time_s <= last.time_s {
                 return;
             }
             if time_s - last.time_s > self.options.gap_max_s {
                 self.interrupt();
-            } else if moment.stance != last.stance {
+            } else if snapshot.stance != last.stance {
                 self.mask(time_s, self.options.stance_margin_s);
                 self.filters = Filters::default();
             }
         }
-        self.last = Some(Last { time_s, stance: moment.stance });
-        if moment.both_feet_stand != 1 {
+        self.last = Some(Last { time_s, stance: snapshot.stance });
+        if snapshot.both_feet_stand != 1 {
             self.mask(time_s, self.options.stance_margin_s);
         }
-        if !self.window.push(time_s, moment, &self.worker) {
+        if !self.window.push(time_s, snapshot, &self.worker) {
             self.mask(time_s, self.options.half_window_s);
         }
         while let Some(point) = self.window.next(&self.worker, &self.options) {

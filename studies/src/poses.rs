@@ -64,13 +64,13 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
     for posture in held_out {
         session.hold(|worker, at_s| worker.take_pose(posture, at_s, POSE_S), |_| {});
         let window = session.memory().window;
-        let Some(stillness) = window.stillness().filter(|found| found.is_still(&session.settings().still))
+        let Some(statistics) = window.statistics().filter(|found| found.is_static(&session.settings().static_pose))
         else {
             continue;
         };
         poses += 1;
         for (square_m2, model) in squares_m2.iter_mut().zip(&models) {
-            *square_m2 += (published_in(&window, model) - Vector2::from(stillness.cop_m)).norm_squared();
+            *square_m2 += (published_in(&window, model) - Vector2::from(statistics.cop_m)).norm_squared();
         }
     }
     Course { error_m: squares_m2.iter().map(|square_m2| (square_m2 / f64::from(poses)).sqrt()).collect() }

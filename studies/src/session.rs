@@ -1,6 +1,6 @@
 //! One subject with one estimator: advances time, feeds samples, compares every new state with the truth.
 
-use equipoise_core::cycle::{Inputs, Kept, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Inputs, StoredState, Memory, Settings, Tick, step};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
 use equipoise_core::pose_suggestion::Posture;
@@ -179,8 +179,8 @@ impl Session {
     /// Kills the daemon and restarts it after this time, s, with its saved state; its adapters count sessions from
     /// zero. Returns whether the saved state could be used.
     pub fn restart_daemon(&mut self, down_s: f64) -> bool {
-        let mut kept = bytemuck::zeroed_box::<Kept>();
-        kept.take(&self.memory);
+        let mut kept = bytemuck::zeroed_box::<StoredState>();
+        kept.copy_from(&self.memory);
         self.memory.start(&self.settings);
         let comes_back = self.memory.identification.restore(&kept.worker, &self.settings)
             && self.memory.resume_tare(&kept.tare)

@@ -66,7 +66,7 @@ struct Accelerated<'a> {
     sent: [usize; 2],
     rounds: u64,
     naps: u64,
-    worker: Option<Box<equipoise_core::cycle::Worker>>,
+    worker: Option<Box<equipoise_core::cycle::SubjectState>>,
     settings: Option<Box<Settings>>,
     seen: Seen,
     luck: u64,
@@ -206,7 +206,7 @@ fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
     };
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&settings);
-    let worker = Some(Box::new(equipoise_core::cycle::Worker {
+    let worker = Some(Box::new(equipoise_core::cycle::SubjectState {
         identification: memory.identification,
         exposure: memory.exposure,
     }));

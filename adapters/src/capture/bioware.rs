@@ -265,7 +265,7 @@ impl<R: Read> BioWareCapture<R> {
             devices: ground.device as u32,
             ..GroundSample::zeroed()
         }
-        .without_what_was_not_measured())
+        .mask_unmeasured())
     }
 
     fn wrench(&self) -> Result<(Wrench, u32), &'static str> {

@@ -194,7 +194,7 @@ impl GroundReceiver {
             Load::Part { wrench, not_measured } => {
                 // After rotation and translation, components that were not measured have no meaning.
                 let whole = self.placed(sample, &Load::Wrench(*wrench));
-                GroundSample { not_measured: *not_measured, ..whole }.without_what_was_not_measured()
+                GroundSample { not_measured: *not_measured, ..whole }.mask_unmeasured()
             }
             Load::Soles(feet) => GroundSample {
                 per_foot: 1,

@@ -128,10 +128,10 @@ impl Anthropometry {
         let mut body =
             Anthropometry { mass_fraction: [0.0; SEGMENTS], com_m: [[0.0; 3]; SEGMENTS], hand_length_m };
         let trunk = [part(LOWER_TRUNK), part(MIDDLE_TRUNK), part(UPPER_TRUNK)];
-        body.lay_the_trunk(skeleton, &trunk, height_m);
-        body.lay_the_head(skeleton, part(HEAD), height_m);
-        body.lay_the_arm(skeleton, part(UPPER_TRUNK).mass, [part(UPPER_ARM), part(FOREARM), part(HAND)]);
-        body.lay_the_leg(skeleton, [part(THIGH), part(SHANK), part(FOOT)], height_m);
+        body.set_trunk(skeleton, &trunk, height_m);
+        body.set_head(skeleton, part(HEAD), height_m);
+        body.set_arm(skeleton, part(UPPER_TRUNK).mass, [part(UPPER_ARM), part(FOREARM), part(HAND)]);
+        body.set_leg(skeleton, [part(THIGH), part(SHANK), part(FOOT)], height_m);
         for left in LEFT_ARM_AND_LEG {
             let (mass, [x, y, z]) = (body.mass_fraction[left.index()], body.com_m[left.index()]);
             body.set(left.mirrored(), mass, [x, -y, z]);
@@ -147,7 +147,7 @@ impl Anthropometry {
     }
 
     /// Cuts the trunk's parts, stacked from mid-hip up, into the five MVN segments.
-    fn lay_the_trunk(&mut self, skeleton: &Skeleton, parts: &[Part; 3], height_m: f64) {
+    fn set_trunk(&mut self, skeleton: &Skeleton, parts: &[Part; 3], height_m: f64) {
         let origin = skeleton.t_pose_m();
         let hip = mean(origin[Segment::LeftUpperLeg.index()], origin[Segment::RightUpperLeg.index()]);
         let neck = origin[Segment::Neck.index()];
@@ -185,7 +185,7 @@ impl Anthropometry {
     }
 
     /// De Leva's head extends from the vertex down to the cervicale; neck and head together have its centre.
-    fn lay_the_head(&mut self, skeleton: &Skeleton, whole: Part, height_m: f64) {
+    fn set_head(&mut self, skeleton: &Skeleton, whole: Part, height_m: f64) {
         let neck_length = skeleton.length_m(Segment::Head);
         let nominal = NECK_LENGTH * height_m;
         let neck_centre = 0.5 * nominal;
@@ -196,7 +196,7 @@ impl Anthropometry {
         self.set(Segment::Head, (1.0 - NECK_MASS_SHARE) * whole.mass, com);
     }
 
-    fn lay_the_arm(
+    fn set_arm(
         &mut self,
         skeleton: &Skeleton,
         upper_trunk_mass: f64,
@@ -210,7 +210,7 @@ impl Anthropometry {
         self.set(Segment::LeftHand, hand.mass, [0.0, hand.centre * hand.length_m, 0.0]);
     }
 
-    fn lay_the_leg(&mut self, skeleton: &Skeleton, [thigh, shank, foot]: [Part; 3], height_m: f64) {
+    fn set_leg(&mut self, skeleton: &Skeleton, [thigh, shank, foot]: [Part; 3], height_m: f64) {
         let along = |next: Segment, share: f64| skeleton.offset_m[next.index()].map(|d| share * d);
         self.set(Segment::LeftUpperLeg, thigh.mass, along(Segment::LeftLowerLeg, thigh.centre));
         self.set(Segment::LeftLowerLeg, shank.mass, along(Segment::LeftFoot, shank.centre));

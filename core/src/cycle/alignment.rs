@@ -15,7 +15,7 @@ const GROUND_RING: usize = 640;
 /// Suit samples that may wait for the ground: half a second at 240 Hz.
 const SUIT_QUEUE: usize = 128;
 /// Maximum time that a suit sample waits for the ground, ns.
-pub const PATIENCE_NS: u64 = 60_000_000;
+pub const WAIT_MAX_NS: u64 = 60_000_000;
 /// Maximum interval between ground samples for interpolation, ns.
 const GAP_MAX_NS: u64 = 60_000_000;
 
@@ -56,10 +56,10 @@ const PERIOD_MAX_NS: u64 = 100_000_000;
 const COUNT_MAX: u64 = 1 << 48;
 
 /// Initial period: that of the slowest supported suit and plate, ns.
-const PERIOD_AT_FIRST_NS: u64 = 16_666_667;
+const PERIOD_INITIAL_NS: u64 = 16_666_667;
 
 /// Updates the period with a quarter of each new interval, but not with gaps.
-fn learn(period_ns: &mut u64, interval_ns: u64) {
+fn update_period(period_ns: &mut u64, interval_ns: u64) {
     if *period_ns == 0 {
         *period_ns = interval_ns;
     } else if interval_ns < 2 * *period_ns {
@@ -78,13 +78,13 @@ impl Alignment {
     pub fn admits_ground(&mut self, sample: &GroundSample, now_ns: u64) -> bool {
         let advances =
             self.newest_ground().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
-        self.admit(advances && is_not_to_come(sample.sample_time_ns, now_ns) && sample.is_possible())
+        self.admit(advances && is_not_in_future(sample.sample_time_ns, now_ns) && sample.is_possible())
     }
 
     /// Likewise for a suit sample.
     pub fn admits_suit(&mut self, sample: &SuitSample, now_ns: u64) -> bool {
         let advances = self.newest_suit().is_none_or(|newest| sample.sample_time_ns > newest.sample_time_ns);
-        self.admit(advances && is_not_to_come(sample.sample_time_ns, now_ns) && sample.is_possible())
+        self.admit(advances && is_not_in_future(sample.sample_time_ns, now_ns) && sample.is_possible())
     }
 
     fn admit(&mut self, may_enter: bool) -> bool {
@@ -95,7 +95,7 @@ impl Alignment {
     /// Appends an admitted ground sample.
     pub fn push_ground(&mut self, sample: &GroundSample) {
         if let Some(newest_ns) = self.newest_ground().map(|newest| newest.sample_time_ns) {
-            learn(&mut self.ground_period_ns, sample.sample_time_ns - newest_ns);
+            update_period(&mut self.ground_period_ns, sample.sample_time_ns - newest_ns);
         }
         self.ground[self.ground_count as usize % GROUND_RING] = *sample;
         self.ground_count += 1;
@@ -104,7 +104,7 @@ impl Alignment {
     /// Appends an admitted suit sample. A full queue drops its oldest.
     pub fn push_suit(&mut self, sample: &SuitSample) {
         if let Some(newest_ns) = self.newest_suit().map(|newest| newest.sample_time_ns) {
-            learn(&mut self.suit_period_ns, sample.sample_time_ns - newest_ns);
+            update_period(&mut self.suit_period_ns, sample.sample_time_ns - newest_ns);
         }
         self.suit[self.suit_in as usize % SUIT_QUEUE] = *sample;
         self.suit_in += 1;
@@ -144,11 +144,11 @@ impl Alignment {
         if recent().any(|sample| sample.device_status != 0 || sample.force_n[2].abs() >= empty_n) {
             return None;
         }
-        let shown = Tare::shown_by(recent());
+        let tare = Tare::mean_of(recent());
         for sample in &mut self.ground[..filled] {
-            *sample = shown.off(sample);
+            *sample = tare.subtract_from(sample);
         }
-        Some(shown)
+        Some(tare)
     }
 
     /// Initialises the suit's period until samples update it.
@@ -158,12 +158,12 @@ impl Alignment {
 
     /// Estimated period of the suit, ns.
     pub fn suit_period_ns(&self) -> u64 {
-        if self.suit_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.suit_period_ns }
+        if self.suit_period_ns == 0 { PERIOD_INITIAL_NS } else { self.suit_period_ns }
     }
 
     /// Estimated period of the ground, ns.
     pub fn ground_period_ns(&self) -> u64 {
-        if self.ground_period_ns == 0 { PERIOD_AT_FIRST_NS } else { self.ground_period_ns }
+        if self.ground_period_ns == 0 { PERIOD_INITIAL_NS } else { self.ground_period_ns }
     }
 
     /// Samples rejected: implausible, or their time did not advance.
@@ -185,15 +185,15 @@ impl Alignment {
     }
 
     /// The oldest waiting suit sample, once the ground extends beyond the corresponding time or the sample is
-    /// `patience_ns` old at `now_ns`.
-    pub fn next(&mut self, now_ns: u64, patience_ns: u64) -> Option<Aligned> {
+    /// `wait_max_ns` old at `now_ns`.
+    pub fn next(&mut self, now_ns: u64, wait_max_ns: u64) -> Option<Aligned> {
         if self.suit_out == self.suit_in {
             return None;
         }
         let suit = self.suit[self.suit_out as usize % SUIT_QUEUE];
         let time_ns = suit.sample_time_ns.saturating_add_signed(-self.lag_ns);
         let reached = self.newest_ground().is_some_and(|ground| ground.sample_time_ns >= time_ns);
-        if !reached && now_ns.saturating_sub(suit.sample_time_ns) < patience_ns {
+        if !reached && now_ns.saturating_sub(suit.sample_time_ns) < wait_max_ns {
             return None;
         }
         self.suit_out += 1;
@@ -242,7 +242,7 @@ impl Alignment {
         let span = later.sample_time_ns - earlier.sample_time_ns;
         let share = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
         let between = GroundSample { sample_time_ns: time_ns, ..earlier.between(later, share) };
-        Some(between.without_what_was_not_measured())
+        Some(between.mask_unmeasured())
     }
 }
 
@@ -310,7 +310,7 @@ impl WeightedMean {
 /// A sample dated farther ahead of the cycle is rejected: it would make all later ones appear old, ns.
 const AHEAD_MAX_NS: u64 = 1_000_000_000;
 
-fn is_not_to_come(sample_time_ns: u64, now_ns: u64) -> bool {
+fn is_not_in_future(sample_time_ns: u64, now_ns: u64) -> bool {
     sample_time_ns <= now_ns.saturating_add(AHEAD_MAX_NS)
 }
 

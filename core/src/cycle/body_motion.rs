@@ -25,7 +25,7 @@ pub struct MotionNoise {
     /// Inertial part of the moment at L5/S1 about the horizontal axes, over the body's mass, m²/s².
     upper_activity_m2_per_s2: [Envelope; 2],
     /// Short-term mean of the shear that the suit's motion does not explain, over the mass, m/s² …
-    push_m_per_s2: [f64; 2],
+    external_m_per_s2: [f64; 2],
     /// … and its long-term mean.
     bias_m_per_s2: [f64; 2],
 }
@@ -37,7 +37,7 @@ impl MotionNoise {
             && self.horizontal_activity_m_per_s2.is_sound()
             && self.cop_activity_m.iter().chain([&self.vertical_activity_n]).all(Envelope::is_sound)
             && self.upper_activity_m2_per_s2.iter().all(Envelope::is_sound)
-            && self.push_m_per_s2.iter().chain(&self.bias_m_per_s2).all(|value| value.is_finite())
+            && self.external_m_per_s2.iter().chain(&self.bias_m_per_s2).all(|value| value.is_finite())
     }
 
     /// 1-σ of the suit's horizontal acceleration per axis, m/s².
@@ -58,42 +58,42 @@ impl MotionNoise {
     }
 
     /// Resets the external horizontal force, which cannot be detected without shear.
-    pub(super) fn forget_push(&mut self) {
-        self.push_m_per_s2 = [0.0; 2];
+    pub(super) fn reset_external_force(&mut self) {
+        self.external_m_per_s2 = [0.0; 2];
     }
 
     /// Ingests the shear that the suit's motion does not explain, m/s². Returns its long-term mean, the constant shear
     /// of a plate that is not level.
-    pub(super) fn follow_shear(&mut self, missed_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
+    pub(super) fn update_shear(&mut self, unexplained_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
         let step_s = step_s.max(0.0);
-        for (mean, over_s) in [(&mut self.push_m_per_s2, PUSH_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
+        for (mean, over_s) in [(&mut self.external_m_per_s2, EXTERNAL_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
         {
             let share = (step_s / (over_s + step_s)).min(1.0);
-            for (mean, missed) in mean.iter_mut().zip(missed_m_per_s2) {
-                *mean += share * (missed.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2) - *mean);
+            for (mean, unexplained) in mean.iter_mut().zip(unexplained_m_per_s2) {
+                *mean += share * (unexplained.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2) - *mean);
             }
         }
         self.bias_m_per_s2
     }
 
     /// Whether an external horizontal force acts: persistent shear that no motion explains.
-    pub(super) fn is_pushed(&self) -> bool {
-        math::hypot(self.push_m_per_s2) > PUSH_M_PER_S2
+    pub(super) fn has_external_force(&self) -> bool {
+        math::hypot(self.external_m_per_s2) > EXTERNAL_M_PER_S2
     }
 
     /// Whether an external horizontal force cannot be excluded; the filter is not updated then.
-    pub(super) fn may_be_pushed(&self) -> bool {
-        math::hypot(self.push_m_per_s2) > 0.5 * PUSH_M_PER_S2
+    pub(super) fn may_have_external_force(&self) -> bool {
+        math::hypot(self.external_m_per_s2) > 0.5 * EXTERNAL_M_PER_S2
     }
 
     /// Ingests the size of the compensation at a snapshot, `step_s` after the previous one.
-    pub(super) fn follow(&mut self, body: &BodyMotion, mass_kg: f64, step_s: f64) {
-        self.vertical_activity_n.follow(mass_kg * body.suit_acceleration_m_per_s2[2], step_s);
+    pub(super) fn update(&mut self, body: &BodyMotion, mass_kg: f64, step_s: f64) {
+        self.vertical_activity_n.update(mass_kg * body.suit_acceleration_m_per_s2[2], step_s);
         let [x, y, _] = body.suit_acceleration_m_per_s2;
-        self.horizontal_activity_m_per_s2.follow(math::hypot([x, y]), step_s);
+        self.horizontal_activity_m_per_s2.update(math::hypot([x, y]), step_s);
         for axis in 0..2 {
-            self.cop_activity_m[axis].follow(body.shift_m(axis), step_s);
-            self.upper_activity_m2_per_s2[axis].follow(body.upper.moment_m2_per_s2[axis], step_s);
+            self.cop_activity_m[axis].update(body.shift_m(axis), step_s);
+            self.upper_activity_m2_per_s2[axis].update(body.upper.moment_m2_per_s2[axis], step_s);
         }
     }
 }
@@ -170,7 +170,7 @@ impl BodyMotion {
     }
 
     /// Uses this horizontal acceleration of the body, m/s².
-    pub(super) fn believe(&mut self, acceleration_m_per_s2: [f64; 2]) {
+    pub(super) fn use_acceleration(&mut self, acceleration_m_per_s2: [f64; 2]) {
         self.slope = acceleration_m_per_s2.map(|value| value / self.specific_force_m_per_s2);
         self.slope_is_measured = true;
     }
@@ -198,12 +198,12 @@ impl BodyMotion {
     }
 
     /// Part of the CoP that the rows of the chain omit, m: rotation of the body, and height of the floor.
-    pub(super) fn besides_rows_m(&self, axis: usize) -> f64 {
+    pub(super) fn cop_beyond_rows_m(&self, axis: usize) -> f64 {
         self.turning_m[axis] + self.slope[axis] * self.floor_m
     }
 
     /// Effect of a 1-σ of the horizontal acceleration on the CoP, m.
-    pub(super) fn leaning_sigma_m(&self, sigma_m_per_s2: f64) -> f64 {
+    pub(super) fn cop_sigma_by_acceleration_m(&self, sigma_m_per_s2: f64) -> f64 {
         self.centre_height_m.abs() * sigma_m_per_s2 / self.specific_force_m_per_s2
     }
 
@@ -216,9 +216,9 @@ impl BodyMotion {
 /// 1-σ of a suit's acceleration at rest, m/s².
 pub(super) const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
 /// Persistent shear that no motion explains counts as an external horizontal force above this, m/s² …
-const PUSH_M_PER_S2: f64 = 0.35;
+const EXTERNAL_M_PER_S2: f64 = 0.35;
 /// … averaged over about this time, s, since the noise of accelerations is not persistent.
-const PUSH_OVER_S: f64 = 0.5;
+const EXTERNAL_OVER_S: f64 = 0.5;
 /// Averaging time of the plate's constant shear, s.
 const BIAS_OVER_S: f64 = 8.0;
 /// Limit of a body's horizontal acceleration, m/s²; larger values are noise.

@@ -11,11 +11,11 @@ use crate::kalman::Filter;
 use crate::pose_suggestion::{Performed, Planner, coordinates};
 use crate::sesc::Reduction;
 use crate::sesc::reduction::Rows;
-use crate::static_pose::{Stillness, Window, largest_joint_angle};
+use crate::static_pose::{PoseStatistics, Window, largest_joint_angle};
 
-mod belief;
+mod prior;
 mod consistency;
-mod kept;
+mod stored_subject;
 mod measurement;
 mod misfit;
 mod planning;
@@ -23,7 +23,7 @@ mod progress;
 mod weighing;
 
 pub use consistency::Consistency;
-pub use kept::KeptWorker;
+pub use stored_subject::StoredSubject;
 pub(super) use measurement::REGISTRATION_SIGMA_M;
 pub use measurement::StanceSigma;
 use misfit::Misfit;
@@ -93,14 +93,14 @@ pub struct Identification {
     /// Static poses that updated the filter.
     pub poses_used: u64,
     /// 1 while static poses update the filter.
-    pub learning: u64,
+    pub identifying: u64,
     /// 1 once the stop rule is met, or identification was stopped by command.
     pub identified: u64,
     last_pose_wxyz: [[f64; 4]; JOINTS],
     /// Index of the suggested pose, or [`NO_POSE`].
     pub suggested: u64,
     /// Suit time since which the suggested pose has been requested, ns.
-    asked_ns: u64,
+    suggested_ns: u64,
     /// Normalised innovation squared of the last pose, two degrees of freedom.
     pub nis: f64,
     /// Predicted 1-σ of the CoP over the library in this stance, including the model error, m; 0 before it is
@@ -116,15 +116,15 @@ impl Identification {
     pub fn start(&mut self, settings: &Settings) {
         *self = Zeroable::zeroed();
         self.mass_kg = settings.mass_kg.unwrap_or(0.0);
-        self.learning = u64::from(settings.start_identifying);
+        self.identifying = u64::from(settings.start_identifying);
         self.suggested = NO_POSE;
         self.consistency = Consistency::start();
         self.planner.start();
     }
 
     /// Continues identification from the present estimate, for at least as many rows as one evaluation needs.
-    pub(super) fn go_on_learning(&mut self) {
-        self.learning = 1;
+    pub(super) fn continue_identification(&mut self) {
+        self.identifying = 1;
         self.identified = 0;
         self.progress = Zeroable::zeroed();
     }
@@ -149,12 +149,12 @@ impl Identification {
         if stays {
             self.anthropometry = Anthropometry::de_leva(bones, settings.height_m, settings.sex);
         } else {
-            self.return_to_prior(settings);
+            self.reset_to_prior(settings);
         }
     }
 
     /// Resets the bone lengths; the next poses determine them.
-    pub(super) fn forget_bones(&mut self) {
+    pub(super) fn reset_bones(&mut self) {
         self.skeleton_m = [[0.0; 3]; SEGMENTS];
         self.skeleton_samples = 0;
     }
@@ -170,12 +170,12 @@ impl Identification {
     }
 
     /// Ingests the bone lengths of one more pose; after enough poses, scales the table to their mean.
-    pub fn learn_skeleton(&mut self, pose: &Pose<SuitWorld>, settings: &Settings) {
+    pub fn update_skeleton(&mut self, pose: &Pose<SuitWorld>, settings: &Settings) {
         if self.has_body() {
             return;
         }
-        let seen = Skeleton::of(pose);
-        for (sum, offset) in self.skeleton_m.iter_mut().flatten().zip(seen.offset_m.iter().flatten()) {
+        let pose_skeleton = Skeleton::of(pose);
+        for (sum, offset) in self.skeleton_m.iter_mut().flatten().zip(pose_skeleton.offset_m.iter().flatten()) {
             *sum += offset;
         }
         self.skeleton_samples += 1;
@@ -184,13 +184,13 @@ impl Identification {
                 *sum /= SKELETON_SAMPLES as f64;
             }
             self.bones_from = BodySource::Poses as u64;
-            self.return_to_prior(settings);
+            self.reset_to_prior(settings);
         }
     }
 
     /// Discards all poses; the bone lengths are kept.
-    pub fn return_to_prior(&mut self, settings: &Settings) {
-        self.believe(settings);
+    pub fn reset_to_prior(&mut self, settings: &Settings) {
+        self.initialise_prior(settings);
         self.performed = Zeroable::zeroed();
         self.planner.start();
         self.suggested = NO_POSE;
@@ -205,26 +205,26 @@ impl Identification {
     /// Whether the pose of the window's newest sample was already used.
     pub fn has_used(&self, window: &Window, settings: &Settings) -> bool {
         self.poses_used > 0
-            && window.newest().is_some_and(|held| {
-                largest_joint_angle(&held.joint_wxyz, &self.last_pose_wxyz) < settings.still.leave_rad
+            && window.newest().is_some_and(|sample| {
+                largest_joint_angle(&sample.joint_wxyz, &self.last_pose_wxyz) < settings.static_pose.leave_rad
             })
     }
 
     /// Updates the filter from a static pose window: mean rows, mean CoP (Eq. 6–10). Returns whether the filter
     /// accepted it. `lasting_m` is the part of the CoP's 1-σ that the window does not average out, per axis, m.
-    pub fn learn_pose(
+    pub fn update_from_pose(
         &mut self,
         window: &Window,
-        stillness: &Stillness,
+        statistics: &PoseStatistics,
         lasting_m: [f64; 2],
         settings: &Settings,
     ) -> bool {
         let (Some(newest), Some(rows)) = (window.newest(), self.mean_rows(window)) else { return false };
-        let variance_m2 = self.pose_variance_m2(&pose_of(&newest), stillness, lasting_m, settings);
-        // In the cycle the stance was followed already.
-        self.follow_stance(newest.stance, [STANCE_SIGMA_M; 2], settings);
+        let variance_m2 = self.pose_variance_m2(&pose_of(&newest), statistics, lasting_m, settings);
+        // No effect in the cycle, which updates the stance at every snapshot.
+        self.update_stance(newest.stance, [STANCE_SIGMA_M; 2], settings);
         self.filter.predict(settings.process_variance_m2);
-        if self.learn_rows(&rows, stillness.cop_m, variance_m2).is_none() {
+        if self.update_from_rows(&rows, statistics.cop_m, variance_m2).is_none() {
             return false;
         }
         self.last_pose_wxyz = newest.joint_wxyz;
@@ -236,15 +236,15 @@ impl Identification {
     pub(super) fn finish_pose(&mut self, pose: &Pose<StationWorld>, settings: &Settings) {
         self.performed.push(coordinates(pose));
         self.update_predicted_cop_sigma(settings);
-        let enough = self.poses_used >= settings.poses_min && self.meets(settings);
+        let enough = self.poses_used >= settings.poses_min && self.meets_stop_rule(settings);
         self.finish(enough, ROWS_PER_POSE, settings);
-        self.ask_again();
+        self.withdraw_suggestion();
     }
 
     /// After a row in motion: stops if the bound holds, as after poses, or if more of the same work would add little.
     pub(super) fn finish_row(&mut self, settings: &Settings) {
         self.update_predicted_cop_sigma(settings);
-        let enough = self.progress.has_looked() && self.meets(settings);
+        let enough = self.progress.has_evaluated() && self.meets_stop_rule(settings);
         self.finish(enough, 1.0, settings);
     }
 
@@ -252,20 +252,20 @@ impl Identification {
         let settled = match settings.stop {
             StopRule::Paper { .. } => false,
             StopRule::PredictedCop { .. } => {
-                self.knows_the_work(settings) && self.progress.is_settled(rows, self.parameter_sigma_m())
+                self.has_evaluated_library(settings) && self.progress.is_settled(rows, self.parameter_sigma_m())
             }
         };
         if enough || settled {
             self.identified = 1;
-            self.learning = 0;
+            self.identifying = 0;
         }
     }
 
     /// Updates the filter with a pose's rows; the first ones also test the prior. Returns the NIS.
-    pub(super) fn learn_rows(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
-        self.learn_misfit(rows, cop_m, variance_m2, ROWS_PER_INDEPENDENT);
+    pub(super) fn update_from_rows(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
+        self.update_misfit(rows, cop_m, variance_m2, ROWS_PER_INDEPENDENT);
         self.test_prior(rows, cop_m, variance_m2);
-        let nis = self.take_in(rows, cop_m, variance_m2)?;
+        let nis = self.update_from_cop(rows, cop_m, variance_m2)?;
         self.nis = nis;
         self.consistency.push(nis);
         self.poses_used += 1;
@@ -274,11 +274,11 @@ impl Identification {
 
     /// Whether the stop rule's bound holds. It depends on P alone: no further pose reduces the model error, which
     /// [`Identification::predicted_cop_sigma_m`] includes.
-    pub fn meets(&self, settings: &Settings) -> bool {
+    pub fn meets_stop_rule(&self, settings: &Settings) -> bool {
         match settings.stop {
             StopRule::Paper { variance_m2 } => self.filter.variance_max_m2() < variance_m2,
             StopRule::PredictedCop { sigma_m } => {
-                self.knows_the_work(settings) && self.parameter_sigma_m() < sigma_m
+                self.has_evaluated_library(settings) && self.parameter_sigma_m() < sigma_m
             }
         }
     }
@@ -307,6 +307,6 @@ impl Identification {
     }
 }
 
-fn pose_of(held: &crate::static_pose::Held) -> Pose<StationWorld> {
-    Pose::new(held.origin_m.map(Into::into), held.orientation_wxyz.map(rotation))
+fn pose_of(sample: &crate::static_pose::WindowSample) -> Pose<StationWorld> {
+    Pose::new(sample.origin_m.map(Into::into), sample.orientation_wxyz.map(rotation))
 }

@@ -7,7 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::settings::{Motion, Settings};
-use super::sole::FootShape;
+use super::foot_outline::FootOutline;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
@@ -59,16 +59,16 @@ impl GroundSigma {
 
 /// The sample with the feet's CoPs transformed to the world, at the pose of the sample's time. A sample whose feet are
 /// in the world already, or that has none, is unchanged.
-pub(super) fn place(
+pub(super) fn to_world(
     ground: &GroundSample,
     pose: &Pose<StationWorld>,
-    soles: &[FootShape; 2],
+    outlines: &[FootOutline; 2],
 ) -> GroundSample {
     if ground.foot_frame != FootFrame::Sole as u32 || !ground.has_feet() {
         return *ground;
     }
     let foot_cop_m = Side::BOTH
-        .map(|side| soles[side as usize].on_the_floor_m(pose, side, ground.foot_cop_m[side as usize]));
+        .map(|side| outlines[side as usize].on_the_floor_m(pose, side, ground.foot_cop_m[side as usize]));
     let mut placed = GroundSample { foot_cop_m, foot_frame: FootFrame::World as u32, ..*ground };
     if ground.measures(Component::Tilt) {
         return placed;
@@ -90,7 +90,7 @@ pub(super) fn place(
 mod tests {
     use super::*;
     use crate::body::{SEGMENTS, Segment, Skeleton};
-    use crate::cycle::sole;
+    use crate::cycle::foot_outline;
     use crate::message::GroundDevice;
     use nalgebra::{UnitQuaternion, Vector3};
 
@@ -129,8 +129,8 @@ mod tests {
         assert!(measured.cop_m().is_err(), "the places of the feet are unknown");
         for (turn, x, y) in [(0.0, 0.0, 0.0), (1.2, 0.4, -0.3), (-2.5, -1.0, 2.0)] {
             let pose = standing(turn, Vector3::new(x, y, 0.95));
-            let soles = sole::both(&pose, None, HEIGHT_M);
-            let placed = place(&measured, &pose, &soles);
+            let outlines = foot_outline::both(&pose, None, HEIGHT_M);
+            let placed = to_world(&measured, &pose, &outlines);
             let feet = placed.feet().unwrap();
             assert_eq!(feet.vertical_n, [200.0, 500.0]);
             let at = feet.cop_m.unwrap();
@@ -144,7 +144,7 @@ mod tests {
                 let ankle = pose.origin_of(side.foot());
                 let away = Vector3::new(at[side as usize][0] - ankle.x, at[side as usize][1] - ankle.y, 0.0);
                 let on_foot = pose.world_from_segment[side.foot().index()].inverse() * away;
-                let middle = soles[side as usize].middle_m();
+                let middle = outlines[side as usize].middle_m();
                 for axis in 0..2 {
                     let measured = measured.foot_cop_m[side as usize][axis];
                     assert!((on_foot[axis] - middle[axis] - measured).abs() < 1e-12);
@@ -154,15 +154,15 @@ mod tests {
     }
 
     #[test]
-    fn what_insoles_cannot_feel_stays_not_measured() {
+    fn what_insoles_do_not_measure_stays_unavailable() {
         let pose = standing(0.3, Vector3::zeros());
-        let placed = place(&insoles([350.0; 2], [[0.0; 2]; 2]), &pose, &sole::both(&pose, None, HEIGHT_M));
+        let placed = to_world(&insoles([350.0; 2], [[0.0; 2]; 2]), &pose, &foot_outline::both(&pose, None, HEIGHT_M));
         assert!(placed.measures(Component::Tilt));
         assert!(!placed.measures(Component::Shear) && !placed.measures(Component::FreeMoment));
     }
 
     #[test]
-    fn with_a_plate_insoles_place_only_the_feet() {
+    fn with_a_plate_insoles_give_only_the_feet() {
         let pose = standing(0.0, Vector3::zeros());
         let both = GroundSample {
             moment_nm: [30.0, -20.0, 1.0],
@@ -171,7 +171,7 @@ mod tests {
             devices: GroundDevice::Plate as u32 | GroundDevice::Insoles as u32,
             ..insoles([300.0, 400.0], [[0.0; 2]; 2])
         };
-        let placed = place(&both, &pose, &sole::both(&pose, None, HEIGHT_M));
+        let placed = to_world(&both, &pose, &foot_outline::both(&pose, None, HEIGHT_M));
         assert_eq!((placed.moment_nm, placed.cop_m()), (both.moment_nm, both.cop_m()));
         assert_eq!(both.feet().unwrap().cop_m, None, "a sole's own frame is no place in the world");
         let at = placed.feet().unwrap().cop_m.unwrap();
@@ -182,11 +182,11 @@ mod tests {
     #[test]
     fn empty_insoles_mean_that_no_person_stands_and_a_contradiction_gives_no_centre() {
         let pose = standing(0.0, Vector3::zeros());
-        let soles = sole::both(&pose, None, HEIGHT_M);
-        let empty = place(&insoles([0.0; 2], [[0.0; 2]; 2]), &pose, &soles);
+        let outlines = foot_outline::both(&pose, None, HEIGHT_M);
+        let empty = to_world(&insoles([0.0; 2], [[0.0; 2]; 2]), &pose, &outlines);
         assert!(matches!(empty.cop_m(), Err(crate::message::ground::NoCop::TooLittleForce { .. })));
         let contradicting = GroundSample { force_n: [0.0, 0.0, 900.0], ..insoles([350.0; 2], [[0.0; 2]; 2]) };
-        let placed = place(&contradicting, &pose, &soles);
+        let placed = to_world(&contradicting, &pose, &outlines);
         assert_eq!(placed.cop_m(), Err(crate::message::ground::NoCop::NotMeasured));
     }
 }

@@ -1,22 +1,22 @@
 //! Sequential test of the lag in use against other lags, within some 0.3 s of a change of a stream's delay.
 //!
-//! [`super::skew_watch`] estimates the lag over seconds. This test asks only whether the lag in use still explains the
-//! vertical force, and needs mass and load. With the weight and inertia U of the unloaded body and the weight w per
+//! [`super::skew_monitor`] estimates the lag over seconds. This test asks only whether the lag in use still explains
+//! the vertical force, and needs mass and load. With the weight and inertia U of the unloaded body and the weight w per
 //! kilogram in the hands, both by the suit, the mass in the hands under a lag τ is
 //!
 //! ```text
 //! m_τ(t) = (F(t) − U(t − τ)) / w(t − τ)
 //! ```
 //!
-//! τ is the delay of the ground relative to the lag in use. A suit that becomes later is left to the skew watch: the
+//! τ is the delay of the ground relative to the lag in use. A suit that becomes later is left to the skew monitor: the
 //! suit's later samples would be needed.
 //!
 //! Each sample has three explanations: the lag in use and an unchanged load, `N(m_0; μ, σ)`; another lag and an
 //! unchanged load, `N(m_τ; μ, σ_τ)`; and a load that changes, uniform over ±25 kg. The log-likelihood ratio of each
 //! other lag against the better of the remaining two, for the same force, is summed up from its last minimum (CUSUM;
-//! Page 1954, Biometrika 41). So a load that is picked up is not a lag: no lag explains its force with the previous load. Nor does a body at
-//! rest contradict a lag, and there no lag changes a result. If no lag explains a sample with the previous load, the load
-//! has changed, and all sums restart.
+//! Page 1954, Biometrika 41). So a load that is picked up is not a lag: no lag explains its force with the previous
+//! load. Nor does a body at rest contradict a lag, and there no lag changes a result. If no lag explains a sample with
+//! the previous load, the load has changed, and all sums restart.
 //!
 //! A rejected lag is accepted again by the same sum for the lag in use.
 
@@ -26,18 +26,18 @@ use super::body_motion::BodyMotion;
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
 use crate::math;
-use crate::motion::Moment;
+use crate::motion::Snapshot;
 use crate::overload::GRAVITY_M_PER_S2;
 
-/// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the skew
-/// watch.
+/// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the
+/// skew monitor.
 const LATE_S: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
 /// Half of their spacing: a lag between two of them is off by up to this much, uniformly distributed, s.
 const LATE_OFF_MAX_S: f64 = 0.05;
 /// Range of a change of the load, kg: up to 25 kg, the reference mass of ISO 11228-1 for men, up or down.
 const CHANGE_RANGE_KG: f64 = 50.0;
-/// 1-σ of the mass in the hands beyond that of the force, kg: a load does not move exactly as the hands do. Chosen on the
-/// sessions of `equipoise-study faults`, seeds 1 to 20: half of it rejects the right lag three times as often.
+/// 1-σ of the mass in the hands beyond that of the force, kg: a load does not move exactly as the hands do. Chosen on
+/// the sessions of `equipoise-study faults`, seeds 1 to 20: half of it rejects the right lag three times as often.
 const LOAD_SIGMA_KG: f64 = 0.3;
 /// Sum of log-likelihood ratios for a decision: odds of 150.
 const EVIDENCE: f64 = 5.0;
@@ -228,21 +228,21 @@ impl Memory {
     /// Ingests a snapshot whose external force is up to date; `is_usable` if motion and force are both measured.
     pub(super) fn test_lag(
         &mut self,
-        moment: &Moment,
+        snapshot: &Snapshot,
         body: &BodyMotion,
         is_usable: bool,
         settings: &Settings,
     ) {
-        let worker = &self.identification;
+        let subject = &self.identification;
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
-        if !is_wanted || worker.identified != 1 || worker.mass_kg <= 0.0 || !worker.has_body() {
+        if !is_wanted || subject.identified != 1 || subject.mass_kg <= 0.0 || !subject.has_body() {
             self.lag_test.clear();
             return;
         }
-        let [_, _, delta_f_n] = self.known.delta_f_n;
-        let force_n = moment.ground.force_n[2];
+        let [_, _, delta_f_n] = self.estimate.delta_f_n;
+        let force_n = snapshot.ground.force_n[2];
         let now = Sample {
-            time_ns: moment.time_ns,
+            time_ns: snapshot.time_ns,
             force_n,
             unloaded_n: force_n - delta_f_n,
             load_weight_m_per_s2: body.load_weight_m_per_s2(),
@@ -253,7 +253,7 @@ impl Memory {
         }
         let window_s = 2.0 * settings.half_window_ns() as f64 * 1e-9;
         let [rate_n_per_s, _] = self.ground_rates;
-        self.lag_test.update(now, self.known.delta_f_sigma_n, rate_n_per_s.height(), window_s.max(1e-3));
+        self.lag_test.update(now, self.estimate.delta_f_sigma_n, rate_n_per_s.height(), window_s.max(1e-3));
     }
 }
 

@@ -12,9 +12,9 @@ use crate::body::{SEGMENTS, Side};
 use crate::effect::plate_lowpass::LowPass;
 use crate::effect::{Effect, Model, Observation, suit_lag};
 use crate::frame::{Pose, StationWorld};
-use crate::motion::{Inertia, Moment};
+use crate::motion::{Inertia, Snapshot};
 use crate::overload::GRAVITY_M_PER_S2;
-use crate::static_pose::{Stillness, WINDOW};
+use crate::static_pose::{PoseStatistics, WINDOW};
 
 /// After a longer gap the plate's filter has settled, s.
 const SETTLED_S: f64 = 0.5;
@@ -28,7 +28,7 @@ pub(super) struct ModelTerms {
     /// Change of the ground's force on the body, N.
     pub(super) force_n: [f64; 3],
     /// Time of the station's first snapshot, the origin of all spans; 0 before it.
-    first_moment_ns: u64,
+    first_snapshot_ns: u64,
     /// Changes at the last snapshots, those of the static pose window: CoP, m, vertical force, N.
     recent: [[f64; 3]; WINDOW],
     /// Index of the next entry, in [0, WINDOW).
@@ -42,7 +42,7 @@ pub(super) struct ModelTerms {
 impl ModelTerms {
     /// Restarts with another model; spans still start at the station's first snapshot.
     pub(super) fn restart(&mut self) {
-        *self = ModelTerms { first_moment_ns: self.first_moment_ns, ..Zeroable::zeroed() };
+        *self = ModelTerms { first_snapshot_ns: self.first_snapshot_ns, ..Zeroable::zeroed() };
     }
 
     /// Whether every index and number is in range; stored ones are checked before use.
@@ -56,10 +56,10 @@ impl ModelTerms {
 
     /// Time since the station's first snapshot, s; 0 before it.
     fn since_start_s(&self, time_ns: u64) -> f64 {
-        if self.first_moment_ns == 0 {
+        if self.first_snapshot_ns == 0 {
             0.0
         } else {
-            time_ns.saturating_sub(self.first_moment_ns) as f64 * 1e-9
+            time_ns.saturating_sub(self.first_snapshot_ns) as f64 * 1e-9
         }
     }
 
@@ -83,11 +83,11 @@ impl ModelTerms {
     /// one more term.
     fn filter(&mut self, model: &Model, o: &Observation, step_s: f64) {
         let Some(cutoff_hz) = ModelTerms::cutoff_hz(model, o.time_s) else {
-            self.filter.iter_mut().for_each(LowPass::forget);
+            self.filter.iter_mut().for_each(LowPass::reset);
             return;
         };
         if step_s > SETTLED_S {
-            self.filter.iter_mut().for_each(LowPass::forget);
+            self.filter.iter_mut().for_each(LowPass::reset);
         }
         // Measured shear has passed the same filter, so the prediction by the suit is used.
         let by_suit_m = o.cop_by_suit_m();
@@ -99,18 +99,18 @@ impl ModelTerms {
         self.force_n[2] += self.filter[2].step(cutoff_hz, step_s, predicted_n) - predicted_n;
     }
 
-    fn remember(&mut self) {
+    fn push_recent(&mut self) {
         self.recent[self.next as usize % WINDOW] = [self.cop_m[0], self.cop_m[1], self.force_n[2]];
         self.next = (self.next + 1) % WINDOW as u64;
     }
 
     /// A full static pose window without the contribution of the terms; `None` while that is unavailable for part of
     /// the window.
-    pub(super) fn off(&self, stillness: &Stillness, model: &Model) -> Option<Stillness> {
+    pub(super) fn subtract_from(&self, statistics: &PoseStatistics, model: &Model) -> Option<PoseStatistics> {
         if !model.is_empty() && self.applied < WINDOW as u64 {
             return None;
         }
-        let mut without = *stillness;
+        let mut without = *statistics;
         for [x_m, y_m, vertical_n] in self.recent {
             without.cop_m[0] -= x_m / WINDOW as f64;
             without.cop_m[1] -= y_m / WINDOW as f64;
@@ -126,54 +126,54 @@ impl Memory {
     pub(super) fn observe(
         &mut self,
         pose: &Pose<StationWorld>,
-        moment: &Moment,
+        snapshot: &Snapshot,
         inertia: Option<Inertia>,
         settings: &Settings,
     ) -> Option<Observation> {
-        if self.terms.first_moment_ns == 0 {
-            self.terms.first_moment_ns = moment.time_ns.max(1);
+        if self.terms.first_snapshot_ns == 0 {
+            self.terms.first_snapshot_ns = snapshot.time_ns.max(1);
         }
-        let ground = moment.ground()?;
-        let worker = &self.identification;
-        if settings.model.is_empty() || !worker.has_body() {
+        let ground = snapshot.ground()?;
+        let subject = &self.identification;
+        if settings.model.is_empty() || !subject.has_body() {
             return None;
         }
         let moderate = inertia.filter(Inertia::is_moderate);
         let inertia = moderate.unwrap_or(Inertia::REST);
         let specific = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
-        let table = worker.anthropometry();
+        let table = subject.anthropometry();
         let (origin_acceleration, rotation_acceleration) = self.accelerations(settings);
         // Before weighing, the mass is that of the measured vertical force.
-        let mass_kg = if worker.mass_kg > 0.0 { worker.mass_kg } else { ground.force_n[2] / specific };
+        let mass_kg = if subject.mass_kg > 0.0 { subject.mass_kg } else { ground.force_n[2] / specific };
         let feet = Side::BOTH.map(|side| pose.origin_of(side.foot()) + pose.origin_of(side.toe()));
         Some(Observation {
-            time_s: self.terms.since_start_s(moment.time_ns),
+            time_s: self.terms.since_start_s(snapshot.time_ns),
             mass_kg,
             floor_m: ground.surface_z_m,
             feet_m: [0, 1].map(|axis| 0.25 * (feet[0][axis] + feet[1][axis])),
             feet_hold: settings.suit_drifts,
-            origin_m: moment.origin_m,
+            origin_m: snapshot.origin_m,
             origin_acceleration_m_per_s2: origin_acceleration,
             rotation: rotations(pose),
             rotation_acceleration_per_s2: rotation_acceleration,
-            phi_m: worker.phi().0,
+            phi_m: subject.phi().0,
             grip_m: Side::BOTH.map(|side| table.grip_m(side.hand())),
             centre_m: table.com_m,
             mass_share: if moderate.is_some() { table.mass_fraction } else { [0.0; SEGMENTS] },
-            com_m: crate::sesc::centre_of_mass(pose, &worker.phi()).into(),
+            com_m: crate::sesc::centre_of_mass(pose, &subject.phi()).into(),
             com_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
             turning_m: inertia.turning_shift_m(specific),
             slope: [0.0; 2],
             slope_is_measured: false,
             cop_predicted_m: [0.0; 2],
             force_predicted_n: [0.0, 0.0, mass_kg * specific],
-            cop_measured_m: self.known.cop_measured_m,
+            cop_measured_m: self.estimate.cop_measured_m,
             force_measured_n: ground.force_n,
         })
     }
 
     /// Computes the change of the force by the terms, which needs no slope and on which the slope depends.
-    pub(super) fn foresee_terms(&mut self, observation: Option<&mut Observation>, settings: &Settings) {
+    pub(super) fn predict_terms(&mut self, observation: Option<&mut Observation>, settings: &Settings) {
         (self.terms.cop_m, self.terms.force_n) = ([0.0; 2], [0.0; 3]);
         let Some(o) = observation else { return };
         predict_force(o, settings);
@@ -193,16 +193,16 @@ impl Memory {
             o.slope = body.slope;
             o.slope_is_measured = body.slope_is_measured;
             let rows = self.identification.reduction.rows(pose, body.slope);
-            let still = self.identification.predict_cop_m(&rows);
-            o.cop_predicted_m = [0, 1].map(|axis| still[axis] + body.besides_rows_m(axis));
+            let static_m = self.identification.predict_cop_m(&rows);
+            o.cop_predicted_m = [0, 1].map(|axis| static_m[axis] + body.cop_beyond_rows_m(axis));
             (self.terms.cop_m, self.terms.force_n) = settings.model.change(o);
             self.terms.filter(&settings.model, o, step_s);
             self.terms.applied = (self.terms.applied + 1).min(WINDOW as u64);
         } else {
             self.terms.applied = 0;
-            self.terms.filter.iter_mut().for_each(LowPass::forget);
+            self.terms.filter.iter_mut().for_each(LowPass::reset);
         }
-        self.terms.remember();
+        self.terms.push_recent();
     }
 
     /// Second derivatives of origins, m/s², and rotations, 1/s², at the snapshot; zero without a window.

@@ -5,10 +5,10 @@
 //! of time as suspect, and no snapshot that overlaps the span is published, updates the filter or is counted. Torques
 //! are published about half a window late, so most spans are detected before the first of their snapshots is due.
 
-mod leaps;
+mod jumps;
 
 use bytemuck::{Pod, Zeroable};
-use leaps::{LEAP_HOLDS_NS, LEVER_MAX_M, Leaps, Reading};
+use jumps::{JUMP_HOLDS_NS, LEVER_MAX_M, JumpDetector, Reading};
 
 use super::memory::{EMPTY_PLATE_N, Memory};
 use super::settings::Settings;
@@ -50,8 +50,8 @@ const PELVIS_STEP_MAX_M: f64 = 0.1;
 const TURN_MAX_RAD: f64 = 0.3;
 /// Maximum rate of rotation of a pelvis, rad/s: a figure skater reaches 30, a worker who turns quickly 8.
 const PELVIS_RATE_MAX_RAD_PER_S: f64 = 15.0;
-/// Maximum rate of rotation of any segment, rad/s: a forearm reaches 40 in a baseball pitch (elbow extension; Fleisig et
-/// al. 1999).
+/// Maximum rate of rotation of any segment, rad/s: a forearm reaches 40 in a baseball pitch (elbow extension; Fleisig
+/// et al. 1999).
 const SEGMENT_RATE_MAX_RAD_PER_S: f64 = 40.0;
 
 /// Interval in which a sensor is implausible; all zero for none.
@@ -63,9 +63,9 @@ pub(super) struct Span {
 }
 
 impl Span {
-    /// Adds an interval; merges it if the gap is at most the time for which a leap stays suspect.
+    /// Adds an interval; merges it if the gap is at most the time for which a jump stays suspect.
     fn add(&mut self, from_ns: u64, to_ns: u64) {
-        if self.to_ns > 0 && from_ns <= self.to_ns.saturating_add(LEAP_HOLDS_NS) {
+        if self.to_ns > 0 && from_ns <= self.to_ns.saturating_add(JUMP_HOLDS_NS) {
             *self = Span { from_ns: self.from_ns.min(from_ns), to_ns: self.to_ns.max(to_ns) };
         } else {
             *self = Span { from_ns, to_ns };
@@ -73,7 +73,7 @@ impl Span {
     }
 
     /// Whether the interval from `from_ns` to `to_ns` overlaps the span.
-    pub(super) fn touches(&self, from_ns: u64, to_ns: u64) -> bool {
+    pub(super) fn overlaps(&self, from_ns: u64, to_ns: u64) -> bool {
         self.to_ns > 0 && self.from_ns <= to_ns && from_ns <= self.to_ns
     }
 
@@ -97,7 +97,7 @@ struct Repeats {
 impl Repeats {
     /// Ingests whether a reading equals the previous one, of `before_ns`. Returns whether the probability of such a run
     /// from a working sensor is below `chance`.
-    fn take_in(&mut self, is_same: bool, before_ns: u64, chance: f64) -> bool {
+    fn ingest(&mut self, is_same: bool, before_ns: u64, chance: f64) -> bool {
         if is_same {
             if self.run == 0 {
                 self.begun_ns = before_ns;
@@ -148,16 +148,16 @@ struct Bones {
 /// Pose of the pelvis.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Whereabouts {
+struct PelvisPose {
     time_ns: u64,
     position_m: [f64; 3],
     orientation_wxyz: [f64; 4],
 }
 
-impl Whereabouts {
-    fn of(sample: &SuitSample) -> Whereabouts {
+impl PelvisPose {
+    fn of(sample: &SuitSample) -> PelvisPose {
         let pelvis = Segment::Pelvis.index();
-        Whereabouts {
+        PelvisPose {
             time_ns: sample.sample_time_ns,
             position_m: sample.position_m[pelvis],
             orientation_wxyz: sample.orientation_wxyz[pelvis],
@@ -165,7 +165,7 @@ impl Whereabouts {
     }
 
     /// Whether no body can move from `there` to here in the elapsed time.
-    fn is_beyond(&self, there: &Whereabouts) -> bool {
+    fn is_beyond(&self, there: &PelvisPose) -> bool {
         let span_s = self.time_ns.saturating_sub(there.time_ns) as f64 * 1e-9;
         let by_m = length([0, 1, 2].map(|axis| self.position_m[axis] - there.position_m[axis]));
         let by_rad = angle_rad(&self.orientation_wxyz, &there.orientation_wxyz);
@@ -184,30 +184,30 @@ pub(super) struct Plausibility {
     pub(super) suit: Span,
     channels: [Repeats; 6],
     poses: Repeats,
-    leaps: Leaps,
+    jumps: JumpDetector,
     /// Reading of the plate when the pose last changed.
-    shown_at_pose: Reading,
+    reading_at_pose: Reading,
     /// Largest distance that a segment moved to the newest distinct pose, m.
     pose_step_m: f64,
     /// The plate's newest stamp when the newest pose arrived, ns.
-    shown_newest_ns: u64,
-    /// Pelvis pose of a sample rejected for a leap; a time of 0 for none.
-    leapt: Whereabouts,
+    newest_reading_ns: u64,
+    /// Pelvis pose of a sample rejected for a jump; a time of 0 for none.
+    jumped_to: PelvisPose,
     /// Time of the sample from which on the suit world is another one, ns; 0 for none.
     pub(super) moved_ns: u64,
 }
 
 impl Plausibility {
     /// Compares a ground sample with the previous one. Returns whether it is plausible.
-    fn watch_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
+    fn check_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
         let mut is_plausible = true;
         if sample.force_n[2] < -EMPTY_PLATE_N {
-            self.ground.add(from_ns, time_ns + LEAP_HOLDS_NS);
+            self.ground.add(from_ns, time_ns + JUMP_HOLDS_NS);
             is_plausible = false;
         }
-        if let Some(since_ns) = self.leaps.take_in(Reading::of(sample)) {
+        if let Some(since_ns) = self.jumps.ingest(Reading::of(sample)) {
             self.ground.add(since_ns, time_ns);
             is_plausible = false;
         }
@@ -224,14 +224,14 @@ impl Plausibility {
             let ([fx, fy, fz], [mx, my, mz]) = (sample.force_n, sample.moment_nm);
             [fx, fy, fz, mx, my, mz]
         };
-        let since_pose_ns = sample.sample_time_ns.saturating_sub(self.shown_newest_ns);
+        let since_pose_ns = sample.sample_time_ns.saturating_sub(self.newest_reading_ns);
         let suit_moves = self.poses.run == 0 && self.poses.readings > 0.0 && since_pose_ns < POSE_EVIDENCE_NS;
         let mut since_ns = None;
         for (channel, (now, then)) in numbers(sample).into_iter().zip(numbers(before)).enumerate() {
             // Exactly zero is the reading of an empty plate, or of a channel that is not measured.
             let is_same = now == then && now != 0.0;
             let is_stuck =
-                self.channels[channel].take_in(is_same, before.sample_time_ns, RUN_CHANCE) && suit_moves;
+                self.channels[channel].ingest(is_same, before.sample_time_ns, RUN_CHANCE) && suit_moves;
             if is_stuck {
                 let begun_ns = self.channels[channel].begun_ns;
                 since_ns = Some(since_ns.map_or(begun_ns, |since_ns: u64| since_ns.min(begun_ns)));
@@ -241,7 +241,7 @@ impl Plausibility {
     }
 
     /// Compares a suit sample with the previous one and with the bone lengths. Returns whether it may be used.
-    fn watch_suit(&mut self, sample: &SuitSample, before: Option<&SuitSample>, bones: &Bones) -> bool {
+    fn check_suit(&mut self, sample: &SuitSample, before: Option<&SuitSample>, bones: &Bones) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
         if is_apart(sample, bones) {
@@ -249,19 +249,19 @@ impl Plausibility {
             return false;
         }
         let Some(before) = before.filter(|before| before.session == sample.session) else {
-            self.leapt = Zeroable::zeroed();
+            self.jumped_to = Zeroable::zeroed();
             return true;
         };
         let is_same =
             sample.position_m == before.position_m && sample.orientation_wxyz == before.orientation_wxyz;
-        let shown = self.leaps.newest();
-        self.shown_newest_ns = shown.time_ns;
+        let reading = self.jumps.newest();
+        self.newest_reading_ns = reading.time_ns;
         if self.poses.run == 0 {
-            self.shown_at_pose = shown;
+            self.reading_at_pose = reading;
         }
-        let [by_n, by_nm] = self.shown_at_pose.to(&shown);
+        let [by_n, by_nm] = self.reading_at_pose.to(&reading);
         let plate_moves = by_n > BODY_MOVES_N || by_nm > LEVER_MAX_M * BODY_MOVES_N;
-        let is_frozen = self.poses.take_in(is_same, from_ns, RUN_CHANCE);
+        let is_frozen = self.poses.ingest(is_same, from_ns, RUN_CHANCE);
         if plate_moves && is_frozen {
             self.suit.add(from_ns, time_ns);
             return false;
@@ -278,29 +278,29 @@ impl Plausibility {
         if turns_too_fast(before, sample) {
             self.suit.add(from_ns, time_ns);
         }
-        let here = Whereabouts::of(sample);
-        if !here.is_beyond(&Whereabouts::of(before)) {
-            self.leapt = Zeroable::zeroed();
+        let here = PelvisPose::of(sample);
+        if !here.is_beyond(&PelvisPose::of(before)) {
+            self.jumped_to = Zeroable::zeroed();
             return true;
         }
         self.suit.add(from_ns, time_ns);
-        let agrees = self.leapt.time_ns > 0 && !here.is_beyond(&self.leapt);
-        self.leapt = if agrees { Zeroable::zeroed() } else { here };
+        let agrees = self.jumped_to.time_ns > 0 && !here.is_beyond(&self.jumped_to);
+        self.jumped_to = if agrees { Zeroable::zeroed() } else { here };
         if agrees {
             self.moved_ns = time_ns;
         }
         agrees
     }
 
-    /// See [`Leaps::hear_of_weight`].
-    pub(super) fn hear_of_weight(&mut self, agrees: Option<bool>, step_s: f64) {
-        self.leaps.hear_of_weight(agrees, step_s);
+    /// See [`JumpDetector::ingest_weight_agreement`].
+    pub(super) fn ingest_weight_agreement(&mut self, agrees: Option<bool>, step_s: f64) {
+        self.jumps.ingest_weight_agreement(agrees, step_s);
     }
 
     pub(super) fn is_sound(&self) -> bool {
         self.ground.is_sound()
             && self.suit.is_sound()
-            && self.leaps.is_sound()
+            && self.jumps.is_sound()
             && self.pose_step_m >= 0.0
             && self.channels.iter().chain([&self.poses]).all(Repeats::is_sound)
     }
@@ -309,13 +309,13 @@ impl Plausibility {
 impl Memory {
     /// Compares a ground sample with the previous ones. Returns whether it is plausible; an implausible sample is
     /// aligned nevertheless, and published as suspect.
-    pub(super) fn believes_ground(&mut self, sample: &GroundSample) -> bool {
-        self.plausibility.watch_ground(sample, self.alignment.newest_ground())
+    pub(super) fn validate_ground(&mut self, sample: &GroundSample) -> bool {
+        self.plausibility.check_ground(sample, self.alignment.newest_ground())
     }
 
     /// Compares a suit sample with the previous ones and with the subject's bone lengths. Returns whether it may be
     /// used.
-    pub(super) fn believes_suit(&mut self, sample: &SuitSample, settings: &Settings) -> bool {
+    pub(super) fn validate_suit(&mut self, sample: &SuitSample, settings: &Settings) -> bool {
         let bones = if self.identification.has_body() {
             let skeleton = self.identification.skeleton();
             Bones { skeleton, limbs_alone: false, gap_max_m: JOINT_GAP_MAX_M, rms_max_m: GAPS_RMS_MAX_M }
@@ -323,7 +323,7 @@ impl Memory {
             let skeleton = Skeleton::nominal(settings.height_m);
             Bones { skeleton, limbs_alone: true, gap_max_m: NOMINAL_GAP_MAX_M, rms_max_m: NOMINAL_GAP_MAX_M }
         };
-        self.plausibility.watch_suit(sample, self.alignment.newest_suit(), &bones)
+        self.plausibility.check_suit(sample, self.alignment.newest_suit(), &bones)
     }
 }
 

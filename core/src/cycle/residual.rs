@@ -5,11 +5,11 @@ use super::body_motion::{ACCELERATION_AT_REST_M_PER_S2, BodyMotion};
 use super::memory::Memory;
 use super::monitoring::SUPPORT_MARGIN_M;
 use super::settings::{Method, Motion, Settings};
-use super::{sole, support};
+use super::{foot_outline, support};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::Component;
-use crate::motion::{ForceSigma, Moment};
+use crate::motion::{ForceSigma, Snapshot};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::sesc::PARAMETERS;
 use crate::sesc::reduction::Rows;
@@ -23,15 +23,15 @@ const GAP_MAX_S: f64 = 0.2;
 /// 1-σ of a configured or stored mass, kg: clothing, a meal, bathroom scales.
 const OTHER_MASS_SIGMA_KG: f64 = 0.5;
 /// Exceeded with a probability of 0.001 for two degrees of freedom.
-const NIS_OF_A_BLUNDER: f64 = 13.8;
+const NIS_OUTLIER: f64 = 13.8;
 
 impl Memory {
     /// While no load is carried, estimates the error of the compensation from the residual, and updates the filter with
     /// motion.
-    pub(super) fn watch_the_residual(
+    pub(super) fn update_from_residual(
         &mut self,
         pose: &Pose<StationWorld>,
-        moment: &Moment,
+        snapshot: &Snapshot,
         body: &BodyMotion,
         step_s: f64,
         settings: &Settings,
@@ -41,41 +41,41 @@ impl Memory {
             return;
         }
         if step_s > GAP_MAX_S {
-            self.unloaded.forget();
+            self.unloaded.clear();
         }
         let sigma = ForceSigma {
             at_rest_n: self.ground_sigma.force_n,
             by_motion_n: self.noise.vertical.sigma(self.noise.vertical_activity_n.height()),
         };
-        // A step below the plate's assumed σ, as of a tool in a pocket, is for the force offset to follow.
+        // A step below the plate's assumed σ, such as a tool in a pocket, belongs to the force offset.
         let gate = ForceSigma { at_rest_n: sigma.at_rest_n.max(settings.force_sigma_n), ..sigma };
-        if !self.unloaded.watch(self.known.delta_f_n[2], step_s, settings.load_threshold_n, gate) {
+        if !self.unloaded.update(self.estimate.delta_f_n[2], step_s, settings.load_threshold_n, gate) {
             return;
         }
-        if self.placing.is_lost() {
-            self.seek_the_place(pose, moment, body, settings);
+        if self.registration.is_lost() {
+            self.register(pose, snapshot, body, settings);
             return;
         }
-        if self.noise.may_be_pushed() {
+        if self.noise.may_have_external_force() {
             return;
         }
-        self.learn_errors(moment, body);
-        if settings.motion != Motion::Paper && !moment.ground.is_by_insoles_alone() {
-            self.force_offset.update(self.known.delta_f_n[2], step_s, sigma);
+        self.update_motion_noise(snapshot, body);
+        if settings.motion != Motion::Paper && !snapshot.ground.is_by_insoles_alone() {
+            self.force_offset.update(self.estimate.delta_f_n[2], step_s, sigma);
         }
-        self.seek_the_place(pose, moment, body, settings);
-        let steady = moment.both_feet_stand == 1 || !settings.suit_drifts;
-        let due = moment.time_ns.saturating_sub(self.motion_learnt_ns) >= MOTION_ROW_EVERY_NS;
+        self.register(pose, snapshot, body, settings);
+        let steady = snapshot.both_feet_stand == 1 || !settings.suit_drifts;
+        let due = snapshot.time_ns.saturating_sub(self.motion_update_ns) >= MOTION_ROW_EVERY_NS;
         if steady && due {
-            self.learn_motion(pose, moment, body, settings);
+            self.update_from_motion(pose, snapshot, body, settings);
         }
     }
 
     /// Applies the mass in use to the force offset.
-    pub(super) fn follow_weight(&mut self) {
-        let worker = &self.identification;
-        let sigma_n = worker.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2);
-        self.force_offset.follow_mass(worker.mass_kg, sigma_n);
+    pub(super) fn apply_mass_to_force_offset(&mut self) {
+        let subject = &self.identification;
+        let sigma_n = subject.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2);
+        self.force_offset.apply_mass(subject.mass_kg, sigma_n);
     }
 
     /// Vertical force of the unloaded body in a motion that needs this force per kilogram, m/s², with the force offset,
@@ -88,22 +88,22 @@ impl Memory {
     pub(super) fn weigh(
         &mut self,
         pose: &Pose<StationWorld>,
-        moment: &Moment,
+        snapshot: &Snapshot,
         body: &BodyMotion,
         step_s: f64,
         settings: &Settings,
     ) {
-        let soles = sole::both(pose, self.build.body(), settings.height_m);
-        let supported = self.placing.is_lost()
-            || support::is_supported(pose, self.known.cop_measured_m, &soles, SUPPORT_MARGIN_M);
-        let vertical_n = moment.ground.force_n[2] - self.terms.force_n[2];
-        let worker = &self.identification;
-        let loaded = worker.mass_kg > 0.0
+        let outlines = foot_outline::both(pose, self.reported_body.body(), settings.height_m);
+        let supported = self.registration.is_lost()
+            || support::is_supported(pose, self.estimate.cop_measured_m, &outlines, SUPPORT_MARGIN_M);
+        let vertical_n = snapshot.ground.force_n[2] - self.terms.force_n[2];
+        let subject = &self.identification;
+        let loaded = subject.mass_kg > 0.0
             && (vertical_n - self.unloaded_force_n(body.specific_force_m_per_s2)).abs()
                 > self.load_limit_n(settings);
         // A mass discarded after the identification is still needed.
-        let is_wanted = worker.learning == 1 || worker.mass_kg <= 0.0;
-        if loaded || !supported || moment.both_feet_stand != 1 || !is_wanted {
+        let is_wanted = subject.identifying == 1 || subject.mass_kg <= 0.0;
+        if loaded || !supported || snapshot.both_feet_stand != 1 || !is_wanted {
             return;
         }
         let inertia_n = vertical_n * body.suit_acceleration_m_per_s2[2] / body.specific_force_m_per_s2;
@@ -117,83 +117,83 @@ impl Memory {
     }
 
     /// Estimates the error of the compensation while the body alone explains the measurement.
-    fn learn_errors(&mut self, moment: &Moment, body: &BodyMotion) {
+    fn update_motion_noise(&mut self, snapshot: &Snapshot, body: &BodyMotion) {
         let by_plate = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
         let noise = &mut self.noise;
         let activity_n = noise.vertical_activity_n.height();
-        noise.vertical.learn(self.known.delta_f_n[2], activity_n, self.ground_sigma.force_n);
-        let [force_x_n, force_y_n, _] = moment.ground.force_n;
+        noise.vertical.update(self.estimate.delta_f_n[2], activity_n, self.ground_sigma.force_n);
+        let [force_x_n, force_y_n, _] = snapshot.ground.force_n;
         for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
             // A device that reports exactly zero without declaring shear unavailable does not measure it either.
-            if moment.ground.measures(Component::Shear) && shear_n != 0.0 {
+            if snapshot.ground.measures(Component::Shear) && shear_n != 0.0 {
                 let error = by_plate[axis] - body.suit_acceleration_m_per_s2[axis];
                 let activity = noise.horizontal_activity_m_per_s2.height();
-                noise.horizontal.learn(error, activity, ACCELERATION_AT_REST_M_PER_S2);
+                noise.horizontal.update(error, activity, ACCELERATION_AT_REST_M_PER_S2);
             }
             let activity_m = noise.cop_activity_m[axis].height();
-            let [sigma_m, moving_m] = [self.known.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
+            let [sigma_m, moving_m] = [self.estimate.cop_sigma_m[axis], noise.cop[axis].sigma(activity_m)];
             let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
-            let error_m = self.known.cop_measured_m[axis] - self.known.cop_estimated_m[axis];
-            noise.cop[axis].learn(error_m, activity_m, at_rest_m);
+            let error_m = self.estimate.cop_measured_m[axis] - self.estimate.cop_estimated_m[axis];
+            noise.cop[axis].update(error_m, activity_m, at_rest_m);
         }
     }
 
     /// Whether motion may update the filter: requested, compensated, and no static pose.
-    fn wants_motion(&self, settings: &Settings) -> bool {
-        let worker = &self.identification;
-        let asked = worker.learning == 1 || (settings.passive && worker.identified == 1);
+    fn accepts_motion(&self, settings: &Settings) -> bool {
+        let subject = &self.identification;
+        let is_requested = subject.identifying == 1 || (settings.passive && subject.identified == 1);
         settings.method == Method::StaticAndDynamic
             && settings.motion != Motion::Paper
-            && asked
-            && self.known.static_pose == 0
+            && is_requested
+            && self.estimate.static_pose == 0
     }
 
     /// Updates with the moment rows `(B_xy − s B_z) Φ = CoP − x0_xy + s x0_z − turning` (DESIGN §4); R increases with
     /// the motion.
-    fn learn_motion(
+    fn update_from_motion(
         &mut self,
         pose: &Pose<StationWorld>,
-        moment: &Moment,
+        snapshot: &Snapshot,
         body: &BodyMotion,
         settings: &Settings,
     ) {
         // The static equation does not apply to a moving body, not even for its position.
-        if settings.motion == Motion::Paper && self.known.static_pose == 0 {
+        if settings.motion == Motion::Paper && self.estimate.static_pose == 0 {
             return;
         }
-        self.motion_learnt_ns = moment.time_ns;
+        self.motion_update_ns = snapshot.time_ns;
         let rows = self.identification.reduction.rows(pose, body.slope);
-        let wander = self.identification.wander_variance_m2(pose, settings);
+        let drift_m2 = self.identification.drift_variance_m2(pose, settings);
         let cop_m = core::array::from_fn(|axis| {
-            self.known.cop_measured_m[axis] - body.besides_rows_m(axis) - self.terms.cop_m[axis]
+            self.estimate.cop_measured_m[axis] - body.cop_beyond_rows_m(axis) - self.terms.cop_m[axis]
         });
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         let one_m2: [f64; 2] = core::array::from_fn(|axis| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             let lasting_m = self.ground_sigma.lasting_cop_m;
-            wander[axis] + floor + moving_m * moving_m + lasting_m * lasting_m
+            drift_m2[axis] + floor + moving_m * moving_m + lasting_m * lasting_m
         });
         let variance_m2 = one_m2.map(|variance_m2| ROWS_PER_INDEPENDENT * variance_m2);
         let predicted_m = self.identification.predict_cop_m(&rows);
-        let known_m2 = self.identification.cop_variance_m2(&rows);
+        let theta_m2 = self.identification.cop_variance_m2(&rows);
         let nis: f64 = (0..2)
             .map(|axis| {
                 let innovation_m: f64 = cop_m[axis] - predicted_m[axis];
-                innovation_m * innovation_m / (known_m2[axis] + variance_m2[axis])
+                innovation_m * innovation_m / (theta_m2[axis] + variance_m2[axis])
             })
             .sum();
-        self.identification.learn_misfit(&rows, cop_m, one_m2, 1.0);
+        self.identification.update_misfit(&rows, cop_m, one_m2, 1.0);
         // Reject outliers: contacts and stumbles violate the model.
-        if nis >= NIS_OF_A_BLUNDER {
+        if nis >= NIS_OUTLIER {
             return;
         }
-        if !self.wants_motion(settings) {
+        if !self.accepts_motion(settings) {
             // After identification the subject still steps about: update the stance offset and keep θ.
-            self.identification.follow_offset(&rows, cop_m, variance_m2);
-        } else if self.identification.take_in(&rows, cop_m, variance_m2).is_some() {
-            self.known.motion_samples_used = self.known.motion_samples_used.saturating_add(1);
-            self.learn_shear(moment, body, settings);
-            if self.identification.learning == 1 {
+            self.identification.update_stance_offset(&rows, cop_m, variance_m2);
+        } else if self.identification.update_from_cop(&rows, cop_m, variance_m2).is_some() {
+            self.estimate.motion_samples_used = self.estimate.motion_samples_used.saturating_add(1);
+            self.update_from_shear(snapshot, body, settings);
+            if self.identification.identifying == 1 {
                 self.identification.finish_row(settings);
             }
         }
@@ -201,10 +201,10 @@ impl Memory {
     }
 
     /// Updates with the force rows `d²(x0 + BΦ)/dt² = F_xy/M` (DESIGN §4), if shear is measured.
-    fn learn_shear(&mut self, moment: &Moment, body: &BodyMotion, settings: &Settings) {
+    fn update_from_shear(&mut self, snapshot: &Snapshot, body: &BodyMotion, settings: &Settings) {
         let Motion::Compensated { half_window_ns } = settings.motion else { return };
-        let [x_n, y_n, _] = moment.ground.force_n;
-        if !moment.ground.measures(Component::Shear) || (x_n, y_n) == (0.0, 0.0) {
+        let [x_n, y_n, _] = snapshot.ground.force_n;
+        if !snapshot.ground.measures(Component::Shear) || (x_n, y_n) == (0.0, 0.0) {
             return;
         }
         let mut sum = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
@@ -220,8 +220,8 @@ impl Memory {
         });
         let sigma = self.noise.acceleration_sigma_m_per_s2();
         if complete {
-            let believed = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
-            self.identification.take_in_force(&sum, believed, ROWS_PER_INDEPENDENT * sigma * sigma);
+            let acceleration_m_per_s2 = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
+            self.identification.update_from_force(&sum, acceleration_m_per_s2, ROWS_PER_INDEPENDENT * sigma * sigma);
         }
     }
 }

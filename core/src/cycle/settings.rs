@@ -72,7 +72,7 @@ pub enum StopRule {
 
 /// A pose that the model file requests.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Asked {
+pub struct PoseRequest {
     /// Index into [`Settings::library`].
     pub pose: usize,
     /// Turn of the body for this pose, rad to the left.
@@ -130,7 +130,7 @@ pub struct Settings {
     /// 1-σ of the difference between the vertical force by insoles alone and body weight, N. Assumed as well.
     pub insole_force_sigma_n: f64,
     /// Thresholds of a static pose.
-    pub still: Thresholds,
+    pub static_pose: Thresholds,
     /// External forces below this are not a load, N.
     pub load_threshold_n: f64,
     /// A load farther than this from the line between the hands is not at the hands, m.
@@ -138,7 +138,7 @@ pub struct Settings {
     /// 1-σ per axis of the constant error of each segment's orientation (sensor to segment), rad.
     pub suit_misalignment_rad: f64,
     /// 1-σ per axis of the varying error (drift) of each segment's orientation, rad.
-    pub suit_wander_rad: f64,
+    pub suit_drift_rad: f64,
     /// How overload is estimated in motion.
     pub motion: Motion,
     /// Source of the body's accelerations if the suit sends its own (docs/motion.md explains the choice).
@@ -160,7 +160,7 @@ pub struct Settings {
     /// Model terms besides the body: effects that were identified and named.
     pub model: Model,
     /// Pose requested after identification, which discriminates between explanations of the model's data.
-    pub asked: Option<Asked>,
+    pub pose_request: Option<PoseRequest>,
     /// Poses that may be suggested, at most [`crate::pose_suggestion::LIBRARY_MAX`].
     pub library: &'static [Posture],
 }
@@ -178,7 +178,7 @@ impl Settings {
 
     /// 1-σ of a segment's orientation, rad: constant and varying error combined.
     pub(crate) fn suit_orientation_sigma_rad(&self) -> f64 {
-        math::hypot([self.suit_misalignment_rad, self.suit_wander_rad])
+        math::hypot([self.suit_misalignment_rad, self.suit_drift_rad])
     }
 
     /// Defaults for a subject of this stature.
@@ -203,11 +203,11 @@ impl Settings {
             force_sigma_n: 2.0,
             insole_cop_sigma_m: 0.006,
             insole_force_sigma_n: 12.0,
-            still: Thresholds::default(),
+            static_pose: Thresholds::default(),
             load_threshold_n: 15.0,
             load_distance_max_m: 0.35,
             suit_misalignment_rad: 0.6f64.to_radians(),
-            suit_wander_rad: 0.3f64.to_radians(),
+            suit_drift_rad: 0.3f64.to_radians(),
             motion: Motion::Compensated { half_window_ns: HALF_WINDOW_NS },
             accelerations: Accelerations::Blend,
             suit_latency_ns: 0,
@@ -218,7 +218,7 @@ impl Settings {
             level_margin_share: 0.02,
             limits: TorqueLimits::default(),
             model: Model::default(),
-            asked: None,
+            pose_request: None,
             library: &[],
         }
     }

@@ -1,39 +1,39 @@
 //! Support polygon of the standing feet.
 
-use super::sole::FootShape;
+use super::foot_outline::FootOutline;
 use crate::anchor::LIFTED_M;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 
-/// Whether a point of the floor lies in the convex hull of the left and the right sole, widened by `margin_m`.
+/// Whether a point of the floor lies in the convex hull of the left and the right foot outline, widened by `margin_m`.
 ///
 /// A point is inside if no direction separates it from all corners; 32 directions are accurate to about 2 % of the
 /// feet's distance and never reject a point inside.
 pub fn is_supported(
     pose: &Pose<StationWorld>,
     point_m: [f64; 2],
-    soles: &[FootShape; 2],
+    outlines: &[FootOutline; 2],
     margin_m: f64,
 ) -> bool {
-    let [left, right] = Side::BOTH.map(|side| soles[side as usize].corners_m(pose, side));
+    let [left, right] = Side::BOTH.map(|side| outlines[side as usize].corners_m(pose, side));
     is_in_hull(point_m, left.iter().chain(&right), margin_m)
 }
 
 /// Which feet are loaded while the CoP is `cop_m`, world x and y: left, right.
 ///
 /// A foot whose ankle is higher than the other's may still be loaded at its ball. This is certain if the CoP lies
-/// outside the lower foot's sole, widened by `margin_m`.
+/// outside the lower foot's outline, widened by `margin_m`.
 pub fn bearing_feet(
     pose: &Pose<StationWorld>,
     cop_m: [f64; 2],
-    soles: &[FootShape; 2],
+    outlines: &[FootOutline; 2],
     margin_m: f64,
 ) -> [bool; 2] {
     let height_m = Side::BOTH.map(|side| pose.origin_of(side.foot()).z);
     core::array::from_fn(|foot| {
         let other = 1 - foot;
-        let corners = soles[other].corners_m(pose, Side::BOTH[other]);
+        let corners = outlines[other].corners_m(pose, Side::BOTH[other]);
         height_m[foot] - height_m[other] <= LIFTED_M || !is_in_hull(cop_m, corners.iter(), margin_m)
     })
 }
@@ -67,21 +67,21 @@ mod tests {
     #[test]
     fn between_the_feet_is_supported_and_a_metre_away_is_not() {
         let pose = standing();
-        let soles = Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77));
-        assert!(is_supported(&pose, [0.05, 0.0], &soles, 0.0));
-        assert!(is_supported(&pose, [0.15, 0.1], &soles, 0.0));
+        let outlines = Side::BOTH.map(|side| FootOutline::by_stature(&pose, side, 1.77));
+        assert!(is_supported(&pose, [0.05, 0.0], &outlines, 0.0));
+        assert!(is_supported(&pose, [0.15, 0.1], &outlines, 0.0));
         for outside in [[0.4, 0.0], [-0.2, 0.0], [0.05, 0.4], [0.05, -0.4]] {
-            assert!(!is_supported(&pose, outside, &soles, 0.02), "{outside:?}");
+            assert!(!is_supported(&pose, outside, &outlines, 0.02), "{outside:?}");
         }
     }
 
     #[test]
     fn a_raised_heel_carries_weight_unless_the_other_foot_alone_explains_the_centre_of_pressure() {
         let mut pose = standing();
-        let soles = Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77));
+        let outlines = Side::BOTH.map(|side| FootOutline::by_stature(&pose, side, 1.77));
         let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()));
         let feet =
-            |pose: &Pose<StationWorld>, y_m: f64| bearing_feet(pose, [left.x + 0.05, y_m], &soles, 0.02);
+            |pose: &Pose<StationWorld>, y_m: f64| bearing_feet(pose, [left.x + 0.05, y_m], &outlines, 0.02);
         for y_m in [left.y, 0.0, right.y] {
             assert_eq!(feet(&pose, y_m), [true, true], "both stand flat");
         }
@@ -91,11 +91,11 @@ mod tests {
     }
 
     #[test]
-    fn longer_soles_carry_farther() {
+    fn longer_outlines_extend_the_support() {
         let pose = standing();
-        let short = Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77));
+        let short = Side::BOTH.map(|side| FootOutline::by_stature(&pose, side, 1.77));
         let toe_m = short[0].along_m[1];
-        let long = short.map(|sole| FootShape { along_m: [sole.along_m[0], toe_m + 0.1], ..sole });
+        let long = short.map(|outline| FootOutline { along_m: [outline.along_m[0], toe_m + 0.1], ..outline });
         let point_m = [toe_m + 0.05, 0.0];
         assert!(!is_supported(&pose, point_m, &short, 0.0) && is_supported(&pose, point_m, &long, 0.0));
     }

@@ -18,7 +18,7 @@ use crate::message::{FootFrame, GroundDevice, GroundSample};
 pub struct Tare {
     /// Force, N.
     pub force_n: [f64; 3],
-    /// Moment about the world's origin, N m.
+    /// Snapshot about the world's origin, N m.
     pub moment_nm: [f64; 3],
     /// Vertical force of the left and the right foot's plate, N; zero if feet are not measured.
     pub foot_vertical_n: [f64; 2],
@@ -27,7 +27,7 @@ pub struct Tare {
 }
 
 /// Whether the feet's forces are fractions of a plate's force.
-fn are_shares(sample: &GroundSample) -> bool {
+fn are_fractions(sample: &GroundSample) -> bool {
     let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
     sample.devices & GroundDevice::Insoles as u32 != 0 && sample.devices & plates != 0
 }
@@ -42,10 +42,10 @@ fn levers_nm(sample: &GroundSample) -> [[f64; 2]; 2] {
 
 impl Tare {
     /// Mean reading of an empty plate over these samples.
-    pub(super) fn shown_by<'a>(samples: impl Iterator<Item = &'a GroundSample> + Clone) -> Tare {
+    pub(super) fn mean_of<'a>(samples: impl Iterator<Item = &'a GroundSample> + Clone) -> Tare {
         let mut mean = Tare::zeroed();
         let count = samples.clone().count().max(1) as f64;
-        let feet = samples.clone().all(|sample| sample.has_feet() && !are_shares(sample));
+        let feet = samples.clone().all(|sample| sample.has_feet() && !are_fractions(sample));
         for sample in samples {
             let foot_vertical_n = if feet { sample.foot_vertical_n } else { [0.0; 2] };
             let foot_lever_nm = if feet { levers_nm(sample) } else { [[0.0; 2]; 2] };
@@ -68,27 +68,27 @@ impl Tare {
     }
 
     /// A ground sample minus the tare.
-    pub(super) fn off(&self, sample: &GroundSample) -> GroundSample {
+    pub(super) fn subtract_from(&self, sample: &GroundSample) -> GroundSample {
         let whole = GroundSample {
             force_n: core::array::from_fn(|axis| sample.force_n[axis] - self.force_n[axis]),
             moment_nm: core::array::from_fn(|axis| sample.moment_nm[axis] - self.moment_nm[axis]),
             ..*sample
         };
         match sample.per_foot {
-            1 if are_shares(sample) => self.shares_of(whole, sample.force_n[2]),
-            1 => self.feet_of(whole),
+            1 if are_fractions(sample) => self.scaled_to_plate(whole, sample.force_n[2]),
+            1 => self.feet_without_tare(whole),
             _ => whole,
         }
     }
 
     /// Scales insole forces to the plate's force after the tare.
-    fn shares_of(&self, whole: GroundSample, before_n: f64) -> GroundSample {
+    fn scaled_to_plate(&self, whole: GroundSample, before_n: f64) -> GroundSample {
         let left = if before_n.abs() > 1e-9 { whole.force_n[2] / before_n } else { 0.0 };
         GroundSample { foot_vertical_n: whole.foot_vertical_n.map(|newtons| newtons * left), ..whole }
     }
 
     /// Subtracts the tare of each foot's plate.
-    fn feet_of(&self, whole: GroundSample) -> GroundSample {
+    fn feet_without_tare(&self, whole: GroundSample) -> GroundSample {
         let foot_vertical_n = [0, 1].map(|foot| whole.foot_vertical_n[foot] - self.foot_vertical_n[foot]);
         if whole.foot_frame != FootFrame::World as u32 || self.foot_lever_nm == [[0.0; 2]; 2] {
             return GroundSample { foot_vertical_n, ..whole };
@@ -134,16 +134,16 @@ mod tests {
     }
 
     #[test]
-    fn each_foot_loses_what_its_own_plate_showed() {
+    fn each_foot_has_the_tare_of_its_own_plate() {
         let empty = [plates([12.0, -3.0]), plates([14.0, -5.0])];
-        let tare = Tare::shown_by(empty.iter());
-        let standing = tare.off(&plates([313.0, 396.0]));
+        let tare = Tare::mean_of(empty.iter());
+        let standing = tare.subtract_from(&plates([313.0, 396.0]));
         assert_eq!((standing.foot_vertical_n, standing.force_n), ([300.0, 400.0], [0.0, 0.0, 700.0]));
         assert!(standing.has_feet() && tare.is_sound());
     }
 
     #[test]
-    fn each_foot_s_centre_is_put_right_however_much_its_empty_plate_shows() {
+    fn each_foot_s_centre_is_corrected_for_any_tare() {
         // Each plate has its own offset of 70 or 100 N at its own position, and the left one is pulled by 30 N in
         // addition.
         let own = [(70.0, [0.3, 0.2]), (100.0, [-0.2, -0.3])];
@@ -158,16 +158,16 @@ mod tests {
                 ..plates(reported.map(|(newtons, _)| newtons))
             }
         };
-        let tare = Tare::shown_by([with([(0.0, [0.0; 2]); 2])].iter());
+        let tare = Tare::mean_of([with([(0.0, [0.0; 2]); 2])].iter());
         let feet = [(310.0, [0.05, 0.14]), (390.0, [0.02, -0.11])];
-        let standing = tare.off(&with(feet));
+        let standing = tare.subtract_from(&with(feet));
         for (foot, (foot_n, foot_m)) in feet.into_iter().enumerate() {
             assert!((standing.foot_vertical_n[foot] - foot_n).abs() < 1e-9);
             for (reported_m, true_m) in standing.foot_cop_m[foot].into_iter().zip(foot_m) {
                 assert!((reported_m - true_m).abs() < 1e-12, "{reported_m} {true_m}");
             }
         }
-        let lifted = tare.off(&with([(0.0, [0.0; 2]), (700.0, [0.02, -0.11])]));
+        let lifted = tare.subtract_from(&with([(0.0, [0.0; 2]), (700.0, [0.02, -0.11])]));
         assert_eq!(lifted.foot_cop_m[0], [0.0; 2]);
     }
 
@@ -176,15 +176,15 @@ mod tests {
         let devices = GroundDevice::Plate as u32 | GroundDevice::Insoles as u32;
         let on =
             |sample: GroundSample| GroundSample { devices, foot_frame: FootFrame::Sole as u32, ..sample };
-        let tare = Tare::shown_by([on(plates([20.0, 20.0]))].iter());
-        let standing = tare.off(&on(plates([185.0, 555.0])));
+        let tare = Tare::mean_of([on(plates([20.0, 20.0]))].iter());
+        let standing = tare.subtract_from(&on(plates([185.0, 555.0])));
         assert_eq!((standing.force_n[2], standing.foot_vertical_n), (700.0, [175.0, 525.0]));
         assert!(standing.has_feet());
     }
 
     #[test]
-    fn a_tare_without_feet_leaves_feet_that_are_not_believed() {
-        let tare = Tare::shown_by([GroundSample { per_foot: 0, ..plates([40.0, 0.0]) }].iter());
-        assert!(!tare.off(&plates([340.0, 400.0])).has_feet());
+    fn a_tare_without_feet_makes_the_feet_unavailable() {
+        let tare = Tare::mean_of([GroundSample { per_foot: 0, ..plates([40.0, 0.0]) }].iter());
+        assert!(!tare.subtract_from(&plates([340.0, 400.0])).has_feet());
     }
 }

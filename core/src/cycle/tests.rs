@@ -14,13 +14,13 @@ use crate::body::{Joint, Segment, Side};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
-mod asked;
+mod pose_request;
 pub(super) mod bench;
-mod build;
+mod reported_body;
 mod exposure;
-mod kept;
+mod stored_state;
 mod latency;
-mod learning;
+mod filter_updates;
 mod model_terms;
 mod not_measured;
 mod planning;
@@ -39,7 +39,7 @@ fn cop_error_m(state: &State) -> f64 {
 }
 
 #[test]
-fn the_worker_is_learnt_and_the_table_was_wrong() {
+fn identification_corrects_the_table() {
     let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.start_identifying = false));
     let posture = stand(35, 0, [0, 0, -80], [0, 0, 80], 20);
     bench.hold(&person, &posture, None, 400);
@@ -97,7 +97,7 @@ fn a_held_pose_is_used_once() {
 }
 
 #[test]
-fn a_pose_with_a_load_is_not_learnt_from() {
+fn a_pose_with_a_load_does_not_update_the_filter() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[3], Some((8.0, Vector3::new(0.3, 0.0, 1.0))), 1000);
     assert_eq!(bench.state().poses_used, 0);
@@ -136,7 +136,7 @@ fn a_silent_sensor_degrades_and_its_return_restores() {
 }
 
 #[test]
-fn a_worker_who_is_forgotten_is_waited_for_and_no_sensor_is_blamed() {
+fn a_subject_that_was_reset_is_waiting_and_not_degraded() {
     let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
     bench.hold(&person, &postures()[0], None, 1500);
     bench.identify(&person);
@@ -150,7 +150,7 @@ fn a_worker_who_is_forgotten_is_waited_for_and_no_sensor_is_blamed() {
 }
 
 #[test]
-fn the_first_moments_of_a_known_body_are_no_leap() {
+fn the_first_snapshots_of_an_available_body_are_no_leap() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     let mut published = 0;
     for _ in 0..1500 {
@@ -203,36 +203,36 @@ fn staleness_is_reported_within_two_periods_and_the_tolerance() {
 fn the_mass_is_measured_where_it_is_not_configured() {
     let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
     bench.hold(&person, &postures()[1], None, 1000);
-    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "too short to know its error");
+    assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "too short to estimate its error");
     bench.hold(&person, &postures()[1], None, 500);
     assert!((bench.state().mass_kg - MASS_KG).abs() < 1e-9);
 }
 
 #[test]
-fn the_papers_rule_is_met_by_the_table_and_not_by_ignorance() {
+fn the_papers_rule_is_met_by_the_table_and_not_without_a_prior() {
     // 0.002 m² is a standard deviation of 45 mm: the table alone is more accurate.
     let paper = StopRule::Paper { variance_m2: 0.002 };
     let person = Person::real();
-    let mut believing = Bench::new(|settings| settings.stop = paper);
-    believing.identify(&person);
-    assert_eq!(u64::from(believing.state().poses_used), believing.settings.poses_min);
+    let mut with_table = Bench::new(|settings| settings.stop = paper);
+    with_table.identify(&person);
+    assert_eq!(u64::from(with_table.state().poses_used), with_table.settings.poses_min);
 
     // These poses never move the legs apart, so their parameters stay undetermined.
-    let mut ignorant = Bench::new(|settings| {
+    let mut without_prior = Bench::new(|settings| {
         settings.stop = paper;
         settings.prior = PriorKind::None;
     });
-    ignorant.identify(&person);
-    assert_eq!(ignorant.phase(), Phase::Identifying);
-    assert!(ignorant.state().variance_max_m2 > 0.002);
-    ignorant.command(CommandKind::IdentifyStop);
-    assert!(ignorant.state().validity().any_of(Validity::MODEL_CHANGED));
-    ignorant.hold(&person, &postures()[0], None, 20);
-    assert_eq!(ignorant.phase(), Phase::Monitoring);
+    without_prior.identify(&person);
+    assert_eq!(without_prior.phase(), Phase::Identifying);
+    assert!(without_prior.state().variance_max_m2 > 0.002);
+    without_prior.command(CommandKind::IdentifyStop);
+    assert!(without_prior.state().validity().any_of(Validity::MODEL_CHANGED));
+    without_prior.hold(&person, &postures()[0], None, 20);
+    assert_eq!(without_prior.phase(), Phase::Monitoring);
 }
 
 #[test]
-fn the_same_inputs_give_the_same_bytes_and_a_checkpoint_goes_on_alike() {
+fn the_same_inputs_give_the_same_bytes_from_a_checkpoint_too() {
     let (person, mut one, mut other) = (Person::real(), Bench::new(|_| {}), Bench::new(|_| {}));
     one.identify(&person);
     other.identify(&person);
@@ -249,7 +249,7 @@ fn the_same_inputs_give_the_same_bytes_and_a_checkpoint_goes_on_alike() {
 }
 
 #[test]
-fn a_checkpoint_before_the_bones_are_known_can_be_gone_on_from() {
+fn a_checkpoint_without_bone_lengths_can_be_resumed() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     for milliseconds in [0, 50, 100] {
         bench.hold(&person, &postures()[0], None, milliseconds);
@@ -276,18 +276,18 @@ fn a_damaged_checkpoint_is_refused() {
     assert!(!is_sound(&|memory| memory.identification.reduction.count = 70));
     assert!(!is_sound(&|memory| memory.tare.force_n[2] = f64::INFINITY));
     let flat = |memory: &mut Memory| {
-        let worker = &mut memory.identification;
-        let count = worker.filter.count();
-        worker.filter.restore(&vec![0.0; count], &vec![0.0; count * count]);
+        let subject = &mut memory.identification;
+        let count = subject.filter.count();
+        subject.filter.restore(&vec![0.0; count], &vec![0.0; count * count]);
     };
     assert!(!is_sound(&flat), "a filter that is sure of everything");
     let crooked = |memory: &mut Memory| {
-        let worker = &mut memory.identification;
-        let count = worker.filter.count();
+        let subject = &mut memory.identification;
+        let count = subject.filter.count();
         let mut covariance: Vec<f64> =
             (0..count * count).map(|at| f64::from(u8::from(at % (count + 1) == 0))).collect();
         covariance[1] = 0.5;
-        worker.filter.restore(&vec![0.0; count], &covariance);
+        subject.filter.restore(&vec![0.0; count], &covariance);
     };
     assert!(!is_sound(&crooked), "a covariance that is not symmetric");
 
@@ -308,7 +308,7 @@ fn a_damaged_checkpoint_is_refused() {
 }
 
 #[test]
-fn nothing_is_shown_as_valid_before_there_is_anything_to_show() {
+fn nothing_is_valid_before_the_first_samples() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 50);
     assert!(bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED));
@@ -317,7 +317,7 @@ fn nothing_is_shown_as_valid_before_there_is_anything_to_show() {
 }
 
 #[test]
-fn torques_return_with_their_values_when_a_reason_ends() {
+fn torques_return_with_their_values_when_a_flag_clears() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.identify(&person);
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
@@ -334,7 +334,7 @@ fn torques_return_with_their_values_when_a_reason_ends() {
 }
 
 #[test]
-fn a_suit_that_returns_alone_is_not_fresh_before_it_was_worked_through() {
+fn a_suit_that_returns_alone_is_stale_until_processed() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.identify(&person);
     (bench.suit_silent, bench.ground_silent) = (true, true);
@@ -349,7 +349,7 @@ fn a_suit_that_returns_alone_is_not_fresh_before_it_was_worked_through() {
 }
 
 #[test]
-fn a_worker_who_holds_a_box_on_one_foot_is_not_weighed() {
+fn a_subject_with_a_box_on_one_foot_is_not_weighed() {
     let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
     bench.hold(&person, &postures()[0], Some((400.0, Vector3::new(0.05, 0.0, 1.0))), 1500);
     assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "no worker weighs 472 kg");

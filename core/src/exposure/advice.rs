@@ -22,7 +22,8 @@ impl Advice {
     /// No advice.
     pub const NONE: Advice = Advice { direction: [0.0; 3], gain_nm_per_cm: 0.0 };
 
-    /// The advice for a joint with this overload and its 1-σ, N m; `leverage` is the joint's, `delta_f_n` the load's ΔF.
+    /// The advice for a joint with this overload and its 1-σ, N m; `leverage` is the joint's, `delta_f_n` the load's
+    /// ΔF.
     pub fn of(leverage: f64, delta_f_n: f64, torque_nm: [f64; 3], sigma_nm: f64) -> Advice {
         let arm_nm = [-torque_nm[1], torque_nm[0]];
         let magnitude_nm = math::hypot(arm_nm);

@@ -3,10 +3,10 @@
 //! **Moment**: the moment that the pelvis exerts on the body above L5/S1, about the horizontal axes: the weight and the
 //! inertia of everything above the joint, and the load.
 //!
-//! - Weight: from the identified chain. `Σ_i R_i φ_i` over the segments distal of L5/S1 is the first moment of their mass
-//!   about that joint, over the body mass (Fortini et al., Eq. 2).
-//! - Inertia (Newton and Euler): `Σ_i m_i [(c_i − o) × c̈_i] + d/dt(I_i ω_i)` with the masses and radii of gyration of the
-//!   anthropometric table ([`crate::motion::UpperInertia`]). Zero in a static pose and with `motion = "paper"`.
+//! - Weight: from the identified chain. `Σ_i R_i φ_i` over the segments distal of L5/S1 is the first moment of their
+//!   mass about that joint, over the body mass (Fortini et al., Eq. 2).
+//! - Inertia (Newton and Euler): `Σ_i m_i [(c_i − o) × c̈_i] + d/dt(I_i ω_i)` with the masses and radii of gyration of
+//!   the anthropometric table ([`crate::motion::UpperInertia`]). Zero in a static pose and with `motion = "paper"`.
 //! - Load: Eq. 15 at L5/S1.
 //!
 //! Its σ combines the covariance of the chain's parameters, the random walk of the suit's orientations, the relative
@@ -92,13 +92,13 @@ pub struct Arm {
 }
 
 impl Arm {
-    /// Conditional normal distribution of the arm: a quantity with an error of this variance deviates by `missed_m`,
+    /// Conditional normal distribution of the arm: a quantity with an error of this variance deviates by `residual_m`,
     /// and its error has the covariance `common_m2` with the arm's.
     #[must_use]
-    pub fn given(self, missed_m: f64, variance_m2: f64, common_m2: f64) -> Arm {
+    pub fn conditional(self, residual_m: f64, variance_m2: f64, common_m2: f64) -> Arm {
         let gain = common_m2 / variance_m2.max(f64::MIN_POSITIVE);
         Arm {
-            arm_m: self.arm_m + gain * missed_m,
+            arm_m: self.arm_m + gain * residual_m,
             variance_m2: (self.variance_m2 - gain * common_m2).max(0.0),
         }
     }
@@ -169,16 +169,16 @@ mod tests {
     }
 
     #[test]
-    fn an_arm_takes_of_what_was_missed_its_own_part() {
+    fn an_arm_takes_its_own_part_of_the_residual() {
         let arm = Arm { arm_m: 0.1, variance_m2: 16e-6 };
         // Total variance 25 mm², of which 16 is the arm's error: a gain of 0.64.
-        let known = arm.given(0.010, 25e-6, 16e-6);
+        let given = arm.conditional(0.010, 25e-6, 16e-6);
         assert!(
-            (known.arm_m - 0.1064).abs() < 1e-12 && (known.variance_m2 - 5.76e-6).abs() < 1e-15,
-            "{known:?}"
+            (given.arm_m - 0.1064).abs() < 1e-12 && (given.variance_m2 - 5.76e-6).abs() < 1e-15,
+            "{given:?}"
         );
-        assert_eq!(arm.given(0.010, 25e-6, 0.0), arm, "nothing in common");
-        let exact = arm.given(0.010, 16e-6, 16e-6);
+        assert_eq!(arm.conditional(0.010, 25e-6, 0.0), arm, "nothing in common");
+        let exact = arm.conditional(0.010, 16e-6, 16e-6);
         assert!((exact.arm_m - 0.11).abs() < 1e-12 && exact.variance_m2 < 1e-18, "all of it");
     }
 

@@ -77,7 +77,7 @@ pub struct Dose {
     /// Integral of mass and 1-σ over that time, kg s.
     mass_kg_s: [f64; 2],
     /// Time of the last sample with the load, ns.
-    seen_ns: u64,
+    last_load_ns: u64,
     /// Time without a load since then, s.
     empty_s: f64,
 }
@@ -117,7 +117,7 @@ impl Dose {
             {
                 self.carried_s += step_s;
                 self.empty_s = 0.0;
-                self.seen_ns = time_ns;
+                self.last_load_ns = time_ns;
                 self.mass_kg_s[0] += mass_kg * step_s;
                 self.mass_kg_s[1] += sigma_kg * step_s;
                 self.peak_nm.add(carried.moment_nm(), step_s);
@@ -142,7 +142,7 @@ impl Dose {
             (self.lifts, self.ended) = (self.lifts.saturating_add(1), self.ended.saturating_add(1));
             self.latest[(self.ended - 1) as usize % LATEST_LIFTS] = Lift {
                 number: self.ended,
-                ended_ns: self.seen_ns,
+                ended_ns: self.last_load_ns,
                 carried_s,
                 mass_kg,
                 distance_m: peak_nm / (mass_kg[0] * GRAVITY_M_PER_S2),
@@ -151,11 +151,11 @@ impl Dose {
             };
         }
         let Dose { damage, lifts, ended, latest, .. } = *self;
-        *self = Dose::resumed(damage, lifts, ended, latest);
+        *self = Dose::restored(damage, lifts, ended, latest);
     }
 
     /// Restores accumulated values, without a lift in progress.
-    pub(super) fn resumed(damage: f64, lifts: u64, ended: u64, latest: [Lift; LATEST_LIFTS]) -> Dose {
+    pub(super) fn restored(damage: f64, lifts: u64, ended: u64, latest: [Lift; LATEST_LIFTS]) -> Dose {
         Dose { damage, lifts, ended, latest, ..Zeroable::zeroed() }
     }
 
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_longer_among_the_latest_stays() {
+    fn lifts_no_longer_among_the_latest_stay() {
         let mut dose: Dose = Zeroable::zeroed();
         for _ in 0..LATEST_LIFTS + 4 {
             dose.advance(&lift(60.0), 0.6, 0);

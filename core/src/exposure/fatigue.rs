@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_changes_nothing() {
+    fn an_unavailable_load_changes_nothing() {
         assert_eq!(after(Load::Unknown, 0.4, 3600.0, 10), 0.4);
     }
 

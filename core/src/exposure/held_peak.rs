@@ -91,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_never_held_is_nothing() {
+    fn a_value_never_held_counts_as_zero() {
         assert_eq!(peak_of([]), 0.0);
         assert_eq!(peak_of([(9.0, 0.05)]), 0.0);
         assert_eq!(peak_of([(-4.0, 1.0), (f64::NAN, 1.0), (3.0, 0.0)]), 0.0);

@@ -133,7 +133,7 @@ fn a_bad_measurement_changes_nothing() {
 }
 
 #[test]
-fn the_innovations_of_a_true_model_have_the_variance_they_predict() {
+fn innovations_of_a_true_model_have_their_predicted_variance() {
     let mut noise = Noise(17);
     let truth: [f64; N] = core::array::from_fn(|_| noise.next());
     let (mut filter, mut sum) = (unsure_filter(), 0.0);
@@ -210,8 +210,8 @@ fn every_count_of_parameters_is_updated_like_a_dense_filter() {
         }
         let mut filter: Filter = Zeroable::zeroed();
         filter.reset(count, &prior);
-        filter.forget(count, 0.5);
-        filter.forget(count + 1, 0.25);
+        filter.reset_state(count, 0.5);
+        filter.reset_state(count + 1, 0.25);
         let mut dense = SMatrix::<f64, STATES, STATES>::zeros();
         dense.view_mut((0, 0), (count, count)).fill_with_identity();
         dense[(count, count)] = 0.5;
@@ -235,9 +235,9 @@ fn every_count_of_parameters_is_updated_like_a_dense_filter() {
 }
 
 #[test]
-fn inflating_scales_what_is_not_known_and_nothing_else() {
+fn inflation_scales_the_covariance_of_theta_alone() {
     let (mut filter, mut noise) = (unsure_filter(), Noise(41));
-    filter.forget(N, 0.3);
+    filter.reset_state(N, 0.3);
     let mut h = noise.row();
     h[N] = 1.0;
     filter.update(&h, 0.4, 0.1).unwrap();
@@ -261,7 +261,7 @@ fn inflating_scales_what_is_not_known_and_nothing_else() {
 }
 
 #[test]
-fn the_covariance_of_two_rows_is_that_of_their_sum_taken_apart() {
+fn the_covariance_of_two_rows_matches_the_variance_of_their_sum() {
     let (mut filter, mut noise) = (unsure_filter(), Noise(43));
     filter.update(&noise.row(), 0.4, 0.1).unwrap();
     let (h1, h2) = (noise.row(), noise.row());
@@ -273,7 +273,7 @@ fn the_covariance_of_two_rows_is_that_of_their_sum_taken_apart() {
 }
 
 #[test]
-fn what_a_file_rounded_is_made_symmetric() {
+fn restoring_makes_a_rounded_covariance_symmetric() {
     let mut filter: Filter = Zeroable::zeroed();
     assert!(filter.restore(&[0.1, 0.2], &[1.0, 0.5, 0.5 + 1e-14, 1.0]));
     assert_eq!(filter.covariance_row_m2(1), [0.5, 1.0]);
@@ -281,23 +281,23 @@ fn what_a_file_rounded_is_made_symmetric() {
 }
 
 #[test]
-fn a_forgotten_state_is_as_if_it_had_never_been_learnt() {
+fn a_reset_state_equals_one_never_updated() {
     let (mut filter, mut noise) = (unsure_filter(), Noise(47));
-    filter.forget(N, 0.3);
+    filter.reset_state(N, 0.3);
     let mut h = noise.row();
     h[N] = 1.0;
     for _ in 0..20 {
         filter.update(&h, 0.4, 0.1).unwrap();
     }
-    let learnt = filter;
+    let before = filter;
     assert!(filter.theta_m()[N] != 0.0 && filter.variance_m2(N) < 0.3);
-    filter.forget(N, 0.3);
+    filter.reset_state(N, 0.3);
     assert!(filter.is_sound());
     assert_eq!((filter.theta_m()[N], filter.variance_m2(N)), (0.0, 0.3));
     assert!((0..N).all(|row| filter.covariance_m2[row][N] == 0.0 && filter.covariance_m2[N][row] == 0.0));
     for row in 0..N {
-        assert_eq!(filter.theta_m[row], learnt.theta_m[row]);
-        assert_eq!(filter.covariance_m2[row][..N], learnt.covariance_m2[row][..N]);
+        assert_eq!(filter.theta_m[row], before.theta_m[row]);
+        assert_eq!(filter.covariance_m2[row][..N], before.covariance_m2[row][..N]);
     }
 }
 
@@ -317,11 +317,11 @@ fn squares_of_one_row_after_the_other_add_up_to_that_of_both_together() {
 #[test]
 fn the_spread_given_the_nuisance_is_that_after_measuring_it_exactly() {
     let (mut filter, mut noise) = (unsure_filter(), Noise(59));
-    let known = filter;
+    let exact = filter;
     let mut h = [0.0; PARAMETERS];
     h[..N].fill_with(|| noise.next());
-    filter.forget(N, 0.3);
-    filter.forget(N + 1, 0.2);
+    filter.reset_state(N, 0.3);
+    filter.reset_state(N + 1, 0.2);
     for axis in [0, 1, 0, 1] {
         let mut row = noise.row();
         row[N + axis] = 1.0;
@@ -340,5 +340,5 @@ fn the_spread_given_the_nuisance_is_that_after_measuring_it_exactly() {
         assert!((expected_spread - after).abs() < 1e-9, "{expected_spread} {after}");
     }
     // For known nuisance states nothing is subtracted.
-    assert_eq!(known.spread_given_nuisance_m2(&h), known.times_covariance(&row));
+    assert_eq!(exact.spread_given_nuisance_m2(&h), exact.times_covariance(&row));
 }

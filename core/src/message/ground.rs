@@ -154,7 +154,7 @@ impl GroundSample {
 
     /// The same with zero for every number that was not measured, so that none is used by mistake.
     #[must_use]
-    pub fn without_what_was_not_measured(mut self) -> GroundSample {
+    pub fn mask_unmeasured(mut self) -> GroundSample {
         if !self.measures(Component::Shear) {
             (self.force_n[0], self.force_n[1]) = (0.0, 0.0);
         }
@@ -238,11 +238,11 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_measured_is_zero_and_the_rest_stays() {
+    fn unmeasured_components_are_zero_and_the_rest_stays() {
         let sample =
             GroundSample { force_n: [1.0, 2.0, 3.0], moment_nm: [4.0, 5.0, 6.0], ..Zeroable::zeroed() };
         let left = |not_measured: u32| {
-            let left = GroundSample { not_measured, ..sample }.without_what_was_not_measured();
+            let left = GroundSample { not_measured, ..sample }.mask_unmeasured();
             (left.force_n, left.moment_nm)
         };
         assert_eq!(left(0), (sample.force_n, sample.moment_nm));
@@ -265,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn feet_that_contradict_the_whole_are_not_believed() {
+    fn feet_that_contradict_the_total_are_rejected() {
         let sample = GroundSample {
             per_foot: 1,
             force_n: [0.0, 0.0, 700.0],
@@ -277,7 +277,7 @@ mod tests {
         let one_foot = GroundSample { foot_vertical_n: [-2.0, 702.0], ..sample };
         assert_eq!(one_foot.feet(), Some(Feet { vertical_n: [0.0, 702.0], cop_m: None }));
         assert_eq!(one_foot.feet().unwrap().shares(), [0.0, 1.0]);
-        let not_believed = [
+        let contradicting = [
             GroundSample { per_foot: 0, ..sample },
             GroundSample { foot_vertical_n: [330.0, 400.0], ..sample },
             GroundSample { foot_vertical_n: [f64::NAN, 400.0], ..sample },
@@ -285,7 +285,7 @@ mod tests {
             GroundSample { device_status: 1, ..sample },
             GroundSample { force_n: [0.0; 3], foot_vertical_n: [0.0; 2], ..sample },
         ];
-        for sample in not_believed {
+        for sample in contradicting {
             assert_eq!(sample.feet(), None, "{sample:?}");
         }
     }

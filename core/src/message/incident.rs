@@ -107,7 +107,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_places_and_names_are_words_of_their_own() {
+    fn numbers_are_indices_and_names_are_distinct() {
         for (index, kind) in Incident::ALL.iter().enumerate() {
             assert_eq!(*kind as usize, index);
             assert!(index < KINDS_MAX);

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_stamp_or_lies_ahead_is_not_entered() {
+    fn missing_and_future_stamps_are_not_counted() {
         let mut report: PickUp = bytemuck::Zeroable::zeroed();
         let mut state: super::super::State = bytemuck::Zeroable::zeroed();
         (state.time_ns, state.published_ns) = (1_000, 0);

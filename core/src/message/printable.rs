@@ -41,19 +41,19 @@ mod tests {
 
     use super::Printable;
 
-    fn shown(text: &str, chars_max: usize) -> String {
+    fn escaped(text: &str, chars_max: usize) -> String {
         Printable { text, chars_max }.to_string()
     }
 
     #[test]
-    fn what_a_terminal_or_a_log_would_obey_is_escaped() {
-        assert_eq!(shown("a\nb\r\u{1b}[31mred\u{9b}\u{202e}", 100), "a\\nb\\r\\u{1b}[31mred\\u{9b}\\u{202e}");
-        assert_eq!(shown("Plattenmaß 5 µm — gut", 100), "Plattenmaß 5 µm — gut");
+    fn control_characters_are_escaped() {
+        assert_eq!(escaped("a\nb\r\u{1b}[31mred\u{9b}\u{202e}", 100), "a\\nb\\r\\u{1b}[31mred\\u{9b}\\u{202e}");
+        assert_eq!(escaped("Plattenmaß 5 µm — gut", 100), "Plattenmaß 5 µm — gut");
     }
 
     #[test]
     fn a_long_text_is_cut() {
-        assert_eq!(shown("abcdef", 6), "abcdef");
-        assert_eq!(shown("abcdefg", 6), "abcdef…");
+        assert_eq!(escaped("abcdef", 6), "abcdef");
+        assert_eq!(escaped("abcdefg", 6), "abcdef…");
     }
 }

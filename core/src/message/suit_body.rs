@@ -91,7 +91,7 @@ impl SuitBody {
     }
 
     /// Whether both have the same dimensions, character and session, at any time.
-    pub fn is_same_build(&self, other: &SuitBody) -> bool {
+    pub fn has_same_dimensions(&self, other: &SuitBody) -> bool {
         *self == SuitBody { arrival_ns: self.arrival_ns, published_ns: self.published_ns, ..*other }
     }
 }
@@ -152,7 +152,7 @@ mod tests {
     #[test]
     fn the_same_build_sent_again_is_the_same() {
         let again = SuitBody { published_ns: 9, arrival_ns: 8, ..body() };
-        assert!(again.is_same_build(&body()));
-        assert!(!again.is_same_build(&SuitBody { session: 1, ..body() }));
+        assert!(again.has_same_dimensions(&body()));
+        assert!(!again.has_same_dimensions(&SuitBody { session: 1, ..body() }));
     }
 }

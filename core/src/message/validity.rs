@@ -145,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn reasons_are_distinct_bits_with_distinct_names() {
+    fn flags_are_distinct_bits_with_distinct_names() {
         for (index, (reason, name)) in Validity::NAMES.iter().enumerate() {
             assert_eq!(reason.0.count_ones(), 1);
             for (other, other_name) in &Validity::NAMES[..index] {
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn torques_need_everything() {
+    fn every_flag_invalidates_the_torques() {
         let all = Validity::NAMES.iter().fold(Validity::default(), |sum, (reason, _)| sum.and(*reason));
         assert_eq!(Validity::SPOILS_TORQUES, all);
     }

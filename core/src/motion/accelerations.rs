@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 
-use super::history::{CAPACITY, Moment, Motion};
+use super::history::{CAPACITY, Snapshot, Motion};
 use super::weights::Weights;
 use crate::body::SEGMENTS;
 
@@ -31,27 +31,27 @@ pub(super) struct Window<'a> {
 }
 
 /// Replaces the accelerations in a motion computed from positions. `at` is the snapshot at the window's own time;
-/// `moment` returns the window's snapshots in order. Returns whether all of them have accelerations; if not, nothing
+/// `snapshot` returns the window's snapshots in order. Returns whether all of them have accelerations; if not, nothing
 /// changes.
-pub(super) fn take_in<'a>(
+pub(super) fn apply_suit_accelerations<'a>(
     motion: &mut Motion,
     how: Accelerations,
-    at: &Moment,
+    at: &Snapshot,
     window: &Window<'_>,
-    moment: impl Fn(usize) -> &'a Moment,
+    snapshot: impl Fn(usize) -> &'a Snapshot,
 ) -> bool {
-    if how == Accelerations::Positions || (0..window.count).any(|place| moment(place).has_acceleration != 1) {
+    if how == Accelerations::Positions || (0..window.count).any(|sample| snapshot(sample).has_acceleration != 1) {
         return false;
     }
-    let seen = Seen::over(window, moment);
+    let suit = SuitAccelerations::over(window, snapshot);
     for segment in 0..SEGMENTS {
         let acceleration = if how == Accelerations::Suit {
             let arm = at.arm(segment);
             let (velocity, angular) = motion.angular(segment, &at.orientation_wxyz[segment]);
-            seen.smoothed[segment] + angular.cross(&arm) + velocity.cross(&velocity.cross(&arm))
+            suit.smoothed[segment] + angular.cross(&arm) + velocity.cross(&velocity.cross(&arm))
         } else {
             let slow = Vector3::from(motion.acceleration_m_per_s2[segment]);
-            slow + seen.smoothed[segment] - seen.flattened[segment]
+            slow + suit.smoothed[segment] - suit.flattened[segment]
         };
         motion.acceleration_m_per_s2[segment] = acceleration.into();
     }
@@ -59,7 +59,7 @@ pub(super) fn take_in<'a>(
 }
 
 /// The suit's accelerations of a window, m/s².
-struct Seen {
+struct SuitAccelerations {
     /// Smoothed by a parabola, at the window's own time.
     smoothed: [Vector3<f64>; SEGMENTS],
     /// As attenuated by the parabola through positions: integrated twice over the window's times, and differentiated
@@ -67,30 +67,30 @@ struct Seen {
     flattened: [Vector3<f64>; SEGMENTS],
 }
 
-impl Seen {
+impl SuitAccelerations {
     /// Computed in one pass, because snapshots are large.
-    fn over<'a>(window: &Window<'_>, moment: impl Fn(usize) -> &'a Moment) -> Seen {
+    fn over<'a>(window: &Window<'_>, snapshot: impl Fn(usize) -> &'a Snapshot) -> SuitAccelerations {
         let nothing = [Vector3::zeros(); SEGMENTS];
-        let mut seen = Seen { smoothed: nothing, flattened: nothing };
+        let mut suit = SuitAccelerations { smoothed: nothing, flattened: nothing };
         let (mut position, mut velocity, mut before) = (nothing, nothing, nothing);
-        for place in 0..window.count {
-            let (value, second) = (window.weights.value[place], window.weights.second[place]);
-            let step_s = match place.checked_sub(1) {
-                Some(last) => window.times_s[place] - window.times_s[last],
+        for sample in 0..window.count {
+            let (value, second) = (window.weights.value[sample], window.weights.second[sample]);
+            let step_s = match sample.checked_sub(1) {
+                Some(last) => window.times_s[sample] - window.times_s[last],
                 None => 0.0,
             };
-            for (segment, now) in moment(place).acceleration_m_per_s2.iter().enumerate() {
+            for (segment, now) in snapshot(sample).acceleration_m_per_s2.iter().enumerate() {
                 let now = Vector3::from(*now);
                 // Linear between two samples.
                 position[segment] +=
                     step_s * velocity[segment] + step_s * step_s * (before[segment] / 3.0 + now / 6.0);
                 velocity[segment] += 0.5 * step_s * (before[segment] + now);
                 before[segment] = now;
-                seen.smoothed[segment] += value * now;
-                seen.flattened[segment] += second * position[segment];
+                suit.smoothed[segment] += value * now;
+                suit.flattened[segment] += second * position[segment];
             }
         }
-        seen
+        suit
     }
 }
 
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
     use crate::body::{Anthropometry, Sex, Skeleton, gyration_m2};
     use crate::frame::{Pose, SuitWorld};
-    use crate::motion::{Build, History, Inertia};
+    use crate::motion::{MassDistribution, History, Inertia};
     use nalgebra::UnitQuaternion;
 
     extern crate std;
@@ -117,7 +117,7 @@ mod tests {
         let skeleton = Skeleton::nominal(1.77);
         let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
         let gyration_m2 = gyration_m2(&skeleton, 1.77);
-        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let masses = MassDistribution { body: &body, gyration_m2: &gyration_m2 };
         let mut history: Box<History> = bytemuck::zeroed_box();
         let omega = core::f64::consts::TAU * HZ;
         let (turn_rate, mut worst, mut largest, mut by_suit) = (0.5, 0.0_f64, 0.0_f64, false);
@@ -127,20 +127,20 @@ mod tests {
             let shake = Vector3::new(AMPLITUDE_M * (omega * time_s).sin(), 0.0, 0.95);
             let arms = skeleton.t_pose_m().map(|origin| turn * Vector3::from(origin));
             let pose = Pose::<SuitWorld>::new(arms.map(|arm| shake + arm), [turn; SEGMENTS]);
-            let mut moment = Moment::new(index * PERIOD_NS, &pose, &pose.shifted(Vector3::zeros()), &body);
+            let mut snapshot = Snapshot::new(index * PERIOD_NS, &pose, &pose.shifted(Vector3::zeros()), &body);
             if sends {
                 let along = -AMPLITUDE_M * omega * omega * (omega * time_s).sin();
                 let spin = Vector3::z() * turn_rate;
-                moment.acceleration_m_per_s2 = arms
+                snapshot.acceleration_m_per_s2 = arms
                     .map(|arm| (Vector3::new(along + bias, 0.0, 0.0) + spin.cross(&spin.cross(&arm))).into());
-                moment.has_acceleration = 1;
+                snapshot.has_acceleration = 1;
             }
-            history.push(moment);
-            while let Some((moment, inertia)) = history.next(HALF_NS, how, &build) {
+            history.push(snapshot);
+            while let Some((snapshot, inertia)) = history.next(HALF_NS, how, &masses) {
                 let Some(Inertia { acceleration_m_per_s2: [x, ..], is_by_suit, .. }) = inertia else {
                     continue;
                 };
-                let time_s = moment.time_ns as f64 * 1e-9;
+                let time_s = snapshot.time_ns as f64 * 1e-9;
                 let truth = -AMPLITUDE_M * omega * omega * (omega * time_s).sin();
                 largest = largest.max(truth.abs());
                 // The table's CoM lies slightly off the axis and revolves around it: 2 mm/s².

@@ -9,9 +9,9 @@ use bytemuck::{Pod, Zeroable};
 use crate::math;
 
 /// Prior of the ratio: an eighth of the compensation is wrong.
-const RATIO_AT_FIRST: f64 = 0.125;
+const RATIO_PRIOR: f64 = 0.125;
 /// Weight of the prior, in samples.
-const SAMPLES_AT_FIRST: f64 = 60.0;
+const SAMPLES_PRIOR: f64 = 60.0;
 /// Averaging length, in samples.
 const SAMPLES_KEPT: f64 = 6000.0;
 /// Lower bound of the ratio.
@@ -28,7 +28,7 @@ pub struct Confidence {
 
 impl Confidence {
     /// Ingests an error without another explanation, with the activity at that time; both in the same unit.
-    pub fn learn(&mut self, error: f64, activity: f64, error_at_rest: f64) {
+    pub fn update(&mut self, error: f64, activity: f64, error_at_rest: f64) {
         // Small motion has no information on the ratio.
         if activity * activity <= error_at_rest * error_at_rest || !error.is_finite() {
             return;
@@ -42,9 +42,9 @@ impl Confidence {
 
     /// 1-σ of an error at an activity, in its unit.
     pub fn sigma(&self, activity: f64) -> f64 {
-        let known = self.samples * self.ratio_square;
-        let believed = SAMPLES_AT_FIRST * RATIO_AT_FIRST * RATIO_AT_FIRST;
-        let ratio = math::sqrt((known + believed) / (self.samples + SAMPLES_AT_FIRST));
+        let sum_square = self.samples * self.ratio_square;
+        let prior_square = SAMPLES_PRIOR * RATIO_PRIOR * RATIO_PRIOR;
+        let ratio = math::sqrt((sum_square + prior_square) / (self.samples + SAMPLES_PRIOR));
         ratio.max(RATIO_MIN) * activity
     }
 
@@ -66,7 +66,7 @@ pub struct Envelope {
 
 impl Envelope {
     /// Ingests a value `step_s` after the previous one.
-    pub fn follow(&mut self, value: f64, step_s: f64) -> f64 {
+    pub fn update(&mut self, value: f64, step_s: f64) -> f64 {
         // 1/(1 + x) for e^(−x): close for the short steps of a sample, and never negative.
         let faded = self.height / (1.0 + step_s.max(0.0) / FADING_S);
         self.height = value.abs().max(faded);
@@ -89,36 +89,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ratio_of_error_to_activity_is_learnt() {
+    fn the_ratio_of_error_to_activity_is_estimated() {
         let mut confidence = Confidence::zeroed();
         for index in 0..3000 {
             let activity = 10.0 + f64::from(index % 7);
             let error = 0.3 * activity * if index % 2 == 0 { 1.0 } else { -1.0 };
-            confidence.learn(error, activity, 0.0);
+            confidence.update(error, activity, 0.0);
         }
         assert!((confidence.sigma(20.0) - 6.0).abs() < 0.2, "{}", confidence.sigma(20.0));
     }
 
     #[test]
-    fn rest_teaches_nothing_and_a_blunder_little() {
+    fn rest_changes_nothing_and_an_outlier_little() {
         let mut confidence = Confidence::zeroed();
         let before = confidence.sigma(1.0);
         for _ in 0..1000 {
-            confidence.learn(1.0, 0.5, 1.0);
+            confidence.update(1.0, 0.5, 1.0);
         }
         assert_eq!(confidence.sigma(1.0), before);
-        confidence.learn(1e6, 2.0, 1.0);
-        confidence.learn(f64::NAN, 2.0, 1.0);
+        confidence.update(1e6, 2.0, 1.0);
+        confidence.update(f64::NAN, 2.0, 1.0);
         assert!(confidence.sigma(1.0) < 2.0 * before && confidence.is_sound());
     }
 
     #[test]
     fn an_envelope_rises_at_once_and_fades() {
         let mut envelope = Envelope::zeroed();
-        assert_eq!(envelope.follow(-3.0, 0.01), 3.0);
+        assert_eq!(envelope.update(-3.0, 0.01), 3.0);
         let mut height = 3.0;
         for _ in 0..50 {
-            let now = envelope.follow(0.0, 0.01);
+            let now = envelope.update(0.0, 0.01);
             assert!(now < height);
             height = now;
         }

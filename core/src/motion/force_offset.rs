@@ -1,5 +1,5 @@
-//! Slowly varying difference between the vertical force of the unloaded body and the weight in use: drift of the plate's
-//! zero, an error of the mass, clothing.
+//! Slowly varying difference between the vertical force of the unloaded body and the weight in use: drift of the
+//! plate's zero, an error of the mass, clothing.
 //!
 //! A scalar Kalman filter: the offset is a random walk, and its measurement is the external force while no load is
 //! carried.
@@ -17,7 +17,7 @@ const DRIFT_S: f64 = 60.0;
 /// Rate of the random walk's variance, N²/s.
 const WALK_N2_PER_S: f64 = DRIFT_N_PER_S * DRIFT_N_PER_S * DRIFT_S / 3.0;
 /// Weight of the prior of the noise, in samples.
-const SAMPLES_AT_FIRST: f64 = 60.0;
+const SAMPLES_PRIOR: f64 = 60.0;
 /// Averaging length of the noise, in samples.
 const SAMPLES_KEPT: f64 = 6000.0;
 
@@ -35,9 +35,9 @@ pub struct ForceOffset {
 }
 
 impl ForceOffset {
-    /// Ingests the mass in use, kg. Another one than before starts without an offset, with this 1-σ of its weight, N; the
-    /// noise of the plate is kept.
-    pub fn follow_mass(&mut self, mass_kg: f64, sigma_n: f64) {
+    /// Ingests the mass in use, kg. Another one than before starts without an offset, with this 1-σ of its weight, N;
+    /// the noise of the plate is kept.
+    pub fn apply_mass(&mut self, mass_kg: f64, sigma_n: f64) {
         if mass_kg != self.mass_kg {
             self.mass_kg = mass_kg;
             (self.mean_n, self.variance_n2) = (0.0, sigma_n * sigma_n);
@@ -80,8 +80,8 @@ impl ForceOffset {
 
     /// 1-σ of the external force at rest, N: of the offset, and of the noise with this prior.
     pub fn sigma_n(&self, prior_noise_n: f64) -> f64 {
-        let noise_n2 = (self.samples * self.noise_n2 + SAMPLES_AT_FIRST * prior_noise_n * prior_noise_n)
-            / (self.samples + SAMPLES_AT_FIRST);
+        let noise_n2 = (self.samples * self.noise_n2 + SAMPLES_PRIOR * prior_noise_n * prior_noise_n)
+            / (self.samples + SAMPLES_PRIOR);
         math::sqrt(self.variance_n2 + noise_n2)
     }
 
@@ -102,11 +102,11 @@ mod tests {
 
     use super::*;
 
-    /// Errors over σ of the offset of a plate that drifts at this rate, at the end of each unloaded minute between loaded
-    /// ones, and the last σ.
+    /// Errors over σ of the offset of a plate that drifts at this rate, at the end of each unloaded minute between
+    /// loaded ones, and the last σ.
     fn work(rate_n_per_s: f64) -> (Vec<f64>, f64) {
         let mut offset = ForceOffset::zeroed();
-        offset.follow_mass(80.0, 2.0);
+        offset.apply_mass(80.0, 2.0);
         let (step_s, mut errors) = (1.0 / 60.0, Vec::new());
         for step in 0..60 * 1200 {
             let time_s = f64::from(step) * step_s;
@@ -136,7 +136,7 @@ mod tests {
     #[test]
     fn uncertainty_grows_without_measurements_and_a_reset_keeps_the_noise() {
         let mut offset = ForceOffset::zeroed();
-        offset.follow_mass(80.0, 0.0);
+        offset.apply_mass(80.0, 0.0);
         offset.predict(DRIFT_S);
         let grown_n = offset.sigma_n(0.0);
         assert!((grown_n - DRIFT_N_PER_S * DRIFT_S / 3.0_f64.sqrt()).abs() < 1e-12, "{grown_n}");
@@ -147,7 +147,7 @@ mod tests {
         offset.update(f64::NAN, 1.0 / 60.0, ForceSigma { at_rest_n: 2.0, by_motion_n: 0.0 });
         assert_eq!(offset.sigma_n(2.0), before_n);
         offset.reset();
-        offset.follow_mass(80.0, 3.0);
+        offset.apply_mass(80.0, 3.0);
         assert_eq!(offset.mean_n(), 0.0);
         assert!(offset.sigma_n(2.0) > 3.0 && offset.is_sound());
     }

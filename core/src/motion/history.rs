@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
 use super::accelerations::{self, Accelerations};
-use super::inertia::{Build, Inertia, angular};
+use super::inertia::{MassDistribution, Inertia, angular};
 use super::weights::{Weights, weights};
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation, wxyz};
@@ -23,7 +23,7 @@ const SIDE_MIN: usize = 2;
 /// One suit sample with all data of its time.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct Moment {
+pub struct Snapshot {
     /// Sample time of the suit.
     pub time_ns: u64,
     /// The anchor's stance.
@@ -57,19 +57,19 @@ pub struct Moment {
     pub has_ground: u64,
 }
 
-impl Moment {
+impl Snapshot {
     /// Combines body and ground at one time.
     pub fn new(
         time_ns: u64,
         in_suit_world: &Pose<SuitWorld>,
         pose: &Pose<StationWorld>,
         body: &Anthropometry,
-    ) -> Moment {
+    ) -> Snapshot {
         let centre = |segment: usize| {
             let offset = Vector3::from(body.com_m[segment]);
             (in_suit_world.origin[segment] + in_suit_world.world_from_segment[segment] * offset).into()
         };
-        Moment {
+        Snapshot {
             time_ns,
             origin_m: pose.origin.map(Into::into),
             station_from_suit_m: (pose.origin[0] - in_suit_world.origin[0]).xy().into(),
@@ -114,7 +114,7 @@ impl Moment {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct History {
-    moments: [Moment; CAPACITY],
+    snapshots: [Snapshot; CAPACITY],
     /// Numbers of snapshots pushed and released.
     count_in: u64,
     count_out: u64,
@@ -125,20 +125,20 @@ const COUNT_MAX: u64 = 1 << 48;
 
 impl History {
     /// Appends the newest snapshot.
-    pub fn push(&mut self, mut moment: Moment) {
-        if self.newest().is_some_and(|newest| moment.time_ns.saturating_sub(newest.time_ns) > GAP_MAX_NS) {
+    pub fn push(&mut self, mut snapshot: Snapshot) {
+        if self.newest().is_some_and(|newest| snapshot.time_ns.saturating_sub(newest.time_ns) > GAP_MAX_NS) {
             // The windows of the waiting snapshots stay incomplete, and the snapshots are outdated.
             self.count_out = self.count_in;
         }
         if let Some(newest) = self.newest() {
             // q and −q are the same rotation; a jump between them would appear as motion.
-            for (now, before) in moment.orientation_wxyz.iter_mut().zip(&newest.orientation_wxyz) {
+            for (now, before) in snapshot.orientation_wxyz.iter_mut().zip(&newest.orientation_wxyz) {
                 if now.iter().zip(before).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
                     *now = now.map(|part| -part);
                 }
             }
         }
-        self.moments[self.count_in as usize % CAPACITY] = moment;
+        self.snapshots[self.count_in as usize % CAPACITY] = snapshot;
         self.count_in += 1;
     }
 
@@ -149,12 +149,12 @@ impl History {
     }
 
     /// The newest snapshot.
-    pub fn newest(&self) -> Option<&Moment> {
+    pub fn newest(&self) -> Option<&Snapshot> {
         Some(self.at(self.count_in.checked_sub(1)?))
     }
 
     /// The stored snapshots after a time, oldest first, whether released or not.
-    pub fn since(&self, time_ns: u64) -> impl Iterator<Item = &Moment> {
+    pub fn since(&self, time_ns: u64) -> impl Iterator<Item = &Snapshot> {
         let oldest = self.count_in.saturating_sub(CAPACITY as u64);
         let mut first = self.count_in;
         while first > oldest && self.at(first - 1).time_ns > time_ns {
@@ -168,20 +168,20 @@ impl History {
         &mut self,
         half_window_ns: u64,
         accelerations: Accelerations,
-        worker: &Build<'_>,
-    ) -> Option<(Moment, Option<Inertia>)> {
+        masses: &MassDistribution<'_>,
+    ) -> Option<(Snapshot, Option<Inertia>)> {
         let newest_ns = self.newest()?.time_ns;
         if self.count_out == self.count_in {
             return None;
         }
-        let moment = *self.at(self.count_out);
+        let snapshot = *self.at(self.count_out);
         let ahead = (self.count_in - 1 - self.count_out) as usize;
-        if newest_ns.saturating_sub(moment.time_ns) < half_window_ns && ahead < AHEAD_MAX {
+        if newest_ns.saturating_sub(snapshot.time_ns) < half_window_ns && ahead < AHEAD_MAX {
             return None;
         }
-        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, worker);
+        let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, masses);
         self.count_out += 1;
-        Some((moment, inertia))
+        Some((snapshot, inertia))
     }
 
     /// Acceleration of the body at a snapshot; `None` with too few samples on either side, or a gap between them.
@@ -190,26 +190,26 @@ impl History {
         index: u64,
         half_window_ns: u64,
         accelerations: Accelerations,
-        worker: &Build<'_>,
+        masses: &MassDistribution<'_>,
     ) -> Option<Inertia> {
         let (first, count, times_s, weights) = self.window_at(index, half_window_ns)?;
         let mut motion = Motion::zeroed();
-        for (place, moment) in (first..first + count as u64).enumerate() {
-            motion.add(self.at(moment), weights.first[place], weights.second[place]);
+        for (position, number) in (first..first + count as u64).enumerate() {
+            motion.add(self.at(number), weights.first[position], weights.second[position]);
         }
         let window = accelerations::Window { times_s: &times_s, count, weights: &weights };
-        let moment = |place: usize| self.at(first + place as u64);
-        let is_by_suit = accelerations::take_in(&mut motion, accelerations, self.at(index), &window, moment);
-        Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, worker) })
+        let snapshot = |position: usize| self.at(first + position as u64);
+        let is_by_suit = accelerations::apply_suit_accelerations(&mut motion, accelerations, self.at(index), &window, snapshot);
+        Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, masses) })
     }
 
-    /// Passes every snapshot of the window around the last released one to `show`, with its weight in a second
+    /// Passes every snapshot of the window around the last released one to `visit`, with its weight in a second
     /// derivative there, 1/s². Returns whether there is such a window.
-    pub fn differentiate_twice(&self, half_window_ns: u64, mut show: impl FnMut(f64, &Moment)) -> bool {
+    pub fn differentiate_twice(&self, half_window_ns: u64, mut visit: impl FnMut(f64, &Snapshot)) -> bool {
         let Some(index) = self.count_out.checked_sub(1) else { return false };
         let Some((first, count, _, weights)) = self.window_at(index, half_window_ns) else { return false };
-        for (place, moment) in (first..first + count as u64).enumerate() {
-            show(weights.second[place], self.at(moment));
+        for (position, number) in (first..first + count as u64).enumerate() {
+            visit(weights.second[position], self.at(number));
         }
         true
     }
@@ -234,15 +234,15 @@ impl History {
             return None;
         }
         let mut times_s = [0.0; CAPACITY];
-        for (time_s, moment) in times_s.iter_mut().zip(first..=last) {
-            *time_s = (self.at(moment).time_ns as f64 - centre.time_ns as f64) * 1e-9;
+        for (time_s, number) in times_s.iter_mut().zip(first..=last) {
+            *time_s = (self.at(number).time_ns as f64 - centre.time_ns as f64) * 1e-9;
         }
         let count = (last - first + 1) as usize;
         Some((first, count, times_s, weights(&times_s[..count])?))
     }
 
-    fn at(&self, index: u64) -> &Moment {
-        &self.moments[index as usize % CAPACITY]
+    fn at(&self, index: u64) -> &Snapshot {
+        &self.snapshots[index as usize % CAPACITY]
     }
 
     /// Whether indices and numbers are in range; a stored history is checked before use.
@@ -250,7 +250,7 @@ impl History {
         self.count_out <= self.count_in
             && self.count_in - self.count_out <= CAPACITY as u64
             && self.count_in < COUNT_MAX
-            && self.moments.iter().all(Moment::is_sound)
+            && self.snapshots.iter().all(Snapshot::is_sound)
     }
 }
 
@@ -275,13 +275,13 @@ impl Motion {
     }
 
     /// Adds one snapshot of the window with its weights in the first and the second derivative, 1/s and 1/s².
-    pub fn add(&mut self, moment: &Moment, first: f64, second: f64) {
+    pub fn add(&mut self, snapshot: &Snapshot, first: f64, second: f64) {
         for (sum, value) in
-            self.acceleration_m_per_s2.iter_mut().flatten().zip(moment.centre_m.iter().flatten())
+            self.acceleration_m_per_s2.iter_mut().flatten().zip(snapshot.centre_m.iter().flatten())
         {
             *sum += second * value;
         }
-        for (sums, values) in self.turning.iter_mut().zip(&moment.orientation_wxyz) {
+        for (sums, values) in self.turning.iter_mut().zip(&snapshot.orientation_wxyz) {
             for (part, value) in values.iter().enumerate() {
                 sums[0][part] += first * value;
                 sums[1][part] += second * value;
@@ -290,7 +290,7 @@ impl Motion {
     }
 }
 
-impl Moment {
+impl Snapshot {
     /// From a segment's origin to its centre of mass by the table, world axes, m.
     pub(super) fn arm(&self, segment: usize) -> Vector3<f64> {
         let [x, y] = self.station_from_suit_m;
@@ -322,7 +322,7 @@ mod tests {
     }
 
     /// A rigid body that is thrown forward while it rotates about its vertical axis.
-    fn moment(index: u64, body: &Anthropometry) -> Moment {
+    fn snapshot_at(index: u64, body: &Anthropometry) -> Snapshot {
         let time_s = (index * PERIOD_NS) as f64 * 1e-9;
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 1.5 * time_s);
         let pelvis = Vector3::new(0.8 * time_s * time_s, 0.3 * time_s, 0.95);
@@ -330,18 +330,18 @@ mod tests {
         let in_suit_world = Pose::<SuitWorld>::new(origin, [turn; SEGMENTS]);
         // The anchor's shift jumps in the middle, as at a step.
         let shift = Vector3::new(if index < 20 { 0.1 } else { 0.3 }, -0.2, 0.0);
-        Moment::new(index * PERIOD_NS, &in_suit_world, &in_suit_world.shifted(shift), body)
+        Snapshot::new(index * PERIOD_NS, &in_suit_world, &in_suit_world.shifted(shift), body)
     }
 
-    fn released(upto: u64) -> (Box<History>, Vec<(Moment, Option<Inertia>)>) {
+    fn released(upto: u64) -> (Box<History>, Vec<(Snapshot, Option<Inertia>)>) {
         let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
         let gyration_m2 = gyration_m2(&skeleton(), 1.77);
-        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let masses = MassDistribution { body: &body, gyration_m2: &gyration_m2 };
         let mut history: Box<History> = bytemuck::zeroed_box();
         let mut out = Vec::new();
         for index in 1..=upto {
-            history.push(moment(index, &body));
-            while let Some(next) = history.next(HALF_NS, Accelerations::Positions, &build) {
+            history.push(snapshot_at(index, &body));
+            while let Some(next) = history.next(HALF_NS, Accelerations::Positions, &masses) {
                 out.push(next);
             }
         }
@@ -349,11 +349,11 @@ mod tests {
     }
 
     #[test]
-    fn each_moment_comes_out_once_in_order_when_its_window_is_full() {
+    fn each_snapshot_is_released_once_in_order_when_its_window_is_full() {
         let (_, out) = released(200);
         assert_eq!(out.len(), 200 - 7);
-        for (index, (moment, inertia)) in out.iter().enumerate() {
-            assert_eq!(moment.time_ns, (index as u64 + 1) * PERIOD_NS);
+        for (index, (snapshot, inertia)) in out.iter().enumerate() {
+            assert_eq!(snapshot.time_ns, (index as u64 + 1) * PERIOD_NS);
             assert_eq!(inertia.is_some(), index >= 2, "{index}: two samples before it are needed");
         }
     }
@@ -389,12 +389,12 @@ mod tests {
     fn samples_next_to_a_gap_have_no_inertia() {
         let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
         let gyration_m2 = gyration_m2(&skeleton(), 1.77);
-        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let masses = MassDistribution { body: &body, gyration_m2: &gyration_m2 };
         let mut history: Box<History> = bytemuck::zeroed_box();
         let mut without = 0;
         for index in (1..30).chain(60..90) {
-            history.push(moment(index, &body));
-            while let Some((_, inertia)) = history.next(HALF_NS, Accelerations::Positions, &build) {
+            history.push(snapshot_at(index, &body));
+            while let Some((_, inertia)) = history.next(HALF_NS, Accelerations::Positions, &masses) {
                 without += u32::from(inertia.is_none());
             }
         }

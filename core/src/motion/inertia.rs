@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, Vector3};
 
-use super::history::{Moment, Motion};
+use super::history::{Snapshot, Motion};
 use crate::body::{Anthropometry, SEGMENTS, Segment, Side};
 use crate::frame::rotation;
 
@@ -18,7 +18,7 @@ const TURNING_SHIFT_MAX_M: f64 = 0.3;
 
 /// Mass distribution of this subject, by the table.
 #[derive(Debug, Clone, Copy)]
-pub struct Build<'a> {
+pub struct MassDistribution<'a> {
     /// Masses and centres.
     pub body: &'a Anthropometry,
     /// Squares of the radii of gyration about each segment's axes, m² ([`crate::body::gyration_m2`]).
@@ -39,17 +39,17 @@ impl UpperInertia {
     pub const REST: UpperInertia = UpperInertia { force_m_per_s2: [0.0; 3], moment_m2_per_s2: [0.0; 3] };
 
     /// From the rates of each segment's angular momentum about the whole body's centre of mass.
-    fn of(moment: &Moment, motion: &Motion, worker: &Build, rates: &[[f64; 3]; SEGMENTS]) -> UpperInertia {
+    fn of(snapshot: &Snapshot, motion: &Motion, masses: &MassDistribution, rates: &[[f64; 3]; SEGMENTS]) -> UpperInertia {
         let (mut force, mut rate) = (Vector3::zeros(), Vector3::zeros());
         for segment in Segment::ALL.into_iter().filter(|segment| segment.is_distal_to(Segment::L5)) {
             let index = segment.index();
-            force += worker.body.mass_fraction[index] * Vector3::from(motion.acceleration_m_per_s2[index]);
+            force += masses.body.mass_fraction[index] * Vector3::from(motion.acceleration_m_per_s2[index]);
             rate += Vector3::from(rates[index]);
         }
         // (c_i − o) = (c_i − C) + (C − o).
         let l5 = Segment::L5.index();
-        let joint = moment.centre(l5) - moment.arm(l5);
-        let moment_about_joint = rate + (centre_of_mass(moment, worker) - joint).cross(&force);
+        let joint = snapshot.centre(l5) - snapshot.arm(l5);
+        let moment_about_joint = rate + (centre_of_mass(snapshot, masses) - joint).cross(&force);
         UpperInertia { force_m_per_s2: force.into(), moment_m2_per_s2: moment_about_joint.into() }
     }
 }
@@ -80,11 +80,11 @@ impl Inertia {
     };
 
     /// Sums over the segments: masses and centres by the table, scaled to this subject's bone lengths.
-    pub(super) fn of(moment: &Moment, motion: &Motion, worker: &Build) -> Inertia {
-        let rates = momentum_rate_by_segment(moment, motion, worker);
+    pub(super) fn of(snapshot: &Snapshot, motion: &Motion, masses: &MassDistribution) -> Inertia {
+        let rates = momentum_rate_by_segment(snapshot, motion, masses);
         let momentum_rate: Vector3<f64> = rates.iter().map(|rate| Vector3::from(*rate)).sum();
         let mut whole = Vector3::zeros();
-        for (mass, acceleration) in worker.body.mass_fraction.iter().zip(&motion.acceleration_m_per_s2) {
+        for (mass, acceleration) in masses.body.mass_fraction.iter().zip(&motion.acceleration_m_per_s2) {
             whole += *mass * Vector3::from(*acceleration);
         }
         Inertia {
@@ -92,7 +92,7 @@ impl Inertia {
             momentum_rate_m2_per_s2: momentum_rate.into(),
             hand_acceleration_m_per_s2: Side::BOTH
                 .map(|side| motion.acceleration_m_per_s2[side.hand().index()]),
-            upper: UpperInertia::of(moment, motion, worker, &rates),
+            upper: UpperInertia::of(snapshot, motion, masses, &rates),
             is_by_suit: false,
         }
     }
@@ -122,25 +122,25 @@ impl Inertia {
 /// Contribution of each segment to the rate of the angular momentum about the CoM over the body's mass, m²/s²: `μ_i
 /// (c_i − C) × c̈_i + μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion, `ω = 2 q̇ q̄`, `α =
 /// 2 q̈ q̄` (vector parts).
-pub fn momentum_rate_by_segment(moment: &Moment, motion: &Motion, worker: &Build) -> [[f64; 3]; SEGMENTS] {
-    let mass = &worker.body.mass_fraction;
-    let centre = centre_of_mass(moment, worker);
+pub fn momentum_rate_by_segment(snapshot: &Snapshot, motion: &Motion, masses: &MassDistribution) -> [[f64; 3]; SEGMENTS] {
+    let mass = &masses.body.mass_fraction;
+    let centre = centre_of_mass(snapshot, masses);
     core::array::from_fn(|segment| {
-        let arm = moment.centre(segment) - centre;
+        let arm = snapshot.centre(segment) - centre;
         let acceleration = Vector3::from(motion.acceleration_m_per_s2[segment]);
         let spin = spin_rate(
-            &moment.orientation_wxyz[segment],
+            &snapshot.orientation_wxyz[segment],
             &motion.turning[segment],
-            &worker.gyration_m2[segment],
+            &masses.gyration_m2[segment],
         );
         (mass[segment] * (arm.cross(&acceleration) + spin)).into()
     })
 }
 
 /// Centre of mass by the table, suit world, m.
-fn centre_of_mass(moment: &Moment, worker: &Build) -> Vector3<f64> {
-    let weighed = worker.body.mass_fraction.iter().enumerate();
-    weighed.map(|(segment, mass)| *mass * moment.centre(segment)).sum()
+fn centre_of_mass(snapshot: &Snapshot, masses: &MassDistribution) -> Vector3<f64> {
+    let weighed = masses.body.mass_fraction.iter().enumerate();
+    weighed.map(|(segment, mass)| *mass * snapshot.centre(segment)).sum()
 }
 
 /// Angular velocity and acceleration, world, from an orientation's quaternion and its derivatives, rad/s and rad/s²:
@@ -170,7 +170,7 @@ mod tests {
     use super::*;
     use crate::body::{Sex, Skeleton, gyration_m2};
     use crate::frame::{Pose, SuitWorld};
-    use crate::motion::{Accelerations, Build, History};
+    use crate::motion::{Accelerations, MassDistribution, History};
     use nalgebra::UnitQuaternion;
 
     extern crate std;
@@ -181,7 +181,7 @@ mod tests {
         let skeleton = Skeleton::nominal(1.77);
         let body = Anthropometry::de_leva(&skeleton, 1.77, Sex::Male);
         let gyration_m2 = gyration_m2(&skeleton, 1.77);
-        let build = Build { body: &body, gyration_m2: &gyration_m2 };
+        let masses = MassDistribution { body: &body, gyration_m2: &gyration_m2 };
         let (omega, amplitude_rad) = (core::f64::consts::TAU * 0.7, 0.4);
         let joint = Vector3::new(0.02, 0.01, 1.05);
         let rest = skeleton.t_pose_m().map(Vector3::from);
@@ -213,10 +213,10 @@ mod tests {
             let pose = Pose::<SuitWorld>::new(origin, rotation);
             // The result must not depend on the anchor's shift.
             let shifted = pose.shifted(Vector3::new(0.4, -0.3, 0.0));
-            history.push(Moment::new(time_ns, &pose, &shifted, &body));
-            while let Some((moment, inertia)) = history.next(40_000_000, Accelerations::Positions, &build) {
+            history.push(Snapshot::new(time_ns, &pose, &shifted, &body));
+            while let Some((snapshot, inertia)) = history.next(40_000_000, Accelerations::Positions, &masses) {
                 let Some(Inertia { upper, .. }) = inertia else { continue };
-                let time_s = moment.time_ns as f64 * 1e-9;
+                let time_s = snapshot.time_ns as f64 * 1e-9;
                 if time_s < 0.05 {
                     // A one-sided window.
                     continue;

@@ -48,10 +48,10 @@ impl Unloaded {
     /// Ingests the external vertical force, N, `step_s` after the previous one; returns whether no load is carried.
     ///
     /// `threshold_n`: force above which a load counts; a mean of half of it exceeds the errors of the compensation.
-    pub fn watch(&mut self, delta_f_n: f64, step_s: f64, threshold_n: f64, sigma: ForceSigma) -> bool {
+    pub fn update(&mut self, delta_f_n: f64, step_s: f64, threshold_n: f64, sigma: ForceSigma) -> bool {
         let sudden_n = threshold_n + 3.0 * math::hypot([sigma.at_rest_n, sigma.by_motion_n]);
         if !delta_f_n.is_finite() || delta_f_n.abs() > sudden_n {
-            self.forget();
+            self.clear();
             return false;
         }
         let step_s = step_s.clamp(0.0, BLOCK_S);
@@ -77,7 +77,7 @@ impl Unloaded {
     }
 
     /// Clears the window.
-    pub fn forget(&mut self) {
+    pub fn clear(&mut self) {
         *self = Zeroable::zeroed();
     }
 
@@ -117,7 +117,7 @@ const STEP_MAX_S: f64 = 0.1;
 impl Load {
     /// Ingests the external vertical force, N, with its 1-σ; returns whether a load is present. Above `threshold_n` and
     /// [`SIGMAS_OF_A_LOAD`] σ a load is always detected.
-    pub fn follow(&mut self, delta_f_n: f64, sigma_n: f64, threshold_n: f64, time_ns: u64) -> bool {
+    pub fn update(&mut self, delta_f_n: f64, sigma_n: f64, threshold_n: f64, time_ns: u64) -> bool {
         let step_s = (time_ns.saturating_sub(self.last_ns) as f64 * 1e-9).min(STEP_MAX_S);
         let detected = delta_f_n.abs() >= threshold_n.max(SIGMAS_OF_A_LOAD * sigma_n);
         if self.evidence <= 0.0 {
@@ -158,38 +158,38 @@ mod tests {
 
     const REST: ForceSigma = ForceSigma { at_rest_n: 2.0, by_motion_n: 5.0 };
 
-    fn watch(seconds: f64, unloaded: &mut Unloaded, force_n: impl Fn(f64) -> f64) -> bool {
+    fn run_detector(seconds: f64, unloaded: &mut Unloaded, force_n: impl Fn(f64) -> f64) -> bool {
         let mut last = false;
         for step in 0..(seconds * 100.0).round() as u32 {
-            last = unloaded.watch(force_n(f64::from(step) * 0.01), 0.01, 15.0, REST);
+            last = unloaded.update(force_n(f64::from(step) * 0.01), 0.01, 15.0, REST);
         }
         last
     }
 
     #[test]
-    fn a_force_that_swings_about_nothing_is_no_load_and_one_that_stays_is() {
+    fn a_force_that_oscillates_about_zero_is_no_load_and_a_constant_one_is() {
         let mut unloaded = Unloaded::zeroed();
-        assert!(!watch(1.9, &mut unloaded, |_| 0.0), "two seconds are not over");
-        assert!(watch(5.0, &mut unloaded, |time_s| 12.0 * (6.0 * time_s).sin()));
-        assert!(!watch(6.0, &mut unloaded, |_| 9.81), "a kilogram in the hand");
-        assert!(watch(2.3, &mut unloaded, |_| 0.5));
+        assert!(!run_detector(1.9, &mut unloaded, |_| 0.0), "two seconds are not over");
+        assert!(run_detector(5.0, &mut unloaded, |time_s| 12.0 * (6.0 * time_s).sin()));
+        assert!(!run_detector(6.0, &mut unloaded, |_| 9.81), "a kilogram in the hand");
+        assert!(run_detector(2.3, &mut unloaded, |_| 0.5));
     }
 
     #[test]
     fn a_sudden_force_ends_it_at_once() {
         let mut unloaded = Unloaded::zeroed();
-        assert!(watch(4.0, &mut unloaded, |_| 0.0));
-        assert!(!unloaded.watch(60.0, 0.01, 15.0, REST));
-        assert!(!watch(1.5, &mut unloaded, |_| 0.0));
-        assert!(!unloaded.watch(f64::NAN, 0.01, 15.0, REST) && unloaded.is_sound());
+        assert!(run_detector(4.0, &mut unloaded, |_| 0.0));
+        assert!(!unloaded.update(60.0, 0.01, 15.0, REST));
+        assert!(!run_detector(1.5, &mut unloaded, |_| 0.0));
+        assert!(!unloaded.update(f64::NAN, 0.01, 15.0, REST) && unloaded.is_sound());
     }
 
     #[test]
     fn two_seconds_after_a_load_was_put_down_nothing_is_carried() {
         let mut unloaded = Unloaded::zeroed();
-        assert!(!watch(20.0, &mut unloaded, |_| 110.0));
-        assert!(!watch(1.9, &mut unloaded, |_| 1.0));
-        assert!(watch(0.1, &mut unloaded, |_| 1.0));
+        assert!(!run_detector(20.0, &mut unloaded, |_| 110.0));
+        assert!(!run_detector(1.9, &mut unloaded, |_| 1.0));
+        assert!(run_detector(0.1, &mut unloaded, |_| 1.0));
     }
 
     #[test]
@@ -198,7 +198,7 @@ mod tests {
         let last = |force_n: &dyn Fn(f64) -> f64| {
             let mut unloaded = Unloaded::zeroed();
             (0..1000)
-                .map(|step| unloaded.watch(force_n(f64::from(step) * 0.01), 0.01, 15.0, quick))
+                .map(|step| unloaded.update(force_n(f64::from(step) * 0.01), 0.01, 15.0, quick))
                 .fold(false, |_, now| now)
         };
         // A squat of 3 s whose inertia is compensated to within 30 N.
@@ -207,7 +207,7 @@ mod tests {
         assert!(last(&|time_s| 0.3 * swing(time_s)));
     }
 
-    fn follow(
+    fn run_load(
         load: &mut Load,
         from_ns: &mut u64,
         seconds: f64,
@@ -217,7 +217,7 @@ mod tests {
         (0..(seconds * 100.0).round() as u32)
             .map(|step| {
                 *from_ns += 10_000_000;
-                load.follow(force_n(f64::from(step) * 0.01), sigma_n, 15.0, *from_ns)
+                load.update(force_n(f64::from(step) * 0.01), sigma_n, 15.0, *from_ns)
             })
             .collect()
     }
@@ -225,26 +225,26 @@ mod tests {
     #[test]
     fn a_load_does_not_vanish_because_sigma_rises_and_is_gone_when_it_is_put_down() {
         let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
-        assert!(follow(&mut load, &mut now_ns, 1.0, 10.0, |_| 110.0).iter().all(|loaded| *loaded));
+        assert!(run_load(&mut load, &mut now_ns, 1.0, 10.0, |_| 110.0).iter().all(|loaded| *loaded));
         // The detection limit is 150 N now.
         let swinging = |time_s: f64| 110.0 + 60.0 * (4.0 * time_s).sin();
-        assert!(follow(&mut load, &mut now_ns, 5.0, 60.0, swinging).iter().all(|loaded| *loaded));
-        assert!(follow(&mut load, &mut now_ns, 0.05, 2.0, |_| 0.0).iter().skip(1).all(|loaded| !*loaded));
+        assert!(run_load(&mut load, &mut now_ns, 5.0, 60.0, swinging).iter().all(|loaded| *loaded));
+        assert!(run_load(&mut load, &mut now_ns, 0.05, 2.0, |_| 0.0).iter().skip(1).all(|loaded| !*loaded));
         let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
-        follow(&mut load, &mut now_ns, 1.0, 20.0, |_| 110.0);
-        let gone = follow(&mut load, &mut now_ns, 1.0, 20.0, |_| 0.0);
+        run_load(&mut load, &mut now_ns, 1.0, 20.0, |_| 110.0);
+        let gone = run_load(&mut load, &mut now_ns, 1.0, 20.0, |_| 0.0);
         assert!(!gone[50] && load.is_sound(), "half a second in motion");
     }
 
     #[test]
-    fn one_force_by_chance_is_no_load_for_long() {
+    fn a_single_outlier_is_no_load_for_long() {
         let (mut load, mut now_ns) = (Load::zeroed(), 1_000_000_000);
-        follow(&mut load, &mut now_ns, 0.1, 10.0, |_| 0.0);
+        run_load(&mut load, &mut now_ns, 0.1, 10.0, |_| 0.0);
         let spike =
-            follow(&mut load, &mut now_ns, 1.0, 10.0, |time_s| if time_s < 0.015 { 30.0 } else { 0.0 });
+            run_load(&mut load, &mut now_ns, 1.0, 10.0, |time_s| if time_s < 0.015 { 30.0 } else { 0.0 });
         assert!(spike[0] && spike[4..].iter().all(|loaded| !*loaded), "{spike:?}");
         let fading = |time_s: f64| 30.0 * (1.0 - 2.0 * time_s).max(0.0);
-        let faded = follow(&mut load, &mut now_ns, 3.0, 10.0, fading);
+        let faded = run_load(&mut load, &mut now_ns, 3.0, 10.0, fading);
         assert!(faded[0] && faded[200..].iter().all(|loaded| !*loaded), "{faded:?}");
     }
 }

@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn seven_even_samples_have_the_known_weights() {
+    fn seven_even_samples_have_the_weights_of_savitzky_and_golay() {
         // Savitzky and Golay 1964, second derivative, quadratic, 7 points: (5 0 −3 −4 −3 0 5)/42 per sample².
         let times = core::array::from_fn::<_, 7, _>(|index| index as f64 - 3.0);
         let weights = weights(&times).unwrap();

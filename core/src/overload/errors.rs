@@ -17,9 +17,9 @@ pub struct LoadingSigma {
     pub cop_estimated_m: [f64; 2],
     /// Error of the body's position on the plate per metre of error of the estimated CoP, per axis: both contain the
     /// stance offset.
-    pub place_by_estimate: [f64; 2],
+    pub position_by_estimate: [f64; 2],
     /// σ of the rest of the body's position on the plate, per axis, m.
-    pub place_m: [f64; 2],
+    pub position_m: [f64; 2],
     /// σ of the difference between vertical ground reaction and body weight, N.
     pub delta_f_n: f64,
     /// σ of the load's fraction in one hand, in [0, 0.5].
@@ -49,8 +49,8 @@ impl LoadingSigma {
     pub const EXACT: LoadingSigma = LoadingSigma {
         cop_measured_m: 0.0,
         cop_estimated_m: [0.0; 2],
-        place_by_estimate: [0.0; 2],
-        place_m: [0.0; 2],
+        position_by_estimate: [0.0; 2],
+        position_m: [0.0; 2],
         delta_f_n: 0.0,
         eta: 0.0,
         load_ahead_m: [0.0; 2],
@@ -71,9 +71,9 @@ impl LoadingSigma {
             along[axis] = 1.0;
             let by = |metres: f64| along.map(|part| part * metres);
             let estimated_m = self.cop_estimated_m[axis];
-            off[axis] = loading.displaced(by(self.place_by_estimate[axis] * estimated_m));
+            off[axis] = loading.displaced(by(self.position_by_estimate[axis] * estimated_m));
             off[axis].cop_estimated_m[axis] += estimated_m;
-            off[2 + axis] = loading.displaced(by(self.place_m[axis]));
+            off[2 + axis] = loading.displaced(by(self.position_m[axis]));
             off[4 + axis].cop_measured_m[axis] += self.cop_measured_m;
             if let FootLoads::Measured { cop_m, .. } = &mut off[4 + axis].feet {
                 cop_m.iter_mut().for_each(|cop_m| cop_m[axis] += self.cop_measured_m);
@@ -108,9 +108,10 @@ impl LoadingSigma {
 }
 
 impl LoadingSigma {
-    /// Pose and loading with the segments' origins changed by their 1-σ, and with the body turned to either side by √3 σ of
-    /// its heading; each with its weight. The three-point Gauss-Hermite rule covers headings uncertain by tens of degrees.
-    pub(super) fn elsewhere(
+    /// Pose and loading with the segments' origins changed by their 1-σ, and with the body turned to either side by √3
+    /// σ of its heading; each with its weight. The three-point Gauss-Hermite rule covers headings uncertain by tens of
+    /// degrees.
+    pub(super) fn pose_errors(
         &self,
         pose: &Pose<StationWorld>,
         loading: &Loading,

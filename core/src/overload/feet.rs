@@ -57,7 +57,7 @@ impl FootLoads {
     pub fn measured(feet: &crate::message::ground::Feet, cop_measured_m: [f64; 2]) -> FootLoads {
         let zeta = feet.shares();
         let moved = feet.cop_m.and_then(|cop_m| {
-            let off = rest_of(cop_measured_m, zeta, cop_m);
+            let off = offset_from_resultant(cop_measured_m, zeta, cop_m);
             (math::hypot(off) <= FEET_OFF_MAX_M)
                 .then(|| cop_m.map(|cop_m| [cop_m[0] + off[0], cop_m[1] + off[1]]))
         });
@@ -68,7 +68,7 @@ impl FootLoads {
     }
 
     /// The same relative to a body that is moved by `by_m`: points fixed to the plate move the other way.
-    pub(super) fn seen_from(self, by_m: [f64; 2]) -> FootLoads {
+    pub(super) fn relative_to(self, by_m: [f64; 2]) -> FootLoads {
         match self {
             FootLoads::Measured { zeta, cop_m } => FootLoads::Measured {
                 zeta,
@@ -106,8 +106,8 @@ pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2]
         core::array::from_fn(|foot| [0, 1].map(|axis| ankle_m[foot][axis] + press_m[foot][axis]))
     };
     let under_feet = |zeta: [f64; 2], at_m: [[f64; 2]; 2]| {
-        let off = rest_of(cop_m, zeta, at_m);
-        under_each(loading, zeta, at_m.map(|at_m| [at_m[0] + off[0], at_m[1] + off[1]]))
+        let off = offset_from_resultant(cop_m, zeta, at_m);
+        reactions_at(loading, zeta, at_m.map(|at_m| [at_m[0] + off[0], at_m[1] + off[1]]))
     };
     match loading.feet {
         FootLoads::Common { zeta } => zeta.map(|zeta| FootReaction {
@@ -131,16 +131,16 @@ pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2]
             })
         }
         FootLoads::Fractions { zeta, press_m } => under_feet(zeta, pressed_m(press_m)),
-        FootLoads::Measured { zeta, cop_m } => under_each(loading, zeta, cop_m),
+        FootLoads::Measured { zeta, cop_m } => reactions_at(loading, zeta, cop_m),
     }
 }
 
 /// Vector from the resultant of both feet's forces to a point, m.
-fn rest_of(point_m: [f64; 2], zeta: [f64; 2], [left, right]: [[f64; 2]; 2]) -> [f64; 2] {
+fn offset_from_resultant(point_m: [f64; 2], zeta: [f64; 2], [left, right]: [[f64; 2]; 2]) -> [f64; 2] {
     [0, 1].map(|axis| point_m[axis] - zeta[0] * left[axis] - zeta[1] * right[axis])
 }
 
-fn under_each(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) -> [FootReaction; 2] {
+fn reactions_at(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) -> [FootReaction; 2] {
     let Loading { cop_measured_m, cop_estimated_m, .. } = loading;
     let [left, right] = foot_cop_m;
     let along = [right[0] - left[0], right[1] - left[1]];
@@ -149,7 +149,7 @@ fn under_each(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) -> [
     let moved = if square > TOO_CLOSE_M * TOO_CLOSE_M { moved / square } else { 0.0 };
     let right_without = (zeta[1] + moved).clamp(0.0, 1.0);
     let without = [1.0 - right_without, right_without];
-    let rest = rest_of(*cop_estimated_m, without, foot_cop_m);
+    let rest = offset_from_resultant(*cop_estimated_m, without, foot_cop_m);
     core::array::from_fn(|foot| FootReaction {
         with_n: zeta[foot] * loading.vertical_n,
         with_m: foot_cop_m[foot],

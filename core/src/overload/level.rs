@@ -128,7 +128,7 @@ impl Levels {
     }
 
     /// Clears all levels: the torques are withheld.
-    pub fn forget(&mut self) {
+    pub fn reset(&mut self) {
         self.held = [Level::None as u64; JOINTS];
     }
 
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_torque_that_is_exactly_known_has_the_level_of_table_1() {
+    fn a_torque_without_sigma_has_the_level_of_table_1() {
         for tenth in 0..1200 {
             let torque = f64::from(tenth) * 0.1;
             let own = Level::of(torque, 100.0);
@@ -168,7 +168,7 @@ mod tests {
             }
             for held in TABLE {
                 assert_eq!(held.after(torque, 0.0, 100.0, 0.0), own, "without a margin");
-                assert!(held.after(torque, 0.0, 100.0, 0.02) >= own, "a margin never hides an overload");
+                assert!(held.after(torque, 0.0, 100.0, 0.02) >= own, "the margin never masks an overload");
             }
         }
     }
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_known_well_enough_is_undecided() {
+    fn a_torque_with_a_large_sigma_is_undecided() {
         assert_eq!(Level::None.after(29.0, 2.0, 100.0, 0.02), Level::Undecided);
         assert_eq!(Level::Green.after(29.0, 2.0, 100.0, 0.02), Level::Green, "a held level within ±σ stays");
         assert_eq!(Level::Undecided.after(27.9, 2.0, 100.0, 0.02), Level::Green);

@@ -33,14 +33,14 @@ pub struct TorqueLimits {
 
 /// Fraction of the mean strength that three in four workers reach: 1 − 0.674 · 0.25, since the standard deviation of
 /// strengths is a quarter of their mean (Anderson et al. 2007, table 3: 21 to 33 %; Benfica et al. 2018: 20 to 30 %).
-const THREE_IN_FOUR: f64 = 0.83;
+const LOWER_QUARTILE: f64 = 0.83;
 /// Fraction of the strength that remains for the load: an overload adds to the body's own weight. An arm held out
 /// without a load takes 22 to 25 % of a man's and 34 % of a woman's strength at the shoulder ("Isometric strength in
 /// flexors, abductors and external rotators of the shoulder", 186 people of Stockholm, where women's flexors have 55 %
 /// of men's).
-const LEFT_FOR_THE_LOAD: f64 = 0.7;
+const FRACTION_FOR_LOAD: f64 = 0.7;
 /// τ_max over the mean static strength of the joint, 0.58.
-pub const STRENGTH_SHARE: f64 = THREE_IN_FOUR * LEFT_FOR_THE_LOAD;
+pub const STRENGTH_SHARE: f64 = LOWER_QUARTILE * FRACTION_FOR_LOAD;
 
 /// Weight times stature of the people of the table, N m: 62 kg and 1.63 m, 75 kg and 1.76 m.
 const BODY_NM: [f64; 2] = [62.0 * 9.81 * 1.63, 75.0 * 9.81 * 1.76];
@@ -97,10 +97,10 @@ const POSITIVE: usize = 1;
 /// exerts on the segment.
 ///
 /// - Hip and knee flexion, dorsiflexion: Anderson et al. 2007 as above.
-/// - Trunk flexion and lateral flexion, vertical ab- and adduction of the shoulder, elbow extension: Chaffin, Andersson &
-///   Martin, 50th percentiles after Stobbe (1982); quoted from memory.
-/// - Wrist: Delp et al. 1996, men's flexion 12.2, extension 7.1, ulnar deviation 9.5 N m, quoted from memory; women by the
-///   55 % of the shoulder.
+/// - Trunk flexion and lateral flexion, vertical ab- and adduction of the shoulder, elbow extension: Chaffin, Andersson
+///   & Martin, 50th percentiles after Stobbe (1982); quoted from memory.
+/// - Wrist: Delp et al. 1996, men's flexion 12.2, extension 7.1, ulnar deviation 9.5 N m, quoted from memory; women by
+///   the 55 % of the shoulder.
 const OTHER_STRENGTH_NM: [(&str, usize, usize, [f64; 2]); 21] = [
     ("L5S1", Y, POSITIVE, TRUNK_FLEXION_NM),
     ("L5S1", X, NEGATIVE, TRUNK_ASIDE_NM),

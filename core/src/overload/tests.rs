@@ -108,7 +108,7 @@ fn the_pelvis_is_in_balance_while_load_and_body_accelerate() {
 }
 
 #[test]
-fn an_unsure_share_makes_arms_unsure_and_leaves_legs_alone() {
+fn the_sigma_of_eta_affects_arms_and_not_legs() {
     let pose = t_pose();
     let loading = loaded(&pose, 60.0);
     let torque = torques(&pose, &loading, &LoadingSigma { eta: 0.1, ..NO_SIGMA });
@@ -125,7 +125,7 @@ fn spread_nm(torque: &[Torque; JOINTS], name: &str) -> f64 {
 }
 
 #[test]
-fn an_unsure_foot_makes_its_leg_unsure_and_leaves_the_rest_alone() {
+fn the_sigma_of_a_foot_affects_its_leg_alone() {
     let pose = t_pose();
     let mut loading = loaded(&pose, 60.0);
     loading.feet = FootLoads::Fractions { zeta: [0.5; 2], press_m: [[0.0; 2]; 2] };
@@ -141,23 +141,23 @@ fn an_unsure_foot_makes_its_leg_unsure_and_leaves_the_rest_alone() {
 }
 
 #[test]
-fn a_body_that_stands_elsewhere_than_thought_has_other_legs_and_the_same_arms() {
+fn an_error_of_the_position_changes_legs_and_not_arms() {
     let pose = t_pose();
     let mut loading = loaded(&pose, 60.0);
     loading.feet = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
-    let sigma = LoadingSigma { place_m: [0.01, 0.0], ..NO_SIGMA };
+    let sigma = LoadingSigma { position_m: [0.01, 0.0], ..NO_SIGMA };
     let at = |name: &str| spread_nm(&torques(&pose, &loading, &sigma), name);
     // Half of the load's 60 N on each foot, one centimetre sideways.
     assert!((at("LeftKnee") - 0.3).abs() < 1e-9, "{}", at("LeftKnee"));
     assert_eq!((at("RightElbow"), at("L5S1")), (0.0, 0.0));
     // An error of the stance moves the estimate with the body: then only the measured force acts at another point.
-    let along = LoadingSigma { cop_estimated_m: [0.01, 0.0], place_by_estimate: [1.0, 0.0], ..NO_SIGMA };
+    let along = LoadingSigma { cop_estimated_m: [0.01, 0.0], position_by_estimate: [1.0, 0.0], ..NO_SIGMA };
     let knee_nm = spread_nm(&torques(&pose, &loading, &along), "LeftKnee");
     assert!((knee_nm - 0.5 * 760.0 * 0.01).abs() < 1e-9, "{knee_nm}");
 }
 
 #[test]
-fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvis() {
+fn an_orientation_error_propagates_to_all_joints_up_to_the_pelvis() {
     let pose = t_pose();
     let sigma = LoadingSigma { orientation_rad: 0.01, ..NO_SIGMA };
     let at = |name: &str| spread_nm(&torques(&pose, &loaded(&pose, 60.0), &sigma), name);
@@ -178,7 +178,7 @@ fn a_segment_of_unsure_direction_makes_unsure_all_joints_on_its_way_to_the_pelvi
 }
 
 #[test]
-fn origins_that_are_unsure_together_count_once_at_every_joint() {
+fn a_common_error_of_origins_counts_once_at_every_joint() {
     let (pose, mut origin_m) = (t_pose(), [Vector3::zeros(); SEGMENTS]);
     origin_m[Segment::RightHand.index()] = Vector3::new(0.0, 0.02, 0.0);
     origin_m[Segment::RightForearm.index()] = Vector3::new(0.0, 0.02, 0.0);
@@ -192,7 +192,7 @@ fn origins_that_are_unsure_together_count_once_at_every_joint() {
 }
 
 #[test]
-fn an_unsure_grip_counts_along_the_hand_and_across_it() {
+fn the_sigma_of_the_grip_counts_along_and_across_the_hand() {
     let pose = t_pose();
     let sigma = LoadingSigma { grip_m: [0.01, 0.02, 0.5], ..NO_SIGMA };
     let torque = torques(&pose, &loaded(&pose, 60.0), &sigma);
@@ -202,7 +202,7 @@ fn an_unsure_grip_counts_along_the_hand_and_across_it() {
 }
 
 #[test]
-fn an_unsure_share_of_a_load_that_accelerates_counts_with_its_horizontal_force() {
+fn the_sigma_of_eta_includes_the_horizontal_force_of_an_accelerated_load() {
     let pose = t_pose();
     let mut loading = loaded(&pose, 60.0);
     loading.grip_m[1].z -= 0.4;
@@ -220,7 +220,7 @@ fn an_unsure_share_of_a_load_that_accelerates_counts_with_its_horizontal_force()
 }
 
 #[test]
-fn a_hand_that_seems_empty_has_the_sigma_of_a_load_that_it_may_hold() {
+fn a_hand_with_zero_eta_has_the_sigma_of_a_possible_load() {
     let pose = t_pose();
     let loading = Loading { eta: [1.0, 0.0], ..loaded(&pose, 60.0) };
     let sigma = LoadingSigma { grip_m: [0.01; 3], load_ahead_m: [0.02, 0.0], eta: 0.2, ..NO_SIGMA };
@@ -237,7 +237,7 @@ fn a_hand_that_seems_empty_has_the_sigma_of_a_load_that_it_may_hold() {
 }
 
 #[test]
-fn an_unsure_heading_turns_the_torque_and_a_very_unsure_one_shortens_it() {
+fn the_sigma_of_the_heading_rotates_the_torque_and_a_large_one_shortens_it() {
     let (pose, shoulder) = (t_pose(), Joint::named("RightShoulder").unwrap().index());
     let of = |heading_rad: f64| {
         torques(&pose, &loaded(&pose, 60.0), &LoadingSigma { heading_rad, ..NO_SIGMA })[shoulder]
@@ -258,7 +258,7 @@ fn an_unsure_heading_turns_the_torque_and_a_very_unsure_one_shortens_it() {
 }
 
 #[test]
-fn the_foot_load_fraction_is_as_unsure_as_the_points_of_action_under_the_feet() {
+fn the_sigma_of_zeta_follows_from_the_points_of_action_under_the_feet() {
     let pose = t_pose();
     let [left, right] = Side::BOTH.map(|side| pose.origin_of(side.foot()).y);
     let mut loading = loaded(&pose, 60.0);

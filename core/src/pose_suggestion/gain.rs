@@ -67,8 +67,8 @@ mod tests {
             covariance[index * (N + 1)] = 0.2 + 0.1 * index as f64;
         }
         assert!(filter.restore(&[0.0; N], &covariance));
-        filter.forget(N, 0.04);
-        filter.forget(N + 1, 0.04);
+        filter.reset_state(N, 0.04);
+        filter.reset_state(N + 1, 0.04);
         let mut h = [0.0; STATES];
         h[..=N].copy_from_slice(&[0.3, -0.7, 0.2, 0.9, -0.1, 1.0]);
         filter.update(&h, 0.0, 0.02).unwrap();
@@ -92,7 +92,7 @@ mod tests {
     }
 
     /// P of θ for a known stance offset.
-    fn known(filter: &Filter) -> nalgebra::SMatrix<f64, N, N> {
+    fn covariance_given_offset(filter: &Filter) -> nalgebra::SMatrix<f64, N, N> {
         let column = |column: usize| {
             let mut unit = [0.0; PARAMETERS];
             unit[column] = 1.0;
@@ -114,7 +114,7 @@ mod tests {
         let mut h = [0.0; STATES];
         h[..N].copy_from_slice(&rows.h[0][..N]);
         after.update(&h, 0.0, r_m2).unwrap();
-        let (p, q) = (known(&before), known(&after));
+        let (p, q) = (covariance_given_offset(&before), covariance_given_offset(&after));
         let variance_m2 = [r_m2, 1.0];
 
         let reported = d_gain(&before, &rows, variance_m2);

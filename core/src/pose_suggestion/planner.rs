@@ -22,7 +22,7 @@ pub struct Planner {
     /// Sum of h over the rows of each axis, over the number of all rows.
     mean_row: [[f64; PARAMETERS]; 2],
     /// Number of poses of the library included in W.
-    weighed: u64,
+    added: u64,
     /// The next candidate.
     next: u64,
     /// Best candidate so far: in balance, and any. `NONE` or an index.
@@ -30,7 +30,7 @@ pub struct Planner {
     /// Their gains.
     best_gain: [f64; 2],
     /// One bit per pose that was already suggested.
-    asked: u64,
+    suggested: u64,
     /// One bit per pose that this subject could not hold.
     unholdable: u64,
 }
@@ -50,12 +50,12 @@ impl Planner {
     }
 
     /// The next pose of a library of `size` whose rows W lacks; `None` once it is complete.
-    pub fn to_weigh(&self, size: usize) -> Option<usize> {
-        (self.weighed < size.min(LIBRARY_MAX) as u64).then_some(self.weighed as usize)
+    pub fn next_pose(&self, size: usize) -> Option<usize> {
+        (self.added < size.min(LIBRARY_MAX) as u64).then_some(self.added as usize)
     }
 
     /// Adds the rows of one more pose of a library of `size` to W.
-    pub fn weigh(&mut self, rows: &Rows, size: usize) {
+    pub fn add_pose(&mut self, rows: &Rows, size: usize) {
         let share = 1.0 / (2.0 * size.clamp(1, LIBRARY_MAX) as f64);
         for (h, mean) in rows.h.iter().zip(&mut self.mean_row) {
             for (mean, value) in mean.iter_mut().zip(h) {
@@ -70,10 +70,10 @@ impl Planner {
                 }
             }
         }
-        self.weighed += 1;
+        self.added += 1;
     }
 
-    /// W; complete once [`Planner::to_weigh`] returns `None`.
+    /// W; complete once [`Planner::next_pose`] returns `None`.
     pub fn weight(&self) -> &Weight {
         &self.weight
     }
@@ -88,20 +88,20 @@ impl Planner {
         let size = size.min(LIBRARY_MAX);
         let all = if size == LIBRARY_MAX { u64::MAX } else { (1 << size) - 1 };
         // Repeating a pose, even a failed one, is better than suggesting none.
-        if (self.asked | self.unholdable) & all == all {
-            self.asked = 0;
+        if (self.suggested | self.unholdable) & all == all {
+            self.suggested = 0;
         }
         if self.unholdable & all == all {
             self.unholdable = 0;
         }
-        let out = self.asked | self.unholdable;
+        let out = self.suggested | self.unholdable;
         let next = (self.next as usize..size).find(|index| out & (1 << index) == 0);
         self.next = next.map_or(size, |index| index + 1) as u64;
         next
     }
 
     /// Ingests the gain of a candidate.
-    pub fn judge(&mut self, index: usize, gain: f64, balanced: bool) {
+    pub fn ingest_gain(&mut self, index: usize, gain: f64, balanced: bool) {
         for (slot, counts) in [balanced, true].into_iter().enumerate() {
             let first = self.best[slot] == NONE;
             if counts && gain.is_finite() && (first || gain > self.best_gain[slot]) {
@@ -112,20 +112,20 @@ impl Planner {
     }
 
     /// Selects after the last candidate: the best in balance, else the best. It counts as suggested from then on.
-    pub fn choose(&mut self) -> Option<usize> {
+    pub fn select(&mut self) -> Option<usize> {
         let index = self.best.into_iter().find(|index| *index != NONE)? as usize;
-        self.asked |= 1 << index;
+        self.suggested |= 1 << index;
         Some(index)
     }
 
     /// One bit per pose of the library that was suggested already, and one per pose that this subject could not hold.
     pub fn history(&self) -> [u64; 2] {
-        [self.asked, self.unholdable]
+        [self.suggested, self.unholdable]
     }
 
     /// Restores a stored history.
-    pub fn remember(&mut self, [asked, unholdable]: [u64; 2]) {
-        (self.asked, self.unholdable) = (asked, unholdable);
+    pub fn restore(&mut self, [suggested, unholdable]: [u64; 2]) {
+        (self.suggested, self.unholdable) = (suggested, unholdable);
     }
 
     /// Marks a pose of the library that the subject cannot hold.
@@ -138,7 +138,7 @@ impl Planner {
     /// Whether indices and numbers are in range; a stored planner is checked before use.
     pub fn is_sound(&self) -> bool {
         let bound = LIBRARY_MAX as u64;
-        self.weighed <= bound
+        self.added <= bound
             && self.next <= bound
             && self.best.iter().all(|index| *index == NONE || *index < bound)
             && self.best_gain.iter().all(|gain| gain.is_finite())
@@ -154,12 +154,12 @@ mod tests {
     use super::*;
 
     /// Runs one search with these gains; all but the listed poses are in balance.
-    fn ask(planner: &mut Planner, gains: &[f64], unbalanced: &[usize]) -> Option<usize> {
+    fn suggest(planner: &mut Planner, gains: &[f64], unbalanced: &[usize]) -> Option<usize> {
         planner.begin_sweep();
         while let Some(index) = planner.candidate(gains.len()) {
-            planner.judge(index, gains[index], !unbalanced.contains(&index));
+            planner.ingest_gain(index, gains[index], !unbalanced.contains(&index));
         }
-        planner.choose()
+        planner.select()
     }
 
     fn planner() -> Planner {
@@ -169,37 +169,37 @@ mod tests {
     }
 
     #[test]
-    fn the_best_is_asked_for_and_then_not_again_before_all_were() {
+    fn the_best_is_suggested_and_repeated_only_after_all_others() {
         let mut planner = planner();
-        let asked: [Option<usize>; 4] = core::array::from_fn(|_| ask(&mut planner, &[1.0, 3.0, 2.0], &[]));
-        assert_eq!(asked, [Some(1), Some(2), Some(0), Some(1)]);
+        let suggested: [Option<usize>; 4] = core::array::from_fn(|_| suggest(&mut planner, &[1.0, 3.0, 2.0], &[]));
+        assert_eq!(suggested, [Some(1), Some(2), Some(0), Some(1)]);
         assert!(planner.is_sound());
     }
 
     #[test]
-    fn a_pose_out_of_balance_is_asked_for_only_when_no_other_is_left() {
+    fn a_pose_out_of_balance_is_suggested_last() {
         let mut planner = planner();
-        assert_eq!(ask(&mut planner, &[1.0, 3.0], &[1]), Some(0));
-        assert_eq!(ask(&mut planner, &[1.0, 3.0], &[1]), Some(1));
+        assert_eq!(suggest(&mut planner, &[1.0, 3.0], &[1]), Some(0));
+        assert_eq!(suggest(&mut planner, &[1.0, 3.0], &[1]), Some(1));
     }
 
     #[test]
-    fn a_pose_that_was_not_held_is_not_asked_for_again_unless_there_is_no_other() {
+    fn a_pose_that_was_not_held_is_suggested_again_only_without_another() {
         let mut planner = planner();
         planner.mark_unholdable(1);
         planner.mark_unholdable(u64::MAX);
-        let asked: [Option<usize>; 3] = core::array::from_fn(|_| ask(&mut planner, &[1.0, 3.0, 2.0], &[]));
-        assert_eq!(asked, [Some(2), Some(0), Some(2)]);
+        let suggested: [Option<usize>; 3] = core::array::from_fn(|_| suggest(&mut planner, &[1.0, 3.0, 2.0], &[]));
+        assert_eq!(suggested, [Some(2), Some(0), Some(2)]);
         planner.mark_unholdable(0);
         planner.mark_unholdable(2);
-        assert_eq!(ask(&mut planner, &[1.0, 3.0, 2.0], &[]), Some(1));
+        assert_eq!(suggest(&mut planner, &[1.0, 3.0, 2.0], &[]), Some(1));
     }
 
     #[test]
     fn no_library_no_suggestion_and_the_largest_library_fits() {
-        assert_eq!(ask(&mut planner(), &[], &[]), None);
+        assert_eq!(suggest(&mut planner(), &[], &[]), None);
         let gains: [f64; LIBRARY_MAX] = core::array::from_fn(|index| index as f64);
-        assert_eq!(ask(&mut planner(), &gains, &[]), Some(LIBRARY_MAX - 1));
+        assert_eq!(suggest(&mut planner(), &gains, &[]), Some(LIBRARY_MAX - 1));
     }
 
     #[test]
@@ -211,14 +211,14 @@ mod tests {
             let mut rows = Rows { h: [[0.0; PARAMETERS]; 2], offset_m: [0.0; 2] };
             rows.h[0][..2].copy_from_slice(&[1.0, 0.5 * f64::from(pose)]);
             rows.h[1][..2].copy_from_slice(&[-0.3, 0.7]);
-            assert_eq!(planner.to_weigh(3), Some(pose as usize));
-            planner.weigh(&rows, 3);
+            assert_eq!(planner.next_pose(3), Some(pose as usize));
+            planner.add_pose(&rows, 3);
             for h in &rows.h {
                 let projected = h[0] * theta[0] + h[1] * theta[1];
                 mean_square += projected * projected / 6.0;
             }
         }
-        assert_eq!(planner.to_weigh(3), None);
+        assert_eq!(planner.next_pose(3), None);
         let w = planner.weight();
         let by_weight: f64 = (0..2)
             .map(|row| (0..2).map(|column| theta[row] * w[row][column] * theta[column]).sum::<f64>())

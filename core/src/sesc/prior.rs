@@ -6,10 +6,10 @@
 //!
 //! Masses: V. Zatsiorsky and V. Seluyanov, "The mass and inertia characteristics of the main segments of the human
 //! body", Biomechanics VIII-B (1983) 1152–1159, give for 100 young men the standard error of each part's mass about its
-//! regression on body mass and stature, which is divided by the part's mean mass here. Assumptions: `WIDER`, because
-//! the table is scaled in proportion, without that regression, and workers differ more than students of sports; full
-//! correlation of the slices of one part; the correlation between both sides; and the spread of the centres, for which
-//! no table in three axes was found.
+//! regression on body mass and stature, which is divided by the part's mean mass here. Assumptions: `SPREAD_FACTOR`,
+//! because the table is scaled in proportion, without that regression, and workers differ more than students of sports;
+//! full correlation of the slices of one part; the correlation between both sides; and the spread of the centres, for
+//! which no table in three axes was found.
 
 use super::suit_error::{EffectiveVectors, misalignment_m};
 use super::{PARAMETERS, Phi, Reduction};
@@ -31,9 +31,9 @@ const PARTS: [(&[Segment], f64); 10] = [
     (&[Segment::LeftFoot, Segment::LeftToe], 0.101 / 0.997),
 ];
 /// Factor by which workers deviate from a proportional table more than students from their regression.
-const WIDER: f64 = 1.5;
+const SPREAD_FACTOR: f64 = 1.5;
 /// Correlation between both sides' deviations from the table.
-const ALIKE: f64 = 0.95;
+const SIDE_CORRELATION: f64 = 0.95;
 /// Standard deviation of a trunk segment's centre: forward, sideways, up; m.
 const TRUNK_CENTRE_SPREAD_M: [f64; 3] = [0.03, 0.015, 0.03];
 /// Standard deviation of a limb segment's centre on each axis, m.
@@ -41,7 +41,7 @@ const LIMB_CENTRE_SPREAD_M: f64 = 0.015;
 /// Standard deviation of the sideways position of the whole body, m: plates are not placed to the millimetre.
 const SIDEWAYS_SPREAD_M: f64 = 0.01;
 /// Standard deviation of each parameter without a prior, m: the whole body is within a metre.
-const IGNORANCE_M: f64 = 1.0;
+const UNINFORMED_SIGMA_M: f64 = 1.0;
 
 /// Mean and covariance of θ; only the first `count` entries are used.
 #[derive(Debug, Clone, Copy)]
@@ -68,7 +68,7 @@ impl Prior {
     pub fn none(reduction: &Reduction) -> Prior {
         let mut prior = Prior { theta_m: [0.0; PARAMETERS], covariance_m2: [[0.0; PARAMETERS]; PARAMETERS] };
         for index in 0..reduction.count() {
-            prior.covariance_m2[index][index] = IGNORANCE_M * IGNORANCE_M;
+            prior.covariance_m2[index][index] = UNINFORMED_SIGMA_M * UNINFORMED_SIGMA_M;
         }
         prior
     }
@@ -83,7 +83,7 @@ impl Prior {
                 let mut sum = [0.0; PARAMETERS];
                 for &segment in segments {
                     let segment = if mirrored { segment.mirrored() } else { segment };
-                    let share = WIDER * spread * body.mass_fraction[segment.index()];
+                    let share = SPREAD_FACTOR * spread * body.mass_fraction[segment.index()];
                     add(&mut sum, share, &mass_direction(segment, skeleton, body, &phi));
                 }
                 sum
@@ -134,7 +134,7 @@ impl Prior {
         }
     }
 
-    /// Adds a deviation of one part, or of a part and its mirror image, with the correlation [`ALIKE`].
+    /// Adds a deviation of one part, or of a part and its mirror image, with the correlation [`SIDE_CORRELATION`].
     fn add_sides(
         &mut self,
         reduction: &Reduction,
@@ -144,9 +144,9 @@ impl Prior {
         let Some(other) = other else { return self.add_square(reduction, one, 1.0) };
         let mut both = *one;
         add(&mut both, 1.0, other);
-        self.add_square(reduction, &both, ALIKE);
-        self.add_square(reduction, one, 1.0 - ALIKE);
-        self.add_square(reduction, other, 1.0 - ALIKE);
+        self.add_square(reduction, &both, SIDE_CORRELATION);
+        self.add_square(reduction, one, 1.0 - SIDE_CORRELATION);
+        self.add_square(reduction, other, 1.0 - SIDE_CORRELATION);
     }
 
     /// Adds `share · v vᵀ` with `v = T⁺ raw`.

@@ -40,7 +40,7 @@ pub fn effective_vectors(phi: &Phi, skeleton: &Skeleton, tied_to_feet: bool) -> 
 
 /// Variance of the predicted CoM, x and y, m², if every segment's orientation drifts by `sigma_rad` about each axis,
 /// independently of the others: `σ² Σ (v_y² + v_z²)` and `σ² Σ (v_x² + v_z²)` with `v = R_s ψ_s`.
-pub fn wander_variance_m2(pose: &Pose<StationWorld>, psi: &EffectiveVectors, sigma_rad: f64) -> [f64; 2] {
+pub fn drift_variance_m2(pose: &Pose<StationWorld>, psi: &EffectiveVectors, sigma_rad: f64) -> [f64; 2] {
     let (mut x, mut y) = (0.0, 0.0);
     for (rotation, psi) in pose.world_from_segment.iter().zip(psi.0) {
         let arm = rotation * Vector3::from(psi);
@@ -138,7 +138,7 @@ mod tests {
                 let moved = (centre_of_mass(&wrong, &phi) - centre_of_mass(&right, &phi)) / small;
                 sum = [0, 1].map(|axis| sum[axis] + sigma_rad * sigma_rad * moved[axis] * moved[axis]);
             }
-            let reported = wander_variance_m2(&right, &effective_vectors(&phi, &skeleton, tied), sigma_rad);
+            let reported = drift_variance_m2(&right, &effective_vectors(&phi, &skeleton, tied), sigma_rad);
             for axis in 0..2 {
                 assert!((reported[axis] - sum[axis]).abs() < 1e-4 * sum[axis], "{reported:?} {sum:?}");
             }

@@ -75,7 +75,7 @@ pub struct ClockFit {
     /// Start of the interval in which every sample is off the line.
     off_since_ns: Option<f64>,
     /// The last estimate returned; later estimates are not earlier.
-    given_ns: u64,
+    last_estimate_ns: u64,
 }
 
 impl Default for ClockFit {
@@ -100,13 +100,13 @@ impl ClockFit {
             line: Line { offset_ns: 0.0, period_ns: 0.0 },
             spread_ns: 0.0,
             off_since_ns: None,
-            given_ns: 0,
+            last_estimate_ns: 0,
         }
     }
 
     /// Clears the line: the device's counter restarted. Estimates stay monotone.
     pub fn restart(&mut self) {
-        *self = ClockFit { given_ns: self.given_ns, ..ClockFit::new() };
+        *self = ClockFit { last_estimate_ns: self.last_estimate_ns, ..ClockFit::new() };
     }
 
     /// Ingests the arrival of the sample with this counter at `arrival_ns`.
@@ -158,8 +158,8 @@ impl ClockFit {
         }
         let counts = counter.wrapping_sub(first_counter).cast_signed() as f64;
         let since_first_ns = self.line.at(counts) as i64;
-        let host_ns = first_arrival_ns.saturating_add_signed(since_first_ns).max(self.given_ns);
-        self.given_ns = host_ns;
+        let host_ns = first_arrival_ns.saturating_add_signed(since_first_ns).max(self.last_estimate_ns);
+        self.last_estimate_ns = host_ns;
         let excess_ns = self.line.excess(self.newest);
         let off_ns = if self.off_since_ns.is_some() { excess_ns } else { 0.0 };
         Some(Estimate { host_ns, sigma_ns: (self.spread_ns + SIGMA_FLOOR_NS).max(off_ns) as u64 })
@@ -209,12 +209,12 @@ impl ClockFit {
             self.block_ns *= 2.0;
         }
         let too_old = |block: &Point| self.newest.ns - block.ns > WINDOW_NS;
-        let mut forget = self.blocks[..self.block_count].iter().take_while(|block| too_old(block)).count();
+        let mut outdated = self.blocks[..self.block_count].iter().take_while(|block| too_old(block)).count();
         if self.block_count == BLOCKS {
-            forget = forget.max(1);
+            outdated = outdated.max(1);
         }
-        self.blocks.copy_within(forget..self.block_count, 0);
-        self.block_count -= forget;
+        self.blocks.copy_within(outdated..self.block_count, 0);
+        self.block_count -= outdated;
         self.blocks[self.block_count] = self.open;
         self.block_count += 1;
     }

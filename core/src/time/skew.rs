@@ -7,15 +7,15 @@
 //! # Model
 //! Vertical force over time, `F(t) = c + s·z̈(t + τ) + e(t)`, where z is the height of the centre of mass by the suit's
 //! stamps (m) and c, s are unknown: body mass, a constant load and the force's unit do not matter.
-//! Both streams pass the same filter: means over cells of `CELL_NS`; the weighted mean of the acceleration over a triangle of
-//! half-width h, for the suit by the identity `(z(t+h) − 2z(t) + z(t−h))/h² = ∫ z̈(t+u) (1 − |u|/h)/h du`, which needs no
-//! derivative; and a symmetric second difference over ±`SPAN` cells, which removes constants and trends.
+//! Both streams pass the same filter: means over cells of `CELL_NS`; the weighted mean of the acceleration over a
+//! triangle of half-width h, for the suit by the identity `(z(t+h) − 2z(t) + z(t−h))/h² = ∫ z̈(t+u) (1 − |u|/h)/h du`,
+//! which needs no derivative; and a symmetric second difference over ±`SPAN` cells, which removes constants and trends.
 //!
 //! # Estimate
 //! Over each window of [`WINDOW_S`] the profile likelihood of the lag under Gaussian noise of unknown size is
 //! `−2 ln L(τ) = N ln(1 − r²(τ))`, with the correlation r and N independent samples (maximum likelihood of a delay
-//! with unknown gain: Knapp and Carter 1976). Its minimum is the lag, its curvature gives the variance `2/(−2 ln L)″`. A
-//! window counts only if no lag outside the minimum's own valley is within `EVIDENCE` of it.
+//! with unknown gain: Knapp and Carter 1976). Its minimum is the lag, its curvature gives the variance `2/(−2 ln L)″`.
+//! A window counts only if no lag outside the minimum's own valley is within `EVIDENCE` of it.
 //! Windows update a Kalman filter with the state (τ, drift).
 
 mod track;
@@ -49,8 +49,8 @@ pub const WINDOW_S: f64 = (BLOCK * BLOCKS as u64) as f64 * CELL_S;
 const GAP_MAX_NS: u64 = 120_000_000;
 /// Number of blocks that suffice to contradict the track.
 const BLOCKS_AGAINST: usize = 2;
-/// Independent samples of noise in a block: its length over the integral of the squared autocorrelation (0.246 s) of white
-/// noise after the filter.
+/// Independent samples of noise in a block: its length over the integral of the squared autocorrelation (0.246 s) of
+/// white noise after the filter.
 const INDEPENDENT: f64 = 5.21;
 /// Difference of −2 ln L that excludes another lag.
 const EVIDENCE: f64 = 12.0;
@@ -161,7 +161,8 @@ impl Stream {
     }
 }
 
-/// Sums over a block: of the suit's filtered values squared and times the ground's, for each lag; of the ground's squared.
+/// Sums over a block: of the suit's filtered values squared and times the ground's, for each lag; of the ground's
+/// squared.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 struct Block {

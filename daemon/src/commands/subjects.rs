@@ -1,6 +1,6 @@
 //! Commands that save, load or delete a subject.
 
-use equipoise_core::cycle::{PriorKind, Worker};
+use equipoise_core::cycle::{PriorKind, SubjectState};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 
@@ -32,7 +32,7 @@ pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers
     let profile = Profile::read(&path)
         .map_err(|error| error.to_string())?
         .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
-    let mut worker = bytemuck::zeroed_box::<Worker>();
+    let mut worker = bytemuck::zeroed_box::<SubjectState>();
     worker.identification =
         *profile.worker(&settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
     // `subject.remember` applies to every subject; the configured mass applies to the configured subject only.
@@ -64,7 +64,7 @@ pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, worke
     }
     let in_use = workers.get(workers.in_use()).is_some_and(|saving| saving.subject == id);
     if in_use {
-        let mut unknown = bytemuck::zeroed_box::<Worker>();
+        let mut unknown = bytemuck::zeroed_box::<SubjectState>();
         // The configured mass belongs to the configured subject.
         let settings = equipoise_core::cycle::Settings { mass_kg: None, ..forced.settings };
         unknown.identification.start(&settings);
@@ -100,7 +100,7 @@ fn id_of(command: &Command) -> Result<String, String> {
 }
 
 /// Passes another subject to the loop.
-fn put_in_place(rings: &Rings, workers: &Workers, worker: Box<Worker>, saving: Saving) -> Result<(), String> {
+fn put_in_place(rings: &Rings, workers: &Workers, worker: Box<SubjectState>, saving: Saving) -> Result<(), String> {
     while rings.worker_back.pop().is_some() {}
     // Only this thread fills both rings, so a free slot stays free.
     if rings.command.is_full() || rings.worker.is_full() {

@@ -296,10 +296,10 @@ impl StaticPoseConfig {
     }
 
     pub(super) fn apply(&self, settings: &mut Settings) {
-        settings.still.joint_rad = self.joint_deg.to_radians();
-        settings.still.cop_m = self.cop_mm * 1e-3;
-        settings.still.leave_rad = self.leave_deg.to_radians();
-        settings.still.weight_share = self.weight_percent * 1e-2;
+        settings.static_pose.joint_rad = self.joint_deg.to_radians();
+        settings.static_pose.cop_m = self.cop_mm * 1e-3;
+        settings.static_pose.leave_rad = self.leave_deg.to_radians();
+        settings.static_pose.weight_share = self.weight_percent * 1e-2;
     }
 }
 

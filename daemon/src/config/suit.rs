@@ -121,7 +121,7 @@ fn wander_default() -> f64 {
 impl SuitConfig {
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.suit_misalignment_rad = self.misalignment_deg.to_radians();
-        settings.suit_wander_rad = self.wander_deg.to_radians();
+        settings.suit_drift_rad = self.wander_deg.to_radians();
         settings.suit_latency_ns = self.latency_ns();
     }
 

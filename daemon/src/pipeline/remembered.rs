@@ -148,7 +148,7 @@ impl Remembered {
                 let has_new_frames =
                     station.registration.as_ref().is_some_and(|part| !part.is_in_frames_of(config));
                 if settings.suit_drifts && self.memory.identification.has_body() && !has_new_frames {
-                    self.memory.lose_the_place();
+                    self.memory.invalidate_registration();
                 }
                 self.note(format!("the position of the suit's world is estimated again: {why}"));
             }

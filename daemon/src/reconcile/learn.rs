@@ -78,7 +78,7 @@ pub fn learn(
 
 fn frozen(worker: &Identification) -> Box<Identification> {
     let mut worker = Box::new(*worker);
-    (worker.learning, worker.identified) = (0, 1);
+    (worker.identifying, worker.identified) = (0, 1);
     worker
 }
 
@@ -140,7 +140,7 @@ impl<'a> Pass<'a> {
             progress(Progress { doing: "learning the worker", share: now_s / end_s.max(1e-9) });
             let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
             if memory.identification.identified == 0 {
-                memory.identification.learning = u64::from(now_s >= self.span_s[0] + WINDOW_S);
+                memory.identification.identifying = u64::from(now_s >= self.span_s[0] + WINDOW_S);
             }
             step(&self.settings, &mut memory, tick, Inputs { command, ..inputs });
             self.see(&memory, &mut seen);

@@ -154,7 +154,7 @@ impl<'a> Pass<'a> {
         free::run(samples, self.config.period_ns(), |tick: Tick, inputs: Inputs<'_>| {
             let before_ns = memory.state.suit_sample_time_ns;
             let wanted = self.poses_max.is_none_or(|most| diverse.wants(&memory, most));
-            memory.identification.learning = u64::from(wanted && !matches!(learning, Learning::Never));
+            memory.identification.identifying = u64::from(wanted && !matches!(learning, Learning::Never));
             step(&self.settings, &mut memory, tick, inputs);
             diverse.follow(&memory);
             let state = &memory.state;

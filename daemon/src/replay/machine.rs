@@ -19,7 +19,7 @@ impl Machine {
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
         let mut table = memory.clone();
-        table.identification.learning = 0;
+        table.identification.identifying = 0;
         Machine { settings, memory, table, scored: Vec::new() }
     }
 
@@ -28,9 +28,9 @@ impl Machine {
         copy_memory(&mut self.memory, memory);
         copy_memory(&mut self.table, memory);
         if self.table.identification.has_body() {
-            self.table.identification.return_to_prior(&self.settings);
+            self.table.identification.reset_to_prior(&self.settings);
         }
-        self.table.identification.learning = 0;
+        self.table.identification.identifying = 0;
     }
 
     /// Changes the settings from the next step on.

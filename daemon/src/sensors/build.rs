@@ -43,7 +43,7 @@ impl BuildCadence {
     pub(crate) fn due(&mut self, body: Option<SuitBody>, now_ns: u64) -> Option<SuitBody> {
         let body = SuitBody { published_ns: now_ns, ..body? };
         let said_before = self.published.as_ref().is_some_and(|published| {
-            published.is_same_build(&body) && now_ns.saturating_sub(published.published_ns) < INTERVAL_NS
+            published.has_same_dimensions(&body) && now_ns.saturating_sub(published.published_ns) < INTERVAL_NS
         });
         if said_before {
             return None;

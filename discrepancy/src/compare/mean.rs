@@ -140,15 +140,15 @@ impl Mean {
         for (place, weights) in self.weights.iter().enumerate() {
             let Some(seen) = window.get(self.first_moment + place) else { continue };
             let [value, second] = weights.map(|weight| weight / self.count);
-            let [shift_x, shift_y] = seen.moment.station_from_suit_m;
+            let [shift_x, shift_y] = seen.snapshot.station_from_suit_m;
             for segment in 0..SEGMENTS {
-                let [x, y, z] = seen.moment.origin_m[segment];
+                let [x, y, z] = seen.snapshot.origin_m[segment];
                 add_scaled(&mut bodies.origin_m[segment], value, &[x, y, z]);
                 // In the suit's own world: the anchor's shift is no motion of the body.
                 let in_suit_world = [x - shift_x, y - shift_y, z];
                 add_scaled(&mut bodies.origin_acceleration_m_per_s2[segment], second, &in_suit_world);
-                add_scaled(&mut bodies.quaternion[segment], value, &seen.moment.orientation_wxyz[segment]);
-                for (row, entries) in matrix(&seen.moment, segment).iter().enumerate() {
+                add_scaled(&mut bodies.quaternion[segment], value, &seen.snapshot.orientation_wxyz[segment]);
+                for (row, entries) in matrix(&seen.snapshot, segment).iter().enumerate() {
                     add_scaled(&mut bodies.rotation[segment][row], value, entries);
                     add_scaled(&mut bodies.rotation_acceleration_per_s2[segment][row], second, entries);
                 }

@@ -2,7 +2,7 @@
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::motion::inertia::momentum_rate_by_segment;
-use equipoise_core::motion::{Build, Motion};
+use equipoise_core::motion::{MassDistribution, Motion};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 use nalgebra::Vector3;
 
@@ -90,15 +90,15 @@ impl Point {
             (true, true) => by_shear,
             (true, false) => slope_by_suit,
         };
-        let build = Build { body: &worker.body, gyration_m2: &worker.gyration_m2 };
-        let rates = momentum_rate_by_segment(&seen.moment, &sums.motion, &build);
+        let masses = MassDistribution { body: &worker.body, gyration_m2: &worker.gyration_m2 };
+        let rates = momentum_rate_by_segment(&seen.snapshot, &sums.motion, &masses);
         let turning_by_group_m = turning_by_group_m(&rates, specific_force);
         let mut point = Point {
             time_s: seen.time_s,
-            stance: seen.moment.stance,
+            stance: seen.snapshot.stance,
             has_inertia: options.has_inertia,
-            floor_m: seen.moment.ground.surface_z_m,
-            feet_m: feet_m(&seen.moment.origin_m),
+            floor_m: seen.snapshot.ground.surface_z_m,
+            feet_m: feet_m(&seen.snapshot.origin_m),
             com_m: sums.com_m,
             com_velocity_m_per_s: sums.velocity,
             com_acceleration_m_per_s2: sums.acceleration,
@@ -162,11 +162,11 @@ impl Sums {
             let seen = window.at(around.first + place);
             let ground = seen.ground?;
             let (value, first, second) = (weights.value[place], weights.first[place], weights.second[place]);
-            let [x, y] = seen.moment.station_from_suit_m;
+            let [x, y] = seen.snapshot.station_from_suit_m;
             sums.com_m += value * (seen.centre_m + Vector3::new(x, y, 0.0));
             sums.velocity += first * seen.centre_m;
             sums.acceleration += second * seen.centre_m;
-            sums.motion.add(&seen.moment, first, second);
+            sums.motion.add(&seen.snapshot, first, second);
             sums.has_shear &= ground.has_shear;
             for (sum, force_n) in sums.force_n.iter_mut().zip(ground.force_n) {
                 *sum += value * force_n;

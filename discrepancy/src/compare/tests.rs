@@ -39,46 +39,46 @@ fn options(identify_s: f64, end_s: f64) -> Options {
 
 /// A rigid body with its pelvis at an arbitrary point of the suit's world, on a plate that measures the predicted
 /// reaction.
-fn made(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Moment {
+fn made(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Snapshot {
     let pelvis = Vector3::from(pelvis_m);
     let origin = skeleton().t_pose_m().map(|origin| pelvis + Vector3::from(origin));
     let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
-    let mut moment =
-        Moment::new(BEGIN_NS + (time_s * 1e9) as u64, &pose, &pose.shifted(Vector3::zeros()), &worker().body);
-    moment.both_feet_stand = 1;
-    moment.has_ground = 1;
-    moment.ground = GroundSample {
+    let mut snapshot =
+        Snapshot::new(BEGIN_NS + (time_s * 1e9) as u64, &pose, &pose.shifted(Vector3::zeros()), &worker().body);
+    snapshot.both_feet_stand = 1;
+    snapshot.has_ground = 1;
+    snapshot.ground = GroundSample {
         force_n,
         moment_nm: [0.02 * force_n[2], -0.1 * force_n[2], 0.0],
         ..GroundSample::zeroed()
     };
-    moment
+    snapshot
 }
 
-fn standing(time_s: f64) -> Moment {
+fn standing(time_s: f64) -> Snapshot {
     made(time_s, [0.0, 0.0, 0.95], [0.0, 0.0, MASS_KG * GRAVITY_M_PER_S2])
 }
 
 /// Blocks over a duration in seconds at a rate; `change` modifies each snapshot.
-fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut Moment)) -> Vec<Block> {
+fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut Snapshot)) -> Vec<Block> {
     let mut comparison = Comparison::new(worker(), options);
     for number in 0..(for_s * rate_hz) as u64 {
         let time_s = number as f64 / rate_hz;
-        let mut moment = standing(time_s);
-        change(time_s, &mut moment);
-        comparison.push(&moment);
+        let mut snapshot = standing(time_s);
+        change(time_s, &mut snapshot);
+        comparison.push(&snapshot);
     }
     comparison.finish()
 }
 
 /// Moves the body, and the chain's centre with it.
-fn shift(moment: &mut Moment, by_m: [f64; 3]) {
-    let ground = moment.ground;
-    let pelvis = moment.origin_m[Segment::Pelvis.index()];
-    let time_s = (moment.time_ns - BEGIN_NS) as f64 * 1e-9;
+fn shift(snapshot: &mut Snapshot, by_m: [f64; 3]) {
+    let ground = snapshot.ground;
+    let pelvis = snapshot.origin_m[Segment::Pelvis.index()];
+    let time_s = (snapshot.time_ns - BEGIN_NS) as f64 * 1e-9;
     let moved = [0, 1, 2].map(|axis| pelvis[axis] + by_m[axis]);
-    *moment = made(time_s, moved, ground.force_n);
-    moment.ground = ground;
+    *snapshot = made(time_s, moved, ground.force_n);
+    snapshot.ground = ground;
 }
 
 #[test]
@@ -104,13 +104,13 @@ fn a_still_body_is_predicted_where_its_chain_ends_and_measured_where_the_plate_s
 
 #[test]
 fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
-    let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
-        shift(moment, [0.1 * time_s * time_s, 0.0, 0.0]);
+    let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, snapshot| {
+        shift(snapshot, [0.1 * time_s * time_s, 0.0, 0.0]);
         // The anchor holds the feet although the suit drifts.
-        for origin in &mut moment.origin_m {
+        for origin in &mut snapshot.origin_m {
             origin[1] += 0.02 * time_s * time_s;
         }
-        moment.station_from_suit_m = [0.0, 0.02 * time_s * time_s];
+        snapshot.station_from_suit_m = [0.0, 0.02 * time_s * time_s];
     });
     assert!(!blocks.is_empty());
     for block in &blocks {
@@ -130,8 +130,8 @@ fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
 #[test]
 fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
     let speed_m_per_s = 0.3;
-    let blocks = blocks(options(0.0, 12.0), 60.0, 12.0, |time_s, moment| {
-        shift(moment, [speed_m_per_s * time_s, 0.0, 0.0]);
+    let blocks = blocks(options(0.0, 12.0), 60.0, 12.0, |time_s, snapshot| {
+        shift(snapshot, [speed_m_per_s * time_s, 0.0, 0.0]);
     });
     let last = blocks.last().unwrap();
     for (change, lag_s) in last.by_lag.iter().zip(LAGS_S) {
@@ -146,9 +146,9 @@ fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
 
 #[test]
 fn measured_shear_is_believed_and_held_by_lags() {
-    let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, moment| {
+    let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, snapshot| {
         let shear_n = 20.0 * time_s;
-        *moment = made(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);
+        *snapshot = made(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);
     });
     for block in &blocks {
         let seen = &block.observation;
@@ -163,16 +163,16 @@ fn measured_shear_is_believed_and_held_by_lags() {
 
 #[test]
 fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
-    let blocks = blocks(options(0.0, 30.0), 60.0, 30.0, |time_s, moment| {
-        moment.stance = u64::from(time_s >= 5.0);
+    let blocks = blocks(options(0.0, 30.0), 60.0, 30.0, |time_s, snapshot| {
+        snapshot.stance = u64::from(time_s >= 5.0);
         if (10.0..10.5).contains(&time_s) {
-            moment.both_feet_stand = 0;
+            snapshot.both_feet_stand = 0;
         }
         if (15.0..15.1).contains(&time_s) {
-            moment.ground.force_n = [0.0; 3];
+            snapshot.ground.force_n = [0.0; 3];
         }
         if time_s >= 20.0 {
-            moment.time_ns += 1_000_000_000;
+            snapshot.time_ns += 1_000_000_000;
         }
     });
     let masked = |block: &Block, from_s: f64, to_s: f64| {
@@ -230,7 +230,7 @@ fn the_prior_is_a_covariance_of_all_parameters() {
     let origin = skeleton().t_pose_m().map(|origin| Vector3::from(origin) + Vector3::new(0.0, 0.0, 0.95));
     let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
     for _ in 0..20 {
-        learnt.learn_skeleton(&pose, &settings);
+        learnt.update_skeleton(&pose, &settings);
     }
     assert!(Worker::of(&learnt, &settings).is_some());
     let covariance_m2 = prior_covariance_m2(&learnt, &settings);

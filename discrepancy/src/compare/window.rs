@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use equipoise_core::frame::StationWorld;
 use equipoise_core::frame::{Pose, rotation};
 use equipoise_core::message::Component;
-use equipoise_core::motion::Moment;
+use equipoise_core::motion::Snapshot;
 use equipoise_core::motion::history::CAPACITY;
 use equipoise_core::motion::weights::{Weights, weights};
 use nalgebra::Vector3;
@@ -28,7 +28,7 @@ const TIME_EPSILON_S: f64 = 1e-6;
 pub(super) struct Seen {
     /// Time since the recording's start, s.
     pub(super) time_s: f64,
-    pub(super) moment: Moment,
+    pub(super) snapshot: Snapshot,
     /// Centre of mass by the chain in the suit's own world, m: the anchor's shifts are no motion of the body.
     pub(super) centre_m: Vector3<f64>,
     /// Plate data; `None` without a centre of pressure.
@@ -79,15 +79,15 @@ impl Window {
     }
 
     /// Ingests a snapshot; returns whether the plate has a centre of pressure.
-    pub(super) fn push(&mut self, time_s: f64, moment: &Moment, worker: &Worker) -> bool {
+    pub(super) fn push(&mut self, time_s: f64, snapshot: &Snapshot, worker: &Worker) -> bool {
         let oldest_s = time_s - self.kept_s;
         let old = |seen: &mut Seen| seen.time_s < oldest_s;
         while self.next > self.forgotten && self.seen.pop_front_if(old).is_some() {
             self.forgotten += 1;
         }
-        let [x, y] = moment.station_from_suit_m;
-        let centre_m = chain(&moment.pose(), worker) - Vector3::new(x, y, 0.0);
-        let ground = moment.ground().and_then(|ground| {
+        let [x, y] = snapshot.station_from_suit_m;
+        let centre_m = chain(&snapshot.pose(), worker) - Vector3::new(x, y, 0.0);
+        let ground = snapshot.ground().and_then(|ground| {
             let [x, y] = ground.cop_m().ok()?;
             let vertical_n = ground.force_n[2];
             // A device that does not declare shear as unmeasured but reports exactly zero does not measure it either.
@@ -95,7 +95,7 @@ impl Window {
             Some(Shown { force_n: ground.force_n, has_shear, cop_nm: [x * vertical_n, y * vertical_n] })
         });
         let has_cop = ground.is_some();
-        self.seen.push_back(Seen { time_s, moment: *moment, centre_m, ground });
+        self.seen.push_back(Seen { time_s, snapshot: *snapshot, centre_m, ground });
         has_cop
     }
 
@@ -160,7 +160,7 @@ fn chain(pose: &Pose<StationWorld>, worker: &Worker) -> Vector3<f64> {
 }
 
 /// `world_from_segment` of a snapshot as a matrix, row by row.
-pub(super) fn matrix(moment: &Moment, segment: usize) -> [[f64; 3]; 3] {
-    let matrix = rotation(moment.orientation_wxyz[segment]).to_rotation_matrix();
+pub(super) fn matrix(snapshot: &Snapshot, segment: usize) -> [[f64; 3]; 3] {
+    let matrix = rotation(snapshot.orientation_wxyz[segment]).to_rotation_matrix();
     [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
 }

@@ -54,7 +54,7 @@ impl Worker {
 pub fn prior_covariance_m2(learnt: &Identification, settings: &Settings) -> Vec<f64> {
     let mut believed = Box::new(*learnt);
     let inflation = learnt.prior_inflation();
-    believed.return_to_prior(&Settings { reduction: ReductionKind::Full, ..*settings });
+    believed.reset_to_prior(&Settings { reduction: ReductionKind::Full, ..*settings });
     let mut covariance_m2 = vec![0.0; PARAMETERS * PARAMETERS];
     for (row, values) in covariance_m2.chunks_exact_mut(PARAMETERS).enumerate() {
         let prior_m2 = believed.filter.covariance_row_m2(row);

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use equipoise_core::cycle::Asked;
+use equipoise_core::cycle::PoseRequest;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 
 use super::text;
@@ -76,9 +76,9 @@ fn index_of(pose: &str) -> Option<usize> {
 
 impl Ask {
     /// The pose for the loop's guidance; `None` if no pose is requested.
-    pub fn pose_to_take(&self) -> Option<Asked> {
+    pub fn pose_to_take(&self) -> Option<PoseRequest> {
         let pose = index_of(self.pose.as_deref()?)?;
-        Some(Asked { pose, turn_rad: self.turn_deg.to_radians() })
+        Some(PoseRequest { pose, turn_rad: self.turn_deg.to_radians() })
     }
 }
 

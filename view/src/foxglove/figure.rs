@@ -1,7 +1,7 @@
 //! The figure: bones, joints, support polygon.
 
 use equipoise_core::body::{Joint, SEGMENTS, Segment, Side};
-use equipoise_core::cycle::sole::FootShape;
+use equipoise_core::cycle::foot_outline::FootOutline;
 use equipoise_core::frame::Pose as BodyPose;
 use equipoise_core::frame::StationWorld;
 use equipoise_core::message::{State, Validity};
@@ -77,7 +77,7 @@ pub(super) fn support(origin_m: &[[f64; 3]; SEGMENTS], height_m: f64) -> Option<
     }
     let pose = BodyPose::<StationWorld>::new(origin_m.map(Vector::from), turns);
     let corners =
-        Side::BOTH.map(|side| FootShape::by_stature(&pose, side, height_m).corners_m(&pose, side)).concat();
+        Side::BOTH.map(|side| FootOutline::by_stature(&pose, side, height_m).corners_m(&pose, side)).concat();
     let points = hull(corners).into_iter().map(|[x, y]| Vector3::from([x, y, 0.002])).collect();
     Some(Line::new(LineType::Loop, FLOOR_LINE_M, points, SOLE))
 }

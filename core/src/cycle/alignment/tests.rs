@@ -32,20 +32,20 @@ fn empty() -> Alignment {
 }
 
 #[test]
-fn the_wrench_is_taken_at_the_suit_s_own_time_whatever_arrived_first() {
+fn the_wrench_is_interpolated_at_the_suit_s_time_in_any_order_of_arrival() {
     let mut alignment = empty();
     take_suit(&mut alignment, &suit(1_500_000), NOW_NS);
-    assert!(alignment.next(2_000_000, PATIENCE_NS).is_none(), "the ground has not reached it");
+    assert!(alignment.next(2_000_000, WAIT_MAX_NS).is_none(), "the ground has not reached it");
     for millisecond in 0..3 {
         take_ground(&mut alignment, &ground(millisecond * 1_000_000, 100.0 * millisecond as f64), NOW_NS);
     }
-    let aligned = alignment.next(3_000_000, PATIENCE_NS).unwrap();
+    let aligned = alignment.next(3_000_000, WAIT_MAX_NS).unwrap();
     assert!((aligned.ground.unwrap().force_n[2] - 150.0).abs() < 1e-9);
-    assert!(alignment.next(3_000_000, PATIENCE_NS).is_none());
+    assert!(alignment.next(3_000_000, WAIT_MAX_NS).is_none());
 }
 
 #[test]
-fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
+fn a_lag_shifts_the_time_of_the_wrench_and_waits_for_it() {
     let mut alignment = empty();
     for millisecond in 0..500 {
         take_ground(&mut alignment, &ground(millisecond * 1_000_000, millisecond as f64), NOW_NS);
@@ -53,7 +53,7 @@ fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
     let mut at = |lag_ms: i64, suit_ms: u64| {
         alignment.set_lag_ns(lag_ms * 1_000_000);
         take_suit(&mut alignment, &suit(suit_ms * 1_000_000), NOW_NS);
-        let aligned = alignment.next(500_000_000, PATIENCE_NS + alignment.ground_late_ns())?;
+        let aligned = alignment.next(500_000_000, WAIT_MAX_NS + alignment.ground_late_ns())?;
         assert_eq!(aligned.suit.sample_time_ns, suit_ms * 1_000_000, "the stamp stays");
         Some(aligned.ground?.force_n[2].round())
     };
@@ -62,7 +62,7 @@ fn a_lag_takes_the_wrench_from_another_time_and_waits_for_it() {
     assert_eq!(at(-138, 220), Some(358.0), "a late ground");
     // Ground samples up to 499 ms end 138 ms before the corresponding time; the sample is 80 ms old.
     assert_eq!(at(-138, 420), None);
-    assert_eq!(alignment.next(500_000_000, PATIENCE_NS).map(|aligned| aligned.ground.is_none()), Some(true));
+    assert_eq!(alignment.next(500_000_000, WAIT_MAX_NS).map(|aligned| aligned.ground.is_none()), Some(true));
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
         if now_ns % 4_166_667 < 1_000_000 {
             take_suit(&mut alignment, &suit(now_ns), now_ns);
         }
-        while let Some(aligned) = alignment.next(now_ns, PATIENCE_NS + alignment.ground_late_ns()) {
+        while let Some(aligned) = alignment.next(now_ns, WAIT_MAX_NS + alignment.ground_late_ns()) {
             assert!(aligned.ground.is_some());
             reported += 1;
         }
@@ -85,16 +85,16 @@ fn a_ground_that_is_half_a_second_late_is_waited_for_at_240_hz() {
 }
 
 #[test]
-fn a_silent_ground_does_not_hold_the_suit_back_for_ever() {
+fn a_silent_ground_does_not_block_the_suit() {
     let mut alignment = empty();
     take_ground(&mut alignment, &ground(0, 700.0), NOW_NS);
     take_suit(&mut alignment, &suit(10_000_000), NOW_NS);
-    assert!(alignment.next(20_000_000, PATIENCE_NS).is_none());
-    assert!(alignment.next(80_000_000, PATIENCE_NS).unwrap().ground.is_none());
+    assert!(alignment.next(20_000_000, WAIT_MAX_NS).is_none());
+    assert!(alignment.next(80_000_000, WAIT_MAX_NS).unwrap().ground.is_none());
 }
 
 #[test]
-fn what_one_of_two_samples_did_not_measure_is_not_measured_between_them() {
+fn components_that_one_of_two_samples_lacks_are_not_interpolated() {
     use crate::message::{Component, GroundDevice};
     let mut alignment = empty();
     let insoles = GroundDevice::Insoles as u32;
@@ -103,7 +103,7 @@ fn what_one_of_two_samples_did_not_measure_is_not_measured_between_them() {
     take_ground(&mut alignment, &blind, NOW_NS);
     take_ground(&mut alignment, &GroundSample { devices: 1, ..ground(1_000_000, 700.0) }, NOW_NS);
     take_suit(&mut alignment, &suit(500_000), NOW_NS);
-    let between = alignment.next(2_000_000, PATIENCE_NS).unwrap().ground.unwrap();
+    let between = alignment.next(2_000_000, WAIT_MAX_NS).unwrap().ground.unwrap();
     assert!(!between.measures(Component::Shear));
     assert_eq!(between.devices, 1 | insoles);
 }
@@ -114,11 +114,11 @@ fn nothing_is_interpolated_over_a_gap() {
     take_ground(&mut alignment, &ground(0, 700.0), NOW_NS);
     take_ground(&mut alignment, &ground(200_000_000, 700.0), NOW_NS);
     take_suit(&mut alignment, &suit(100_000_000), NOW_NS);
-    assert!(alignment.next(200_000_000, PATIENCE_NS).unwrap().ground.is_none());
+    assert!(alignment.next(200_000_000, WAIT_MAX_NS).unwrap().ground.is_none());
 }
 
 #[test]
-fn time_that_does_not_advance_is_refused() {
+fn time_that_does_not_advance_is_rejected() {
     let mut alignment = empty();
     take_ground(&mut alignment, &ground(5, 1.0), NOW_NS);
     take_ground(&mut alignment, &ground(5, 2.0), NOW_NS);
@@ -130,31 +130,31 @@ fn time_that_does_not_advance_is_refused() {
 }
 
 #[test]
-fn a_tare_takes_the_last_moments_of_an_empty_plate_and_is_not_taken_twice() {
+fn a_tare_averages_the_last_samples_of_an_empty_plate_and_applies_once() {
     let mut alignment = empty();
     for millisecond in 0..500 {
         let force = if millisecond < 100 { 706.0 } else { 30.0 };
         take_ground(&mut alignment, &ground(millisecond * 1_000_000, force), NOW_NS);
     }
-    let shown = alignment.tare(150.0).unwrap();
-    assert!((shown.force_n[2] - 30.0).abs() < 1e-9, "{shown:?}");
+    let tare = alignment.tare(150.0).unwrap();
+    assert!((tare.force_n[2] - 30.0).abs() < 1e-9, "{tare:?}");
     assert!(alignment.tare(150.0).unwrap().force_n[2].abs() < 1e-9, "the second tare finds nothing left");
     take_ground(&mut alignment, &ground(500 * 1_000_000, 400.0), NOW_NS);
     assert!(alignment.tare(150.0).is_none(), "somebody steps on");
 }
 
 #[test]
-fn a_full_queue_loses_its_oldest() {
+fn a_full_queue_drops_its_oldest() {
     let mut alignment = empty();
     for index in 1..=SUIT_QUEUE as u64 + 3 {
         take_suit(&mut alignment, &suit(index), NOW_NS);
     }
-    assert_eq!(alignment.next(u64::MAX, PATIENCE_NS).unwrap().suit.sample_time_ns, 4);
+    assert_eq!(alignment.next(u64::MAX, WAIT_MAX_NS).unwrap().suit.sample_time_ns, 4);
     assert!(alignment.is_sound());
 }
 
 #[test]
-fn the_period_is_learnt_and_a_gap_is_not_a_period() {
+fn the_period_is_estimated_and_a_gap_is_not_a_period() {
     let mut alignment = empty();
     let mut time_ns = 0;
     for _ in 0..20 {

@@ -19,7 +19,7 @@ const COUNT_MAX: u64 = 1 << 32;
 
 /// Innovation of one pose, both axes: observed, and expected from each source; m².
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct PoseInnovation {
     /// Normalised innovation squared, two degrees of freedom.
     pub nis: f64,
     /// Sum of squared innovations.
@@ -61,7 +61,7 @@ impl Consistency {
     }
 
     /// Ends the test of the prior and keeps the present estimate.
-    pub fn trust(&mut self) {
+    pub fn accept(&mut self) {
         self.tested = POSES_TESTED as u64;
     }
 
@@ -72,23 +72,23 @@ impl Consistency {
 
     /// Tests one more pose against the prior, before the update. Returns the factor by which to inflate P first, if the
     /// poses so far exceed the bound: with it, θ's part of the expected innovations matches the observed ones.
-    pub(super) fn test(&mut self, seen: Seen) -> Option<f64> {
+    pub(super) fn test(&mut self, innovation: PoseInnovation) -> Option<f64> {
         if self.tested >= POSES_TESTED as u64 {
             return None;
         }
         self.tested += 1;
         self.since += 1;
-        self.nis += seen.nis;
-        self.square_m2 += seen.square_m2;
-        self.theta_m2 += seen.theta_m2;
-        self.rest_m2 += seen.rest_m2;
+        self.nis += innovation.nis;
+        self.square_m2 += innovation.square_m2;
+        self.theta_m2 += innovation.theta_m2;
+        self.rest_m2 += innovation.rest_m2;
         let bound = *CHI2_99.get(self.since as usize - 1)?;
         let room = INFLATION_MAX / self.inflation;
         if self.nis <= bound || room <= 1.0 {
             return None;
         }
-        let shown = (self.square_m2 - self.rest_m2) / self.theta_m2;
-        let factor = if shown.is_finite() { shown.clamp(1.0, room) } else { 1.0 };
+        let explained = (self.square_m2 - self.rest_m2) / self.theta_m2;
+        let factor = if explained.is_finite() { explained.clamp(1.0, room) } else { 1.0 };
         let tested = self.tested;
         let inflation = self.inflation * factor;
         *self = Consistency {
@@ -121,15 +121,15 @@ impl Consistency {
 mod tests {
     use super::*;
 
-    fn seen(nis: f64, square_m2: f64) -> Seen {
-        Seen { nis, square_m2, theta_m2: 2.0, rest_m2: 1.0 }
+    fn innovation(nis: f64, square_m2: f64) -> PoseInnovation {
+        PoseInnovation { nis, square_m2, theta_m2: 2.0, rest_m2: 1.0 }
     }
 
     #[test]
-    fn a_prior_that_fits_is_left_alone() {
+    fn a_consistent_prior_is_not_inflated() {
         let mut consistency = Consistency::start();
         for _ in 0..20 {
-            assert_eq!(consistency.test(seen(2.0, 3.0)), None);
+            assert_eq!(consistency.test(innovation(2.0, 3.0)), None);
             consistency.push(2.0);
         }
         assert_eq!(consistency.inflation(), 1.0);
@@ -137,24 +137,24 @@ mod tests {
     }
 
     #[test]
-    fn a_prior_that_does_not_fit_is_inflated_to_what_was_seen_and_never_beyond_the_bound() {
+    fn an_inconsistent_prior_is_inflated_to_the_observed_innovations_within_the_bound() {
         let mut consistency = Consistency::start();
-        assert_eq!(consistency.test(seen(9.0, 13.0)), None);
+        assert_eq!(consistency.test(innovation(9.0, 13.0)), None);
         // Both poses together: 26 m² observed, 2 m² from other sources, 4 m² from θ.
-        assert_eq!(consistency.test(seen(9.0, 13.0)), Some(6.0));
-        assert_eq!(consistency.test(seen(1e6, 1e6)), Some(100.0 / 6.0));
-        assert_eq!(consistency.test(seen(1e6, 1e6)), None);
+        assert_eq!(consistency.test(innovation(9.0, 13.0)), Some(6.0));
+        assert_eq!(consistency.test(innovation(1e6, 1e6)), Some(100.0 / 6.0));
+        assert_eq!(consistency.test(innovation(1e6, 1e6)), None);
         assert_eq!(consistency.inflation(), 100.0);
-        let mut trusted = Consistency::start();
-        trusted.trust();
-        assert_eq!(trusted.test(seen(1e6, 1e6)), None);
+        let mut accepted = Consistency::start();
+        accepted.accept();
+        assert_eq!(accepted.test(innovation(1e6, 1e6)), None);
     }
 
     #[test]
-    fn a_surprise_that_other_sources_explain_inflates_nothing() {
+    fn innovations_that_other_sources_explain_inflate_nothing() {
         let mut consistency = Consistency::start();
         assert_eq!(
-            consistency.test(Seen { nis: 10.0, square_m2: 0.5, theta_m2: 2.0, rest_m2: 1.0 }),
+            consistency.test(PoseInnovation { nis: 10.0, square_m2: 0.5, theta_m2: 2.0, rest_m2: 1.0 }),
             Some(1.0)
         );
         assert_eq!(consistency.inflation(), 1.0);

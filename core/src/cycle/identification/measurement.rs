@@ -12,16 +12,16 @@ use crate::frame::{Pose, StationWorld};
 use crate::kalman::STATES;
 use crate::math;
 use crate::sesc::reduction::Rows;
-use crate::sesc::suit_error::{effective_vectors, wander_variance_m2};
+use crate::sesc::suit_error::{effective_vectors, drift_variance_m2};
 use crate::sesc::{PARAMETERS, Phi};
-use crate::static_pose::{Stillness, Window};
+use crate::static_pose::{PoseStatistics, Window};
 
 /// 1-σ of the initial error of the plate's configured position in the suit world, m: it is entered manually, and the
 /// suit has drifted since.
 pub(in crate::cycle) const REGISTRATION_SIGMA_M: f64 = 0.03;
 
 /// Exceeded with a probability of 0.001 for one degree of freedom.
-const BLUNDER_SQUARE: f64 = 10.8;
+const OUTLIER_SQUARE: f64 = 10.8;
 
 /// Uncertainty of the stance offset at one instant, split into the part correlated with the predicted CoP and the rest.
 #[repr(C)]
@@ -43,14 +43,14 @@ impl StanceSigma {
 impl Identification {
     /// Starts a new stance if the number changed: the anchor keeps its shift over a step, so the offset is that of the
     /// last stance with this additional σ per axis, m. For a suit with absolute position it stays zero.
-    pub fn follow_stance(&mut self, stance: u64, sigma_m: [f64; 2], settings: &Settings) {
+    pub fn update_stance(&mut self, stance: u64, sigma_m: [f64; 2], settings: &Settings) {
         if self.stance == stance {
             return;
         }
         self.stance = stance;
         if settings.suit_drifts {
             for (axis, sigma_m) in sigma_m.into_iter().enumerate() {
-                self.filter.wander(self.reduction.count() + axis, sigma_m * sigma_m);
+                self.filter.add_process_noise(self.reduction.count() + axis, sigma_m * sigma_m);
             }
         }
     }
@@ -60,21 +60,21 @@ impl Identification {
     pub fn new_stance(&mut self, settings: &Settings) {
         let variance_m2 =
             if settings.suit_drifts { REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M } else { 0.0 };
-        self.stand_within([variance_m2; 2]);
+        self.reset_stance_offset([variance_m2; 2]);
     }
 
-    /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its shift,
-    /// with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
-    pub(in crate::cycle) fn lose_stance(&mut self) {
+    /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its
+    /// shift, with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
+    pub(in crate::cycle) fn widen_stance_offset(&mut self) {
         for axis in 0..2 {
-            self.filter.wander(self.reduction.count() + axis, REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M);
+            self.filter.add_process_noise(self.reduction.count() + axis, REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M);
         }
     }
 
     /// Sets the stance offset to zero with this variance per axis, m². θ is kept.
-    pub(in crate::cycle) fn stand_within(&mut self, variance_m2: [f64; 2]) {
+    pub(in crate::cycle) fn reset_stance_offset(&mut self, variance_m2: [f64; 2]) {
         for (axis, variance_m2) in variance_m2.into_iter().enumerate() {
-            self.filter.forget(self.reduction.count() + axis, variance_m2);
+            self.filter.reset_state(self.reduction.count() + axis, variance_m2);
         }
     }
 
@@ -116,11 +116,11 @@ impl Identification {
     }
 
     /// Variance of the predicted CoP by the drift of the suit's orientations in a pose, and by the model error, m².
-    pub fn wander_variance_m2(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [f64; 2] {
+    pub fn drift_variance_m2(&self, pose: &Pose<StationWorld>, settings: &Settings) -> [f64; 2] {
         let psi = effective_vectors(&self.phi(), &self.skeleton(), settings.suit_drifts);
-        let wander_m2 = wander_variance_m2(pose, &psi, settings.suit_wander_rad);
+        let drift_m2 = drift_variance_m2(pose, &psi, settings.suit_drift_rad);
         let misfit_m2 = self.misfit_variance_m2();
-        [0, 1].map(|axis| wander_m2[axis] + misfit_m2[axis])
+        [0, 1].map(|axis| drift_m2[axis] + misfit_m2[axis])
     }
 
     /// Variance of the predicted CoP by the model error for this subject, m².
@@ -129,25 +129,25 @@ impl Identification {
     }
 
     /// Compares a measured CoP with the prediction, before the update: the part of the difference that neither P nor
-    /// `variance_m2` explains is model error. `rows`: its weight in motion samples.
-    pub(in crate::cycle) fn learn_misfit(
+    /// `variance_m2` explains is model error. `weight`: number of motion samples that it counts as.
+    pub(in crate::cycle) fn update_misfit(
         &mut self,
         rows: &Rows,
         cop_m: [f64; 2],
         variance_m2: [f64; 2],
-        worth: f64,
+        weight: f64,
     ) {
-        let (predicted_m, known_m2) = (self.predict_cop_m(rows), self.cop_variance_m2(rows));
+        let (predicted_m, theta_m2) = (self.predict_cop_m(rows), self.cop_variance_m2(rows));
         let innovation_m = [0, 1].map(|axis| cop_m[axis] - predicted_m[axis]);
         if innovation_m.iter().chain(&variance_m2).all(|value| value.is_finite()) {
-            self.misfit.learn(innovation_m, [0, 1].map(|axis| known_m2[axis] + variance_m2[axis]), worth);
+            self.misfit.update(innovation_m, [0, 1].map(|axis| theta_m2[axis] + variance_m2[axis]), weight);
         }
     }
 
     /// Updates the filter with one measured CoP as two scalar measurements. Returns the normalised innovation squared
     /// of both together (2 degrees of freedom), relative to the previous estimate; `None`, and nothing changes, if a
     /// number is not finite or a variance not positive.
-    pub fn take_in(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
+    pub fn update_from_cop(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
         let numbers = rows.h.iter().flatten().chain(&rows.offset_m).chain(&cop_m).chain(&variance_m2);
         if !numbers.copied().all(f64::is_finite) || variance_m2.iter().any(|variance| *variance <= 0.0) {
             return None;
@@ -164,7 +164,7 @@ impl Identification {
     }
 
     /// Updates the stance offset alone with a measured CoP; θ is kept, and its uncertainty is included.
-    pub fn follow_offset(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) {
+    pub fn update_stance_offset(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) {
         for axis in 0..2 {
             let h = self.with_stance(rows, axis);
             self.filter.update_nuisance(&h, cop_m[axis] - rows.offset_m[axis], variance_m2[axis]);
@@ -173,7 +173,7 @@ impl Identification {
 
     /// Updates with the two force rows `Σ_k w_k (x0 + BΦ)_k = F_xy/M`, m/s² per m: second derivatives of the chain
     /// against measured shear. Skips a row whose innovation is an outlier. Returns whether any was used.
-    pub fn take_in_force(&mut self, rows: &Rows, force_m_per_s2: [f64; 2], variance: f64) -> bool {
+    pub fn update_from_force(&mut self, rows: &Rows, force_m_per_s2: [f64; 2], variance: f64) -> bool {
         let mut taken = false;
         for (axis, measured) in force_m_per_s2.into_iter().enumerate() {
             let mut h = [0.0; STATES];
@@ -181,7 +181,7 @@ impl Identification {
             let measured = measured - rows.offset_m[axis];
             let innovation = measured - self.filter.project(&h);
             let expected = self.filter.projected_variance_m2(&h) + variance;
-            if innovation * innovation < BLUNDER_SQUARE * expected {
+            if innovation * innovation < OUTLIER_SQUARE * expected {
                 taken |= self.filter.update(&h, measured, variance).is_some();
             }
         }
@@ -215,13 +215,13 @@ impl Identification {
     pub(super) fn pose_variance_m2(
         &self,
         pose: &Pose<StationWorld>,
-        stillness: &Stillness,
+        statistics: &PoseStatistics,
         lasting_m: [f64; 2],
         settings: &Settings,
     ) -> [f64; 2] {
-        let suit_m2 = self.wander_variance_m2(pose, settings);
+        let suit_m2 = self.drift_variance_m2(pose, settings);
         [0, 1].map(|axis| {
-            let noise_m = stillness.cop_sigma_m[axis];
+            let noise_m = statistics.cop_sigma_m[axis];
             suit_m2[axis]
                 + settings.measurement_sigma_m * settings.measurement_sigma_m
                 + noise_m * noise_m

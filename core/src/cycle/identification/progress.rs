@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 /// Weight of a static pose in motion samples: about its duration, at ten samples per second.
 pub(super) const ROWS_PER_POSE: f64 = 20.0;
 /// Progress is evaluated over this many samples: six poses, or 12 s of motion …
-const ROWS_LOOKED_AT: f64 = 6.0 * ROWS_PER_POSE;
+const ROWS_PER_EVALUATION: f64 = 6.0 * ROWS_PER_POSE;
 /// … and has ended if they lower the predicted σ by less than this fraction.
 const GAIN_MIN: f64 = 0.1;
 
@@ -22,7 +22,7 @@ impl Progress {
     /// little.
     pub(super) fn is_settled(&mut self, rows: f64, sigma_m: f64) -> bool {
         self.rows += rows;
-        if self.rows < ROWS_LOOKED_AT {
+        if self.rows < ROWS_PER_EVALUATION {
             return false;
         }
         let settled = self.sigma_m > 0.0 && sigma_m > (1.0 - GAIN_MIN) * self.sigma_m;
@@ -31,12 +31,12 @@ impl Progress {
     }
 
     /// Whether there was at least one evaluation: the counterpart of `poses_min` for motion.
-    pub(super) fn has_looked(&self) -> bool {
+    pub(super) fn has_evaluated(&self) -> bool {
         self.sigma_m > 0.0
     }
 
     pub(super) fn is_sound(&self) -> bool {
-        (0.0..=ROWS_LOOKED_AT).contains(&self.rows) && self.sigma_m.is_finite()
+        (0.0..=ROWS_PER_EVALUATION).contains(&self.rows) && self.sigma_m.is_finite()
     }
 }
 
@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_ends_when_more_rows_teach_little_and_not_before() {
+    fn it_settles_when_more_rows_improve_little_and_not_before() {
         let rows_until = |sigma_m: &dyn Fn(f64) -> f64| {
             let mut progress = Progress::zeroed();
             (1..10_000).map(f64::from).find(|rows| progress.is_settled(1.0, sigma_m(*rows)))

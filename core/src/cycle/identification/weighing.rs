@@ -60,7 +60,7 @@ impl Identification {
     }
 
     /// Discards a mass that was weighed while force and motion belonged to different instants.
-    pub(in crate::cycle) fn forget_weighing(&mut self) {
+    pub(in crate::cycle) fn reset_weighing(&mut self) {
         if self.mass_kg == self.weighing.in_use_kg {
             self.mass_kg = 0.0;
         }
@@ -69,8 +69,8 @@ impl Identification {
 
     /// Ingests the vertical force of a snapshot without a load, N, and the force per kilogram that the motion requires,
     /// m/s². `sigma_n`: σ of the force by the motion. The mass is used as soon as its error, with the plate's, is below
-    /// the load threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another source is
-    /// kept.
+    /// the load threshold, and refined until it is as accurate as [`Settings::force_sigma_n`]. A mass from another
+    /// source is kept.
     pub(in crate::cycle) fn weigh(
         &mut self,
         vertical_n: f64,
@@ -83,19 +83,19 @@ impl Identification {
             self.weighing = Zeroable::zeroed();
         }
         let weighing = &mut self.weighing;
-        let known_n = GRAVITY_M_PER_S2 * weighing.sigma_kg();
-        if self.mass_kg != weighing.in_use_kg || (self.mass_kg > 0.0 && known_n < settings.force_sigma_n) {
+        let sigma_in_use_n = GRAVITY_M_PER_S2 * weighing.sigma_kg();
+        if self.mass_kg != weighing.in_use_kg || (self.mass_kg > 0.0 && sigma_in_use_n < settings.force_sigma_n) {
             return;
         }
-        let shown_kg = vertical_n / specific_force_m_per_s2;
-        if !BODY_MASS_KG.contains(&shown_kg) || !(0.0..CORRELATION_S).contains(&step_s) {
+        let measured_kg = vertical_n / specific_force_m_per_s2;
+        if !BODY_MASS_KG.contains(&measured_kg) || !(0.0..CORRELATION_S).contains(&step_s) {
             return;
         }
         let expected_kg = sigma_n / specific_force_m_per_s2;
         weighing.length_s += step_s;
         weighing.impulse_n_s += vertical_n * step_s;
         weighing.velocity_m_per_s += specific_force_m_per_s2 * step_s;
-        weighing.square_kg2_s += shown_kg * shown_kg * step_s;
+        weighing.square_kg2_s += measured_kg * measured_kg * step_s;
         weighing.expected_kg2_s += expected_kg * expected_kg * step_s;
         let sigma_n = math::hypot([GRAVITY_M_PER_S2 * weighing.sigma_kg(), settings.force_sigma_n]);
         if weighing.length_s >= SHORTEST_S && sigma_n < settings.load_threshold_n / SIGMAS_OF_A_LOAD {

@@ -20,7 +20,7 @@ impl Plate {
         // A suit that never repeats a pose.
         watch.poses.readings = 1.0;
         let mut plate = Plate { watch, before: None, millisecond: 1000, silent_from: u64::MAX };
-        plate.show(3000, |_, _| {});
+        plate.feed(3000, |_, _| {});
         plate
     }
 
@@ -41,19 +41,19 @@ impl Plate {
     }
 
     /// Feeds this many milliseconds; returns the number of samples accepted.
-    fn show(&mut self, milliseconds: u64, fault: impl Fn(u64, &mut GroundSample)) -> u64 {
-        let mut believed = 0;
+    fn feed(&mut self, milliseconds: u64, fault: impl Fn(u64, &mut GroundSample)) -> u64 {
+        let mut accepted = 0;
         for index in 0..milliseconds {
             self.millisecond += 1;
             let mut sample = Plate::truth(self.millisecond);
             if self.millisecond < self.silent_from {
-                self.watch.shown_newest_ns = self.now_ns();
+                self.watch.newest_reading_ns = self.now_ns();
             }
             fault(index, &mut sample);
-            believed += u64::from(self.watch.watch_ground(&sample, self.before.as_ref()));
+            accepted += u64::from(self.watch.check_ground(&sample, self.before.as_ref()));
             self.before = Some(sample);
         }
-        believed
+        accepted
     }
 
     fn now_ns(&self) -> u64 {
@@ -66,25 +66,25 @@ fn scaled(by: f64) -> impl Fn(u64, &mut GroundSample) {
 }
 
 #[test]
-fn a_plate_under_who_works_is_believed() {
-    assert_eq!(Plate::new().show(20_000, |_, _| {}), 20_000);
+fn a_plate_under_a_working_subject_is_accepted() {
+    assert_eq!(Plate::new().feed(20_000, |_, _| {}), 20_000);
 }
 
 #[test]
-fn samples_of_one_delivery_are_believed_before_the_clock_is_known() {
+fn samples_of_one_delivery_are_accepted_before_the_clock_is_synchronised() {
     // A plate at 200 Hz: eight samples wait and arrive 50 µs apart, then the line is still late by some ms.
     for (sigma_ns, since_ns) in [(u64::MAX, 50_000), (6 * MS_NS, 50_000), (6 * MS_NS, 0)] {
         let mut plate = Plate { watch: Zeroable::zeroed(), ..Plate::new() };
         let begun_ns = plate.now_ns();
-        let mut believed = 0;
+        let mut accepted = 0;
         for sample in 0..8 {
-            believed += plate.show(1, |_, ground| {
+            accepted += plate.feed(1, |_, ground| {
                 *ground = Plate::truth(begun_ns / MS_NS + 5 * sample);
                 ground.sample_time_ns = begun_ns + sample * since_ns;
                 ground.sample_time_sigma_ns = sigma_ns;
             });
         }
-        assert_eq!(believed, 8, "{sigma_ns} {since_ns}");
+        assert_eq!(accepted, 8, "{sigma_ns} {since_ns}");
     }
 }
 
@@ -93,86 +93,86 @@ fn a_glitch_is_suspect_from_its_beginning_for_less_than_half_a_second() {
     for by in [2.0, 0.5, 5.0] {
         let mut plate = Plate::new();
         let begun_ns = plate.now_ns() + MS_NS;
-        assert_eq!(plate.show(20, scaled(by)), 0, "{by}");
-        assert!(plate.watch.ground.touches(begun_ns, begun_ns), "{by}");
-        assert!(!plate.watch.ground.touches(0, begun_ns - 10 * MS_NS), "what was before is sound");
-        plate.show(450, |_, _| {});
-        assert_eq!(plate.show(1000, |_, _| {}), 1000, "{by}");
+        assert_eq!(plate.feed(20, scaled(by)), 0, "{by}");
+        assert!(plate.watch.ground.overlaps(begun_ns, begun_ns), "{by}");
+        assert!(!plate.watch.ground.overlaps(0, begun_ns - 10 * MS_NS), "what was before is sound");
+        plate.feed(450, |_, _| {});
+        assert_eq!(plate.feed(1000, |_, _| {}), 1000, "{by}");
     }
 }
 
 #[test]
-fn a_gain_that_changes_is_suspect_until_it_is_back_or_the_worker_s_weight_is_seen() {
+fn a_gain_that_changes_is_suspect_until_it_reverts_or_the_weight_agrees() {
     for by in [2.0, 0.5, 0.8, 1.2] {
         let mut plate = Plate::new();
-        assert_eq!(plate.show(8000, scaled(by)), 0, "{by}");
-        plate.show(2500, |_, _| {});
-        assert_eq!(plate.show(1000, |_, _| {}), 1000, "{by}: it is back");
-        plate.show(8000, scaled(by));
+        assert_eq!(plate.feed(8000, scaled(by)), 0, "{by}");
+        plate.feed(2500, |_, _| {});
+        assert_eq!(plate.feed(1000, |_, _| {}), 1000, "{by}: it is back");
+        plate.feed(8000, scaled(by));
         for _ in 0..120 {
-            plate.watch.hear_of_weight(Some(true), 0.01);
+            plate.watch.ingest_weight_agreement(Some(true), 0.01);
         }
-        assert!(plate.show(100, scaled(by)) > 0, "{by}: the weight is seen");
+        assert!(plate.feed(100, scaled(by)) > 0, "{by}: the weight agrees");
     }
 }
 
 #[test]
 fn a_tenth_more_from_one_sample_to_the_next_is_suspect() {
     let mut plate = Plate::new();
-    assert_eq!(plate.show(1900, scaled(1.1)), 0);
+    assert_eq!(plate.feed(1900, scaled(1.1)), 0);
 }
 
 #[test]
-fn weight_seen_before_a_leap_does_not_end_it() {
+fn a_weight_agreement_before_a_jump_does_not_end_it() {
     let mut plate = Plate::new();
-    plate.show(8000, scaled(1.2));
+    plate.feed(8000, scaled(1.2));
     for _ in 0..300 {
-        plate.watch.hear_of_weight(Some(true), 0.01);
+        plate.watch.ingest_weight_agreement(Some(true), 0.01);
     }
-    plate.show(1000, scaled(1.2));
-    plate.show(100, scaled(1.5));
-    plate.watch.hear_of_weight(Some(true), 0.01);
-    assert_eq!(plate.show(1000, scaled(1.5)), 0);
+    plate.feed(1000, scaled(1.2));
+    plate.feed(100, scaled(1.5));
+    plate.watch.ingest_weight_agreement(Some(true), 0.01);
+    assert_eq!(plate.feed(1000, scaled(1.5)), 0);
 }
 
 #[test]
-fn noise_that_has_ended_does_not_hide_a_leap() {
+fn noise_that_has_ended_does_not_mask_a_jump() {
     let mut plate = Plate::new();
     let noisy = |index: u64, sample: &mut GroundSample| {
         sample.force_n[2] += if index.is_multiple_of(2) { 200.0 } else { -200.0 };
     };
-    plate.show(5000, noisy);
-    plate.show(10_000, |_, _| {});
-    assert_eq!(plate.show(500, scaled(1.2)), 0);
+    plate.feed(5000, noisy);
+    plate.feed(10_000, |_, _| {});
+    assert_eq!(plate.feed(500, scaled(1.2)), 0);
 }
 
 #[test]
-fn a_centre_of_pressure_that_leaps_is_suspect() {
+fn a_centre_of_pressure_that_jumps_is_suspect() {
     let mut plate = Plate::new();
     let mirrored = |_: u64, sample: &mut GroundSample| sample.moment_nm = sample.moment_nm.map(|nm| -nm);
-    assert_eq!(plate.show(4000, mirrored), 0);
+    assert_eq!(plate.feed(4000, mirrored), 0);
 }
 
 #[test]
 fn one_stuck_channel_is_suspect_while_the_suit_moves_and_not_while_nothing_does() {
     let mut plate = Plate::new();
     let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = 706.0;
-    assert!(plate.show(400, stuck) < 10);
+    assert!(plate.feed(400, stuck) < 10);
     let mut still = Plate::new();
     still.watch.poses.run = 1;
-    assert_eq!(still.show(400, |_, sample| sample.force_n[0] = 1.5), 400);
+    assert_eq!(still.feed(400, |_, sample| sample.force_n[0] = 1.5), 400);
     let mut unseen = Plate::new();
     unseen.silent_from = unseen.millisecond;
-    unseen.show(150, |_, _| {});
-    // Stuck at the present value: another level would be a leap.
+    unseen.feed(150, |_, _| {});
+    // Stuck at the present value: another level would be a jump.
     let level_n = Plate::truth(unseen.millisecond).force_n[2];
     let stuck = |_: u64, sample: &mut GroundSample| sample.force_n[2] = level_n;
-    assert_eq!(unseen.show(400, stuck), 400, "a suit that is silent shows no motion");
+    assert_eq!(unseen.feed(400, stuck), 400, "a suit that is silent shows no motion");
 }
 
 #[test]
 fn a_plate_that_pulls_is_suspect() {
-    assert_eq!(Plate::new().show(100, scaled(-1.0)), 0);
+    assert_eq!(Plate::new().feed(100, scaled(-1.0)), 0);
 }
 
 /// A suit sample of a person in one of the bench's postures, moved slightly by each number.
@@ -197,7 +197,7 @@ fn bones(person: &Person) -> Bones {
 }
 
 /// Feeds 600 poses, then `poses` with a fault; returns how many of those were accepted.
-fn believed(poses: u64, fault: impl Fn(u64, &mut SuitSample)) -> (u64, Plausibility) {
+fn accepted(poses: u64, fault: impl Fn(u64, &mut SuitSample)) -> (u64, Plausibility) {
     let (person, mut watch) = (Person::real(), Plausibility::zeroed());
     let (mut before, mut count): (Option<SuitSample>, u64) = (None, 0);
     for number in 0..600 + poses {
@@ -206,52 +206,52 @@ fn believed(poses: u64, fault: impl Fn(u64, &mut SuitSample)) -> (u64, Plausibil
             fault(number, &mut sample);
         }
         // A plate that shows motion of the body.
-        watch.leaps.show(700.0 + 5.0 * number as f64);
-        let is_believed = watch.watch_suit(&sample, before.as_ref(), &bones(&person));
-        assert!(number >= 600 || is_believed, "{number}");
-        if is_believed {
+        watch.jumps.set_newest_vertical_n(700.0 + 5.0 * number as f64);
+        let is_accepted = watch.check_suit(&sample, before.as_ref(), &bones(&person));
+        assert!(number >= 600 || is_accepted, "{number}");
+        if is_accepted {
             before = Some(sample);
         }
-        count += u64::from(number >= 600 && is_believed);
+        count += u64::from(number >= 600 && is_accepted);
     }
     (count, watch)
 }
 
 #[test]
-fn poses_that_repeat_leap_or_come_apart_are_refused() {
+fn poses_that_repeat_jump_or_break_joints_are_rejected() {
     let still = suit(&Person::real(), 599);
     let frozen = |_: u64, sample: &mut SuitSample| {
         (sample.position_m, sample.orientation_wxyz) = (still.position_m, still.orientation_wxyz);
     };
-    let (count, watch) = believed(100, frozen);
-    assert!(count <= 1 && watch.suit.touches(0, u64::MAX), "{count} samples of a frozen suit are believed");
+    let (count, watch) = accepted(100, frozen);
+    assert!(count <= 1 && watch.suit.overlaps(0, u64::MAX), "{count} samples of a frozen suit are accepted");
     let twice = |number: u64, sample: &mut SuitSample| {
         if number == 650 {
             let before = suit(&Person::real(), 649);
             (sample.position_m, sample.orientation_wxyz) = (before.position_m, before.orientation_wxyz);
         }
     };
-    let (count, watch) = believed(100, twice);
-    assert!(count >= 99 && !watch.suit.touches(0, u64::MAX), "a pose that was sent twice is no failure");
+    let (count, watch) = accepted(100, twice);
+    assert!(count >= 99 && !watch.suit.overlaps(0, u64::MAX), "a pose that was sent twice is no failure");
     let untwisted = |_: u64, sample: &mut SuitSample| sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; 23];
-    assert_eq!(believed(100, untwisted).0, 0);
+    assert_eq!(accepted(100, untwisted).0, 0);
     let larger = |_: u64, sample: &mut SuitSample| {
         sample.position_m.iter_mut().flatten().for_each(|metres| *metres *= 1.2);
     };
-    assert_eq!(believed(100, larger).0, 0);
+    assert_eq!(accepted(100, larger).0, 0);
     let aside = |number: u64, sample: &mut SuitSample| {
         if number == 650 {
             sample.position_m.iter_mut().for_each(|position_m| position_m[1] += 0.5);
         }
     };
-    assert_eq!(believed(100, aside).0, 99, "one sample aside");
+    assert_eq!(accepted(100, aside).0, 99, "one sample aside");
 }
 
 #[test]
 fn a_segment_that_turns_faster_than_any_body_is_suspect() {
     // Arms that hang: no position shows a turn of the forearm about its own axis.
     let turned_at = |number: u64, by_rad: f64| {
-        believed(100, |now, sample| {
+        accepted(100, |now, sample| {
             if now >= number {
                 let orientation = &mut sample.orientation_wxyz[Segment::LeftForearm.index()];
                 let [w, x, y, z] = *orientation;
@@ -267,46 +267,46 @@ fn a_segment_that_turns_faster_than_any_body_is_suspect() {
     let (count, watch) = turned_at(650, 0.9);
     assert_eq!(count, 100, "the samples are used");
     let at_ns = 1_000_000_000 + 650 * 10 * MS_NS;
-    assert!(watch.suit.touches(at_ns, at_ns) && !watch.suit.touches(at_ns + 1, u64::MAX));
-    assert!(!turned_at(650, 0.5).1.suit.touches(0, u64::MAX), "an arm can do that");
+    assert!(watch.suit.overlaps(at_ns, at_ns) && !watch.suit.overlaps(at_ns + 1, u64::MAX));
+    assert!(!turned_at(650, 0.5).1.suit.overlaps(0, u64::MAX), "an arm can do that");
 }
 
 #[test]
-fn a_pose_of_a_moving_body_that_repeats_is_left_out_at_first_even_if_the_plate_does_not_move() {
+fn a_repeated_pose_of_a_moving_body_is_dropped_even_with_a_static_plate() {
     let (person, mut watch) = (Person::real(), Plausibility::zeroed());
     let mut before: Option<SuitSample> = None;
-    let mut watch_one = |number: u64, moved: u64| {
+    let mut check_one = |number: u64, moved: u64| {
         let mut sample = suit(&person, 0);
         sample.sample_time_ns += number * 10 * MS_NS;
         sample.position_m.iter_mut().for_each(|position_m| position_m[0] += 0.003 * moved as f64);
-        watch.leaps.show(700.0);
-        let is_believed = watch.watch_suit(&sample, before.as_ref(), &bones(&person));
-        before = if is_believed { Some(sample) } else { before };
-        is_believed
+        watch.jumps.set_newest_vertical_n(700.0);
+        let is_accepted = watch.check_suit(&sample, before.as_ref(), &bones(&person));
+        before = if is_accepted { Some(sample) } else { before };
+        is_accepted
     };
-    assert!((0..600).all(|number| watch_one(number, number)));
-    let believed = (600..620).map(|number| u64::from(watch_one(number, 599)));
-    assert_eq!(believed.sum::<u64>(), 11, "after 0.1 s it is a body that stands");
+    assert!((0..600).all(|number| check_one(number, number)));
+    let accepted = (600..620).map(|number| u64::from(check_one(number, 599)));
+    assert_eq!(accepted.sum::<u64>(), 11, "after 0.1 s it is a body that stands");
 }
 
 #[test]
-fn a_body_that_stays_where_it_leapt_to_is_another_world_s() {
+fn a_body_that_stays_after_a_jump_is_in_another_world() {
     let aside = |_: u64, sample: &mut SuitSample| {
         sample.position_m.iter_mut().for_each(|position_m| position_m[1] += 0.5);
     };
-    let (count, watch) = believed(100, aside);
+    let (count, watch) = accepted(100, aside);
     assert_eq!((count, watch.moved_ns), (99, 1_000_000_000 + 601 * 10 * MS_NS));
-    let none = believed(100, |_, _| {});
+    let none = accepted(100, |_, _| {});
     assert_eq!((none.0, none.1.moved_ns), (100, 0));
 }
 
 #[test]
-fn before_the_bones_are_known_a_person_s_of_that_stature_serve() {
+fn before_bone_lengths_are_available_nominal_ones_apply() {
     let settings = Settings::for_height(1.77);
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&settings);
     let mut sample = suit(&Person::real(), 0);
-    assert!(memory.believes_suit(&sample, &settings));
+    assert!(memory.validate_suit(&sample, &settings));
     sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; 23];
-    assert!(!memory.believes_suit(&sample, &settings));
+    assert!(!memory.validate_suit(&sample, &settings));
 }

@@ -110,9 +110,9 @@ pub(in crate::cycle) struct Bench {
     /// Shear in messages of devices that declare it unmeasured, N.
     pub(in crate::cycle) unmeasured_shear_n: Option<[f64; 2]>,
     /// Body message of the suit in every cycle.
-    pub(in crate::cycle) build: Option<SuitBody>,
+    pub(in crate::cycle) suit_body: Option<SuitBody>,
     /// The last posture; weight of the load, N, times its position, N m, and offset of the plate, m.
-    pub(in crate::cycle) shown: Option<(Posture, [f64; 4])>,
+    pub(in crate::cycle) last_input: Option<(Posture, [f64; 4])>,
     /// Duration of the transition between poses or loads, ms.
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
@@ -138,8 +138,8 @@ impl Bench {
             suit_drift_m: 0.0,
             feet_m: None,
             unmeasured_shear_n: None,
-            build: None,
-            shown: None,
+            suit_body: None,
+            last_input: None,
             takes_ms: 100.0,
             suit_session: 0,
         }
@@ -190,16 +190,16 @@ impl Bench {
         milliseconds: u64,
     ) {
         let (load_n, at) = load.map_or((0.0, Vector3::zeros()), |(kg, at)| (kg * GRAVITY_M_PER_S2, at));
-        let before = self.shown.unwrap_or((*posture, [load_n, at.x * load_n, at.y * load_n, off_m]));
+        let before = self.last_input.unwrap_or((*posture, [load_n, at.x * load_n, at.y * load_n, off_m]));
         let after = (*posture, [load_n, at.x * load_n, at.y * load_n, off_m]);
         for millisecond in 1..=milliseconds {
             self.now_ns += TICK_NS;
             self.cycle += 1;
             // A leap of the body or the force would be rejected.
             let share = (millisecond as f64 / self.takes_ms).min(1.0);
-            let shown = (between(&before.0, posture, share), mix(before.1, after.1, share));
-            self.shown = Some(shown);
-            let (posture, [load_n, load_x_nm, load_y_nm, off_m]) = shown;
+            let input = (between(&before.0, posture, share), mix(before.1, after.1, share));
+            self.last_input = Some(input);
+            let (posture, [load_n, load_x_nm, load_y_nm, off_m]) = input;
             let pose = person.pose(&posture);
             let centre = centre_of_mass(&pose, &person.phi);
             let weight_n = MASS_KG * GRAVITY_M_PER_S2;
@@ -231,11 +231,11 @@ impl Bench {
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
             self.suit_sequence += u64::from(has_suit);
-            let build = self.build.map(|build| SuitBody { published_ns: self.now_ns, ..build });
+            let suit_body = self.suit_body.map(|suit_body| SuitBody { published_ns: self.now_ns, ..suit_body });
             let inputs = Inputs {
                 suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
                 ground: if self.ground_silent { &[] } else { core::slice::from_ref(&ground) },
-                body: build.as_ref(),
+                body: suit_body.as_ref(),
                 command: None,
             };
             step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);

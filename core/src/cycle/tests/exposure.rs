@@ -73,12 +73,12 @@ fn the_back_is_published_without_a_load_and_the_load_is_not() {
 fn a_load_that_may_be_undetected_is_flagged_and_masks_the_back() {
     let person = Person::real();
     let mut bench = carrying(&person, 600);
-    // Long enough for the offset of the vertical force, whose uncertainty also hides a load.
+    // Long enough for the offset of the vertical force, whose uncertainty also masks a load.
     bench.hold(&person, &carrying_pose(), None, 4000);
     bench.takes_ms = 10.0;
     // The bench's plate does not show the inertia of the arms, which the lag test would reject.
     bench.settings.align_streams = false;
-    let (mut hidden, mut published) = (0, 0);
+    let (mut masked, mut published) = (0, 0);
     for step in 0..560_i16 {
         // After the box is put down, the arms swing and stop repeatedly.
         let degrees = if step % 100 < 40 { (25.0 * (f64::from(step) * 0.15).sin()) as i16 } else { 0 };
@@ -93,12 +93,12 @@ fn a_load_that_may_be_undetected_is_flagged_and_masks_the_back() {
             reasons.names().collect::<Vec<_>>()
         );
         if reasons.any_of(Validity::LOAD_MAY_HIDE) {
-            hidden += 1;
+            masked += 1;
             assert!(reasons.any_of(Validity::BELOW_LOAD_THRESHOLD));
         }
         published += u32::from(compressed);
     }
-    assert!(hidden > 20 && published > 20, "{hidden} {published}");
+    assert!(masked > 20 && published > 20, "{masked} {published}");
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     assert_eq!(bench.state().lifts, 1, "the same worker");
     let mut another = bytemuck::zeroed_box::<Worker>();
     another.identification = bench.memory.identification;
-    bench.memory.put_in_place(&another);
+    bench.memory.replace_subject(&another);
     (bench.suit_silent, bench.ground_silent) = (true, true);
     bench.command(CommandKind::SubjectLoad);
     assert_eq!((bench.state().lifts, bench.state().dose_damage), (0, 0.0), "at once, also without sensors");
@@ -214,12 +214,12 @@ fn a_force_that_is_doubled_for_20_ms_changes_no_dose_and_for_200_ms_it_does() {
 }
 
 #[test]
-fn levels_follow_table_1_where_the_torque_is_known_well() {
+fn levels_follow_table_1_where_sigma_is_small() {
     let person = Person::real();
     // Long enough to determine the load's position in the hands.
     let bench = carrying(&person, 4000);
     let state = bench.state();
-    let mut known = Vec::new();
+    let mut with_sigma = Vec::new();
     for joint in Joint::ALL {
         let index = joint.index();
         let magnitude_nm = Vector3::from(state.torque_nm[index]).norm();
@@ -228,11 +228,11 @@ fn levels_follow_table_1_where_the_torque_is_known_well() {
         let level = Level::from_number(state.joint_level[index]).unwrap();
         if of(magnitude_nm - sigma_nm) == of(magnitude_nm + sigma_nm) {
             assert_eq!(level, of(magnitude_nm), "{}", joint.name());
-            known.push(level);
+            with_sigma.push(level);
         }
         assert_ne!(level, Level::None);
     }
-    assert!(known.contains(&Level::Green) && known.iter().any(|level| *level > Level::Green), "{known:?}");
+    assert!(with_sigma.contains(&Level::Green) && with_sigma.iter().any(|level| *level > Level::Green), "{with_sigma:?}");
 }
 
 #[test]

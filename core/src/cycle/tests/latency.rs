@@ -22,7 +22,7 @@ fn a_stream_that_is_late_by_what_it_should_be_is_not_stale() {
         assert!(!state.validity().any_of(Validity::SUIT_STALE.and(Validity::GROUND_STALE)), "{suit_ms}");
         let works = matches!(bench.phase(), Phase::Identifying | Phase::Monitoring);
         assert!(works, "{:?} with {suit_ms} and {ground_ms} ms", bench.phase());
-        assert!(state.suit_age_ns >= suit_ms * MS_NS, "the age says the whole truth");
+        assert!(state.suit_age_ns >= suit_ms * MS_NS, "the age includes the latency");
         assert_ne!(state.cop_measured_m, [0.0; 2], "the wrench at the suit's own time is still there");
     }
 }

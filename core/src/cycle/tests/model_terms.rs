@@ -29,7 +29,7 @@ fn bench(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
 
 /// A subject who matches the table, with identification disabled and an absolute suit position: neither θ nor a stance
 /// offset is updated, so that only the terms differ.
-fn known(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
+fn bench_with(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
     let mut bench = bench(some, |settings| {
         settings.start_identifying = false;
         settings.suit_drifts = false;
@@ -101,9 +101,9 @@ fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
     // Of the external force, without the offset that was subtracted: it depends on the forces before.
     let (mut all, mut offset_n): (Vec<(u64, [f64; 2], f64)>, f64) = (Vec::new(), 0.0);
     swing(bench, shear, |bench| {
-        let known = &bench.memory.known;
-        if all.last().is_none_or(|(time, ..)| *time != known.suit_sample_time_ns) {
-            all.push((known.suit_sample_time_ns, known.cop_estimated_m, known.delta_f_n[2] + offset_n));
+        let estimate = &bench.memory.estimate;
+        if all.last().is_none_or(|(time, ..)| *time != estimate.suit_sample_time_ns) {
+            all.push((estimate.suit_sample_time_ns, estimate.cop_estimated_m, estimate.delta_f_n[2] + offset_n));
         }
         offset_n = bench.memory.force_offset.mean_n();
     });
@@ -115,13 +115,13 @@ fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
 #[test]
 fn the_state_with_a_model_is_the_state_without_it_and_the_columns() {
     for shear in [false, true] {
-        let plain = states(&mut known(&[], |_| {}), shear);
+        let plain = states(&mut bench_with(&[], |_| {}), shear);
         let plate = [
             term(Effect::PlateOffset, Place::Whole, 0.0, [0.011, -0.007, 0.0, 0.0]),
             term(Effect::PlateGain, Place::Whole, 0.0, [0.03, -0.02, 0.0, 0.0]),
             term(Effect::PlateCrosstalk, Place::Whole, 0.0, [0.015, 0.0, 0.0, 0.0]),
         ];
-        let with = states(&mut known(&plate, |_| {}), shear);
+        let with = states(&mut bench_with(&plate, |_| {}), shear);
         assert_eq!(plain.len(), with.len());
         let mut moved = 0.0_f64;
         for ((_, [x, y], force), (_, with_model, force_with)) in plain.iter().zip(&with) {
@@ -142,7 +142,7 @@ fn the_state_with_a_model_is_the_state_without_it_and_the_columns() {
 fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
     let worn = [term(Effect::WornMass, Place::Segment(Segment::T8), 0.0, [3.0, 0.0, 0.0, 0.0])];
     for shear in [false, true] {
-        let mut plain = known(&[], |_| {});
+        let mut plain = bench_with(&[], |_| {});
         let mut places: Vec<(u64, f64)> = Vec::new();
         let (mut forces, mut offset_n) = (Vec::new(), 0.0);
         swing(&mut plain, shear, |bench| {
@@ -152,13 +152,13 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
                     places.push((newest.time_ns, newest.pose().point_on(Segment::T8, table).z));
                 }
             }
-            let known = &bench.memory.known;
-            if forces.last().is_none_or(|(time, _): &(u64, f64)| *time != known.suit_sample_time_ns) {
-                forces.push((known.suit_sample_time_ns, known.delta_f_n[2] + offset_n));
+            let estimate = &bench.memory.estimate;
+            if forces.last().is_none_or(|(time, _): &(u64, f64)| *time != estimate.suit_sample_time_ns) {
+                forces.push((estimate.suit_sample_time_ns, estimate.delta_f_n[2] + offset_n));
             }
             offset_n = bench.memory.force_offset.mean_n();
         });
-        let with = states(&mut known(&worn, |_| {}), shear);
+        let with = states(&mut bench_with(&worn, |_| {}), shear);
         let mut compared = 0;
         let mut heaviest = 0.0_f64;
         for (time_ns, force) in &forces {
@@ -194,8 +194,8 @@ fn curvature(values: &[f64]) -> f64 {
 fn a_term_holds_in_its_span_of_the_stations_time_alone() {
     let mut offset = term(Effect::PlateOffset, Place::Whole, 0.0, [0.01, 0.0, 0.0, 0.0]);
     offset.span_s = [0.6, 1.1];
-    let plain = states(&mut known(&[], |_| {}), false);
-    let with = states(&mut known(&[offset], |_| {}), false);
+    let plain = states(&mut bench_with(&[], |_| {}), false);
+    let with = states(&mut bench_with(&[offset], |_| {}), false);
     // The station's first snapshot: the suit's sample at the first multiple of its period after the start.
     let first_ns = NS_PER_S + SUIT_PERIOD_NS - 500_000;
     let (mut inside, mut outside) = (0, 0);
@@ -209,7 +209,7 @@ fn a_term_holds_in_its_span_of_the_stations_time_alone() {
 }
 
 #[test]
-fn what_a_term_explains_is_not_learnt_into_the_body() {
+fn what_a_term_explains_does_not_bias_theta() {
     let person = Person::real();
     let shifted = |with: &[Term], off_m: f64| {
         let mut bench = bench(with, |_| {});
@@ -233,7 +233,7 @@ fn what_a_term_explains_is_not_learnt_into_the_body() {
 }
 
 #[test]
-fn a_worker_who_wears_something_known_weighs_less_than_the_plate_shows() {
+fn a_worn_mass_term_is_no_body_mass() {
     let worn = [term(Effect::WornMass, Place::Segment(Segment::Pelvis), 0.0, [2.0, 0.0, 0.0, 0.0])];
     let mut bench = bench(&worn, |settings| settings.mass_kg = None);
     bench.hold(&Person::real(), &postures()[0], None, 1500);
@@ -244,10 +244,10 @@ fn a_worker_who_wears_something_known_weighs_less_than_the_plate_shows() {
 /// stale.
 #[test]
 fn a_late_suit_is_dated_back_at_intake() {
-    let plain = states(&mut known(&[], |_| {}), false);
+    let plain = states(&mut bench_with(&[], |_| {}), false);
     for tau_s in [0.12, -0.03] {
         let lag = term(Effect::SuitLag, Place::Whole, tau_s, [tau_s, 0.0, 0.0, 0.0]);
-        let mut bench = known(&[lag], |_| {});
+        let mut bench = bench_with(&[lag], |_| {});
         let with = states(&mut bench, false);
         let valid = bench.state().validity();
         assert!(!valid.any_of(Validity::SUIT_STALE.and(Validity::GROUND_STALE)), "{tau_s}: {valid:?}");
@@ -259,11 +259,11 @@ fn a_late_suit_is_dated_back_at_intake() {
 
 /// A plate with a low pass: the estimate follows the prediction, delayed by the filter's time constant.
 #[test]
-fn a_slow_plate_is_expected_to_show_the_swing_late_and_smaller() {
+fn a_low_pass_term_delays_and_attenuates_the_prediction() {
     let cutoff_hz = 0.5;
     let low = [term(Effect::PlateLowpass, Place::Whole, cutoff_hz, [cutoff_hz, 0.0, 0.0, 0.0])];
-    let plain = states(&mut known(&[], |_| {}), false);
-    let with = states(&mut known(&low, |_| {}), false);
+    let plain = states(&mut bench_with(&[], |_| {}), false);
+    let with = states(&mut bench_with(&low, |_| {}), false);
     let swing = |all: &[(u64, [f64; 2], f64)]| {
         let last = all[all.len() - 200..].iter().map(|(_, [x, _], _)| *x);
         last.clone().fold(f64::MIN, f64::max) - last.fold(f64::MAX, f64::min)
@@ -274,7 +274,7 @@ fn a_slow_plate_is_expected_to_show_the_swing_late_and_smaller() {
 }
 
 #[test]
-fn a_load_in_the_model_is_no_overload_any_more() {
+fn a_load_term_causes_no_overload() {
     let person = Person::real();
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     let lifted = lifted_box(&person, &posture);

@@ -3,7 +3,7 @@
 use super::*;
 use crate::message::state::NotGiven;
 
-fn worked_through(shear_n: Option<[f64; 2]>) -> Bench {
+fn bench_after_poses(shear_n: Option<[f64; 2]>) -> Bench {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.unmeasured_shear_n = shear_n;
     for (index, posture) in postures().into_iter().enumerate().take(8) {
@@ -18,8 +18,8 @@ fn worked_through(shear_n: Option<[f64; 2]>) -> Bench {
 }
 
 #[test]
-fn shear_that_was_not_measured_changes_not_one_byte_whatever_stands_there() {
-    let (zero, nonsense) = (worked_through(Some([0.0; 2])), worked_through(Some([260.0, -190.0])));
+fn unmeasured_shear_is_never_read() {
+    let (zero, nonsense) = (bench_after_poses(Some([0.0; 2])), bench_after_poses(Some([260.0, -190.0])));
     assert!(bytemuck::bytes_of(zero.state()) == bytemuck::bytes_of(nonsense.state()));
     assert!(bytemuck::bytes_of(&*zero.memory) == bytemuck::bytes_of(&*nonsense.memory));
     assert!(!zero.state().gives(NotGiven::Shear) && zero.state().poses_used > 2);
@@ -27,7 +27,7 @@ fn shear_that_was_not_measured_changes_not_one_byte_whatever_stands_there() {
 }
 
 #[test]
-fn at_rest_missing_shear_costs_nothing_of_sigma() {
+fn at_rest_missing_shear_does_not_increase_sigma() {
     let (person, posture) = (Person::real(), stand(10, 0, [-80, 0, 0], [80, 0, 0], 0));
     let published = |shear_n| {
         let mut bench = Bench::new(|_| {});

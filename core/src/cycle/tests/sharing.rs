@@ -9,7 +9,7 @@ fn carrying() -> Posture {
     stand(10, 0, [0, 0, -80], [0, 0, 80], 10)
 }
 
-fn learnt() -> (Person, Bench) {
+fn identified() -> (Person, Bench) {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.identify(&person);
     (person, bench)
@@ -25,14 +25,14 @@ fn grips_in(person: &Person, posture: &Posture) -> [Vector3<f64>; 2] {
 }
 
 /// 1-σ of the load's position by the values of the state, m.
-fn place_sigma_m(state: &State) -> f64 {
+fn position_sigma_m(state: &State) -> f64 {
     let weight_n = state.ground_force_n[2] - state.delta_f_n[2];
     state.cop_sigma_m.iter().copied().fold(0.0, f64::max) * weight_n / state.delta_f_n[2].abs()
 }
 
 #[test]
 fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
-    let (person, mut bench) = learnt();
+    let (person, mut bench) = identified();
     let [left, right] = grips(&person);
     let apart_m = (left - right).xy().norm();
     for right_share in [0.0, 0.25, 0.5, 1.0] {
@@ -42,18 +42,18 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
             bench.hold(&person, &carrying(), Some((load_kg, at)), 600);
             let state = bench.state();
             assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
-            let sigma = place_sigma_m(state) / apart_m;
+            let sigma = position_sigma_m(state) / apart_m;
             let case = std::format!("{right_share} of {load_kg} kg: {:?} ± {sigma}", state.eta);
             assert!((state.eta[1] - right_share).abs() <= 2.0 * sigma, "{case}");
-            assert!(sigma < 0.4, "a σ that says something: {case}");
-            assert!(state.load_distance_m <= 2.0 * place_sigma_m(state), "{case} {}", state.load_distance_m);
+            assert!(sigma < 0.4, "an informative σ: {case}");
+            assert!(state.load_distance_m <= 2.0 * position_sigma_m(state), "{case} {}", state.load_distance_m);
         }
     }
 }
 
 #[test]
 fn a_load_in_one_hand_loads_that_arm() {
-    let (person, mut bench) = learnt();
+    let (person, mut bench) = identified();
     bench.hold(&person, &carrying(), Some((12.0, grips(&person)[1])), 600);
     let magnitude =
         |name: &str| Vector3::from(bench.state().torque_nm[Joint::named(name).unwrap().index()]).norm();
@@ -63,7 +63,7 @@ fn a_load_in_one_hand_loads_that_arm() {
 
 #[test]
 fn a_load_is_ahead_of_the_hands_also_if_they_cross() {
-    let (person, mut bench) = learnt();
+    let (person, mut bench) = identified();
     for elbow in [10, 75] {
         let posture = stand(10, 0, [0, 0, -80], [0, 0, 80], elbow);
         let [left, right] = grips_in(&person, &posture);
@@ -78,7 +78,7 @@ fn a_load_is_ahead_of_the_hands_also_if_they_cross() {
 
 #[test]
 fn a_load_farther_from_the_hands_than_all_errors_allow_makes_torques_and_fractions_unsure() {
-    let (person, mut bench) = learnt();
+    let (person, mut bench) = identified();
     let middle = 0.5 * (grips(&person)[0] + grips(&person)[1]);
     let mut sigma_of = |ahead_m: f64| {
         bench.hold(&person, &carrying(), None, 300);
@@ -95,7 +95,7 @@ fn a_load_farther_from_the_hands_than_all_errors_allow_makes_torques_and_fractio
 
 #[test]
 fn a_load_on_the_back_is_not_in_the_hands() {
-    let (person, mut bench) = learnt();
+    let (person, mut bench) = identified();
     let back = person.pose(&carrying()).origin_of(Segment::T8) + Vector3::new(-0.15, 0.0, 0.1);
     bench.hold(&person, &carrying(), Some((12.0, back)), 600);
     let state = bench.state();
@@ -108,7 +108,7 @@ fn a_load_on_the_back_is_not_in_the_hands() {
 
 #[test]
 fn measured_feet_are_published_and_geometry_returns_without_them() {
-    let (person, mut bench) = learnt();
+    let (person, mut bench) = identified();
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
     // Twice, so that all subsequent ones have the same history.
     for _ in 0..2 {
@@ -155,7 +155,7 @@ fn measured_feet_are_published_and_geometry_returns_without_them() {
 
 #[test]
 fn the_offset_of_the_stance_moves_the_whole_body() {
-    let (_, bench) = learnt();
+    let (_, bench) = identified();
     let offset_m = bench.memory.identification.stance_offset_m();
     assert!(offset_m[0].hypot(offset_m[1]) > 1e-5, "there is an offset to apply: {offset_m:?}");
     let state = bench.state();

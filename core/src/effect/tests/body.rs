@@ -63,7 +63,7 @@ impl Body {
 
     /// Output of a suit with exact bone lengths: rotations with its errors, and the resulting joint positions. Both
     /// feet are held at their positions, as by the anchor; the whole rotates about them.
-    pub(super) fn shown(
+    pub(super) fn suit_pose(
         &self,
         time_s: f64,
         error: &SuitError,
@@ -76,13 +76,13 @@ impl Body {
         });
         // The middle between the feet is fixed.
         let middle = Vector::new(0.1, -0.05, FLOOR_M + 0.05);
-        let mut shown = self.joints(&turned);
-        let off = middle - feet(&shown);
-        for joint in &mut shown {
+        let mut joints = self.joints(&turned);
+        let off = middle - feet(&joints);
+        for joint in &mut joints {
             *joint += off;
         }
         let whole = UnitQuaternion::from_axis_angle(&Vector::z_axis(), error.whole_rad);
-        (shown.map(|joint| middle + whole * (joint - middle)), turned.map(|rotation| whole * rotation))
+        (joints.map(|joint| middle + whole * (joint - middle)), turned.map(|rotation| whole * rotation))
     }
 
     fn joints(&self, rotation: &[UnitQuaternion<f64>; SEGMENTS]) -> [Vector; SEGMENTS] {
@@ -97,7 +97,7 @@ impl Body {
     }
 
     pub(super) fn point(&self, time_s: f64, segment: Segment, from_origin_m: Vector) -> Vector {
-        let (joints, rotation) = self.shown(time_s, &SuitError::none());
+        let (joints, rotation) = self.suit_pose(time_s, &SuitError::none());
         joints[segment.index()] + rotation[segment.index()] * from_origin_m
     }
 
@@ -132,12 +132,12 @@ impl Body {
         truth: &Reaction,
         shear: bool,
     ) -> Observation {
-        let (joints, rotation) = self.shown(time_s, error);
+        let (joints, rotation) = self.suit_pose(time_s, error);
         let centre = |t: f64| {
-            let (joints, rotation) = self.shown(t, error);
+            let (joints, rotation) = self.suit_pose(t, error);
             (0..SEGMENTS).fold(joints[0], |sum, index| sum + rotation[index] * Vector::from(phi.0[index]))
         };
-        let matrix = |t: f64, index: usize| *self.shown(t, error).1[index].to_rotation_matrix().matrix();
+        let matrix = |t: f64, index: usize| *self.suit_pose(t, error).1[index].to_rotation_matrix().matrix();
         let column =
             |t: f64, index: usize, axis: usize| -> Vector { matrix(t, index).column(axis).into_owned() };
         let rows =
@@ -160,7 +160,7 @@ impl Body {
             feet_hold: true,
             origin_m: joints.map(Into::into),
             origin_acceleration_m_per_s2: core::array::from_fn(|index| {
-                second(|t| self.shown(t, error).0[index], time_s).into()
+                second(|t| self.suit_pose(t, error).0[index], time_s).into()
             }),
             rotation: core::array::from_fn(|index| {
                 let turned: Rotation3<f64> = rotation[index].to_rotation_matrix();
@@ -192,7 +192,7 @@ impl Body {
             .map(|segment| {
                 let centre = Vector::from(self.table.com_m[segment.index()]);
                 let path = move |t: f64| {
-                    let (joints, rotation) = self.shown(t, error);
+                    let (joints, rotation) = self.suit_pose(t, error);
                     joints[segment.index()] + rotation[segment.index()] * centre
                 };
                 (self.table.mass_fraction[segment.index()], path(time_s), second(path, time_s))

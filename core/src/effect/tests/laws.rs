@@ -117,7 +117,7 @@ fn a_contact_shifts_the_centre_by_exactly_its_columns() {
         let o = body.observation(time_s, &SuitError::none(), &phi(&body), &truth, shear);
         let contact = columns(Effect::HandContact, Place::Hand(Side::Right), 0.0, &o);
         nothing_is_left(&o, &contact, [25.0, -14.0, 60.0, 0.0], "contact");
-        assert!(contact.force_n[2][2] < 0.0, "who leans down on a bench is borne by it");
+        assert!(contact.force_n[2][2] < 0.0, "a hand that leans on a bench is supported");
     }
 }
 
@@ -206,10 +206,10 @@ fn a_suit_that_has_turned_for_a_while_shifts_the_prediction_by_its_column() {
         let drift = columns(Effect::SuitHeadingDrift, Place::Whole, 0.0, &o);
         little_is_left(&o, &drift, [1e-5 / 40.0, 0.0, 0.0, 0.0], "heading");
         // In the suit's axes, a true force to the front comes from the right.
-        let missed = [0, 1].map(|axis| o.force_measured_n[axis] - o.force_predicted_n[axis]);
+        let residual = [0, 1].map(|axis| o.force_measured_n[axis] - o.force_predicted_n[axis]);
         let explained = drift.times(&[1e-5 / 40.0, 0.0, 0.0, 0.0]).1;
         for axis in 0..2 {
-            assert!((missed[axis] - explained[axis]).abs() < 1e-5, "{missed:?} {explained:?}");
+            assert!((residual[axis] - explained[axis]).abs() < 1e-5, "{residual:?} {explained:?}");
         }
     }
 }
@@ -247,8 +247,8 @@ fn a_false_plate_reads_the_prediction_and_its_column() {
         let o = read(force_read, [cop.x, cop.y], Effect::PlateYaw, [1e-6, 0.0, 0.0, 0.0]);
         let column = columns(Effect::PlateYaw, Place::Whole, 0.0, &o);
         for axis in 0..2 {
-            let missed = o.force_measured_n[axis] - o.force_predicted_n[axis];
-            assert!((missed - 1e-6 * column.force_n[0][axis]).abs() < 1e-6);
+            let residual = o.force_measured_n[axis] - o.force_predicted_n[axis];
+            assert!((residual - 1e-6 * column.force_n[0][axis]).abs() < 1e-6);
         }
 
         // The device's moments are correct, but refer to a height that is 20 mm too low.
@@ -269,7 +269,7 @@ fn a_false_plate_reads_the_prediction_and_its_column() {
 }
 
 #[test]
-fn a_model_of_a_still_body_lacks_exactly_the_inertia() {
+fn a_static_model_lacks_exactly_the_inertia() {
     let body = Body::new();
     for time_s in TIMES_S {
         let truth = body.reaction(time_s, &[], None);

@@ -9,7 +9,7 @@ fn everywhere() -> impl Iterator<Item = (Effect, Place)> {
 }
 
 #[test]
-fn names_lead_back_to_their_effects() {
+fn names_map_back_to_their_effects() {
     for (index, effect) in Effect::ALL.into_iter().enumerate() {
         assert_eq!(effect as usize, index);
         assert_eq!(Effect::from_name(effect.name()), Some(effect));

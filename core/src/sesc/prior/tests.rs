@@ -70,10 +70,10 @@ fn draw(body: &Anthropometry, normal: &mut Normal) -> Anthropometry {
         for mirrored in [false, true].into_iter().take(if is_paired { 2 } else { 1 }) {
             let own = normal.next();
             let deviation =
-                if is_paired { ALIKE.sqrt() * shared + (1.0 - ALIKE).sqrt() * own } else { shared };
+                if is_paired { SIDE_CORRELATION.sqrt() * shared + (1.0 - SIDE_CORRELATION).sqrt() * own } else { shared };
             for segment in segments {
                 let segment = if mirrored { segment.mirrored() } else { *segment };
-                person.mass_fraction[segment.index()] *= 1.0 + WIDER * spread * deviation;
+                person.mass_fraction[segment.index()] *= 1.0 + SPREAD_FACTOR * spread * deviation;
             }
         }
     }
@@ -89,7 +89,7 @@ fn draw(body: &Anthropometry, normal: &mut Normal) -> Anthropometry {
             }
             let shared = normal.next();
             for (of, sign) in [(segment, 1.0), (segment.mirrored(), if axis == 1 { -1.0 } else { 1.0 })] {
-                let deviation = ALIKE.sqrt() * shared + (1.0 - ALIKE).sqrt() * normal.next();
+                let deviation = SIDE_CORRELATION.sqrt() * shared + (1.0 - SIDE_CORRELATION).sqrt() * normal.next();
                 person.com_m[of.index()][axis] += sign * spread_m * deviation;
             }
         }

@@ -43,7 +43,7 @@ fn run(seconds: u64, drift: f64, mean_jitter_ns: f64) -> std::vec::Vec<(f64, f64
 }
 
 #[test]
-fn jitter_does_not_enter_and_drift_is_followed() {
+fn jitter_is_rejected_and_drift_is_tracked() {
     for drift in [0.0, 50e-6, -50e-6] {
         let settled = run(90, drift, 1e6).split_off(30 * 240);
         let worst = settled.iter().fold(0.0f64, |worst, (error, _)| worst.max(error.abs()));
@@ -63,8 +63,8 @@ fn sigma_is_honest() {
 }
 
 #[test]
-fn an_early_arrival_shows_by_how_much_the_others_were_late() {
-    // All samples are delayed by 5 ms, until one is not; the stamps wait for the line, and say how far they are off.
+fn an_early_arrival_reveals_the_delay_of_the_others() {
+    // All samples are delayed by 5 ms, until one is not: estimates adapt gradually, with the deviation in their σ.
     let mut fit = ClockFit::new();
     for index in 0..40 {
         let taken_ns = START_NS + index * 4_000_000;
@@ -89,19 +89,19 @@ fn a_few_samples_are_enough_and_fewer_are_not() {
 }
 
 #[test]
-fn a_counter_that_paused_or_leapt_gets_a_new_line() {
+fn a_counter_that_paused_or_jumped_gets_a_new_line() {
     // Ten seconds of silence in which the device did not count; then a jump of 1000 counts at once.
-    for (silence_ns, leap) in [(10_000_000_000, 0), (0, 1000)] {
+    for (silence_ns, jump) in [(10_000_000_000, 0), (0, 1000)] {
         let mut fit = ClockFit::new();
         for index in 0..2400u64 {
-            let (pause, leapt) = if index < 1200 { (0, 0) } else { (silence_ns, leap) };
+            let (pause, jumped) = if index < 1200 { (0, 0) } else { (silence_ns, jump) };
             let arrival_ns = START_NS + index * 4_000_000 + pause;
-            fit.observe(index + leapt, arrival_ns);
-            let Some(estimate) = fit.estimate(index + leapt) else { continue };
+            fit.observe(index + jumped, arrival_ns);
+            let Some(estimate) = fit.estimate(index + jumped) else { continue };
             let error = arrival_ns.abs_diff(estimate.host_ns);
             assert!(error < 1000 || error <= estimate.sigma_ns + 1000, "{index}: {error} {estimate:?}");
         }
-        assert!(fit.estimate(2400 + leap).unwrap().sigma_ns < 2000);
+        assert!(fit.estimate(2400 + jump).unwrap().sigma_ns < 2000);
     }
 }
 
@@ -117,13 +117,13 @@ fn equal_and_falling_counters_are_ignored() {
 }
 
 #[test]
-fn a_device_that_changes_its_pace_is_followed_soon_and_not_believed_meanwhile() {
+fn a_change_of_the_period_is_tracked_within_seconds() {
     // Alternately slower and faster, as a suit that is set to another rate and back.
     let (mut fit, mut now_ns, mut counter) = (ClockFit::new(), START_NS, 0_u64);
     let mut wrong_since_ns = None;
-    let mut paces = std::vec![(60.0, 20.0), (40.0, 4.0), (60.0, 20.0), (100.0, 4.0), (60.0, 20.0)];
-    paces.extend([(240.0, 30.0), (60.0, 90.0)]);
-    for (rate_hz, seconds) in paces {
+    let mut rates = std::vec![(60.0, 20.0), (40.0, 4.0), (60.0, 20.0), (100.0, 4.0), (60.0, 20.0)];
+    rates.extend([(240.0, 30.0), (60.0, 90.0)]);
+    for (rate_hz, seconds) in rates {
         for _ in 0..(rate_hz * seconds) as u64 {
             now_ns += (1e9 / rate_hz) as u64;
             counter += 1;
@@ -139,7 +139,7 @@ fn a_device_that_changes_its_pace_is_followed_soon_and_not_believed_meanwhile() 
                 wrong_since_ns = None;
             } else {
                 let since_ns = *wrong_since_ns.get_or_insert(now_ns);
-                assert!(now_ns - since_ns < 5_000_000_000, "{rate_hz} Hz: unsure for 5 s: {estimate:?}");
+                assert!(now_ns - since_ns < 5_000_000_000, "{rate_hz} Hz: σ above 1 ms for 5 s: {estimate:?}");
             }
         }
     }

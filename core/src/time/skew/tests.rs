@@ -95,8 +95,8 @@ impl Run {
         self.late_s + self.drift * time_s + step_s
     }
 
-    /// Feeds an estimator in the order of the stamps; calls `see` after each suit sample, with the true time.
-    fn feed(&self, seed: u64, mut see: impl FnMut(f64, u64, &SkewEstimator)) -> Box<SkewEstimator> {
+    /// Feeds an estimator in the order of the stamps; calls `each` after each suit sample, with the true time.
+    fn feed(&self, seed: u64, mut each: impl FnMut(f64, u64, &SkewEstimator)) -> Box<SkewEstimator> {
         let (squats, mut random) = (Squats::of(seed, self.seconds), Random(seed));
         let mut estimator: Box<SkewEstimator> = bytemuck::zeroed_box();
         let mut samples: Vec<(u64, f64, bool)> = Vec::new();
@@ -113,7 +113,7 @@ impl Run {
             let [height_m, up_m_per_s2] = squats.at(time_s);
             if is_suit {
                 estimator.push_height(stamp_ns, height_m + self.noise[0] * random.normal());
-                see(time_s, stamp_ns, &estimator);
+                each(time_s, stamp_ns, &estimator);
             } else {
                 let box_kg = if (time_s / 5.0) as u64 % 2 == 1 { self.box_kg } else { 0.0 };
                 let force_n = (self.mass_kg + box_kg) * (GRAVITY_M_PER_S2 + up_m_per_s2);
@@ -161,7 +161,7 @@ fn mass_and_a_box_that_is_lifted_and_put_down_do_not_matter() {
 }
 
 #[test]
-fn drift_is_found_and_followed() {
+fn drift_is_detected_and_tracked() {
     for (drift, late_s) in [(-400e-6, -0.138), (1000e-6, 0.0), (0.0, 0.2)] {
         let short = Run { drift, late_s, ..RUN }.skew(1).unwrap();
         assert!((short.0.drift - drift).abs() < 200e-6 && short.1.abs() < 0.010, "{short:?}");
@@ -172,7 +172,7 @@ fn drift_is_found_and_followed() {
 }
 
 #[test]
-fn a_delay_that_changes_is_noticed_and_estimated_again() {
+fn a_delay_that_changes_is_detected_and_estimated_again() {
     for by_s in [0.3, -0.15] {
         let run = Run { late_s: 0.02, step: Some([60.0, by_s]), seconds: 100.0, ..RUN };
         let (mut contradicted_s, mut found_s) = (None, None);

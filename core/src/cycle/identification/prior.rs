@@ -1,7 +1,7 @@
 //! Prior of the filter, and its test against the first poses.
 
 use super::Identification;
-use super::consistency::{Consistency, Seen};
+use super::consistency::{Consistency, PoseInnovation};
 use crate::body::Anthropometry;
 use crate::cycle::settings::{PriorKind, Settings};
 use crate::kalman::STATES;
@@ -13,7 +13,7 @@ use crate::sesc::{Phi, Prior, Reduction};
 impl Identification {
     /// Scales the table to the bone lengths and initialises the filter with the prior: the body's distribution, general
     /// constraints on bodies, and the effect of the suit's errors.
-    pub(super) fn believe(&mut self, settings: &Settings) {
+    pub(super) fn initialise_prior(&mut self, settings: &Settings) {
         let skeleton = self.skeleton();
         self.anthropometry = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
         let phi = Phi::of(&skeleton, &self.anthropometry);
@@ -48,8 +48,8 @@ impl Identification {
 
     /// Treats the present estimate as established by poses, so that no innovation inflates it.
     #[cfg(test)]
-    pub(in crate::cycle) fn trust_the_prior(&mut self) {
-        self.consistency.trust();
+    pub(in crate::cycle) fn accept_prior(&mut self) {
+        self.consistency.accept();
     }
 
     /// Tests a pose against the prior before the update, and inflates P if the first poses contradict it.
@@ -64,11 +64,11 @@ impl Identification {
             .iter()
             .map(|&axis| self.filter.projected_variance_m2(&self.without_stance(rows, axis)))
             .sum();
-        let seen = Seen { nis, square_m2: x * x + y * y, theta_m2, rest_m2: xx + yy - theta_m2 };
+        let innovation = PoseInnovation { nis, square_m2: x * x + y * y, theta_m2, rest_m2: xx + yy - theta_m2 };
         if !nis.is_finite() {
             return;
         }
-        if let Some(factor) = self.consistency.test(seen) {
+        if let Some(factor) = self.consistency.test(innovation) {
             self.filter.inflate(factor);
         }
     }

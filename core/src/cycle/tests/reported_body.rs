@@ -14,7 +14,7 @@ fn null_pose_of(skeleton: &crate::body::Skeleton) -> SuitBody {
     SuitBody { origin_m, ..Zeroable::zeroed() }
 }
 
-fn build_of(bench: &Bench) -> (BodySource, BodyRefusal) {
+fn body_status(bench: &Bench) -> (BodySource, BodyRefusal) {
     let state = bench.state();
     (
         BodySource::from_number(state.body_source).unwrap(),
@@ -23,60 +23,60 @@ fn build_of(bench: &Bench) -> (BodySource, BodyRefusal) {
 }
 
 #[test]
-fn with_the_null_pose_the_bones_are_known_by_the_first_sample_and_exactly() {
+fn the_null_pose_gives_exact_bone_lengths_at_the_first_sample() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 200);
-    assert_eq!(build_of(&bench), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(body_status(&bench), (BodySource::NullPose, BodyRefusal::None));
     let bones = bench.memory.identification.skeleton();
-    let expected = bench.build.unwrap().skeleton();
+    let expected = bench.suit_body.unwrap().skeleton();
     assert_eq!(bones, expected, "the null pose's own, to the last bit");
 
     let mut without = Bench::new(|_| {});
     without.hold(&person, &upright(), None, 180);
-    assert_eq!(build_of(&without).0, BodySource::Unknown);
+    assert_eq!(body_status(&without).0, BodySource::Unknown);
     without.hold(&person, &upright(), None, 200);
-    assert_eq!(build_of(&without).0, BodySource::Poses);
+    assert_eq!(body_status(&without).0, BodySource::Poses);
 }
 
 #[test]
-fn bones_learnt_from_poses_give_way_and_what_was_learnt_stays() {
+fn the_null_pose_replaces_bone_lengths_from_poses_and_keeps_theta() {
     let (person, mut early) = (Person::real(), Bench::new(|_| {}));
     early.hold(&person, &upright(), None, 220);
-    assert_eq!(build_of(&early).0, BodySource::Poses);
-    early.build = Some(null_pose_of(&person.skeleton));
+    assert_eq!(body_status(&early).0, BodySource::Poses);
+    early.suit_body = Some(null_pose_of(&person.skeleton));
     early.hold(&person, &upright(), None, 20);
-    assert_eq!(build_of(&early).0, BodySource::NullPose);
+    assert_eq!(body_status(&early).0, BodySource::NullPose);
 
     let mut late = Bench::new(|_| {});
     late.identify(&person);
     let used = late.state().poses_used;
     assert!(used > 0);
-    late.build = Some(null_pose_of(&person.skeleton));
+    late.suit_body = Some(null_pose_of(&person.skeleton));
     let theta = late.memory.identification.phi();
     late.hold(&person, &upright(), None, 5);
     late.hold(&person, &upright(), None, 95);
-    assert_eq!(build_of(&late), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(body_status(&late), (BodySource::NullPose, BodyRefusal::None));
     assert!(late.memory.identification.phi() == theta || late.state().poses_used > used);
-    assert!(late.state().poses_used >= used, "nothing was forgotten");
+    assert!(late.state().poses_used >= used, "no pose is discarded");
 }
 
 #[test]
-fn a_null_pose_that_contradicts_the_poses_is_refused_and_the_poses_are_kept_to() {
+fn a_null_pose_that_contradicts_the_poses_is_rejected() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     let taller = crate::body::Skeleton::nominal(1.2 * HEIGHT_M);
-    bench.build = Some(null_pose_of(&taller));
+    bench.suit_body = Some(null_pose_of(&taller));
     bench.hold(&person, &upright(), None, 400);
-    assert_eq!(build_of(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
+    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
     assert!(bench.memory.identification.skeleton().differs_by_m(&person.skeleton) < 1e-9);
     // A subsequent correct message is accepted.
-    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 100);
-    assert_eq!(build_of(&bench).1, BodyRefusal::None);
+    assert_eq!(body_status(&bench).1, BodyRefusal::None);
 }
 
 #[test]
-fn a_null_pose_that_is_right_while_the_profile_is_another_s_is_said_and_the_profile_stays() {
+fn a_profile_that_contradicts_the_null_pose_is_reported_and_kept() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.identify(&person);
     let taller = Person {
@@ -84,97 +84,97 @@ fn a_null_pose_that_is_right_while_the_profile_is_another_s_is_said_and_the_prof
         phi: person.phi,
         body: person.body,
     };
-    bench.build = Some(null_pose_of(&taller.skeleton));
+    bench.suit_body = Some(null_pose_of(&taller.skeleton));
     bench.hold(&taller, &upright(), None, 200);
-    assert_eq!(build_of(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
+    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
 }
 
 #[test]
-fn impossible_and_stale_builds_are_refused_by_reason_and_change_nothing() {
+fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.suit_session = 1;
-    bench.build = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
+    bench.suit_body = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
     bench.hold(&person, &upright(), None, 200);
-    let good = bench.build.unwrap();
-    let soles = bench.memory.build.body().copied();
+    let good = bench.suit_body.unwrap();
+    let before = bench.memory.reported_body.body().copied();
     let mut lying = good;
     lying.origin_m.iter_mut().for_each(|[_, y, z]| core::mem::swap(y, z));
-    for (build, reason) in [
+    for (suit_body, reason) in [
         (lying, BodyRefusal::Impossible),
         (SuitBody { session: 0, ..good }, BodyRefusal::Stale),
         (SuitBody { avatar: 3, ..good }, BodyRefusal::OtherCharacter),
     ] {
-        bench.build = Some(build);
+        bench.suit_body = Some(suit_body);
         bench.hold(&person, &upright(), None, 50);
-        assert_eq!(build_of(&bench), (BodySource::NullPose, reason));
-        let kept = bench.memory.build.body().copied();
-        assert!(kept.zip(soles).is_some_and(|(kept, before)| kept.is_same_build(&before)), "{reason:?}");
-        bench.build = Some(good);
+        assert_eq!(body_status(&bench), (BodySource::NullPose, reason));
+        let body = bench.memory.reported_body.body().copied();
+        assert!(body.zip(before).is_some_and(|(body, before)| body.has_same_dimensions(&before)), "{reason:?}");
+        bench.suit_body = Some(good);
         bench.hold(&person, &upright(), None, 20);
-        assert_eq!(build_of(&bench).1, BodyRefusal::None);
+        assert_eq!(body_status(&bench).1, BodyRefusal::None);
     }
     // A message that was delayed for long.
-    bench.build = None;
+    bench.suit_body = None;
     let old = SuitBody { published_ns: bench.now_ns, ..good };
     bench.cycle += 1;
     bench.now_ns += 6 * NS_PER_S;
     let inputs = Inputs { body: Some(&old), ..Inputs::default() };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle, due_ns: bench.now_ns }, inputs);
-    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
 }
 
 #[test]
 fn a_restarted_suit_must_send_its_null_pose_again() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.build = Some(null_pose_of(&person.skeleton));
+    bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 200);
-    assert!(bench.memory.build.body().is_some());
-    bench.build = None;
+    assert!(bench.memory.reported_body.body().is_some());
+    bench.suit_body = None;
     bench.suit_session = 1;
     bench.hold(&person, &upright(), None, 50);
-    assert!(bench.memory.build.body().is_none(), "it may be another's");
-    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
+    assert!(bench.memory.reported_body.body().is_none(), "it may be another's");
+    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
 }
 
 #[test]
-fn an_adapter_that_counts_sessions_from_zero_again_must_say_again_who_wears_the_suit() {
+fn a_restarted_adapter_must_send_the_body_again() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.suit_session = 2;
-    bench.build = Some(SuitBody { session: 2, ..null_pose_of(&person.skeleton) });
+    bench.suit_body = Some(SuitBody { session: 2, ..null_pose_of(&person.skeleton) });
     bench.hold(&person, &upright(), None, 200);
-    assert!(bench.memory.build.body().is_some());
-    bench.build = None;
+    assert!(bench.memory.reported_body.body().is_some());
+    bench.suit_body = None;
     bench.suit_session = 0;
     bench.hold(&person, &upright(), None, 50);
-    assert!(bench.memory.build.body().is_none(), "it may be another's");
-    assert_eq!(build_of(&bench).1, BodyRefusal::Stale);
-    bench.build = Some(null_pose_of(&person.skeleton));
+    assert!(bench.memory.reported_body.body().is_none(), "it may be another's");
+    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
+    bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 50);
-    assert!(bench.memory.build.body().is_some_and(|body| body.session == 0));
-    assert_eq!(build_of(&bench).1, BodyRefusal::None);
+    assert!(bench.memory.reported_body.body().is_some_and(|body| body.session == 0));
+    assert_eq!(body_status(&bench).1, BodyRefusal::None);
 }
 
 #[test]
 fn a_null_pose_before_the_first_pose_of_its_session_is_kept_until_that_pose() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &upright(), None, 50);
-    bench.build = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
+    bench.suit_body = Some(SuitBody { session: 1, ..null_pose_of(&person.skeleton) });
     bench.hold(&person, &upright(), None, 50);
-    assert!(bench.memory.build.body().is_none(), "no pose of its session was seen");
-    bench.build = None;
+    assert!(bench.memory.reported_body.body().is_none(), "no pose of its session was received");
+    bench.suit_body = None;
     bench.suit_session = 1;
     bench.hold(&person, &upright(), None, 50);
-    assert!(bench.memory.build.body().is_some_and(|body| body.session == 1));
+    assert!(bench.memory.reported_body.body().is_some_and(|body| body.session == 1));
 }
 
 #[test]
-fn the_soles_of_the_suit_decide_where_the_ground_may_push() {
+fn the_foot_outlines_of_the_suit_bound_the_cop() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    let mut build = null_pose_of(&person.skeleton);
-    build.foot_points = [FootPoint::Heel as u32 | FootPoint::ToeTip as u32; 2];
+    let mut suit_body = null_pose_of(&person.skeleton);
+    suit_body.foot_points = [FootPoint::Heel as u32 | FootPoint::ToeTip as u32; 2];
     // Very short feet: heel and tip next to the ankle.
-    build.foot_point_m = [[[-0.02, 0.0, -0.1], [0.0; 3], [0.0; 3], [0.12, 0.0, -0.1]]; 2];
-    bench.build = Some(build);
+    suit_body.foot_point_m = [[[-0.02, 0.0, -0.1], [0.0; 3], [0.0; 3], [0.12, 0.0, -0.1]]; 2];
+    bench.suit_body = Some(suit_body);
     bench.hold(&person, &upright(), None, 100);
     assert_eq!(bench.state().sole_source, 1);
     let forward = stand(40, 0, STANDING[0], STANDING[1], 0);

@@ -20,11 +20,11 @@ fn turned(posture: &Posture, by_deg: i16) -> Posture {
 }
 
 /// An identified subject for whom the model file requests a pose.
-fn known(turn_rad: f64) -> (Person, Bench) {
-    let mut bench = Bench::new(|settings| settings.asked = Some(Asked { pose: WANTED, turn_rad }));
+fn identified(turn_rad: f64) -> (Person, Bench) {
+    let mut bench = Bench::new(|settings| settings.pose_request = Some(PoseRequest { pose: WANTED, turn_rad }));
     let person = Person::real();
     bench.hold(&person, &postures()[0], None, 500);
-    assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification asks for what it needs");
+    assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification suggests its own poses");
     bench.identify(&person);
     bench.command(CommandKind::IdentifyStop);
     bench.hold(&person, &postures()[8], None, 500);
@@ -34,8 +34,8 @@ fn known(turn_rad: f64) -> (Person, Bench) {
 }
 
 #[test]
-fn what_is_asked_for_is_suggested_until_it_was_held() {
-    let (person, mut bench) = known(0.0);
+fn a_requested_pose_is_suggested_until_it_was_held() {
+    let (person, mut bench) = identified(0.0);
     let before = bench.memory.identification.poses_used;
     bench.hold(&person, &postures()[10], None, 1000);
     assert_eq!(bench.state().suggested_pose, WANTED as u32, "another pose does not count");
@@ -45,14 +45,14 @@ fn what_is_asked_for_is_suggested_until_it_was_held() {
     assert_eq!(bench.state().suggested_pose, NONE, "once is enough");
     assert_eq!(
         bench.memory.identification.poses_used, before,
-        "it is asked for to be seen, not to be learnt"
+        "a requested pose does not update the filter"
     );
     assert!(bench.memory.is_sound());
 }
 
 #[test]
-fn a_turn_that_is_asked_for_belongs_to_the_pose() {
-    let (person, mut bench) = known(core::f64::consts::FRAC_PI_2);
+fn a_requested_turn_is_part_of_the_pose() {
+    let (person, mut bench) = identified(core::f64::consts::FRAC_PI_2);
     let wanted = turned(&postures()[WANTED], 0);
     let library: &'static [Posture] = Box::leak(Box::new([wanted; 4]));
     bench.settings.library = library;
@@ -66,13 +66,13 @@ fn a_turn_that_is_asked_for_belongs_to_the_pose() {
 }
 
 #[test]
-fn what_is_asked_for_may_be_skipped_and_must_be_in_the_library() {
-    let (person, mut bench) = known(0.0);
+fn a_requested_pose_can_be_skipped_and_must_be_in_the_library() {
+    let (person, mut bench) = identified(0.0);
     bench.command(CommandKind::PoseSkip);
     bench.hold(&person, &postures()[8], None, 100);
     assert_eq!(bench.state().suggested_pose, NONE);
-    let (person, mut bench) = known(0.0);
-    bench.settings.asked = Some(Asked { pose: 20, turn_rad: 0.0 });
+    let (person, mut bench) = identified(0.0);
+    bench.settings.pose_request = Some(PoseRequest { pose: 20, turn_rad: 0.0 });
     bench.hold(&person, &postures()[8], None, 100);
     assert_eq!(bench.state().suggested_pose, NONE);
 }

@@ -76,21 +76,21 @@ impl BodyRefusal {
 /// Body dimensions reported by the suit, and their state of acceptance.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct Build {
+pub struct ReportedBody {
     /// The last plausible message; valid if `published_ns` is not 0.
-    of_suit: SuitBody,
+    message: SuitBody,
     /// 1 once a pose agreed.
-    believed: u64,
+    accepted: u64,
     /// Number of consecutive poses that contradicted.
-    contradicting: u64,
+    contradictions: u64,
     /// A [`BodyRefusal`].
     refused: u64,
 }
 
-impl Build {
+impl ReportedBody {
     /// The accepted body dimensions.
     pub fn body(&self) -> Option<&SuitBody> {
-        (self.believed == 1).then_some(&self.of_suit)
+        (self.accepted == 1).then_some(&self.message)
     }
 
     /// Why the last message is not used; the number of a [`BodyRefusal`].
@@ -111,7 +111,7 @@ impl Build {
     }
 
     /// Ingests a body message at `now_ns`; `newest` is the suit's newest sample.
-    fn hear(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
+    fn ingest(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
         if !body.is_plausible() || body.published_ns > now_ns.saturating_add(AHEAD_MAX_NS) {
             return self.refuse(BodyRefusal::Impossible);
         }
@@ -123,7 +123,7 @@ impl Build {
         if newest.is_some_and(|suit| body.avatar != suit.avatar) {
             return self.refuse(BodyRefusal::OtherCharacter);
         }
-        if self.of_suit.published_ns > 0 && self.of_suit.is_same_build(body) {
+        if self.message.published_ns > 0 && self.message.has_same_dimensions(body) {
             // A repetition; the comparison with the poses stays valid.
             let of_this_one = [BodyRefusal::ContradictsPoses, BodyRefusal::ContradictsWorker];
             if !of_this_one.iter().any(|refusal| self.refused == *refusal as u64) {
@@ -131,35 +131,35 @@ impl Build {
             }
             return;
         }
-        *self = Build { of_suit: *body, ..Zeroable::zeroed() };
+        *self = ReportedBody { message: *body, ..Zeroable::zeroed() };
     }
 
     /// Compares one suit pose with the body; returns whether the body has just been accepted.
     fn compare(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample) -> bool {
         // The suit's software may send the body before the first pose of a session.
-        let is_early = self.of_suit.session > suit.session && self.believed == 0;
-        if self.of_suit.published_ns == 0 || is_early {
+        let is_early = self.message.session > suit.session && self.accepted == 0;
+        if self.message.published_ns == 0 || is_early {
             return false;
         }
-        if self.of_suit.session != suit.session || self.of_suit.avatar != suit.avatar {
+        if self.message.session != suit.session || self.message.avatar != suit.avatar {
             // The suit restarted, or its adapter, which counts sessions from zero; the body of the present wearer will
             // be sent again.
             *self = Zeroable::zeroed();
             self.refuse(BodyRefusal::Stale);
             return false;
         }
-        if self.of_suit.skeleton().differs_by_m(&Skeleton::of(pose)) <= BONES_AGREE_M {
-            self.contradicting = 0;
-            let newly = self.believed == 0;
+        if self.message.skeleton().differs_by_m(&Skeleton::of(pose)) <= BONES_AGREE_M {
+            self.contradictions = 0;
+            let newly = self.accepted == 0;
             if newly {
-                self.believed = 1;
+                self.accepted = 1;
                 self.refuse(BodyRefusal::None);
             }
             return newly;
         }
-        self.contradicting = (self.contradicting + 1).min(CONTRADICTIONS);
-        if self.contradicting == CONTRADICTIONS {
-            self.believed = 0;
+        self.contradictions = (self.contradictions + 1).min(CONTRADICTIONS);
+        if self.contradictions == CONTRADICTIONS {
+            self.accepted = 0;
             self.refuse(BodyRefusal::ContradictsPoses);
         }
         false
@@ -167,59 +167,59 @@ impl Build {
 
     /// Whether numbers are in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        (self.of_suit.published_ns == 0 || self.of_suit.is_plausible())
-            && self.believed <= 1
-            && (self.believed == 0 || self.of_suit.published_ns > 0)
-            && self.contradicting <= CONTRADICTIONS
+        (self.message.published_ns == 0 || self.message.is_plausible())
+            && self.accepted <= 1
+            && (self.accepted == 0 || self.message.published_ns > 0)
+            && self.contradictions <= CONTRADICTIONS
             && BodyRefusal::from_number(self.refused as u32).is_some()
     }
 }
 
 impl Memory {
     /// Ingests a body message of the suit.
-    pub(super) fn hear_build(&mut self, body: &SuitBody, now_ns: u64) {
+    pub(super) fn ingest_body(&mut self, body: &SuitBody, now_ns: u64) {
         let newest = self.alignment.newest_suit().copied();
-        self.build.hear(body, newest.as_ref(), now_ns);
+        self.reported_body.ingest(body, newest.as_ref(), now_ns);
     }
 
     /// Compares the body with one more pose. Bone lengths measured from poses are replaced by those of the null pose;
     /// the bone lengths of a stored profile are kept.
-    pub(super) fn follow_build(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample, settings: &Settings) {
-        let was_believed = self.build.believed == 1;
-        let newly = self.build.compare(pose, suit);
-        let untaught = self.is_untaught();
-        let worker = &mut self.identification;
-        if was_believed && self.build.believed == 0 {
-            if untaught && worker.body_source() == BodySource::NullPose {
-                worker.forget_bones();
+    pub(super) fn update_body(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample, settings: &Settings) {
+        let was_accepted = self.reported_body.accepted == 1;
+        let newly = self.reported_body.compare(pose, suit);
+        let no_results = self.has_no_results();
+        let subject = &mut self.identification;
+        if was_accepted && self.reported_body.accepted == 0 {
+            if no_results && subject.body_source() == BodySource::NullPose {
+                subject.reset_bones();
             }
             return;
         }
-        let Some(body) = self.build.body() else { return };
-        if !newly && worker.has_body() {
+        let Some(body) = self.reported_body.body() else { return };
+        if !newly && subject.has_body() {
             return;
         }
         let bones = body.skeleton();
-        if !worker.has_body() {
-            worker.adopt_bones(&bones, false, settings);
+        if !subject.has_body() {
+            subject.adopt_bones(&bones, false, settings);
             return;
         }
-        let differs_by_m = worker.skeleton().differs_by_m(&bones);
-        let shown_by_the_suit = worker.body_source() != BodySource::Stored;
-        if shown_by_the_suit && (untaught || differs_by_m <= BONES_REFINED_M) {
-            if worker.skeleton() != bones || worker.body_source() != BodySource::NullPose {
-                worker.adopt_bones(&bones, !untaught, settings);
+        let differs_by_m = subject.skeleton().differs_by_m(&bones);
+        let is_from_suit = subject.body_source() != BodySource::Stored;
+        if is_from_suit && (no_results || differs_by_m <= BONES_REFINED_M) {
+            if subject.skeleton() != bones || subject.body_source() != BodySource::NullPose {
+                subject.adopt_bones(&bones, !no_results, settings);
                 // The change to another body model would otherwise look like a leap of the centre of mass.
                 self.history.clear();
             }
         } else if differs_by_m > BONES_AGREE_M {
-            self.build.refuse(BodyRefusal::ContradictsWorker);
+            self.reported_body.refuse(BodyRefusal::ContradictsWorker);
         }
     }
 
     /// Whether no identification result depends on the bone lengths yet.
-    fn is_untaught(&self) -> bool {
-        let worker = &self.identification;
-        worker.poses_used == 0 && worker.identified == 0 && self.known.motion_samples_used == 0
+    fn has_no_results(&self) -> bool {
+        let subject = &self.identification;
+        subject.poses_used == 0 && subject.identified == 0 && self.estimate.motion_samples_used == 0
     }
 }

@@ -1,7 +1,7 @@
-//! Detects leaps in a plate's readings: changes faster than a body loads the plate, or to a CoP that no body reaches so
+//! Detects jumps in a plate's readings: changes faster than a body loads the plate, or to a CoP that no body reaches so
 //! quickly.
 //!
-//! A leap makes the subsequent readings suspect. One that reverts at once was a glitch. One that does not is a fault of
+//! A jump makes the subsequent readings suspect. One that reverts at once was a glitch. One that does not is a fault of
 //! the plate and not a load, which a body takes up slowly: it stays suspect until the reading returns to its previous
 //! level, the subject has stepped off, or the plate shows the subject's weight alone at the expected position.
 
@@ -15,25 +15,25 @@ use crate::message::{Component, GroundSample};
 /// per second; Nilsson and Thorstensson 1989, Acta Physiol Scand 136).
 const LOADING_RATE_MAX_N_PER_S: f64 = 20e3;
 /// Tolerance beyond that rate, as a multiple of the RMS difference of readings the same interval apart.
-const LEAP_SIGMAS: f64 = 8.0;
-/// Averaging times of the RMS difference, s. The smaller average counts, so that past noise does not mask leaps for
+const JUMP_SIGMAS: f64 = 8.0;
+/// Averaging times of the RMS difference, s. The smaller average counts, so that past noise does not mask jumps for
 /// long.
 const DIFFERENCES_OVER_S: [f64; 2] = [1.0, 10.0];
 /// Maximum distance from the CoP at which loads act, m: the span of a stance.
 pub(super) const LEVER_MAX_M: f64 = 0.3;
 /// Each reading is compared with the previous one, and with one at least this much older, ns: a low-pass filter spreads
-/// a leap over some ms. Without a filter, the single step detects smaller leaps, because a body loads the plate less in
+/// a jump over some ms. Without a filter, the single step detects smaller jumps, because a body loads the plate less in
 /// it.
-const LEAP_OVER_NS: u64 = 2_000_000;
+const JUMP_OVER_NS: u64 = 2_000_000;
 /// Over longer gaps the rate is unavailable, ns.
-const LEAP_GAP_MAX_NS: u64 = 100_000_000;
-/// Time after a leap at which the reading is checked for its return, ns.
-const LEAP_SETTLES_NS: u64 = 25_000_000;
-/// Time for which a leap makes the subsequent readings suspect, ns: twice the window of a motion.
-pub(super) const LEAP_HOLDS_NS: u64 = 300_000_000;
+const JUMP_GAP_MAX_NS: u64 = 100_000_000;
+/// Time after a jump at which the reading is checked for its return, ns.
+const JUMP_SETTLES_NS: u64 = 25_000_000;
+/// Time for which a jump makes the subsequent readings suspect, ns: twice the window of a motion.
+pub(super) const JUMP_HOLDS_NS: u64 = 300_000_000;
 /// Averaging time of the level of the readings, s; variations by work are faster.
 const LEVEL_OVER_S: f64 = 1.0;
-/// Minimum duration of a leap that did not revert, until the level is meaningful, ns.
+/// Minimum duration of a jump that did not revert, until the level is meaningful, ns.
 const LEVEL_EVIDENCE_NS: u64 = 2_000_000_000;
 
 /// One reading of a plate.
@@ -81,26 +81,26 @@ impl Reading {
     }
 }
 
-/// A detected leap, and its development.
+/// A detected jump and its state.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-struct Leap {
-    /// The last reading before it; a time of 0 for no leap.
+struct Jump {
+    /// The last reading before it; a time of 0 for no jump.
     from: Reading,
     /// The level before it.
     level: Reading,
     /// Time of the last detection, ns.
-    seen_ns: u64,
-    /// Persistent part of the leap, N and N m; 0 before it has settled, and after it reverted.
+    detected_ns: u64,
+    /// Persistent part of the jump, N and N m; 0 before it has settled, and after it reverted.
     by: [f64; 2],
-    /// Largest signed change of the vertical force during the leap, N.
-    jump_n: f64,
+    /// Largest signed change of the vertical force during the jump, N.
+    change_n: f64,
 }
 
-/// Leap detector of a plate's readings.
+/// Jump detector of a plate's readings.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Leaps {
+pub(super) struct JumpDetector {
     /// Two readings some ms apart; the older one is a reference for comparison.
     readings: [Reading; 2],
     /// The previous reading, the other reference.
@@ -110,32 +110,32 @@ pub(super) struct Leaps {
     difference_n2: [[f64; 2]; 2],
     /// Slow mean of the readings.
     level: Reading,
-    leap: Leap,
+    jump: Jump,
     /// Time for which the plate has shown the subject alone, at the subject's position, s.
     agreed_s: f64,
 }
 
-impl Leaps {
+impl JumpDetector {
     /// The present reading, or one some ms old.
     pub(super) fn newest(&self) -> Reading {
         self.readings[1]
     }
 
     /// Ingests a reading; returns the time since which the readings are suspect, ns.
-    pub(super) fn take_in(&mut self, now: Reading) -> Option<u64> {
+    pub(super) fn ingest(&mut self, now: Reading) -> Option<u64> {
         let last = core::mem::replace(&mut self.last, now);
         let step_ns = now.time_ns.saturating_sub(last.time_ns);
-        if step_ns > LEAP_GAP_MAX_NS {
+        if step_ns > JUMP_GAP_MAX_NS {
             let difference_n2 = self.difference_n2;
-            *self = Leaps { readings: [now; 2], last: now, level: now, difference_n2, ..Zeroable::zeroed() };
+            *self = JumpDetector { readings: [now; 2], last: now, level: now, difference_n2, ..Zeroable::zeroed() };
             return None;
         }
         let compared = [self.readings[0], last];
         let newer = self.readings[1];
-        if now.time_ns.saturating_sub(newer.time_ns) >= LEAP_OVER_NS {
+        if now.time_ns.saturating_sub(newer.time_ns) >= JUMP_OVER_NS {
             self.readings = [newer, now];
         }
-        let noise_n = self.difference_n2.map(|[short, long]| LEAP_SIGMAS * math::sqrt(short.min(long)));
+        let noise_n = self.difference_n2.map(|[short, long]| JUMP_SIGMAS * math::sqrt(short.min(long)));
         let step_s = step_ns as f64 * 1e-9;
         for (index, then) in compared.iter().enumerate() {
             let span_s = now.span_since_s(then);
@@ -146,15 +146,15 @@ impl Leaps {
                 *mean_n2 += (clipped_n * clipped_n - *mean_n2) * (step_s / over_s);
             }
             if by_n > bound_n || by_nm > LEVER_MAX_M * bound_n {
-                if self.leap.from.time_ns == 0 {
-                    self.leap = Leap { from: *then, level: self.level, ..Zeroable::zeroed() };
+                if self.jump.from.time_ns == 0 {
+                    self.jump = Jump { from: *then, level: self.level, ..Zeroable::zeroed() };
                 }
-                (self.leap.seen_ns, self.leap.by) = (now.time_ns, [0.0; 2]);
-                // Weight comparisons from before this leap do not apply to the plate after it.
+                (self.jump.detected_ns, self.jump.by) = (now.time_ns, [0.0; 2]);
+                // Weight comparisons from before this jump do not apply to the plate after it.
                 self.agreed_s = 0.0;
-                let jump_n = now.vertical_n - self.leap.from.vertical_n;
-                if jump_n.abs() > self.leap.jump_n.abs() {
-                    self.leap.jump_n = jump_n;
+                let change_n = now.vertical_n - self.jump.from.vertical_n;
+                if change_n.abs() > self.jump.change_n.abs() {
+                    self.jump.change_n = change_n;
                 }
             }
         }
@@ -167,35 +167,35 @@ impl Leaps {
         } else {
             self.level = Reading { vertical_n: self.level.vertical_n, ..now };
         }
-        self.follow_leap(&now, noise_n[0])
+        self.update_jump(&now, noise_n[0])
     }
 
-    /// Follows the development of the leap.
-    fn follow_leap(&mut self, now: &Reading, noise_n: f64) -> Option<u64> {
-        let Leap { from, level, seen_ns, by, jump_n } = self.leap;
+    /// Updates the state of the detected jump; returns the time since which the readings are suspect, ns.
+    fn update_jump(&mut self, now: &Reading, noise_n: f64) -> Option<u64> {
+        let Jump { from, level, detected_ns, by, change_n } = self.jump;
         if from.time_ns == 0 {
             return None;
         }
-        let since_ns = now.time_ns.saturating_sub(seen_ns);
-        if since_ns >= LEAP_SETTLES_NS && by == [0.0; 2] {
+        let since_ns = now.time_ns.saturating_sub(detected_ns);
+        if since_ns >= JUMP_SETTLES_NS && by == [0.0; 2] {
             let [by_n, by_nm] = from.to(now);
             // Add the change that the body may have caused in the meantime.
-            let body_n = noise_n + LOADING_RATE_MAX_N_PER_S * (LEAP_OVER_NS as f64 * 1e-9);
+            let body_n = noise_n + LOADING_RATE_MAX_N_PER_S * (JUMP_OVER_NS as f64 * 1e-9);
             let lasts = |by: f64, bound: f64| if by > bound { by } else { f64::MIN_POSITIVE };
-            self.leap.by = [lasts(by_n, body_n), lasts(by_nm, LEVER_MAX_M * body_n)];
-            // Whether it is nearer to the value after the leap than to the one before.
-            let stays = (now.vertical_n - from.vertical_n) * jump_n > 0.5 * jump_n * jump_n;
+            self.jump.by = [lasts(by_n, body_n), lasts(by_nm, LEVER_MAX_M * body_n)];
+            // Whether it is nearer to the value after the jump than to the one before.
+            let stays = (now.vertical_n - from.vertical_n) * change_n > 0.5 * change_n * change_n;
             if stays {
-                self.leap.by[0] = by_n;
+                self.jump.by[0] = by_n;
             }
         }
         let [off_n, off_nm] = level.to(&self.level);
         let is_away = since_ns < LEVEL_EVIDENCE_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
         let came_back = by.iter().all(|by| *by <= f64::MIN_POSITIVE);
-        // Stepping on or off the plate may be a single leap.
+        // Stepping on or off the plate may be a single jump.
         let is_step = from.vertical_n < EMPTY_PLATE_N || now.vertical_n < EMPTY_PLATE_N;
-        if since_ns > LEAP_HOLDS_NS && (came_back || !is_away || is_step) {
-            self.leap = Zeroable::zeroed();
+        if since_ns > JUMP_HOLDS_NS && (came_back || !is_away || is_step) {
+            self.jump = Zeroable::zeroed();
             return None;
         }
         Some(from.time_ns)
@@ -204,16 +204,16 @@ impl Leaps {
     /// Ingests whether the plate shows the weight of the subject alone, at the expected position, `step_s` after the
     /// previous snapshot. A plate that does so for long enough is accepted again, and so is one without a subject to
     /// compare with.
-    pub(super) fn hear_of_weight(&mut self, agrees: Option<bool>, step_s: f64) {
+    pub(super) fn ingest_weight_agreement(&mut self, agrees: Option<bool>, step_s: f64) {
         self.agreed_s = if agrees.unwrap_or(true) { self.agreed_s + step_s } else { 0.0 };
-        if self.agreed_s >= LEVEL_OVER_S && self.leap.by != [0.0; 2] {
-            self.leap = Zeroable::zeroed();
+        if self.agreed_s >= LEVEL_OVER_S && self.jump.by != [0.0; 2] {
+            self.jump = Zeroable::zeroed();
         }
     }
 
     /// Sets the newest reading.
     #[cfg(test)]
-    pub(super) fn show(&mut self, vertical_n: f64) {
+    pub(super) fn set_newest_vertical_n(&mut self, vertical_n: f64) {
         self.readings[1].vertical_n = vertical_n;
     }
 

@@ -1,7 +1,7 @@
 //! Stored data of a subject: what a later start needs and cannot recompute.
 //!
 //! It excludes the stance offset and its covariance with θ: after a restart there is a gap in the data, and the offset
-//! starts again (`monitoring`, `lose_sight_after_a_gap`). The part of P for θ alone is its marginal, so it remains
+//! starts again (`monitoring`, `reset_after_gap`). The part of P for θ alone is its marginal, so it remains
 //! correct without the offset.
 
 use bytemuck::{Pod, Zeroable};
@@ -18,7 +18,7 @@ const BONE_MAX_M: f64 = 3.0;
 /// A subject as stored in a profile. About 77 kB.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct KeptWorker {
+pub struct StoredSubject {
     /// 1 once the bone lengths are available; there is nothing to store before.
     pub has_body: u64,
     /// Bone lengths: each segment's origin in its parent, m.
@@ -30,7 +30,7 @@ pub struct KeptWorker {
     /// Poses performed, as compared by Eq. 11.
     pub performed: Performed,
     /// One bit per pose of the library that was suggested already.
-    pub asked: u64,
+    pub suggested_before: u64,
     /// One bit per pose of the library that the subject could not hold.
     pub unholdable: u64,
     /// The pose of the library that is suggested now, or [`super::NO_POSE`].
@@ -40,7 +40,7 @@ pub struct KeptWorker {
     /// Static poses that updated the filter.
     pub poses_used: u64,
     /// 1 while static poses update the filter.
-    pub learning: u64,
+    pub identifying: u64,
     /// 1 once identification is complete.
     pub identified: u64,
     /// `parent_from_segment` of the last pose used, scalar first: the filter does not use it again.
@@ -49,48 +49,48 @@ pub struct KeptWorker {
 
 impl Identification {
     /// Copies the data to be stored.
-    pub fn keep(&self, kept: &mut KeptWorker) {
-        kept.has_body = u64::from(self.has_body());
-        kept.skeleton_m = self.skeleton_m;
-        kept.mass_kg = self.mass_kg;
-        kept.filter.copy_from(&self.filter);
-        kept.performed.copy_from(&self.performed);
-        [kept.asked, kept.unholdable] = self.planner.history();
-        kept.suggested = self.suggested;
-        kept.consistency = self.consistency;
-        kept.poses_used = self.poses_used;
-        kept.learning = self.learning;
-        kept.identified = self.identified;
-        kept.last_pose_wxyz = self.last_pose_wxyz;
+    pub fn store(&self, stored: &mut StoredSubject) {
+        stored.has_body = u64::from(self.has_body());
+        stored.skeleton_m = self.skeleton_m;
+        stored.mass_kg = self.mass_kg;
+        stored.filter.copy_from(&self.filter);
+        stored.performed.copy_from(&self.performed);
+        [stored.suggested_before, stored.unholdable] = self.planner.history();
+        stored.suggested = self.suggested;
+        stored.consistency = self.consistency;
+        stored.poses_used = self.poses_used;
+        stored.identifying = self.identifying;
+        stored.identified = self.identified;
+        stored.last_pose_wxyz = self.last_pose_wxyz;
     }
 
     /// Restores a stored subject. Returns whether it fits the settings; if not, the subject must not be used.
-    pub fn restore(&mut self, kept: &KeptWorker, settings: &Settings) -> bool {
-        let mut bones = kept.skeleton_m.iter().flatten();
-        if kept.has_body != 1 || !bones.all(|metres| metres.is_finite() && metres.abs() < BONE_MAX_M) {
+    pub fn restore(&mut self, stored: &StoredSubject, settings: &Settings) -> bool {
+        let mut bones = stored.skeleton_m.iter().flatten();
+        if stored.has_body != 1 || !bones.all(|metres| metres.is_finite() && metres.abs() < BONE_MAX_M) {
             return false;
         }
         self.start(settings);
-        self.skeleton_m = kept.skeleton_m;
+        self.skeleton_m = stored.skeleton_m;
         self.skeleton_samples = SKELETON_SAMPLES;
         self.bones_from = BodySource::Stored as u64;
-        self.mass_kg = kept.mass_kg;
-        self.return_to_prior(settings);
-        if kept.filter.count() != self.reduction.count() || !kept.filter.is_sound() {
+        self.mass_kg = stored.mass_kg;
+        self.reset_to_prior(settings);
+        if stored.filter.count() != self.reduction.count() || !stored.filter.is_sound() {
             return false;
         }
-        self.filter = kept.filter;
+        self.filter = stored.filter;
         self.new_stance(settings);
-        self.performed = kept.performed;
-        self.planner.remember([kept.asked, kept.unholdable]);
-        if kept.suggested < settings.library.len() as u64 {
-            self.suggested = kept.suggested;
+        self.performed = stored.performed;
+        self.planner.restore([stored.suggested_before, stored.unholdable]);
+        if stored.suggested < settings.library.len() as u64 {
+            self.suggested = stored.suggested;
         }
-        self.consistency = kept.consistency;
-        self.poses_used = kept.poses_used;
-        self.identified = u64::from(kept.identified == 1);
-        self.learning = u64::from(kept.learning == 1 && kept.identified != 1);
-        self.last_pose_wxyz = kept.last_pose_wxyz;
+        self.consistency = stored.consistency;
+        self.poses_used = stored.poses_used;
+        self.identified = u64::from(stored.identified == 1);
+        self.identifying = u64::from(stored.identifying == 1 && stored.identified != 1);
+        self.last_pose_wxyz = stored.last_pose_wxyz;
         self.is_sound()
     }
 }

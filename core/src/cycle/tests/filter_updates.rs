@@ -15,16 +15,16 @@ use crate::sesc::centre_of_mass;
 use crate::sesc::reduction::Rows;
 
 /// A subject with known bone lengths and no other data.
-pub(super) fn worker(person: &Person, settings: &Settings) -> Box<Identification> {
-    let mut worker = bytemuck::zeroed_box::<Identification>();
-    worker.start(settings);
+pub(super) fn subject(person: &Person, settings: &Settings) -> Box<Identification> {
+    let mut subject = bytemuck::zeroed_box::<Identification>();
+    subject.start(settings);
     let pose = person.pose(&postures()[0]);
     let in_suit_world: Pose<SuitWorld> = Pose::new(pose.origin, pose.world_from_segment);
     for _ in 0..20 {
-        worker.learn_skeleton(&in_suit_world, settings);
+        subject.update_skeleton(&in_suit_world, settings);
     }
-    assert!(worker.has_body());
-    worker
+    assert!(subject.has_body());
+    subject
 }
 
 /// The pose by the anchor in a stance with a position error of `off_m`.
@@ -35,21 +35,21 @@ fn off_by(pose: &Pose<StationWorld>, off_m: [f64; 2]) -> Pose<StationWorld> {
     )
 }
 
-fn learn(worker: &mut Identification, person: &Person, posture: &Posture, off_m: [f64; 2]) {
+fn measure(subject: &mut Identification, person: &Person, posture: &Posture, off_m: [f64; 2]) {
     let pose = person.pose(posture);
     let cop_m = centre_of_mass(&pose, &person.phi);
-    let rows = worker.reduction.rows(&off_by(&pose, off_m), [0.0; 2]);
-    worker.take_in(&rows, [cop_m.x, cop_m.y], [1e-6; 2]).unwrap();
+    let rows = subject.reduction.rows(&off_by(&pose, off_m), [0.0; 2]);
+    subject.update_from_cop(&rows, [cop_m.x, cop_m.y], [1e-6; 2]).unwrap();
 }
 
 /// Mean error over all poses of a stance with a correct position, m, and the filter's σ.
-fn mean_error_m(worker: &Identification, person: &Person) -> ([f64; 2], [f64; 2]) {
+fn mean_error_m(subject: &Identification, person: &Person) -> ([f64; 2], [f64; 2]) {
     let (mut error, mut sigma, count) = ([0.0; 2], [0.0; 2], postures().len() as f64);
     for posture in postures() {
         let pose = person.pose(&posture);
-        let rows = worker.reduction.rows(&pose, [0.0; 2]);
-        let (predicted, truth) = (worker.predict_cop_m(&rows), centre_of_mass(&pose, &person.phi));
-        let variance = worker.cop_variance_m2(&rows);
+        let rows = subject.reduction.rows(&pose, [0.0; 2]);
+        let (predicted, truth) = (subject.predict_cop_m(&rows), centre_of_mass(&pose, &person.phi));
+        let variance = subject.cop_variance_m2(&rows);
         for axis in 0..2 {
             error[axis] += (predicted[axis] - truth[axis]) / count;
             sigma[axis] += variance[axis].sqrt() / count;
@@ -59,12 +59,12 @@ fn mean_error_m(worker: &Identification, person: &Person) -> ([f64; 2], [f64; 2]
 }
 
 #[test]
-fn a_stance_s_offset_does_not_become_part_of_the_worker() {
+fn the_offset_of_a_stance_does_not_bias_theta() {
     let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
     let off_m = [0.006, -0.006];
-    let mut one = worker(&person, &settings);
+    let mut one = subject(&person, &settings);
     for posture in postures() {
-        learn(&mut one, &person, &posture, off_m);
+        measure(&mut one, &person, &posture, off_m);
     }
     // In the same stance, offset and body are determined together, far better than each separately.
     let pose = person.pose(&postures()[7]);
@@ -75,7 +75,7 @@ fn a_stance_s_offset_does_not_become_part_of_the_worker() {
         assert!(one.cop_variance_m2(&rows)[axis].sqrt() < 0.3 * STANCE_SIGMA_M);
     }
     // The next stance has the full uncertainty of a stance, however many poses the last one had.
-    one.follow_stance(1, [STANCE_SIGMA_M; 2], &settings);
+    one.update_stance(1, [STANCE_SIGMA_M; 2], &settings);
     assert!(one.is_sound());
     let (error, sigma) = mean_error_m(&one, &person);
     for axis in 0..2 {
@@ -87,12 +87,12 @@ fn a_stance_s_offset_does_not_become_part_of_the_worker() {
 #[test]
 fn where_the_position_is_absolute_a_stance_has_no_offset() {
     let (person, settings) = (Person::real(), Bench::new(|settings| settings.suit_drifts = false).settings);
-    let mut one = worker(&person, &settings);
+    let mut one = subject(&person, &settings);
     for posture in postures() {
-        learn(&mut one, &person, &posture, [0.0; 2]);
+        measure(&mut one, &person, &posture, [0.0; 2]);
     }
     let before = *one;
-    one.follow_stance(1, [STANCE_SIGMA_M; 2], &settings);
+    one.update_stance(1, [STANCE_SIGMA_M; 2], &settings);
     let (error, sigma) = mean_error_m(&one, &person);
     let (was, was_sigma) = mean_error_m(&before, &person);
     assert_eq!((error, sigma), (was, was_sigma));
@@ -100,15 +100,15 @@ fn where_the_position_is_absolute_a_stance_has_no_offset() {
 }
 
 #[test]
-fn a_measurement_that_is_no_number_teaches_nothing() {
+fn a_non_finite_measurement_changes_nothing() {
     let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
-    let mut one = worker(&person, &settings);
+    let mut one = subject(&person, &settings);
     let before = bytemuck::bytes_of(&*one).to_vec();
     let rows = one.reduction.rows(&person.pose(&postures()[0]), [0.0; 2]);
     for (cop_m, variance_m2) in
         [([0.0, f64::NAN], [1e-6; 2]), ([0.0; 2], [1e-6, 0.0]), ([0.0; 2], [1e-6, f64::INFINITY])]
     {
-        assert_eq!(one.take_in(&rows, cop_m, variance_m2), None);
+        assert_eq!(one.update_from_cop(&rows, cop_m, variance_m2), None);
     }
     assert_eq!(bytemuck::bytes_of(&*one), before);
 }
@@ -140,14 +140,14 @@ impl Normal {
 }
 
 /// θ drawn from the prior of a fresh subject's filter.
-pub(super) fn drawn(worker: &Identification, normal: &mut Normal) -> Vec<f64> {
-    let count = worker.filter.count();
+pub(super) fn drawn(subject: &Identification, normal: &mut Normal) -> Vec<f64> {
+    let count = subject.filter.count();
     // Cholesky, row by row.
     let mut factor = vec![vec![0.0; count]; count];
     for row in 0..count {
         for column in 0..=row {
             let inner: f64 = (0..column).map(|k| factor[row][k] * factor[column][k]).sum();
-            let rest = worker.filter.covariance_row_m2(row)[column] - inner;
+            let rest = subject.filter.covariance_row_m2(row)[column] - inner;
             factor[row][column] =
                 if row == column { rest.max(0.0).sqrt() } else { rest / factor[column][column] };
         }
@@ -155,13 +155,13 @@ pub(super) fn drawn(worker: &Identification, normal: &mut Normal) -> Vec<f64> {
     let deviates: Vec<f64> = (0..count).map(|_| normal.next()).collect();
     (0..count)
         .map(|row| {
-            worker.filter.theta_m()[row] + (0..=row).map(|k| factor[row][k] * deviates[k]).sum::<f64>()
+            subject.filter.theta_m()[row] + (0..=row).map(|k| factor[row][k] * deviates[k]).sum::<f64>()
         })
         .collect()
 }
 
 /// Measured CoP of a person with this θ in a stance with a position error, with noise of the stated size.
-pub(super) fn shown(
+pub(super) fn simulated_cop_m(
     rows: &Rows,
     theta: &[f64],
     off_m: [f64; 2],
@@ -177,7 +177,7 @@ pub(super) fn shown(
 /// A subject with this θ holds poses one after the other; returns the root mean square error of the CoP over the
 /// library, for a known stance, after each.
 fn errors_m(
-    worker: &mut Identification,
+    subject: &mut Identification,
     settings: &Settings,
     person: &Person,
     theta: &[f64],
@@ -189,13 +189,13 @@ fn errors_m(
     let all = postures();
     (0..poses)
         .map(|index| {
-            let rows = worker.reduction.rows(&person.pose(&all[(7 * index) % all.len()]), [0.0; 2]);
-            let cop_m = shown(&rows, theta, off_m, variance_m2, normal);
-            worker.learn_rows(&rows, cop_m, variance_m2).unwrap();
+            let rows = subject.reduction.rows(&person.pose(&all[(7 * index) % all.len()]), [0.0; 2]);
+            let cop_m = simulated_cop_m(&rows, theta, off_m, variance_m2, normal);
+            subject.update_from_rows(&rows, cop_m, variance_m2).unwrap();
             let mut square = 0.0;
             for posture in settings.library {
-                let rows = worker.reduction.rows(&person.pose(posture), [0.0; 2]);
-                let predicted = worker.predict_cop_m(&rows);
+                let rows = subject.reduction.rows(&person.pose(posture), [0.0; 2]);
+                let predicted = subject.predict_cop_m(&rows);
                 for axis in 0..2 {
                     let body: f64 = rows.h[axis].iter().zip(theta).map(|(h, theta)| h * theta).sum();
                     let error = predicted[axis] - rows.offset_m[axis] - body - off_m[axis];
@@ -211,7 +211,7 @@ fn errors_m(
 fn a_correct_prior_is_rarely_inflated_and_its_innovations_match_their_sigma() {
     const PEOPLE: u64 = 400;
     let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
-    let fresh = worker(&person, &settings);
+    let fresh = subject(&person, &settings);
     let (mut inflated, mut nis) = (0, 0.0);
     for seed in 0..PEOPLE {
         let (mut one, mut normal) = (fresh.clone(), Normal::seeded(seed));
@@ -226,9 +226,9 @@ fn a_correct_prior_is_rarely_inflated_and_its_innovations_match_their_sigma() {
 }
 
 #[test]
-fn a_badly_wrong_prior_is_inflated_and_forgotten_faster() {
+fn a_wrong_prior_is_inflated_and_corrected_faster() {
     let (person, settings) = (Person::real(), Bench::new(|_| {}).settings);
-    let fresh = worker(&person, &settings);
+    let fresh = subject(&person, &settings);
     let (mut with, mut without, mut inflated) = (0.0, 0.0, 0);
     for seed in 0..40 {
         let mut normal = Normal::seeded(seed);
@@ -238,15 +238,15 @@ fn a_badly_wrong_prior_is_inflated_and_forgotten_faster() {
             .zip(fresh.filter.theta_m())
             .map(|(drawn, mean)| mean + 7.0 * (drawn - mean))
             .collect();
-        let (mut tested, mut trusting) = (fresh.clone(), fresh.clone());
-        trusting.trust_the_prior();
+        let (mut tested, mut accepting) = (fresh.clone(), fresh.clone());
+        accepting.accept_prior();
         let mut same = Normal::seeded(seed + 1000);
         let mut again = Normal::seeded(seed + 1000);
         with += errors_m(&mut tested, &settings, &person, &theta, 5, &mut same)[4].powi(2);
-        without += errors_m(&mut trusting, &settings, &person, &theta, 5, &mut again)[4].powi(2);
+        without += errors_m(&mut accepting, &settings, &person, &theta, 5, &mut again)[4].powi(2);
         assert!(tested.prior_inflation() <= 100.0 && tested.is_sound());
         inflated += u64::from(tested.prior_inflation() > 2.0);
-        assert_eq!(trusting.prior_inflation(), 1.0);
+        assert_eq!(accepting.prior_inflation(), 1.0);
     }
     assert!(inflated >= 36, "{inflated} of 40");
     assert!(with.sqrt() < 0.8 * without.sqrt(), "{} {}", with.sqrt(), without.sqrt());

@@ -5,10 +5,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::identification::KeptWorker;
+use super::identification::StoredSubject;
 use super::memory::Memory;
 use super::settings::Settings;
-use super::skew_watch::LAG_MAX_S;
+use super::skew_monitor::LAG_MAX_S;
 use super::tare::Tare;
 use crate::exposure::Shift;
 use crate::message::SuitSample;
@@ -17,7 +17,7 @@ use crate::time::NS_PER_S;
 /// Maximum gap after which a stored anchor shift is better than the configured position, ns. Each step that the anchor
 /// misses may add 5 mm of error (`anchor::STANCE_SIGMA_M`); two steps per second over 20 s add up to 32 mm, and a new
 /// registration is accepted within 30 mm.
-pub const SHIFT_HOLDS_NS: u64 = 20 * NS_PER_S;
+pub const SHIFT_VALID_NS: u64 = 20 * NS_PER_S;
 /// Tolerance of the gap's length by the suit's counter: a fraction of it …
 const COUNTER_TOLERANCE: f64 = 0.2;
 /// … plus this constant, s.
@@ -48,9 +48,9 @@ pub struct Registration {
 /// The stored data, copied after one cycle. At most 78 kB.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct Kept {
+pub struct StoredState {
     /// The subject.
-    pub worker: KeptWorker,
+    pub subject: StoredSubject,
     /// Exposure accumulated over the subject's shift.
     pub shift: Shift,
     /// Readings of the empty plate.
@@ -59,17 +59,17 @@ pub struct Kept {
     pub registration: Registration,
 }
 
-impl Kept {
+impl StoredState {
     /// Copies the data to be stored from the memory.
-    pub fn take(&mut self, memory: &Memory) {
-        memory.identification.keep(&mut self.worker);
+    pub fn copy_from(&mut self, memory: &Memory) {
+        memory.identification.store(&mut self.subject);
         self.shift = memory.exposure.shift();
         self.tare = memory.tare;
         self.registration = Registration {
-            station_from_suit_rad: memory.placing.station_from_suit_rad(),
-            station_from_suit_sigma_rad: memory.placing.sigma_rad(),
+            station_from_suit_rad: memory.registration.station_from_suit_rad(),
+            station_from_suit_sigma_rad: memory.registration.sigma_rad(),
             station_from_suit_m: memory.anchor.station_from_suit_m(),
-            suit_time_ns: memory.worked_ns,
+            suit_time_ns: memory.processed_ns,
             suit_counter: memory.suit_counter,
             suit_period_ns: memory.alignment.suit_period_ns(),
             suit_lag_s: memory.skew.lag_s(),
@@ -89,7 +89,7 @@ impl Memory {
     }
 
     /// Restores a stored registration. The first suit sample decides whether it is valid: it is dropped if the suit
-    /// restarted in the meantime or the gap is longer than [`SHIFT_HOLDS_NS`]. Returns whether the registration is
+    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. Returns whether the registration is
     /// sound; if not, or if the suit does not drift, nothing changes.
     pub fn resume_registration(&mut self, registration: &Registration, settings: &Settings) -> bool {
         let shift_m = registration.station_from_suit_m;
@@ -103,8 +103,8 @@ impl Memory {
             return false;
         }
         self.anchor.resume(shift_m);
-        self.placing.resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
-        self.worked_ns = registration.suit_time_ns;
+        self.registration.resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
+        self.processed_ns = registration.suit_time_ns;
         self.suit_counter = registration.suit_counter;
         self.alignment.expect_suit_period(registration.suit_period_ns);
         // Most of the lag is a property of the devices and survives a restart of the daemon; otherwise the estimator
@@ -115,8 +115,8 @@ impl Memory {
     }
 
     /// Marks the registration as lost: nothing stored provides it, or the suit is another one.
-    pub fn lose_the_place(&mut self) {
-        self.placing.lose(core::f64::consts::PI);
+    pub fn invalidate_registration(&mut self) {
+        self.registration.mark_lost(core::f64::consts::PI);
     }
 
     /// Drops a shift from before the start unless this sample shows that the same suit continued after a short gap.
@@ -125,19 +125,19 @@ impl Memory {
             return;
         }
         self.shift_unconfirmed = 0;
-        let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
-        let went_on = self.went_on(suit);
-        if !went_on || gap_ns > SHIFT_HOLDS_NS {
+        let gap_ns = suit.sample_time_ns.saturating_sub(self.processed_ns);
+        let suit_continued = self.suit_continued(suit);
+        if !suit_continued || gap_ns > SHIFT_VALID_NS {
             self.anchor = Zeroable::zeroed();
-            self.worked_ns = 0;
+            self.processed_ns = 0;
             let heading_sigma_rad =
-                if went_on { settings.suit_orientation_sigma_rad() } else { core::f64::consts::PI };
-            self.placing.lose(heading_sigma_rad);
+                if suit_continued { settings.suit_orientation_sigma_rad() } else { core::f64::consts::PI };
+            self.registration.mark_lost(heading_sigma_rad);
         }
     }
 
     /// Whether the suit's counter has advanced since the last sample in proportion to the time.
-    fn went_on(&self, suit: &SuitSample) -> bool {
+    fn suit_continued(&self, suit: &SuitSample) -> bool {
         let (gap_s, period_s) = self.since_last_s(suit);
         let counted = u64::from(suit.device_counter).checked_sub(self.suit_counter);
         counted.is_some_and(|counted| {
@@ -151,13 +151,13 @@ impl Memory {
         let (gap_s, period_s) = self.since_last_s(suit);
         let counted_s = f64::from(suit.device_counter) * period_s;
         u64::from(suit.session) != self.session
-            && !self.went_on(suit)
+            && !self.suit_continued(suit)
             && counted_s <= COUNTER_SLACK_S + (1.0 + COUNTER_TOLERANCE) * gap_s
     }
 
     /// Time since the last sample, and the suit's period, s.
     fn since_last_s(&self, suit: &SuitSample) -> (f64, f64) {
-        let gap_ns = suit.sample_time_ns.saturating_sub(self.worked_ns);
+        let gap_ns = suit.sample_time_ns.saturating_sub(self.processed_ns);
         (gap_ns as f64 * 1e-9, self.alignment.suit_period_ns() as f64 * 1e-9)
     }
 }

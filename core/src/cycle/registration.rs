@@ -23,7 +23,7 @@ use crate::body::Side;
 use crate::frame::{Pose, StationWorld, Turn};
 use crate::math;
 use crate::message::{Component, GroundSample, State, SuitSample};
-use crate::motion::Moment;
+use crate::motion::Snapshot;
 use crate::registration::PlanarFit;
 use crate::sesc::PARAMETERS;
 
@@ -32,43 +32,43 @@ use crate::sesc::PARAMETERS;
 const STANCE_REACH_M: f64 = 0.10;
 
 /// Maximum distance between measured and predicted CoP, m: three σ of a registration that counts as determined …
-const APART_MAX_M: f64 = 3.0 * REGISTRATION_SIGMA_M;
+const DISTANCE_MAX_M: f64 = 3.0 * REGISTRATION_SIGMA_M;
 /// … and the number of consecutive rows beyond it: two seconds.
-const ROWS_APART_MAX: u64 = 20;
+const ROWS_DISTANT_MAX: u64 = 20;
 
 /// Model errors of a pose last as long as the pose: pairs within the two seconds of a squat or a reach carry the
 /// information of one pair.
 const ROWS_PER_POSE: f64 = 20.0;
 
 /// Odds above which the previous heading is accepted.
-const SURE_ODDS: f64 = 20.0;
+const ACCEPT_ODDS: f64 = 20.0;
 
 /// Quality of the suit's registration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u64)]
-enum Known {
+enum RegistrationQuality {
     /// Converged.
-    Well = 0,
+    Converged = 0,
     /// Usable; the heading is still being refined.
-    Roughly = 1,
+    Refining = 1,
     /// Unavailable; the search is running.
-    Not = 2,
+    Lost = 2,
 }
 
 /// The suit's heading, and the search for heading and position.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct Placing {
+pub(super) struct RegistrationEstimator {
     /// Rotation from the suit world to the station world, about the vertical, rad.
     station_from_suit_rad: f64,
     /// Its 1-σ beyond the configured uncertainty, rad.
     sigma_rad: f64,
-    /// A [`Known`].
-    known: u64,
+    /// A [`RegistrationQuality`].
+    quality: u64,
     /// 1-σ of the heading at the start of the search, rad.
-    begun_sigma_rad: f64,
+    initial_sigma_rad: f64,
     /// 1-σ of the heading before the search, rad.
-    old_sigma_rad: f64,
+    previous_sigma_rad: f64,
     /// Change of the heading since the search began, rad.
     turned_rad: f64,
     fit: PlanarFit,
@@ -81,13 +81,13 @@ pub(super) struct Placing {
     /// Number of consecutive pairs that contradicted the earlier ones.
     contradictions: u64,
     /// Number of consecutive rows in which the distance between the CoPs was too large for this registration.
-    apart: u64,
+    rows_distant: u64,
 }
 
-impl Placing {
+impl RegistrationEstimator {
     /// Whether position or heading are unavailable.
     pub(super) fn is_lost(&self) -> bool {
-        self.known == Known::Not as u64
+        self.quality == RegistrationQuality::Lost as u64
     }
 
     /// Rotation from the suit world to the station world, about the vertical, rad.
@@ -109,12 +109,12 @@ impl Placing {
     }
 
     /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`.
-    pub(super) fn lose(&mut self, sigma_rad: f64) {
+    pub(super) fn mark_lost(&mut self, sigma_rad: f64) {
         if !self.is_lost() {
-            self.old_sigma_rad = self.sigma_rad;
+            self.previous_sigma_rad = self.sigma_rad;
         }
-        self.known = Known::Not as u64;
-        self.begun_sigma_rad = sigma_rad;
+        self.quality = RegistrationQuality::Lost as u64;
+        self.initial_sigma_rad = sigma_rad;
         self.contradictions = 0;
         self.turned_rad = 0.0;
         self.fit.start(sigma_rad);
@@ -123,46 +123,46 @@ impl Placing {
     /// If the fit agrees with the heading before the search, whose prior probability equals that of all others
     /// together: fuses the fit with that heading, with its previous uncertainty and `orientation_sigma_rad` combined.
     /// Applies only if the search covers all headings.
-    fn believe_the_old_heading(&mut self, orientation_sigma_rad: f64) {
+    fn fuse_previous_heading(&mut self, orientation_sigma_rad: f64) {
         // The fit maps the plate's axes to the suit's, in their present rotation.
         let off_rad = math::wrapped(self.fit.heading_rad() - self.turned_rad);
-        let old_sigma_rad = math::hypot([self.old_sigma_rad, orientation_sigma_rad]);
+        let previous_sigma_rad = math::hypot([self.previous_sigma_rad, orientation_sigma_rad]);
         let sigma_rad = self.fit.heading_sigma_rad();
-        let off_sigma_rad = math::hypot([sigma_rad, old_sigma_rad]);
+        let off_sigma_rad = math::hypot([sigma_rad, previous_sigma_rad]);
         let deviation = off_rad / off_sigma_rad;
         // Ratio of the normal density to the uniform one, 1/2π.
         let odds =
             math::sqrt(core::f64::consts::TAU) / off_sigma_rad * math::exp(-0.5 * deviation * deviation);
-        let is_open = self.begun_sigma_rad >= core::f64::consts::PI && sigma_rad > old_sigma_rad;
-        if is_open && self.fit.has_begun() && odds >= SURE_ODDS {
-            self.fit.believe_heading(self.turned_rad, old_sigma_rad);
+        let is_open = self.initial_sigma_rad >= core::f64::consts::PI && sigma_rad > previous_sigma_rad;
+        if is_open && self.fit.has_begun() && odds >= ACCEPT_ODDS {
+            self.fit.ingest_heading(self.turned_rad, previous_sigma_rad);
         }
     }
 
     /// Ingests the distance between measured and predicted CoP, m. A persistently large distance means that the
     /// registration is lost.
-    fn watch(&mut self, apart_m: f64) {
-        self.apart = if apart_m > APART_MAX_M { self.apart + 1 } else { 0 };
-        if self.apart >= ROWS_APART_MAX {
-            self.apart = 0;
-            self.lose(core::f64::consts::PI);
+    fn check_distance(&mut self, distance_m: f64) {
+        self.rows_distant = if distance_m > DISTANCE_MAX_M { self.rows_distant + 1 } else { 0 };
+        if self.rows_distant >= ROWS_DISTANT_MAX {
+            self.rows_distant = 0;
+            self.mark_lost(core::f64::consts::PI);
         }
     }
 
     /// Resumes with a stored heading and its σ.
     pub(super) fn resume(&mut self, station_from_suit_rad: f64, sigma_rad: f64) {
-        *self = Placing { station_from_suit_rad, sigma_rad, ..Zeroable::zeroed() };
+        *self = RegistrationEstimator { station_from_suit_rad, sigma_rad, ..Zeroable::zeroed() };
         if sigma_rad >= core::f64::consts::PI {
-            self.lose(sigma_rad);
+            self.mark_lost(sigma_rad);
         } else if sigma_rad > 0.0 {
-            self.known = Known::Roughly as u64;
-            self.begun_sigma_rad = sigma_rad;
+            self.quality = RegistrationQuality::Refining as u64;
+            self.initial_sigma_rad = sigma_rad;
             self.fit.start(sigma_rad);
         }
     }
 
     /// Rotates the sample to the heading of the station world.
-    pub(super) fn headed(&self, suit: &SuitSample) -> SuitSample {
+    pub(super) fn rotated_to_station(&self, suit: &SuitSample) -> SuitSample {
         if self.station_from_suit_rad == 0.0 {
             *suit
         } else {
@@ -172,25 +172,25 @@ impl Placing {
 
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        let Placing { station_from_suit_rad, sigma_rad, begun_sigma_rad, old_sigma_rad, turned_rad, .. } =
+        let RegistrationEstimator { station_from_suit_rad, sigma_rad, initial_sigma_rad, previous_sigma_rad, turned_rad, .. } =
             *self;
-        let angles = [station_from_suit_rad, sigma_rad, begun_sigma_rad, old_sigma_rad, turned_rad];
+        let angles = [station_from_suit_rad, sigma_rad, initial_sigma_rad, previous_sigma_rad, turned_rad];
         angles.iter().chain(self.first_rows.iter().flatten()).all(|number| number.is_finite())
-            && self.known <= Known::Not as u64
+            && self.quality <= RegistrationQuality::Lost as u64
             && self.fit.is_sound()
     }
 
     /// Ingests a measured and a predicted CoP. Persistent contradictions restart the search, because the earlier pairs
     /// belong to another registration.
-    fn pair(&mut self, measured_m: [f64; 2], expected_m: [f64; 2], variance_m2: [f64; 2]) {
-        if self.fit.take_in(measured_m, expected_m, variance_m2) {
+    fn ingest_pair(&mut self, measured_m: [f64; 2], expected_m: [f64; 2], variance_m2: [f64; 2]) {
+        if self.fit.ingest_pair(measured_m, expected_m, variance_m2) {
             self.contradictions = 0;
             return;
         }
         self.contradictions += 1;
         if self.contradictions as f64 > ROWS_PER_INDEPENDENT {
             self.contradictions = 0;
-            self.fit.start(self.begun_sigma_rad);
+            self.fit.start(self.initial_sigma_rad);
         }
     }
 }
@@ -198,106 +198,106 @@ impl Placing {
 impl Memory {
     /// 1-σ of a segment's orientation in the station world, rad.
     pub(super) fn orientation_sigma_rad(&self, settings: &Settings) -> f64 {
-        math::hypot([settings.suit_orientation_sigma_rad(), self.placing.sigma_rad()])
+        math::hypot([settings.suit_orientation_sigma_rad(), self.registration.sigma_rad()])
     }
 
     /// Processes one snapshot without a load: pairs the two CoPs, and updates the registration once the fit has
     /// converged.
-    pub(super) fn seek_the_place(
+    pub(super) fn register(
         &mut self,
         pose: &Pose<StationWorld>,
-        moment: &Moment,
+        snapshot: &Snapshot,
         body: &BodyMotion,
         settings: &Settings,
     ) {
-        if moment.ground().is_some_and(GroundSample::is_by_insoles_alone) {
+        if snapshot.ground().is_some_and(GroundSample::is_by_insoles_alone) {
             // Insoles measure in the suit world, so no registration is needed.
-            self.placing.known = Known::Well as u64;
+            self.registration.quality = RegistrationQuality::Converged as u64;
             return;
         }
-        let due = moment.time_ns.saturating_sub(self.placing.paired_ns) >= MOTION_ROW_EVERY_NS;
-        if !settings.suit_drifts || !due || moment.both_feet_stand != 1 {
+        let due = snapshot.time_ns.saturating_sub(self.registration.paired_ns) >= MOTION_ROW_EVERY_NS;
+        if !settings.suit_drifts || !due || snapshot.both_feet_stand != 1 {
             return;
         }
-        let known = self.placing.known;
-        if known != Known::Not as u64 {
-            let State { cop_measured_m, cop_estimated_m, .. } = self.known;
-            self.placing.watch(math::hypot([0, 1].map(|axis| cop_measured_m[axis] - cop_estimated_m[axis])));
+        let quality = self.registration.quality;
+        if quality != RegistrationQuality::Lost as u64 {
+            let State { cop_measured_m, cop_estimated_m, .. } = self.estimate;
+            self.registration.check_distance(math::hypot([0, 1].map(|axis| cop_measured_m[axis] - cop_estimated_m[axis])));
         }
-        if known == Known::Well as u64 {
-            self.placing.paired_ns = moment.time_ns;
+        if quality == RegistrationQuality::Converged as u64 {
+            self.registration.paired_ns = snapshot.time_ns;
             return;
         }
-        if moment.stance != self.placing.stance {
-            let [x_m, y_m] = moment.stance_sigma_m;
-            self.placing.fit.wander(x_m.max(y_m) * x_m.max(y_m));
+        if snapshot.stance != self.registration.stance {
+            let [x_m, y_m] = snapshot.stance_sigma_m;
+            self.registration.fit.add_process_noise(x_m.max(y_m) * x_m.max(y_m));
         }
-        (self.placing.paired_ns, self.placing.stance) = (moment.time_ns, moment.stance);
-        let worker = &self.identification;
-        let rows = worker.reduction.rows(pose, body.slope);
-        if !self.placing.fit.has_begun() {
-            self.placing.first_rows = rows.h;
+        (self.registration.paired_ns, self.registration.stance) = (snapshot.time_ns, snapshot.stance);
+        let subject = &self.identification;
+        let rows = subject.reduction.rows(pose, body.slope);
+        if !self.registration.fit.has_begun() {
+            self.registration.first_rows = rows.h;
         }
         // An error of θ also shifts the first pair, which makes it an error of the position. Only its change with the
         // pose is an error of the pair.
-        let first = &self.placing.first_rows;
+        let first = &self.registration.first_rows;
         let since_first =
             [0, 1].map(|axis: usize| array::from_fn(|index| rows.h[axis][index] - first[axis][index]));
-        let of_first_m2 = worker.parameter_variance_m2(first);
-        let (of_body_m2, wander_m2) =
-            (worker.parameter_variance_m2(&since_first), worker.wander_variance_m2(pose, settings));
-        let unfelt_m = body.leaning_sigma_m(self.noise.moving_acceleration_sigma_m_per_s2());
+        let of_first_m2 = subject.parameter_variance_m2(first);
+        let (of_body_m2, drift_m2) =
+            (subject.parameter_variance_m2(&since_first), subject.drift_variance_m2(pose, settings));
+        let unmeasured_m = body.cop_sigma_by_acceleration_m(self.noise.moving_acceleration_sigma_m_per_s2());
         let variance_m2 = [0, 1].map(|axis: usize| {
             let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
             let plate_m = self.ground_sigma.cop_m;
-            let of_motion_m2 = moving_m * moving_m + plate_m * plate_m + unfelt_m * unfelt_m;
-            let of_pose_m2 = of_body_m2[axis] + wander_m2[axis];
+            let of_motion_m2 = moving_m * moving_m + plate_m * plate_m + unmeasured_m * unmeasured_m;
+            let of_pose_m2 = of_body_m2[axis] + drift_m2[axis];
             ROWS_PER_INDEPENDENT * of_motion_m2 + ROWS_PER_POSE * of_pose_m2
         });
-        let offset_m = worker.stance_offset_m();
-        let expected_m = [0, 1].map(|axis| self.known.cop_estimated_m[axis] - offset_m[axis]);
-        let measured_m = self.known.cop_measured_m;
-        self.placing.pair(measured_m, expected_m, variance_m2);
-        let [shear_x_n, shear_y_n, _] = moment.ground.force_n;
-        if moment.ground.measures(Component::Shear) && (shear_x_n, shear_y_n) != (0.0, 0.0) {
+        let offset_m = subject.stance_offset_m();
+        let expected_m = [0, 1].map(|axis| self.estimate.cop_estimated_m[axis] - offset_m[axis]);
+        let measured_m = self.estimate.cop_measured_m;
+        self.registration.ingest_pair(measured_m, expected_m, variance_m2);
+        let [shear_x_n, shear_y_n, _] = snapshot.ground.force_n;
+        if snapshot.ground.measures(Component::Shear) && (shear_x_n, shear_y_n) != (0.0, 0.0) {
             let by_plate = [shear_x_n, shear_y_n].map(|shear_n| shear_n / self.identification.mass_kg);
             let [x, y, _] = body.suit_acceleration_m_per_s2;
             let sigma = self.noise.acceleration_sigma_m_per_s2();
-            self.placing.fit.take_in_vector(by_plate, [x, y], [ROWS_PER_INDEPENDENT * sigma * sigma; 2]);
+            self.registration.fit.ingest_vector(by_plate, [x, y], [ROWS_PER_INDEPENDENT * sigma * sigma; 2]);
         }
-        self.placing.believe_the_old_heading(settings.suit_orientation_sigma_rad());
-        let fit = &self.placing.fit;
+        self.registration.fuse_previous_heading(settings.suit_orientation_sigma_rad());
+        let fit = &self.registration.fit;
         let (sigma_rad, fit_m2) = (fit.heading_sigma_rad(), fit.variance_m2(measured_m));
         let at_m2 = [0, 1].map(|axis| fit_m2[axis] + of_first_m2[axis]);
         let reach_m = STANCE_REACH_M / math::sqrt(3.0) * sigma_rad;
-        let is_known = fit.is_rigid()
+        let is_determined = fit.is_rigid()
             && at_m2.iter().all(|at_m2| math::hypot([math::sqrt(*at_m2), reach_m]) <= REGISTRATION_SIGMA_M);
-        let is_better = known == Known::Not as u64 || sigma_rad <= 0.5 * self.placing.sigma_rad;
-        if is_known && is_better {
-            self.move_into_place(measured_m, at_m2, settings);
+        let is_better = quality == RegistrationQuality::Lost as u64 || sigma_rad <= 0.5 * self.registration.sigma_rad;
+        if is_determined && is_better {
+            self.apply_registration(measured_m, at_m2, settings);
         }
     }
 
     /// Rotates and shifts the suit world to the fitted registration; the body's present CoP becomes `measured_m`.
-    fn move_into_place(&mut self, measured_m: [f64; 2], at_m2: [f64; 2], settings: &Settings) {
-        let placing = &mut self.placing;
+    fn apply_registration(&mut self, measured_m: [f64; 2], at_m2: [f64; 2], settings: &Settings) {
+        let registration = &mut self.registration;
         // The fit maps the plate's axes to the suit's.
-        let heading_rad = -placing.fit.heading_rad();
+        let heading_rad = -registration.fit.heading_rad();
         let turn = Turn::by(heading_rad);
-        let turned_m = turn.of(placing.fit.image_m(measured_m));
+        let turned_m = turn.of(registration.fit.image_m(measured_m));
         let by_m = [0, 1].map(|axis| measured_m[axis] - turned_m[axis]);
-        placing.fit.follow(turn, by_m);
-        let [x, y] = placing.first_rows;
+        registration.fit.transform(turn, by_m);
+        let [x, y] = registration.first_rows;
         for (index, (x, y)) in x.into_iter().zip(y).enumerate() {
-            [placing.first_rows[0][index], placing.first_rows[1][index]] = turn.of([x, y]);
+            [registration.first_rows[0][index], registration.first_rows[1][index]] = turn.of([x, y]);
         }
-        placing.station_from_suit_rad = math::wrapped(placing.station_from_suit_rad + heading_rad);
-        placing.turned_rad = math::wrapped(placing.turned_rad + heading_rad);
-        placing.sigma_rad = placing.fit.heading_sigma_rad();
-        let is_well = placing.sigma_rad <= settings.suit_orientation_sigma_rad();
-        placing.known = if is_well { Known::Well } else { Known::Roughly } as u64;
+        registration.station_from_suit_rad = math::wrapped(registration.station_from_suit_rad + heading_rad);
+        registration.turned_rad = math::wrapped(registration.turned_rad + heading_rad);
+        registration.sigma_rad = registration.fit.heading_sigma_rad();
+        let is_converged = registration.sigma_rad <= settings.suit_orientation_sigma_rad();
+        registration.quality = if is_converged { RegistrationQuality::Converged } else { RegistrationQuality::Refining } as u64;
         self.anchor.move_world(turn, by_m);
-        self.identification.stand_within(at_m2);
+        self.identification.reset_stance_offset(at_m2);
         // Their content uses the previous heading.
         self.history.clear();
         self.window.clear();

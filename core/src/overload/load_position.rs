@@ -1,8 +1,8 @@
 //! Position of a load in the hands: the hand load fraction η, and its distance ahead of the line between the grips.
 //!
 //! The two CoPs give the load's position at every instant, `p = (C_wt (W + ΔF) − Ĉ_wo W)/ΔF`. The position in the hands
-//! is constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`, combined with a
-//! prior. Its error has two parts:
+//! is constant during a carry. So each coordinate is a mean over the carry with the weights `w = dt/σ²`, combined with
+//! a prior. Its error has two parts:
 //!
 //! - that of the body model, `h δθ` with the row `h` of Ĉ_wo times W/ΔF. θ's error is the same in every posture, so the
 //!   mean has the variance `h̄ P h̄ᵀ` with the weighted mean `h̄` of the rows;
@@ -155,12 +155,12 @@ impl Coordinate {
 /// Estimate of the load's position in the hands during one carry.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct LoadPlace {
+pub struct LoadPosition {
     right: Coordinate,
     ahead: Coordinate,
 }
 
-impl LoadPlace {
+impl LoadPosition {
     /// Resets the estimate: no load is carried.
     pub fn reset(&mut self) {
         *self = Zeroable::zeroed();
@@ -224,18 +224,18 @@ mod tests {
         ByModel { measured: Measured { value, sigma: sigma * (1.0 - share.abs()).sqrt() }, row }
     }
 
-    fn carry(seconds: f64, error: impl Fn(f64) -> f64, sigma: f64) -> LoadPlace {
-        let mut place = LoadPlace::zeroed();
+    fn carry(seconds: f64, error: impl Fn(f64) -> f64, sigma: f64) -> LoadPosition {
+        let mut position = LoadPosition::zeroed();
         for step in 0..(seconds * 60.0) as u32 {
             let time_s = f64::from(step) / 60.0;
             let right = by_model(0.7 + error(time_s), sigma, 0.0);
-            place.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
+            position.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
         }
-        place
+        position
     }
 
     #[test]
-    fn a_long_carry_in_many_postures_says_more_than_a_short_one() {
+    fn a_long_carry_in_many_postures_lowers_sigma_more_than_a_short_one() {
         // An error that changes every two seconds, as large as its σ.
         let error = |time_s: f64| if ((time_s * 0.5) as u32).is_multiple_of(2) { 0.3 } else { -0.3 };
         let (short, long) = (carry(0.5, error, 0.3), carry(30.0, error, 0.3));
@@ -245,14 +245,14 @@ mod tests {
     }
 
     #[test]
-    fn the_body_models_error_does_not_average_out_unless_the_postures_turn_it_round() {
+    fn the_error_of_the_body_model_averages_out_only_over_varied_postures() {
         let sigma_after_30_s = |share_at: fn(u32) -> f64| {
-            let mut place = LoadPlace::zeroed();
+            let mut position = LoadPosition::zeroed();
             for step in 0..1800 {
                 let right = by_model(0.7, 0.05, share_at(step));
-                place.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
+                position.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
             }
-            place.eta_sigma()
+            position.eta_sigma()
         };
         let one_posture = sigma_after_30_s(|_| 1.0);
         assert!((one_posture - 0.0493).abs() < 1e-3, "0.05 and the prior's 0.289 together: {one_posture}");
@@ -262,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn a_precise_instant_says_where_the_load_is_and_a_vague_one_leaves_the_prior() {
+    fn a_precise_measurement_moves_the_estimate_and_a_vague_one_keeps_the_prior() {
         let precise = carry(0.1, |_| 0.0, 0.01);
         assert!((precise.eta()[1] - 0.7).abs() < 0.01 && precise.eta_sigma() < 0.02);
         let vague = carry(0.1, |_| 0.0, 10.0);
@@ -275,28 +275,28 @@ mod tests {
     }
 
     #[test]
-    fn a_load_that_goes_to_the_other_hand_is_followed() {
-        let mut place = carry(20.0, |_| 0.0, 0.05);
+    fn a_load_that_changes_hands_is_tracked() {
+        let mut position = carry(20.0, |_| 0.0, 0.05);
         for _ in 0..30 {
-            place.update(Some(&by_model(0.0, 0.05, 0.0)), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
+            position.update(Some(&by_model(0.0, 0.05, 0.0)), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
         }
-        assert!(place.eta()[1] < 0.1, "{:?}", place.eta());
+        assert!(position.eta()[1] < 0.1, "{:?}", position.eta());
     }
 
     #[test]
-    fn what_is_not_a_number_changes_nothing_and_a_reset_is_the_start() {
-        let mut place = carry(1.0, |_| 0.0, 0.1);
-        let before = place.eta();
+    fn non_finite_values_change_nothing_and_a_reset_restores_the_start() {
+        let mut position = carry(1.0, |_| 0.0, 0.1);
+        let before = position.eta();
         for value in [f64::NAN, f64::INFINITY] {
-            place.update(
+            position.update(
                 Some(&by_model(value, 0.1, 0.5)),
                 &by_model(0.0, f64::NAN, 0.5),
                 1.0 / 60.0,
                 first_state,
             );
         }
-        assert_eq!(place.eta(), before);
-        place.reset();
-        assert_eq!((place.eta(), place.ahead_m()), ([0.5; 2], [AHEAD_M, AHEAD_SIGMA_M]));
+        assert_eq!(position.eta(), before);
+        position.reset();
+        assert_eq!((position.eta(), position.ahead_m()), ([0.5; 2], [AHEAD_M, AHEAD_SIGMA_M]));
     }
 }

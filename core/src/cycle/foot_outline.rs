@@ -1,4 +1,4 @@
-//! Outline of each sole relative to its foot segment: contact area with the ground, and position of an insole.
+//! Outline of each foot relative to its segment: contact area with the ground, and position of an insole.
 
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
@@ -17,16 +17,16 @@ const TIP_FORWARD: f64 = 0.05;
 const BALL_FORWARD: f64 = 0.10;
 /// Ankle above the sole, over stature.
 const ANKLE_HEIGHT: f64 = 0.054;
-/// Minimum length and width of a plausible sole, m.
+/// Minimum length and width of a plausible outline, m.
 const LENGTH_MIN_M: f64 = 0.12;
 const WIDTH_MIN_M: f64 = 0.03;
 /// A ball nearer to the ankle is no separate joint, m.
 const BALL_MIN_M: f64 = 0.01;
 
-/// A sole in the axes of its foot segment (X forward, Y left, Z up, from the ankle), m.
+/// The outline of a sole in the axes of its foot segment (X forward, Y left, Z up, from the ankle), m.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct FootShape {
+pub struct FootOutline {
     /// The heel's back and the toes' tip.
     pub along_m: [f64; 2],
     /// The right and the left border.
@@ -35,19 +35,19 @@ pub struct FootShape {
     pub sole_z_m: f64,
 }
 
-/// Both soles, left first: the suit's points if available, else fractions of the stature.
-pub fn both<W>(pose: &Pose<W>, body: Option<&SuitBody>, height_m: f64) -> [FootShape; 2] {
+/// Both outlines, left first: the suit's points if available, else fractions of the stature.
+pub fn both<W>(pose: &Pose<W>, body: Option<&SuitBody>, height_m: f64) -> [FootOutline; 2] {
     Side::BOTH.map(|side| {
-        let nominal = FootShape::by_stature(pose, side, height_m);
+        let nominal = FootOutline::by_stature(pose, side, height_m);
         body.map_or(nominal, |body| nominal.with(body, side))
     })
 }
 
-impl FootShape {
+impl FootOutline {
     /// Fractions of the stature, with the ball at the position of the pose.
-    pub fn by_stature<W>(pose: &Pose<W>, side: Side, height_m: f64) -> FootShape {
+    pub fn by_stature<W>(pose: &Pose<W>, side: Side, height_m: f64) -> FootOutline {
         let ball_m = pose.offset_in(side.foot(), side.toe()).x.max(BALL_FORWARD * height_m);
-        FootShape {
+        FootOutline {
             along_m: [-HEEL_BACK * height_m, ball_m + TIP_FORWARD * height_m],
             across_m: [-HALF_WIDTH * height_m, HALF_WIDTH * height_m],
             sole_z_m: -ANKLE_HEIGHT * height_m,
@@ -56,7 +56,7 @@ impl FootShape {
 
     /// Overrides the outline with the suit's foot points; missing or implausible ones change nothing.
     #[must_use]
-    pub fn with(mut self, body: &SuitBody, side: Side) -> FootShape {
+    pub fn with(mut self, body: &SuitBody, side: Side) -> FootOutline {
         let point = |point: FootPoint| body.foot_point_m(side, point);
         let before = self;
         let (heel, tip) = (point(FootPoint::Heel), point(FootPoint::ToeTip));
@@ -76,10 +76,10 @@ impl FootShape {
         if !self.sole_z_m.is_finite() || self.sole_z_m >= 0.0 {
             self.sole_z_m = before.sole_z_m;
         }
-        if self.is_a_sole() { self } else { before }
+        if self.is_plausible() { self } else { before }
     }
 
-    fn is_a_sole(&self) -> bool {
+    fn is_plausible(&self) -> bool {
         self.along_m[1] - self.along_m[0] > LENGTH_MIN_M && self.across_m[1] - self.across_m[0] > WIDTH_MIN_M
     }
 
@@ -147,16 +147,16 @@ mod tests {
     fn the_suit_s_points_are_the_outline_and_the_big_toe_is_on_the_inside() {
         let pose = standing(0.0, Vector3::zeros());
         let [left, right] =
-            Side::BOTH.map(|side| FootShape::by_stature(&pose, side, 1.77).with(&measured_body(), side));
+            Side::BOTH.map(|side| FootOutline::by_stature(&pose, side, 1.77).with(&measured_body(), side));
         assert_eq!((left.along_m, left.sole_z_m), ([-0.06, 0.24], -0.1));
         assert_eq!((left.across_m, right.across_m), ([-0.04, 0.055], [-0.055, 0.04]));
         assert!((left.middle_m()[0] - 0.09).abs() < 1e-12 && (left.middle_m()[1] - 0.0075).abs() < 1e-12);
     }
 
     #[test]
-    fn points_that_make_no_sole_are_passed_over() {
+    fn implausible_foot_points_are_ignored() {
         let pose = standing(0.0, Vector3::zeros());
-        let nominal = FootShape::by_stature(&pose, Side::Left, 1.77);
+        let nominal = FootOutline::by_stature(&pose, Side::Left, 1.77);
         let mut backwards = measured_body();
         backwards.foot_point_m[0][3][0] = -0.3;
         assert_eq!(nominal.with(&backwards, Side::Left), nominal);
@@ -168,7 +168,7 @@ mod tests {
 
     #[test]
     fn a_point_of_the_sole_goes_where_the_foot_goes_and_turns_with_it() {
-        let shape = FootShape::by_stature(&standing(0.0, Vector3::zeros()), Side::Left, 1.77);
+        let shape = FootOutline::by_stature(&standing(0.0, Vector3::zeros()), Side::Left, 1.77);
         let here = shape.on_the_floor_m(&standing(0.0, Vector3::zeros()), Side::Left, [0.05, -0.02]);
         for (turn, x, y) in [(0.0, 1.0, -2.0), (2.1, 0.3, 0.7), (-1.0, 0.0, 0.0)] {
             let there =
@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn on_the_toes_the_centre_under_them_stays_where_they_are() {
         let mut pose = standing(0.0, Vector3::zeros());
-        let shape = FootShape::by_stature(&pose, Side::Left, 1.77);
+        let shape = FootOutline::by_stature(&pose, Side::Left, 1.77);
         let front = [0.11, 0.0];
         let flat = shape.on_the_floor_m(&pose, Side::Left, front);
         // The heel rises about the ball; the toes stay on the floor.

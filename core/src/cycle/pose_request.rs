@@ -4,7 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::memory::Memory;
-use super::settings::{Asked, Settings};
+use super::settings::{PoseRequest, Settings};
 use super::{NO_POSE, POSE_REACHED_RAD};
 use crate::body::{JOINTS, Segment};
 use crate::frame::{Pose, StationWorld, wxyz};
@@ -17,7 +17,7 @@ const TURNED_WITHIN_RAD: f64 = core::f64::consts::FRAC_PI_6;
 /// State of the requested pose.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub(super) struct AskedPose {
+pub(super) struct PoseRequestState {
     /// 1 once it was held, or skipped by command.
     done: u64,
     /// 1 once it was first requested.
@@ -26,7 +26,7 @@ pub(super) struct AskedPose {
     heading_rad: f64,
 }
 
-impl AskedPose {
+impl PoseRequestState {
     /// Resets the reference heading, for example for another subject.
     pub(super) fn restart(&mut self) {
         self.begun = 0;
@@ -40,34 +40,34 @@ impl AskedPose {
 
 impl Memory {
     /// The pose that the model file requests now: none during identification, and none twice.
-    fn asked(&self, settings: &Settings) -> Option<Asked> {
-        let known = self.identification.identified == 1 && self.identification.learning == 0;
-        settings.asked.filter(|asked| known && self.asked.done == 0 && asked.pose < settings.library.len())
+    fn requested_pose(&self, settings: &Settings) -> Option<PoseRequest> {
+        let is_identified = self.identification.identified == 1 && self.identification.identifying == 0;
+        settings.pose_request.filter(|request| is_identified && self.pose_request.done == 0 && request.pose < settings.library.len())
     }
 
     /// Index of the suggested pose: that of the identification, else that of the model file; [`NO_POSE`] for none.
     pub(super) fn suggested(&self, settings: &Settings) -> u64 {
-        match self.asked(settings) {
-            Some(asked) => asked.pose as u64,
+        match self.requested_pose(settings) {
+            Some(request) => request.pose as u64,
             None => self.identification.suggested,
         }
     }
 
     /// Skips the pose that the model file requests; `false` if none is requested.
-    pub(super) fn skip_asked(&mut self, settings: &Settings) -> bool {
-        let is_asked = self.asked(settings).is_some();
-        self.asked.done |= u64::from(is_asked);
-        is_asked
+    pub(super) fn skip_requested_pose(&mut self, settings: &Settings) -> bool {
+        let is_requested = self.requested_pose(settings).is_some();
+        self.pose_request.done |= u64::from(is_requested);
+        is_requested
     }
 
     /// Publishes the distance from the suggested pose, and checks whether the requested pose is held.
     pub(super) fn compare_with_suggestion(
         &mut self,
         pose: &Pose<StationWorld>,
-        is_still: bool,
+        is_static: bool,
         settings: &Settings,
     ) {
-        self.known.pose_mismatch_rad = 0.0;
+        self.estimate.pose_mismatch_rad = 0.0;
         let suggested = self.suggested(settings);
         let Some(posture) = settings.library.get(suggested as usize).filter(|_| suggested != NO_POSE) else {
             return;
@@ -75,23 +75,23 @@ impl Memory {
         let joints = |rotations: [nalgebra::UnitQuaternion<f64>; JOINTS]| rotations.map(|r| wxyz(&r));
         let mut mismatch_rad =
             rms_joint_angle(&joints(pose.joint_rotations()), &joints(posture.joint_rotations()));
-        if let Some(asked) = self.asked(settings) {
-            let left_rad = self.still_to_turn_rad(pose, asked);
-            if left_rad > TURNED_WITHIN_RAD {
-                mismatch_rad = mismatch_rad.max(left_rad);
+        if let Some(request) = self.requested_pose(settings) {
+            let remaining_rad = self.remaining_turn_rad(pose, request);
+            if remaining_rad > TURNED_WITHIN_RAD {
+                mismatch_rad = mismatch_rad.max(remaining_rad);
             }
-            self.asked.done = u64::from(is_still && mismatch_rad < POSE_REACHED_RAD);
+            self.pose_request.done = u64::from(is_static && mismatch_rad < POSE_REACHED_RAD);
         }
-        self.known.pose_mismatch_rad = mismatch_rad;
+        self.estimate.pose_mismatch_rad = mismatch_rad;
     }
 
     /// Remaining turn, in either direction, relative to the heading at the first request, rad.
-    fn still_to_turn_rad(&mut self, pose: &Pose<StationWorld>, asked: Asked) -> f64 {
+    fn remaining_turn_rad(&mut self, pose: &Pose<StationWorld>, request: PoseRequest) -> f64 {
         let (_, _, heading_rad) = pose.world_from_segment[Segment::Pelvis.index()].euler_angles();
-        if self.asked.begun == 0 {
-            (self.asked.begun, self.asked.heading_rad) = (1, heading_rad);
+        if self.pose_request.begun == 0 {
+            (self.pose_request.begun, self.pose_request.heading_rad) = (1, heading_rad);
         }
-        let off_rad = heading_rad - self.asked.heading_rad - asked.turn_rad;
+        let off_rad = heading_rad - self.pose_request.heading_rad - request.turn_rad;
         let (_, cosine) = math::sin_cos(off_rad);
         math::acos(cosine.clamp(-1.0, 1.0))
     }

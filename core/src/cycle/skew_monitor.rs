@@ -12,7 +12,7 @@ use crate::time::skew::{Skew, SkewEstimator};
 
 /// An estimate with a larger 1-σ is not published and does not set the first lag, s: beyond it the alignment would be
 /// invalid.
-const SURE_SIGMA_S: f64 = OFF_MIN_S;
+const PRECISE_SIGMA_S: f64 = OFF_MIN_S;
 /// Deviation at which the lag is set again, s: half a sample of the fastest suit.
 const RESET_MIN_S: f64 = 0.002;
 /// The alignment is invalid if the lag is off by this many σ …
@@ -21,14 +21,14 @@ const OFF_SIGMAS: f64 = 3.0;
 const OFF_MIN_S: f64 = 0.010;
 /// Upper bound of the lag, s.
 pub(super) const LAG_MAX_S: f64 = 1.0;
-/// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting suit
-/// samples for each that arrives.
+/// The lag changes by at most this much per second of the suit's time, s/s: a step then releases at most two waiting
+/// suit samples for each that arrives.
 const SLEW: f64 = 0.5;
 
 /// The estimator and the lag in use.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
-pub struct SkewWatch {
+pub struct SkewMonitor {
     estimator: SkewEstimator,
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
@@ -39,7 +39,7 @@ pub struct SkewWatch {
     is_off: u64,
 }
 
-impl SkewWatch {
+impl SkewMonitor {
     /// Ingests a ground sample; one that reports a fault counts as a gap.
     pub(super) fn ingest_ground(&mut self, ground: &GroundSample) {
         if ground.device_status == 0 {
@@ -60,7 +60,7 @@ impl SkewWatch {
         let tracked = self.estimator.at(time_ns);
         let is_first = self.target_s == 0.0;
         // The lag in use is an older estimate, and clocks drift: the newest estimate is better, however uncertain.
-        if let Some(Skew { skew_s, .. }) = tracked.filter(|skew| skew.is_sure() || !is_first)
+        if let Some(Skew { skew_s, .. }) = tracked.filter(|skew| skew.is_precise() || !is_first)
             && (skew_s - self.target_s).abs() > RESET_MIN_S
         {
             self.target_s = skew_s;
@@ -117,32 +117,32 @@ impl SkewWatch {
 }
 
 impl Skew {
-    fn is_sure(&self) -> bool {
-        self.sigma_s < SURE_SIGMA_S
+    fn is_precise(&self) -> bool {
+        self.sigma_s < PRECISE_SIGMA_S
     }
 }
 
 impl Memory {
     /// Ingests a suit sample, sets the lag of the alignment, and publishes the skew.
-    pub(super) fn watch_the_skew(&mut self, suit: &SuitSample, settings: &Settings) {
+    pub(super) fn update_skew(&mut self, suit: &SuitSample, settings: &Settings) {
         if !self.identification.has_body() {
             return;
         }
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
         if self.skew.ingest_suit(suit.sample_time_ns, self.height_m(suit), is_wanted) {
             self.noise = Zeroable::zeroed();
-            self.identification.forget_weighing();
+            self.identification.reset_weighing();
             // With a lag longer than the static pose window, a static body was paired with the ground samples of
             // another pose.
             let window_s = WINDOW as f64 * self.alignment.suit_period_ns() as f64 * 1e-9;
             if self.identification.identified == 0 && self.skew.target_s.abs() > window_s {
-                self.identification.return_to_prior(settings);
-                self.known.motion_samples_used = 0;
+                self.identification.reset_to_prior(settings);
+                self.estimate.motion_samples_used = 0;
             }
         }
         self.alignment.set_lag_ns(self.skew.lag_ns());
-        let sure = self.skew.estimate().filter(Skew::is_sure);
-        (self.known.suit_skew_s, self.known.suit_skew_sigma_s) =
+        let sure = self.skew.estimate().filter(Skew::is_precise);
+        (self.estimate.suit_skew_s, self.estimate.suit_skew_sigma_s) =
             sure.map_or((0.0, 0.0), |skew| (skew.skew_s, skew.sigma_s));
     }
 
@@ -182,7 +182,7 @@ mod tests {
     }
 
     /// One second of both streams; the suit's stamps are late by `late_ms(t)`.
-    fn second(watch: &mut SkewWatch, from_ms: u64, is_wanted: bool, late_ms: impl Fn(u64) -> i64) {
+    fn second(watch: &mut SkewMonitor, from_ms: u64, is_wanted: bool, late_ms: impl Fn(u64) -> i64) {
         for ms in from_ms..from_ms + 1000 {
             let time_s = ms as f64 * 1e-3;
             let force_n = [0.0, 0.0, 72.0 * (9.81 + height(time_s)[1])];
@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn a_large_lag_is_masked_until_it_is_corrected_and_again_after_a_change() {
-        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
         let late_ms = |ms: u64| if ms < 60_000 { -138 } else { 162 };
         let mut was_off = [false; 2];
         for index in 0..120 {
@@ -221,13 +221,13 @@ mod tests {
 
     #[test]
     fn at_rest_the_lag_follows_the_drift_and_its_sigma_grows() {
-        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
         let late_ms = |ms: u64| -80 - ms as i64 / 1000;
         for index in 0..14 {
             second(&mut watch, 1000 * index, true, late_ms);
         }
         let moving_sigma_s = watch.lag_sigma_s();
-        assert!(moving_sigma_s > 0.0 && watch.estimate().is_some_and(|skew| skew.is_sure()));
+        assert!(moving_sigma_s > 0.0 && watch.estimate().is_some_and(|skew| skew.is_precise()));
         for ms in 14_000..180_000_u64 {
             let sample_time_ns = (10_000 + ms) * MS_NS;
             watch.ingest_ground(&GroundSample {
@@ -244,14 +244,14 @@ mod tests {
             }
         }
         let Some(Skew { skew_s, sigma_s, .. }) = watch.estimate() else { panic!("lost") };
-        assert!(sigma_s > SURE_SIGMA_S, "{sigma_s}");
+        assert!(sigma_s > PRECISE_SIGMA_S, "{sigma_s}");
         assert!((watch.lag_s() - skew_s).abs() <= 2.0 * RESET_MIN_S, "{} {skew_s}", watch.lag_s());
         assert!(watch.lag_sigma_s() > moving_sigma_s);
     }
 
     #[test]
     fn without_the_correction_nothing_is_shifted_or_masked() {
-        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
         for index in 0..30 {
             second(&mut watch, 1000 * index, false, |_| 80);
             assert!(!watch.is_off() && watch.lag_ns() == 0);
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn a_ground_sample_with_a_fault_is_not_ingested() {
-        let mut watch: Box<SkewWatch> = bytemuck::zeroed_box();
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
         let before = bytemuck::bytes_of(&*watch).to_vec();
         watch.ingest_ground(&GroundSample { sample_time_ns: 5, device_status: 1, ..Zeroable::zeroed() });
         assert_eq!(bytemuck::bytes_of(&*watch), before);

@@ -1,0 +1,151 @@
+//! Stored data, restored into an empty memory as after a kill.
+
+use super::*;
+use crate::cycle::stored_state::SHIFT_VALID_NS;
+use crate::pose_suggestion::coordinates;
+
+fn stored_state(memory: &Memory) -> Box<StoredState> {
+    let mut stored = bytemuck::zeroed_box::<StoredState>();
+    stored.copy_from(memory);
+    stored
+}
+
+/// The same bench with an empty memory into which the data were restored, `gap_ns` later.
+fn restored_bench(bench: &Bench, stored: &StoredState, gap_ns: u64) -> Bench {
+    let mut again = Bench::new(|settings| *settings = bench.settings);
+    (again.now_ns, again.suit_drift_m) = (bench.now_ns + gap_ns, bench.suit_drift_m);
+    assert!(again.memory.identification.restore(&stored.subject, &bench.settings));
+    again.memory.exposure.resume(&stored.shift);
+    assert!(again.memory.resume_tare(&stored.tare));
+    assert!(again.memory.resume_registration(&stored.registration, &bench.settings));
+    again
+}
+
+#[test]
+fn parameters_and_performed_poses_are_restored() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.poses_min = 1000));
+    bench.settings.pose_choice = PoseChoice::Paper;
+    for posture in &postures()[..5] {
+        bench.hold(&person, posture, None, 600);
+    }
+    let stored = stored_state(&bench.memory);
+    assert!(stored.subject.poses_used >= 4, "{}", stored.subject.poses_used);
+    assert_eq!(stored.subject.performed.poses().count() as u64, stored.subject.poses_used);
+    assert_eq!(
+        stored.subject.performed.poses().next().unwrap(),
+        &coordinates(&person.pose(&postures()[0])),
+        "oldest first"
+    );
+    let mut again = restored_bench(&bench, &stored, NS_PER_S);
+    assert_eq!(*self::stored_state(&again.memory).subject.performed.poses().last().unwrap(), {
+        *stored.subject.performed.poses().last().unwrap()
+    });
+    let count = stored.subject.filter.count();
+    let subject = &again.memory.identification;
+    assert_eq!(subject.filter.theta_m()[..count], stored.subject.filter.theta_m()[..count]);
+    for row in 0..count {
+        assert_eq!(subject.filter.covariance_row_m2(row), stored.subject.filter.covariance_row_m2(row));
+    }
+    // Suggested poses stay marked: the next suggestion of both is the same, and the last pose held is not used again.
+    let last = &postures()[4];
+    again.hold(&person, last, None, 1500);
+    bench.hold(&person, last, None, 1500);
+    assert_eq!(again.state().poses_used, bench.state().poses_used);
+    assert_eq!(again.memory.identification.suggested, bench.memory.identification.suggested);
+    assert_ne!(again.memory.identification.suggested, NO_POSE);
+    // Identification continues.
+    again.hold(&person, &postures()[7], None, 600);
+    assert_eq!(u64::from(again.state().poses_used), stored.subject.poses_used + 1);
+    assert!(again.memory.is_sound());
+}
+
+#[test]
+fn a_resumed_shift_counts_a_lift_in_progress_when_it_ends() {
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&Bench::new(|_| {}).settings);
+    let limits = [100.0; 22];
+    let carried = crate::exposure::Carried { mass_kg: [12.0, 0.5], distance_m: 0.5 };
+    let load = crate::exposure::Load::Known { torque_nm: [40.0; 22], carried };
+    for sample in 1..200 {
+        memory.exposure.advance(sample * 10_000_000, &load, &limits);
+    }
+    let under_way = stored_state(&memory).shift;
+    assert_eq!((under_way.lifts, under_way.damage), (0, 0.0));
+    assert!(under_way.fatigue[0] > 0.0);
+    memory.exposure.resume(&under_way);
+    assert_eq!(memory.exposure.shift(), under_way);
+    // The load is detected again.
+    for sample in 300..400 {
+        memory.exposure.advance(sample * 10_000_000, &load, &limits);
+    }
+    memory.exposure.advance(NS_PER_S << 10, &load, &limits);
+    let shift = stored_state(&memory).shift;
+    assert_eq!((shift.lifts, shift.latest[0].number), (1, 1));
+    memory.exposure.resume(&shift);
+    assert_eq!(memory.exposure.shift(), shift);
+    memory.exposure.advance(NS_PER_S << 11, &load, &limits);
+    assert_eq!(memory.exposure.shift(), shift, "the gap changes nothing");
+}
+
+#[test]
+fn a_stored_registration_is_valid_for_the_same_suit_and_a_short_gap_only() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let posture = postures()[0];
+    bench.hold(&person, &posture, None, 500);
+    // Position of the pelvis by the anchor, without the filter's stance offset.
+    let anchored_m = |bench: &Bench| {
+        bench.state().segment_origin_m[0][0] - bench.memory.identification.stance_offset_m()[0]
+    };
+    let true_m = anchored_m(&bench);
+    for _ in 0..100 {
+        bench.suit_drift_m += 0.002;
+        bench.hold(&person, &posture, None, 10);
+    }
+    let stored = stored_state(&bench.memory);
+    assert!((stored.registration.station_from_suit_m[0] + bench.suit_drift_m).abs() < 1e-9);
+    let published_m = |gap_ns: u64, change: &dyn Fn(&mut StoredState)| {
+        let mut stored = stored.clone();
+        change(&mut stored);
+        let mut again = restored_bench(&bench, &stored, gap_ns);
+        again.hold(&person, &posture, None, 300);
+        anchored_m(&again) - true_m
+    };
+    assert!(published_m(3 * NS_PER_S, &|_| {}).abs() < 1e-9, "the drift is restored");
+    let new_drift_m = bench.suit_drift_m;
+    assert!((published_m(SHIFT_VALID_NS + NS_PER_S, &|_| {}) - new_drift_m).abs() < 1e-9, "too long ago");
+    let restarted = |stored: &mut StoredState| stored.registration.suit_counter += 100_000;
+    assert!(
+        (published_m(3 * NS_PER_S, &restarted) - new_drift_m).abs() < 1e-9,
+        "the suit counts from the beginning"
+    );
+    let jumped = |stored: &mut StoredState| stored.registration.suit_counter -= 100;
+    assert!((published_m(NS_PER_S / 2, &jumped) - new_drift_m).abs() < 1e-9, "another stream");
+}
+
+#[test]
+fn unsound_data_are_not_restored() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[0], None, 900);
+    let stored = stored_state(&bench.memory);
+    let mut fits = |damage: &dyn Fn(&mut StoredState)| {
+        let mut stored = stored.clone();
+        damage(&mut stored);
+        let subject = bench.memory.identification.restore(&stored.subject, &bench.settings);
+        subject
+            && bench.memory.resume_tare(&stored.tare)
+            && bench.memory.resume_registration(&stored.registration, &bench.settings)
+    };
+    assert!(fits(&|_| {}));
+    assert!(!fits(&|stored| stored.subject.has_body = 0));
+    assert!(!fits(&|stored| stored.subject.skeleton_m[3][1] = 4.0));
+    assert!(!fits(&|stored| stored.subject.mass_kg = f64::NAN));
+    assert!(!fits(&|stored| stored.subject.filter.add_process_noise(2, f64::INFINITY)));
+    assert!(!fits(&|stored| stored.subject.filter.add_process_noise(2, -1.0)));
+    assert!(!fits(&|stored| stored.subject.poses_used = u64::MAX));
+    assert!(!fits(&|stored| stored.subject.consistency.tested = 7));
+    assert!(!fits(&|stored| stored.subject.consistency.recent_count = u64::MAX));
+    assert!(!fits(&|stored| stored.subject.last_pose_wxyz[0][0] = f64::NAN));
+    assert!(!fits(&|stored| stored.tare.moment_nm[1] = f64::NAN));
+    assert!(!fits(&|stored| stored.registration.station_from_suit_m[0] = f64::NAN));
+    assert!(!fits(&|stored| stored.registration.suit_time_ns = 0));
+}
