@@ -145,7 +145,7 @@ pub fn main() -> ExitCode {
         // The reader closed our output early, as in `equipoise watch | head -n 1`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("equipoise: {}", in_one_sentence(&error));
+            eprintln!("equipoise: {}", single_line(&error));
             ExitCode::FAILURE
         }
     }
@@ -168,11 +168,11 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// A span of a recording that an option names.
 fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
-    text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
+    text.map(|text| text.parse().map_err(|reason: String| anyhow::anyhow!("{option}: {reason}"))).transpose()
 }
 
 /// The error and its causes in one sentence, outermost first; a cause that the text already contains is omitted.
-fn in_one_sentence(error: &anyhow::Error) -> String {
+fn single_line(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
         if text.is_empty() {

@@ -22,7 +22,7 @@ use equipoise_outlets::OutletsConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::model::LoadedModel;
-use crate::rings::Waiting;
+use crate::rings::WaitStrategy;
 use crate::similar;
 
 pub use ground::{GroundConfig, GroundSourceKind};
@@ -178,7 +178,7 @@ pub enum ConfigError {
     },
     /// The file is not what it should be.
     #[error("{place}: {what}")]
-    Wrong {
+    Invalid {
         /// File, and line where it is known.
         place: String,
         /// What is wrong, and what to do.
@@ -211,19 +211,19 @@ impl Config {
     /// As [`Config::read`].
     pub fn parse(text: &str, name: &str) -> Result<Config, ConfigError> {
         let config: Config = toml::from_str(text).map_err(|error| message::explain(&error, text, name))?;
-        config.check().map_err(|(field, what)| ConfigError::Wrong {
-            place: message::place_of(&field, text, name),
+        config.check().map_err(|(field, what)| ConfigError::Invalid {
+            place: message::location_of(&field, text, name),
             what: format!("{field}: {what}"),
         })?;
-        config.ground.check_description().map_err(|mistake| ConfigError::Wrong {
-            place: message::place_of_mistake(&mistake, text, name),
-            what: format!("{}: {}", mistake.key, mistake.what),
+        config.ground.check_description().map_err(|error| ConfigError::Invalid {
+            place: message::location_of_error(&error, text, name),
+            what: format!("{}: {}", error.key, error.what),
         })?;
         Ok(config)
     }
 
     /// Rules that single values cannot express; the error names the field.
-    fn check(&self) -> Result<(), ground::Wrong> {
+    fn check(&self) -> Result<(), ground::InvalidField> {
         self.ground.check_second()?;
         self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))
     }
@@ -295,7 +295,7 @@ impl Config {
             return (settings, None);
         }
         let chosen = similar::choose(&self.subject.id, &settings, profiles);
-        tracing::info!("{}", similar::tell(chosen.as_ref()));
+        tracing::info!("{}", similar::describe(chosen.as_ref()));
         settings.similar = chosen.as_ref().map(|chosen| chosen.similar);
         (settings, chosen.map(|chosen| chosen.subject))
     }
@@ -346,8 +346,8 @@ impl Config {
     }
 
     /// How ingress and egress wait.
-    pub fn waiting(&self) -> Waiting {
-        if self.tick.busy_poll { Waiting::Polling } else { Waiting::Sleeping }
+    pub fn wait_strategy(&self) -> WaitStrategy {
+        if self.tick.busy_poll { WaitStrategy::Polling } else { WaitStrategy::Sleeping }
     }
 
     /// Length of one cycle.

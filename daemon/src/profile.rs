@@ -108,12 +108,12 @@ pub enum ProfileError {
         source: std::io::Error,
     },
     /// The file is not a profile, or not one for this configuration.
-    #[error("the profile {path} is not used: {why}; it is left as it is")]
+    #[error("the profile {path} is not used: {reason}; it is left as it is")]
     Refused {
         /// Which file.
         path: PathBuf,
         /// Why.
-        why: String,
+        reason: String,
     },
 }
 
@@ -181,7 +181,7 @@ impl Profile {
     /// Why it does not fit, in words.
     pub fn worker(&self, settings: &Settings) -> Result<Box<Identification>, String> {
         let mut worker = bytemuck::zeroed_box::<Identification>();
-        if worker.restore(&*self.kept(settings)?, settings) {
+        if worker.restore(&*self.stored(settings)?, settings) {
             Ok(worker)
         } else {
             Err(format!(
@@ -191,35 +191,35 @@ impl Profile {
         }
     }
 
-    fn kept(&self, settings: &Settings) -> Result<Box<KeptWorker>, String> {
-        let mut kept = bytemuck::zeroed_box::<KeptWorker>();
-        kept.has_body = 1;
+    fn stored(&self, settings: &Settings) -> Result<Box<KeptWorker>, String> {
+        let mut stored = bytemuck::zeroed_box::<KeptWorker>();
+        stored.has_body = 1;
         let bones: Result<[[f64; 3]; SEGMENTS], _> = self.skeleton_m.clone().try_into();
-        kept.skeleton_m =
+        stored.skeleton_m =
             bones.map_err(|bones| format!("it has {} segments instead of {SEGMENTS}", bones.len()))?;
-        kept.last_pose_wxyz = self
+        stored.last_pose_wxyz = self
             .last_pose_wxyz
             .clone()
             .try_into()
             .map_err(|_| "its last pose has another number of joints".to_owned())?;
-        if !kept.filter.restore(&self.theta_m, &self.covariance_m2) {
+        if !stored.filter.restore(&self.theta_m, &self.covariance_m2) {
             return Err("a number of θ or P is out of range, or one is missing".to_owned());
         }
-        kept.mass_kg = self.mass_kg;
-        kept.poses_used = self.poses_used;
-        kept.identified = u64::from(self.identified);
+        stored.mass_kg = self.mass_kg;
+        stored.poses_used = self.poses_used;
+        stored.identified = u64::from(self.identified);
         let learning = self.learning.unwrap_or(settings.start_identifying);
-        kept.learning = u64::from(learning && !self.identified);
+        stored.learning = u64::from(learning && !self.identified);
         // Unknown pose names are dropped; the performed poses themselves are stored separately.
-        kept.asked = set_of(&self.asked);
-        kept.unholdable = set_of(&self.unholdable);
-        kept.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
+        stored.asked = set_of(&self.asked);
+        stored.unholdable = set_of(&self.unholdable);
+        stored.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
         let performed = self.performed_rad.iter().map(|pose| pose.clone().try_into());
         let performed: Result<Vec<_>, Vec<f64>> = performed.collect();
         let performed =
             performed.map_err(|_| "a performed pose has another number of segments".to_owned())?;
-        kept.performed = Performed::of(self.poses_performed, performed.into_iter());
-        kept.consistency = match &self.consistency {
+        stored.performed = Performed::of(self.poses_performed, performed.into_iter());
+        stored.consistency = match &self.consistency {
             Some(part) => part.consistency(),
             None => {
                 let mut consistency = Consistency::start();
@@ -229,7 +229,7 @@ impl Profile {
                 consistency
             }
         };
-        Ok(kept)
+        Ok(stored)
     }
 
     /// The shift to go on with at a time, s since 1970 UTC.
@@ -245,10 +245,10 @@ impl Profile {
     /// # Errors
     /// [`ProfileError`].
     pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
-        let refused = |why: String| ProfileError::Refused { path: path.to_owned(), why };
+        let refused = |reason: String| ProfileError::Refused { path: path.to_owned(), reason };
         let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
             Refusal::Io(source) => ProfileError::Io { path: path.to_owned(), source },
-            Refusal::Content(why) => refused(why),
+            Refusal::Content(reason) => refused(reason),
         })?;
         let Some(profile): Option<Profile> = read else { return Ok(None) };
         if path.file_stem() != Some(OsStr::new(&profile.subject)) {
@@ -313,7 +313,7 @@ mod tests {
     use equipoise_core::frame::{Pose, rotation};
 
     #[test]
-    fn a_broken_profile_is_refused_and_left_alone() {
+    fn a_broken_profile_is_refused_and_unchanged() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.toml");
         assert_eq!(Profile::read(&path).unwrap(), None);
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_worker_comes_back_as_kept() {
+    fn a_profile_restores_the_stored_subject() {
         let settings = Settings { library: LIBRARY, ..Settings::for_height(1.77) };
         let mut worker = bytemuck::zeroed_box::<Identification>();
         worker.start(&settings);
@@ -374,14 +374,14 @@ mod tests {
             worker.learn_skeleton(&pose, &settings);
         }
         worker.mass_kg = 71.5;
-        let mut kept = bytemuck::zeroed_box::<KeptWorker>();
-        worker.keep(&mut kept);
-        kept.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
-        (kept.asked, kept.unholdable, kept.suggested, kept.learning) = (0b101, 0b10, 2, 0);
-        kept.poses_used = 70;
-        kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
+        let mut stored = bytemuck::zeroed_box::<KeptWorker>();
+        worker.keep(&mut stored);
+        stored.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
+        (stored.asked, stored.unholdable, stored.suggested, stored.learning) = (0b101, 0b10, 2, 0);
+        stored.poses_used = 70;
+        stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
-        let written = Profile::of("a", None, &kept, &shift, 1_000_000).unwrap();
+        let written = Profile::of("a", None, &stored, &shift, 1_000_000).unwrap();
         let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
         assert_eq!(read.shift(1_000_060), Ok(shift));
@@ -389,9 +389,9 @@ mod tests {
         read.worker(&settings).unwrap().keep(&mut again);
         // The stance part of P is reset.
         let mut expected = bytemuck::zeroed_box::<Identification>();
-        assert!(expected.restore(&kept, &settings));
-        expected.keep(&mut kept);
-        assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*kept));
+        assert!(expected.restore(&stored, &settings));
+        expected.keep(&mut stored);
+        assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*stored));
         assert_eq!((again.asked, again.unholdable, again.suggested), (0b101, 0b10, 2));
         assert_eq!((again.learning, again.performed.count()), (0, 70));
     }

@@ -45,12 +45,12 @@ impl Provenance {
         if self.not_measured.is_empty() {
             return String::new();
         }
-        format!("; not measured: {}", words(&self.not_measured))
+        format!("; not measured: {}", list_names(&self.not_measured))
     }
 
     /// The devices, in words.
     pub(crate) fn devices(&self) -> String {
-        words(&self.devices)
+        list_names(&self.devices)
     }
 
     pub(crate) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
@@ -64,7 +64,7 @@ impl Provenance {
     }
 }
 
-fn words(names: &[&str]) -> String {
+fn list_names(names: &[&str]) -> String {
     names.join(" and ").replace('_', " ")
 }
 
@@ -74,7 +74,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn a_sample_of_insoles_says_what_it_cannot_say() {
+    fn a_sample_of_insoles_names_its_unavailable_quantities() {
         let sample = GroundSample {
             devices: GroundDevice::Insoles as u32,
             per_foot: 1,

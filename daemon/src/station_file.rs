@@ -7,7 +7,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use equipoise_core::cycle::kept::SHIFT_HOLDS_NS;
+use equipoise_core::cycle::copy::SHIFT_HOLDS_NS;
 use equipoise_core::cycle::{Kept, Registration, Tare};
 use equipoise_core::message::Printable;
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,7 @@ const FORMAT: u32 = 2;
 /// Format 1 had no checksum.
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
-const TARE_IS_OLD_S: u64 = 12 * 3600;
+const TARE_AGE_MAX_S: u64 = 12 * 3600;
 
 /// A station's file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -125,12 +125,12 @@ pub struct RegistrationPart {
 
 /// Why a station's file cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[error("the station's file {path} is not used: {why}; it is left as it is", path = .path.display())]
+#[error("the station's file {path} is not used: {reason}; it is left as it is", path = .path.display())]
 pub struct Refused {
     /// Which file.
     pub path: PathBuf,
     /// Why.
-    pub why: String,
+    pub reason: String,
 }
 
 impl StationFile {
@@ -152,10 +152,10 @@ impl StationFile {
     /// # Errors
     /// [`Refused`], in words.
     pub fn read(path: &Path) -> Result<Option<StationFile>, Refused> {
-        let refused = |why: String| Refused { path: path.to_owned(), why };
+        let refused = |reason: String| Refused { path: path.to_owned(), reason };
         let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
             Refusal::Io(error) => refused(format!("it cannot be read: {error}")),
-            Refusal::Content(why) => refused(why),
+            Refusal::Content(reason) => refused(reason),
         })?;
         let Some(file): Option<StationFile> = read else { return Ok(None) };
         if path.file_stem() != Some(OsStr::new(&file.station)) {
@@ -235,7 +235,7 @@ impl TarePart {
         }
         let &TarePart { force_n, moment_nm, foot_vertical_n, foot_lever_nm, .. } = self;
         let age_s = now_unix_s.saturating_sub(self.taken_unix_s);
-        let old = if age_s > TARE_IS_OLD_S { "; tare again as soon as the plate is empty" } else { "" };
+        let old = if age_s > TARE_AGE_MAX_S { "; tare again as soon as the plate is empty" } else { "" };
         let message =
             format!("the tare of {:.1} h ago is in force ({:.1} N){old}", age_s as f64 / 3600.0, force_n[2]);
         Ok((Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm }, message))
@@ -244,7 +244,7 @@ impl TarePart {
 
 impl RegistrationPart {
     /// The registration; `None` without one, or if the start of the machine cannot be determined.
-    pub fn of(kept: &Kept, config: &Config) -> Option<RegistrationPart> {
+    pub fn of(copy: &Kept, config: &Config) -> Option<RegistrationPart> {
         let Registration {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
@@ -253,7 +253,7 @@ impl RegistrationPart {
             suit_counter,
             suit_period_ns,
             suit_lag_s,
-        } = kept.registration;
+        } = copy.registration;
         (suit_time_ns > 0).then_some(RegistrationPart {
             boot: boot()?,
             frames: frames_of(config),
@@ -309,7 +309,7 @@ impl RegistrationPart {
     }
 }
 
-fn is_nothing(levers_nm: &[[f64; 2]; 2]) -> bool {
+fn is_empty(levers_nm: &[[f64; 2]; 2]) -> bool {
     *levers_nm == [[0.0; 2]; 2]
 }
 
@@ -342,10 +342,10 @@ mod tests {
         Config::parse(&text, "the test's").unwrap()
     }
 
-    fn kept() -> Box<Kept> {
-        let mut kept = bytemuck::zeroed_box::<Kept>();
-        kept.tare.force_n = [0.5, -0.25, 41.0];
-        kept.registration = Registration {
+    fn copy() -> Box<Kept> {
+        let mut copy = bytemuck::zeroed_box::<Kept>();
+        copy.tare.force_n = [0.5, -0.25, 41.0];
+        copy.registration = Registration {
             station_from_suit_rad: 0.7,
             station_from_suit_sigma_rad: 0.1,
             station_from_suit_m: [0.1, -0.2],
@@ -354,15 +354,15 @@ mod tests {
             suit_period_ns: 10_000_000,
             suit_lag_s: -0.04,
         };
-        kept
+        copy
     }
 
     #[test]
-    fn a_file_comes_back_as_it_was_and_others_are_refused() {
-        let (config, kept) = (config(""), kept());
+    fn a_file_round_trips_and_others_are_refused() {
+        let (config, copy) = (config(""), copy());
         let mut file = StationFile::new("s");
-        file.tare = TarePart::of(&kept.tare, 1000, &config);
-        file.registration = RegistrationPart::of(&kept, &config);
+        file.tare = TarePart::of(&copy.tare, 1000, &config);
+        file.registration = RegistrationPart::of(&copy, &config);
         file.subject = SubjectPart::of("b", &config);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");
@@ -374,18 +374,18 @@ mod tests {
         let mut other = config.clone();
         other.subject.id = "c".to_owned();
         assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
-        assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(kept.registration));
-        for (change, why) in [("format = 2", "format = 3"), ("format", "formats"), ("station", "= =")] {
-            fs::write(&path, file.to_toml().unwrap().replacen(change, why, 1)).unwrap();
+        assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(copy.registration));
+        for (change, reason) in [("format = 2", "format = 3"), ("format", "formats"), ("station", "= =")] {
+            fs::write(&path, file.to_toml().unwrap().replacen(change, reason, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }
     }
 
     #[test]
-    fn a_tare_holds_for_the_plate_it_was_taken_with() {
-        let part = TarePart::of(&kept().tare, 1000, &config("")).unwrap();
+    fn a_tare_is_valid_for_its_plate_only() {
+        let part = TarePart::of(&copy().tare, 1000, &config("")).unwrap();
         let (tare, message) = part.tare(&config(""), 1000 + 3600).unwrap();
-        assert_eq!(tare, kept().tare);
+        assert_eq!(tare, copy().tare);
         assert!(message.contains("1.0 h ago") && !message.contains("tare again"), "{message}");
         assert!(part.tare(&config(""), 1000 + 20 * 3600).unwrap().1.contains("tare again"));
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
@@ -394,8 +394,8 @@ mod tests {
     }
 
     #[test]
-    fn a_registration_is_not_of_another_start_of_the_machine_nor_of_long_ago() {
-        let mut part = RegistrationPart::of(&kept(), &config("")).unwrap();
+    fn a_registration_is_refused_after_a_reboot_or_a_long_time() {
+        let mut part = RegistrationPart::of(&copy(), &config("")).unwrap();
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
         assert!(part.registration(&moved, now_ns()).unwrap_err().contains("[ground.frame]"));
         assert!(part.registration(&config("latency_ms = 2.0"), now_ns()).is_ok());

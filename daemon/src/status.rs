@@ -9,10 +9,10 @@ use anyhow::Context;
 use equipoise_files::read_text;
 use serde::{Deserialize, Serialize};
 
-use crate::roster::{FaultWatch, MemoryUse, Roster};
-use crate::whole_file::write_whole;
+use crate::atomic_file::write_atomically;
+use crate::thread_registry::{FaultWatch, MemoryUse, ThreadRegistry};
 
-pub use crate::roster::ThreadStatus;
+pub use crate::thread_registry::ThreadStatus;
 
 /// The longest of these files, bytes: a configuration and a model, written as JSON.
 const STATUS_BYTES_MAX: u64 = 8 << 20;
@@ -85,7 +85,7 @@ impl StatusFile {
     }
 
     /// Says where the model does not explain what is measured; written with the next [`StatusFile::write`].
-    pub fn suspect(&self, suspicion: Option<String>) {
+    pub fn set_model_suspicion(&self, suspicion: Option<String>) {
         self.change(|status| status.model_suspicion = suspicion);
     }
 
@@ -95,16 +95,16 @@ impl StatusFile {
     }
 
     /// Says which incidents go on; written with the next [`StatusFile::write`].
-    pub fn tell_incidents(&self, incidents: BTreeMap<String, String>) {
+    pub fn set_incidents(&self, incidents: BTreeMap<String, String>) {
         self.change(|status| status.incidents = incidents);
     }
 
     /// Reads how every thread and the memory fare while the loop is at `cycle`; to be asked about once a second.
-    pub fn note_threads(&self, roster: &Roster, cycle: u64) {
+    pub fn update_threads(&self, thread_registry: &ThreadRegistry, cycle: u64) {
         let Facts { status, faults } = &mut *self.facts();
-        status.threads = roster.threads();
-        status.memory = MemoryUse::now();
-        status.loop_faults = faults.look(cycle, &status.threads);
+        status.threads = thread_registry.threads();
+        status.memory = MemoryUse::read();
+        status.loop_faults = faults.update(cycle, &status.threads);
     }
 
     /// Minor and major page faults of the loop since its warm-up; `None` before it is over. A steady loop has none.
@@ -226,7 +226,7 @@ impl PageFile {
     /// # Errors
     /// What the system said.
     pub fn write(&self) -> std::io::Result<()> {
-        write_whole(&self.path, serde_json::to_string(&self.status)?.as_bytes())
+        write_atomically(&self.path, serde_json::to_string(&self.status)?.as_bytes())
     }
 
     /// Removes it, unless another page has taken its place.
@@ -260,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_status_that_cannot_be_understood_is_named_and_a_page_is_none() {
+    fn an_unreadable_status_is_reported_and_a_page_status_is_ignored() {
         let root = tempfile::tempdir().unwrap();
         assert!(all_in(&root.path().join("nothing")).unwrap().is_empty());
         for passed_over in
@@ -271,8 +271,8 @@ mod tests {
         assert!(all_in(root.path()).unwrap().is_empty());
         for content in ["{", "{\"version\": \"99\"}", "{}"] {
             std::fs::write(root.path().join("equipoise-b.json"), content).unwrap();
-            let said = format!("{:#}", all_in(root.path()).unwrap_err());
-            assert!(said.contains("equipoise-b.json") && said.contains("stop its daemon"), "{said}");
+            let message = format!("{:#}", all_in(root.path()).unwrap_err());
+            assert!(message.contains("equipoise-b.json") && message.contains("stop its daemon"), "{message}");
         }
         let file = std::fs::File::create(root.path().join("equipoise-b.json")).unwrap();
         file.set_len(STATUS_BYTES_MAX + 1).unwrap();

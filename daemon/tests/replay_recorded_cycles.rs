@@ -218,7 +218,7 @@ fn a_state_that_was_tampered_with_is_found() {
 }
 
 #[test]
-fn missing_cycles_are_said_and_a_later_checkpoint_makes_it_exact_again() {
+fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
     let mut live = live(&[101, 1000], &[]);
     live.cycles.drain(600..605);
     let (summary, _) = live.replay().unwrap();
@@ -231,7 +231,7 @@ fn missing_cycles_are_said_and_a_later_checkpoint_makes_it_exact_again() {
 }
 
 #[test]
-fn samples_that_the_recording_lacks_are_said() {
+fn missing_samples_are_reported() {
     let mut live = live(&[101], &[]);
     live.ground.retain(|sample| sample.sequence != 801);
     let (summary, _) = live.replay().unwrap();
@@ -241,7 +241,7 @@ fn samples_that_the_recording_lacks_are_said() {
 }
 
 #[test]
-fn a_loaded_worker_is_taken_from_the_checkpoint_of_the_same_cycle() {
+fn a_loaded_subject_is_read_from_the_checkpoint_of_the_same_cycle() {
     let with = live(&[101, 800], &[(800, CommandKind::SubjectLoad)]);
     let (summary, states) = with.replay().unwrap();
     assert!(summary.is_whole(), "{summary}");
@@ -253,7 +253,7 @@ fn a_loaded_worker_is_taken_from_the_checkpoint_of_the_same_cycle() {
 }
 
 #[test]
-fn a_reload_is_replayed_with_what_it_brought_and_without_it_the_replay_stops_there() {
+fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops() {
     let mut live = live(&[101, 1200], &[(900, CommandKind::Reload)]);
     let reloaded = Reloaded { config_toml: reloaded_toml(), ..Reloaded::default() };
     live.reloads.push((RELOAD, reloaded.clone()));
@@ -284,7 +284,7 @@ fn a_checkpoint_of_another_version_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn without_a_checkpoint_it_is_replayed_afresh_and_said() {
+fn without_a_checkpoint_it_is_replayed_from_an_empty_memory_and_reported() {
     let (summary, states) = live(&[], &[]).replay().unwrap();
     // From the first cycle that took a sample.
     assert_eq!(states.len() as u64, CYCLES - 2);
@@ -292,7 +292,7 @@ fn without_a_checkpoint_it_is_replayed_afresh_and_said() {
 }
 
 #[test]
-fn a_recording_cut_anywhere_is_read_as_far_as_it_goes() {
+fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
     let directory = tempfile::tempdir().unwrap();
     let path = live(&[101], &[]).record(directory.path());
     let whole = std::fs::read(&path).unwrap();

@@ -33,7 +33,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Action::Reset => CommandKind::IdentifyReset,
         Action::Skip => CommandKind::PoseSkip,
     };
-    println!("{}", client::ask(&arguments.station.station, kind, "")?);
+    println!("{}", client::request(&arguments.station.station, kind, "")?);
     Ok(Outcome::Done)
 }
 
@@ -46,6 +46,6 @@ pub(super) struct TareArguments {
 }
 
 pub(super) fn tare(arguments: &TareArguments) -> anyhow::Result<Outcome> {
-    println!("{}", client::ask(&arguments.station.station, CommandKind::Tare, "")?);
+    println!("{}", client::request(&arguments.station.station, CommandKind::Tare, "")?);
     Ok(Outcome::Done)
 }

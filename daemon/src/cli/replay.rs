@@ -10,7 +10,7 @@ use crate::model::LoadedModel;
 use crate::replay::Replay;
 use crate::replay::cross_validation::cross_validate;
 use crate::replay::input::Input;
-use crate::replay::score::Judge;
+use crate::replay::score::SampleSelection;
 
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///
@@ -69,7 +69,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if !as_recorded {
             model.fit_to(file)?;
         }
-        text += &format!("{}\n", model.tell());
+        text += &format!("{}\n", model.describe());
     }
     let work: Option<Span> = super::span("--work", arguments.work.as_deref())?;
     let residual_s = work.map(|span| [span.from_s, span.to_s]);
@@ -78,10 +78,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     text += &summary.to_string();
     if let Some(blocks) = arguments.cross_validate {
         text +=
-            &cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic, arguments.poses)?.to_string();
-        if arguments.unloaded {
-            text += &cross_validate(&input, &chosen.config, blocks, Judge::AllUnloaded, arguments.poses)?
+            &cross_validate(&input, &chosen.config, blocks, SampleSelection::QuasiStatic, arguments.poses)?
                 .to_string();
+        if arguments.unloaded {
+            text += &cross_validate(
+                &input,
+                &chosen.config,
+                blocks,
+                SampleSelection::AllUnloaded,
+                arguments.poses,
+            )?
+            .to_string();
         }
     }
     if arguments.json {

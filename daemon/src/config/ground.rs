@@ -6,9 +6,9 @@ pub mod ati_rdt;
 pub mod binary;
 pub mod bota;
 pub mod channels;
+mod description_error;
 pub mod labamp;
 pub mod lsl;
-mod mistake;
 pub mod moticon;
 pub mod numbers;
 pub mod qtm;
@@ -16,7 +16,7 @@ pub mod second;
 pub mod serial;
 pub mod tec_gihan;
 pub mod text;
-pub mod way;
+pub mod transport;
 
 use std::net::SocketAddr;
 
@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 
 use super::latencies::{LATENCY_MAX_MS, span_ns};
 use super::method::{Checked, between};
-pub use mistake::Mistake;
-pub(super) use second::Wrong;
+pub use description_error::DescriptionError;
+pub(super) use second::InvalidField;
 
 /// `[ground]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -102,7 +102,7 @@ pub struct GroundConfig {
     pub channels: Option<channels::ChannelsConfig>,
     /// The file that another program writes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<way::FileConfig>,
+    pub file: Option<transport::FileConfig>,
     /// A second device, fused with the first to one ground.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<Box<GroundConfig>>,
@@ -281,15 +281,17 @@ impl GroundConfig {
     }
 
     /// Where the device is, as people write it: an address, a serial port; both where there are two.
-    pub fn place(&self) -> String {
+    pub fn location(&self) -> String {
         match &self.second {
-            Some(second) => format!("{} and {}", self.own_place(), second::of_second(&second.own_place())),
-            None => self.own_place(),
+            Some(second) => {
+                format!("{} and {}", self.own_location(), second::in_second(&second.own_location()))
+            }
+            None => self.own_location(),
         }
     }
 
     /// The same of this device alone.
-    pub fn own_place(&self) -> String {
+    pub fn own_location(&self) -> String {
         match (self.source, &self.serial) {
             (GroundSourceKind::AtiRdt, _) => format!("ground.address = {}", ati_rdt::address(self)),
             (_, Some(serial)) => format!("ground.serial.port = {}", serial.port.display()),
@@ -324,7 +326,7 @@ impl GroundConfig {
 
 impl GroundConfig {
     /// Rules of a device's own description, whose mistakes may stand in an entry of a list.
-    pub(super) fn check_description(&self) -> Result<(), Mistake> {
+    pub(super) fn check_description(&self) -> Result<(), DescriptionError> {
         self.check_sections()?;
         match self.source {
             GroundSourceKind::Text => text::check(self)?,
@@ -333,7 +335,7 @@ impl GroundConfig {
             _ => {}
         }
         match &self.second {
-            Some(second) => second.check_description().map_err(Mistake::of_second),
+            Some(second) => second.check_description().map_err(DescriptionError::in_second),
             None => Ok(()),
         }
     }
@@ -342,7 +344,7 @@ impl GroundConfig {
 impl GroundConfig {
     /// Rejects sections and keys of other sources, which would have no effect. If another process reads the device,
     /// they are allowed: the same file serves both with one word changed.
-    fn check_sections(&self) -> Result<(), Mistake> {
+    fn check_sections(&self) -> Result<(), DescriptionError> {
         use GroundSourceKind::{
             AmtiSerial, AtiRdt, Binary, BotaSerial, External, KistlerLabamp, Lsl, MoticonUdp, Qtm, TecGihan,
             Text,
@@ -352,8 +354,8 @@ impl GroundConfig {
         }
         let over_serial = match self.source {
             AmtiSerial | BotaSerial | TecGihan => true,
-            Text => self.text.as_ref().is_some_and(|text| text.over == way::Over::Serial),
-            Binary => self.binary.as_ref().is_some_and(|binary| binary.over == way::Over::Serial),
+            Text => self.text.as_ref().is_some_and(|text| text.over == transport::Over::Serial),
+            Binary => self.binary.as_ref().is_some_and(|binary| binary.over == transport::Over::Serial),
             _ => false,
         };
         let described = matches!(self.source, Text | Binary);
@@ -377,8 +379,8 @@ impl GroundConfig {
             ("ground.channels", self.channels.is_some(), described, either),
             ("ground.file", self.file.is_some(), described, either),
         ];
-        match sections.iter().find(|(_, is_there, belongs, _)| *is_there && !belongs) {
-            Some((key, _, _, of)) => Err(Mistake::new(*key, format!("is for {of}; leave it out"))),
+        match sections.iter().find(|(_, is_present, belongs, _)| *is_present && !belongs) {
+            Some((key, _, _, of)) => Err(DescriptionError::new(*key, format!("is for {of}; leave it out"))),
             None => Ok(()),
         }
     }

@@ -33,14 +33,14 @@ pub struct SubjectConfig {
     #[serde(default)]
     pub sex: SexConfig,
     /// Keep what is learnt in a profile and go on with it after a restart.
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     pub remember: bool,
     /// Largest overload per joint, N m, by MVN's joint name; a share of published strengths for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tau_max_nm: BTreeMap<String, f64>,
 }
 
-fn yes() -> bool {
+fn default_true() -> bool {
     true
 }
 

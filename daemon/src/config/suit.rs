@@ -43,13 +43,13 @@ pub struct SuitConfig {
     /// Further workers on the same port, each for another station of this computer, whose daemon says
     /// `suit.source = "external"`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<OtherWorker>,
+    pub others: Vec<ForwardedSuit>,
 }
 
 /// One of `suit.others`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct OtherWorker {
+pub struct ForwardedSuit {
     /// Which MVN character.
     pub avatar: u8,
     /// Whose worker it is.
@@ -145,7 +145,7 @@ impl SuitConfig {
             );
         }
         let (mut avatars, mut stations) = (vec![self.avatar], vec![station]);
-        for OtherWorker { avatar, station } in &self.others {
+        for ForwardedSuit { avatar, station } in &self.others {
             if !super::name_is_plain(station) {
                 return wrong(format!("station {station:?}: use 1 to 32 letters, digits, '-' or '_'"));
             }

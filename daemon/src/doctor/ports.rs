@@ -16,18 +16,18 @@ pub enum Port {
     #[default]
     Free,
     /// A process of this station has it.
-    Ours,
+    OwnProcess,
     /// Somebody else has it.
-    Taken,
+    InUse,
     /// Its address is not of this computer.
-    NotOurs,
+    AddressUnavailable,
 }
 
 pub(super) fn port_of(bound: io::Result<()>) -> Port {
     match bound {
         Ok(()) => Port::Free,
-        Err(error) if error.kind() == io::ErrorKind::AddrNotAvailable => Port::NotOurs,
-        Err(_) => Port::Taken,
+        Err(error) if error.kind() == io::ErrorKind::AddrNotAvailable => Port::AddressUnavailable,
+        Err(_) => Port::InUse,
     }
 }
 
@@ -53,7 +53,7 @@ fn inodes_at(table: &str, port: u16) -> Vec<String> {
 }
 
 /// Whether the suit's address can be had, and where its sockets would stand.
-pub(super) fn suit_door(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]) {
+pub(super) fn bind_suit(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]) {
     match suit.source.transport() {
         Some(MvnTransport::Tcp) => (TcpListener::bind(suit.listen).map(drop), TCP),
         Some(MvnTransport::Udp) | None => (UdpSocket::bind(suit.listen).map(drop), UDP),
@@ -63,7 +63,10 @@ pub(super) fn suit_door(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]
 /// Whether one of the processes has one of the sockets; one that may not be looked into is believed to.
 pub(super) fn holds(processes: &BTreeSet<u32>, inodes: &[String]) -> bool {
     let own = std::process::id();
-    processes.iter().filter(|process| **process != own).any(|process| has(*process, inodes).unwrap_or(true))
+    processes
+        .iter()
+        .filter(|process| **process != own)
+        .any(|process| holds_socket(*process, inodes).unwrap_or(true))
 }
 
 /// A process that has a port.
@@ -79,13 +82,13 @@ pub struct Holder {
 pub(super) fn holder_of(inodes: &[String]) -> Option<Holder> {
     let processes = std::fs::read_dir("/proc").ok()?.flatten();
     let mut ids = processes.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u32>().ok());
-    let process_id = ids.find(|id| has(*id, inodes) == Some(true))?;
+    let process_id = ids.find(|id| holds_socket(*id, inodes) == Some(true))?;
     let program = std::fs::read_to_string(format!("/proc/{process_id}/comm")).unwrap_or_default();
     Some(Holder { process_id, program: program.trim().to_owned() })
 }
 
 /// Whether a process has one of the sockets; `None` if it may not be looked into.
-fn has(process: u32, inodes: &[String]) -> Option<bool> {
+fn holds_socket(process: u32, inodes: &[String]) -> Option<bool> {
     let descriptors = std::fs::read_dir(format!("/proc/{process}/fd")).ok()?;
     let mut links = descriptors.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok());
     Some(links.any(|link| {
@@ -111,9 +114,9 @@ mod tests {
     }
 
     #[test]
-    fn who_has_a_port_is_named() {
-        let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let inodes = sockets_at(UDP, taken.local_addr().unwrap());
+    fn the_process_of_a_port_is_named() {
+        let occupied = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let inodes = sockets_at(UDP, occupied.local_addr().unwrap());
         let holder = holder_of(&inodes).expect("this very process");
         assert_eq!(holder.process_id, std::process::id());
         assert!(!holder.program.is_empty());

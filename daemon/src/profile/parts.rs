@@ -123,13 +123,14 @@ impl LiftPart {
 }
 
 /// Fatigue as it is kept.
-pub(crate) fn kept_fatigue(share: f64) -> f64 {
+pub(crate) fn recovered_fatigue(share: f64) -> f64 {
     (share * FATIGUE_STEPS).round() / FATIGUE_STEPS
 }
 
 impl ShiftPart {
     pub(super) fn of(shift: &Shift, saved_unix_s: u64) -> ShiftPart {
-        let tired = Joint::ALL.iter().map(|joint| (joint.name(), kept_fatigue(shift.fatigue[joint.index()])));
+        let tired =
+            Joint::ALL.iter().map(|joint| (joint.name(), recovered_fatigue(shift.fatigue[joint.index()])));
         let tired = tired.filter(|(_, share)| *share > 0.0);
         ShiftPart {
             saved_unix_s,
@@ -161,16 +162,16 @@ impl ShiftPart {
         for part in &self.lift {
             let is_last = (1..=self.ended).contains(&part.number)
                 && self.ended - part.number < LATEST_LIFTS as u64
-                && part.lift().is_sound();
+                && part.lift().is_valid();
             if !is_last {
                 return Err(format!("its lift {} is out of range", part.number));
             }
             latest[(part.number - 1) as usize % LATEST_LIFTS] = part.lift();
         }
-        let sound = self.damage.is_finite()
+        let is_plausible = self.damage.is_finite()
             && self.damage >= 0.0
             && fatigue.iter().all(|share| (0.0..=1.0).contains(share));
-        sound
+        is_plausible
             .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest })
             .ok_or_else(|| "a number of it is out of range".to_owned())
     }
@@ -181,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn poses_are_kept_by_name() {
+    fn poses_are_stored_by_name() {
         let all = if LIBRARY.len() == 64 { u64::MAX } else { (1 << LIBRARY.len()) - 1 };
         for bits in [0, 1, 0b1010, all] {
             assert_eq!(set_of(&names_of(bits)), bits, "two poses of one name?");
@@ -190,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_goes_on_after_a_break_and_not_after_a_night_or_from_the_future() {
+    fn a_shift_continues_after_a_break_and_not_after_a_night_or_from_the_future() {
         let mut shift =
             Shift { fatigue: [0.0; JOINTS], damage: 0.01, lifts: 19, ended: 21, ..Zeroable::zeroed() };
         shift.fatigue[3] = 0.25;

@@ -65,7 +65,7 @@ fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
 }
 
 #[test]
-fn lifts_are_those_that_were_made() {
+fn lifts_match_the_simulation() {
     let (session, page) = (session(), report("lifts.html", &session().states));
     let rows = page.rows("Lifts");
     let counted = session.lines.last().unwrap()["lifts"].as_u64().unwrap();
@@ -133,7 +133,7 @@ fn identification_dose_and_quality_are_those_of_the_states() {
 }
 
 #[test]
-fn samples_alone_are_replayed_to_the_same_numbers_and_it_is_said() {
+fn samples_without_states_are_replayed_to_the_same_numbers() {
     let session = session();
     let (recorded, replayed) =
         (report("recorded.html", &session.states), report("replayed.html", &session.samples));
@@ -148,7 +148,7 @@ fn samples_alone_are_replayed_to_the_same_numbers_and_it_is_said() {
 }
 
 #[test]
-fn the_same_recording_gives_the_same_bytes_which_need_nothing_from_elsewhere() {
+fn the_report_is_reproducible_and_self_contained() {
     let session = session();
     let pages = ["once.html", "again.html"].map(|name| {
         report(name, &session.states);
@@ -188,7 +188,7 @@ fn states(name: &str, states: &[State], more: impl FnOnce(&mut Recorder)) -> std
 }
 
 #[test]
-fn what_was_withheld_is_drawn_nowhere() {
+fn invalid_values_are_not_drawn() {
     let state = |cycle: u64| {
         let mut state = State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() };
         // An invalid value is zero, as in the loop's states.
@@ -243,7 +243,7 @@ fn latency_and_adapters_are_reported_where_they_were_recorded() {
 }
 
 #[test]
-fn a_truncated_recording_is_reported_as_far_as_it_goes() {
+fn a_truncated_recording_is_reported_up_to_the_damage() {
     let session = session();
     let bytes = std::fs::read(&session.states).unwrap();
     let (cut, out) = (session.file("cut.mcap"), session.file("cut.html"));
@@ -257,7 +257,7 @@ fn a_truncated_recording_is_reported_as_far_as_it_goes() {
 }
 
 #[test]
-fn without_chromium_it_says_what_to_install_and_the_page_is_there_all_the_same() {
+fn without_chromium_the_page_is_written_and_a_remedy_printed() {
     let session = session();
     let (out, pdf) = (session.file("no-pdf.html"), session.file("no.pdf"));
     let ended = std::process::Command::new(env!("CARGO_BIN_EXE_equipoise"))
@@ -266,8 +266,8 @@ fn without_chromium_it_says_what_to_install_and_the_page_is_there_all_the_same()
         .env_remove("EQUIPOISE_CHROMIUM")
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert_eq!(ended.status.code(), Some(1), "{said}");
-    assert!(said.contains("apt install chromium"), "{said}");
+    let describe_output = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(1), "{describe_output}");
+    assert!(describe_output.contains("apt install chromium"), "{describe_output}");
     assert!(out.exists() && !pdf.exists());
 }

@@ -105,7 +105,7 @@ fn a_worker_without_valid_loads_has_no_reported_risk() {
 }
 
 #[test]
-fn times_are_of_the_daemon_that_ran_and_not_of_the_head() {
+fn times_are_those_of_the_daemon_of_each_record() {
     // The header has 100 Hz; the daemon after it ran at 200.
     let states: Vec<State> = (1..1001)
         .map(|number| State {

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::numbers::{Hex, LengthConfig, ModulusConfig, TimeUnit};
-use super::way::{self, Over};
-use super::{GroundConfig, Mistake};
+use super::transport::{self, Over};
+use super::{DescriptionError, GroundConfig};
 use build::settings;
 
 /// `[ground.binary]`
@@ -212,27 +212,28 @@ pub struct TimeConfig {
     pub unit: TimeUnit,
 }
 
-fn section(ground: &GroundConfig) -> Result<&BinaryConfig, Mistake> {
+fn section(ground: &GroundConfig) -> Result<&BinaryConfig, DescriptionError> {
     ground.binary.as_ref().ok_or_else(|| {
         let what =
             "must be given: [ground.binary] with over, endian, length and fields says what frames look like";
-        Mistake::new("ground.binary", what)
+        DescriptionError::new("ground.binary", what)
     })
 }
 
-pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
+pub(super) fn check(ground: &GroundConfig) -> Result<(), DescriptionError> {
     let config = section(ground)?;
-    way::check(ground, config.over)?;
+    transport::check(ground, config.over)?;
     let has_commands = !config.send_on_open.is_empty() || !config.send_on_close.is_empty();
     let key = if config.send_on_open.is_empty() { "send_on_close" } else { "send_on_open" };
     match config.over {
-        Over::Udp if has_commands && ground.address.is_none() => Err(Mistake::new(
+        Over::Udp if has_commands && ground.address.is_none() => Err(DescriptionError::new(
             format!("ground.binary.{key}"),
             "a device that receives commands has an address: ground.address",
         )),
-        Over::File if has_commands => {
-            Err(Mistake::new(format!("ground.binary.{key}"), "a file takes no commands; leave it out"))
-        }
+        Over::File if has_commands => Err(DescriptionError::new(
+            format!("ground.binary.{key}"),
+            "a file takes no commands; leave it out",
+        )),
         _ => settings(ground).map(drop),
     }
 }
@@ -242,5 +243,5 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    way::transport(ground, section(ground)?.over)
+    transport::transport(ground, section(ground)?.over)
 }

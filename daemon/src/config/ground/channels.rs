@@ -16,7 +16,7 @@ use equipoise_adapters::ground::Channels;
 use equipoise_adapters::ground::channels::{Cell, Centre, ChannelFault, Direct, EightChannels};
 use serde::{Deserialize, Serialize};
 
-use super::mistake::Mistake;
+use super::description_error::DescriptionError;
 use super::numbers::{SUMMANDS, is_summand};
 use super::{Axes, GroundConfig, Measures};
 
@@ -135,9 +135,9 @@ pub struct CentreConfig {
 const SECTION: &str = "ground.channels";
 
 /// What the channels mean, as the section says.
-pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let Some(config) = &ground.channels else {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             SECTION,
             "must be given: [ground.channels.wrench], .matrix, .kistler, .cells, .centre or .soles says what the numbers mean",
         ));
@@ -152,24 +152,24 @@ pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<C
     }
 }
 
-fn fault(section: &'static str) -> impl Fn(ChannelFault) -> Mistake {
-    move |fault| Mistake::new(format!("{SECTION}.{section}"), fault.to_string())
+fn fault(section: &'static str) -> impl Fn(ChannelFault) -> DescriptionError {
+    move |fault| DescriptionError::new(format!("{SECTION}.{section}"), fault.to_string())
 }
 
-fn moment(config: Option<MomentConfig>, key: &str) -> Result<MomentConfig, Mistake> {
+fn moment(config: Option<MomentConfig>, key: &str) -> Result<MomentConfig, DescriptionError> {
     config.ok_or_else(|| {
-        Mistake::new(
+        DescriptionError::new(
             key,
             "must be given where moments are: \"N m\", \"N mm\", \"kN m\", \"lbf in\" or \"lbf ft\"",
         )
     })
 }
 
-fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.wrench";
     let direct = Direct {
-        force: [names.there("fx"), names.there("fy"), Some(names.find("fz", key)?)],
-        moment: ["mx", "my", "mz"].map(|name| names.there(name)),
+        force: [names.lookup("fx"), names.lookup("fy"), Some(names.find("fz", key)?)],
+        moment: ["mx", "my", "mz"].map(|name| names.lookup(name)),
     };
     let unit = match config.moment {
         None if direct.moment == [None; 3] => MomentConfig::NewtonMetre,
@@ -178,12 +178,12 @@ fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, Mist
     Channels::direct(names.count(), direct, config.force.into(), unit.into()).map_err(fault("wrench"))
 }
 
-fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.matrix.channels";
     let columns = config.channels.iter().map(|name| names.find(name, key)).collect::<Result<Vec<_>, _>>()?;
     if !config.zero.is_empty() && config.zero.len() != columns.len() {
         let what = format!("{} numbers, and there are {} channels", config.zero.len(), columns.len());
-        return Err(Mistake::new("ground.channels.matrix.zero", what));
+        return Err(DescriptionError::new("ground.channels.matrix.zero", what));
     }
     // The device lists its channels in its own order.
     let spread = |numbers: &[f64]| {
@@ -196,12 +196,12 @@ fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, Mist
     for (index, row) in config.rows.iter().enumerate() {
         if row.len() != columns.len() {
             let fault = ChannelFault::Row { row: index + 1, got: row.len(), want: columns.len() };
-            return Err(Mistake::new("ground.channels.matrix.rows", fault.to_string()));
+            return Err(DescriptionError::new("ground.channels.matrix.rows", fault.to_string()));
         }
     }
     let numbers = config.rows.iter().flatten().chain(&config.zero);
     if let Some(number) = numbers.copied().find(|number| !is_summand(*number)) {
-        return Err(Mistake::new("ground.channels.matrix", format!("{number:?} is not {SUMMANDS}")));
+        return Err(DescriptionError::new("ground.channels.matrix", format!("{number:?} is not {SUMMANDS}")));
     }
     let rows = config.rows.each_ref().map(|row| spread(row));
     let channels = Channels::matrix(&rows, &spread(&config.zero), config.force.into(), config.moment.into());
@@ -212,16 +212,16 @@ fn kistler(
     config: &KistlerConfig,
     ground: &GroundConfig,
     names: &mut Names<'_>,
-) -> Result<Channels, Mistake> {
+) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.kistler";
     if ground.frame.axes != Axes::ZDown || ground.measures != Measures::Action {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.frame.axes",
             "Kistler's plates have z down: [ground.frame] axes = \"z-down\", and measures = \"action\"",
         ));
     }
     if ground.frame.surface_height_m <= 0.0 {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.frame.surface_height_m",
             "must be given for Kistler's plates: how far the sensors lie below the surface, -az0 of the plate's sheet (0.048 \
              for az0 = -0.048), and what lies on the plate",
@@ -243,13 +243,13 @@ fn kistler(
         (KistlerUnit::V, Some(sensitivity)) => sensitivity.map(|mv_per_n| 1000.0 / mv_per_n),
         (KistlerUnit::Millivolt, Some(sensitivity)) => sensitivity.map(|mv_per_n| 1.0 / mv_per_n),
         (KistlerUnit::N, Some(_)) => {
-            return Err(Mistake::new(
+            return Err(DescriptionError::new(
                 "ground.channels.kistler.sensitivity_mv_per_n",
                 "newtons have no sensitivity; is the unit \"V\"?",
             ));
         }
         (_, None) => {
-            return Err(Mistake::new(
+            return Err(DescriptionError::new(
                 "ground.channels.kistler.sensitivity_mv_per_n",
                 "must be given for volts: eight numbers of the plate's sheet",
             ));
@@ -265,10 +265,14 @@ fn kistler(
     Channels::eight(names.count(), &eight).map_err(fault("kistler"))
 }
 
-fn cells(config: &CellsConfig, ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn cells(
+    config: &CellsConfig,
+    ground: &GroundConfig,
+    names: &mut Names<'_>,
+) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.cells.cells";
     if ground.frame.axes != Axes::ZUp || ground.measures != Measures::Reaction {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.measures",
             "must be \"reaction\" for load cells, which read positive when pressed, and ground.frame.axes \"z-up\"",
         ));
@@ -277,29 +281,38 @@ fn cells(config: &CellsConfig, ground: &GroundConfig, names: &mut Names<'_>) -> 
     for entry in &config.cells {
         let CellConfig { channel, x_m, y_m } = entry.get_ref();
         if !(x_m.abs() <= 5.0 && y_m.abs() <= 5.0) {
-            return Err(Mistake::at(entry, key, "a place is given in metres from the plate's origin"));
+            return Err(DescriptionError::at(
+                entry,
+                key,
+                "a place is given in metres from the plate's origin",
+            ));
         }
-        let channel =
-            names.find(channel, key).map_err(|mistake| Mistake { span: Some(entry.span()), ..mistake })?;
+        let channel = names
+            .find(channel, key)
+            .map_err(|error| DescriptionError { span: Some(entry.span()), ..error })?;
         found.push(Cell { channel, at_m: [*x_m, *y_m] });
     }
     Channels::cells(names.count(), &found, config.force.into()).map_err(fault("cells"))
 }
 
-fn centre(config: &CentreConfig, ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn centre(
+    config: &CentreConfig,
+    ground: &GroundConfig,
+    names: &mut Names<'_>,
+) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.centre";
-    let (fx, fy) = (names.there("fx"), names.there("fy"));
+    let (fx, fy) = (names.lookup("fx"), names.lookup("fy"));
     let shear = match (fx, fy) {
         (Some(fx), Some(fy)) => Some([fx, fy]),
         (None, None) => None,
         _ => {
-            return Err(Mistake::new(
+            return Err(DescriptionError::new(
                 key,
                 "fx without fy, or the other way round, says nothing; name both or neither",
             ));
         }
     };
-    let free_moment = names.there("free_moment");
+    let free_moment = names.lookup("free_moment");
     let unit = if free_moment.is_none() {
         MomentConfig::NewtonMetre
     } else {

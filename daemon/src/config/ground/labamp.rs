@@ -70,7 +70,7 @@ pub struct DirectConfig {
 }
 
 /// At 62.5 kHz a frame is gathered for 8 ms; at 1 kHz for 100 ms.
-fn usual_rate_hz() -> u32 {
+fn default_rate_hz() -> u32 {
     62_500
 }
 

@@ -7,7 +7,7 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::mistake::Mistake;
+use super::description_error::DescriptionError;
 
 /// A number that a device sends: its name alone, or a table with more.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -128,10 +128,10 @@ impl ModulusConfig {
     }
 
     /// As the adapters take it.
-    pub(super) fn checked(self, key: &str) -> Result<u128, Mistake> {
+    pub(super) fn checked(self, key: &str) -> Result<u128, DescriptionError> {
         match self.0 {
             0 => Ok(1 << 64),
-            1..=15 => Err(Mistake::new(
+            1..=15 => Err(DescriptionError::new(
                 key,
                 format!("a count that starts again at {} reveals no loss; leave it out", self.0),
             )),

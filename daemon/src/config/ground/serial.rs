@@ -24,7 +24,7 @@ pub struct SerialConfig {
 
 /// What a device uses where nothing is configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Usual {
+pub struct SerialDefaults {
     /// Speed, baud.
     pub baud: u32,
     /// Who says when bytes may be sent.
@@ -35,25 +35,25 @@ pub struct Usual {
 ///
 /// # Errors
 /// There is no `[ground.serial]`; [`check`] says so before.
-pub fn line(ground: &GroundConfig, usual: Usual) -> Result<Box<dyn Transport>, SourceError> {
+pub fn line(ground: &GroundConfig, defaults: SerialDefaults) -> Result<Box<dyn Transport>, SourceError> {
     let missing = || SourceError::Unusable(format!("ground.serial: {MISSING}"));
     let serial = ground.serial.as_ref().ok_or_else(missing)?;
     let flow = match serial.rts_cts {
         Some(true) => Flow::RtsCts,
         Some(false) => Flow::Free,
-        None => usual.flow,
+        None => defaults.flow,
     };
     Ok(Box::new(SerialLine::new(LineSettings {
         port: serial.port.clone(),
-        baud: baud(ground, usual),
+        baud: baud(ground, defaults),
         flow,
         key: "ground.serial.port",
     })))
 }
 
 /// The speed at which the line is opened, baud.
-pub fn baud(ground: &GroundConfig, usual: Usual) -> u32 {
-    ground.serial.as_ref().and_then(|serial| serial.baud).unwrap_or(usual.baud)
+pub fn baud(ground: &GroundConfig, defaults: SerialDefaults) -> u32 {
+    ground.serial.as_ref().and_then(|serial| serial.baud).unwrap_or(defaults.baud)
 }
 
 const MISSING: &str =

@@ -43,7 +43,7 @@ impl Default for TecGihanConfig {
     }
 }
 
-const USUAL: serial::Usual = serial::Usual { baud: BAUD, flow: Flow::RtsCts };
+const DEFAULTS: serial::SerialDefaults = serial::SerialDefaults { baud: BAUD, flow: Flow::RtsCts };
 
 fn rate(config: &TecGihanConfig) -> Result<Rate, String> {
     Rate::of_hz(config.rate_hz).ok_or_else(|| {
@@ -77,7 +77,7 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    serial::line(ground, USUAL)
+    serial::line(ground, DEFAULTS)
 }
 
 pub(super) fn check(ground: &GroundConfig) -> Checked {
