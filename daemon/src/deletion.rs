@@ -60,8 +60,8 @@ impl Deletion {
         files || !self.users.is_empty()
     }
 
-    /// Makes every running daemon of this bus remove the subject from memory, so that none writes it again. `request` sends
-    /// the request to the daemon of a station and returns its reply.
+    /// Makes every running daemon of this bus remove the subject from memory, so that none writes it again. `request`
+    /// sends the request to the daemon of a station and returns its reply.
     ///
     /// # Errors
     /// A running daemon does not comply or does not report its state directory, or it is unclear whether a daemon runs;

@@ -81,8 +81,8 @@ pub struct IncidentBoard {
 }
 
 impl IncidentBoard {
-    /// Begins an incident; `what` gives place and remedy. An active incident does not begin again, but takes the new
-    /// sentence.
+    /// Begins an incident; `what` states location and remedy. An active incident does not begin again, but takes the
+    /// new sentence.
     pub fn begin(&self, kind: Incident, what: &str) {
         let before = self.with_messages(|messages| messages.insert(kind.name(), what.to_owned()));
         if self.active.fetch_or(bit(kind), Ordering::Relaxed) & bit(kind) == 0 {
@@ -209,7 +209,7 @@ mod tests {
             due(JOURNAL_INTERVAL_NS + 5, "a").as_deref(),
             Some(" (and 2 times more since the last line)")
         );
-        // A different device gives a different sentence; a sentence that changes constantly is suppressed.
+        // A different device has a different message; a message that changes constantly is suppressed.
         let lines = (0..100).filter(|number| due(2 * JOURNAL_INTERVAL_NS + 5, &number.to_string()).is_some());
         assert_eq!(lines.count(), MESSAGES_MAX as usize);
         assert_eq!(

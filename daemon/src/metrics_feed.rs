@@ -1,4 +1,4 @@
-//! Feeds the metrics: a consumer of the bus that keeps the newest message of each kind and counts levels.
+//! Feeds the metrics: a consumer of the bus that stores the newest message of each kind and counts levels.
 
 use std::net::SocketAddr;
 use std::sync::mpsc::Sender;

@@ -1,7 +1,7 @@
-//! A worker's profile on disk: what was learnt, under a pseudonym.
+//! A subject's profile on disk, under a pseudonym: the result of the identification.
 //!
-//! Written whole or not at all (temporary file, fsync, rename), readable by its owner and group only. A file that
-//! cannot be understood is refused and never overwritten.
+//! Written atomically (temporary file, fsync, rename), readable by owner and group only. A file that cannot be parsed
+//! is refused and never overwritten.
 
 mod parts;
 
@@ -22,9 +22,9 @@ use crate::stored_file::{self, Formats, Refusal, sealed};
 
 use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
 
-/// Grows with every change of the file's layout or meaning. Format 2 was without the poses themselves, how consistent
-/// they were, and the shift; format 3 without its lifts one by one and without a checksum. Files of format 1, from before
-/// stature and sex were kept, are of no use as a similar worker. What such files hold is read.
+/// Increments with every change of the file's layout or meaning. Format 2 lacked the poses, their consistency and the
+/// shift; format 3 lacked individual lifts and the checksum. Files of format 1 lack stature and sex, so they cannot
+/// serve as a similar subject. The content of older files is read.
 const FORMAT: u32 = 4;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 
@@ -36,21 +36,21 @@ const ID_CHARS_MAX: usize = 64;
 pub struct Build {
     /// Stature, m.
     pub height_m: f64,
-    /// Which table the worker started from.
+    /// Sex, which selects the anthropometric table.
     pub sex: SexConfig,
 }
 
-/// A profile as it stands in the file.
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// Layout of the file.
+    /// Format number.
     format: u32,
     /// The pseudonym.
     pub subject: String,
     /// Number of identified parameters; must match the configured reduction.
     pub parameters: usize,
-    /// Body mass, kg; 0 while unknown.
+    /// Body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
     /// Stature, m; absent in files of format 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,28 +58,28 @@ pub struct Profile {
     /// Sex as it was configured; absent in files of format 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sex: Option<SexConfig>,
-    /// Held poses that entered the filter.
+    /// Number of held poses used by the filter.
     pub poses_used: u64,
-    /// Whether identification was finished.
+    /// Whether identification is complete.
     pub identified: bool,
-    /// Whether held poses entered the filter; absent before format 3.
+    /// Whether identification was active; absent before format 3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     learning: Option<bool>,
-    /// The pose of the library that was asked for.
+    /// The suggested pose of the library.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     suggested: Option<String>,
-    /// Poses of the library that were asked for already.
+    /// Poses of the library that were suggested before.
     #[serde(default)]
     asked: Vec<String>,
-    /// Poses of the library that this worker could not hold.
+    /// Poses of the library that this subject could not hold.
     #[serde(default)]
     unholdable: Vec<String>,
-    /// How many poses were performed since learning began.
+    /// Number of poses performed since the start of the identification.
     #[serde(default)]
     poses_performed: u64,
-    /// Bones: each segment's origin in its parent, m.
+    /// Skeleton: each segment's origin in its parent, m.
     skeleton_m: Vec<[f64; 3]>,
-    /// The last pose used, `parent_from_segment`, scalar first: it is not used again.
+    /// The last pose used, `parent_from_segment`, scalar first, so that it is not used again.
     last_pose_wxyz: Vec<[f64; 4]>,
     /// θ, m.
     theta_m: Vec<f64>,
@@ -88,37 +88,37 @@ pub struct Profile {
     /// The poses performed, oldest first: a rotation vector per segment, rad.
     #[serde(default)]
     performed_rad: Vec<Vec<f64>>,
-    /// Whether what was measured agreed with what was believed.
+    /// Consistency of the measurements with the prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     consistency: Option<ConsistencyPart>,
-    /// What has added up over the worker's shift.
+    /// Exposure accumulated over the shift.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     shift: Option<ShiftPart>,
 }
 
-/// Why a profile cannot be used.
+/// A profile cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     /// The file cannot be read.
     #[error("cannot read the profile {path}: {source}")]
     Io {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file is not a profile, or not one for this configuration.
     #[error("the profile {path} is not used: {reason}; it is left as it is")]
     Refused {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// Reason.
         reason: String,
     },
 }
 
 impl Profile {
-    /// The profile of a worker whose bones are known; `None` before that. `saved_unix_s` is the time, s since 1970 UTC.
+    /// The profile of a subject; `None` before the skeleton is available. `saved_unix_s` is the time, s since 1970 UTC.
     pub fn of(
         subject: &str,
         build: Option<Build>,
@@ -155,12 +155,12 @@ impl Profile {
         })
     }
 
-    /// How the worker is built; `None` if the file does not say.
+    /// Stature and sex; `None` if the file lacks them.
     pub fn build(&self) -> Option<Build> {
         Some(Build { height_m: self.height_m?, sex: self.sex? })
     }
 
-    /// Bones: each segment's origin in its parent, m.
+    /// Skeleton: each segment's origin in its parent, m.
     pub fn skeleton_m(&self) -> &[[f64; 3]] {
         &self.skeleton_m
     }
@@ -175,10 +175,10 @@ impl Profile {
         &self.covariance_m2
     }
 
-    /// The worker of this profile under these settings.
+    /// The identification of this profile under these settings.
     ///
     /// # Errors
-    /// Why it does not fit, in words.
+    /// Why it does not fit.
     pub fn worker(&self, settings: &Settings) -> Result<Box<Identification>, String> {
         let mut worker = bytemuck::zeroed_box::<Identification>();
         if worker.restore(&*self.stored(settings)?, settings) {
@@ -232,15 +232,15 @@ impl Profile {
         Ok(stored)
     }
 
-    /// The shift to go on with at a time, s since 1970 UTC.
+    /// The shift to resume at a time, s since 1970 UTC.
     ///
     /// # Errors
-    /// Why the worker begins a new one, in words.
+    /// Why a new shift begins.
     pub fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
         self.shift.as_ref().ok_or("the profile is from before it was kept")?.shift(now_unix_s)
     }
 
-    /// Reads a profile; `None` if there is none. The file's name is the subject's.
+    /// Reads a profile; `None` if it does not exist. The file name is the subject's pseudonym.
     ///
     /// # Errors
     /// [`ProfileError`].
@@ -261,7 +261,7 @@ impl Profile {
         Ok(Some(profile))
     }
 
-    /// Whether the numbers are a person's; bones, θ, P, counts and the shift are checked where they are taken over.
+    /// Checks mass and stature; skeleton, θ, P, counts and the shift are checked where they are restored.
     fn check(&self) -> Result<(), String> {
         let out = |what: &str, value: f64| Err(format!("{what} is {value}, which no person's is"));
         if self.mass_kg != 0.0 && !MASS_KG.contains(&self.mass_kg) {
@@ -285,19 +285,19 @@ impl Profile {
     /// The text of the file.
     ///
     /// # Errors
-    /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
+    /// The data have no TOML form. The caller must not overwrite an existing file.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self).map(sealed)
     }
 }
 
-/// Now, s since 1970 UTC; 0 if the clock stands before that.
+/// Current time, s since 1970 UTC; 0 if the clock is earlier.
 pub fn unix_s() -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     since.map_or(0, |since| since.as_secs())
 }
 
-/// Whether a name is made of letters, digits, '-' and '_', so that it can be a file's and no path.
+/// Whether a name consists of letters, digits, '-' and '_', so that it is a valid file name and not a path.
 pub fn is_plain(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
 }

@@ -1,4 +1,4 @@
-//! Real-time settings of a thread: asked for, then read back. What was granted is what is reported.
+//! Real-time settings of a thread: requested, then read back; the granted values are reported.
 //!
 //! The only unsafe code of the daemon: neither rustix nor nix has the scheduler call.
 
@@ -10,7 +10,7 @@ use rustix::thread::{
 };
 use serde::Serialize;
 
-/// Timer slack that every thread asks for, ns: ordinary threads are woken up to 50 µs late by default.
+/// Timer slack that every thread requests, ns: by default, ordinary threads are woken up to 50 µs late.
 pub const TIMER_SLACK_NS: u64 = 1;
 
 /// Scheduling that a thread requests in addition to [`TIMER_SLACK_NS`].
@@ -22,34 +22,34 @@ pub struct RequestedScheduling {
     pub cpu: Option<usize>,
 }
 
-/// What a thread has.
+/// Granted scheduling of a thread.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Granted {
     /// Name of the scheduling policy: `other`, `fifo`, …
     pub policy: &'static str,
     /// SCHED_FIFO priority; 0 under another scheduler.
     pub fifo_priority: u32,
-    /// The cores it may run on.
+    /// The cores on which it may run.
     pub cpus: Vec<usize>,
     /// Timer slack, ns; 0 for real-time threads of newer kernels, which have none.
     pub timer_slack_ns: u64,
 }
 
-/// Both, for one thread.
+/// Requested and granted scheduling of one thread.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ThreadReport {
     /// The thread's role.
     pub thread: &'static str,
-    /// The kernel's number for it.
+    /// Thread id.
     pub id: i32,
-    /// What it asked for.
+    /// Requested scheduling.
     pub asked: RequestedScheduling,
-    /// What it has.
+    /// Granted scheduling.
     pub granted: Granted,
 }
 
 impl ThreadReport {
-    /// What is not as it was asked for, in words; `None` if all was granted.
+    /// Message on what was not granted; `None` if everything was.
     pub fn missing(&self) -> Option<String> {
         let (thread, granted) = (self.thread, &self.granted);
         if granted.fifo_priority < self.asked.fifo_priority {
@@ -81,7 +81,7 @@ impl ThreadReport {
     }
 }
 
-/// Asks for the calling thread and reads back. Never fails: a refusal shows in the report.
+/// Requests scheduling for the calling thread and reads it back. Never fails: the report contains a refusal.
 pub fn request(thread: &'static str, asked: RequestedScheduling) -> ThreadReport {
     if let Some(cpu) = asked.cpu {
         let mut set = CpuSet::new();

@@ -65,10 +65,10 @@ impl Replay<'_> {
         Ok(summary)
     }
 
-    /// Replays and passes every state to `tell`.
+    /// Replays and passes every state to `write`.
     ///
     /// # Errors
-    /// As [`Replay::run`], and the error of `tell`.
+    /// As [`Replay::run`], and the error of `write`.
     pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
         let mut machine = Machine::new(self.config.settings());

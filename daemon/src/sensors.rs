@@ -212,7 +212,7 @@ impl Ground {
         }
     }
 
-    /// As [`GroundSource::trouble`].
+    /// Current fault of the device, or of either device.
     pub fn fault(&self) -> Option<String> {
         match self {
             Ground::One(source) => source.trouble(),

@@ -1,7 +1,8 @@
-//! The daemon's threads: what each asked for and has, what all of them hold locked, and what each suffered.
+//! The daemon's threads: requested and granted scheduling, locked memory, page faults and preemptions.
 //!
-//! Each thread asks for itself as it begins ([`ThreadRegistry::ask`]). Everything else is read from `/proc` by housekeeping, once a
-//! second, so that no thread that keeps time ever makes a system call for it.
+//! Each thread requests its own scheduling when it starts ([`ThreadRegistry::request`]). Housekeeping reads the rest
+//! from
+//! `/proc` once per second, so that real-time threads make no system calls for it.
 
 mod proc;
 
@@ -13,12 +14,13 @@ use crate::realtime::{self, RequestedScheduling, ThreadReport};
 
 pub use proc::{MemoryUse, TaskFacts};
 
-/// Who runs in this process, and on what terms.
+/// The threads of this process, with requested and granted scheduling.
 #[derive(Debug, Default)]
 pub struct ThreadRegistry(Mutex<Vec<ThreadReport>>);
 
 impl ThreadRegistry {
-    /// Asks for the calling thread, reads back, and remembers both. One role has one thread: a successor takes its place.
+    /// Requests scheduling for the calling thread, reads it back and stores both. Each role has one thread: a restarted
+    /// one replaces the previous entry.
     pub fn request(&self, thread: &'static str, asked: RequestedScheduling) -> ThreadReport {
         let report = realtime::request(thread, asked);
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -27,19 +29,19 @@ impl ThreadRegistry {
         report
     }
 
-    /// Everybody who has asked so far.
+    /// Reports of all threads that have requested scheduling.
     pub fn reports(&self) -> Vec<ThreadReport> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// What of all that was asked was not granted, one sentence a thread; the loop's first.
+    /// Requests that were not granted, one message per thread; the loop's first.
     pub fn missing(&self) -> Vec<String> {
         let mut reports = self.reports();
         reports.sort_by_key(|report| report.thread != "loop");
         reports.iter().filter_map(ThreadReport::missing).collect()
     }
 
-    /// Every thread that the process has now, those that never asked included.
+    /// All current threads of the process, including those without a request.
     pub fn threads(&self) -> Vec<ThreadStatus> {
         let reports = self.reports();
         let mut threads: Vec<ThreadStatus> = TaskFacts::read_all()
@@ -53,30 +55,30 @@ impl ThreadRegistry {
     }
 }
 
-/// What one thread asked for, has, and suffered.
+/// Requested and granted scheduling of one thread, its page faults and preemptions.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ThreadStatus {
-    /// Role; of a thread that never asked, the name that the kernel has of it.
+    /// Role; for a thread without a request, its name in the kernel.
     pub thread: String,
-    /// The kernel's number for it.
+    /// Thread id.
     #[serde(default)]
     pub id: i32,
-    /// Whether it has asked for anything itself.
+    /// Whether the thread requested scheduling.
     #[serde(default)]
     pub has_asked: bool,
-    /// SCHED_FIFO priority asked for; 0 for none.
+    /// Requested SCHED_FIFO priority; 0 for none.
     pub asked_fifo: u32,
-    /// Core asked for.
+    /// Requested core.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub asked_cpu: Option<usize>,
-    /// Name of the scheduling policy it has now.
+    /// Name of the current scheduling policy.
     #[serde(default)]
     pub policy: String,
-    /// SCHED_FIFO priority it has now.
+    /// Current SCHED_FIFO priority.
     pub granted_fifo: u32,
-    /// Cores it may run on now.
+    /// Cores on which it may run.
     pub cpus: Vec<usize>,
-    /// Timer slack as it was read back, ns; nothing for a thread that never asked.
+    /// Timer slack, read back, ns; `None` for a thread without a request.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timer_slack_ns: Option<u64>,
     /// Page faults that needed no disk, since its start.
@@ -85,7 +87,7 @@ pub struct ThreadStatus {
     /// Page faults that waited for a disk, since its start.
     #[serde(default)]
     pub major_faults: u64,
-    /// How often another thread was given its core while it had work to do, since its start.
+    /// Number of preemptions since its start.
     #[serde(default)]
     pub involuntary_switches: u64,
 }
@@ -109,21 +111,21 @@ impl ThreadStatus {
     }
 }
 
-/// Watches the loop's page faults from the end of its warm-up on: a steady loop has none.
+/// Counts the loop's page faults from the end of its warm-up on: a steady loop has none.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FaultWatch {
-    /// The loop's faults when its warm-up was over.
+    /// The loop's faults at the end of its warm-up.
     warm: Option<[u64; 2]>,
     /// Minor and major faults since then.
     since: [u64; 2],
 }
 
-/// Cycles after which everything that the loop does every day was done once. Rates differ; five seconds at 1 kHz.
+/// Cycles after which all regular code of the loop has run once: five seconds at 1 kHz.
 pub const WARM_CYCLES: u64 = 5000;
 
 impl FaultWatch {
-    /// Takes in how the threads fare while the loop is at `cycle`; the loop's minor and major faults since its warm-up,
-    /// `None` before it is over. To be asked about once a second.
+    /// Updates from the threads' counters at `cycle`; returns the loop's minor and major faults since its warm-up,
+    /// `None` before its end. For calls about once per second.
     pub fn update(&mut self, cycle: u64, threads: &[ThreadStatus]) -> Option<[u64; 2]> {
         let the_loop = threads.iter().find(|thread| thread.thread == "loop")?;
         if cycle < WARM_CYCLES {

@@ -48,14 +48,14 @@ pub struct Loop {
     suit: Box<[SuitSample; SUIT_SAMPLES_MAX]>,
     ground: Box<[GroundSample; GROUND_SAMPLES_MAX]>,
     record: CycleRecord,
-    /// A checkpoint is due and will be taken once a blank one is available.
+    /// A checkpoint is due and is copied once a free one is available.
     checkpoint_due: bool,
     checkpointed: IdentificationProgress,
     /// Number of the worker in `memory`.
     worker: u64,
     /// Time of the last copy of the persistent state in `memory`.
     copied_ns: u64,
-    /// A copy is due and will be taken once a box is available.
+    /// A copy is due and is made once a free one is available.
     copy_due: bool,
 }
 
@@ -263,7 +263,7 @@ impl Loop {
     }
 }
 
-/// Returns the number of samples taken; `ingress_ns` is set to the stamp of the last.
+/// Returns the number of samples; `ingress_ns` is set to the stamp of the last.
 fn pop_into<S>(
     slots: &mut [S],
     ingress_ns: &mut u64,

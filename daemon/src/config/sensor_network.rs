@@ -1,11 +1,11 @@
-//! Which sensors the shipped unit `equipoise-adapter@` cannot reach without a drop-in: its `IPAddressAllow=` admits this PC
-//! and private networks.
+//! Sensors that the shipped unit `equipoise-adapter@` cannot reach without a drop-in: its `IPAddressAllow=` admits this
+//! PC and private networks.
 
 use std::net::IpAddr;
 
 use super::Config;
 
-/// What the unit admits, as it stands there.
+/// Addresses admitted by the unit, in its notation.
 #[cfg(test)]
 const ADMITTED: &str =
     "localhost link-local multicast 255.255.255.255 10.0.0.0/8 172.16.0.0/12 192.168.0.0/16 fc00::/7";

@@ -76,7 +76,7 @@ pub struct Directory {
 }
 
 impl Facts {
-    /// Gathers all facts; `state` is the active state directory, or the reason that there is none.
+    /// Collects all facts; `state` is the active state directory, or the reason that there is none.
     pub fn gather(state: Result<StateDirectory, NoStateDirectory>) -> Facts {
         let status = text("/proc/self/status").unwrap_or_default();
         let user_id = geteuid().as_raw();

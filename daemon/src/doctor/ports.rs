@@ -1,4 +1,4 @@
-//! Who has a port.
+//! Finds the process that uses a port.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -9,17 +9,17 @@ use serde::Serialize;
 
 use crate::config::SuitConfig;
 
-/// Whether a port can be had.
+/// State of a port.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Port {
-    /// No process has it.
+    /// No process uses it.
     #[default]
     Free,
-    /// A process of this station has it.
+    /// A process of this station uses it.
     OwnProcess,
-    /// Somebody else has it.
+    /// Another process uses it.
     InUse,
-    /// Its address is not of this computer.
+    /// Its address is not one of this computer.
     AddressUnavailable,
 }
 
@@ -52,7 +52,7 @@ fn inodes_at(table: &str, port: u16) -> Vec<String> {
     table.lines().skip(1).filter_map(at_port).collect()
 }
 
-/// Whether the suit's address can be had, and where its sockets would stand.
+/// Tries to bind the suit's address; also returns the kernel's tables that would list its sockets.
 pub(super) fn bind_suit(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]) {
     match suit.source.transport() {
         Some(MvnTransport::Tcp) => (TcpListener::bind(suit.listen).map(drop), TCP),
@@ -60,7 +60,7 @@ pub(super) fn bind_suit(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]
     }
 }
 
-/// Whether one of the processes has one of the sockets; one that may not be looked into is believed to.
+/// Whether one of the processes has one of the sockets; assumed for a process that may not be inspected.
 pub(super) fn holds(processes: &BTreeSet<u32>, inodes: &[String]) -> bool {
     let own = std::process::id();
     processes
@@ -69,16 +69,16 @@ pub(super) fn holds(processes: &BTreeSet<u32>, inodes: &[String]) -> bool {
         .any(|process| holds_socket(*process, inodes).unwrap_or(true))
 }
 
-/// A process that has a port.
+/// A process that uses a port.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Holder {
-    /// Its number.
+    /// Process id.
     pub process_id: u32,
-    /// The program's name, as the kernel has it.
+    /// The program's name in the kernel.
     pub program: String,
 }
 
-/// The first process that has one of the sockets, among those that may be looked into.
+/// The first process that has one of the sockets, among those that may be inspected.
 pub(super) fn holder_of(inodes: &[String]) -> Option<Holder> {
     let processes = std::fs::read_dir("/proc").ok()?.flatten();
     let mut ids = processes.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u32>().ok());
@@ -87,7 +87,7 @@ pub(super) fn holder_of(inodes: &[String]) -> Option<Holder> {
     Some(Holder { process_id, program: program.trim().to_owned() })
 }
 
-/// Whether a process has one of the sockets; `None` if it may not be looked into.
+/// Whether a process has one of the sockets; `None` if it may not be inspected.
 fn holds_socket(process: u32, inodes: &[String]) -> Option<bool> {
     let descriptors = std::fs::read_dir(format!("/proc/{process}/fd")).ok()?;
     let mut links = descriptors.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok());

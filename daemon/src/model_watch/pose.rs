@@ -54,7 +54,8 @@ pub(super) fn features(origin_m: impl Fn(Segment) -> [f64; 3]) -> Features {
     ]
 }
 
-/// The limb whose pose explains most of the variance of `residual` in a linear model; `None` if none explains half of it.
+/// The limb whose pose explains most of the variance of `residual` in a linear model; `None` if none explains half of
+/// it.
 pub(super) fn correlated_limb(residual: &[f64], poses: &[Features]) -> Option<Limb> {
     let shares = Limb::ALL.into_iter().enumerate().filter_map(|(index, limb)| {
         let pose: Vec<[f64; 3]> = poses.iter().map(|pose| pose[index]).collect();

@@ -28,7 +28,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Reads the filter out of a copy of the loop's memory that came at `t_s`; `None` before a body was seen.
+    /// Reads the filter from a copy of the loop's memory received at `t_s`; `None` before the first body.
     pub(super) fn of(checkpoint: &Checkpoint, t_s: f64) -> Option<Parameters> {
         let worker = &checkpoint.memory()?.identification;
         let (filter, count) = (&worker.filter, worker.filter.count());
@@ -104,7 +104,7 @@ impl History {
         self.parameters.back()
     }
 
-    /// Columns; a number that the filter has not said yet is null.
+    /// Columns; unavailable numbers are null.
     pub(super) fn to_json(&self) -> Value {
         let column = |of: fn(&Point) -> f64| -> Vec<Option<f64>> {
             self.points.iter().map(of).map(|value| Some(value).filter(|value| *value > 0.0)).collect()

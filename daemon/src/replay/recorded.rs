@@ -21,11 +21,11 @@ pub(super) enum Start {
     Empty,
 }
 
-/// Calls `tell` with the state of every replayed cycle. `settings` are those of the recording's reloads by number;
+/// Calls `write` with the state of every replayed cycle. `settings` are those of the recording's reloads by number;
 /// `None` ignores the reloads and keeps the machine's own settings.
 ///
 /// # Errors
-/// The error of `tell`.
+/// The error of `write`.
 pub(super) fn run(
     recording: &Recording,
     machine: &mut Machine,

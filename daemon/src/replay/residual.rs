@@ -6,14 +6,14 @@ use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
 
-/// Root mean squares over the moments of an identified worker.
+/// Root mean squares over the samples of an identified subject.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rms {
-    /// How many moments.
+    /// Number of samples.
     pub moments: u64,
-    /// Measured less estimated centre of pressure, both axes together, mm.
+    /// Measured minus estimated centre of pressure, both axes together, mm.
     pub cop_mm: f64,
-    /// Vertical external force that is left, N.
+    /// Residual vertical external force, N.
     pub delta_f_n: f64,
 }
 
@@ -46,12 +46,12 @@ impl Sum {
 }
 
 impl Residual {
-    /// Over a span in seconds since `started_ns`, or over everything.
+    /// Over a span in seconds since `started_ns`, or over all data.
     pub fn over(started_ns: u64, span_s: Option<[f64; 2]>) -> Residual {
         Residual { started_ns, span_s, ..Residual::default() }
     }
 
-    /// Takes in a state; one moment counts once.
+    /// Ingests a state; each suit sample counts once.
     pub fn ingest(&mut self, state: &State) {
         let is_new = state.suit_sample_time_ns > self.last_ns;
         let estimated = state.phase == Phase::Monitoring as u32 && state.cop_sigma_m[0] > 0.0;
@@ -70,12 +70,12 @@ impl Residual {
         }
     }
 
-    /// While holding still; `None` of no moment.
+    /// For static poses; `None` without samples.
     pub fn still(&self) -> Option<Rms> {
         self.still.rms()
     }
 
-    /// Still and moving; `None` of no moment.
+    /// For static poses and motion; `None` without samples.
     pub fn all(&self) -> Option<Rms> {
         self.all.rms()
     }

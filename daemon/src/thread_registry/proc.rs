@@ -1,13 +1,13 @@
-//! What the kernel says of this process and its threads (proc_pid_stat(5), proc_pid_status(5)).
+//! Kernel data of this process and its threads (proc_pid_stat(5), proc_pid_status(5)).
 
 use std::fs;
 
 use serde::{Deserialize, Serialize};
 
-/// One thread, as `/proc/self/task` has it.
+/// One thread of `/proc/self/task`.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct TaskFacts {
-    /// The kernel's number for it.
+    /// Thread id.
     pub id: i32,
     /// Name, at most 15 bytes.
     pub name: String,
@@ -21,18 +21,18 @@ pub struct TaskFacts {
     pub minor_faults: u64,
     /// Page faults that waited for a disk.
     pub major_faults: u64,
-    /// How often it lost its core while it had work to do.
+    /// Number of preemptions.
     pub involuntary_switches: u64,
 }
 
 impl TaskFacts {
-    /// Every thread of this process; one that ends meanwhile is left out.
+    /// All threads of this process, except those that end meanwhile.
     pub fn read_all() -> Vec<TaskFacts> {
         let tasks = fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
         tasks.filter_map(|task| task.file_name().to_str()?.parse().ok()).filter_map(TaskFacts::read).collect()
     }
 
-    /// One thread of this process; `None` if there is none of that number.
+    /// One thread of this process; `None` if it does not exist.
     pub fn read(id: i32) -> Option<TaskFacts> {
         let read = |file: &str| fs::read_to_string(format!("/proc/self/task/{id}/{file}")).ok();
         TaskFacts::parse(id, &read("stat")?, &read("status")?)
@@ -57,22 +57,22 @@ impl TaskFacts {
     }
 }
 
-/// Memory of this process, KiB, and what of it is locked.
+/// Memory of this process, KiB.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MemoryUse {
     /// Locked: `VmLck`.
     pub locked_kib: u64,
-    /// In memory: `VmRSS`.
+    /// Resident: `VmRSS`.
     pub resident_kib: u64,
-    /// All that has an address: `VmSize`.
+    /// Total address space: `VmSize`.
     pub total_kib: u64,
 }
 
-/// The kernel counts pages of each core's own in batches (64 pages a thread), so what is in memory is known this well.
+/// Uncertainty of the resident size: the kernel counts pages per core in batches (64 pages per thread).
 const RESIDENT_SLACK_KIB: u64 = 4096;
 
 impl MemoryUse {
-    /// Now; all zero if it cannot be read.
+    /// Current values; zero if they cannot be read.
     pub fn read() -> MemoryUse {
         MemoryUse::parse(&fs::read_to_string("/proc/self/status").unwrap_or_default())
     }
@@ -85,7 +85,7 @@ impl MemoryUse {
         MemoryUse { locked_kib: kib("VmLck"), resident_kib: kib("VmRSS"), total_kib: kib("VmSize") }
     }
 
-    /// Whether all that is in memory is locked there.
+    /// Whether all resident memory is locked.
     pub fn is_locked(self) -> bool {
         self.locked_kib > 0 && self.locked_kib + RESIDENT_SLACK_KIB >= self.resident_kib
     }
@@ -95,7 +95,7 @@ fn line<'a>(status: &'a str, key: &str) -> Option<&'a str> {
     status.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(':')).map(str::trim)
 }
 
-/// `0-2,5` as the numbers it means.
+/// Parses a core list such as `0-2,5`.
 fn cores(list: &str) -> Vec<usize> {
     let ends = |part: &str| {
         let (from, to) = part.split_once('-').unwrap_or((part, part));

@@ -1,4 +1,4 @@
-//! `[ground.amti]`: AMTI plates with a serial line.
+//! `[ground.amti]`: AMTI plates with a serial port.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, METRE_PER_INCH, NEWTON_PER_LBF, Rate};
@@ -11,7 +11,7 @@ use super::serial::{self, SerialDefaults};
 use super::{Axes, GroundConfig};
 use crate::config::method::Checked;
 
-/// A plate is spoken to at this speed, whatever rate it is to have.
+/// Initial baud rate, independent of the sampling rate.
 const DEFAULTS: SerialDefaults = SerialDefaults { baud: SPEED_SLOW, flow: Flow::Free };
 /// Rows of the matrix: Fx, Fy, Fz, Mx, My, Mz.
 const ROWS: usize = 6;
@@ -20,17 +20,17 @@ const ROWS: usize = 6;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AmtiConfig {
-    /// Frames a second: 50, 100 or 200.
+    /// Frames per second: 50, 100 or 200.
     #[serde(default = "slowest")]
     pub rate_hz: u32,
-    /// The plate's own calibration, from its sheet: six rows (Fx, Fy, Fz, Mx, My, Mz) of twelve numbers, by which counts
-    /// become forces and moments.
+    /// Calibration matrix of the plate's sheet: six rows (Fx, Fy, Fz, Mx, My, Mz) of twelve numbers, which convert
+    /// counts to forces and moments.
     pub matrix: Vec<Vec<f64>>,
-    /// In which unit the matrix gives forces.
+    /// Unit of the matrix's forces.
     pub force_unit: ForceUnit,
-    /// In which unit it gives moments.
+    /// Unit of the matrix's moments.
     pub moment_unit: MomentUnit,
-    /// Use the load at the daemon's start as zero. The plate must be empty then.
+    /// Use the load at the daemon's start as zero. The plate must be empty at that time.
     #[serde(default)]
     pub auto_zero: bool,
 }

@@ -1,4 +1,4 @@
-//! `[ground.bota]`: Bota's and Rokubi's sensors over a serial line.
+//! `[ground.bota]`: sensors of Bota and Rokubi over a serial port.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::bota::{Bota, BotaSettings};
@@ -14,11 +14,11 @@ const DEFAULTS: SerialDefaults = SerialDefaults { baud: SPEED, flow: Flow::Free 
 /// Start, eight bits, stop.
 const BITS_PER_BYTE: u32 = 10;
 
-/// `[ground.bota]`: without it, and without its keys, the sensor is only listened to.
+/// `[ground.bota]`: without keys, the sensor's settings are not changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BotaConfig {
-    /// Length of the sensor's filter, to be set up at each start; it then sends 51200 / sinc frames a second.
+    /// Length of the sensor's filter, set at each start; the sensor then sends 51200 / sinc frames per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sinc: Option<u32>,
 }

@@ -1,7 +1,6 @@
-//! `[ground.channels.…]`: what the numbers of a device mean, for devices whose bytes do not say it.
+//! `[ground.channels.…]`: meaning of a device's numbers, for devices with a configurable format.
 //!
-//! Exactly one of the forms below is given. Channels are called by the names that `[ground.text]` and `[ground.binary]` give
-//! them.
+//! Exactly one of the sections below is required. Channels have the names of `[ground.text]` and `[ground.binary]`.
 
 mod names;
 mod soles;
@@ -26,11 +25,11 @@ use super::{Axes, GroundConfig, Measures};
 pub enum ChannelsConfig {
     /// Each channel is a force or a moment.
     Wrench(WrenchConfig),
-    /// Six rows of weights make forces and moments of the channels.
+    /// Six rows of weights convert the channels to forces and moments.
     Matrix(MatrixConfig),
     /// Four three-axis sensors with eight channels, as in Kistler's plates.
     Kistler(KistlerConfig),
-    /// Load cells under a plate, each with its place.
+    /// Load cells under a plate, each with its position.
     Cells(CellsConfig),
     /// Forces and the centre of pressure.
     Centre(CentreConfig),
@@ -38,14 +37,14 @@ pub enum ChannelsConfig {
     Soles(SolesConfig),
 }
 
-/// `[ground.channels.wrench]`: channels `fx`, `fy`, `fz`, `mx`, `my`, `mz`; `fz` must be there, and what is not there is not
+/// `[ground.channels.wrench]`: channels `fx`, `fy`, `fz`, `mx`, `my`, `mz`; `fz` is required, missing ones are not
 /// measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrenchConfig {
     /// Unit of the forces.
     pub force: ForceConfig,
-    /// Unit of the moments; without moments none.
+    /// Unit of the moments; required if there are moments.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment: Option<MomentConfig>,
 }
@@ -54,15 +53,15 @@ pub struct WrenchConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MatrixConfig {
-    /// Unit of what the first three rows make.
+    /// Unit of the results of the first three rows.
     pub force: ForceConfig,
-    /// Unit of what the other rows make.
+    /// Unit of the results of the other rows.
     pub moment: MomentConfig,
     /// The channels, one for each column of the matrix.
     pub channels: Vec<String>,
     /// Rows Fx, Fy, Fz, Mx, My, Mz.
     pub rows: [Vec<f64>; 6],
-    /// What each channel reads without load; taken off first. Zero by default.
+    /// Reading of each channel without load, which is subtracted first. Zero by default.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub zero: Vec<f64>,
 }
@@ -73,14 +72,14 @@ pub struct MatrixConfig {
 pub struct KistlerConfig {
     /// Unit of the channels.
     pub unit: KistlerUnit,
-    /// Of each channel in the order above, mV/N, where the unit is a voltage.
+    /// Sensitivity of each channel in the order above, mV/N, if the unit is a voltage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity_mv_per_n: Option<[f64; 8]>,
     /// Distance of the sensors from the middle along x, m: `a` of the plate's sheet.
     pub a_m: f64,
-    /// And along y, m: `b` of the plate's sheet.
+    /// Distance along y, m: `b` of the plate's sheet.
     pub b_m: f64,
-    /// What each channel reads without load, in its unit. Zero by default.
+    /// Reading of each channel without load, in its unit. Zero by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zero: Option<[f64; 8]>,
 }
@@ -93,7 +92,7 @@ pub enum KistlerUnit {
     /// Millivolts.
     #[serde(rename = "mV")]
     Millivolt,
-    /// Newtons: somebody has divided by the sensitivity already.
+    /// Newtons: already divided by the sensitivity.
     N,
 }
 
@@ -113,13 +112,13 @@ pub struct CellsConfig {
 pub struct CellConfig {
     /// Its channel.
     pub channel: String,
-    /// Where it stands, in the plate's axes, m.
+    /// Position in the plate's axes, m.
     pub x_m: f64,
     /// As above.
     pub y_m: f64,
 }
 
-/// `[ground.channels.centre]`: channels `fz`, `cop_x`, `cop_y`, and where they are measured `fx`, `fy`, `free_moment`.
+/// `[ground.channels.centre]`: channels `fz`, `cop_x`, `cop_y`, and optionally `fx`, `fy`, `free_moment`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CentreConfig {
@@ -127,14 +126,14 @@ pub struct CentreConfig {
     pub force: ForceConfig,
     /// Unit of the centre of pressure.
     pub length: LengthConfig,
-    /// Unit of the free moment, if there is one.
+    /// Unit of the free moment; required if it is a channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment: Option<MomentConfig>,
 }
 
 const SECTION: &str = "ground.channels";
 
-/// What the channels mean, as the section says.
+/// Converts the section to the adapter's channels.
 pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let Some(config) = &ground.channels else {
         return Err(DescriptionError::new(

@@ -1,4 +1,4 @@
-//! `[ground.moticon]`: Moticon's insoles.
+//! `[ground.moticon]`: Moticon insoles.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::moticon::{FieldsFault, Moticon, MoticonSettings, all_fields};
@@ -18,16 +18,16 @@ pub struct MoticonConfig {
     pub length_m: f64,
     /// Their width, m; Moticon's size 4 has 0.089.
     pub width_m: f64,
-    /// Where the centre of pressure's x grows to.
+    /// Direction of increasing x of the centre of pressure.
     #[serde(default = "tip")]
     pub x_to: TowardsX,
-    /// Where its y grows to. No source says it, so nothing is taken for granted.
+    /// Direction of increasing y; undocumented by the manufacturer, so it has no default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub y_to: Option<TowardsY>,
-    /// What a line holds, in order, as the channels are ticked in Moticon's software; all of them by default.
+    /// Fields of a line in their order, as selected in Moticon's software; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fields: Option<Vec<toml::Spanned<String>>>,
-    /// What is called left is worn on the right foot.
+    /// Left and right are exchanged.
     #[serde(default)]
     pub swapped: bool,
     /// Unit of the first field, the time.

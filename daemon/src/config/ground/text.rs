@@ -1,4 +1,4 @@
-//! `[ground.text]`: the form of text lines.
+//! `[ground.text]`: format of text lines.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::text::{
@@ -19,31 +19,31 @@ use super::transport::{self, BeginConfig, Over};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextConfig {
-    /// What the lines come over.
+    /// Transport of the lines.
     pub over: Over,
-    /// What stands between two fields.
+    /// Separator of fields.
     pub delimiter: DelimiterConfig,
-    /// What stands before the decimals.
+    /// Decimal separator.
     #[serde(default)]
     pub decimal: DecimalConfig,
-    /// A line that begins with this sign is passed over.
+    /// Lines that begin with this character are ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub comment: Option<char>,
-    /// What every line begins with, before its first field; lines without it are passed over.
+    /// Prefix of every line, before its first field; lines without it are ignored.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub prefix: String,
-    /// How many lines that are not empty stand before the first one with numbers.
+    /// Number of non-empty lines before the first one with numbers.
     #[serde(default)]
     pub header_lines: u32,
-    /// A line longer than this is none.
+    /// Maximum length of a line.
     #[serde(default = "line_bytes_default")]
     pub line_bytes_max: usize,
-    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" for an unused one.
+    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" if unused.
     pub columns: Vec<Spanned<NamedNumber>>,
-    /// Which column is the device's time.
+    /// Column of the device's time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<TimeColumn>,
-    /// Which column counts the lines.
+    /// Column of the line counter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequence: Option<SequenceColumn>,
 }
@@ -64,12 +64,12 @@ pub struct TimeColumn {
 pub struct SequenceColumn {
     /// The column.
     pub column: String,
-    /// Where it starts again at zero, for example 256; never by default.
+    /// Value at which it wraps to zero, for example 256; never by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modulus: Option<ModulusConfig>,
 }
 
-/// What stands between two fields.
+/// Separator of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DelimiterConfig {
@@ -83,7 +83,7 @@ pub enum DelimiterConfig {
     Semicolon,
 }
 
-/// What stands before the decimals.
+/// Decimal separator.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DecimalConfig {
     /// A point.
@@ -135,7 +135,7 @@ impl TextConfig {
         })
     }
 
-    /// Which column has a name.
+    /// Index of the column with a name.
     fn place(&self, name: &str, key: &str) -> Result<usize, DescriptionError> {
         self.columns.iter().position(|column| column.get_ref().name == name).ok_or_else(|| {
             let candidates = self
@@ -147,7 +147,7 @@ impl TextConfig {
         })
     }
 
-    /// Every name once.
+    /// Checks that names are unique.
     fn check_names(&self) -> Result<(), DescriptionError> {
         let key = "ground.text.columns";
         if self.columns.is_empty() || self.columns.len() > 1000 {

@@ -1,4 +1,4 @@
-//! How a device that the configuration describes is reached: `over` of `[ground.text]` and `[ground.binary]`.
+//! Transport of a described device: `over` of `[ground.text]` and `[ground.binary]`.
 
 use std::path::PathBuf;
 
@@ -11,17 +11,17 @@ use super::description_error::DescriptionError;
 use super::serial::{self, SerialDefaults};
 use super::{GroundConfig, GroundSourceKind};
 
-/// What the bytes come over.
+/// Transport of the bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Over {
-    /// Datagrams: to `listen`, or from `address`, which is asked.
+    /// Datagrams: to `listen`, or from `address` on request.
     Udp,
     /// A TCP connection to `address`.
     Tcp,
-    /// The line of `[ground.serial]`.
+    /// The port of `[ground.serial]`.
     Serial,
-    /// The file or named pipe of `[ground.file]`, which another program writes.
+    /// The file or named pipe of `[ground.file]`, written by another program.
     File,
 }
 
@@ -29,25 +29,25 @@ pub enum Over {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FileConfig {
-    /// The file or named pipe; a relative path counts from the folder that the daemon runs in.
+    /// The file or named pipe; a relative path refers to the daemon's working directory.
     pub path: PathBuf,
-    /// Where reading begins.
+    /// Start of reading.
     #[serde(default)]
     pub begin: BeginConfig,
 }
 
-/// Where reading begins.
+/// Start of reading.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BeginConfig {
-    /// With what is appended from now on.
+    /// At the end of the file.
     #[default]
     End,
-    /// With the first line.
+    /// At the first line.
     Start,
 }
 
-/// A serial line's speed where none is configured: that of most small boards.
+/// Default speed of a serial port: that of most small boards.
 const DEFAULTS: SerialDefaults = SerialDefaults { baud: 115_200, flow: Flow::Free };
 
 pub(super) fn check(ground: &GroundConfig, over: Over) -> Result<(), DescriptionError> {
@@ -108,7 +108,7 @@ pub(super) fn transport(ground: &GroundConfig, over: Over) -> Result<Box<dyn Tra
     })
 }
 
-/// For devices that send datagrams of themselves.
+/// Check for devices that send datagrams without a request.
 pub(super) fn listening(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
     let Some(listen) = ground.listen else {
         return Err(SourceError::Unusable("ground.listen: must be given".to_owned()));

@@ -1,4 +1,4 @@
-//! Builds the adapter's settings from the section `[ground.binary]`, or reports its mistakes.
+//! Builds the adapter's settings from the section `[ground.binary]`, or reports its errors.
 
 use equipoise_adapters::ground::device::binary::{BinarySettings, Count, Field, Scans, Time};
 use equipoise_adapters::wire::checksum::{Checksum, NAMES};
@@ -15,7 +15,7 @@ use crate::config::ground::numbers::{FACTORS, LengthConfig, ModulusConfig, SUMMA
 use crate::config::ground::transport::Over;
 use crate::config::ground::{DescriptionError, GroundConfig};
 
-/// A frame with more scans than this is considered a mistake.
+/// Maximum plausible number of scans in a frame.
 const SCANS_MAX: usize = 10_000;
 
 /// The full dotted key.

@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::{ForceConfig, Names};
 use crate::config::ground::description_error::DescriptionError;
 
-/// `[ground.channels.soles]`: channels `left_force`, `left_cop_x`, `left_cop_y`, `right_force`, `right_cop_x`, `right_cop_y`.
+/// `[ground.channels.soles]`: channels `left_force`, `left_cop_x`, `left_cop_y`, `right_force`, `right_cop_x`,
+/// `right_cop_y`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SolesConfig {
@@ -16,22 +17,22 @@ pub struct SolesConfig {
     pub force: ForceConfig,
     /// Unit of the centre of pressure, from the middle of the sole.
     pub cop: CopUnit,
-    /// Length of the insoles, m, where the centre is a share of it.
+    /// Length of the insoles, m, if the centre is a fraction of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
-    /// Width of the insoles, m, where the centre is a share of it.
+    /// Width of the insoles, m, if the centre is a fraction of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub width_m: Option<f64>,
-    /// Where x grows to.
+    /// Direction of increasing x.
     pub x_to: TowardsX,
-    /// Where y grows to.
+    /// Direction of increasing y.
     pub y_to: TowardsY,
 }
 
 /// Unit of an insole's centre of pressure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum CopUnit {
-    /// A share of length and width, -0.5 to 0.5.
+    /// A fraction of length and width, -0.5 to 0.5.
     #[serde(rename = "share")]
     Share,
     /// Metres.
@@ -110,7 +111,7 @@ pub(super) fn channels(config: &SolesConfig, names: &mut Names<'_>) -> Result<Ch
     Channels::soles(names.count(), soles).map_err(super::fault("soles"))
 }
 
-/// Refuses an insole that no foot has.
+/// Checks that the size is that of a foot.
 pub(in crate::config::ground) fn size(
     section: &str,
     length_m: f64,
