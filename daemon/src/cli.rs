@@ -34,7 +34,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use equipoise_discrepancy::spans::Span;
 
-/// How a command ended, as the shell sees it.
+/// Exit status of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// 0: done.
@@ -104,7 +104,7 @@ struct ConfigArgument {
     config: PathBuf,
 }
 
-/// Runs the command that the arguments ask for.
+/// Runs the command of the arguments.
 pub fn main() -> ExitCode {
     // Recordings, results and logs contain personal motion data: restrict them to owner and group.
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o027));

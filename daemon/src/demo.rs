@@ -1,6 +1,6 @@
 //! Demonstration without hardware: a simulated person with real network protocols, the real daemon and the real page.
 //!
-//! The simulated person reacts to the published state as a worker would: takes the suggested poses, stands in poses
+//! The simulated human reacts to the published state as a worker would: assumes the suggested poses, stands in poses
 //! that were not used for identification, then lifts a box as in the paper.
 
 mod scene;

@@ -1,7 +1,7 @@
 //! `equipoise doctor`: checks this computer for obstacles to real time, and how to fix each.
 //!
-//! [`facts`] reads the computer, [`station`] the station, [`suit_facts`] the suit's port; everything else judges what
-//! they found and reads nothing.
+//! [`facts`] reads the computer, [`station`] the station, [`suit_facts`] the suit's port; the other modules evaluate the
+//! facts and read nothing.
 
 mod capacity;
 mod directories;

@@ -123,7 +123,7 @@ pub fn run_suit(
 }
 
 /// Runs the ground's adapter until `stopping` returns true; `ready` is called after the first attempt to open the
-/// device, and `trouble` whenever the device's fault changes: a sentence, or `None` once the fault is gone.
+/// device, and `report_fault` whenever the device's fault changes: a message, or `None` once the fault has ended.
 ///
 /// A device that is off or unplugged is retried indefinitely.
 ///

@@ -1,8 +1,7 @@
 //! The daemon's threads: requested and granted scheduling, locked memory, page faults and preemptions.
 //!
 //! Each thread requests its own scheduling when it starts ([`ThreadRegistry::request`]). Housekeeping reads the rest
-//! from
-//! `/proc` once per second, so that real-time threads make no system calls for it.
+//! from `/proc` once per second, so that real-time threads make no system calls for it.
 
 mod proc;
 

@@ -26,7 +26,7 @@ const MODE: u32 = 0o640;
 ///
 /// Stages up to the published state come from the cycles' own stamps; pick_up, from_due and from_suit of every consumer
 /// that reports its pick-up follow, and of this command as `self`. Consumers report once a second, so of theirs the
-/// last second or less is missing. docs/realtime.md says how to read it.
+/// last second or less is missing. docs/realtime.md explains the figures.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise latency --for 60 --hlog path.hlog\n\nExit code 3: cycles were not seen; \

@@ -1,4 +1,4 @@
-//! `equipoise register`: where the plate stands in the suit's world, from places where the worker stood still.
+//! `equipoise register`: estimates the pose of the plate in the suit world from positions at which the worker stood still.
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -16,7 +16,8 @@ use crate::calibration::config_file::{self, Change};
 use crate::calibration::standing::Standing;
 use crate::config::Config;
 
-/// Where the worker is asked to stand; the last two tell a shift of the plate from a body that is not the table's.
+/// Positions at which the worker stands; the last two separate an offset of the plate from a deviation of the body from
+/// the table.
 const POSITIONS: [&str; 7] = [
     "near the front left corner",
     "near the front right corner",

@@ -42,13 +42,13 @@ pub(super) struct Arguments {
     /// Print the summary as JSON
     #[arg(long, conflicts_with = "cross_validate")]
     json: bool,
-    /// Also judge the identified model on data it was not learnt from, in so many blocks of time
+    /// Cross-validate the identified model in this number of blocks of time
     #[arg(long, value_name = "BLOCKS")]
     cross_validate: Option<usize>,
-    /// No load is carried in the recording: cross-validation judges every sample, moving or not, next to static ones
+    /// No load is carried in the recording: cross-validation evaluates all samples, in motion too, in addition to static ones
     #[arg(long, requires = "cross_validate")]
     unloaded: bool,
-    /// Cross-validation learns from at most so many poses, each unlike the others
+    /// Maximum number of poses for cross-validation, each different from the others
     #[arg(long, value_name = "COUNT", requires = "cross_validate")]
     poses: Option<usize>,
 }

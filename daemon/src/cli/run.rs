@@ -96,7 +96,7 @@ impl Arguments {
     }
 }
 
-/// Takes up what can change live; what cannot, and what is wrong, is said in the journal.
+/// Applies live settings; settings that require a restart and errors are logged.
 fn reread(arguments: &Arguments, pipeline: &Pipeline) {
     info!("the configuration is read again");
     let began = [sd_notify::NotifyState::Reloading, monotonic_now()];

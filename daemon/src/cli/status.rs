@@ -1,4 +1,4 @@
-//! `equipoise status`: what a running daemon says now, once.
+//! `equipoise status`: prints the current state of a running daemon.
 
 mod incidents;
 
@@ -29,7 +29,7 @@ use crate::status::{self, PageStatus, Status, ThreadStatus};
 /// Timeout for adapter health and incidents, which are published once a second.
 const HEALTH_TIMEOUT: Duration = Duration::from_millis(1200);
 
-/// Show what a running daemon says, once
+/// Show the current state of a running daemon
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise status --json | jq .state.phase")]
 pub(super) struct Arguments {
@@ -101,7 +101,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Where the station's page is, if the process that said so is still on the bus.
+/// Address of the station's page, if the process that published it is still on the bus.
 fn running_page(bus: &Bus) -> Option<PageStatus> {
     let page = status::read_page(bus.station())?;
     let participants = bus.participants().ok()?;
@@ -109,7 +109,7 @@ fn running_page(bus: &Bus) -> Option<PageStatus> {
     participants.iter().any(serves).then_some(page)
 }
 
-/// What the daemon's model file asks for, if it does.
+/// The pose requested by the daemon's model file, if any.
 pub(super) fn requested_pose(facts: Option<&Status>) -> Option<Ask> {
     let text = &facts?.model_toml;
     ModelFile::parse(text, "the daemon's model").ok()?.ask

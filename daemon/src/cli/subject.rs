@@ -24,14 +24,14 @@ pub(super) struct Arguments {
 enum Action {
     /// Show the stored profiles
     List,
-    /// Put a stored profile in place of what a running daemon knows
+    /// Load a stored profile into a running daemon
     Load {
         /// Pseudonymous id
         id: String,
         #[command(flatten)]
         station: StationArgument,
     },
-    /// Save what a running daemon knows, now
+    /// Save the active subject's profile now
     Save {
         #[command(flatten)]
         station: StationArgument,

@@ -1,4 +1,4 @@
-//! `equipoise verify`: a known mass on the plate, or a rod that leans: does the plate say what is so?
+//! `equipoise verify`: compares the plate's measurement with a known mass, or with a rod.
 
 mod load;
 mod results;

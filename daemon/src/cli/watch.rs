@@ -1,4 +1,4 @@
-//! `equipoise watch`: what a running daemon says, again and again; a screen on a terminal, lines in a pipe.
+//! `equipoise watch`: continuous display of a running daemon's state: a screen on a terminal, lines in a pipe.
 
 mod keys;
 mod screen;
@@ -26,7 +26,7 @@ const LINE_INTERVAL: Duration = Duration::from_secs(1);
 /// How often a signal or the end of the time is looked for between two lines.
 const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Show what a running daemon says, again and again
+/// Show the state of a running daemon continuously
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise watch                     a screen, from 40 columns and 12 lines on; \

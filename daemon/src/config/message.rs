@@ -103,7 +103,7 @@ pub(super) fn location_of(field: &str, text: &str, name: &str) -> String {
     }
 }
 
-/// File and line of a mistake in a description.
+/// File and line of an error in a description.
 pub(super) fn location_of_error(error: &DescriptionError, text: &str, name: &str) -> String {
     match &error.span {
         Some(span) => format!("{name}, line {}", line_of(text, span.start)),

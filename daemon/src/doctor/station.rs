@@ -136,7 +136,7 @@ impl StationFacts {
         let refused = SuitRefusal::NAMES.iter().zip(adapter.refused);
         self.streamed = Some(Streamed {
             rate_hz: adapter.rate_hz,
-            // A sample does not say in which format its pose arrived.
+            // A sample lacks the format of its pose.
             quaternions: blocks.is_some(),
             substitute: None,
             others: others

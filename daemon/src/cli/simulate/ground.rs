@@ -44,7 +44,7 @@ pub(super) enum Kind {
 
 /// Half the distance of two plates' middles, m.
 const HALF_APART_M: f64 = 0.2;
-/// How thick a plate is whose maker does not tell it as zero, m.
+/// Thickness of a plate, m, if the manufacturer states one.
 const THICK_M: f64 = 0.04;
 /// Samples a second of devices that let their owner choose.
 const RATE_HZ: f64 = 200.0;
