@@ -15,7 +15,7 @@ impl Random {
 
 #[test]
 fn damaged_configurations_are_accepted_or_refused_with_a_message() {
-    let mut chance = Random(7);
+    let mut random = Random(7);
     let parts = [
         "=",
         "[ground]\n",
@@ -35,12 +35,12 @@ fn damaged_configurations_are_accepted_or_refused_with_a_message() {
         config::check(&seed);
         for _ in 0..400 {
             let mut text = seed.clone();
-            for _ in 0..=chance.below(3) {
-                let at = chance.below(text.len());
-                match chance.below(3) {
-                    0 => text[at] = chance.below(128) as u8,
-                    1 => drop(text.splice(at..at, parts[chance.below(parts.len())].bytes())),
-                    _ => drop(text.drain(at..(at + chance.below(20)).min(text.len()))),
+            for _ in 0..=random.below(3) {
+                let at = random.below(text.len());
+                match random.below(3) {
+                    0 => text[at] = random.below(128) as u8,
+                    1 => drop(text.splice(at..at, parts[random.below(parts.len())].bytes())),
+                    _ => drop(text.drain(at..(at + random.below(20)).min(text.len()))),
                 }
             }
             config::check(&text);

@@ -37,19 +37,19 @@ fn samples(recording: &Path) -> (Vec<SuitSample>, Vec<GroundSample>) {
 fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
     let address = |text: &str| text.parse::<SocketAddr>().unwrap();
     let (mvn, us, plate) = (address("10.0.0.7:50123"), address("10.0.0.2:9763"), address("10.0.0.9:49152"));
-    let asks = address("10.0.0.2:40404");
+    let client = address("10.0.0.2:40404");
     let mut writer = PcapWriter::create(path).unwrap();
     let wall_ns = |sample_time_ns: u64| 1_700_000_000_000_000_000 + sample_time_ns;
     let request = Request { command: Command::StartRealTime, sample_count: 0 };
-    writer.write_udp(wall_ns(rows[0].0.sample_time_ns), asks, plate, &request.to_bytes()).unwrap();
-    writer.write_udp(wall_ns(0), asks, address("10.0.0.1:53"), b"a question").unwrap();
+    writer.write_udp(wall_ns(rows[0].0.sample_time_ns), client, plate, &request.to_bytes()).unwrap();
+    writer.write_udp(wall_ns(0), client, address("10.0.0.1:53"), b"a question").unwrap();
     for (number, (suit, ground)) in (1_u32..).zip(rows) {
         let at_ns = wall_ns(suit.sample_time_ns);
         let on_person = Wrench { force_n: ground.force_n.into(), moment_nm: ground.moment_nm.into() };
         let standard = Plate::default();
         let mut record = standard.record(&standard.felt(&on_person), number, 0);
         record.rdt_sequence = number;
-        writer.write_udp(at_ns, plate, asks, &record.to_bytes()).unwrap();
+        writer.write_udp(at_ns, plate, client, &record.to_bytes()).unwrap();
         let frame = SuitFrame {
             sample_counter: number,
             time_code_ms: suit.device_time_ms,
@@ -63,9 +63,9 @@ fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
         }
         if broken && number % 50 == 0 {
             writer.write_udp(at_ns, mvn, us, b"MXTP02 and then nothing").unwrap();
-            writer.write_udp(at_ns, plate, asks, b"not a record").unwrap();
+            writer.write_udp(at_ns, plate, client, b"not a record").unwrap();
             // Suit and plate of another station, of the same make.
-            writer.write_udp(at_ns, address("10.0.0.8:49152"), asks, &record.to_bytes()).unwrap();
+            writer.write_udp(at_ns, address("10.0.0.8:49152"), client, &record.to_bytes()).unwrap();
             for datagram in frame.datagrams().unwrap() {
                 writer.write_udp(at_ns, address("10.0.0.6:50123"), us, &datagram).unwrap();
             }

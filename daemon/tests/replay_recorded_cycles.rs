@@ -195,7 +195,7 @@ fn a_whole_recording_gives_the_same_states_byte_for_byte() {
     let live = live(&[101, 700, 900], &commands);
     let (summary, states) = live.replay().unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
-    assert!(summary.is_whole() && fidelity.is_exact(), "{summary}");
+    assert!(summary.is_complete() && fidelity.is_exact(), "{summary}");
     // Cycle 1500 would begin another burst and is not in the file.
     assert_eq!((fidelity.cycles, fidelity.before_checkpoint), (CYCLES - 1 - 101, 101));
     assert_eq!((fidelity.states_compared, fidelity.states_differing), (fidelity.cycles, 0));
@@ -214,7 +214,7 @@ fn a_state_that_was_tampered_with_is_found() {
     let (summary, _) = live.replay().unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
     assert_eq!((fidelity.states_differing, fidelity.first_differing), (1, Some(801)), "{summary}");
-    assert!(!summary.is_whole());
+    assert!(!summary.is_complete());
 }
 
 #[test]
@@ -227,7 +227,7 @@ fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
     // From 606 to 999; cycle 1000 has its checkpoint.
     assert_eq!((fidelity.uncertain, fidelity.resumed, fidelity.states_differing), (394, 1, 0), "{summary}");
     assert_eq!(fidelity.states_compared, 499 + 1000 - 500, "{summary}");
-    assert!(!summary.is_whole());
+    assert!(!summary.is_complete());
 }
 
 #[test]
@@ -244,7 +244,7 @@ fn missing_samples_are_reported() {
 fn a_loaded_subject_is_read_from_the_checkpoint_of_the_same_cycle() {
     let with = live(&[101, 800], &[(800, CommandKind::SubjectLoad)]);
     let (summary, states) = with.replay().unwrap();
-    assert!(summary.is_whole(), "{summary}");
+    assert!(summary.is_complete(), "{summary}");
     assert_eq!(states.last().unwrap().mass_kg, 81.5);
 
     let without = live(&[101], &[(800, CommandKind::SubjectLoad)]);
@@ -259,7 +259,7 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
     live.reloads.push((RELOAD, reloaded.clone()));
     let (summary, states) = live.replay().unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
-    assert!(summary.is_whole() && fidelity.is_exact(), "{summary}");
+    assert!(summary.is_complete() && fidelity.is_exact(), "{summary}");
     assert_eq!((fidelity.reloads, fidelity.memories_compared), (1, 1));
     assert_eq!(states.last().unwrap().group_delay_ns, live.states.last().unwrap().group_delay_ns);
     assert_ne!(states[500].group_delay_ns, states[1390].group_delay_ns, "the reload changed something");
@@ -269,7 +269,7 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
     let fidelity = summary.fidelity.clone().unwrap();
     assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
     assert_eq!(states.last().unwrap().cycle, 899);
-    assert!(!summary.is_whole() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
+    assert!(!summary.is_complete() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
 }
 
 #[test]
@@ -288,7 +288,7 @@ fn without_a_checkpoint_it_is_replayed_from_an_empty_memory_and_reported() {
     let (summary, states) = live(&[], &[]).replay().unwrap();
     // From the first cycle that took a sample.
     assert_eq!(states.len() as u64, CYCLES - 2);
-    assert!(!summary.is_whole() && summary.to_string().contains("no checkpoint"), "{summary}");
+    assert!(!summary.is_complete() && summary.to_string().contains("no checkpoint"), "{summary}");
 }
 
 #[test]
@@ -301,7 +301,7 @@ fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
         std::fs::write(&cut, &whole[..whole.len() * share / 12]).unwrap();
         // An error message or a summary that reports it; never a panic, never a false difference.
         if let Ok((summary, _)) = replay(&cut) {
-            assert!(!summary.is_whole(), "{summary}");
+            assert!(!summary.is_complete(), "{summary}");
             assert_eq!(summary.fidelity.map_or(0, |fidelity| fidelity.states_differing), 0);
         }
         let mut damaged = whole.clone();

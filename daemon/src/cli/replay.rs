@@ -102,7 +102,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         print!("{text}");
     }
-    Ok(if summary.is_whole() { Outcome::Done } else { Outcome::PartRejected })
+    Ok(if summary.is_complete() { Outcome::Done } else { Outcome::PartRejected })
 }
 
 fn is_same_file(a: &Path, b: &Path) -> bool {

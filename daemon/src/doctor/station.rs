@@ -119,8 +119,8 @@ impl StationFacts {
                 self.ground = format!(" ({}{})", provenance.devices(), provenance.missing());
             }
             if let Some(state) = states.latest()? {
-                let known = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
-                self.plate_force_n = known.or(self.plate_force_n);
+                let force_n = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
+                self.plate_force_n = force_n.or(self.plate_force_n);
             }
             std::thread::sleep(Duration::from_millis(20));
         }

@@ -303,7 +303,7 @@ fn props_and_gloves(character: &Character) -> Option<Check> {
 fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Option<Check> {
     // Reported by other checks: other characters by name, duplicates with the samples.
     let reported_elsewhere = [SuitRefusal::OtherAvatar.name(), SuitRefusal::Duplicate.name()];
-    let much: Vec<(&str, u64)> = refused
+    let significant: Vec<(&str, u64)> = refused
         .filter(|(reason, count)| {
             *count as f64 > REFUSED_SHARE_MIN * total as f64 && !reported_elsewhere.contains(reason)
         })
@@ -318,11 +318,11 @@ fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Op
         "late" => Some("datagrams of one sample are torn apart on their way: a cable instead of wireless"),
         _ => None,
     };
-    let fix = much
+    let fix = significant
         .iter()
         .find_map(|(reason, _)| advice(reason))
         .unwrap_or("docs/sensors/mvn.md says what each means");
-    (!much.is_empty()).then(|| Check::warn("refused", list_counts(much.into_iter()), fix))
+    (!significant.is_empty()).then(|| Check::warn("refused", list_counts(significant.into_iter()), fix))
 }
 
 fn list_counts<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> String {

@@ -23,7 +23,7 @@ pub struct Residual {
     started_ns: u64,
     span_s: Option<[f64; 2]>,
     last_ns: u64,
-    still: Sum,
+    static_poses: Sum,
     all: Sum,
 }
 
@@ -62,8 +62,8 @@ impl Residual {
         }
         self.last_ns = state.suit_sample_time_ns;
         let difference_m = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];
-        let still = (state.static_pose == 1).then_some(&mut self.still);
-        for sum in [Some(&mut self.all), still].into_iter().flatten() {
+        let static_poses = (state.static_pose == 1).then_some(&mut self.static_poses);
+        for sum in [Some(&mut self.all), static_poses].into_iter().flatten() {
             sum.moments += 1;
             sum.cop_m2 += difference_m(0).powi(2) + difference_m(1).powi(2);
             sum.force_n2 += state.delta_f_n[2].powi(2);
@@ -71,8 +71,8 @@ impl Residual {
     }
 
     /// For static poses; `None` without samples.
-    pub fn still(&self) -> Option<Rms> {
-        self.still.rms()
+    pub fn static_poses(&self) -> Option<Rms> {
+        self.static_poses.rms()
     }
 
     /// For static poses and motion; `None` without samples.
@@ -86,7 +86,7 @@ impl Serialize for Residual {
         use serde::ser::SerializeStruct;
         let mut fields = serializer.serialize_struct("Residual", 3)?;
         fields.serialize_field("span_s", &self.span_s)?;
-        fields.serialize_field("still", &self.still())?;
+        fields.serialize_field("still", &self.static_poses())?;
         fields.serialize_field("all", &self.all())?;
         fields.end()
     }
@@ -100,7 +100,7 @@ impl fmt::Display for Residual {
             return writeln!(f, "residual of the identified worker{span}: no moment could be compared");
         };
         writeln!(f, "residual of the identified worker{span}, loads included, RMS:")?;
-        for (name, rms) in [("still", self.still()), ("all", Some(all))] {
+        for (name, rms) in [("still", self.static_poses()), ("all", Some(all))] {
             if let Some(Rms { moments, cop_mm, delta_f_n }) = rms {
                 writeln!(f, "  {name:<5} {moments:>7} moments  CoP {cop_mm:.2} mm  ΔF {delta_f_n:.2} N")?;
             }
@@ -138,7 +138,7 @@ mod tests {
         residual.ingest(&State { valid: Validity::FEET_OFF_PLATE.0, ..state(13, [1.0, 1.0], true) });
         residual.ingest(&State { phase: Phase::Identifying as u32, ..state(13, [1.0, 1.0], true) });
         residual.ingest(&state(14, [1.0, 1.0], true));
-        assert_eq!(residual.still(), Some(Rms { moments: 1, cop_mm: 5.0, delta_f_n: 5.0 }));
+        assert_eq!(residual.static_poses(), Some(Rms { moments: 1, cop_mm: 5.0, delta_f_n: 5.0 }));
         let all = residual.all().unwrap();
         assert!(all.moments == 2 && (all.cop_mm - 13.0_f64.sqrt()).abs() < 1e-9, "{all:?}");
         let json = serde_json::to_value(residual).unwrap();

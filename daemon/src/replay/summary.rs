@@ -84,14 +84,14 @@ impl Summary {
             "poses_used": self.poses_used,
             "mass_kg": (self.mass_kg > 0.0).then_some(self.mass_kg),
             "residual": self.residual,
-            "whole": self.is_whole(),
+            "whole": self.is_complete(),
             "rejected": self.skipped.rejected,
             "passed_over": self.skipped.ignored,
         })
     }
 
     /// Whether all data were used and every compared state was reproduced.
-    pub fn is_whole(&self) -> bool {
+    pub fn is_complete(&self) -> bool {
         self.skipped.rejected.is_empty() && self.fidelity.as_ref().is_none_or(Fidelity::is_exact)
     }
 }

@@ -13,8 +13,8 @@ const HEADER: usize = 24;
 const ITEM: usize = 32;
 
 /// A valid datagram of type 02, corrupted.
-fn corrupted(sound: &[u8], corrupt: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
-    let mut bad = sound.to_vec();
+fn corrupted(valid: &[u8], corrupt: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
+    let mut bad = valid.to_vec();
     corrupt(&mut bad);
     bad
 }
@@ -34,14 +34,14 @@ fn counter(bytes: &[u8]) -> u32 {
     u32::from_be_bytes(bytes[6..10].try_into().expect("four bytes"))
 }
 
-fn with_counter(sound: &[u8], steps: i32) -> Vec<u8> {
-    let counter = counter(sound).wrapping_add_signed(steps);
-    corrupted(sound, |bad| write_bytes(bad, 6, &counter.to_be_bytes()))
+fn with_counter(valid: &[u8], steps: i32) -> Vec<u8> {
+    let counter = counter(valid).wrapping_add_signed(steps);
+    corrupted(valid, |bad| write_bytes(bad, 6, &counter.to_be_bytes()))
 }
 
 /// Replaces a float of an item, by its index in the item (0 is the segment's id).
-fn with_float(sound: &[u8], item: usize, word: usize, value: f32) -> Vec<u8> {
-    corrupted(sound, |bad| write_bytes(bad, HEADER + item * ITEM + word * 4, &value.to_be_bytes()))
+fn with_float(valid: &[u8], item: usize, field: usize, value: f32) -> Vec<u8> {
+    corrupted(valid, |bad| write_bytes(bad, HEADER + item * ITEM + field * 4, &value.to_be_bytes()))
 }
 
 type Make = fn(&[u8]) -> Vec<u8>;
@@ -50,48 +50,48 @@ type Make = fn(&[u8]) -> Vec<u8>;
 const FAULTS: &[(&str, SuitRefusal, Make)] = &[
     ("empty", SuitRefusal::TooShort, |_| Vec::new()),
     ("one byte", SuitRefusal::TooShort, |_| vec![b'M']),
-    ("23 bytes", SuitRefusal::TooShort, |sound| sound[..23].to_vec()),
-    ("a header alone", SuitRefusal::Length, |sound| sound[..HEADER].to_vec()),
-    ("truncated", SuitRefusal::Length, |sound| sound[..sound.len() - 1].to_vec()),
-    ("larger than any", SuitRefusal::Length, |sound| corrupted(sound, |bad| bad.resize(2041, 0))),
-    ("65 kB", SuitRefusal::Length, |sound| corrupted(sound, |bad| bad.resize(65_507, 0))),
-    ("a payload size of 0", SuitRefusal::Length, |sound| {
-        corrupted(sound, |bad| write_bytes(bad, 22, &[0, 0]))
+    ("23 bytes", SuitRefusal::TooShort, |valid| valid[..23].to_vec()),
+    ("a header alone", SuitRefusal::Length, |valid| valid[..HEADER].to_vec()),
+    ("truncated", SuitRefusal::Length, |valid| valid[..valid.len() - 1].to_vec()),
+    ("larger than any", SuitRefusal::Length, |valid| corrupted(valid, |bad| bad.resize(2041, 0))),
+    ("65 kB", SuitRefusal::Length, |valid| corrupted(valid, |bad| bad.resize(65_507, 0))),
+    ("a payload size of 0", SuitRefusal::Length, |valid| {
+        corrupted(valid, |bad| write_bytes(bad, 22, &[0, 0]))
     }),
-    ("a payload size too small", SuitRefusal::Length, |sound| {
-        corrupted(sound, |bad| write_bytes(bad, 22, &[0, 1]))
+    ("a payload size too small", SuitRefusal::Length, |valid| {
+        corrupted(valid, |bad| write_bytes(bad, 22, &[0, 1]))
     }),
-    ("more items than bytes", SuitRefusal::Items, |sound| corrupted(sound, |bad| bad[11] = 63)),
-    ("no items", SuitRefusal::Items, |sound| corrupted(sound, |bad| bad[11] = 0)),
-    ("a position that is NaN", SuitRefusal::NotFinite, |sound| with_float(sound, 3, 1, f32::NAN)),
-    ("an infinite position", SuitRefusal::NotFinite, |sound| with_float(sound, 22, 3, f32::INFINITY)),
-    ("a hand 4 m off", SuitRefusal::Implausible, |sound| with_float(sound, 14, 2, 4.0)),
-    ("everybody far away", SuitRefusal::Implausible, |sound| with_float(sound, 0, 1, -1e30)),
-    ("a quaternion of norm 2", SuitRefusal::NotUnitQuaternion, |sound| with_float(sound, 0, 4, 2.0)),
-    ("a quaternion of zeros", SuitRefusal::NotUnitQuaternion, |sound| {
-        corrupted(sound, |bad| bad[HEADER + 16..HEADER + 32].fill(0))
+    ("more items than bytes", SuitRefusal::Items, |valid| corrupted(valid, |bad| bad[11] = 63)),
+    ("no items", SuitRefusal::Items, |valid| corrupted(valid, |bad| bad[11] = 0)),
+    ("a position that is NaN", SuitRefusal::NotFinite, |valid| with_float(valid, 3, 1, f32::NAN)),
+    ("an infinite position", SuitRefusal::NotFinite, |valid| with_float(valid, 22, 3, f32::INFINITY)),
+    ("a hand 4 m off", SuitRefusal::Implausible, |valid| with_float(valid, 14, 2, 4.0)),
+    ("everybody far away", SuitRefusal::Implausible, |valid| with_float(valid, 0, 1, -1e30)),
+    ("a quaternion of norm 2", SuitRefusal::NotUnitQuaternion, |valid| with_float(valid, 0, 4, 2.0)),
+    ("a quaternion of zeros", SuitRefusal::NotUnitQuaternion, |valid| {
+        corrupted(valid, |bad| bad[HEADER + 16..HEADER + 32].fill(0))
     }),
-    ("one segment twice", SuitRefusal::DuplicateSegment, |sound| {
-        corrupted(sound, |bad| write_bytes(bad, HEADER + ITEM, &1_u32.to_be_bytes()))
+    ("one segment twice", SuitRefusal::DuplicateSegment, |valid| {
+        corrupted(valid, |bad| write_bytes(bad, HEADER + ITEM, &1_u32.to_be_bytes()))
     }),
-    ("22 segments", SuitRefusal::MissingSegment, |sound| {
-        corrupted(sound, |bad| {
+    ("22 segments", SuitRefusal::MissingSegment, |valid| {
+        corrupted(valid, |bad| {
             bad.truncate(HEADER + 22 * ITEM);
             announce(bad, 22);
         })
     }),
-    ("a segment that is none", SuitRefusal::MissingSegment, |sound| {
-        corrupted(sound, |bad| write_bytes(bad, HEADER + 5 * ITEM, &u32::MAX.to_be_bytes()))
+    ("a segment that is none", SuitRefusal::MissingSegment, |valid| {
+        corrupted(valid, |bad| write_bytes(bad, HEADER + 5 * ITEM, &u32::MAX.to_be_bytes()))
     }),
-    ("another avatar", SuitRefusal::OtherAvatar, |sound| corrupted(sound, |bad| bad[16] = 3)),
+    ("another avatar", SuitRefusal::OtherAvatar, |valid| corrupted(valid, |bad| bad[16] = 3)),
     ("the same counter again", SuitRefusal::Duplicate, <[u8]>::to_vec),
-    ("overtaken", SuitRefusal::OutOfOrder, |sound| with_counter(sound, -2)),
-    ("of long ago", SuitRefusal::OutOfOrder, |sound| with_counter(sound, -900)),
-    ("a wild counter", SuitRefusal::OutOfOrder, |sound| with_counter(sound, i32::MAX)),
-    ("another protocol", SuitRefusal::NotMvn, |sound| corrupted(sound, |bad| write_bytes(bad, 0, b"MXTQ"))),
-    ("type 99", SuitRefusal::UnknownType, |sound| corrupted(sound, |bad| write_bytes(bad, 4, b"99"))),
-    ("upside down", SuitRefusal::UpsideDown, |sound| {
-        corrupted(sound, |bad| {
+    ("overtaken", SuitRefusal::OutOfOrder, |valid| with_counter(valid, -2)),
+    ("of long ago", SuitRefusal::OutOfOrder, |valid| with_counter(valid, -900)),
+    ("a wild counter", SuitRefusal::OutOfOrder, |valid| with_counter(valid, i32::MAX)),
+    ("another protocol", SuitRefusal::NotMvn, |valid| corrupted(valid, |bad| write_bytes(bad, 0, b"MXTQ"))),
+    ("type 99", SuitRefusal::UnknownType, |valid| corrupted(valid, |bad| write_bytes(bad, 4, b"99"))),
+    ("upside down", SuitRefusal::UpsideDown, |valid| {
+        corrupted(valid, |bad| {
             for item in 0..23 {
                 // The sign of z.
                 bad[HEADER + item * ITEM + 12] ^= 0x80;
@@ -183,7 +183,7 @@ fn an_implausibly_distant_segment_does_not_reach_the_state() {
     monitor.until("the bones", |monitor| monitor.state.phase_name() == "identifying");
     // Finite, of the next sample, and an impossible position: one flipped bit of an exponent is enough.
     for _ in 0..ROUNDS {
-        suit.slip_in(|sound| with_float(&with_counter(sound, 1), 4, 2, 1e30));
+        suit.slip_in(|valid| with_float(&with_counter(valid, 1), 4, 2, 1e30));
     }
     let published = monitor.suit().published;
     monitor.until("many samples more", |monitor| {

@@ -75,12 +75,12 @@ fn live_settings_change_others_are_reported_and_invalid_files_change_nothing() {
 
     // A valid one.
     station.write("model.toml", MODEL);
-    let wanted = text.replace("rate_hz = 200", "rate_hz = 500");
-    let wanted = format!(
-        "{wanted}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n\
+    let changed = text.replace("rate_hz = 200", "rate_hz = 500");
+    let changed = format!(
+        "{changed}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n\
             [outlets.udp]\nto = [\"127.0.0.1:9\"]\n"
     );
-    station.write("live.toml", &wanted);
+    station.write("live.toml", &changed);
     daemon.send(Signal::HUP);
     monitor.until("the end of the refusal", |monitor| !monitor.is_active(Incident::ReloadRefused));
     wait_for("what is not live", || {

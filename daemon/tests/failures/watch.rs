@@ -155,73 +155,76 @@ fn size(columns: u16, rows: u16) -> Winsize {
 #[test]
 fn the_screen_continues_without_the_daemon_and_leaves_a_clean_terminal() {
     let station = Station::new();
-    let mut seat = Terminal::before(&station, (100, 30));
-    seat.shows("Nothing has come from station bench yet.");
-    assert!(seat.is_raw() && seat.screen.lock().expect("the glass").screen().alternate_screen());
+    let mut screen_terminal = Terminal::before(&station, (100, 30));
+    screen_terminal.shows("Nothing has come from station bench yet.");
+    assert!(
+        screen_terminal.is_raw()
+            && screen_terminal.screen.lock().expect("the glass").screen().alternate_screen()
+    );
 
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    seat.shows("Learning your body");
-    seat.shows("ms old");
-    seat.shows("late awake");
-    seat.press("?");
-    seat.shows("quit");
-    seat.shows("Bars: overload torque over the joint's limit");
-    seat.press("?");
-    wait_for("the help to go", || (!seat.text().contains("Bars: overload")).then_some(()));
-    seat.resize(40, 12);
-    wait_for("a smaller screen", || (!seat.text().contains("late awake")).then_some(()));
-    seat.shows("Learning your body");
-    seat.resize(100, 30);
-    seat.shows("late awake");
+    screen_terminal.shows("Learning your body");
+    screen_terminal.shows("ms old");
+    screen_terminal.shows("late awake");
+    screen_terminal.press("?");
+    screen_terminal.shows("quit");
+    screen_terminal.shows("Bars: overload torque over the joint's limit");
+    screen_terminal.press("?");
+    wait_for("the help to go", || (!screen_terminal.text().contains("Bars: overload")).then_some(()));
+    screen_terminal.resize(40, 12);
+    wait_for("a smaller screen", || (!screen_terminal.text().contains("late awake")).then_some(()));
+    screen_terminal.shows("Learning your body");
+    screen_terminal.resize(100, 30);
+    screen_terminal.shows("late awake");
 
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
-    seat.shows("The daemon is silent");
-    seat.shows("what came before is old and not shown");
+    screen_terminal.shows("The daemon is silent");
+    screen_terminal.shows("what came before is old and not shown");
     let _next = station.daemon(&station.configuration());
-    seat.shows("Learning your body");
+    screen_terminal.shows("Learning your body");
     drop(person);
-    seat.shows("The suit is silent");
-    seat.press("q");
-    seat.leaves_the_terminal_clean();
+    screen_terminal.shows("The suit is silent");
+    screen_terminal.press("q");
+    screen_terminal.leaves_the_terminal_clean();
 }
 
 #[test]
 fn a_signal_leaves_a_clean_terminal_too() {
     let station = Station::new();
     for signal in [Signal::TERM, Signal::INT, Signal::HUP, Signal::QUIT] {
-        let seat = Terminal::before(&station, (80, 24));
-        seat.shows("Nothing has come");
-        seat.send(signal);
-        seat.leaves_the_terminal_clean();
+        let screen_terminal = Terminal::before(&station, (80, 24));
+        screen_terminal.shows("Nothing has come");
+        screen_terminal.send(signal);
+        screen_terminal.leaves_the_terminal_clean();
     }
-    let mut seat = Terminal::before(&station, (80, 24));
-    seat.shows("Nothing has come");
-    seat.press("\x03");
-    seat.leaves_the_terminal_clean();
+    let mut screen_terminal = Terminal::before(&station, (80, 24));
+    screen_terminal.shows("Nothing has come");
+    screen_terminal.press("\x03");
+    screen_terminal.leaves_the_terminal_clean();
 }
 
 #[test]
 fn a_terminal_that_is_closed_ends_the_screen() {
     let station = Station::new();
-    for seat in [Terminal::before, Terminal::without_signals] {
-        let mut seat = seat(&station, (80, 24));
-        seat.shows("Nothing has come");
-        seat.close();
-        assert_eq!(seat.ends(), Some(0));
+    for screen_terminal in [Terminal::before, Terminal::without_signals] {
+        let mut screen_terminal = screen_terminal(&station, (80, 24));
+        screen_terminal.shows("Nothing has come");
+        screen_terminal.close();
+        assert_eq!(screen_terminal.ends(), Some(0));
     }
 }
 
 #[test]
 fn a_signal_ends_a_screen_with_a_blocked_terminal() {
     let station = Station::new();
-    let mut seat = Terminal::before(&station, (80, 24));
-    seat.shows("Nothing has come");
-    tcflow(&seat.terminal, Action::OOff).expect("output held");
+    let mut screen_terminal = Terminal::before(&station, (80, 24));
+    screen_terminal.shows("Nothing has come");
+    tcflow(&screen_terminal.terminal, Action::OOff).expect("output held");
     // Leaving the alternate screen is a write, which does not return.
-    seat.send(Signal::TERM);
-    assert_eq!(seat.ends(), Some(1));
-    assert!(!seat.is_raw(), "the terminal still takes keys one by one");
+    screen_terminal.send(Signal::TERM);
+    assert_eq!(screen_terminal.ends(), Some(1));
+    assert!(!screen_terminal.is_raw(), "the terminal still takes keys one by one");
 }
 
 #[test]

@@ -58,9 +58,9 @@ fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
     let worst = |name: &str| session.values_of("worst_joint").filter(|(_, worst)| *worst == name).count();
     let most = Joint::ALL.into_iter().max_by_key(|joint| worst(joint.name())).unwrap();
     assert!(
-        page.words.contains(&format!("The {} was the joint closest", words::joint(most))),
+        page.text.contains(&format!("The {} was the joint closest", words::joint(most))),
         "{}",
-        page.words
+        page.text
     );
 }
 
@@ -111,24 +111,24 @@ fn identification_dose_and_quality_are_those_of_the_states() {
         near(&row[3], 1e3 * sigma_m, 0.0051);
         near(&row[5], nis, 0.0051);
     }
-    let seen = session.lines.len() as f64;
+    let total = session.lines.len() as f64;
     for row in page.rows("Why values were withheld") {
         let raised = session
             .lines
             .iter()
             .filter(|line| line["valid"].as_array().unwrap().contains(&row[0].as_str().into()));
-        near(&row[2], 100.0 * raised.count() as f64 / seen, 0.051);
+        near(&row[2], 100.0 * raised.count() as f64 / total, 0.051);
     }
     let damage = format!("{:.3e}", last["dose_damage"].as_f64().unwrap());
-    assert!(page.words.contains(&damage), "{damage} is not in {}", page.words);
+    assert!(page.text.contains(&damage), "{damage} is not in {}", page.text);
     let peak_n =
         session.values_of("l5s1_compression_n").map(|(_, n)| n.as_f64().unwrap()).fold(0.0, f64::max);
-    assert!(peak_n > 500.0 && page.words.contains(&format!("at most {peak_n:.0} ±")), "{peak_n}");
+    assert!(peak_n > 500.0 && page.text.contains(&format!("at most {peak_n:.0} ±")), "{peak_n}");
     for expected in ["2026-09-21T14:13:20Z", "bench-1", "anon-7", "The stop rule was met at t ="] {
-        assert!(page.words.contains(expected), "{expected} is not in {}", page.words);
+        assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
     }
     assert!(
-        page.words.contains("no cycle records") && page.words.contains("losses and refusals are not known")
+        page.text.contains("no cycle records") && page.text.contains("losses and refusals are not known")
     );
 }
 
@@ -203,9 +203,9 @@ fn invalid_values_are_not_drawn() {
     let all: Vec<State> = (1..900).map(state).collect();
     let page = report("hole.html", &states("hole.mcap", &all, |_| {}));
     assert_eq!(page.line("compression").matches('M').count(), 2, "two runs, and a hole between them");
-    assert!(page.words.contains("2003 N on average, at most 2006 ±"), "{}", page.words);
+    assert!(page.text.contains("2003 N on average, at most 2006 ±"), "{}", page.text);
     near(page.cell("Why values were withheld", "moving", "share"), 100.0 * 300.0 / 899.0, 0.051);
-    assert!(page.words.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
+    assert!(page.text.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
 }
 
 #[test]
@@ -237,7 +237,7 @@ fn latency_and_adapters_are_reported_where_they_were_recorded() {
     let page = report("path.html", &recording);
     near(page.cell("Latency", "loop.wake", "p50"), 40.0, 0.2);
     near(page.cell("Latency", "loop.to_state", "max"), 80.0, 0.2);
-    assert!(page.words.contains("1 deadlines missed"), "{}", page.words);
+    assert!(page.text.contains("1 deadlines missed"), "{}", page.text);
     assert_eq!(page.cell("Sensors", "suit", "lost"), "3");
     assert!(page.cell("Sensors", "suit", "refused").starts_with("7 "));
 }

@@ -62,11 +62,11 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
     let state = state_of(&station);
     assert_eq!(state["sole_source"], "suit", "{state}");
     assert!(state.get("body_refused").is_none(), "{state}");
-    let words = station.command("status").output().unwrap();
+    let output = station.command("status").output().unwrap();
     assert!(
-        describe_output(&words).contains("body    from the suit's null pose; soles from the suit's"),
+        describe_output(&output).contains("body    from the suit's null pose; soles from the suit's"),
         "{}",
-        describe_output(&words)
+        describe_output(&output)
     );
 
     // A recorder that starts late still receives the body, and the replay applies it at the same cycle as the loop.

@@ -56,7 +56,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     assert!(fidelity.memories_compared + fidelity.resumed >= 2, "{summary}");
     if recorded.status.code() == Some(0) {
         assert_eq!(fidelity.reloads, 2, "{summary}");
-        assert!(summary.is_whole(), "{summary}");
+        assert!(summary.is_complete(), "{summary}");
         let lines = station.file("live.jsonl");
         let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));

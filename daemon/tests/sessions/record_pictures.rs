@@ -188,6 +188,6 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     assert_eq!(child.wait().unwrap().code(), Some(1), "{log}");
     assert!(log.contains("recording.free_min_mib") && log.contains("the station goes on"), "{log}");
     assert_eq!(files(&folder), [others], "the oldest were removed first");
-    let alive = station.command("status").output().unwrap();
-    assert!(alive.status.success(), "{}", describe_output(&alive));
+    let output = station.command("status").output().unwrap();
+    assert!(output.status.success(), "{}", describe_output(&output));
 }

@@ -86,9 +86,9 @@ pub(super) fn evaluate(character: &Character, seconds: f64) -> Vec<Check> {
         .iter()
         .filter_map(|one| one.evaluate(character, character.of(one.kind), seconds))
         .collect();
-    let known = |kind: &DatagramType| DATA_TYPES.iter().any(|one| one.kind == *kind);
+    let is_listed = |kind: &DatagramType| DATA_TYPES.iter().any(|one| one.kind == *kind);
     let unknown: Vec<String> =
-        character.types.keys().filter(|kind| !known(kind)).map(ToString::to_string).collect();
+        character.types.keys().filter(|kind| !is_listed(kind)).map(ToString::to_string).collect();
     if !unknown.is_empty() {
         let found = format!("{}: not known here, and not used", unknown.join(", "));
         checks.push(Check { fix: Some("may be unticked".to_owned()), ..Check::ok("other types", found) });
