@@ -123,11 +123,11 @@ const READ_BY_THEMSELVES: [&str; 12] = [
     "daemon/src/install.rs",
     "daemon/src/install/files.rs",
     "daemon/src/process_state.rs",
-    "daemon/src/record/keeping.rs",
-    "daemon/src/roster/proc.rs",
+    "daemon/src/record/storage.rs",
+    "daemon/src/thread_registry/proc.rs",
     "daemon/src/station_file.rs",
     "daemon/src/supervision/host_clock.rs",
-    "daemon/src/whole_file.rs",
+    "daemon/src/atomic_file.rs",
 ];
 
 #[test]

@@ -9,7 +9,7 @@ use std::time::Duration;
 use equipoise_benches::peer::{self, Peer};
 use equipoise_bus::{Bus, BusSettings, Channel};
 use equipoise_core::message::State;
-use equipoise_daemon::realtime::{self, Asked};
+use equipoise_daemon::realtime::{self, RequestedScheduling};
 
 use crate::station::STATION;
 
@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &[String]) {
 }
 
 fn consume(listens: bool, ends: &AtomicBool, ready: &mpsc::Sender<()>) -> u64 {
-    realtime::ask("consumer", Asked { fifo_priority: PRIORITY, cpu: None });
+    realtime::request("consumer", RequestedScheduling { fifo_priority: PRIORITY, cpu: None });
     let bus = Bus::join(&BusSettings::new(STATION, "consumer")).expect("the bus is there");
     let mut states = bus.subscriber::<State>(8).expect("a place for a subscriber");
     let listener = listens.then(|| bus.listener(Channel::Results).expect("a place for a listener"));

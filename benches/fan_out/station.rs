@@ -10,9 +10,9 @@ use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::CycleRecord;
 use equipoise_daemon::egress::Egress;
-use equipoise_daemon::latency_log::feed::{PLACES, feed};
-use equipoise_daemon::realtime::{self, Asked};
-use equipoise_daemon::rings::{Rings, Waiting};
+use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
+use equipoise_daemon::realtime::{self, RequestedScheduling};
+use equipoise_daemon::rings::{Rings, WaitStrategy};
 use equipoise_daemon::tick::{Loop, Monotonic, NoObserver};
 use equipoise_latency::PathHistograms;
 use equipoise_latency::stage::Stage;
@@ -44,17 +44,17 @@ pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
     let (ready, is_ready) = mpsc::channel();
     let its_rings = Arc::clone(&rings);
     let egress = spawn(move || {
-        realtime::ask("egress", Asked { fifo_priority: 60, cpu: Some(CPU) });
+        realtime::request("egress", RequestedScheduling { fifo_priority: 60, cpu: Some(CPU) });
         // The latency log is not drained; a full feed only counts.
-        let (latency_log, _drain) = feed(PLACES);
+        let (latency_log, _drain) = feed(CAPACITY);
         let rings = Arc::clone(&its_rings);
         let mut egress =
-            Egress::open(STATION, rings, Waiting::Sleeping, latency_log).expect("the bus is there");
+            Egress::open(STATION, rings, WaitStrategy::Sleeping, latency_log).expect("the bus is there");
         let _ = ready.send(());
         let mut publish_us = Vec::with_capacity(1 << 16);
         loop {
             let ended = its_rings.has_ended();
-            its_rings.await_outcome(Waiting::Sleeping, Duration::from_millis(50));
+            its_rings.await_outcome(WaitStrategy::Sleeping, Duration::from_millis(50));
             let begun = Instant::now();
             // Several at once mean a stall, which is divided among them.
             let published = egress.publish_outcomes().expect("the bus is whole");
@@ -88,10 +88,10 @@ fn run_loop(rings: &Arc<Rings>, turn_s: f64) -> (PathHistograms, u64) {
     // Egress must observe the loop's start before it may observe its end.
     let (begun, has_begun) = mpsc::channel();
     let looping = spawn(move || {
-        let _runs = its_rings.loop_runs();
+        let _runs = its_rings.mark_loop_running();
         let _ = begun.send(());
         realtime::prefault_stack();
-        realtime::ask("loop", Asked { fifo_priority: 80, cpu: Some(CPU) });
+        realtime::request("loop", RequestedScheduling { fifo_priority: 80, cpu: Some(CPU) });
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
         Loop::new(settings, memory, 0, Arc::clone(&its_rings), PERIOD_NS).run(&mut Monotonic, &mut NoObserver)

@@ -5,7 +5,7 @@ use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use equipoise_daemon::rings::Waiting;
+use equipoise_daemon::rings::WaitStrategy;
 
 /// As in [`equipoise_daemon::ingress`].
 pub(crate) const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
@@ -44,7 +44,7 @@ pub(crate) enum Socket {
 
 impl Socket {
     /// A receiving socket, and its address; `place` is the path of a Unix socket.
-    pub(crate) fn receiver(carrier: Carrier, place: &Path, waiting: Waiting) -> (Socket, String) {
+    pub(crate) fn receiver(carrier: Carrier, place: &Path, waiting: WaitStrategy) -> (Socket, String) {
         let (socket, address) = match carrier {
             Carrier::Udp => {
                 let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a free port");
@@ -58,7 +58,7 @@ impl Socket {
                 (Socket::Unix(socket), place.display().to_string())
             }
         };
-        let (timeout, polls) = (Some(WAKE_AT_LEAST), waiting == Waiting::Polling);
+        let (timeout, polls) = (Some(WAKE_AT_LEAST), waiting == WaitStrategy::Polling);
         match &socket {
             Socket::Unix(socket) => {
                 socket.set_read_timeout(timeout).and_then(|()| socket.set_nonblocking(polls))

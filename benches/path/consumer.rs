@@ -8,8 +8,8 @@ use std::time::Duration;
 use equipoise_benches::peer::{self, Peer};
 use equipoise_bus::{Bus, BusSettings, Channel};
 use equipoise_core::message::State;
-use equipoise_daemon::realtime::{self, Asked, now_ns};
-use equipoise_daemon::rings::Waiting;
+use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns};
+use equipoise_daemon::rings::WaitStrategy;
 
 use crate::carrier::{Carrier, Socket, WAKE_AT_LEAST};
 
@@ -26,11 +26,11 @@ impl Consumer {
     pub(crate) fn start(
         station: &str,
         carrier: Carrier,
-        waiting: Waiting,
+        waiting: WaitStrategy,
         cpu: Option<usize>,
         place: &str,
     ) -> (Consumer, String) {
-        let polls = (waiting == Waiting::Polling).to_string();
+        let polls = (waiting == WaitStrategy::Polling).to_string();
         let cpu = cpu.map_or("any".to_owned(), |cpu| cpu.to_string());
         let arguments = [station, carrier.name(), &polls, &cpu, place].map(str::to_owned);
         let (peer, address) = Peer::start("consumer", &arguments);
@@ -48,9 +48,9 @@ impl Consumer {
 /// Main function of the consumer.
 pub(crate) fn run(arguments: &[String]) {
     let [station, carrier, polls, cpu, place] = arguments else { panic!("a consumer has five arguments") };
-    let waiting = if polls == "true" { Waiting::Polling } else { Waiting::Sleeping };
+    let waiting = if polls == "true" { WaitStrategy::Polling } else { WaitStrategy::Sleeping };
     let ends = peer::asked_to_end();
-    realtime::ask("consumer", Asked { fifo_priority: PRIORITY, cpu: cpu.parse().ok() });
+    realtime::request("consumer", RequestedScheduling { fifo_priority: PRIORITY, cpu: cpu.parse().ok() });
     let mut notes = Notes { words: vec![0; 2 * NOTES], used: 0, bytes: 0 };
     // The first write to a page would cause a page fault in the middle of the path.
     notes.words.fill(1);
@@ -71,10 +71,10 @@ pub(crate) fn run(arguments: &[String]) {
     notes.tell();
 }
 
-fn from_the_bus(station: &str, waiting: Waiting, notes: &mut Notes, ended: impl Fn() -> bool) {
+fn from_the_bus(station: &str, waiting: WaitStrategy, notes: &mut Notes, ended: impl Fn() -> bool) {
     let bus = Bus::join(&BusSettings::new(station, "consumer")).expect("the bus is there");
     let mut states = bus.subscriber::<State>(8).expect("a place for a subscriber");
-    let listener = (waiting == Waiting::Sleeping)
+    let listener = (waiting == WaitStrategy::Sleeping)
         .then(|| bus.listener(Channel::Results).expect("a place for a listener"));
     peer::ready("");
     while !ended() {

@@ -16,7 +16,7 @@ use equipoise_benches::options::Options;
 use equipoise_benches::peer;
 use equipoise_benches::rounds::{median, quantile};
 use equipoise_daemon::realtime;
-use equipoise_daemon::rings::Waiting;
+use equipoise_daemon::rings::WaitStrategy;
 
 use carrier::Carrier;
 use turn::{Cores, Plan, Times};
@@ -24,7 +24,7 @@ use turn::{Cores, Plan, Times};
 /// An assignment of threads to cores, and a wait method.
 struct Arrangement {
     name: &'static str,
-    waiting: Waiting,
+    waiting: WaitStrategy,
     /// The inlet's and the outlet's cores in one turn, or each in its own turn.
     turns: &'static [(bool, bool, Cores)],
 }
@@ -47,17 +47,25 @@ const POLLED_OUTLET_ALONE: Cores =
     Cores { adapter: None, ingress: None, looping: Some(1), egress: Some(1), consumer: Some(0) };
 
 const ARRANGEMENTS: [Arrangement; 5] = [
-    Arrangement { name: "sleeping, not pinned", waiting: Waiting::Sleeping, turns: &[(true, true, NOWHERE)] },
-    Arrangement { name: "sleeping, cpu = 1", waiting: Waiting::Sleeping, turns: &[(true, true, CPU_1)] },
-    Arrangement { name: "sleeping, egress apart", waiting: Waiting::Sleeping, turns: &[(true, true, APART)] },
+    Arrangement {
+        name: "sleeping, not pinned",
+        waiting: WaitStrategy::Sleeping,
+        turns: &[(true, true, NOWHERE)],
+    },
+    Arrangement { name: "sleeping, cpu = 1", waiting: WaitStrategy::Sleeping, turns: &[(true, true, CPU_1)] },
+    Arrangement {
+        name: "sleeping, egress apart",
+        waiting: WaitStrategy::Sleeping,
+        turns: &[(true, true, APART)],
+    },
     Arrangement {
         name: "polling",
-        waiting: Waiting::Polling,
+        waiting: WaitStrategy::Polling,
         turns: &[(true, false, POLLED_INLET), (false, true, POLLED_OUTLET)],
     },
     Arrangement {
         name: "polling, consumer alone",
-        waiting: Waiting::Polling,
+        waiting: WaitStrategy::Polling,
         turns: &[(true, false, POLLED_INLET), (false, true, POLLED_OUTLET_ALONE)],
     },
 ];
@@ -89,8 +97,8 @@ fn measure(options: &Options) {
                 let carrier = Carrier::ALL[index];
                 for &(inlet, outlet, cores) in arrangement.turns {
                     let length = Duration::from_secs_f64(match arrangement.waiting {
-                        Waiting::Sleeping => options.turn_s,
-                        Waiting::Polling => options.turn_s.min(POLLED_S),
+                        WaitStrategy::Sleeping => options.turn_s,
+                        WaitStrategy::Polling => options.turn_s.min(POLLED_S),
                     });
                     let plan = Plan { carrier, waiting: arrangement.waiting, inlet, outlet, cores, length };
                     times[index].add(plan.run(folder.path()));

@@ -17,9 +17,9 @@ use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::{CycleRecord, State, SuitSample};
 use equipoise_daemon::egress::Egress;
 use equipoise_daemon::ingress::Ingress;
-use equipoise_daemon::latency_log::feed::{PLACES, feed};
-use equipoise_daemon::realtime::{self, Asked, now_ns, sleep_until};
-use equipoise_daemon::rings::{Rings, Waiting};
+use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
+use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns, sleep_until};
+use equipoise_daemon::rings::{Rings, WaitStrategy};
 use equipoise_daemon::tick::{Loop, Monotonic, Observer};
 use equipoise_latency::PathHistograms;
 
@@ -42,7 +42,7 @@ const EGRESS: u32 = 60;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plan {
     pub(crate) carrier: Carrier,
-    pub(crate) waiting: Waiting,
+    pub(crate) waiting: WaitStrategy,
     /// Whether there are adapter and ingress.
     pub(crate) inlet: bool,
     /// Whether there are egress and consumer.
@@ -117,9 +117,9 @@ impl Plan {
         let mut stamps = Stamps { pushed: vec![(1, 1); NOTES], used: 0, begun: Arc::clone(begun) };
         let settings = Settings::for_height(HEIGHT_M);
         spawn(move || {
-            let _runs = rings.loop_runs();
+            let _runs = rings.mark_loop_running();
             realtime::prefault_stack();
-            realtime::ask("loop", Asked { fifo_priority: LOOP, cpu });
+            realtime::request("loop", RequestedScheduling { fifo_priority: LOOP, cpu });
             let mut memory = bytemuck::zeroed_box::<Memory>();
             memory.start(&settings);
             let summary = Loop::new(settings, memory, 0, Arc::clone(&rings), PERIOD_NS)
@@ -135,10 +135,13 @@ impl Plan {
         let (plan, rings, address) = (*self, Arc::clone(rings), address.to_owned());
         let (ready, is_ready) = mpsc::channel();
         let thread = spawn(move || {
-            realtime::ask("egress", Asked { fifo_priority: EGRESS, cpu: plan.cores.egress });
+            realtime::request(
+                "egress",
+                RequestedScheduling { fifo_priority: EGRESS, cpu: plan.cores.egress },
+            );
             if plan.carrier == Carrier::Bus {
                 // The latency log is not drained; a full feed only counts.
-                let (latency_log, _drain) = feed(PLACES);
+                let (latency_log, _drain) = feed(CAPACITY);
                 let egress = Egress::open(STATION, rings, plan.waiting, latency_log);
                 let _ = ready.send(());
                 egress.and_then(Egress::run).expect("the bus is whole");
@@ -171,7 +174,10 @@ impl Plan {
         let (plan, its_rings, place) = (*self, Arc::clone(rings), folder.join("in"));
         let (ready, is_ready) = mpsc::channel();
         let ingress = spawn(move || {
-            realtime::ask("ingress", Asked { fifo_priority: INGRESS, cpu: plan.cores.ingress });
+            realtime::request(
+                "ingress",
+                RequestedScheduling { fifo_priority: INGRESS, cpu: plan.cores.ingress },
+            );
             match plan.carrier {
                 Carrier::Bus => {
                     let ingress = Ingress::open(STATION, Arc::clone(&its_rings), plan.waiting)
@@ -194,8 +200,8 @@ impl Plan {
     /// The adapter: a sample in the middle of each of the loop's periods.
     fn adapt(&self, address: &str, rings: &Rings, begun: &AtomicU64) -> Vec<(u64, u64)> {
         // Polling threads would keep an ordinary thread from its core for ever.
-        let fifo_priority = if self.waiting == Waiting::Polling { LOOP } else { 0 };
-        realtime::ask("adapter", Asked { fifo_priority, cpu: self.cores.adapter });
+        let fifo_priority = if self.waiting == WaitStrategy::Polling { LOOP } else { 0 };
+        realtime::request("adapter", RequestedScheduling { fifo_priority, cpu: self.cores.adapter });
         let worker = Worker::new();
         let mut sample = worker.suit(&worker.pose(0), 0);
         let outlet = Outlet::open(self.carrier, address);
@@ -261,7 +267,7 @@ fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
     let (mut taken, mut count) = (Vec::with_capacity(NOTES), 0);
     while !rings.is_stopping() {
         ingress.wait().expect("the bus is whole");
-        let several = ingress.take_in().expect("the bus is whole") as u64;
+        let several = ingress.forward().expect("the bus is whole") as u64;
         let now_ns = now_ns();
         // The bus loses only messages a quarter of a second late: the count is the sequence.
         taken.extend((1..=several).map(|one| (count + one, now_ns)));

@@ -11,7 +11,7 @@ use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::CycleRecord;
 use equipoise_daemon::config::Config;
 use equipoise_daemon::pipeline::Pipeline;
-use equipoise_daemon::realtime::{self, Asked, ThreadReport, now_ns, sleep_until};
+use equipoise_daemon::realtime::{self, RequestedScheduling, ThreadReport, now_ns, sleep_until};
 use equipoise_daemon::rings::Rings;
 use equipoise_daemon::tick::{Loop, Monotonic, NoObserver};
 
@@ -60,7 +60,7 @@ impl Contender {
 
     /// Runs it for a turn.
     pub(crate) fn run(self, policy: Policy, cpu: usize, length: Duration) -> Lateness {
-        let asked = Asked { fifo_priority: policy.priority(), cpu: Some(cpu) };
+        let asked = RequestedScheduling { fifo_priority: policy.priority(), cpu: Some(cpu) };
         match self {
             Contender::Cyclictest => {
                 let slept_us = Cyclictest::start(policy, cpu, length).finish();
@@ -76,8 +76,8 @@ impl Contender {
 }
 
 /// As in cyclictest.
-fn sleep_only(asked: Asked, length: Duration) -> Lateness {
-    let missing = realtime::ask("sleeper", asked).missing();
+fn sleep_only(asked: RequestedScheduling, length: Duration) -> Lateness {
+    let missing = realtime::request("sleeper", asked).missing();
     let mut slept_us = Vec::with_capacity(length.as_millis() as usize + 1);
     let mut due_ns = now_ns() + PERIOD_NS;
     let end_ns = due_ns + length.as_nanos() as u64;
@@ -91,16 +91,16 @@ fn sleep_only(asked: Asked, length: Duration) -> Lateness {
     Lateness { slept_us, missing, ..Lateness::default() }
 }
 
-fn loop_alone(asked: Asked, length: Duration) -> Lateness {
+fn loop_alone(asked: RequestedScheduling, length: Duration) -> Lateness {
     let rings = Arc::new(Rings::new().expect("an event file descriptor"));
     let (its_rings, settings) = (Arc::clone(&rings), Settings::for_height(HEIGHT_M));
     let (ready, is_ready) = mpsc::channel();
     let thread = spawn(move || {
-        let _runs = its_rings.loop_runs();
+        let _runs = its_rings.mark_loop_running();
         realtime::prefault_stack();
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
-        let _ = ready.send(realtime::ask("loop", asked).missing());
+        let _ = ready.send(realtime::request("loop", asked).missing());
         Loop::new(settings, memory, 0, Arc::clone(&its_rings), PERIOD_NS).run(&mut Monotonic, &mut NoObserver)
     });
     let missing = is_ready.recv().expect("the loop begins");

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use equipoise_files::read_text;
 
-use crate::whole_file::write_whole;
+use crate::atomic_file::write_atomically;
 
 /// Maximum size of the file, bytes.
 const FAULT_BYTES_MAX: u64 = 16 << 10;
@@ -18,7 +18,7 @@ pub fn publish(station: &str, stream: &str, fault: Option<&str>) {
     let written = match fault {
         Some(fault) => serde_json::to_string(fault)
             .map_err(std::io::Error::from)
-            .and_then(|text| write_whole(&path, text.as_bytes())),
+            .and_then(|text| write_atomically(&path, text.as_bytes())),
         None => match std::fs::remove_file(&path) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
             removed => removed,

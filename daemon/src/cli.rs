@@ -34,7 +34,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use equipoise_discrepancy::spans::Span;
 
-/// How a command ended, as the shell sees it.
+/// Exit status of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
     /// 0: done.
@@ -104,7 +104,7 @@ struct ConfigArgument {
     config: PathBuf,
 }
 
-/// Runs the command that the arguments ask for.
+/// Runs the command of the arguments.
 pub fn main() -> ExitCode {
     // Recordings, results and logs contain personal motion data: restrict them to owner and group.
     rustix::process::umask(rustix::fs::Mode::from_raw_mode(0o027));
@@ -145,7 +145,7 @@ pub fn main() -> ExitCode {
         // The reader closed our output early, as in `equipoise watch | head -n 1`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("equipoise: {}", in_one_sentence(&error));
+            eprintln!("equipoise: {}", single_line(&error));
             ExitCode::FAILURE
         }
     }
@@ -168,11 +168,11 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// A span of a recording that an option names.
 fn span(option: &str, text: Option<&str>) -> anyhow::Result<Option<Span>> {
-    text.map(|text| text.parse().map_err(|why: String| anyhow::anyhow!("{option}: {why}"))).transpose()
+    text.map(|text| text.parse().map_err(|reason: String| anyhow::anyhow!("{option}: {reason}"))).transpose()
 }
 
 /// The error and its causes in one sentence, outermost first; a cause that the text already contains is omitted.
-fn in_one_sentence(error: &anyhow::Error) -> String {
+fn single_line(error: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in error.chain().map(ToString::to_string) {
         if text.is_empty() {

@@ -12,17 +12,17 @@ use equipoise_core::cycle::{Settings, StopRule};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, Reply, State, Validity};
 
-use crate::in_force::InForce;
+use crate::active_configuration::SharedConfiguration;
 use crate::rings::Rings;
-use crate::workers::Workers;
+use crate::subjects::Subjects;
 
 /// Polling interval for commands.
-const LOOK_EVERY: Duration = Duration::from_millis(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Time without anyone on the plate that a tare requires: the loop uses its last 0.3 s, and published states lag
 /// slightly behind the plate.
 /// a little behind.
-const EMPTY_FOR_NS: u64 = 500_000_000;
+const EMPTY_MIN_NS: u64 = 500_000_000;
 
 /// The command server's thread.
 pub struct Commands {
@@ -31,7 +31,7 @@ pub struct Commands {
     rings: Arc<Rings>,
     latest: Option<State>,
     /// When a state last showed a load on the plate, CLOCK_MONOTONIC; 0 for never.
-    stood_ns: u64,
+    occupied_ns: u64,
     // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
@@ -46,27 +46,35 @@ impl Commands {
     /// Another daemon runs on this station, or the bus fails.
     pub fn open(bus: Bus, server: CommandServer, rings: Arc<Rings>) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        Ok(Commands { server, state, rings, latest: None, stood_ns: 0, _bus: bus })
+        Ok(Commands { server, state, rings, latest: None, occupied_ns: 0, _bus: bus })
     }
 
     /// Answers commands until stopped. The command server stays open until this value is dropped.
     ///
     /// # Errors
     /// The bus fails.
-    pub fn run(&mut self, in_force: &InForce, workers: &Workers) -> Result<(), BusError> {
+    pub fn run(
+        &mut self,
+        active_configuration: &SharedConfiguration,
+        subjects: &Subjects,
+    ) -> Result<(), BusError> {
         while !self.rings.is_stopping() {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
                 if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
-                    self.stood_ns = state.time_ns;
+                    self.occupied_ns = state.time_ns;
                 }
             }
             let (rings, latest) = (&self.rings, self.latest.as_ref());
-            let empty_ns = latest.map_or(0, |state| state.time_ns.saturating_sub(self.stood_ns));
-            while self.server.poll(|command| answer(command, rings, in_force, workers, latest, empty_ns))? {}
-            while self.rings.worker_back.pop().is_some() {}
-            while self.rings.settings_back.pop().is_some() {}
-            std::thread::sleep(LOOK_EVERY);
+            let empty_ns = latest.map_or(0, |state| state.time_ns.saturating_sub(self.occupied_ns));
+            while self
+                .server
+                .poll(|command| answer(command, rings, active_configuration, subjects, latest, empty_ns))?
+            {
+            }
+            while self.rings.returned_workers.pop().is_some() {}
+            while self.rings.returned_settings.pop().is_some() {}
+            std::thread::sleep(POLL_INTERVAL);
         }
         Ok(())
     }
@@ -75,55 +83,54 @@ impl Commands {
 fn answer(
     command: &Command,
     rings: &Rings,
-    in_force: &InForce,
-    workers: &Workers,
+    active_configuration: &SharedConfiguration,
+    subjects: &Subjects,
     latest: Option<&State>,
     empty_ns: u64,
 ) -> Reply {
     let outcome = match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
         Some(CommandKind::Tare) => tare(rings, latest, empty_ns),
-        Some(CommandKind::SubjectLoad) => subjects::load(command, rings, in_force, workers),
-        Some(CommandKind::SubjectSave) => subjects::save(rings, workers, latest),
+        Some(CommandKind::SubjectLoad) => subjects::load(command, rings, active_configuration, subjects),
+        Some(CommandKind::SubjectSave) => subjects::save(rings, subjects, latest),
         Some(kind @ CommandKind::UndoLift) => match latest.map_or(0, |state| state.lifts) {
             0 => Err("no lift of this shift counts".to_owned()),
-            lifts => hand_over(rings, kind).map(|()| {
+            lifts => push_command(rings, kind).map(|()| {
                 format!("the last of {lifts} lifts is taken back, if it is among the last 16 that ended")
             }),
         },
-        Some(CommandKind::SubjectForget) => subjects::forget(command, rings, in_force, workers),
+        Some(CommandKind::SubjectForget) => subjects::delete(command, rings, active_configuration, subjects),
         Some(CommandKind::Reload) => {
             Err("send the daemon SIGHUP (`systemctl reload`): it reads its own configuration".to_owned())
         }
         Some(kind @ CommandKind::IdentifyStart) => {
-            hand_over(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
+            push_command(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
         }
-        Some(kind @ CommandKind::IdentifyStop) => {
-            hand_over(rings, kind).map(|()| in_force.look(|forced| how_it_stopped(latest, &forced.settings)))
-        }
+        Some(kind @ CommandKind::IdentifyStop) => push_command(rings, kind)
+            .map(|()| active_configuration.with(|active| describe_stop(latest, &active.settings))),
         Some(kind @ CommandKind::PoseSkip) => match latest.filter(|state| state.suggested_pose != u32::MAX) {
             Some(state) => {
-                let follows = if state.converged == 1 { "" } else { "; another follows" };
-                hand_over(rings, kind).map(|()| format!("this pose is not asked for again{follows}"))
+                let continuation = if state.converged == 1 { "" } else { "; another follows" };
+                push_command(rings, kind).map(|()| format!("this pose is not asked for again{continuation}"))
             }
             None => Err("no pose is asked for now".to_owned()),
         },
         Some(kind @ CommandKind::IdentifyReset) => {
-            hand_over(rings, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
+            push_command(rings, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
         }
         Some(kind @ CommandKind::Checkpoint) => {
-            hand_over(rings, kind).map(|()| "a checkpoint is being published".to_owned())
+            push_command(rings, kind).map(|()| "a checkpoint is being published".to_owned())
         }
     };
     reply(rings.last_cycle() + 1, outcome)
 }
 
-fn hand_over(rings: &Rings, kind: CommandKind) -> Result<(), String> {
+fn push_command(rings: &Rings, kind: CommandKind) -> Result<(), String> {
     rings.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
 }
 
 /// The accuracy reached by an identification that was stopped.
-fn how_it_stopped(latest: Option<&State>, settings: &Settings) -> String {
+fn describe_stop(latest: Option<&State>, settings: &Settings) -> String {
     let Some(state) = latest.filter(|state| state.variance_max_m2 > 0.0) else {
         return "learning has ended before anything was known of the worker".to_owned();
     };
@@ -131,17 +138,17 @@ fn how_it_stopped(latest: Option<&State>, settings: &Settings) -> String {
         1 => "1 pose".to_owned(),
         poses => format!("{poses} poses"),
     };
-    let known = match state.predicted_cop_sigma_m {
+    let quality = match state.predicted_cop_sigma_m {
         sigma_m if sigma_m > 0.0 => format!("predicted CoP σ {:.1} mm", 1e3 * sigma_m),
         _ => "predicted CoP σ not known yet".to_owned(),
     };
-    let asked = match settings.stop {
+    let threshold = match settings.stop {
         StopRule::PredictedCop { sigma_m } => format!("the rule asks {:.1} mm", 1e3 * sigma_m),
         StopRule::Paper { variance_m2 } => {
             format!("largest variance {:.4} m², the rule asks {variance_m2} m²", state.variance_max_m2)
         }
     };
-    format!("stopped after {poses}: {known} ({asked})")
+    format!("stopped after {poses}: {quality} ({threshold})")
 }
 
 /// `empty_ns`: how long the plate has been empty.
@@ -152,15 +159,16 @@ fn tare(rings: &Rings, latest: Option<&State>, empty_ns: u64) -> Answer {
     if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
         return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
     }
-    if empty_ns < EMPTY_FOR_NS {
+    if empty_ns < EMPTY_MIN_NS {
         return Err("somebody stood on the plate a moment ago; ask again".to_owned());
     }
-    hand_over(rings, CommandKind::Tare).map(|()| "what the empty plate shows is zero from now on".to_owned())
+    push_command(rings, CommandKind::Tare)
+        .map(|()| "what the empty plate shows is zero from now on".to_owned())
 }
 
 fn reply(cycle: u64, outcome: Answer) -> Reply {
     let mut reply = Reply { cycle, refused: u32::from(outcome.is_err()), ..Reply::zeroed() };
-    let text = outcome.unwrap_or_else(|why| why);
+    let text = outcome.unwrap_or_else(|reason| reason);
     let mut length = text.len().min(reply.text.len());
     while !text.is_char_boundary(length) {
         length -= 1;
@@ -170,7 +178,7 @@ fn reply(cycle: u64, outcome: Answer) -> Reply {
 }
 
 /// The text of a zero-filled field.
-pub fn text_of(field: &[u8]) -> String {
+pub fn parse_text(field: &[u8]) -> String {
     let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
     String::from_utf8_lossy(&field[..end]).into_owned()
 }
@@ -180,7 +188,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_early_stop_says_how_well_the_worker_is_known() {
+    fn an_early_stop_reports_the_uncertainty_of_the_estimate() {
         let mut settings = Settings::for_height(1.77);
         let state = State {
             poses_used: 4,
@@ -189,14 +197,15 @@ mod tests {
             ..State::zeroed()
         };
         assert_eq!(
-            how_it_stopped(Some(&state), &settings),
+            describe_stop(Some(&state), &settings),
             "stopped after 4 poses: predicted CoP σ 6.1 mm (the rule asks 1.5 mm)"
         );
         settings.stop = StopRule::Paper { variance_m2: 0.002 };
-        let said = how_it_stopped(Some(&State { poses_used: 1, ..state }), &settings);
+        let message = describe_stop(Some(&State { poses_used: 1, ..state }), &settings);
         assert!(
-            said.starts_with("stopped after 1 pose: ") && said.contains("0.0030 m², the rule asks 0.002 m²")
+            message.starts_with("stopped after 1 pose: ")
+                && message.contains("0.0030 m², the rule asks 0.002 m²")
         );
-        assert!(how_it_stopped(None, &settings).contains("before anything was known"));
+        assert!(describe_stop(None, &settings).contains("before anything was known"));
     }
 }

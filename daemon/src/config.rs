@@ -1,4 +1,4 @@
-//! The one configuration file: what every key means, which values it may have, and what to say when it is wrong.
+//! The configuration file: keys, permitted values and error messages.
 
 pub mod ground;
 mod latencies;
@@ -22,7 +22,7 @@ use equipoise_outlets::OutletsConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::model::LoadedModel;
-use crate::rings::Waiting;
+use crate::rings::WaitStrategy;
 use crate::similar;
 
 pub use ground::{GroundConfig, GroundSourceKind};
@@ -31,7 +31,7 @@ pub use overload::OverloadConfig;
 pub use recording::RecordingConfig;
 pub use suit::{SuitConfig, SuitPosition, SuitSourceKind};
 
-/// A whole configuration file.
+/// A configuration file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
@@ -44,21 +44,21 @@ pub struct Config {
     pub suit: SuitConfig,
     /// The force plate.
     pub ground: GroundConfig,
-    /// The worker.
+    /// The subject.
     pub subject: SubjectConfig,
-    /// How the worker is learnt.
+    /// Identification of the subject.
     #[serde(default)]
     pub identification: IdentificationConfig,
-    /// What counts as still.
+    /// Thresholds of a static pose.
     #[serde(default)]
     pub static_pose: StaticPoseConfig,
-    /// When overload is reported.
+    /// Overload reporting.
     #[serde(default)]
     pub overload: OverloadConfig,
-    /// Effects of the model in addition to the body; none without this section.
+    /// Model file with effects in addition to the body; none without this section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelConfig>,
-    /// The page that `equipoise view` serves; without this section there is none.
+    /// The page served by `equipoise view`; none without this section.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub page: Option<PageConfig>,
     /// Metrics for Prometheus; not served without this section.
@@ -67,16 +67,16 @@ pub struct Config {
     /// Latency figures.
     #[serde(default)]
     pub latency: LatencyConfig,
-    /// What `equipoise record --config` keeps, and for how long; without this section it does not run.
+    /// Recordings of `equipoise record --config` and their retention; required for that command.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingConfig>,
-    /// What leaves this machine, by `equipoise outlet`; nothing without a section.
+    /// Data sent to other machines by `equipoise outlet`; nothing without a section.
     #[serde(default, skip_serializing_if = "OutletsConfig::is_empty")]
     pub outlets: OutletsConfig,
-    /// The model that is in use; no key, but what `[model]` names.
+    /// The loaded model file of `[model]`; not a key.
     #[serde(skip)]
     pub loaded_model: Option<LoadedModel>,
-    /// Sensors and metrics are processes of their own that read the same file; no key, but `run --sensors-apart`.
+    /// Sensors and metrics are separate processes that read the same file; not a key, but `run --sensors-apart`.
     #[serde(skip)]
     pub sensors_apart: bool,
 }
@@ -85,18 +85,18 @@ pub struct Config {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoopConfig {
-    /// Cycles a second, 100 to 4000.
+    /// Cycles per second, 100 to 4000.
     pub rate_hz: u32,
-    /// SCHED_FIFO priority of the loop, 1 to 90; 0 asks for none.
+    /// SCHED_FIFO priority of the loop, 1 to 90; 0 for none.
     pub priority: u32,
-    /// Core that the loop is pinned to, and egress with it.
+    /// Core to which the loop and egress are pinned.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cpu: Option<usize>,
     /// Ingress and egress poll without sleeping. Costs two cores in addition to the loop's.
     pub busy_poll: bool,
     /// Lock all memory.
     pub lock_memory: bool,
-    /// Refuse to run without all that was asked.
+    /// Refuse to run unless all requested scheduling is granted.
     pub strict: bool,
 }
 
@@ -117,7 +117,7 @@ impl Default for LoopConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
-    /// A model file of `equipoise reconcile`; a relative path counts from the configuration's own folder.
+    /// A model file of `equipoise reconcile`; a relative path refers to the configuration's folder.
     pub file: PathBuf,
 }
 
@@ -125,14 +125,14 @@ pub struct ModelConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PageConfig {
-    /// Address to serve the page on; on loopback, or with a token.
+    /// Listening address of the page; on loopback, or with a token.
     pub listen: SocketAddr,
-    /// File with the token that every request must bring; a relative path counts from the configuration's own folder.
-    /// The token itself never stands in a configuration, which recordings keep.
+    /// File with the token that every request requires; a relative path refers to the configuration's folder. The token
+    /// itself is never part of a configuration, which recordings contain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub token_file: Option<PathBuf>,
-    /// File with the token that every command of the engineer's page must bring; without it the page takes none. As
-    /// with `token_file`, of the same form; give it to fewer people.
+    /// File with the token that every command of the engineer's page requires; without it the page accepts no commands.
+    /// Same form as `token_file`; give it to fewer people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub command_token_file: Option<PathBuf>,
     /// The report.html that `equipoise reconcile --out` wrote, to which the engineer's page links.
@@ -144,7 +144,7 @@ pub struct PageConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MetricsConfig {
-    /// Loopback address to serve `GET /metrics` on.
+    /// Loopback address for `GET /metrics`.
     pub listen: SocketAddr,
 }
 
@@ -152,10 +152,10 @@ pub struct MetricsConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LatencyConfig {
-    /// Interval log in the HdrHistogram format, one entry per stage each ten seconds.
+    /// Interval log in the HdrHistogram format: one entry per stage every ten seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hlog: Option<PathBuf>,
-    /// Cycles kept before each missed deadline, and a quarter as many after it, 0 to 2048; 0 keeps none.
+    /// Cycles stored before each missed deadline, and a quarter as many after it, 0 to 2048; 0 stores none.
     pub flight_cycles: u32,
 }
 
@@ -165,35 +165,35 @@ impl Default for LatencyConfig {
     }
 }
 
-/// Why a configuration cannot be used. The text names file, line, field, and what to do.
+/// A configuration cannot be used. The text names file, line, field and remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
     #[error("cannot read the configuration {path}: {source}; name an existing file with --config")]
     Read {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// The file is not what it should be.
+    /// The content is invalid.
     #[error("{place}: {what}")]
-    Wrong {
-        /// File, and line where it is known.
+    Invalid {
+        /// File, and line if available.
         place: String,
-        /// What is wrong, and what to do.
+        /// Description and remedy.
         what: String,
     },
-    /// The model that it names cannot be used.
+    /// The configured model file cannot be used.
     #[error("[model] file: {0}")]
     Model(#[from] ModelFileError),
 }
 
 impl Config {
-    /// Reads and checks a file, and the model that it names.
+    /// Reads and checks a file and its model file.
     ///
     /// # Errors
-    /// [`ConfigError`], whose text is fit for the person who wrote the file.
+    /// [`ConfigError`], with a text for the author of the file.
     pub fn read(path: &Path) -> Result<Config, ConfigError> {
         let text = read_text(path, TEXT_BYTES_MAX)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
@@ -205,25 +205,25 @@ impl Config {
         Ok(config)
     }
 
-    /// Checks a text; `name` is what errors call it. The model that it names is not read.
+    /// Parses and checks a text; `name` is its name in errors. The model file is not read.
     ///
     /// # Errors
     /// As [`Config::read`].
     pub fn parse(text: &str, name: &str) -> Result<Config, ConfigError> {
         let config: Config = toml::from_str(text).map_err(|error| message::explain(&error, text, name))?;
-        config.check().map_err(|(field, what)| ConfigError::Wrong {
-            place: message::place_of(&field, text, name),
+        config.check().map_err(|(field, what)| ConfigError::Invalid {
+            place: message::location_of(&field, text, name),
             what: format!("{field}: {what}"),
         })?;
-        config.ground.check_description().map_err(|mistake| ConfigError::Wrong {
-            place: message::place_of_mistake(&mistake, text, name),
-            what: format!("{}: {}", mistake.key, mistake.what),
+        config.ground.check_description().map_err(|error| ConfigError::Invalid {
+            place: message::location_of_error(&error, text, name),
+            what: format!("{}: {}", error.key, error.what),
         })?;
         Ok(config)
     }
 
     /// Rules that single values cannot express; the error names the field.
-    fn check(&self) -> Result<(), ground::Wrong> {
+    fn check(&self) -> Result<(), ground::InvalidField> {
         self.ground.check_second()?;
         self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))
     }
@@ -268,7 +268,7 @@ impl Config {
         Ok(())
     }
 
-    /// What the cycle needs of it.
+    /// The settings of the cycle.
     pub fn settings(&self) -> Settings {
         let mut settings = Settings {
             library: equipoise_core::pose_suggestion::library::LIBRARY,
@@ -288,25 +288,25 @@ impl Config {
         settings
     }
 
-    /// The same, with the similar worker that `prior = "similar-subject"` finds in a folder of profiles, and whom.
+    /// The same with the parameters of the similar subject for `prior = "similar-subject"`, and its pseudonym.
     pub fn settings_among(&self, profiles: &Path) -> (Settings, Option<String>) {
         let mut settings = self.settings();
         if settings.prior != PriorKind::SimilarSubject {
             return (settings, None);
         }
         let chosen = similar::choose(&self.subject.id, &settings, profiles);
-        tracing::info!("{}", similar::tell(chosen.as_ref()));
+        tracing::info!("{}", similar::describe(chosen.as_ref()));
         settings.similar = chosen.as_ref().map(|chosen| chosen.similar);
         (settings, chosen.map(|chosen| chosen.subject))
     }
 
-    /// The configuration as TOML, defaults included: what a recording keeps.
+    /// The configuration as TOML, defaults included, as stored in recordings.
     pub fn to_toml(&self) -> String {
         // Every value has a TOML form: numbers, strings, tables.
         toml::to_string_pretty(self).unwrap_or_default()
     }
 
-    /// The same without what says where this machine keeps its files, which may name persons and places: for recordings.
+    /// The same without file paths, which may contain names of persons and places: for recordings.
     pub fn without_paths(mut self) -> Config {
         let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
         if let Some(model) = &mut self.model {
@@ -330,7 +330,7 @@ impl Config {
         self
     }
 
-    /// The text of the model in use: what a recording keeps; empty without one.
+    /// The text of the active model, as stored in recordings; empty without one.
     pub fn model_toml(&self) -> String {
         self.loaded_model.as_ref().map(|model| model.text.clone()).unwrap_or_default()
     }
@@ -345,9 +345,9 @@ impl Config {
         !self.sensors_apart && self.ground.source != GroundSourceKind::External
     }
 
-    /// How ingress and egress wait.
-    pub fn waiting(&self) -> Waiting {
-        if self.tick.busy_poll { Waiting::Polling } else { Waiting::Sleeping }
+    /// Wait strategy of ingress and egress.
+    pub fn wait_strategy(&self) -> WaitStrategy {
+        if self.tick.busy_poll { WaitStrategy::Polling } else { WaitStrategy::Sleeping }
     }
 
     /// Length of one cycle.
@@ -356,7 +356,7 @@ impl Config {
     }
 }
 
-/// Whether a name can be a station's or a subject's.
+/// Whether a name is valid for a station or a subject.
 fn name_is_plain(name: &str) -> bool {
     (1..=32).contains(&name.len()) && crate::profile::is_plain(name)
 }

@@ -10,14 +10,14 @@ use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_files::open_regular;
 
+use crate::atomic_file::{TemporaryFile, process_runs, remove_abandoned_files, write_atomically};
 use crate::record::signature::{SIGNATURE_ENDING, signature_of};
 use crate::state_directory::{NoStateDirectory, StateDirectory};
 use crate::station_file::StationFile;
 use crate::status::{self, Status};
-use crate::whole_file::{Leftover, clear_leftovers, runs, write_whole};
 
 /// Time limit for a daemon to rewrite its station file, and for a recorder to close a file that was removed.
-const PATIENCE: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Result of a deletion.
 #[derive(Debug, Default)]
@@ -50,7 +50,7 @@ struct User {
     station: String,
     directory: StateDirectory,
     /// Whether it writes profiles.
-    remembers: bool,
+    stores_profiles: bool,
 }
 
 impl Deletion {
@@ -60,16 +60,19 @@ impl Deletion {
         files || !self.users.is_empty()
     }
 
-    /// Makes every running daemon of this bus remove the subject from memory, so that none writes it again. `ask` sends
-    /// the request to the daemon of a station and returns its reply.
+    /// Makes every running daemon of this bus remove the subject from memory, so that none writes it again. `request`
+    /// sends the request to the daemon of a station and returns its reply.
     ///
     /// # Errors
     /// A running daemon does not comply or does not report its state directory, or it is unclear whether a daemon runs;
     /// nothing was deleted then.
-    pub fn ask_daemons(&mut self, ask: impl Fn(&str) -> anyhow::Result<String>) -> anyhow::Result<()> {
+    pub fn request_from_daemons(
+        &mut self,
+        request: impl Fn(&str) -> anyhow::Result<String>,
+    ) -> anyhow::Result<()> {
         let all = status::all().context("nothing is deleted: a daemon might write it again")?;
         for facts in &all {
-            if runs(facts.process_id) && StateDirectory::of_daemon(facts).is_none() {
+            if process_runs(facts.process_id) && StateDirectory::of_daemon(facts).is_none() {
                 bail!(
                     "nothing is deleted: the daemon of station {} (process {}, version {}) does not say where its files \
                      are; restart it with this version first",
@@ -82,16 +85,16 @@ impl Deletion {
         for facts in all {
             // The state directory of a killed daemon is searched as well.
             let Some(directory) = StateDirectory::of_daemon(&facts) else { continue };
-            match ask(&facts.station) {
+            match request(&facts.station) {
                 Ok(answer) => {
                     if answer.contains("was in use") {
-                        let (station, remembers) = (facts.station.clone(), remembers(&facts));
-                        self.users.push(User { station, directory: directory.clone(), remembers });
+                        let (station, stores_profiles) = (facts.station.clone(), stores_profiles(&facts));
+                        self.users.push(User { station, directory: directory.clone(), stores_profiles });
                     }
                     self.daemons.push(format!("station {}: {answer}", facts.station));
                     self.running.push(facts.station);
                 }
-                Err(_) if !runs(facts.process_id) => {}
+                Err(_) if !process_runs(facts.process_id) => {}
                 Err(error) => {
                     let (station, id) = (&facts.station, facts.process_id);
                     return Err(error.context(format!(
@@ -119,7 +122,7 @@ impl Deletion {
         match own {
             Ok(own) => own.join_into(&mut self.directories),
             Err(_) if !self.directories.is_empty() => {}
-            Err(why) => return Err(why.into()),
+            Err(reason) => return Err(reason.into()),
         }
         for directory in self.directories.clone() {
             let before = self.deleted.len() + self.changed.len();
@@ -144,7 +147,7 @@ impl Deletion {
                 folder.canonicalize().is_ok_and(|folder| folder == profiles)
             })
         };
-        let user = self.users.iter().find(|user| user.remembers && !has_files(user))?;
+        let user = self.users.iter().find(|user| user.stores_profiles && !has_files(user))?;
         Some(format!(
             "the daemon of station {} had {id} in use and has forgotten it, but there was no profile {id} in {}; if it was \
              saved before, that file is still somewhere else",
@@ -172,23 +175,23 @@ impl Deletion {
             remove(&path)?;
             self.flights.push(path);
         }
-        clear_leftovers(folder, |of| of.ends_with(".mcap"));
+        remove_abandoned_files(folder, |of| of.ends_with(".mcap"));
         sync(folder);
         Ok(())
     }
 
     fn clear_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if let Some(leftover) = Leftover::named(&name) {
+        if let Some(temporary) = TemporaryFile::named(&name) {
             // Leftover of an interrupted write; a running daemon may still be writing it.
-            return if leftover.is_abandoned { remove(&path) } else { Ok(()) };
+            return if temporary.is_abandoned { remove(&path) } else { Ok(()) };
         }
         let names = |file: &StationFile| file.subject.as_ref().is_some_and(|subject| subject.in_use == id);
         match StationFile::read(&path) {
             Ok(Some(file)) if names(&file) && self.running.contains(&file.station) => {
-                let asked = Instant::now();
+                let started = Instant::now();
                 while StationFile::read(&path).is_ok_and(|file| file.as_ref().is_some_and(names)) {
-                    if asked.elapsed() > PATIENCE {
+                    if started.elapsed() > TIMEOUT {
                         bail!("{} still names {id}: its daemon does not write it", path.display());
                     }
                     std::thread::sleep(Duration::from_millis(20));
@@ -199,11 +202,11 @@ impl Deletion {
                 file.subject = None;
                 let unwritten = || format!("cannot write {}", path.display());
                 let text = file.to_toml().with_context(unwritten)?;
-                write_whole(&path, text.as_bytes()).with_context(unwritten)?;
+                write_atomically(&path, text.as_bytes()).with_context(unwritten)?;
                 self.changed.push(path);
             }
             Ok(_) => {}
-            Err(why) => self.unknown.push(why.to_string()),
+            Err(reason) => self.unknown.push(reason.to_string()),
         }
         Ok(())
     }
@@ -212,7 +215,7 @@ impl Deletion {
     ///
     /// # Errors
     /// The folder cannot be read, or a recording cannot be removed.
-    pub fn look_into_recordings(&mut self, id: &str, folder: &Path, delete: bool) -> anyhow::Result<()> {
+    pub fn search_recordings(&mut self, id: &str, folder: &Path, delete: bool) -> anyhow::Result<()> {
         if !folder.is_dir() {
             bail!("--recordings {}: there is no such folder", folder.display());
         }
@@ -231,7 +234,7 @@ impl Deletion {
                     remove(&path)?;
                     remove(&signature_of(&path))?;
                     sync(path.parent().unwrap_or(folder));
-                    if written.is_some_and(|file| !is_let_go(&file)) {
+                    if written.is_some_and(|file| !is_released(&file)) {
                         self.unknown.push(format!(
                             "{}: its name is gone, but what writes it has it still open: stop that recorder, then it is \
                              gone",
@@ -241,7 +244,7 @@ impl Deletion {
                     self.deleted.push(path);
                 }
                 Ok(_) => self.recordings.push(path),
-                Err(why) => self.unknown.push(format!("{}: {why}", path.display())),
+                Err(reason) => self.unknown.push(format!("{}: {reason}", path.display())),
             }
         }
         Ok(())
@@ -253,8 +256,8 @@ impl Deletion {
         while let Some(folder) = folders.pop() {
             let entries = match fs::read_dir(&folder) {
                 Ok(entries) => entries,
-                Err(why) => {
-                    self.unknown.push(format!("{}: {why}", folder.display()));
+                Err(reason) => {
+                    self.unknown.push(format!("{}: {reason}", folder.display()));
                     continue;
                 }
             };
@@ -293,7 +296,7 @@ fn holds(header: &RecordingHeader, id: &str) -> bool {
 }
 
 /// Whether a daemon writes profiles, which is the default.
-fn remembers(facts: &Status) -> bool {
+fn stores_profiles(facts: &Status) -> bool {
     let table = facts.config_toml.parse::<toml::Table>().unwrap_or_default();
     let found = table.get("subject").and_then(|subject| subject.get("remember"));
     found.and_then(toml::Value::as_bool).unwrap_or(true)
@@ -334,9 +337,9 @@ fn being_written(path: &Path) -> Option<File> {
 
 /// Waits until a removed file is no longer being written. A recorder detects within a second that its file was removed,
 /// closes it and starts another, whose header does not contain the deleted subject.
-fn is_let_go(file: &File) -> bool {
+fn is_released(file: &File) -> bool {
     let removed = Instant::now();
-    while removed.elapsed() < PATIENCE {
+    while removed.elapsed() < TIMEOUT {
         if file.try_lock().is_ok() {
             return true;
         }

@@ -1,6 +1,6 @@
 //! Demonstration without hardware: a simulated person with real network protocols, the real daemon and the real page.
 //!
-//! The simulated person reacts to the published state as a worker would: takes the suggested poses, stands in poses
+//! The simulated human reacts to the published state as a worker would: assumes the suggested poses, stands in poses
 //! that were not used for identification, then lifts a box as in the paper.
 
 mod scene;
@@ -29,7 +29,7 @@ use summary::DemoSummary;
 /// Default port of the page, if it is free.
 const PAGE_PORT: u16 = 8017;
 /// Interval between live lines.
-const LINE_EVERY: Duration = Duration::from_millis(1000);
+const LINE_INTERVAL: Duration = Duration::from_millis(1000);
 
 /// Settings of the demonstration.
 #[derive(Debug, Clone)]
@@ -43,7 +43,7 @@ pub struct DemoSettings {
     /// Address of the page; `None` for no page.
     pub page: Option<SocketAddr>,
     /// Print live lines.
-    pub talk: bool,
+    pub verbose: bool,
 }
 
 /// Default address of the page; uses another free port if the default is taken.
@@ -67,35 +67,35 @@ pub fn run(settings: &DemoSettings, stop: &AtomicBool) -> anyhow::Result<DemoSum
     let page = config.page.as_ref().map(|page| ServedPage::start(&config, page, Path::new("")));
     let page = page.transpose()?;
     let pipeline = Pipeline::start(&config)?;
-    if settings.talk {
+    if settings.verbose {
         match &page {
             Some(page) => println!("page: {}", page.url()),
             None => println!("no page (--headless)"),
         }
     }
     let bus = Bus::join(&BusSettings::new(&settings.station, "worker"))?;
-    let eyes = Eyes { states: bus.subscriber(64)?, wake: bus.listener(Channel::Results)? };
-    let shown = show(settings, stop, eyes, &person);
+    let subscriptions = Subscriptions { states: bus.subscriber(64)?, wake: bus.listener(Channel::Results)? };
+    let script = play(settings, stop, subscriptions, &person);
     drop(bus);
     // Stop the daemon first, or its last cycles would report silent sensors.
     let pipeline = pipeline.stop();
     drop(page);
     person.stop().context("the simulated person")?;
-    let script = shown?;
+    let script = script?;
     let pipeline = pipeline?;
     Ok(DemoSummary::of(script, &pipeline))
 }
 
 /// Subscriptions through which the simulated person follows the daemon.
-struct Eyes {
+struct Subscriptions {
     states: Subscriber<State>,
     wake: equipoise_bus::Listener,
 }
 
-fn show(
+fn play(
     settings: &DemoSettings,
     stop: &AtomicBool,
-    mut eyes: Eyes,
+    mut subscriptions: Subscriptions,
     person: &SimulationHandle,
 ) -> anyhow::Result<Script> {
     let (started, mut last_line) = (Instant::now(), Instant::now());
@@ -112,10 +112,10 @@ fn show(
                 script.poses_used()
             );
         }
-        eyes.wake.wait(Duration::from_millis(100))?;
-        while let Some(state) = eyes.states.receive()? {
-            script.see(&state, person, started.elapsed());
-            if settings.talk && last_line.elapsed() >= LINE_EVERY {
+        subscriptions.wake.wait(Duration::from_millis(100))?;
+        while let Some(state) = subscriptions.states.receive()? {
+            script.update(&state, person, started.elapsed());
+            if settings.verbose && last_line.elapsed() >= LINE_INTERVAL {
                 last_line = Instant::now();
                 let pose = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
                 println!("{:5.1} s  {}", started.elapsed().as_secs_f64(), live_line(&state, pose));

@@ -1,12 +1,13 @@
 //! `equipoise doctor`: checks this computer for obstacles to real time, and how to fix each.
 //!
-//! [`facts`] reads the computer, [`station`] the station, [`suit_facts`] the suit's port; everything else judges what they found and reads nothing.
+//! [`facts`] reads the computer, [`station`] the station, [`suit_facts`] the suit's port; the other modules evaluate the
+//! facts and read nothing.
 
 mod capacity;
+mod directories;
 pub mod facts;
 mod machine;
 mod network;
-mod place;
 pub mod ports;
 pub mod station;
 pub mod suit;
@@ -16,7 +17,7 @@ use serde::Serialize;
 
 pub use facts::Facts;
 pub use station::StationFacts;
-pub use suit::judge_suit;
+pub use suit::evaluate_suit;
 pub use suit_facts::SuitFacts;
 
 use crate::config::Config;
@@ -63,7 +64,7 @@ impl Check {
 
 /// All checks, in the order in which a person would fix things. Without a configuration only the computer is checked,
 /// with the defaults.
-pub fn judge(facts: &Facts, config: Option<&Config>, station: Option<&StationFacts>) -> Vec<Check> {
+pub fn evaluate(facts: &Facts, config: Option<&Config>, station: Option<&StationFacts>) -> Vec<Check> {
     let tick = config.map(|config| config.tick.clone()).unwrap_or_default();
     let runs = station.is_some_and(|station| station.daemon.is_some());
     let mut checks = vec![
@@ -75,10 +76,10 @@ pub fn judge(facts: &Facts, config: Option<&Config>, station: Option<&StationFac
         machine::core(facts, &tick),
         machine::preemption(facts),
         machine::clock_source(facts),
-        place::bus_root(facts),
-        place::shared_memory(facts, runs),
-        place::remove_ipc(facts),
-        place::state_directory(facts),
+        directories::bus_root(facts),
+        directories::shared_memory(facts, runs),
+        directories::remove_ipc(facts),
+        directories::state_directory(facts),
         network::receive_buffer(facts),
     ];
     if let (Some(config), Some(station)) = (config, station) {

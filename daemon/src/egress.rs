@@ -10,14 +10,14 @@ use tracing::debug;
 
 use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
-use crate::rings::{Outcome, Rings, Waiting};
+use crate::rings::{Outcome, Rings, WaitStrategy};
 
-const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
+const WAKE_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Egress with its open ports.
 pub struct Egress {
     rings: Arc<Rings>,
-    waiting: Waiting,
+    wait_strategy: WaitStrategy,
     state: Publisher<State>,
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
@@ -40,13 +40,13 @@ impl Egress {
     pub fn open(
         station: &str,
         rings: Arc<Rings>,
-        waiting: Waiting,
+        wait_strategy: WaitStrategy,
         latency_log: Feed,
     ) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
             rings,
-            waiting,
+            wait_strategy,
             state: bus.publisher()?,
             cycle: bus.publisher()?,
             checkpoint: bus.publisher()?,
@@ -68,9 +68,9 @@ impl Egress {
         loop {
             // Checked before the rings are emptied, so that they contain the loop's last outcome.
             let ended = self.rings.has_ended();
-            self.rings.await_outcome(self.waiting, WAKE_AT_LEAST);
+            self.rings.await_outcome(self.wait_strategy, WAKE_INTERVAL);
             self.publish_outcomes()?;
-            while let Some(checkpoint) = self.rings.taken.pop() {
+            while let Some(checkpoint) = self.rings.checkpoints.pop() {
                 self.publish_checkpoint(checkpoint)?;
             }
             if self.last_checkpoint_service.elapsed() > Duration::from_secs(1) {
@@ -115,7 +115,7 @@ impl Egress {
         }
         self.events.notify(Event::NewState)?;
         self.cycle.send(&record)?;
-        self.latency_log.hand_over(Outcome { state, record });
+        self.latency_log.push(Outcome { state, record });
         Ok(())
     }
 
@@ -123,7 +123,7 @@ impl Egress {
         self.checkpoint.send(&checkpoint)?;
         self.events.notify(Event::NewCheckpoint)?;
         // Cannot fail: the ring has as many slots as there are boxes.
-        let _ = self.rings.blank.push(checkpoint);
+        let _ = self.rings.free_checkpoints.push(checkpoint);
         Ok(())
     }
 }

@@ -12,57 +12,57 @@ use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
 use crate::rings::Rings;
-use crate::roster::Roster;
 use crate::status::StatusFile;
 use crate::supervision::Supervision;
+use crate::thread_registry::ThreadRegistry;
 
 /// Polling interval for incidents.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// All other tasks run once in this many polls: once a second.
-const LOOKS_PER_TIDYING: u32 = 20;
+const UPDATES_PER_CLEAN_UP: u32 = 20;
 
 /// A validity flag and the incident that it raises.
-struct Watched {
+struct ValidityIncident {
     reason: Validity,
     incident: Incident,
     /// Minimum duration before the incident begins, since short interruptions are part of normal work.
     after: Duration,
-    sentence: &'static str,
+    message: &'static str,
 }
 
-const WATCHED: [Watched; 5] = [
-    Watched {
+const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
+    ValidityIncident {
         reason: Validity::PLACE_UNKNOWN,
         incident: Incident::PlaceUnknown,
         after: Duration::ZERO,
-        sentence: "the suit was restarted or was silent for long; the worker's position on the plate is estimated again \
+        message: "the suit was restarted or was silent for long; the worker's position on the plate is estimated again \
                    while they move without a load",
     },
-    Watched {
+    ValidityIncident {
         reason: Validity::GROUND_IMPLAUSIBLE,
         incident: Incident::GroundImplausible,
         after: Duration::ZERO,
-        sentence: "what the plate shows leaps, repeats or pulls as under no person; it is believed again once it shows the \
+        message: "what the plate shows leaps, repeats or pulls as under no person; it is believed again once it shows the \
                    worker's weight alone, or after the worker has stepped off",
     },
-    Watched {
+    ValidityIncident {
         reason: Validity::SUIT_IMPLAUSIBLE,
         incident: Incident::SuitImplausible,
         after: Duration::ZERO,
-        sentence: "poses of the suit repeat, leap or come apart at the joints, and are not used",
+        message: "poses of the suit repeat, leap or come apart at the joints, and are not used",
     },
-    Watched {
+    ValidityIncident {
         reason: Validity::WEIGHT_MISSING,
         incident: Incident::WeightMissing,
         after: Duration::from_secs(3),
-        sentence: "the ground carries less than the worker weighs: a foot next to the plate, a hand that leans on something, \
+        message: "the ground carries less than the worker weighs: a foot next to the plate, a hand that leans on something, \
                    or a plate whose gain or zero has changed (tare it while it is empty)",
     },
-    Watched {
+    ValidityIncident {
         reason: Validity::LOAD_NOT_AT_HANDS,
         incident: Incident::LoadElsewhere,
         after: Duration::from_secs(10),
-        sentence: "the ground carries more than the worker weighs, and not where the hands are: something lies on the plate \
+        message: "the ground carries more than the worker weighs, and not where the hands are: something lies on the plate \
                    or is worn, or the plate's zero or gain, its place, or the worker's identification is wrong",
     },
 ];
@@ -78,14 +78,14 @@ pub struct Housekeeping {
     model: ModelWatch,
     rings: Arc<Rings>,
     board: Arc<IncidentBoard>,
-    roster: Arc<Roster>,
+    thread_registry: Arc<ThreadRegistry>,
     /// Value of the board's change counter at the last publication.
     published_changes: u64,
     /// Whether it was reported that some supervision is unavailable.
-    blind_reported: bool,
+    error_reported: bool,
     status: StatusFile,
-    /// Since when each of [`WATCHED`] is active.
-    active_since: [Option<Instant>; WATCHED.len()],
+    /// Since when each of [`VALIDITY_INCIDENTS`] is active.
+    active_since: [Option<Instant>; VALIDITY_INCIDENTS.len()],
     // Ports must be dropped before the node that they depend on.
     bus: Bus,
 }
@@ -99,7 +99,7 @@ impl Housekeeping {
         config: &Config,
         rings: Arc<Rings>,
         board: Arc<IncidentBoard>,
-        roster: Arc<Roster>,
+        thread_registry: Arc<ThreadRegistry>,
         status: StatusFile,
     ) -> Result<Housekeeping, BusError> {
         let bus = Bus::join(&BusSettings::new(&config.station, "housekeeping"))?;
@@ -112,26 +112,26 @@ impl Housekeeping {
             model: ModelWatch::default(),
             rings,
             board,
-            roster,
+            thread_registry,
             published_changes: 0,
-            blind_reported: false,
+            error_reported: false,
             status,
-            active_since: [None; WATCHED.len()],
+            active_since: [None; VALIDITY_INCIDENTS.len()],
             bus,
         })
     }
 
     /// Runs until the loop has ended.
     pub fn run(mut self) {
-        let mut looks = 0;
+        let mut updates = 0;
         while !self.rings.has_ended() {
-            std::thread::sleep(LOOK_EVERY);
-            looks += 1;
+            std::thread::sleep(POLL_INTERVAL);
+            updates += 1;
             self.supervise();
-            if looks % LOOKS_PER_TIDYING == 0 {
-                self.tidy();
+            if updates % UPDATES_PER_CLEAN_UP == 0 {
+                self.clean_up();
             }
-            self.tell_incidents(looks % LOOKS_PER_TIDYING == 0);
+            self.publish_incidents(updates % UPDATES_PER_CLEAN_UP == 0);
         }
         // Removes nodes that died since the last round.
         self.bus.clean_up_dead_nodes();
@@ -141,17 +141,17 @@ impl Housekeeping {
         if let Ok(Some(state)) = self.states.latest() {
             self.newest = Some(state);
         }
-        self.watch_validity();
-        let looked = self.supervision.look(self.newest.as_ref(), self.rings.refused(), &self.board);
-        if let Err(error) = looked
-            && !std::mem::replace(&mut self.blind_reported, true)
+        self.check_validity();
+        let result = self.supervision.update(self.newest.as_ref(), self.rings.refused(), &self.board);
+        if let Err(error) = result
+            && !std::mem::replace(&mut self.error_reported, true)
         {
             warn!("supervision does not see everything: {error}");
         }
     }
 
     /// On change at once, and once a second for late subscribers.
-    fn tell_incidents(&mut self, due: bool) {
+    fn publish_incidents(&mut self, due: bool) {
         let changes = self.board.changes();
         let changed = changes != self.published_changes;
         if changed || due {
@@ -161,56 +161,56 @@ impl Housekeeping {
         }
         if changed {
             let _ = self.events.notify(Event::IncidentsChanged);
-            self.status.tell_incidents(self.board.sentences());
+            self.status.set_incidents(self.board.messages());
             self.write_status();
         }
     }
 
     /// Reports only; a person decides whether to change the model.
-    fn watch_the_model(&mut self) {
+    fn check_model(&mut self) {
         let Some(state) = self.newest else { return };
-        if let Some(suspicion) = self.model.look(&state) {
+        if let Some(suspicion) = self.model.update(&state) {
             self.board.begin(Incident::ModelNoLongerExplains, &suspicion.to_string());
             // A failed bus is reported by its other users.
             let _ = self.events.notify(Event::ModelNoLongerExplains);
         }
-        let suspected = self.model.suspected().map(|suspicion| suspicion.to_string());
-        if suspected.is_none() {
+        let suspicion = self.model.suspicion().map(|suspicion| suspicion.to_string());
+        if suspicion.is_none() {
             self.board.end(Incident::ModelNoLongerExplains);
         }
-        self.status.suspect(suspected);
+        self.status.set_model_suspicion(suspicion);
     }
 
     /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.
-    fn watch_validity(&mut self) {
+    fn check_validity(&mut self) {
         let Some(state) = &self.newest else { return };
         let valid = state.validity();
-        for (index, watched) in WATCHED.iter().enumerate() {
-            let holds = valid.any_of(watched.reason);
+        for (index, entry) in VALIDITY_INCIDENTS.iter().enumerate() {
+            let holds = valid.any_of(entry.reason);
             let since = &mut self.active_since[index];
             *since = if holds { Some(since.unwrap_or_else(Instant::now)) } else { None };
             match *since {
-                Some(since) if since.elapsed() >= watched.after => {
-                    self.board.begin(watched.incident, watched.sentence);
+                Some(since) if since.elapsed() >= entry.after => {
+                    self.board.begin(entry.incident, entry.message);
                 }
                 Some(_) => {}
-                None => self.board.end(watched.incident),
+                None => self.board.end(entry.incident),
             }
         }
     }
 
-    fn tidy(&mut self) {
-        self.supervision.tidy(&self.bus, &self.board, self.status.loop_faults());
+    fn clean_up(&mut self) {
+        self.supervision.check_adapters(&self.bus, &self.board, self.status.loop_faults());
         let dead = self.bus.clean_up_dead_nodes();
         if dead > 0 {
-            self.board.happened(
+            self.board.report_once(
                 Incident::ParticipantDied,
                 &format!("{dead} participants of the bus had died; what they left behind is cleared away"),
             );
         }
-        self.watch_the_model();
-        self.status.note_threads(&self.roster, self.rings.last_cycle());
-        self.status.tell_incidents(self.board.sentences());
+        self.check_model();
+        self.status.update_threads(&self.thread_registry, self.rings.last_cycle());
+        self.status.set_incidents(self.board.messages());
         self.write_status();
     }
 

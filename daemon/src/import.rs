@@ -15,8 +15,8 @@ use self::join::{JoinedSamples, find};
 use self::plate::PlateFile;
 pub use self::plate::PlateOptions;
 use crate::replay::input::{Chosen, Input};
-use crate::replay::left_out_lines;
-use crate::replay::samples::{LeftOut, Sample, Samples};
+use crate::replay::samples::{Sample, Samples, SkippedData};
+use crate::replay::skipped_lines;
 
 /// A vertical force on the person below this, N, is more than noise: the plate's sign or axes are wrong.
 const WRONG_SIGN_N: f64 = -50.0;
@@ -46,7 +46,7 @@ pub struct ImportSummary {
     /// How two files were aligned.
     pub joined: Option<Joined>,
     /// Unused data of the captures.
-    pub left_out: LeftOut,
+    pub skipped: SkippedData,
 }
 
 /// Imports `file`, optionally with the plate's file, into the new recording `out`, with the given configuration or
@@ -95,10 +95,10 @@ enum Both<'a> {
 }
 
 impl Both<'_> {
-    fn left_out(&self) -> LeftOut {
+    fn skipped(&self) -> SkippedData {
         match self {
-            Both::One(samples) => samples.left_out(),
-            Both::Two(samples) => samples.left_out(),
+            Both::One(samples) => samples.skipped(),
+            Both::Two(samples) => samples.skipped(),
         }
     }
 }
@@ -123,8 +123,8 @@ fn write(
 ) -> anyhow::Result<ImportSummary> {
     // Read the first sample before creating a file, so that none is created without data.
     let Some(mut sample) = samples.next() else {
-        let left_out = left_out_lines(&samples.left_out());
-        bail!("{}: there is no sample in it that can be used\n{}", file.display(), left_out.trim_end());
+        let skipped = skipped_lines(&samples.skipped());
+        bail!("{}: there is no sample in it that can be used\n{}", file.display(), skipped.trim_end());
     };
     let header = RecordingHeader {
         software_version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -157,15 +157,15 @@ fn write(
     }
     recorder.finish()?;
     let length_s = last_ns.saturating_sub(first_ns) as f64 / 1e9;
-    let mut left_out = samples.left_out();
+    let mut skipped = samples.skipped();
     if upside_down * 2 > ground {
-        left_out.rejected.push(format!(
+        skipped.rejected.push(format!(
             "in {upside_down} of {ground} ground samples the person pulls the plate up: `measures` or `axes` of \
              [ground.frame] is the other one"
         ));
     }
     let config_origin = chosen.origin.clone();
-    Ok(ImportSummary { suit, ground, length_s, config_origin, joined: None, left_out })
+    Ok(ImportSummary { suit, ground, length_s, config_origin, joined: None, skipped })
 }
 
 impl fmt::Display for ImportSummary {
@@ -175,6 +175,6 @@ impl fmt::Display for ImportSummary {
         if let Some(joined) = &self.joined {
             writeln!(f, "{joined}")?;
         }
-        f.write_str(&left_out_lines(&self.left_out))
+        f.write_str(&skipped_lines(&self.skipped))
     }
 }

@@ -16,17 +16,17 @@ use crate::realtime::now_ns;
 
 /// Interval between journal lines for one kind; repetitions are counted in the next line. As `RESTS_AFTER_NS` of
 /// `supervision/growth.rs`: a fault that repeats every second gives a few lines a minute.
-const JOURNAL_EVERY_NS: u64 = 10_000_000_000;
+const JOURNAL_INTERVAL_NS: u64 = 10_000_000_000;
 /// Maximum number of different sentences for one kind within that interval, enough for two devices that alternate. A
 /// sentence that changes constantly quotes a faulty device.
-const SENTENCES_MAX: u32 = 4;
+const MESSAGES_MAX: u32 = 4;
 
 /// Journal state of one kind.
 #[derive(Debug, Default)]
-struct Written {
+struct JournalState {
     /// Time of the first of `lines`.
     since_ns: u64,
-    /// Number of lines within [`JOURNAL_EVERY_NS`] of it.
+    /// Number of lines within [`JOURNAL_INTERVAL_NS`] of it.
     lines: u32,
     /// Text of the last line.
     what: String,
@@ -36,13 +36,13 @@ struct Written {
     repeated: u32,
 }
 
-impl Written {
+impl JournalState {
     /// The end of the line to log at `now_ns`; `None` if the line is suppressed.
     fn due(&mut self, now_ns: u64, what: &str) -> Option<String> {
-        if self.lines > 0 && now_ns.saturating_sub(self.since_ns) >= JOURNAL_EVERY_NS {
+        if self.lines > 0 && now_ns.saturating_sub(self.since_ns) >= JOURNAL_INTERVAL_NS {
             self.lines = 0;
         }
-        self.is_logged = self.lines == 0 || (self.lines < SENTENCES_MAX && self.what != what);
+        self.is_logged = self.lines == 0 || (self.lines < MESSAGES_MAX && self.what != what);
         if !self.is_logged {
             return None;
         }
@@ -54,7 +54,7 @@ impl Written {
         Some(match std::mem::take(&mut self.repeated) {
             0 => String::new(),
             1 => " (and once more since the last line)".to_owned(),
-            times => format!(" (and {times} times more since the last line)"),
+            count => format!(" (and {count} times more since the last line)"),
         })
     }
 
@@ -76,25 +76,25 @@ pub struct IncidentBoard {
     /// Increments with every begin and end.
     changes: AtomicU64,
     /// Sentences of active incidents, by name.
-    said: Mutex<BTreeMap<&'static str, String>>,
-    written: Mutex<BTreeMap<&'static str, Written>>,
+    messages: Mutex<BTreeMap<&'static str, String>>,
+    journal: Mutex<BTreeMap<&'static str, JournalState>>,
 }
 
 impl IncidentBoard {
-    /// Begins an incident; `what` gives place and remedy. An active incident does not begin again, but takes the new
-    /// sentence.
+    /// Begins an incident; `what` states location and remedy. An active incident does not begin again, but takes the
+    /// new sentence.
     pub fn begin(&self, kind: Incident, what: &str) {
-        let before = self.with_said(|said| said.insert(kind.name(), what.to_owned()));
+        let before = self.with_messages(|messages| messages.insert(kind.name(), what.to_owned()));
         if self.active.fetch_or(bit(kind), Ordering::Relaxed) & bit(kind) == 0 {
-            self.enter(kind, what);
+            self.raise(kind, what);
         } else if before.as_deref() != Some(what) {
             self.changes.fetch_add(1, Ordering::Relaxed);
-            if let Some(repeated) = self.with_written(kind, |written| written.due_or_counted(now_ns(), what))
+            if let Some(repeated) = self.with_journal(kind, |journal| journal.due_or_counted(now_ns(), what))
             {
                 warn!(incident = kind.name(), "still: {what}{repeated}");
             }
         } else {
-            self.catch_up(kind, what);
+            self.log_if_due(kind, what);
         }
     }
 
@@ -103,37 +103,38 @@ impl IncidentBoard {
         if self.active.fetch_and(!bit(kind), Ordering::Relaxed) & bit(kind) != 0 {
             self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
             self.changes.fetch_add(1, Ordering::Relaxed);
-            self.with_said(|said| said.remove(kind.name()));
-            if self.with_written(kind, |written| std::mem::take(&mut written.is_logged)) {
+            self.with_messages(|messages| messages.remove(kind.name()));
+            if self.with_journal(kind, |journal| std::mem::take(&mut journal.is_logged)) {
                 info!(incident = kind.name(), "ended");
             }
         }
     }
 
     /// Records an incident without a duration.
-    pub fn happened(&self, kind: Incident, what: &str) {
-        self.enter(kind, what);
+    pub fn report_once(&self, kind: Incident, what: &str) {
+        self.raise(kind, what);
         self.last_ended_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
     }
 
-    /// Begins or ends an incident according to `goes_on`. While it is active, its sentence is updated from `what`; the
+    /// Begins or ends an incident according to `active`. While it is active, its sentence is updated from `what`; the
     /// journal keeps the sentence of the begin.
-    pub fn set(&self, kind: Incident, goes_on: bool, what: impl FnOnce() -> String) {
-        if !goes_on {
+    pub fn set(&self, kind: Incident, active: bool, what: impl FnOnce() -> String) {
+        if !active {
             self.end(kind);
         } else if self.is_active(kind) {
             let what = what();
-            self.catch_up(kind, &what);
-            self.with_said(|said| said.insert(kind.name(), what));
+            self.log_if_due(kind, &what);
+            self.with_messages(|messages| messages.insert(kind.name(), what));
         } else {
             self.begin(kind, &what());
         }
     }
 
     /// Logs the line of an active incident that was suppressed at its begin because it followed another line too soon.
-    fn catch_up(&self, kind: Incident, what: &str) {
-        let due = |written: &mut Written| if written.is_logged { None } else { written.due(now_ns(), what) };
-        if let Some(repeated) = self.with_written(kind, due) {
+    fn log_if_due(&self, kind: Incident, what: &str) {
+        let due =
+            |journal: &mut JournalState| if journal.is_logged { None } else { journal.due(now_ns(), what) };
+        if let Some(repeated) = self.with_journal(kind, due) {
             warn!(incident = kind.name(), "still: {what}{repeated}");
         }
     }
@@ -149,14 +150,16 @@ impl IncidentBoard {
     }
 
     /// Sentences of active incidents, by name.
-    pub fn sentences(&self) -> BTreeMap<String, String> {
-        self.with_said(|said| said.iter().map(|(name, what)| ((*name).to_owned(), what.clone())).collect())
+    pub fn messages(&self) -> BTreeMap<String, String> {
+        self.with_messages(|messages| {
+            messages.iter().map(|(name, what)| ((*name).to_owned(), what.clone())).collect()
+        })
     }
 
     /// The board as a message for the bus.
     pub fn message(&self) -> Incidents {
-        let read = |places: &[AtomicU64; KINDS_MAX]| {
-            core::array::from_fn(|place: usize| places[place].load(Ordering::Relaxed))
+        let read = |counters: &[AtomicU64; KINDS_MAX]| {
+            core::array::from_fn(|index: usize| counters[index].load(Ordering::Relaxed))
         };
         Incidents {
             time_ns: now_ns(),
@@ -168,21 +171,21 @@ impl IncidentBoard {
         }
     }
 
-    fn with_said<T>(&self, look: impl FnOnce(&mut BTreeMap<&'static str, String>) -> T) -> T {
+    fn with_messages<T>(&self, access: impl FnOnce(&mut BTreeMap<&'static str, String>) -> T) -> T {
         // Ignore poisoning: no operation leaves the map half changed.
-        look(&mut self.said.lock().unwrap_or_else(PoisonError::into_inner))
+        access(&mut self.messages.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn with_written<T>(&self, kind: Incident, look: impl FnOnce(&mut Written) -> T) -> T {
-        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        look(written.entry(kind.name()).or_default())
+    fn with_journal<T>(&self, kind: Incident, access: impl FnOnce(&mut JournalState) -> T) -> T {
+        let mut journal = self.journal.lock().unwrap_or_else(PoisonError::into_inner);
+        access(journal.entry(kind.name()).or_default())
     }
 
-    fn enter(&self, kind: Incident, what: &str) {
+    fn raise(&self, kind: Incident, what: &str) {
         self.begun[kind as usize].fetch_add(1, Ordering::Relaxed);
         self.last_begun_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
         self.changes.fetch_add(1, Ordering::Relaxed);
-        if let Some(repeated) = self.with_written(kind, |written| written.due_or_counted(now_ns(), what)) {
+        if let Some(repeated) = self.with_journal(kind, |journal| journal.due_or_counted(now_ns(), what)) {
             warn!(incident = kind.name(), "{what}{repeated}");
         }
     }
@@ -197,34 +200,34 @@ mod tests {
     use super::*;
 
     #[test]
-    fn repetitions_are_counted_in_the_journal_and_not_written() {
-        let mut written = Written::default();
-        let mut due = |at_ns: u64, what: &str| written.due_or_counted(at_ns, what);
+    fn repetitions_are_counted_and_not_logged() {
+        let mut journal = JournalState::default();
+        let mut due = |at_ns: u64, what: &str| journal.due_or_counted(at_ns, what);
         assert_eq!(due(5, "a").as_deref(), Some(""));
-        assert_eq!((due(6, "a"), due(JOURNAL_EVERY_NS, "a")), (None, None));
+        assert_eq!((due(6, "a"), due(JOURNAL_INTERVAL_NS, "a")), (None, None));
         assert_eq!(
-            due(JOURNAL_EVERY_NS + 5, "a").as_deref(),
+            due(JOURNAL_INTERVAL_NS + 5, "a").as_deref(),
             Some(" (and 2 times more since the last line)")
         );
-        // A different device gives a different sentence; a sentence that changes constantly is suppressed.
-        let lines = (0..100).filter(|number| due(2 * JOURNAL_EVERY_NS + 5, &number.to_string()).is_some());
-        assert_eq!(lines.count(), SENTENCES_MAX as usize);
+        // A different device has a different message; a message that changes constantly is suppressed.
+        let lines = (0..100).filter(|number| due(2 * JOURNAL_INTERVAL_NS + 5, &number.to_string()).is_some());
+        assert_eq!(lines.count(), MESSAGES_MAX as usize);
         assert_eq!(
-            due(3 * JOURNAL_EVERY_NS + 5, "a").as_deref(),
+            due(3 * JOURNAL_INTERVAL_NS + 5, "a").as_deref(),
             Some(" (and 96 times more since the last line)")
         );
     }
 
     #[test]
-    fn the_sentence_of_an_incident_that_goes_on_has_the_counts_of_now() {
+    fn the_message_of_an_active_incident_has_current_counts() {
         let board = IncidentBoard::default();
         for count in 1..=3 {
             board.set(Incident::DeadlineMissed, true, || format!("{count} so far"));
         }
-        assert_eq!(board.sentences()["deadline_missed"], "3 so far");
+        assert_eq!(board.messages()["deadline_missed"], "3 so far");
         assert_eq!(board.message().begun[Incident::DeadlineMissed as usize], 1);
         board.set(Incident::DeadlineMissed, false, String::new);
-        assert!(board.sentences().is_empty());
+        assert!(board.messages().is_empty());
     }
 
     #[test]
@@ -235,9 +238,9 @@ mod tests {
         }
         let changes = board.changes();
         board.begin(Incident::SuitSilent, "for another reason");
-        assert_eq!(board.sentences()["suit_silent"], "for another reason");
+        assert_eq!(board.messages()["suit_silent"], "for another reason");
         assert_eq!(board.changes(), changes + 1, "those who tell it must look again");
-        board.happened(Incident::InputOverflow, "for the test");
+        board.report_once(Incident::InputOverflow, "for the test");
         let message = board.message();
         assert_eq!(message.active().collect::<Vec<_>>(), [Incident::SuitSilent]);
         assert_eq!(message.begun[Incident::SuitSilent as usize], 1);

@@ -7,10 +7,10 @@ use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber};
 use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 
 use crate::realtime::now_ns;
-use crate::rings::{Rings, Waiting};
+use crate::rings::{Rings, WaitStrategy};
 
 /// Maximum sleep, after which the thread checks for a stop request.
-const WAKE_AT_LEAST: Duration = Duration::from_millis(50);
+const WAKE_INTERVAL: Duration = Duration::from_millis(50);
 /// Depths of the subscribers: a stall of this thread of a quarter of a second loses nothing.
 const SUIT_DEPTH: usize = 64;
 const GROUND_DEPTH: usize = 256;
@@ -20,7 +20,7 @@ const BODY_DEPTH: usize = 4;
 #[derive(Debug)]
 pub struct Ingress {
     rings: Arc<Rings>,
-    waiting: Waiting,
+    wait_strategy: WaitStrategy,
     suit: Subscriber<SuitSample>,
     ground: Subscriber<GroundSample>,
     body: Subscriber<SuitBody>,
@@ -34,11 +34,11 @@ impl Ingress {
     ///
     /// # Errors
     /// The bus cannot be joined.
-    pub fn open(station: &str, rings: Arc<Rings>, waiting: Waiting) -> Result<Ingress, BusError> {
+    pub fn open(station: &str, rings: Arc<Rings>, wait_strategy: WaitStrategy) -> Result<Ingress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "ingress"))?;
         Ok(Ingress {
             rings,
-            waiting,
+            wait_strategy,
             suit: bus.subscriber(SUIT_DEPTH)?,
             ground: bus.subscriber(GROUND_DEPTH)?,
             body: bus.subscriber(BODY_DEPTH)?,
@@ -54,7 +54,7 @@ impl Ingress {
     pub fn run(mut self) -> Result<(), BusError> {
         while !self.rings.is_stopping() {
             self.wait()?;
-            self.take_in()?;
+            self.forward()?;
         }
         Ok(())
     }
@@ -63,8 +63,8 @@ impl Ingress {
     ///
     /// # Errors
     /// The bus fails.
-    pub fn take_in(&mut self) -> Result<usize, BusError> {
-        let mut taken = 0;
+    pub fn forward(&mut self) -> Result<usize, BusError> {
+        let mut forwarded = 0;
         let rings = &self.rings;
         let ground = |sample: &GroundSample| {
             let now_ns = now_ns();
@@ -74,7 +74,7 @@ impl Ingress {
             }
         };
         while self.ground.receive_with(ground)?.is_some() {
-            taken += 1;
+            forwarded += 1;
         }
         let body = |body: &SuitBody| {
             let now_ns = now_ns();
@@ -84,7 +84,7 @@ impl Ingress {
             }
         };
         while self.body.receive_with(body)?.is_some() {
-            taken += 1;
+            forwarded += 1;
         }
         let suit = |sample: &SuitSample| {
             let now_ns = now_ns();
@@ -94,9 +94,9 @@ impl Ingress {
             }
         };
         while self.suit.receive_with(suit)?.is_some() {
-            taken += 1;
+            forwarded += 1;
         }
-        Ok(taken)
+        Ok(forwarded)
     }
 
     /// Sleeps until an event arrives or a short time passes; returns at once when polling.
@@ -104,9 +104,9 @@ impl Ingress {
     /// # Errors
     /// The bus fails.
     pub fn wait(&self) -> Result<(), BusError> {
-        match self.waiting {
-            Waiting::Sleeping => self.listener.wait(WAKE_AT_LEAST).map(drop),
-            Waiting::Polling => {
+        match self.wait_strategy {
+            WaitStrategy::Sleeping => self.listener.wait(WAKE_INTERVAL).map(drop),
+            WaitStrategy::Polling => {
                 std::hint::spin_loop();
                 Ok(())
             }
@@ -143,7 +143,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_dated_after_its_own_arrival_here_is_of_another_clock() {
+    fn a_sample_dated_after_its_arrival_is_of_another_clock() {
         let stamps = |shift_ns: u64| Stamps([100, 200, 300].map(|stamp_ns| stamp_ns + shift_ns));
         assert_eq!(stamps(0).ahead_ns(300), 0);
         assert_eq!(stamps(7).ahead_ns(300), 7);

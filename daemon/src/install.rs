@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use files::{Put, put, remove};
+use files::{InstallResult, put, remove};
 
 pub use others::PROGRAMS;
 
@@ -43,18 +43,18 @@ const DATA: [&str; 3] = ["/etc/equipoise", "/var/lib/equipoise", "/var/lib/equip
 
 /// Destination of the installation.
 #[derive(Debug, Clone)]
-pub struct Place {
+pub struct Destination {
     prefix: PathBuf,
     root: PathBuf,
 }
 
-impl Place {
+impl Destination {
     /// `prefix`: final prefix of the program on the running system; `root`: directory below which all files are
     /// written, for packaging.
     ///
     /// # Errors
     /// The prefix cannot be written in a unit file.
-    pub fn new(prefix: &Path, root: &Path) -> anyhow::Result<Place> {
+    pub fn new(prefix: &Path, root: &Path) -> anyhow::Result<Destination> {
         let text = prefix.to_str().unwrap_or("");
         let plain = |byte: u8| byte.is_ascii_alphanumeric() || b"/._+-".contains(&byte);
         if !prefix.is_absolute() || text.contains("..") || !text.bytes().all(plain) {
@@ -64,22 +64,22 @@ impl Place {
             );
         }
         // Without trailing slashes, so that paths compare equal.
-        Ok(Place { prefix: prefix.components().collect(), root: root.to_owned() })
+        Ok(Destination { prefix: prefix.components().collect(), root: root.to_owned() })
     }
 
     fn program(&self) -> PathBuf {
-        self.other_program("equipoise")
+        self.program_named("equipoise")
     }
 
-    fn other_program(&self, name: &str) -> PathBuf {
+    fn program_named(&self, name: &str) -> PathBuf {
         self.prefix.join("bin").join(name)
     }
 
     /// Destination of systemd files: below the prefix if systemd searches there, otherwise among the administrator's
     /// files.
     fn folder(&self, below_prefix: &str, admin: &str) -> PathBuf {
-        let looked_at = PREFIXES_OF_SYSTEMD.iter().any(|prefix| self.prefix == Path::new(prefix));
-        if looked_at { self.prefix.join(below_prefix) } else { PathBuf::from(admin) }
+        let is_searched = PREFIXES_OF_SYSTEMD.iter().any(|prefix| self.prefix == Path::new(prefix));
+        if is_searched { self.prefix.join(below_prefix) } else { PathBuf::from(admin) }
     }
 
     fn units(&self) -> PathBuf {
@@ -105,7 +105,7 @@ impl Place {
 
     /// As [`Self::under_root`], for paths that will be changed. Rejects links below a root other than `/`: their
     /// targets are relative to the installed system and may lead out of the root.
-    fn safely_under_root(&self, path: &Path) -> anyhow::Result<PathBuf> {
+    fn checked_under_root(&self, path: &Path) -> anyhow::Result<PathBuf> {
         let mut found = self.root.clone();
         for part in path.strip_prefix("/").unwrap_or(path).components() {
             found.push(part);
@@ -116,9 +116,9 @@ impl Place {
         Ok(found)
     }
 
-    /// As [`Self::safely_under_root`], for a path that may itself be a link: it is replaced or removed, not followed.
+    /// As [`Self::checked_under_root`], for a path that may itself be a link: it is replaced or removed, not followed.
     fn link_under_root(&self, link: &Path) -> anyhow::Result<PathBuf> {
-        let folder = self.safely_under_root(link.parent().unwrap_or(Path::new("/")))?;
+        let folder = self.checked_under_root(link.parent().unwrap_or(Path::new("/")))?;
         Ok(folder.join(link.file_name().unwrap_or_default()))
     }
 }
@@ -128,24 +128,24 @@ impl Place {
 ///
 /// # Errors
 /// A file cannot be written; files written before remain.
-pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Vec<String>> {
+pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
     let read = |path: &Path| std::fs::read(path).with_context(|| format!("cannot read {}", path.display()));
-    let mut write = |path: &Path, content: &[u8], mode| -> anyhow::Result<Put> {
-        let outcome = put(&place.safely_under_root(path)?, content, mode)?;
-        let word = if outcome == Put::Written { "installed" } else { "unchanged" };
-        done.push(format!("{word} {}", path.display()));
+    let mut write = |path: &Path, content: &[u8], mode| -> anyhow::Result<InstallResult> {
+        let outcome = install_file(&destination.checked_under_root(path)?, content, mode)?;
+        let action = if outcome == InstallResult::Written { "installed" } else { "unchanged" };
+        done.push(format!("{action} {}", path.display()));
         Ok(outcome)
     };
-    write(&place.program(), &read(program)?, 0o755)?;
+    write(&destination.program(), &read(program)?, 0o755)?;
     for name in others::next_to(program) {
-        write(&place.other_program(name), &read(&program.with_file_name(name))?, 0o755)?;
+        write(&destination.program_named(name), &read(&program.with_file_name(name))?, 0o755)?;
     }
-    for (path, text) in place.texts() {
+    for (path, text) in destination.texts() {
         write(&path, text.as_bytes(), 0o644)?;
     }
     let configuration = Path::new(CONFIGURATION_FILE);
-    match std::fs::read(place.safely_under_root(configuration)?) {
+    match std::fs::read(destination.checked_under_root(configuration)?) {
         Ok(existing) if existing != CONFIGURATION.as_bytes() => {
             let sample = configuration.with_extension("toml.new");
             write(&sample, CONFIGURATION.as_bytes(), 0o644)?;
@@ -159,21 +159,21 @@ pub fn install(place: &Place, program: &Path, enable: bool) -> anyhow::Result<Ve
     }
     for (folder, unit, file) in WANTED.iter().filter(|_| enable) {
         let link = Path::new(ADMIN_UNITS).join(folder).join(unit);
-        files::link(&place.link_under_root(&link)?, &place.units().join(file))?;
+        files::link(&destination.link_under_root(&link)?, &destination.units().join(file))?;
         done.push(format!("enabled {unit}"));
     }
-    done.extend(others::missing(place, program));
-    done.extend(others::configured(place));
-    done.extend(hidden(place));
+    done.extend(others::missing(destination, program));
+    done.extend(others::configured(destination));
+    done.extend(hidden(destination));
     Ok(done)
 }
 
 /// Warns about an administrator's units of the same name, which take precedence in systemd.
-fn hidden(place: &Place) -> Vec<String> {
+fn hidden(destination: &Destination) -> Vec<String> {
     let admin = Path::new(ADMIN_UNITS);
-    let others = UNITS.iter().map(|(name, _)| admin.join(name)).filter(|_| place.units() != admin);
+    let others = UNITS.iter().map(|(name, _)| admin.join(name)).filter(|_| destination.units() != admin);
     others
-        .filter(|path| place.under_root(path).exists())
+        .filter(|path| destination.under_root(path).exists())
         .map(|path| format!("note: {} was put there by hand and is used instead; remove it", path.display()))
         .collect()
 }
@@ -182,49 +182,51 @@ fn hidden(place: &Place) -> Vec<String> {
 ///
 /// # Errors
 /// A file cannot be removed.
-pub fn uninstall(place: &Place) -> anyhow::Result<Vec<String>> {
+pub fn uninstall(destination: &Destination) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
     // systemd's directories are shared by all prefixes: their files may belong to another installation.
-    let (others, ours): (Vec<_>, Vec<_>) =
-        place.texts().into_iter().partition(|(path, text)| is_another(&place.under_root(path), text));
+    let (others, own): (Vec<_>, Vec<_>) = destination
+        .texts()
+        .into_iter()
+        .partition(|(path, text)| is_another(&destination.under_root(path), text));
     for (path, _) in &others {
-        let prefix = place.prefix.display();
+        let prefix = destination.prefix.display();
         done.push(format!("left {}: not what this release installs for {prefix}", path.display()));
     }
-    let units = place.units();
-    let has_others_units = others.iter().any(|(path, _)| path.starts_with(&units));
+    let units = destination.units();
+    let has_foreign_units = others.iter().any(|(path, _)| path.starts_with(&units));
     let mut take = |path: &Path| -> anyhow::Result<()> {
-        if remove(&place.link_under_root(path)?)? {
+        if remove(&destination.link_under_root(path)?)? {
             done.push(format!("removed {}", path.display()));
         }
         Ok(())
     };
-    for link in links::to(place, |unit| ours.iter().any(|(path, _)| path == unit)) {
+    for link in links::to(destination, |unit| own.iter().any(|(path, _)| path == unit)) {
         take(&link)?;
     }
     // User and directory definitions are shared by all prefixes: keep them while another installation's service needs
     // them.
-    for (path, _) in ours.iter().filter(|(path, _)| path.starts_with(&units) || !has_others_units) {
+    for (path, _) in own.iter().filter(|(path, _)| path.starts_with(&units) || !has_foreign_units) {
         take(path)?;
     }
-    take(&place.program())?;
+    take(&destination.program())?;
     for name in PROGRAMS {
-        take(&place.other_program(name))?;
+        take(&destination.program_named(name))?;
     }
-    for data in DATA.iter().filter(|data| place.under_root(Path::new(data)).exists()) {
+    for data in DATA.iter().filter(|data| destination.under_root(Path::new(data)).exists()) {
         done.push(format!(
             "left {data} as it is: what you configured and what was learnt is yours to delete"
         ));
     }
     if done.is_empty() {
-        done.push(format!("nothing is installed under {}", place.prefix.display()));
+        done.push(format!("nothing is installed under {}", destination.prefix.display()));
     }
     Ok(done)
 }
 
 /// Whether the file exists with another content.
 fn is_another(path: &Path, text: &str) -> bool {
-    path.symlink_metadata().is_ok() && !std::fs::read(path).is_ok_and(|there| there == text.as_bytes())
+    path.symlink_metadata().is_ok() && !std::fs::read(path).is_ok_and(|existing| existing == text.as_bytes())
 }
 
 #[cfg(test)]

@@ -21,22 +21,22 @@ use self::feed::Drain;
 use self::flight::{Flight, FlightRecorder};
 use self::flight_files::FlightFiles;
 use self::hlog_file::HlogFile;
+use crate::active_configuration::SharedConfiguration;
 use crate::config::Config;
-use crate::in_force::InForce;
 use crate::incidents::IncidentBoard;
 use crate::rings::Outcome;
 use crate::state_directory::StateDirectory;
 
 /// Polling interval of the ring, short compared to its capacity. Polling saves egress a system call for a wake-up.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Minimum interval between reports of lost cycles.
-const TELL_EVERY: Duration = Duration::from_secs(10);
+const REPORT_INTERVAL: Duration = Duration::from_secs(10);
 
 /// The latency log before it runs.
 pub struct LatencyLog {
     drain: Drain,
     /// The active configuration; a reload may change the path of the interval log.
-    in_force: Arc<InForce>,
+    active_configuration: Arc<SharedConfiguration>,
     board: Arc<IncidentBoard>,
     total: PathHistograms,
     hlog: Option<HlogFile>,
@@ -54,18 +54,18 @@ impl LatencyLog {
     /// Builds the log according to the active configuration.
     pub fn new(
         drain: Drain,
-        in_force: Arc<InForce>,
+        active_configuration: Arc<SharedConfiguration>,
         board: Arc<IncidentBoard>,
         state: &StateDirectory,
     ) -> LatencyLog {
-        let config = in_force.now().config;
+        let config = active_configuration.get().config;
         LatencyLog {
             drain,
-            in_force,
+            active_configuration,
             board,
             total: PathHistograms::new(),
             hlog: config.latency.hlog.as_deref().map(HlogFile::new),
-            flight: flight_of(&config, &state.flights()),
+            flight: open_flight(&config, &state.flights()),
             flights: state.flights(),
             flight_cycles: config.latency.flight_cycles,
             hlog_failed: false,
@@ -84,35 +84,35 @@ impl LatencyLog {
             // Checked before the ring is emptied, so that the ring contains the last outcome.
             let ended = self.drain.is_closed();
             while let Some(outcome) = self.drain.pop() {
-                self.enter(&outcome);
+                self.record(&outcome);
             }
-            self.follow_reload();
+            self.apply_reload();
             self.write_hlog(ended);
             if ended {
                 let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
-                self.keep(last);
-                self.tell();
+                self.write_flight(last);
+                self.report_dropped();
                 return Report::of(&self.total);
             }
-            if self.reported_at.elapsed() >= TELL_EVERY {
-                self.tell();
+            if self.reported_at.elapsed() >= REPORT_INTERVAL {
+                self.report_dropped();
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
-    fn enter(&mut self, outcome: &Outcome) {
+    fn record(&mut self, outcome: &Outcome) {
         self.total.record(&outcome.record);
         if let Some(hlog) = &mut self.hlog {
             hlog.record(&outcome.record);
         }
-        let flight = self.flight.as_mut().and_then(|(recorder, _)| recorder.enter(outcome));
-        self.keep(flight);
+        let flight = self.flight.as_mut().and_then(|(recorder, _)| recorder.record(outcome));
+        self.write_flight(flight);
     }
 
     /// Switches interval log and flight recorder after a reload.
-    fn follow_reload(&mut self) {
-        let latency = self.in_force.look(|forced| forced.config.latency.clone());
+    fn apply_reload(&mut self) {
+        let latency = self.active_configuration.with(|active| active.config.latency.clone());
         if self.hlog.as_ref().map(HlogFile::path) != latency.hlog.as_deref() {
             self.write_hlog(true);
             if std::mem::take(&mut self.hlog_failed) {
@@ -123,8 +123,8 @@ impl LatencyLog {
         }
         if latency.flight_cycles != self.flight_cycles {
             let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
-            self.keep(last);
-            self.flight = flight_of(&self.in_force.now().config, &self.flights);
+            self.write_flight(last);
+            self.flight = open_flight(&self.active_configuration.get().config, &self.flights);
             self.flight_cycles = latency.flight_cycles;
             if std::mem::take(&mut self.flight_failed) {
                 self.set_incident(None);
@@ -146,7 +146,7 @@ impl LatencyLog {
         self.set_incident(failed);
     }
 
-    fn keep(&mut self, flight: Option<Flight>) {
+    fn write_flight(&mut self, flight: Option<Flight>) {
         let (Some(flight), Some((_, files))) = (flight, &self.flight) else { return };
         let failed = match files.write(&flight) {
             Ok(path) => {
@@ -173,12 +173,12 @@ impl LatencyLog {
     }
 
     /// Reports outcomes that are missing in the log and files.
-    fn tell(&mut self) {
+    fn report_dropped(&mut self) {
         self.reported_at = Instant::now();
         let dropped = self.drain.dropped();
         let new = dropped - std::mem::replace(&mut self.dropped_reported, dropped);
         if new > 0 {
-            self.board.happened(
+            self.board.report_once(
                 Incident::LatencyNotLogged,
                 &format!(
                     "the latency log fell behind: {new} cycles are neither in it nor in flight records, {dropped} since \
@@ -186,10 +186,10 @@ impl LatencyLog {
                 ),
             );
         }
-        let left_out = self.flight.as_mut().map_or(0, |(recorder, _)| recorder.take_left_out());
-        if left_out > 0 {
+        let skipped = self.flight.as_mut().map_or(0, |(recorder, _)| recorder.take_skipped());
+        if skipped > 0 {
             warn!(
-                "{left_out} missed deadlines have no flight record: one is kept in {} s",
+                "{skipped} missed deadlines have no flight record: one is kept in {} s",
                 flight::PAUSE_NS / equipoise_core::time::NS_PER_S
             );
         }
@@ -197,7 +197,7 @@ impl LatencyLog {
 }
 
 /// The flight recorder according to a configuration.
-fn flight_of(config: &Config, directory: &Path) -> Option<(FlightRecorder, FlightFiles)> {
+fn open_flight(config: &Config, directory: &Path) -> Option<(FlightRecorder, FlightFiles)> {
     let cycles = config.latency.flight_cycles as usize;
     (cycles > 0).then(|| {
         let files = FlightFiles::new(directory, config);

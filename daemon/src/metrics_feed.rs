@@ -1,4 +1,4 @@
-//! Feeds the metrics: a consumer of the bus that keeps the newest message of each kind and counts levels.
+//! Feeds the metrics: a consumer of the bus that stores the newest message of each kind and counts levels.
 
 use std::net::SocketAddr;
 use std::sync::mpsc::Sender;
@@ -17,7 +17,7 @@ use rustix::process::setpriority_process;
 use crate::realtime::now_ns;
 
 /// Polling interval of the bus.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Depth of several polling intervals at the highest rate, so that every state is counted.
 const STATES: usize = 1024;
 /// Nice value of both threads: any other work has priority.
@@ -36,8 +36,8 @@ pub fn run(
     // On Linux this affects only this thread and the server's thread, which it starts. A refusal has little effect.
     let _ = setpriority_process(None, NICE);
     let mut feed = Feed::open(station)?;
-    let shown = Arc::new(Mutex::new(feed.snapshot.clone()));
-    let served = Arc::clone(&shown);
+    let shared = Arc::new(Mutex::new(feed.snapshot.clone()));
+    let served = Arc::clone(&shared);
     let metrics = Metrics::start(listen, move || {
         let snapshot = served.lock().unwrap_or_else(PoisonError::into_inner).clone();
         Snapshot { now_ns: now_ns(), ..snapshot }
@@ -45,9 +45,9 @@ pub fn run(
     .context("metrics.listen")?;
     let _ = ready.send(metrics.address());
     while !stopping() {
-        feed.look()?;
-        shown.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&feed.snapshot);
-        std::thread::sleep(LOOK_EVERY);
+        feed.update()?;
+        shared.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&feed.snapshot);
+        std::thread::sleep(POLL_INTERVAL);
     }
     Ok(())
 }
@@ -89,20 +89,20 @@ impl Feed {
         })
     }
 
-    fn look(&mut self) -> Result<(), BusError> {
-        let known = &mut self.snapshot;
+    fn update(&mut self) -> Result<(), BusError> {
+        let snapshot = &mut self.snapshot;
         while let Some(state) = self.states.receive()? {
-            for (levels, level) in known.joint_cycles.iter_mut().zip(state.joint_level) {
+            for (levels, level) in snapshot.joint_cycles.iter_mut().zip(state.joint_level) {
                 if let Some(count) = levels.get_mut(level as usize) {
                     *count += 1;
                 }
             }
-            known.state = Some(state);
+            snapshot.state = Some(state);
         }
-        known.record = self.cycles.latest()?.or(known.record);
-        known.incidents = self.incidents.latest()?.or(known.incidents);
+        snapshot.record = self.cycles.latest()?.or(snapshot.record);
+        snapshot.incidents = self.incidents.latest()?.or(snapshot.incidents);
         while let Some(health) = self.health.receive()? {
-            if let Some(stream) = known.streams.get_mut((health.stream as usize).wrapping_sub(1)) {
+            if let Some(stream) = snapshot.streams.get_mut((health.stream as usize).wrapping_sub(1)) {
                 stream.health = Some(health);
             }
         }

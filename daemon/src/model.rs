@@ -63,7 +63,7 @@ impl LoadedModel {
     }
 
     /// One sentence on the active and the omitted effects.
-    pub fn tell(&self) -> String {
+    pub fn describe(&self) -> String {
         let (_, left_out) = self.file.model(self.spans());
         let running = self.file.effects.iter().filter(|fitted| !left_out.contains(fitted));
         let names = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join(", ") };
@@ -140,24 +140,28 @@ mod tests {
                         false\nlog_odds = 9.0\n[effect.parameters.psi_rad]\nvalue = 0.1\nsigma = 0.001\nunit = \"rad\"\n";
 
     #[test]
-    fn spans_hold_in_the_recording_they_were_found_in_and_nowhere_else() {
+    fn spans_apply_only_to_their_recording() {
         let folder = tempfile::tempdir().unwrap();
         let (here, elsewhere) = (folder.path().join("here"), folder.path().join("elsewhere"));
         std::fs::write(&here, "abc").unwrap();
         std::fs::write(&elsewhere, "abd").unwrap();
         // FIPS 180-2, appendix B.1.
-        let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-        assert_eq!(sha256_of(&here).unwrap(), known);
-        let mut loaded = LoadedModel::parse(TEXT.replace("HASH", known), "m.toml".to_owned()).unwrap();
+        let expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256_of(&here).unwrap(), expected);
+        let mut loaded = LoadedModel::parse(TEXT.replace("HASH", expected), "m.toml".to_owned()).unwrap();
         let spans = |loaded: &LoadedModel| {
             loaded.model().terms.iter().flatten().map(|term| term.span_s).collect::<Vec<_>>()
         };
         assert_eq!(spans(&loaded), [[0.0, f64::INFINITY]]);
         let text = "model m.toml: plate_offset; left out, since it ended before the recording it was found in did: plate_yaw";
-        assert_eq!(loaded.tell(), text);
+        assert_eq!(loaded.describe(), text);
         loaded.fit_to(&here).unwrap();
         assert_eq!(spans(&loaded), [[1.0, f64::INFINITY], [1.0, 1.5]]);
-        assert!(loaded.tell().contains("plate_offset, plate_yaw, each in the span"), "{}", loaded.tell());
+        assert!(
+            loaded.describe().contains("plate_offset, plate_yaw, each in the span"),
+            "{}",
+            loaded.describe()
+        );
         loaded.fit_to(&elsewhere).unwrap();
         assert_eq!(spans(&loaded).len(), 1);
         assert!(loaded.fit_to(&folder.path().join("none")).is_err());

@@ -21,14 +21,14 @@ use pose::Limb;
 /// Length of the window, ns.
 const WINDOW_NS: u64 = 60 * NS_PER_S;
 /// Minimum time span in the window for an evaluation, ns.
-const SEEN_NS: u64 = 40 * NS_PER_S;
+const SPAN_MIN_NS: u64 = 40 * NS_PER_S;
 /// Minimum number of samples of one kind for an evaluation.
-const MOMENTS_MIN: usize = 15;
+const SAMPLES_MIN: usize = 15;
 /// Median of the residual's magnitude over σ above which the model is rejected. A Gaussian has 0.67; the limit of 3
 /// tolerates a σ that is wrong by a factor of four.
 const MEDIAN_MAX: f64 = 3.0;
 /// Minimum interval between reports, ns.
-const SILENCE_NS: u64 = 300 * NS_PER_S;
+const REPORT_INTERVAL_NS: u64 = 300 * NS_PER_S;
 
 /// Signal that is monitored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +47,7 @@ pub struct Suspicion {
     /// The signal concerned.
     pub signal: Signal,
     /// Whether it occurs in static poses (otherwise in motion).
-    pub still: bool,
+    pub is_static: bool,
     /// Median of measured minus predicted, m or N.
     pub size: f64,
     /// Median of its magnitude divided by σ.
@@ -74,7 +74,7 @@ impl fmt::Display for Suspicion {
                 ("vertical force", format!("{:.0} N {side}", self.size.abs()))
             }
         };
-        let when = if self.still { "holding still" } else { "moving" };
+        let when = if self.is_static { "holding still" } else { "moving" };
         write!(
             f,
             "the model no longer explains this worker's data: while {when}, the {signal} lies in the median {size} what \
@@ -90,11 +90,11 @@ impl fmt::Display for Suspicion {
 
 /// One sample in the window.
 #[derive(Debug, Clone, Copy)]
-struct Seen {
+struct ResidualSample {
     time_ns: u64,
-    still: bool,
+    is_static: bool,
     /// Measured minus predicted, in the order of the signals, and 1-σ of each.
-    off: [f64; 3],
+    residual: [f64; 3],
     sigma: [f64; 3],
     pose: pose::Features,
 }
@@ -104,85 +104,89 @@ const SIGNALS: [Signal; 3] = [Signal::CopForward, Signal::CopLeft, Signal::Force
 /// The watch.
 #[derive(Debug, Default)]
 pub struct ModelWatch {
-    seen: VecDeque<Seen>,
+    samples: VecDeque<ResidualSample>,
     reported_ns: Option<u64>,
-    now: Option<Suspicion>,
+    current: Option<Suspicion>,
 }
 
 impl ModelWatch {
     /// Ingests a state; returns a discrepancy to report, at most once in five minutes.
-    pub fn look(&mut self, state: &State) -> Option<Suspicion> {
+    pub fn update(&mut self, state: &State) -> Option<Suspicion> {
         if state.phase != Phase::Monitoring as u32 {
             // The subject or its identification may have changed, or a sensor is silent.
-            self.seen.clear();
-            self.now = None;
+            self.samples.clear();
+            self.current = None;
             return None;
         }
-        let seen = Seen::of(state)?;
-        if self.seen.back().is_some_and(|last| seen.time_ns <= last.time_ns) {
+        let sample = ResidualSample::of(state)?;
+        if self.samples.back().is_some_and(|last| sample.time_ns <= last.time_ns) {
             return None;
         }
-        self.seen.push_back(seen);
-        self.seen.retain(|other| seen.time_ns - other.time_ns < WINDOW_NS);
-        let first_ns = self.seen.front().map_or(seen.time_ns, |first| first.time_ns);
-        if seen.time_ns - first_ns < SEEN_NS {
+        self.samples.push_back(sample);
+        self.samples.retain(|other| sample.time_ns - other.time_ns < WINDOW_NS);
+        let first_ns = self.samples.front().map_or(sample.time_ns, |first| first.time_ns);
+        if sample.time_ns - first_ns < SPAN_MIN_NS {
             return None;
         }
-        self.now = self.judge();
-        let silent =
-            self.reported_ns.is_some_and(|reported_ns| seen.time_ns.saturating_sub(reported_ns) < SILENCE_NS);
-        let reported = self.now.filter(|_| !silent)?;
-        self.reported_ns = Some(seen.time_ns);
+        self.current = self.evaluate();
+        let recently_reported = self
+            .reported_ns
+            .is_some_and(|reported_ns| sample.time_ns.saturating_sub(reported_ns) < REPORT_INTERVAL_NS);
+        let reported = self.current.filter(|_| !recently_reported)?;
+        self.reported_ns = Some(sample.time_ns);
         Some(reported)
     }
 
     /// The current discrepancy, reported or not.
-    pub fn suspected(&self) -> Option<Suspicion> {
-        self.now
+    pub fn suspicion(&self) -> Option<Suspicion> {
+        self.current
     }
 
     /// The signal with the largest discrepancy above the limit.
-    fn judge(&self) -> Option<Suspicion> {
-        let kinds = [true, false].into_iter().flat_map(|still| (0..3).map(move |signal| (still, signal)));
+    fn evaluate(&self) -> Option<Suspicion> {
+        let kinds =
+            [true, false].into_iter().flat_map(|is_static| (0..3).map(move |signal| (is_static, signal)));
         kinds
-            .filter_map(|(still, signal)| self.judge_one(still, signal))
+            .filter_map(|(is_static, signal)| self.evaluate_signal(is_static, signal))
             .max_by(|a, b| a.times_sigma.total_cmp(&b.times_sigma))
     }
 
-    fn judge_one(&self, still: bool, signal: usize) -> Option<Suspicion> {
-        let moments: Vec<&Seen> = self.seen.iter().filter(|seen| seen.still == still).collect();
-        if moments.len() < MOMENTS_MIN {
+    fn evaluate_signal(&self, is_static: bool, signal: usize) -> Option<Suspicion> {
+        let selected: Vec<&ResidualSample> =
+            self.samples.iter().filter(|sample| sample.is_static == is_static).collect();
+        if selected.len() < SAMPLES_MIN {
             return None;
         }
-        let times_sigma =
-            median(moments.iter().map(|seen| (seen.off[signal] / seen.sigma[signal]).abs()).collect());
+        let times_sigma = median(
+            selected.iter().map(|sample| (sample.residual[signal] / sample.sigma[signal]).abs()).collect(),
+        );
         if times_sigma <= MEDIAN_MAX {
             return None;
         }
-        let off: Vec<f64> = moments.iter().map(|seen| seen.off[signal]).collect();
-        let poses: Vec<pose::Features> = moments.iter().map(|seen| seen.pose).collect();
-        let limb = pose::limb_that_goes_with(&off, &poses);
-        Some(Suspicion { signal: SIGNALS[signal], still, size: median(off), times_sigma, limb })
+        let residual: Vec<f64> = selected.iter().map(|sample| sample.residual[signal]).collect();
+        let poses: Vec<pose::Features> = selected.iter().map(|sample| sample.pose).collect();
+        let limb = pose::correlated_limb(&residual, &poses);
+        Some(Suspicion { signal: SIGNALS[signal], is_static, size: median(residual), times_sigma, limb })
     }
 }
 
-impl Seen {
+impl ResidualSample {
     /// `None` with a load, or if a quantity is unavailable.
-    fn of(state: &State) -> Option<Seen> {
+    fn of(state: &State) -> Option<ResidualSample> {
         let valid = state.validity();
         if !valid.any_of(Validity::BELOW_LOAD_THRESHOLD) || valid.any_of(Validity::SPOILS_RESIDUAL) {
             return None;
         }
         let cop = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];
         let cop_sigma = |axis: usize| state.cop_sigma_m[axis].hypot(state.cop_measured_sigma_m[axis]);
-        let seen = Seen {
+        let sample = ResidualSample {
             time_ns: state.suit_sample_time_ns,
-            still: state.static_pose == 1,
-            off: [cop(0), cop(1), state.delta_f_n[2]],
+            is_static: state.static_pose == 1,
+            residual: [cop(0), cop(1), state.delta_f_n[2]],
             sigma: [cop_sigma(0), cop_sigma(1), state.delta_f_sigma_n],
             pose: pose::features(|segment: Segment| state.segment_origin_m[segment.index()]),
         };
-        seen.sigma.iter().all(|sigma| *sigma > 0.0).then_some(seen)
+        sample.sigma.iter().all(|sigma| *sigma > 0.0).then_some(sample)
     }
 }
 

@@ -18,13 +18,13 @@ use equipoise_view::page::{Engineer, Page, PageFrame};
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
 
+use crate::bus_directory::BusDirectory;
 use crate::config::method::StopConfig;
 use crate::config::{Config, PageConfig};
-use crate::joined::Joined;
 use crate::model::suggestion;
 use crate::page_tokens::PageTokens;
-use crate::picked_up::PickedUp;
 use crate::realtime::now_ns;
+use crate::receipt::ReceiptBuilder;
 use crate::status::PageFile;
 
 /// Role of the page on the bus.
@@ -32,14 +32,14 @@ pub const PAGE_ROLE: &str = "page";
 /// Consumer name in latency reports, which cover the path up to the page's server, before transmission.
 pub const CONSUMER_NAME: &str = "view";
 /// Polling interval for the newest state.
-const LOOK_EVERY: Duration = Duration::from_millis(8);
+const POLL_INTERVAL: Duration = Duration::from_millis(8);
 /// Interval for checking that the joined bus still exists, and for retries of joining.
-const LOOK_AFTER_THE_BUS_EVERY: Duration = Duration::from_secs(1);
+const BUS_CHECK_INTERVAL: Duration = Duration::from_secs(1);
 /// Interval of latency reports.
-const REPORT_EVERY: Duration = Duration::from_secs(1);
+const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
-type Receipts = Mutex<PickedUp>;
+type Receipts = Mutex<ReceiptBuilder>;
 
 /// A page being served, and the thread that feeds it. Dropping it closes connections and leaves the bus.
 pub struct ServedPage {
@@ -47,7 +47,7 @@ pub struct ServedPage {
     /// The feed continues while this reference exists.
     newest: Option<Arc<Newest>>,
     threads: Vec<JoinHandle<()>>,
-    asked: Arc<AtomicU64>,
+    requests: Arc<AtomicU64>,
     file: PageFile,
 }
 
@@ -59,21 +59,21 @@ impl ServedPage {
     pub fn start(config: &Config, page: &PageConfig, base: &Path) -> anyhow::Result<ServedPage> {
         let PageTokens { page: token, command: command_token } = PageTokens::read(page, base)?;
         let report = page.report.as_ref().map(|file| base.join(file));
-        let desk = Arc::new(station::Desk::new(&config.station, report));
-        let engineer = Engineer { station: Arc::clone(&desk) as _, command_token };
+        let station_data = Arc::new(station::StationData::new(&config.station, report));
+        let engineer = Engineer { station: Arc::clone(&station_data) as _, command_token };
         let newest = Arc::new(Newest::default());
-        let asked = Arc::new(AtomicU64::new(0));
-        let receipts = Arc::new(Receipts::new(PickedUp::new(CONSUMER_NAME, now_ns())));
-        let frames = frames(config, &newest, &receipts, &asked);
+        let requests = Arc::new(AtomicU64::new(0));
+        let receipts = Arc::new(Receipts::new(ReceiptBuilder::new(CONSUMER_NAME, now_ns())));
+        let frames = frames(config, &newest, &receipts, &requests);
         let page = Page::start_with(page.listen, token, frames, Some(engineer)).context("page.listen")?;
-        let feed = follow(&config.station, Arc::downgrade(&newest), receipts)?;
-        let gathering = station::gather(desk, Arc::downgrade(&newest))?;
+        let feed = start_feed(&config.station, Arc::downgrade(&newest), receipts)?;
+        let collecting = station::start_collecting(station_data, Arc::downgrade(&newest))?;
         let file = PageFile::new(&config.station, page.url(), token.is_some());
         // Without the file only `equipoise status` is affected: it does not list the page.
         if let Err(error) = file.write() {
             warn!("cannot write {}: {error}", file.path.display());
         }
-        Ok(ServedPage { page, newest: Some(newest), threads: vec![feed, gathering], asked, file })
+        Ok(ServedPage { page, newest: Some(newest), threads: vec![feed, collecting], requests, file })
     }
 
     /// The page's URL for a browser.
@@ -87,8 +87,8 @@ impl ServedPage {
     }
 
     /// Number of frames requested by the page's thread: increments sixty times a second while the thread runs.
-    pub fn asked(&self) -> u64 {
-        self.asked.load(Ordering::Relaxed)
+    pub fn requests(&self) -> u64 {
+        self.requests.load(Ordering::Relaxed)
     }
 }
 
@@ -104,33 +104,37 @@ impl Drop for ServedPage {
 }
 
 /// Starts the thread that receives the newest state of a station; it ends when `newest` is dropped.
-fn follow(station: &str, newest: Weak<Newest>, receipts: Arc<Receipts>) -> anyhow::Result<JoinHandle<()>> {
+fn start_feed(
+    station: &str,
+    newest: Weak<Newest>,
+    receipts: Arc<Receipts>,
+) -> anyhow::Result<JoinHandle<()>> {
     let settings = BusSettings::new(station, PAGE_ROLE);
-    let (joined, first) = std::sync::mpsc::channel();
+    let (result_sender, first_result) = std::sync::mpsc::channel();
     // Ports of the bus are bound to one thread, so this thread opens them.
     let thread = std::thread::Builder::new().name("page-feed".into()).spawn(move || {
         // A failure of the first join is returned to the caller; later failures are retried.
         match join(&settings) {
             Ok(ports) => {
-                let _ = joined.send(Ok(()));
-                take_until_it_is_another(ports, &settings.root, &newest, &receipts);
+                let _ = result_sender.send(Ok(()));
+                receive_until_replaced(ports, &settings.root, &newest, &receipts);
             }
             Err(error) => {
-                let _ = joined.send(Err(error));
+                let _ = result_sender.send(Err(error));
                 return;
             }
         }
         while newest.strong_count() > 0 {
             match join(&settings) {
-                Ok(ports) => take_until_it_is_another(ports, &settings.root, &newest, &receipts),
+                Ok(ports) => receive_until_replaced(ports, &settings.root, &newest, &receipts),
                 Err(error) => {
                     warn!("the page has no data: {error}");
-                    std::thread::sleep(LOOK_AFTER_THE_BUS_EVERY);
+                    std::thread::sleep(BUS_CHECK_INTERVAL);
                 }
             }
         }
     })?;
-    first.recv().map_err(|_| anyhow!("the page's feed ended before it began"))??;
+    first_result.recv().map_err(|_| anyhow!("the page's feed ended before it began"))??;
     Ok(thread)
 }
 
@@ -158,13 +162,13 @@ fn join(settings: &BusSettings) -> Result<Ports, BusError> {
 impl Ports {
     /// Publishes the latency report, once a second.
     fn report(&mut self, receipts: &Receipts) {
-        if self.reported.elapsed() < REPORT_EVERY {
+        if self.reported.elapsed() < REPORT_INTERVAL {
             return;
         }
         self.reported = Instant::now();
         let Some(reports) = &self.reports else { return };
-        let sent = receipts.lock().map(|mut receipts| reports.send(receipts.dated(now_ns())));
-        if let Ok(Err(error)) = sent {
+        let result = receipts.lock().map(|mut receipts| reports.send(receipts.stamped(now_ns())));
+        if let Ok(Err(error)) = result {
             warn!("the latency of the page is not reported: {error}");
             self.reports = None;
         }
@@ -173,8 +177,8 @@ impl Ports {
 
 /// Receives states until `newest` is dropped, the bus fails, or its directory was replaced: a directory created again
 /// holds a bus that the old ports do not reach.
-fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>, receipts: &Receipts) {
-    let mut place = Place::of(root);
+fn receive_until_replaced(mut ports: Ports, root: &Path, newest: &Weak<Newest>, receipts: &Receipts) {
+    let mut bus_watch = BusWatch::of(root);
     while let Some(newest) = newest.upgrade() {
         match ports.states.latest() {
             Ok(Some(state)) => {
@@ -185,39 +189,39 @@ fn take_until_it_is_another(mut ports: Ports, root: &Path, newest: &Weak<Newest>
             Ok(None) => {}
             Err(error) => {
                 warn!("the page lost the bus: {error}");
-                std::thread::sleep(LOOK_AFTER_THE_BUS_EVERY);
+                std::thread::sleep(BUS_CHECK_INTERVAL);
                 return;
             }
         }
         ports.report(receipts);
-        if place.is_another() {
+        if bus_watch.is_replaced() {
             // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
             std::mem::forget(ports);
             return;
         }
-        std::thread::sleep(LOOK_EVERY);
+        std::thread::sleep(POLL_INTERVAL);
     }
 }
 
 /// The directory of the joined bus.
-struct Place {
-    joined: Joined,
-    looked: Instant,
+struct BusWatch {
+    bus_directory: BusDirectory,
+    checked: Instant,
 }
 
-impl Place {
-    fn of(root: &Path) -> Place {
-        Place { joined: Joined::now(root), looked: Instant::now() }
+impl BusWatch {
+    fn of(root: &Path) -> BusWatch {
+        BusWatch { bus_directory: BusDirectory::read(root), checked: Instant::now() }
     }
 
     /// Whether the directory was replaced, checked at most once a second.
-    fn is_another(&mut self) -> bool {
-        self.looked.elapsed() >= LOOK_AFTER_THE_BUS_EVERY && self.is_another_now()
+    fn is_replaced(&mut self) -> bool {
+        self.checked.elapsed() >= BUS_CHECK_INTERVAL && self.is_replaced_now()
     }
 
-    fn is_another_now(&mut self) -> bool {
-        self.looked = Instant::now();
-        self.joined.is_cut_off()
+    fn is_replaced_now(&mut self) -> bool {
+        self.checked = Instant::now();
+        self.bus_directory.is_replaced()
     }
 }
 
@@ -226,17 +230,17 @@ fn frames(
     config: &Config,
     newest: &Arc<Newest>,
     receipts: &Arc<Receipts>,
-    asked: &Arc<AtomicU64>,
+    requests: &Arc<AtomicU64>,
 ) -> impl FnMut() -> Option<PageFrame> + Send + 'static {
-    let (newest, receipts, asked) = (Arc::downgrade(newest), Arc::clone(receipts), Arc::clone(asked));
+    let (newest, receipts, requests) = (Arc::downgrade(newest), Arc::clone(receipts), Arc::clone(requests));
     let target_m = (config.identification.stop == StopConfig::PredictedCop)
         .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
     let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
     move || {
-        asked.fetch_add(1, Ordering::Relaxed);
+        requests.fetch_add(1, Ordering::Relaxed);
         let state = newest.upgrade()?.lock().ok().and_then(|newest| *newest)?;
         if let Ok(mut receipts) = receipts.lock() {
-            receipts.enter_once(&state, now_ns());
+            receipts.record_once(&state, now_ns());
         }
         let suggested = LIBRARY.get(state.suggested_pose as usize).map(|posture| {
             let pose = SuggestedPose::on_the_spot(posture, &state.segment_origin_m);

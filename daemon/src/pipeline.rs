@@ -3,7 +3,7 @@
 
 mod adapters;
 mod reload;
-mod remembered;
+mod restored;
 mod threads;
 
 use std::sync::{Arc, mpsc};
@@ -14,33 +14,33 @@ use equipoise_core::message::Incident;
 use equipoise_latency::Report;
 use tracing::info;
 
+use crate::active_configuration::{ActiveConfiguration, SharedConfiguration};
 use crate::commands::Commands;
 use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
-use crate::in_force::{Forced, InForce};
 use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
 use crate::process_state::is_stopped;
-use crate::realtime::{self, Asked, ThreadReport};
-use crate::rings::{Rings, Waiting};
-use crate::roster::{MemoryUse, Roster};
+use crate::realtime::{self, RequestedScheduling, ThreadReport};
+use crate::rings::{Rings, WaitStrategy};
 use crate::saving::{self, Saver};
 use crate::state_directory::StateDirectory;
 use crate::status::{self, Status, StatusFile};
+use crate::subjects::{ProfileDestination, Subjects};
+use crate::thread_registry::{MemoryUse, ThreadRegistry};
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::watchdog;
-use crate::workers::{Saving, Workers};
 
-use self::remembered::Remembered;
-use self::threads::{Held, Running, started};
+use self::restored::Restored;
+use self::threads::{Running, Shared, start_thread};
 
 /// SCHED_FIFO priorities of the other threads, relative to the loop's and below it in this order.
 const BELOW_LOOP: [(&str, u32); 3] = [("ingress", 10), ("egress", 20), ("watchdog", 30)];
 /// Threads without deadlines request the ordinary scheduler.
-const ORDINARY: Asked = Asked { fifo_priority: 0, cpu: None };
+const ORDINARY: RequestedScheduling = RequestedScheduling { fifo_priority: 0, cpu: None };
 /// Prefix of the message for a refused memory lock.
 const NOT_LOCKED: &str = "not locked";
 /// Role of the daemon on the bus.
@@ -49,11 +49,11 @@ pub(crate) const DAEMON_ROLE: &str = "daemon";
 /// A running daemon.
 pub struct Pipeline {
     rings: Arc<Rings>,
-    in_force: Arc<InForce>,
+    active_configuration: Arc<SharedConfiguration>,
     board: Arc<IncidentBoard>,
     running: Running,
     status: StatusFile,
-    roster: Arc<Roster>,
+    thread_registry: Arc<ThreadRegistry>,
 }
 
 /// Statistics of a daemon's run.
@@ -85,14 +85,14 @@ impl Pipeline {
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
         let memory_lock = lock_memory(config)?;
-        let roster = Arc::new(Roster::default());
-        roster.ask("main", ORDINARY);
+        let thread_registry = Arc::new(ThreadRegistry::default());
+        thread_registry.request("main", ORDINARY);
 
         // The command server exists once per station, so its owner is the station's daemon. Ports are bound to their
         // thread, so that thread opens it, and this thread waits for the result.
         let commands_rings = Arc::clone(&rings);
-        let (hold, held) = mpsc::channel::<Held>();
-        let (commands, ()) = started("commands", ORDINARY, &roster, move |ready| {
+        let (share, shared) = mpsc::channel::<Shared>();
+        let (commands, ()) = start_thread("commands", ORDINARY, &thread_registry, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             // Removes nodes left by a previous daemon, for example.
             bus.clean_up_dead_nodes();
@@ -100,36 +100,42 @@ impl Pipeline {
             let mut commands = Commands::open(bus, server, commands_rings)?;
             let _ = ready.send(());
             // No command is answered before the state is read.
-            let Ok((in_force, workers)) = held.recv() else { return Ok(()) };
-            commands.run(&in_force, &workers)?;
+            let Ok((active_configuration, subjects)) = shared.recv() else { return Ok(()) };
+            commands.run(&active_configuration, &subjects)?;
             // Keep the station until all other threads have ended, so that a next daemon reads their final output.
-            let _ = held.recv();
+            let _ = shared.recv();
             Ok(())
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
         let (settings, similar) = config.settings_among(&state.profiles());
-        let in_force = Arc::new(InForce::new(Forced { config: config.clone(), settings, similar }));
+        let active_configuration = Arc::new(SharedConfiguration::new(ActiveConfiguration {
+            config: config.clone(),
+            settings,
+            similar,
+        }));
         let subject = &config.subject;
-        let configured = Saving::of(&state, &subject.id, Some(subject.build()), subject.remember);
-        let workers = Arc::new(Workers::new(state, configured));
-        let remembered = Remembered::find(config, &settings, &workers);
-        let _ = hold.send((Arc::clone(&in_force), Arc::clone(&workers)));
+        let configured = ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.remember);
+        let subjects = Arc::new(Subjects::new(state, configured));
+        let restored = Restored::find(config, &settings, &subjects);
+        let _ = share.send((Arc::clone(&active_configuration), Arc::clone(&subjects)));
         // Threads are running from here on: a failure must end them and wait until they have left the bus.
-        let mut running = Running::holding(commands, hold);
+        let mut running = Running::with_commands(commands, share);
         let board = Arc::new(IncidentBoard::default());
         let start = Start {
             config,
             rings: &rings,
-            roster: &roster,
-            in_force: &in_force,
+            thread_registry: &thread_registry,
+            active_configuration: &active_configuration,
             board: &board,
-            workers,
-            remembered,
+            subjects,
+            restored,
             memory_lock,
             observer,
         };
-        match start.the_rest(settings, &mut running) {
-            Ok(status) => Ok(Pipeline { rings, in_force, board, running, status, roster }),
+        match start.start_remaining(settings, &mut running) {
+            Ok(status) => {
+                Ok(Pipeline { rings, active_configuration, board, running, status, thread_registry })
+            }
             Err(error) => {
                 rings.stop();
                 // Return the first error.
@@ -143,7 +149,7 @@ impl Pipeline {
 
     /// Requested and granted scheduling of each thread.
     pub fn threads(&self) -> Vec<ThreadReport> {
-        self.roster.reports()
+        self.thread_registry.reports()
     }
 
     /// Number of the newest cycle.
@@ -152,8 +158,8 @@ impl Pipeline {
     }
 
     /// Whether every thread is running.
-    pub fn is_whole(&self) -> bool {
-        self.running.is_whole()
+    pub fn is_running(&self) -> bool {
+        self.running.is_running()
     }
 
     /// Ends every thread and returns the statistics.
@@ -164,7 +170,7 @@ impl Pipeline {
         self.rings.stop();
         // Housekeeping, which rewrites the file, has ended by then, and the next daemon has not written its own yet.
         let (cycles, latency) = self.running.join(|| self.status.remove())?;
-        Ok(Summary { cycles, latency, threads: self.roster.reports() })
+        Ok(Summary { cycles, latency, threads: self.thread_registry.reports() })
     }
 }
 
@@ -172,131 +178,141 @@ impl Pipeline {
 struct Start<'a> {
     config: &'a Config,
     rings: &'a Arc<Rings>,
-    roster: &'a Arc<Roster>,
-    in_force: &'a Arc<InForce>,
+    thread_registry: &'a Arc<ThreadRegistry>,
+    active_configuration: &'a Arc<SharedConfiguration>,
     board: &'a Arc<IncidentBoard>,
-    workers: Arc<Workers>,
-    remembered: Remembered,
+    subjects: Arc<Subjects>,
+    restored: Restored,
     memory_lock: String,
     observer: Box<dyn Observer>,
 }
 
 impl Start<'_> {
-    fn the_rest(
+    fn start_remaining(
         self,
         settings: equipoise_core::cycle::Settings,
         running: &mut Running,
     ) -> anyhow::Result<StatusFile> {
-        let (config, roster) = (self.config, self.roster);
-        let waiting = config.waiting();
-        let asked = |below: u32, cpu: Option<usize>| match waiting {
-            Waiting::Sleeping => Asked { fifo_priority: config.tick.priority.saturating_sub(below), cpu },
+        let (config, thread_registry) = (self.config, self.thread_registry);
+        let wait_strategy = config.wait_strategy();
+        let requested = |below: u32, cpu: Option<usize>| match wait_strategy {
+            WaitStrategy::Sleeping => {
+                RequestedScheduling { fifo_priority: config.tick.priority.saturating_sub(below), cpu }
+            }
             // A polling thread must not be real-time: the kernel would throttle it for a twentieth of each second, in
             // one piece.
-            Waiting::Polling => Asked { fifo_priority: 0, cpu: None },
+            WaitStrategy::Polling => RequestedScheduling { fifo_priority: 0, cpu: None },
         };
 
         if let Some(metrics) = config.metrics.as_ref().filter(|_| !config.sensors_apart) {
             let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
-            let (thread, address) = started("metrics-feed", ORDINARY, roster, move |ready| {
+            let (thread, address) = start_thread("metrics-feed", ORDINARY, thread_registry, move |ready| {
                 metrics_feed::run(&station, listen, &ready, &|| rings.is_stopping())
             })?;
             info!("metrics: http://{address}/metrics");
             running.metrics = Some(thread);
         }
 
-        let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::PLACES);
-        let log =
-            LatencyLog::new(drain, Arc::clone(self.in_force), Arc::clone(self.board), self.workers.state());
-        let (latency_log, ()) = started("latency log", ORDINARY, roster, move |ready| {
+        let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::CAPACITY);
+        let log = LatencyLog::new(
+            drain,
+            Arc::clone(self.active_configuration),
+            Arc::clone(self.board),
+            self.subjects.state(),
+        );
+        let (latency_log, ()) = start_thread("latency log", ORDINARY, thread_registry, move |ready| {
             let _ = ready.send(());
             Ok(log.run())
         })?;
         running.latency_log = Some(latency_log);
         let (rings, station) = (Arc::clone(self.rings), config.station.clone());
         // On the loop's core, waking egress needs no signal between cores, and egress runs as soon as the loop sleeps.
-        let asked_egress = asked(BELOW_LOOP[1].1, config.tick.cpu);
-        let (egress, ()) = started("egress", asked_egress, roster, move |ready| {
-            let egress = Egress::open(&station, rings, waiting, latency_feed)?;
+        let requested_egress = requested(BELOW_LOOP[1].1, config.tick.cpu);
+        let (egress, ()) = start_thread("egress", requested_egress, thread_registry, move |ready| {
+            let egress = Egress::open(&station, rings, wait_strategy, latency_feed)?;
             let _ = ready.send(());
             Ok(egress.run()?)
         })?;
-        running.others.push(("egress", egress));
+        running.threads.push(("egress", egress));
 
-        let Remembered { memory, worker, tare, station_refused, messages } = self.remembered;
+        let Restored { memory, worker, tare, station_refused, messages } = self.restored;
         let (rings, period_ns) = (Arc::clone(self.rings), config.period_ns());
-        let asked_loop = Asked { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
+        let requested_loop =
+            RequestedScheduling { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
         let mut observer = self.observer;
-        let (looping, ()) = started("loop", asked_loop, roster, move |ready| {
-            let _runs = rings.loop_runs();
+        let (loop_thread, ()) = start_thread("loop", requested_loop, thread_registry, move |ready| {
+            let _runs = rings.mark_loop_running();
             realtime::prefault_stack();
             let _ = ready.send(());
             let the_loop = Loop::new(settings, memory, worker, Arc::clone(&rings), period_ns);
             Ok(the_loop.run(&mut Monotonic, &mut *observer))
         })?;
-        running.looping = Some(looping);
+        running.loop_thread = Some(loop_thread);
 
         let (rings, station) = (Arc::clone(self.rings), config.station.clone());
-        let (ingress, ()) = started("ingress", asked(BELOW_LOOP[0].1, None), roster, move |ready| {
-            let ingress = Ingress::open(&station, rings, waiting)?;
-            let _ = ready.send(());
-            Ok(ingress.run()?)
-        })?;
-        running.others.push(("ingress", ingress));
-        adapters::start(config, self.rings, roster, self.board, &mut running.others)?;
+        let (ingress, ()) =
+            start_thread("ingress", requested(BELOW_LOOP[0].1, None), thread_registry, move |ready| {
+                let ingress = Ingress::open(&station, rings, wait_strategy)?;
+                let _ = ready.send(());
+                Ok(ingress.run()?)
+            })?;
+        running.threads.push(("ingress", ingress));
+        adapters::start(config, self.rings, thread_registry, self.board, &mut running.threads)?;
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
             station: config.station.clone(),
             config_toml: config.to_toml(),
             model_toml: config.model_toml(),
-            state_directory: self.workers.state().path().to_owned(),
-            subject: self.workers.get(worker).map(|saving| saving.subject).unwrap_or_default(),
+            state_directory: self.subjects.state().path().to_owned(),
+            subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
             remembered: messages,
             reload: 0,
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
             loop_faults: None,
             model_suspicion: None,
-            incidents: self.board.sentences(),
+            incidents: self.board.messages(),
             threads: Vec::new(),
         });
         let saver = Saver {
             rings: Arc::clone(self.rings),
-            workers: self.workers,
-            in_force: Arc::clone(self.in_force),
+            subjects: self.subjects,
+            active_configuration: Arc::clone(self.active_configuration),
             board: Arc::clone(self.board),
             status: status.clone(),
             station_refused,
             tare,
         };
-        let (saver, ()) = started("saving", ORDINARY, roster, move |ready| {
+        let (saver, ()) = start_thread("saving", ORDINARY, thread_registry, move |ready| {
             let _ = ready.send(());
             saving::run(saver);
             Ok(())
         })?;
-        running.others.push(("saving", saver));
+        running.threads.push(("saving", saver));
         let rings = Arc::clone(self.rings);
         // Real time, so that a load that leaves the loop its core does not delay the notification.
-        let (watchdog, ()) = started("watchdog", asked(BELOW_LOOP[2].1, None), roster, move |ready| {
-            let _ = ready.send(());
-            watchdog::run(&rings);
-            Ok(())
-        })?;
-        running.others.push(("watchdog", watchdog));
-        let (rings, board, people) = (Arc::clone(self.rings), Arc::clone(self.board), Arc::clone(roster));
-        let (settled, file) = (config.clone(), status.clone());
-        let (housekeeping, ()) = started("housekeeping", ORDINARY, roster, move |ready| {
-            file.note_threads(&people, 0);
+        let (watchdog, ()) =
+            start_thread("watchdog", requested(BELOW_LOOP[2].1, None), thread_registry, move |ready| {
+                let _ = ready.send(());
+                watchdog::run(&rings);
+                Ok(())
+            })?;
+        running.threads.push(("watchdog", watchdog));
+        let (rings, board, registry) =
+            (Arc::clone(self.rings), Arc::clone(self.board), Arc::clone(thread_registry));
+        let (configuration, file) = (config.clone(), status.clone());
+        let (housekeeping, ()) = start_thread("housekeeping", ORDINARY, thread_registry, move |ready| {
+            file.update_threads(&registry, 0);
             file.write().with_context(|| format!("cannot write {}", file.path.display()))?;
-            let housekeeping = Housekeeping::open(&settled, rings, board, people, file)?;
+            let housekeeping = Housekeeping::open(&configuration, rings, board, registry, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())
         })?;
-        running.others.push(("housekeeping", housekeeping));
+        running.threads.push(("housekeeping", housekeeping));
         // Every thread has requested its scheduling by now, and all initial memory is allocated.
-        refuse_or_tell(config, self.board, &self.memory_lock, roster)?;
+        report_missing_privileges(config, self.board, &self.memory_lock, thread_registry)?;
         Ok(status)
     }
 }
@@ -332,24 +348,24 @@ fn lock_memory(config: &Config) -> anyhow::Result<String> {
     }
     match realtime::lock_memory() {
         Ok(()) => Ok("locked".to_owned()),
-        Err(why) if config.tick.strict => bail!("loop.strict: memory is not locked: {why}"),
-        Err(why) => {
-            info!("memory is not locked: {why}");
-            Ok(format!("{NOT_LOCKED}: {why}"))
+        Err(reason) if config.tick.strict => bail!("loop.strict: memory is not locked: {reason}"),
+        Err(reason) => {
+            info!("memory is not locked: {reason}");
+            Ok(format!("{NOT_LOCKED}: {reason}"))
         }
     }
 }
 
 /// Requests of threads and memory that were not granted: refused under `loop.strict`, otherwise an incident for the
 /// daemon's lifetime.
-fn refuse_or_tell(
+fn report_missing_privileges(
     config: &Config,
     board: &IncidentBoard,
     memory_lock: &str,
-    roster: &Roster,
+    thread_registry: &ThreadRegistry,
 ) -> anyhow::Result<()> {
-    let mut missing = roster.missing();
-    let memory = MemoryUse::now();
+    let mut missing = thread_registry.missing();
+    let memory = MemoryUse::read();
     if memory_lock.starts_with(NOT_LOCKED) {
         missing.push(format!("memory is {memory_lock}"));
     } else if config.tick.lock_memory && !memory.is_locked() {

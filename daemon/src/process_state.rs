@@ -16,7 +16,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_state_follows_the_name_whatever_that_contains() {
+    fn the_state_is_parsed_after_any_name() {
         assert_eq!(state("42 (equipoise) T 1 42 42 0"), Some('T'));
         assert_eq!(state("42 (a) T) S 1 42"), Some('S'));
         assert_eq!(state(""), None);

@@ -1,7 +1,7 @@
-//! A worker's profile on disk: what was learnt, under a pseudonym.
+//! A subject's profile on disk, under a pseudonym: the result of the identification.
 //!
-//! Written whole or not at all (temporary file, fsync, rename), readable by its owner and group only. A file that
-//! cannot be understood is refused and never overwritten.
+//! Written atomically (temporary file, fsync, rename), readable by owner and group only. A file that cannot be parsed
+//! is refused and never overwritten.
 
 mod parts;
 
@@ -22,9 +22,9 @@ use crate::stored_file::{self, Formats, Refusal, sealed};
 
 use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
 
-/// Grows with every change of the file's layout or meaning. Format 2 was without the poses themselves, how consistent
-/// they were, and the shift; format 3 without its lifts one by one and without a checksum. Files of format 1, from before
-/// stature and sex were kept, are of no use as a similar worker. What such files hold is read.
+/// Increments with every change of the file's layout or meaning. Format 2 lacked the poses, their consistency and the
+/// shift; format 3 lacked individual lifts and the checksum. Files of format 1 lack stature and sex, so they cannot
+/// serve as a similar subject. The content of older files is read.
 const FORMAT: u32 = 4;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 
@@ -36,21 +36,21 @@ const ID_CHARS_MAX: usize = 64;
 pub struct Build {
     /// Stature, m.
     pub height_m: f64,
-    /// Which table the worker started from.
+    /// Sex, which selects the anthropometric table.
     pub sex: SexConfig,
 }
 
-/// A profile as it stands in the file.
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Profile {
-    /// Layout of the file.
+    /// Format number.
     format: u32,
     /// The pseudonym.
     pub subject: String,
     /// Number of identified parameters; must match the configured reduction.
     pub parameters: usize,
-    /// Body mass, kg; 0 while unknown.
+    /// Body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
     /// Stature, m; absent in files of format 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -58,28 +58,28 @@ pub struct Profile {
     /// Sex as it was configured; absent in files of format 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sex: Option<SexConfig>,
-    /// Held poses that entered the filter.
+    /// Number of held poses used by the filter.
     pub poses_used: u64,
-    /// Whether identification was finished.
+    /// Whether identification is complete.
     pub identified: bool,
-    /// Whether held poses entered the filter; absent before format 3.
+    /// Whether identification was active; absent before format 3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     learning: Option<bool>,
-    /// The pose of the library that was asked for.
+    /// The suggested pose of the library.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     suggested: Option<String>,
-    /// Poses of the library that were asked for already.
+    /// Poses of the library that were suggested before.
     #[serde(default)]
     asked: Vec<String>,
-    /// Poses of the library that this worker could not hold.
+    /// Poses of the library that this subject could not hold.
     #[serde(default)]
     unholdable: Vec<String>,
-    /// How many poses were performed since learning began.
+    /// Number of poses performed since the start of the identification.
     #[serde(default)]
     poses_performed: u64,
-    /// Bones: each segment's origin in its parent, m.
+    /// Skeleton: each segment's origin in its parent, m.
     skeleton_m: Vec<[f64; 3]>,
-    /// The last pose used, `parent_from_segment`, scalar first: it is not used again.
+    /// The last pose used, `parent_from_segment`, scalar first, so that it is not used again.
     last_pose_wxyz: Vec<[f64; 4]>,
     /// θ, m.
     theta_m: Vec<f64>,
@@ -88,37 +88,37 @@ pub struct Profile {
     /// The poses performed, oldest first: a rotation vector per segment, rad.
     #[serde(default)]
     performed_rad: Vec<Vec<f64>>,
-    /// Whether what was measured agreed with what was believed.
+    /// Consistency of the measurements with the prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     consistency: Option<ConsistencyPart>,
-    /// What has added up over the worker's shift.
+    /// Exposure accumulated over the shift.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     shift: Option<ShiftPart>,
 }
 
-/// Why a profile cannot be used.
+/// A profile cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ProfileError {
     /// The file cannot be read.
     #[error("cannot read the profile {path}: {source}")]
     Io {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The system's error.
         source: std::io::Error,
     },
     /// The file is not a profile, or not one for this configuration.
-    #[error("the profile {path} is not used: {why}; it is left as it is")]
+    #[error("the profile {path} is not used: {reason}; it is left as it is")]
     Refused {
-        /// Which file.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
-        why: String,
+        /// Reason.
+        reason: String,
     },
 }
 
 impl Profile {
-    /// The profile of a worker whose bones are known; `None` before that. `saved_unix_s` is the time, s since 1970 UTC.
+    /// The profile of a subject; `None` before the skeleton is available. `saved_unix_s` is the time, s since 1970 UTC.
     pub fn of(
         subject: &str,
         build: Option<Build>,
@@ -155,12 +155,12 @@ impl Profile {
         })
     }
 
-    /// How the worker is built; `None` if the file does not say.
+    /// Stature and sex; `None` if the file lacks them.
     pub fn build(&self) -> Option<Build> {
         Some(Build { height_m: self.height_m?, sex: self.sex? })
     }
 
-    /// Bones: each segment's origin in its parent, m.
+    /// Skeleton: each segment's origin in its parent, m.
     pub fn skeleton_m(&self) -> &[[f64; 3]] {
         &self.skeleton_m
     }
@@ -175,13 +175,13 @@ impl Profile {
         &self.covariance_m2
     }
 
-    /// The worker of this profile under these settings.
+    /// The identification of this profile under these settings.
     ///
     /// # Errors
-    /// Why it does not fit, in words.
+    /// Why it does not fit.
     pub fn worker(&self, settings: &Settings) -> Result<Box<Identification>, String> {
         let mut worker = bytemuck::zeroed_box::<Identification>();
-        if worker.restore(&*self.kept(settings)?, settings) {
+        if worker.restore(&*self.stored(settings)?, settings) {
             Ok(worker)
         } else {
             Err(format!(
@@ -191,35 +191,35 @@ impl Profile {
         }
     }
 
-    fn kept(&self, settings: &Settings) -> Result<Box<StoredSubject>, String> {
-        let mut kept = bytemuck::zeroed_box::<StoredSubject>();
-        kept.has_body = 1;
+    fn stored(&self, settings: &Settings) -> Result<Box<StoredSubject>, String> {
+        let mut stored = bytemuck::zeroed_box::<StoredSubject>();
+        stored.has_body = 1;
         let bones: Result<[[f64; 3]; SEGMENTS], _> = self.skeleton_m.clone().try_into();
-        kept.skeleton_m =
+        stored.skeleton_m =
             bones.map_err(|bones| format!("it has {} segments instead of {SEGMENTS}", bones.len()))?;
-        kept.last_pose_wxyz = self
+        stored.last_pose_wxyz = self
             .last_pose_wxyz
             .clone()
             .try_into()
             .map_err(|_| "its last pose has another number of joints".to_owned())?;
-        if !kept.filter.restore(&self.theta_m, &self.covariance_m2) {
+        if !stored.filter.restore(&self.theta_m, &self.covariance_m2) {
             return Err("a number of θ or P is out of range, or one is missing".to_owned());
         }
-        kept.mass_kg = self.mass_kg;
-        kept.poses_used = self.poses_used;
-        kept.identified = u64::from(self.identified);
+        stored.mass_kg = self.mass_kg;
+        stored.poses_used = self.poses_used;
+        stored.identified = u64::from(self.identified);
         let learning = self.learning.unwrap_or(settings.start_identifying);
-        kept.identifying = u64::from(learning && !self.identified);
+        stored.identifying = u64::from(learning && !self.identified);
         // Unknown pose names are dropped; the performed poses themselves are stored separately.
-        kept.suggested_before = set_of(&self.asked);
-        kept.unholdable = set_of(&self.unholdable);
-        kept.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
+        stored.suggested_before = set_of(&self.asked);
+        stored.unholdable = set_of(&self.unholdable);
+        stored.suggested = self.suggested.as_deref().and_then(index_of).map_or(NO_POSE, |index| index as u64);
         let performed = self.performed_rad.iter().map(|pose| pose.clone().try_into());
         let performed: Result<Vec<_>, Vec<f64>> = performed.collect();
         let performed =
             performed.map_err(|_| "a performed pose has another number of segments".to_owned())?;
-        kept.performed = Performed::of(self.poses_performed, performed.into_iter());
-        kept.consistency = match &self.consistency {
+        stored.performed = Performed::of(self.poses_performed, performed.into_iter());
+        stored.consistency = match &self.consistency {
             Some(part) => part.consistency(),
             None => {
                 let mut consistency = Consistency::start();
@@ -229,26 +229,26 @@ impl Profile {
                 consistency
             }
         };
-        Ok(kept)
+        Ok(stored)
     }
 
-    /// The shift to go on with at a time, s since 1970 UTC.
+    /// The shift to resume at a time, s since 1970 UTC.
     ///
     /// # Errors
-    /// Why the worker begins a new one, in words.
+    /// Why a new shift begins.
     pub fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
         self.shift.as_ref().ok_or("the profile is from before it was kept")?.shift(now_unix_s)
     }
 
-    /// Reads a profile; `None` if there is none. The file's name is the subject's.
+    /// Reads a profile; `None` if it does not exist. The file name is the subject's pseudonym.
     ///
     /// # Errors
     /// [`ProfileError`].
     pub fn read(path: &Path) -> Result<Option<Profile>, ProfileError> {
-        let refused = |why: String| ProfileError::Refused { path: path.to_owned(), why };
+        let refused = |reason: String| ProfileError::Refused { path: path.to_owned(), reason };
         let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
             Refusal::Io(source) => ProfileError::Io { path: path.to_owned(), source },
-            Refusal::Content(why) => refused(why),
+            Refusal::Content(reason) => refused(reason),
         })?;
         let Some(profile): Option<Profile> = read else { return Ok(None) };
         if path.file_stem() != Some(OsStr::new(&profile.subject)) {
@@ -261,7 +261,7 @@ impl Profile {
         Ok(Some(profile))
     }
 
-    /// Whether the numbers are a person's; bones, θ, P, counts and the shift are checked where they are taken over.
+    /// Checks mass and stature; skeleton, θ, P, counts and the shift are checked where they are restored.
     fn check(&self) -> Result<(), String> {
         let out = |what: &str, value: f64| Err(format!("{what} is {value}, which no person's is"));
         if self.mass_kg != 0.0 && !MASS_KG.contains(&self.mass_kg) {
@@ -285,19 +285,19 @@ impl Profile {
     /// The text of the file.
     ///
     /// # Errors
-    /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
+    /// The data have no TOML form. The caller must not overwrite an existing file.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self).map(sealed)
     }
 }
 
-/// Now, s since 1970 UTC; 0 if the clock stands before that.
+/// Current time, s since 1970 UTC; 0 if the clock is earlier.
 pub fn unix_s() -> u64 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     since.map_or(0, |since| since.as_secs())
 }
 
-/// Whether a name is made of letters, digits, '-' and '_', so that it can be a file's and no path.
+/// Whether a name consists of letters, digits, '-' and '_', so that it is a valid file name and not a path.
 pub fn is_plain(name: &str) -> bool {
     !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
 }
@@ -313,7 +313,7 @@ mod tests {
     use equipoise_core::frame::{Pose, rotation};
 
     #[test]
-    fn a_broken_profile_is_refused_and_left_alone() {
+    fn a_broken_profile_is_refused_and_unchanged() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.toml");
         assert_eq!(Profile::read(&path).unwrap(), None);
@@ -364,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_worker_comes_back_as_kept() {
+    fn a_profile_restores_the_stored_subject() {
         let settings = Settings { library: LIBRARY, ..Settings::for_height(1.77) };
         let mut worker = bytemuck::zeroed_box::<Identification>();
         worker.start(&settings);
@@ -374,14 +374,14 @@ mod tests {
             worker.update_skeleton(&pose, &settings);
         }
         worker.mass_kg = 71.5;
-        let mut kept = bytemuck::zeroed_box::<StoredSubject>();
-        worker.store(&mut kept);
-        kept.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
-        (kept.suggested_before, kept.unholdable, kept.suggested, kept.identifying) = (0b101, 0b10, 2, 0);
-        kept.poses_used = 70;
-        kept.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
+        let mut stored = bytemuck::zeroed_box::<StoredSubject>();
+        worker.store(&mut stored);
+        stored.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
+        (stored.suggested_before, stored.unholdable, stored.suggested, stored.identifying) = (0b101, 0b10, 2, 0);
+        stored.poses_used = 70;
+        stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
-        let written = Profile::of("a", None, &kept, &shift, 1_000_000).unwrap();
+        let written = Profile::of("a", None, &stored, &shift, 1_000_000).unwrap();
         let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
         assert_eq!(read.shift(1_000_060), Ok(shift));
@@ -389,9 +389,9 @@ mod tests {
         read.worker(&settings).unwrap().store(&mut again);
         // The stance part of P is reset.
         let mut expected = bytemuck::zeroed_box::<Identification>();
-        assert!(expected.restore(&kept, &settings));
-        expected.store(&mut kept);
-        assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*kept));
+        assert!(expected.restore(&stored, &settings));
+        expected.store(&mut stored);
+        assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*stored));
         assert_eq!((again.suggested_before, again.unholdable, again.suggested), (0b101, 0b10, 2));
         assert_eq!((again.identifying, again.performed.count()), (0, 70));
     }

@@ -1,4 +1,4 @@
-//! What a ground sample is made of, in the words of `status` and `doctor`.
+//! The devices of a ground sample, as reported by `status` and `doctor`.
 
 use std::io::Write;
 
@@ -13,17 +13,17 @@ const DEVICES: [(GroundDevice, &str); 3] = [
 const COMPONENTS: [(Component, &str); 3] =
     [(Component::Shear, "shear"), (Component::Tilt, "tilt"), (Component::FreeMoment, "free_moment")];
 
-/// Where a ground sample comes from, and what it can say.
+/// Devices of a ground sample and the quantities they measure.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub(crate) struct Provenance {
-    /// The devices it is made of.
+    /// The devices.
     devices: Vec<&'static str>,
-    /// Whether each foot was measured by itself.
+    /// Whether each foot was measured separately.
     per_foot: bool,
-    /// In which frame the feet's centres are: `world` or `sole`.
+    /// Frame of the feet's centres of pressure: `world` or `sole`.
     #[serde(skip_serializing_if = "Option::is_none")]
     foot_frame: Option<&'static str>,
-    /// What the devices do not measure.
+    /// Quantities that the devices do not measure.
     not_measured: Vec<&'static str>,
 }
 
@@ -40,17 +40,17 @@ impl Provenance {
         }
     }
 
-    /// What the devices do not measure, as a part of a sentence; empty if they measure all.
+    /// Text on the quantities that the devices do not measure; empty if there are none.
     pub(crate) fn missing(&self) -> String {
         if self.not_measured.is_empty() {
             return String::new();
         }
-        format!("; not measured: {}", words(&self.not_measured))
+        format!("; not measured: {}", list_names(&self.not_measured))
     }
 
-    /// The devices, in words.
+    /// Text on the devices.
     pub(crate) fn devices(&self) -> String {
-        words(&self.devices)
+        list_names(&self.devices)
     }
 
     pub(crate) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
@@ -64,7 +64,7 @@ impl Provenance {
     }
 }
 
-fn words(names: &[&str]) -> String {
+fn list_names(names: &[&str]) -> String {
     names.join(" and ").replace('_', " ")
 }
 
@@ -74,7 +74,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn a_sample_of_insoles_says_what_it_cannot_say() {
+    fn a_sample_of_insoles_names_its_unavailable_quantities() {
         let sample = GroundSample {
             devices: GroundDevice::Insoles as u32,
             per_foot: 1,

@@ -1,4 +1,4 @@
-//! Real-time settings of a thread: asked for, then read back. What was granted is what is reported.
+//! Real-time settings of a thread: requested, then read back; the granted values are reported.
 //!
 //! The only unsafe code of the daemon: neither rustix nor nix has the scheduler call.
 
@@ -10,46 +10,46 @@ use rustix::thread::{
 };
 use serde::Serialize;
 
-/// Timer slack that every thread asks for, ns: ordinary threads are woken up to 50 µs late by default.
+/// Timer slack that every thread requests, ns: by default, ordinary threads are woken up to 50 µs late.
 pub const TIMER_SLACK_NS: u64 = 1;
 
 /// Scheduling that a thread requests in addition to [`TIMER_SLACK_NS`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
-pub struct Asked {
+pub struct RequestedScheduling {
     /// SCHED_FIFO priority, 1 to 99; 0 for the ordinary scheduler.
     pub fifo_priority: u32,
     /// The core to run on.
     pub cpu: Option<usize>,
 }
 
-/// What a thread has.
+/// Granted scheduling of a thread.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Granted {
     /// Name of the scheduling policy: `other`, `fifo`, …
     pub policy: &'static str,
     /// SCHED_FIFO priority; 0 under another scheduler.
     pub fifo_priority: u32,
-    /// The cores it may run on.
+    /// The cores on which it may run.
     pub cpus: Vec<usize>,
     /// Timer slack, ns; 0 for real-time threads of newer kernels, which have none.
     pub timer_slack_ns: u64,
 }
 
-/// Both, for one thread.
+/// Requested and granted scheduling of one thread.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ThreadReport {
     /// The thread's role.
     pub thread: &'static str,
-    /// The kernel's number for it.
+    /// Thread id.
     pub id: i32,
-    /// What it asked for.
-    pub asked: Asked,
-    /// What it has.
+    /// Requested scheduling.
+    pub asked: RequestedScheduling,
+    /// Granted scheduling.
     pub granted: Granted,
 }
 
 impl ThreadReport {
-    /// What is not as it was asked for, in words; `None` if all was granted.
+    /// Message on what was not granted; `None` if everything was.
     pub fn missing(&self) -> Option<String> {
         let (thread, granted) = (self.thread, &self.granted);
         if granted.fifo_priority < self.asked.fifo_priority {
@@ -81,8 +81,8 @@ impl ThreadReport {
     }
 }
 
-/// Asks for the calling thread and reads back. Never fails: a refusal shows in the report.
-pub fn ask(thread: &'static str, asked: Asked) -> ThreadReport {
+/// Requests scheduling for the calling thread and reads it back. Never fails: the report contains a refusal.
+pub fn request(thread: &'static str, asked: RequestedScheduling) -> ThreadReport {
     if let Some(cpu) = asked.cpu {
         let mut set = CpuSet::new();
         if cpu < CpuSet::MAX_CPU {
@@ -173,7 +173,7 @@ pub fn prefault_stack() {
 }
 
 /// Writes to every page of newly allocated memory, so that no later access takes a page fault.
-pub fn touch<T: bytemuck::Pod>(value: &mut T) {
+pub fn prefault<T: bytemuck::Pod>(value: &mut T) {
     for page in bytemuck::bytes_of_mut(value).chunks_mut(4096) {
         if let Some(byte) = page.first_mut() {
             *byte = std::hint::black_box(*byte);
@@ -206,13 +206,13 @@ mod tests {
         ThreadReport {
             thread: "loop",
             id: 1,
-            asked: Asked { fifo_priority: 80, cpu: Some(3) },
+            asked: RequestedScheduling { fifo_priority: 80, cpu: Some(3) },
             granted: Granted { policy: "fifo", fifo_priority, cpus: cpus.to_vec(), timer_slack_ns },
         }
     }
 
     #[test]
-    fn what_was_not_granted_is_said() {
+    fn missing_privileges_are_reported() {
         assert_eq!(report(80, &[3], 0).missing(), None);
         assert!(report(0, &[3], 0).missing().unwrap().contains("CAP_SYS_NICE"));
         assert!(report(90, &[3], 0).missing().unwrap().contains("has 90"));
@@ -221,8 +221,8 @@ mod tests {
     }
 
     #[test]
-    fn nothing_asked_nothing_missing() {
-        let report = ask("test", Asked::default());
+    fn no_request_means_nothing_missing() {
+        let report = request("test", RequestedScheduling::default());
         assert_eq!(report.missing(), None, "{report:?}");
         assert_eq!(report.granted.fifo_priority, 0);
         assert!(!report.granted.cpus.is_empty());
@@ -230,8 +230,8 @@ mod tests {
 
     #[test]
     fn a_core_that_no_machine_has_is_missing() {
-        let asked = Asked { cpu: Some(4095), ..Asked::default() };
-        assert!(ask("test", asked).missing().unwrap().contains("core 4095"));
+        let asked = RequestedScheduling { cpu: Some(4095), ..RequestedScheduling::default() };
+        assert!(request("test", asked).missing().unwrap().contains("core 4095"));
     }
 
     #[test]

@@ -5,11 +5,11 @@
 //! of the frozen model with the plate's measurements (`equipoise_discrepancy::compare`). The engine determines effects;
 //! this module provides files and cycle.
 //!
-//! Layers, lowest first: `date`, [`survey`] → [`learn`], `known` → `session` → this file → [`output`], [`summary`].
+//! Layers, lowest first: `date`, [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
 
+mod cutoff;
 pub(crate) mod date;
-mod known;
-pub mod learn;
+pub mod identify;
 pub mod output;
 mod session;
 pub mod summary;
@@ -22,8 +22,8 @@ use equipoise_discrepancy::spans::{Found, Given};
 
 use crate::config::Config;
 use crate::replay::input::Input;
-use crate::replay::samples::LeftOut;
-use learn::Learnt;
+use crate::replay::samples::SkippedData;
+use identify::Identified;
 use survey::Survey;
 
 /// Period of the loop here, ns: every suit sample is evaluated, whatever the configured rate.
@@ -55,11 +55,11 @@ pub struct Compared {
     /// Input of the engine.
     pub session: Session,
     /// The identified and frozen subject.
-    pub learnt: Learnt,
+    pub identified: Identified,
     /// The spans of the recording, also in words.
     pub found: Found,
     /// Unused parts of the input.
-    pub left_out: LeftOut,
+    pub skipped: SkippedData,
 }
 
 impl Reconcile<'_> {
@@ -83,9 +83,9 @@ impl Reconcile<'_> {
             None => [samples_s[0], self.given.learn_until_s(samples_s)],
         };
         survey.check_weight(poses_s, self.config)?;
-        let learnt = learn::learn(self, &survey, progress)?;
-        let found = self.given.find(&learnt.shown(samples_s))?;
-        let (session, left_out) = session::compare(self, &survey, &learnt, &found, progress)?;
+        let identified = identify::identify(self, &survey, progress)?;
+        let found = self.given.find(&identified.phases(samples_s))?;
+        let (session, skipped) = session::compare(self, &survey, &identified, &found, progress)?;
         if session.blocks.is_empty() {
             bail!(
                 "nothing can be compared: in {} there is no fifth of a second in which both feet stand on the plate and suit \
@@ -93,7 +93,7 @@ impl Reconcile<'_> {
                 found.description
             );
         }
-        Ok(Compared { session, learnt, found, left_out })
+        Ok(Compared { session, identified, found, skipped })
     }
 }
 

@@ -5,10 +5,10 @@
 //! can be replayed exactly.
 
 pub mod authenticity;
-pub mod keeping;
 mod pictures;
 pub mod service;
 pub mod signature;
+pub mod storage;
 pub mod summary;
 
 use std::cell::Cell;
@@ -29,22 +29,22 @@ pub use summary::RecordSummary;
 
 use pictures::Pictures;
 
+use crate::bus_directory::BusDirectory;
 use crate::config::Config;
-use crate::joined::Joined;
 use crate::realtime::now_ns;
 use crate::state_directory::StateDirectory;
 use crate::status::{self, Status};
 
 /// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
-const LOOK_EVERY: Duration = Duration::from_millis(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 /// Maximum loss in a crash.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// Timeout of the daemon's reply.
-const ANSWER_WITHIN: Duration = Duration::from_secs(2);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// After this time, samples that the loop ingested just before the subscription are in its memory.
 const SETTLE: Duration = Duration::from_millis(300);
 /// Interval for checking that the file is still at its path.
-const PLACE_EVERY: Duration = Duration::from_secs(1);
+const DIRECTORY_CHECK_INTERVAL: Duration = Duration::from_secs(1);
 /// Replaces the pseudonym of a deleted subject.
 const ANONYMOUS: &str = "anonymous";
 /// Minimum interval of checkpoint requests after losses.
@@ -65,16 +65,16 @@ pub fn record(
     started: impl FnOnce(),
 ) -> anyhow::Result<(RecordSummary, String)> {
     let mut tap = Tap::open(station)?;
-    let (looked, gone) = (Cell::new(Instant::now()), Cell::new(false));
+    let (checked, replaced) = (Cell::new(Instant::now()), Cell::new(false));
     let ending = |progress: &Progress<'_>| {
-        if looked.get().elapsed() >= PLACE_EVERY {
-            looked.set(Instant::now());
-            gone.set(progress.recorder.bytes_in_place().is_none());
+        if checked.get().elapsed() >= DIRECTORY_CHECK_INTERVAL {
+            checked.set(Instant::now());
+            replaced.set(progress.recorder.bytes_in_place().is_none());
         }
-        gone.get() || stopping()
+        replaced.get() || stopping()
     };
     let sha256 = tap.record(out, None, pictures_hz, &ending, started)?;
-    if gone.get() {
+    if replaced.get() {
         bail!(
             "{} was removed or replaced while it was written: recording ends, and what it held is gone",
             out.display()
@@ -89,7 +89,7 @@ struct Progress<'a> {
     summary: &'a RecordSummary,
     /// Process id of the daemon whose configuration is in the file's header.
     process_id: u32,
-    joined: &'a Joined,
+    bus_directory: &'a BusDirectory,
 }
 
 /// Subscriptions to a station's bus: several files can be recorded in sequence without loss between them.
@@ -100,7 +100,7 @@ struct Tap {
     commands: CommandClient,
     // Must be dropped after its ports.
     _bus: Bus,
-    joined: Joined,
+    bus_directory: BusDirectory,
 }
 
 impl Tap {
@@ -116,15 +116,15 @@ impl Tap {
         let commands = bus.command_client()?;
         let ports = Ports::open(&bus)?;
         // Also verifies that the daemon in the status file is alive before a file is created.
-        ask_for_checkpoint(&commands)?;
-        let joined = Joined::now(&settings.root);
+        request_checkpoint(&commands)?;
+        let bus_directory = BusDirectory::read(&settings.root);
         let (station, summary) = (station.to_owned(), RecordSummary::default());
-        Ok(Tap { station, summary, ports, commands, _bus: bus, joined })
+        Ok(Tap { station, summary, ports, commands, _bus: bus, bus_directory })
     }
 
     /// Whether the bus directory was replaced, so that processes joining now are not received.
-    fn is_cut_off(&self) -> bool {
-        self.joined.is_cut_off()
+    fn is_replaced(&self) -> bool {
+        self.bus_directory.is_replaced()
     }
 
     /// Creates a file with its header.
@@ -133,7 +133,7 @@ impl Tap {
             bail!("the daemon of station {} has ended", self.station);
         };
         let header = RecordingHeader {
-            subject_toml: profile_of(&facts),
+            subject_toml: read_profile(&facts),
             config_toml: recorded_config(&facts)?,
             software_version: facts.version,
             started_unix_ns: unix_ns(),
@@ -161,15 +161,15 @@ impl Tap {
         let mut sink = self.begin(out, previous, pictures_hz)?;
         started();
         let (ports, summary) = (&mut self.ports, &mut self.summary);
-        let joined = &self.joined;
+        let bus_directory = &self.bus_directory;
         let mut checkpoint_due = Some(Instant::now() + SETTLE);
         let (mut flushed, mut lost) = (Instant::now(), summary.lost());
         loop {
             let (recorder, process_id) = (&sink.recorder, sink.process_id);
-            if ending(&Progress { recorder, summary, process_id, joined }) {
+            if ending(&Progress { recorder, summary, process_id, bus_directory }) {
                 break;
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
             ports.fetch(&mut sink, summary)?;
             if summary.lost() > lost {
                 lost = summary.lost();
@@ -178,24 +178,24 @@ impl Tap {
             if checkpoint_due.is_some_and(|due| Instant::now() >= due) {
                 checkpoint_due = None;
                 // May fail if the daemon has ended: a restarted one publishes a checkpoint by itself.
-                let _ = ask_for_checkpoint(&self.commands);
+                let _ = request_checkpoint(&self.commands);
             }
             if flushed.elapsed() >= FLUSH_EVERY {
                 flushed = Instant::now();
-                sink.note_subject()?;
+                sink.record_subject()?;
                 sink.recorder.flush()?;
             }
         }
         ports.fetch(&mut sink, summary)?;
-        sink.note_subject()?;
+        sink.record_subject()?;
         Ok(sink.recorder.finish()?)
     }
 }
 
 /// Requests a checkpoint, which the loop takes as soon as possible and egress publishes.
-fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
+fn request_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
     let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
-    let reply = commands.ask(&command, ANSWER_WITHIN)?;
+    let reply = commands.ask(&command, REPLY_TIMEOUT)?;
     if reply.refused != 0 {
         bail!("the daemon gives no checkpoint: {}", crate::commands::text_of(&reply.text));
     }
@@ -203,7 +203,7 @@ fn ask_for_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
 }
 
 /// The subject's profile on disk, if any.
-fn profile_of(facts: &Status) -> String {
+fn read_profile(facts: &Status) -> String {
     let state = StateDirectory::of_daemon(facts).or_else(|| StateDirectory::of_environment().ok());
     let text = state.and_then(|state| read_text(&state.profile(&facts.subject), TEXT_BYTES_MAX).ok());
     text.unwrap_or_default()
@@ -242,7 +242,7 @@ impl Sink {
 
     /// Stores the configuration of a reload if the status still contains it: the status is written before the loop
     /// applies the reload.
-    fn note_reload(&mut self, record: &CycleRecord) -> anyhow::Result<()> {
+    fn record_reload(&mut self, record: &CycleRecord) -> anyhow::Result<()> {
         if record.command != CommandKind::Reload as u32 {
             return Ok(());
         }
@@ -256,11 +256,11 @@ impl Sink {
     }
 
     /// Stores the profile of a newly loaded subject, so that a search finds the recording by its pseudonym.
-    fn note_subject(&mut self) -> anyhow::Result<()> {
+    fn record_subject(&mut self) -> anyhow::Result<()> {
         let Some(facts) = status::read(&self.station).filter(|facts| facts.subject != self.subject) else {
             return Ok(());
         };
-        let profile = profile_of(&facts);
+        let profile = read_profile(&facts);
         self.subject = facts.subject;
         if !profile.is_empty() {
             self.recorder.add_subject(self.newest_ns, &profile)?;
@@ -296,31 +296,31 @@ impl Ports {
     /// Writes all pending messages. Each kind is fetched after the kinds published later than it, so that a recording
     /// that ends here contains the state and samples of every cycle record.
     fn fetch(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
-        take(&mut self.cycle, |record| {
-            summary.cycles.see(record.cycle);
-            sink.note_reload(record)?;
+        write_pending(&mut self.cycle, |record| {
+            summary.cycles.ingest(record.cycle);
+            sink.record_reload(record)?;
             sink.write(record.due_ns, record)
         })?;
-        take(&mut self.state, |state| {
-            summary.states.see(state.cycle);
+        write_pending(&mut self.state, |state| {
+            summary.states.ingest(state.cycle);
             sink.write(state.time_ns, state)?;
             sink.pictures.add(&mut sink.recorder, state)
         })?;
-        take(&mut self.checkpoint, |checkpoint| {
+        write_pending(&mut self.checkpoint, |checkpoint| {
             summary.checkpoints += 1;
             // A checkpoint has no time stamp.
             sink.write(sink.newest_ns, checkpoint)
         })?;
-        take(&mut self.suit, |sample| {
-            summary.suit.see(sample.sequence);
+        write_pending(&mut self.suit, |sample| {
+            summary.suit.ingest(sample.sequence);
             sink.write(sample.published_ns, sample)
         })?;
-        take(&mut self.ground, |sample| {
-            summary.ground.see(sample.sequence);
+        write_pending(&mut self.ground, |sample| {
+            summary.ground.ingest(sample.sequence);
             sink.write(sample.published_ns, sample)
         })?;
-        take(&mut self.body, |body| sink.write(body.published_ns, body))?;
-        take(&mut self.health, |health| {
+        write_pending(&mut self.body, |body| sink.write(body.published_ns, body))?;
+        write_pending(&mut self.health, |health| {
             summary.health += 1;
             sink.write(health.time_ns, health)
         })
@@ -328,7 +328,7 @@ impl Ports {
 }
 
 /// Reads every pending message in place: a checkpoint is too large for the stack.
-fn take<M: Topic>(
+fn write_pending<M: Topic>(
     port: &mut Subscriber<M>,
     mut write: impl FnMut(&M) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {

@@ -16,12 +16,12 @@ pub mod input;
 mod machine;
 mod output;
 mod pcap;
+mod pending;
 mod recorded;
 pub mod residual;
 pub mod samples;
 pub mod score;
 pub mod summary;
-mod waiting;
 
 use std::path::Path;
 
@@ -34,7 +34,7 @@ use input::Input;
 use machine::Machine;
 use output::Output;
 use recorded::Start;
-use samples::LeftOut;
+use samples::SkippedData;
 pub use summary::Summary;
 
 /// A replay and its options.
@@ -58,57 +58,57 @@ impl Replay<'_> {
     pub fn run(&self, out: Option<&Path>) -> anyhow::Result<Summary> {
         let mut output = match out {
             Some(path) => Output::create(path, &self.result_header())?,
-            None => Output::nowhere(),
+            None => Output::discard(),
         };
-        let summary = self.run_with(|state| output.tell(state))?;
+        let summary = self.run_with(|state| output.write(state))?;
         output.finish()?;
         Ok(summary)
     }
 
-    /// Replays and passes every state to `tell`.
+    /// Replays and passes every state to `write`.
     ///
     /// # Errors
-    /// As [`Replay::run`], and the error of `tell`.
-    pub fn run_with(&self, mut tell: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
+    /// As [`Replay::run`], and the error of `write`.
+    pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
-        let mut machine = Machine::afresh(self.config.settings());
+        let mut machine = Machine::new(self.config.settings());
         let mut summary = Summary::new(self.input.started_ns(), self.config.period_ns(), self.residual_s);
         match self.input {
             Input::Recording(recording) if survey.cycles > 0 => {
                 let start = match (self.as_recorded, survey.checkpoints, &survey.checkpoint_refused) {
                     (true, 1.., _) => Start::Checkpoint,
-                    (true, 0, Some(why)) => bail!(
-                        "the recording's checkpoints cannot be gone on from: {why}; replay it with the release that \
+                    (true, 0, Some(cause)) => bail!(
+                        "the recording's checkpoints cannot be gone on from: {cause}; replay it with the release that \
                          recorded it ({}), or afresh by naming a configuration with --config",
                         recording.header().software_version
                     ),
-                    _ => Start::Afresh,
+                    _ => Start::Empty,
                 };
                 let reloads = self.input.reloads()?;
                 let reloads = self.as_recorded.then_some(&reloads);
                 let fidelity = recorded::run(recording, &mut machine, start, reloads, |state| {
-                    summary.take(state);
-                    tell(state)
+                    summary.ingest(state);
+                    write(state)
                 })?;
-                summary.left_out = input::left_out_of(recording, None);
+                summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
-                if self.as_recorded && start == Start::Afresh {
+                if self.as_recorded && start == Start::Empty {
                     let reason = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
-                    summary.left_out.rejected.push(reason.to_owned());
+                    summary.skipped.rejected.push(reason.to_owned());
                 }
             }
             input => {
                 let mut samples = input.samples(self.config)?;
                 let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
                     let state = machine.step(tick, inputs);
-                    summary.take(state);
-                    tell(state)
+                    summary.ingest(state);
+                    write(state)
                 });
-                summary.left_out = samples.left_out();
+                summary.skipped = samples.skipped();
                 match ran {
                     // Unused parts of the input explain why there are no cycles.
-                    Err(why) if summary.cycles == 0 => {
-                        bail!("{}", format!("{why}\n{}", left_out_lines(&summary.left_out)).trim_end())
+                    Err(cause) if summary.cycles == 0 => {
+                        bail!("{}", format!("{cause}\n{}", skipped_lines(&summary.skipped)).trim_end())
                     }
                     ran => ran?,
                 }
@@ -135,8 +135,8 @@ impl Replay<'_> {
 }
 
 /// Unused data in words, for the end of a summary.
-pub(crate) fn left_out_lines(left_out: &LeftOut) -> String {
-    let rejected = left_out.rejected.iter().map(|reason| format!("rejected: {reason}\n"));
-    let passed_over = left_out.passed_over.iter().map(|reason| format!("passed over: {reason}\n"));
-    rejected.chain(passed_over).collect()
+pub(crate) fn skipped_lines(skipped: &SkippedData) -> String {
+    let rejected = skipped.rejected.iter().map(|reason| format!("rejected: {reason}\n"));
+    let ignored = skipped.ignored.iter().map(|reason| format!("passed over: {reason}\n"));
+    rejected.chain(ignored).collect()
 }

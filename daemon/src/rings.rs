@@ -14,7 +14,7 @@ use equipoise_core::cycle::{Checkpoint, StoredState, Settings, SubjectState};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 
-use crate::realtime::touch;
+use crate::realtime::prefault;
 
 pub use ring::Ring;
 
@@ -28,23 +28,23 @@ const BODY_RING: usize = 8;
 const OUTCOME_RING: usize = 1024;
 const COMMAND_RING: usize = 16;
 /// One more than the maximum number of pending commands: the ring is never full, so the loop never frees a worker.
-const WORKERS_BACK: usize = COMMAND_RING + 1;
+const RETURNED_WORKERS: usize = COMMAND_RING + 1;
 const CHECKPOINTS: usize = 2;
 /// One being written to disk, one of the previous worker, one of the current worker, one spare.
-const KEPT: usize = 4;
+const STORED_COPIES: usize = 4;
 /// Number of boxes reserved for the final copy of a worker that is replaced: periodic copies can wait.
-pub const KEPT_FOR_LAST_WORD: usize = 1;
+pub const RESERVED_FOR_SHUTDOWN: usize = 1;
 /// The sender of settings empties the ring first: it is never full, so the loop never frees settings.
-const SETTINGS_BACK: usize = 4;
+const RETURNED_SETTINGS: usize = 4;
 
 /// Total waiting time equals ten cycles of a loop at 100 Hz.
-const SETTINGS_TRIES: u32 = 100;
-const SETTINGS_TRY_AFTER: Duration = Duration::from_millis(1);
+const SETTINGS_ATTEMPTS: u32 = 100;
+const SETTINGS_RETRY_DELAY: Duration = Duration::from_millis(1);
 
 /// A sample and the time at which ingress received it: the stamp is for the cycle record only and not an input of the
 /// cycle, so a replay, which has no ingress, gives the same result.
 #[derive(Debug, Clone, Copy)]
-pub struct TakenIn<S> {
+pub struct Ingested<S> {
     /// The sample as it was published.
     pub sample: S,
     /// Time of receipt by ingress, CLOCK_MONOTONIC.
@@ -64,7 +64,7 @@ pub struct Refused {
 
 /// How a thread waits for another thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Waiting {
+pub enum WaitStrategy {
     /// Sleep until woken.
     Sleeping,
     /// Poll, which uses a full core and avoids the wake-up latency.
@@ -84,41 +84,41 @@ pub struct Outcome {
 #[derive(Debug)]
 pub struct Rings {
     /// Ingress to loop.
-    pub suit: Ring<TakenIn<SuitSample>>,
+    pub suit: Ring<Ingested<SuitSample>>,
     /// Ingress to loop.
-    pub ground: Ring<TakenIn<GroundSample>>,
+    pub ground: Ring<Ingested<GroundSample>>,
     /// Ingress to loop, one a cycle.
-    pub body: Ring<TakenIn<SuitBody>>,
+    pub body: Ring<Ingested<SuitBody>>,
     /// Commands to the loop, one a cycle.
     pub command: Ring<CommandKind>,
     /// The next worker and its number, with the command that loads it.
     pub worker: Ring<(u64, Box<SubjectState>)>,
     /// Empty boxes of workers, returned by the loop.
-    pub worker_back: Ring<Box<SubjectState>>,
+    pub returned_workers: Ring<Box<SubjectState>>,
     /// New settings for the loop, and the number of their reload.
     pub settings: Ring<(u64, Box<Settings>)>,
     /// Previous settings, returned to a thread that may free them.
-    pub settings_back: Ring<Box<Settings>>,
+    pub returned_settings: Ring<Box<Settings>>,
     /// Blank boxes for copies of the persistent state.
-    pub keep_blank: Ring<Box<StoredState>>,
+    pub free_copies: Ring<Box<StoredState>>,
     /// Copies of the persistent state for saving, with the number of their worker.
-    pub kept: Ring<(u64, Box<StoredState>)>,
+    pub copies: Ring<(u64, Box<StoredState>)>,
     /// Blank checkpoints for the loop.
-    pub blank: Ring<Box<Checkpoint>>,
+    pub free_checkpoints: Ring<Box<Checkpoint>>,
     /// Completed checkpoints for egress.
-    pub taken: Ring<Box<Checkpoint>>,
+    pub checkpoints: Ring<Box<Checkpoint>>,
     /// Loop to egress.
     pub outcome: Ring<Outcome>,
     outcome_ready: OwnedFd,
     /// Set while egress sleeps or is about to: the thread that clears it must wake egress.
-    egress_sleeps: AtomicBool,
+    egress_sleeping: AtomicBool,
     input_dropped: AtomicU64,
     refused: [AtomicU64; 2],
     ahead_ns: AtomicU64,
     output_dropped: AtomicU64,
     last_cycle: AtomicU64,
     stop: AtomicBool,
-    loop_runs: AtomicBool,
+    loop_running: AtomicBool,
 }
 
 impl Rings {
@@ -127,66 +127,66 @@ impl Rings {
     /// # Errors
     /// The kernel provides no event file descriptor.
     pub fn new() -> std::io::Result<Rings> {
-        let blank = Ring::new(CHECKPOINTS);
+        let free_checkpoints = Ring::new(CHECKPOINTS);
         for _ in 0..CHECKPOINTS {
             let mut checkpoint = bytemuck::zeroed_box();
             // The loop copies into it, so its pages must be resident.
-            touch(&mut *checkpoint);
-            let _ = blank.push(checkpoint);
+            prefault(&mut *checkpoint);
+            let _ = free_checkpoints.push(checkpoint);
         }
-        let keep_blank = Ring::new(KEPT);
-        for _ in 0..KEPT {
-            let mut kept = bytemuck::zeroed_box();
-            touch(&mut *kept);
-            let _ = keep_blank.push(kept);
+        let free_copies = Ring::new(STORED_COPIES);
+        for _ in 0..STORED_COPIES {
+            let mut copy = bytemuck::zeroed_box();
+            prefault(&mut *copy);
+            let _ = free_copies.push(copy);
         }
         Ok(Rings {
-            suit: Ring::touched(SUIT_RING, TakenIn { sample: SuitSample::zeroed(), ingress_ns: 0 }),
-            ground: Ring::touched(GROUND_RING, TakenIn { sample: GroundSample::zeroed(), ingress_ns: 0 }),
-            body: Ring::touched(BODY_RING, TakenIn { sample: SuitBody::zeroed(), ingress_ns: 0 }),
+            suit: Ring::prefaulted(SUIT_RING, Ingested { sample: SuitSample::zeroed(), ingress_ns: 0 }),
+            ground: Ring::prefaulted(GROUND_RING, Ingested { sample: GroundSample::zeroed(), ingress_ns: 0 }),
+            body: Ring::prefaulted(BODY_RING, Ingested { sample: SuitBody::zeroed(), ingress_ns: 0 }),
             command: Ring::new(COMMAND_RING),
             worker: Ring::new(1),
-            worker_back: Ring::new(WORKERS_BACK),
+            returned_workers: Ring::new(RETURNED_WORKERS),
             settings: Ring::new(1),
-            settings_back: Ring::new(SETTINGS_BACK),
-            keep_blank,
+            returned_settings: Ring::new(RETURNED_SETTINGS),
+            free_copies,
             // One more slot than boxes: the loop's final copy fits even if the disk is slow.
-            kept: Ring::new(KEPT + 1),
-            blank,
-            taken: Ring::new(CHECKPOINTS),
-            outcome: Ring::touched(
+            copies: Ring::new(STORED_COPIES + 1),
+            free_checkpoints,
+            checkpoints: Ring::new(CHECKPOINTS),
+            outcome: Ring::prefaulted(
                 OUTCOME_RING,
                 Outcome { state: State::zeroed(), record: CycleRecord::zeroed() },
             ),
             outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
-            egress_sleeps: AtomicBool::new(false),
+            egress_sleeping: AtomicBool::new(false),
             input_dropped: AtomicU64::new(0),
             refused: Default::default(),
             ahead_ns: AtomicU64::new(0),
             output_dropped: AtomicU64::new(0),
             last_cycle: AtomicU64::new(0),
             stop: AtomicBool::new(false),
-            loop_runs: AtomicBool::new(false),
+            loop_running: AtomicBool::new(false),
         })
     }
 
     /// Passes a suit sample to the loop; a full ring rejects it.
     pub fn push_suit(&self, sample: SuitSample, ingress_ns: u64) {
-        if self.suit.push(TakenIn { sample, ingress_ns }).is_err() {
+        if self.suit.push(Ingested { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Passes a ground sample to the loop; a full ring rejects it.
     pub fn push_ground(&self, sample: GroundSample, ingress_ns: u64) {
-        if self.ground.push(TakenIn { sample, ingress_ns }).is_err() {
+        if self.ground.push(Ingested { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
     /// Passes the wearer's body dimensions to the loop; a full ring rejects them.
     pub fn push_body(&self, sample: SuitBody, ingress_ns: u64) {
-        if self.body.push(TakenIn { sample, ingress_ns }).is_err() {
+        if self.body.push(Ingested { sample, ingress_ns }).is_err() {
             self.input_dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -201,7 +201,7 @@ impl Rings {
         // Pairs with the fence in [`Self::wait_for_outcome`]: either this thread reads that egress sleeps, or egress
         // reads the outcome.
         fence(Ordering::SeqCst);
-        if self.egress_sleeps.swap(false, Ordering::Relaxed) {
+        if self.egress_sleeping.swap(false, Ordering::Relaxed) {
             // Writing fails only if the counter is full; egress is woken in that case too.
             let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
         }
@@ -210,35 +210,35 @@ impl Rings {
     /// Passes new settings to the loop and takes back the previous ones; returns whether they were queued. For ordinary
     /// threads: waits until the loop has applied the settings queued before. A running loop applies them within a
     /// cycle.
-    pub fn hand_over_settings(&self, number: u64, settings: Box<Settings>) -> bool {
-        let mut handed_over = (number, settings);
-        for _ in 0..SETTINGS_TRIES {
-            while self.settings_back.pop().is_some() {}
-            match self.settings.push(handed_over) {
+    pub fn push_settings(&self, number: u64, settings: Box<Settings>) -> bool {
+        let mut update = (number, settings);
+        for _ in 0..SETTINGS_ATTEMPTS {
+            while self.returned_settings.pop().is_some() {}
+            match self.settings.push(update) {
                 Ok(()) => return true,
-                Err(back) => handed_over = back,
+                Err(returned) => update = returned,
             }
-            std::thread::sleep(SETTINGS_TRY_AFTER);
+            std::thread::sleep(SETTINGS_RETRY_DELAY);
         }
         false
     }
 
     /// Waits for an outcome or until the timeout.
-    pub fn await_outcome(&self, waiting: Waiting, timeout: Duration) {
-        match waiting {
-            Waiting::Sleeping => self.wait_for_outcome(timeout),
-            Waiting::Polling => self.poll_for_outcome(timeout),
+    pub fn await_outcome(&self, wait_strategy: WaitStrategy, timeout: Duration) {
+        match wait_strategy {
+            WaitStrategy::Sleeping => self.wait_for_outcome(timeout),
+            WaitStrategy::Polling => self.poll_for_outcome(timeout),
         }
     }
 
     /// Sleeps until an outcome is available or until the timeout.
     pub fn wait_for_outcome(&self, timeout: Duration) {
-        self.egress_sleeps.store(true, Ordering::Relaxed);
+        self.egress_sleeping.store(true, Ordering::Relaxed);
         fence(Ordering::SeqCst);
         if self.outcome.is_empty() {
             self.sleep_for_outcome(timeout);
         }
-        self.egress_sleeps.store(false, Ordering::Relaxed);
+        self.egress_sleeping.store(false, Ordering::Relaxed);
     }
 
     fn sleep_for_outcome(&self, timeout: Duration) {
@@ -308,20 +308,20 @@ impl Rings {
     }
 
     /// Marks the loop as running until the returned value is dropped, also by a panic; egress runs until then.
-    pub fn loop_runs(&self) -> impl Drop + use<'_> {
-        struct Runs<'a>(&'a AtomicBool);
-        impl Drop for Runs<'_> {
+    pub fn mark_loop_running(&self) -> impl Drop + use<'_> {
+        struct RunningGuard<'a>(&'a AtomicBool);
+        impl Drop for RunningGuard<'_> {
             fn drop(&mut self) {
                 self.0.store(false, Ordering::Release);
             }
         }
-        self.loop_runs.store(true, Ordering::Release);
-        Runs(&self.loop_runs)
+        self.loop_running.store(true, Ordering::Release);
+        RunningGuard(&self.loop_running)
     }
 
     /// Whether the loop will produce no more outcomes: a stop was requested, and the loop has ended or never started.
     pub fn has_ended(&self) -> bool {
-        self.is_stopping() && !self.loop_runs.load(Ordering::Acquire)
+        self.is_stopping() && !self.loop_running.load(Ordering::Acquire)
     }
 
     /// Whether a stop was requested.
@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn no_awakening_is_lost_and_none_is_paid_for_an_egress_that_is_awake() {
+    fn no_wakeup_is_lost_and_an_awake_egress_gets_none() {
         let rings = std::sync::Arc::new(Rings::new().unwrap());
         let pending = || {
             let mut descriptors = [PollFd::from_borrowed_fd(rings.outcome_ready.as_fd(), PollFlags::IN)];
@@ -354,12 +354,12 @@ mod tests {
         let egress = std::thread::spawn({
             let rings = std::sync::Arc::clone(&rings);
             move || {
-                let mut seen = 0;
-                while seen < CYCLES {
+                let mut received = 0;
+                while received < CYCLES {
                     // A lost wake-up would make this sleep last for an hour.
                     rings.wait_for_outcome(Duration::from_secs(3600));
                     while rings.outcome.pop().is_some() {
-                        seen += 1;
+                        received += 1;
                     }
                 }
             }
@@ -378,16 +378,16 @@ mod tests {
     }
 
     #[test]
-    fn a_polling_egress_sees_every_outcome_and_is_never_woken() {
+    fn a_polling_egress_receives_every_outcome_without_wakeups() {
         const CYCLES: u64 = 2_000;
         let rings = std::sync::Arc::new(Rings::new().unwrap());
         let egress = std::thread::spawn({
             let rings = std::sync::Arc::clone(&rings);
             move || {
-                let mut seen = 0;
-                while seen < CYCLES {
-                    rings.await_outcome(Waiting::Polling, Duration::from_millis(50));
-                    seen += std::iter::from_fn(|| rings.outcome.pop()).count() as u64;
+                let mut received = 0;
+                while received < CYCLES {
+                    rings.await_outcome(WaitStrategy::Polling, Duration::from_millis(50));
+                    received += std::iter::from_fn(|| rings.outcome.pop()).count() as u64;
                 }
             }
         });

@@ -15,26 +15,26 @@ use equipoise_core::message::Incident;
 use equipoise_core::time::NS_PER_S;
 use tracing::warn;
 
-use crate::in_force::InForce;
+use crate::active_configuration::SharedConfiguration;
+use crate::atomic_file::write_atomically;
 use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::Rings;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
 use crate::status::StatusFile;
-use crate::whole_file::write_whole;
-use crate::workers::Workers;
+use crate::subjects::Subjects;
 
 use lifts::LiftLog;
 
 /// Polling interval for the loop's copies.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// The registration changes with every sample; without other changes it is written at this interval.
-const REGISTRATION_EVERY: Duration = Duration::from_millis(900);
+const REGISTRATION_INTERVAL: Duration = Duration::from_millis(900);
 /// An unchanged shift gets a new date at this interval while the subject is present.
-const SHIFT_DATED_EVERY: Duration = Duration::from_secs(600);
+const SHIFT_DATE_INTERVAL: Duration = Duration::from_secs(600);
 /// Maximum age of the suit data of a present subject, ns. The shift of an absent subject keeps its date.
-const SEEN_NS: u64 = 10 * NS_PER_S;
+const SUIT_RECENT_NS: u64 = 10 * NS_PER_S;
 
 /// Dependencies of the saving thread.
 #[derive(Debug)]
@@ -42,9 +42,9 @@ pub struct Saver {
     /// Source of the loop's copies.
     pub rings: Arc<Rings>,
     /// The subjects and their files.
-    pub workers: Arc<Workers>,
+    pub subjects: Arc<Subjects>,
     /// The active configuration.
-    pub in_force: Arc<InForce>,
+    pub active_configuration: Arc<SharedConfiguration>,
     /// Receives the incident of a failed write.
     pub board: Arc<IncidentBoard>,
     /// The status file, which displays the active subject.
@@ -57,7 +57,7 @@ pub struct Saver {
 
 /// Saves until the loop has ended and its last copy is written.
 pub fn run(saver: Saver) {
-    let mut keeper = Keeper {
+    let mut writer = Writer {
         saver,
         profile: None,
         profile_dated: Instant::now(),
@@ -66,24 +66,24 @@ pub fn run(saver: Saver) {
         profiles: BTreeMap::new(),
         station_text: None,
         lifts: LiftLog::default(),
-        unencoded: None,
+        encoding_error: None,
     };
     loop {
-        let ended = keeper.saver.rings.has_ended();
-        keeper.take_all();
+        let ended = writer.saver.rings.has_ended();
+        writer.drain();
         if ended {
             // Retry what could not be written with the last copy.
-            keeper.write();
-            if !(keeper.profiles.is_empty() && keeper.station_text.is_none() && keeper.lifts.is_written()) {
+            writer.write();
+            if !(writer.profiles.is_empty() && writer.station_text.is_none() && writer.lifts.is_written()) {
                 warn!("what was learnt last is lost: it could not be written");
             }
             return;
         }
-        std::thread::sleep(LOOK_EVERY);
+        std::thread::sleep(POLL_INTERVAL);
     }
 }
 
-struct Keeper {
+struct Writer {
     saver: Saver,
     /// The last profile, dated 0, and the number of its subject.
     profile: Option<(u64, Profile)>,
@@ -97,48 +97,50 @@ struct Keeper {
     /// The lists of lifts.
     lifts: LiftLog,
     /// Error of data that cannot be encoded.
-    unencoded: Option<String>,
+    encoding_error: Option<String>,
 }
 
-impl Keeper {
+impl Writer {
     /// Ingests all copies; only the last one of each subject counts.
-    fn take_all(&mut self) {
+    fn drain(&mut self) {
         let mut newest: Option<(u64, Box<StoredState>)> = None;
-        while let Some((number, kept)) = self.saver.rings.kept.pop() {
-            if let Some((before, kept)) = newest.replace((number, kept)) {
+        while let Some((number, copy)) = self.saver.rings.copies.pop() {
+            if let Some((before, copy)) = newest.replace((number, copy)) {
                 if before != number {
-                    self.take_profile(before, &kept);
+                    self.encode_profile(before, &copy);
                 }
-                self.give_back(kept);
+                self.return_copy(copy);
             }
         }
-        let Some((number, kept)) = newest else { return };
-        self.take_profile(number, &kept);
-        self.take_station(number, &kept);
-        self.give_back(kept);
+        let Some((number, copy)) = newest else { return };
+        self.encode_profile(number, &copy);
+        self.encode_station(number, &copy);
+        self.return_copy(copy);
         self.write();
     }
 
-    fn give_back(&self, kept: Box<StoredState>) {
+    fn return_copy(&self, copy: Box<StoredState>) {
         // Cannot fail: the ring has as many slots as there are boxes.
-        let _ = self.saver.rings.keep_blank.push(kept);
+        let _ = self.saver.rings.free_copies.push(copy);
     }
 
-    fn take_profile(&mut self, number: u64, kept: &StoredState) {
-        let Some(saving) = self.saver.workers.get(number).filter(|saving| saving.refusal.is_none()) else {
+    fn encode_profile(&mut self, number: u64, copy: &StoredState) {
+        let Some(destination) =
+            self.saver.subjects.get(number).filter(|destination| destination.refusal.is_none())
+        else {
             // Keep no data of a deleted subject.
             self.profile = None;
             return;
         };
-        self.lifts.take(number, &kept.shift, now_ns(), unix_s());
+        self.lifts.ingest(number, &copy.shift, now_ns(), unix_s());
         let of = |saved_unix_s| {
-            Profile::of(&saving.subject, saving.build, &kept.subject, &kept.shift, saved_unix_s)
+            Profile::of(&destination.subject, destination.build, &copy.subject, &copy.shift, saved_unix_s)
         };
         let Some(undated) = of(0) else { return };
         let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);
-        let seen = now_ns().saturating_sub(kept.registration.suit_time_ns) < SEEN_NS;
-        let dated = !seen || self.profile_dated.elapsed() < SHIFT_DATED_EVERY;
-        if same && dated {
+        let suit_recent = now_ns().saturating_sub(copy.registration.suit_time_ns) < SUIT_RECENT_NS;
+        let date_is_current = !suit_recent || self.profile_dated.elapsed() < SHIFT_DATE_INTERVAL;
+        if same && date_is_current {
             return;
         }
         match of(unix_s()).map(|profile| profile.to_toml()) {
@@ -147,38 +149,40 @@ impl Keeper {
                 self.profile = Some((number, undated));
                 self.profiles.insert(number, text);
             }
-            Some(Err(why)) => {
-                self.unencoded = Some(format!("cannot encode the profile of {}: {why}", saving.subject));
+            Some(Err(reason)) => {
+                self.encoding_error =
+                    Some(format!("cannot encode the profile of {}: {reason}", destination.subject));
             }
             None => {}
         }
     }
 
-    fn take_station(&mut self, number: u64, kept: &StoredState) {
-        let subject = self.saver.workers.get(number).map(|saving| saving.subject).unwrap_or_default();
+    fn encode_station(&mut self, number: u64, copy: &StoredState) {
+        let subject =
+            self.saver.subjects.get(number).map(|destination| destination.subject).unwrap_or_default();
         self.saver.status.set_subject(&subject);
         if self.saver.station_refused {
             return;
         }
-        if kept.tare != self.saver.tare.0 {
-            self.saver.tare = (kept.tare, unix_s());
+        if copy.tare != self.saver.tare.0 {
+            self.saver.tare = (copy.tare, unix_s());
         }
         let (tare, taken_unix_s) = self.saver.tare;
-        let undated = self.saver.in_force.look(|forced| {
-            let config = &forced.config;
+        let undated = self.saver.active_configuration.with(|active| {
+            let config = &active.config;
             StationFile {
                 subject: SubjectPart::of(&subject, config),
                 model: ModelPart::of(config),
                 tare: TarePart::of(&tare, taken_unix_s, config),
-                registration: RegistrationPart::of(kept, config),
+                registration: RegistrationPart::of(copy, config),
                 ..StationFile::new(&config.station)
             }
         });
-        let only_moved = self.station.as_ref().is_some_and(|before| {
+        let only_registration_changed = self.station.as_ref().is_some_and(|before| {
             StationFile { registration: undated.registration.clone(), ..before.clone() } == undated
         });
-        let recently = self.station_written.is_some_and(|at| at.elapsed() < REGISTRATION_EVERY);
-        if self.station.as_ref() == Some(&undated) || (only_moved && recently) {
+        let recently = self.station_written.is_some_and(|at| at.elapsed() < REGISTRATION_INTERVAL);
+        if self.station.as_ref() == Some(&undated) || (only_registration_changed && recently) {
             return;
         }
         match (StationFile { saved_unix_s: unix_s(), ..undated.clone() }).to_toml() {
@@ -187,30 +191,31 @@ impl Keeper {
                 self.station_text = Some(text);
                 self.station = Some(undated);
             }
-            Err(why) => self.unencoded = Some(format!("cannot encode the station's file: {why}")),
+            Err(reason) => self.encoding_error = Some(format!("cannot encode the station's file: {reason}")),
         }
     }
 
     /// Writes all pending files; failed ones remain pending.
     fn write(&mut self) {
-        let mut failed = self.unencoded.take();
-        let workers = &self.saver.workers;
+        let mut failed = self.encoding_error.take();
+        let subjects = &self.saver.subjects;
         self.profiles.retain(|number, text| {
-            let mut note = |path: &PathBuf, error: std::io::Error| {
+            let mut record_error = |path: &PathBuf, error: std::io::Error| {
                 failed = Some(format!("cannot write the profile {}: {error}", path.display()));
             };
-            let written = workers.write(*number, |saving| {
-                write_whole(&saving.path, text.as_bytes()).map_err(|error| note(&saving.path, error))
+            let written = subjects.write(*number, |destination| {
+                write_atomically(&destination.path, text.as_bytes())
+                    .map_err(|error| record_error(&destination.path, error))
             });
             written.is_err()
         });
-        if let Err((path, error)) = self.lifts.write(workers) {
+        if let Err((path, error)) = self.lifts.write(subjects) {
             failed = Some(format!("cannot write the list of lifts {}: {error}", path.display()));
         }
         if let Some(text) = &self.station_text {
-            let station = self.saver.in_force.look(|forced| forced.config.station.clone());
-            let path = workers.state().station(&station);
-            match write_whole(&path, text.as_bytes()) {
+            let station = self.saver.active_configuration.with(|active| active.config.station.clone());
+            let path = subjects.state().station(&station);
+            match write_atomically(&path, text.as_bytes()) {
                 Ok(()) => self.station_text = None,
                 Err(error) => {
                     failed = Some(format!("cannot write the station's file {}: {error}", path.display()));
@@ -219,9 +224,9 @@ impl Keeper {
         }
         match failed {
             None => self.saver.board.end(Incident::NotSaved),
-            Some(why) => self.saver.board.begin(
+            Some(reason) => self.saver.board.begin(
                 Incident::NotSaved,
-                &format!("{why}; all is kept in memory and written as soon as it can be"),
+                &format!("{reason}; all is kept in memory and written as soon as it can be"),
             ),
         }
     }

@@ -2,8 +2,8 @@
 //!
 //! An adapter that fails returns the reason: the daemon or systemd restarts it.
 
-mod build;
-mod others;
+mod body_publisher;
+mod forwarding;
 
 use std::time::{Duration, Instant};
 
@@ -14,18 +14,18 @@ use equipoise_adapters::suit::SuitSettings;
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Publisher, Topic};
 use equipoise_core::message::{AdapterHealth, GroundSample, SuitSample};
 
-use self::build::Build;
-pub(crate) use self::build::BuildCadence;
-use self::others::Others;
-use crate::config::ground::second::{error_of_second, of_second};
+pub(crate) use self::body_publisher::BodyCadence;
+use self::body_publisher::BodyPublisher;
+use self::forwarding::Forwarders;
+use crate::config::ground::second::{error_of_second, in_second};
 use crate::config::{Config, GroundConfig, SuitConfig};
-use crate::realtime::Asked;
+use crate::realtime::RequestedScheduling;
 
 /// Publication interval of an adapter's health.
 const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
 /// Minimum interval between log lines with a device's description of itself, so that one that changes with every sample
 /// does not fill the disk.
-const NOTE_EVERY: Duration = Duration::from_secs(10);
+const NOTE_INTERVAL: Duration = Duration::from_secs(10);
 /// Role of the suit's adapter on the bus.
 pub const SUIT_ROLE: &str = "suit";
 /// Role of the ground's adapter on the bus.
@@ -34,8 +34,8 @@ pub const GROUND_ROLE: &str = "ground";
 const BELOW_LOOP: u32 = 5;
 
 /// Scheduling requested by an adapter's thread, inside the daemon or in a separate process.
-pub fn asked(config: &Config) -> Asked {
-    Asked { fifo_priority: config.tick.priority.saturating_sub(BELOW_LOOP), cpu: None }
+pub fn requested_scheduling(config: &Config) -> RequestedScheduling {
+    RequestedScheduling { fifo_priority: config.tick.priority.saturating_sub(BELOW_LOOP), cpu: None }
 }
 
 /// Reasons that prevent an adapter from running.
@@ -53,7 +53,7 @@ pub enum AdapterError {
          stop that one, or let this one be for another `station` (a daemon next to `equipoise adapter {stream}` has \
          {stream}.source = \"external\")"
     )]
-    Taken {
+    AlreadyPublished {
         /// `suit` or `ground`.
         stream: &'static str,
         /// The station.
@@ -64,7 +64,7 @@ pub enum AdapterError {
 }
 
 /// The only publisher of a stream; fails while another process that is alive publishes it.
-fn only_publisher<M: Topic>(bus: &Bus, stream: &'static str) -> Result<Publisher<M>, AdapterError> {
+fn exclusive_publisher<M: Topic>(bus: &Bus, stream: &'static str) -> Result<Publisher<M>, AdapterError> {
     let refused = match bus.publisher() {
         Ok(publisher) => return Ok(publisher),
         Err(refused) => refused,
@@ -73,11 +73,14 @@ fn only_publisher<M: Topic>(bus: &Bus, stream: &'static str) -> Result<Publisher
         return Err(refused.into());
     }
     let own = std::process::id();
-    let there = bus.participants()?.into_iter().find(|one| one.role == stream && one.process_id != own);
-    Err(match there {
-        Some(other) => {
-            AdapterError::Taken { stream, station: bus.station().to_owned(), process: other.process_id }
-        }
+    let publisher_process =
+        bus.participants()?.into_iter().find(|one| one.role == stream && one.process_id != own);
+    Err(match publisher_process {
+        Some(other) => AdapterError::AlreadyPublished {
+            stream,
+            station: bus.station().to_owned(),
+            process: other.process_id,
+        },
         None => refused.into(),
     })
 }
@@ -93,34 +96,34 @@ pub fn run_suit(
     stopping: &dyn Fn() -> bool,
 ) -> Result<(), AdapterError> {
     let bus = Bus::join(&BusSettings::new(station, SUIT_ROLE))?;
-    let samples = only_publisher::<SuitSample>(&bus, SUIT_ROLE)?;
+    let samples = exclusive_publisher::<SuitSample>(&bus, SUIT_ROLE)?;
     let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
-    let mut build = Build::new(&bus)?;
+    let mut body_publisher = BodyPublisher::new(&bus)?;
     let mut source = SuitSource::open(&mvn_settings(config)?)?;
-    let mut others = Others::start(&config.others);
+    let mut forwarders = Forwarders::start(&config.others);
     ready();
     while !stopping() {
-        if let Some(mut sample) = source.receive()?.filter(|sample| !others.take(sample)) {
+        if let Some(mut sample) = source.receive()?.filter(|sample| !forwarders.forward(sample)) {
             // Before the sample, so that the first sample already has its segment lengths.
-            build.tell_if_due(source.body())?;
+            body_publisher.publish_if_due(source.body())?;
             sample.published_ns = now_monotonic_ns();
             samples.send(&sample)?;
             wake.notify(Event::NewSuit)?;
         }
-        if health.tell_if_due(|| source.health())? {
+        if health.publish_if_due(|| source.health())? {
             // Also while the suit is silent, since subscribers may leave.
             samples.update_connections()?;
-            build.update_connections()?;
-            others.tell(|avatar| source.health_of(avatar));
-            others.tell_builds(|avatar| source.assembler(avatar)?.body());
+            body_publisher.update_connections()?;
+            forwarders.publish_health(|avatar| source.health_of(avatar));
+            forwarders.publish_bodies(|avatar| source.assembler(avatar)?.body());
         }
     }
     Ok(())
 }
 
 /// Runs the ground's adapter until `stopping` returns true; `ready` is called after the first attempt to open the
-/// device, and `trouble` whenever the device's fault changes: a sentence, or `None` once the fault is gone.
+/// device, and `report_fault` whenever the device's fault changes: a message, or `None` once the fault has ended.
 ///
 /// A device that is off or unplugged is retried indefinitely.
 ///
@@ -131,18 +134,18 @@ pub fn run_ground(
     station: &str,
     config: &GroundConfig,
     ready: &mut dyn FnMut(),
-    trouble: &dyn Fn(Option<&str>),
+    report_fault: &dyn Fn(Option<&str>),
     stopping: &dyn Fn() -> bool,
 ) -> Result<(), AdapterError> {
     let bus = Bus::join(&BusSettings::new(station, GROUND_ROLE))?;
-    let publisher = only_publisher::<GroundSample>(&bus, GROUND_ROLE)?;
+    let publisher = exclusive_publisher::<GroundSample>(&bus, GROUND_ROLE)?;
     let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
     let mut source = Ground::open(config)?;
     ready();
     let mut samples = Vec::with_capacity(64);
-    let (mut reported, mut noted) = (None, None);
-    let mut noted_at: Option<Instant> = None;
+    let (mut reported, mut logged) = (None, None);
+    let mut logged_at: Option<Instant> = None;
     while !stopping() {
         samples.clear();
         source.receive(&mut samples)?;
@@ -154,19 +157,19 @@ pub fn run_ground(
             wake.notify(Event::NewGround)?;
         }
         let note = source.note();
-        if note != noted && noted_at.is_none_or(|at| at.elapsed() >= NOTE_EVERY) {
-            noted_at = Some(Instant::now());
+        if note != logged && logged_at.is_none_or(|at| at.elapsed() >= NOTE_INTERVAL) {
+            logged_at = Some(Instant::now());
             if let Some(note) = &note {
                 tracing::info!("ground: {note}");
             }
-            noted = note;
+            logged = note;
         }
-        let now = source.trouble();
-        if now != reported {
-            trouble(now.as_deref());
-            reported = now;
+        let current = source.fault();
+        if current != reported {
+            report_fault(current.as_deref());
+            reported = current;
         }
-        if health.tell_if_due(|| source.health())? {
+        if health.publish_if_due(|| source.health())? {
             publisher.update_connections()?;
         }
     }
@@ -193,7 +196,7 @@ impl Ground {
             return Ok(Ground::One(Box::new(first)));
         };
         let other = open_device(second, second.settings_of_second()).map_err(error_of_second)?;
-        let names = [config.own_place(), of_second(&second.own_place())];
+        let names = [config.own_location(), in_second(&second.own_location())];
         let [name, other_name] = names.map(|place| format!("the device at {place}"));
         Ok(Ground::Two(Box::new(FusedSource::start([(name, first), (other_name, other)], fusion)?)))
     }
@@ -209,8 +212,8 @@ impl Ground {
         }
     }
 
-    /// As [`GroundSource::trouble`].
-    pub fn trouble(&self) -> Option<String> {
+    /// Current fault of the device, or of either device.
+    pub fn fault(&self) -> Option<String> {
         match self {
             Ground::One(source) => source.trouble(),
             Ground::Two(source) => source.trouble(),
@@ -282,7 +285,7 @@ impl Health {
     }
 
     /// Publishes if due; returns whether it was due.
-    fn tell_if_due(&mut self, health: impl FnOnce() -> AdapterHealth) -> Result<bool, BusError> {
+    fn publish_if_due(&mut self, health: impl FnOnce() -> AdapterHealth) -> Result<bool, BusError> {
         let is_due = self.last.elapsed() >= HEALTH_INTERVAL;
         if is_due {
             self.last = Instant::now();

@@ -18,7 +18,7 @@ const MASS_WIDTH_KG: f64 = 7.0;
 /// Fraction of a deviation from the table shared by subjects of equal stature, mass and sex.
 const LIKENESS_MAX: f64 = 0.8;
 /// Factor on it if the sexes differ or one is not stated.
-const OTHER_SEX: f64 = 0.6;
+const OTHER_SEX_FACTOR: f64 = 0.6;
 /// Minimum similarity.
 const LIKENESS_MIN: f64 = 0.2;
 
@@ -54,7 +54,7 @@ pub fn choose(subject: &str, settings: &Settings, folder: &Path) -> Option<Chose
 }
 
 /// One sentence on the selection.
-pub fn tell(chosen: Option<&Chosen>) -> String {
+pub fn describe(chosen: Option<&Chosen>) -> String {
     match chosen {
         Some(chosen) => format!(
             "the prior is the table and subject {}, likeness {:.2}",
@@ -66,14 +66,14 @@ pub fn tell(chosen: Option<&Chosen>) -> String {
 
 fn compare(profile: &Profile, settings: &Settings) -> Option<Chosen> {
     let build = profile.build()?;
-    let apart = |difference: f64, width: f64| (difference / width).powi(2);
+    let scaled_square = |difference: f64, width: f64| (difference / width).powi(2);
     let mass = match settings.mass_kg {
-        Some(mass_kg) if profile.mass_kg > 0.0 => apart(mass_kg - profile.mass_kg, MASS_WIDTH_KG),
+        Some(mass_kg) if profile.mass_kg > 0.0 => scaled_square(mass_kg - profile.mass_kg, MASS_WIDTH_KG),
         // Unavailable mass: assume one width.
         _ => 1.0,
     };
-    let distance = apart(settings.height_m - build.height_m, HEIGHT_WIDTH_M) + mass;
-    let sex = if settings.sex == build.sex.into() { 1.0 } else { OTHER_SEX };
+    let distance = scaled_square(settings.height_m - build.height_m, HEIGHT_WIDTH_M) + mass;
+    let sex = if settings.sex == build.sex.into() { 1.0 } else { OTHER_SEX_FACTOR };
     let (deviation_m, variance_m2) = deviation(profile)?;
     let similar =
         Similar { deviation_m, variance_m2, likeness: LIKENESS_MAX * sex * (-0.5 * distance).exp() };
@@ -97,9 +97,9 @@ fn deviation(profile: &Profile) -> Option<([f64; PARAMETERS], [f64; PARAMETERS])
     let phi = reduction.phi(theta_m);
     let deviation_m = std::array::from_fn(|raw| phi.0[raw / 3][raw % 3] - table.0[raw / 3][raw % 3]);
     let variance_m2 = reduction.raw_variance(|index| covariance_m2[index * (profile.parameters + 1)]);
-    let is_sound = deviation_m.iter().chain(&variance_m2).all(|value: &f64| value.is_finite())
+    let is_valid = deviation_m.iter().chain(&variance_m2).all(|value: &f64| value.is_finite())
         && variance_m2.iter().all(|variance| *variance >= 0.0);
-    is_sound.then_some((deviation_m, variance_m2))
+    is_valid.then_some((deviation_m, variance_m2))
 }
 
 #[cfg(test)]
@@ -134,14 +134,14 @@ mod tests {
             worker.update_skeleton(&pose, &settings);
         }
         worker.identified = identified;
-        let mut kept = bytemuck::zeroed_box();
-        worker.store(&mut kept);
-        let profile = Profile::of(subject, build, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
+        let mut stored = bytemuck::zeroed_box();
+        worker.store(&mut stored);
+        let profile = Profile::of(subject, build, &stored, &bytemuck::Zeroable::zeroed(), 0).unwrap();
         std::fs::write(folder.join(format!("{subject}.toml")), profile.to_toml().unwrap()).unwrap();
     }
 
     #[test]
-    fn the_closest_finished_worker_who_says_stature_and_sex_is_taken() {
+    fn the_most_similar_identified_subject_is_chosen() {
         let folder = tempfile::tempdir().unwrap();
         let build = |height_m, sex| Some(Build { height_m, sex });
         assert!(choose("me", &settings(), folder.path()).is_none());
@@ -157,13 +157,13 @@ mod tests {
         let chosen = choose("me", &settings(), folder.path()).unwrap();
         assert_eq!(chosen.subject, "man");
         assert!((0.7..0.8).contains(&chosen.similar.likeness));
-        assert!(tell(Some(&chosen)).contains("subject man, likeness 0.7"));
+        assert!(describe(Some(&chosen)).contains("subject man, likeness 0.7"));
         let table = Settings { prior: PriorKind::Table, ..settings() };
         assert!(choose("me", &table, folder.path()).is_none());
     }
 
     #[test]
-    fn what_a_worker_has_more_than_the_table_is_found_again() {
+    fn the_difference_from_the_table_is_restored() {
         let folder = tempfile::tempdir().unwrap();
         store(folder.path(), "a", Some(Build { height_m: 1.77, sex: SexConfig::Male }), 72.0, 1);
         let profile = Profile::read(&folder.path().join("a.toml")).unwrap().unwrap();

@@ -130,7 +130,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_service_manager_comes_first_and_without_a_home_there_is_none() {
+    fn the_service_manager_has_precedence_and_without_a_home_there_is_no_directory() {
         let of = |set: &[(&str, &str)]| {
             choose(|name| set.iter().find(|(set, _)| *set == name).map(|(_, value)| OsString::from(value)))
         };

@@ -1,7 +1,7 @@
-//! What belongs to a station and outlives its daemon: who and which model was in use, tare, registration.
+//! Data of a station that persist across daemon restarts: active subject and model, tare, registration.
 //!
-//! `stations/<station>.toml` in the state directory, written like a profile: whole or not at all, readable by owner and
-//! group; a file that cannot be understood is refused and never overwritten.
+//! `stations/<station>.toml` in the state directory, written like a profile: atomically, readable by owner and group. A
+//! file that cannot be parsed is refused and never overwritten.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -16,33 +16,33 @@ use crate::config::Config;
 use crate::model::sha256_of_text;
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
-/// Grows with every change of the file's layout or meaning.
+/// Increments with every change of the file's layout or meaning.
 const FORMAT: u32 = 2;
 /// Format 1 had no checksum.
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
-const TARE_IS_OLD_S: u64 = 12 * 3600;
+const TARE_AGE_MAX_S: u64 = 12 * 3600;
 
-/// A station's file.
+/// The file of a station.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StationFile {
-    /// Layout of the file.
+    /// Format number.
     pub format: u32,
     /// The station.
     pub station: String,
-    /// When it was written, s since 1970 UTC.
+    /// Time of writing, s since 1970 UTC.
     pub saved_unix_s: u64,
-    /// The subject in use, if it is not the configured one.
+    /// The active subject, if it is not the configured one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subject: Option<SubjectPart>,
-    /// The model in use.
+    /// The active model.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<ModelPart>,
-    /// What the empty plate showed.
+    /// Reading of the empty plate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tare: Option<TarePart>,
-    /// Where the suit's world lay.
+    /// Position of the suit world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationPart>,
 }
@@ -51,15 +51,15 @@ pub struct StationFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubjectPart {
-    /// Who was loaded.
+    /// Pseudonym of the loaded subject.
     pub in_use: String,
-    /// Fingerprint of whom the configuration named then: when it names another, that is the newer word. No id, which
-    /// would stay here when that subject is deleted.
+    /// Fingerprint of the configured subject at that time: if the configuration names another one since, that one is
+    /// used. Not the pseudonym, which would remain here after that subject is deleted.
     configured: String,
 }
 
 impl SubjectPart {
-    /// The subject in use; `None` if it is the configured subject or unnamed.
+    /// The active subject; `None` if it is the configured subject or unnamed.
     pub fn of(in_use: &str, config: &Config) -> Option<SubjectPart> {
         (!in_use.is_empty() && in_use != config.subject.id)
             .then(|| SubjectPart { in_use: in_use.to_owned(), configured: fingerprint(config) })
@@ -76,9 +76,9 @@ fn fingerprint(config: &Config) -> String {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelPart {
-    /// The file as it was named.
+    /// Path as configured.
     pub file: String,
-    /// SHA-256 of its content.
+    /// SHA-256 of the content.
     pub sha256: String,
 }
 
@@ -86,14 +86,14 @@ pub struct ModelPart {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TarePart {
-    /// When it was taken, s since 1970 UTC.
+    /// Time of the tare, s since 1970 UTC.
     pub taken_unix_s: u64,
-    /// SHA-256 of `[ground]`: a tare holds for the plate, place and scale that it was taken with.
+    /// SHA-256 of `[ground]`: a tare is valid only for its plate, pose and scale.
     plate: String,
     force_n: [f64; 3],
     moment_nm: [f64; 3],
     foot_vertical_n: [f64; 2],
-    /// Not in files of before feet had one.
+    /// Absent in files written before each foot had a tare.
     #[serde(default, skip_serializing_if = "is_nothing")]
     foot_lever_nm: [[f64; 2]; 2],
 }
@@ -102,13 +102,12 @@ pub struct TarePart {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegistrationPart {
-    /// Which start of the machine the time belongs to.
+    /// Boot id of the machine, for `suit_time_ns`.
     boot: String,
-    /// SHA-256 of the plates' frames: the registration is relative to the world that they define. Empty in files of
-    /// before it was kept.
+    /// SHA-256 of the plates' frames: the registration is relative to the world that they define. Empty in older files.
     #[serde(default)]
     frames: String,
-    /// Turn about the vertical and its 1-σ, rad. Not in files of before they were kept.
+    /// Rotation about the vertical and its 1-σ, rad; absent in older files.
     #[serde(default)]
     station_from_suit_rad: f64,
     #[serde(default)]
@@ -118,23 +117,23 @@ pub struct RegistrationPart {
     suit_time_ns: u64,
     suit_counter: u64,
     suit_period_ns: u64,
-    /// How much later than the ground's the suit's stamps are, s. Not in files of before it was kept.
+    /// Lag of the suit's stamps behind the ground's, s; absent in older files.
     #[serde(default)]
     suit_lag_s: f64,
 }
 
-/// Why a station's file cannot be used.
+/// A station's file cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[error("the station's file {path} is not used: {why}; it is left as it is", path = .path.display())]
+#[error("the station's file {path} is not used: {reason}; it is left as it is", path = .path.display())]
 pub struct Refused {
-    /// Which file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Why.
-    pub why: String,
+    /// Reason.
+    pub reason: String,
 }
 
 impl StationFile {
-    /// The file of a station about which nothing is known yet.
+    /// A file without data.
     pub fn new(station: &str) -> StationFile {
         StationFile {
             format: FORMAT,
@@ -147,15 +146,15 @@ impl StationFile {
         }
     }
 
-    /// Reads a file; `None` if there is none. The file's name is the station's.
+    /// Reads a file; `None` if it does not exist. The file name is the station's name.
     ///
     /// # Errors
-    /// [`Refused`], in words.
+    /// [`Refused`].
     pub fn read(path: &Path) -> Result<Option<StationFile>, Refused> {
-        let refused = |why: String| Refused { path: path.to_owned(), why };
+        let refused = |reason: String| Refused { path: path.to_owned(), reason };
         let read = stored_file::read(path, &FORMATS).map_err(|refusal| match refusal {
             Refusal::Io(error) => refused(format!("it cannot be read: {error}")),
-            Refusal::Content(why) => refused(why),
+            Refusal::Content(reason) => refused(reason),
         })?;
         let Some(file): Option<StationFile> = read else { return Ok(None) };
         if path.file_stem() != Some(OsStr::new(&file.station)) {
@@ -170,19 +169,19 @@ impl StationFile {
     /// The text of the file.
     ///
     /// # Errors
-    /// It cannot be put into TOML. Nothing must be written then, least of all over what is there.
+    /// The data have no TOML form. The caller must not overwrite an existing file.
     pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
         toml::to_string(self).map(sealed)
     }
 
-    /// Who is to be loaded, if the configuration still names whom it named when somebody else was.
+    /// The subject to load, unless the configured subject has changed since.
     pub fn loaded_subject(&self, config: &Config) -> Option<&str> {
         let subject = self.subject.as_ref()?;
         (subject.configured == fingerprint(config) && subject.in_use != config.subject.id)
             .then_some(subject.in_use.as_str())
     }
 
-    /// What changed in the model since, in words for people; nothing if it is the same.
+    /// Message on a change of the model since; `None` if it is the same.
     pub fn other_model(&self, config: &Config) -> Option<String> {
         let now = ModelPart::of(config);
         match (&self.model, &now) {
@@ -211,7 +210,7 @@ impl ModelPart {
 }
 
 impl TarePart {
-    /// A tare as it was taken with this configuration; nothing while none was taken.
+    /// Converts a tare; `None` if there is none.
     pub fn of(tare: &Tare, taken_unix_s: u64, config: &Config) -> Option<TarePart> {
         let Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm } = *tare;
         let plate = plate_of(config);
@@ -225,17 +224,17 @@ impl TarePart {
         })
     }
 
-    /// The tare, and what to say of it.
+    /// The tare, and a message on it.
     ///
     /// # Errors
-    /// Why it does not hold any more.
+    /// Why it is no longer valid.
     pub fn tare(&self, config: &Config, now_unix_s: u64) -> Result<(Tare, String), String> {
         if self.plate != plate_of(config) {
             return Err("[ground] is another than when it was taken; tare again".to_owned());
         }
         let &TarePart { force_n, moment_nm, foot_vertical_n, foot_lever_nm, .. } = self;
         let age_s = now_unix_s.saturating_sub(self.taken_unix_s);
-        let old = if age_s > TARE_IS_OLD_S { "; tare again as soon as the plate is empty" } else { "" };
+        let old = if age_s > TARE_AGE_MAX_S { "; tare again as soon as the plate is empty" } else { "" };
         let message =
             format!("the tare of {:.1} h ago is in force ({:.1} N){old}", age_s as f64 / 3600.0, force_n[2]);
         Ok((Tare { force_n, moment_nm, foot_vertical_n, foot_lever_nm }, message))
@@ -244,7 +243,7 @@ impl TarePart {
 
 impl RegistrationPart {
     /// The registration; `None` without one, or if the start of the machine cannot be determined.
-    pub fn of(kept: &StoredState, config: &Config) -> Option<RegistrationPart> {
+    pub fn of(copy: &StoredState, config: &Config) -> Option<RegistrationPart> {
         let Registration {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
@@ -253,7 +252,7 @@ impl RegistrationPart {
             suit_counter,
             suit_period_ns,
             suit_lag_s,
-        } = kept.registration;
+        } = copy.registration;
         (suit_time_ns > 0).then_some(RegistrationPart {
             boot: boot()?,
             frames: frames_of(config),
@@ -267,15 +266,15 @@ impl RegistrationPart {
         })
     }
 
-    /// Whether it was found with the configured frames of the ground's devices.
+    /// Whether it was estimated with the configured frames of the ground devices.
     pub fn is_in_frames_of(&self, config: &Config) -> bool {
         self.frames.is_empty() || self.frames == frames_of(config)
     }
 
-    /// The registration, for the loop to hold against the first suit sample.
+    /// The registration, which the loop compares with the first suit sample.
     ///
     /// # Errors
-    /// Why it does not hold any more.
+    /// Why it is no longer valid.
     pub fn registration(&self, config: &Config, now_ns: u64) -> Result<Registration, String> {
         if boot().as_deref() != Some(&self.boot) {
             return Err("the machine was restarted".to_owned());
@@ -309,7 +308,7 @@ impl RegistrationPart {
     }
 }
 
-fn is_nothing(levers_nm: &[[f64; 2]; 2]) -> bool {
+fn is_empty(levers_nm: &[[f64; 2]; 2]) -> bool {
     *levers_nm == [[0.0; 2]; 2]
 }
 
@@ -323,7 +322,7 @@ fn frames_of(config: &Config) -> String {
     sha256_of_text(&texts.map(Option::unwrap_or_default).join("and"))
 }
 
-/// Which start of the machine this is; `None` if the kernel does not say.
+/// Boot id of the machine; `None` if unavailable.
 fn boot() -> Option<String> {
     let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").ok()?;
     Some(id.trim().to_owned())
@@ -342,10 +341,10 @@ mod tests {
         Config::parse(&text, "the test's").unwrap()
     }
 
-    fn kept() -> Box<StoredState> {
-        let mut kept = bytemuck::zeroed_box::<StoredState>();
-        kept.tare.force_n = [0.5, -0.25, 41.0];
-        kept.registration = Registration {
+    fn copy() -> Box<StoredState> {
+        let mut copy = bytemuck::zeroed_box::<StoredState>();
+        copy.tare.force_n = [0.5, -0.25, 41.0];
+        copy.registration = Registration {
             station_from_suit_rad: 0.7,
             station_from_suit_sigma_rad: 0.1,
             station_from_suit_m: [0.1, -0.2],
@@ -354,15 +353,15 @@ mod tests {
             suit_period_ns: 10_000_000,
             suit_lag_s: -0.04,
         };
-        kept
+        copy
     }
 
     #[test]
-    fn a_file_comes_back_as_it_was_and_others_are_refused() {
-        let (config, kept) = (config(""), kept());
+    fn a_file_round_trips_and_others_are_refused() {
+        let (config, copy) = (config(""), copy());
         let mut file = StationFile::new("s");
-        file.tare = TarePart::of(&kept.tare, 1000, &config);
-        file.registration = RegistrationPart::of(&kept, &config);
+        file.tare = TarePart::of(&copy.tare, 1000, &config);
+        file.registration = RegistrationPart::of(&copy, &config);
         file.subject = SubjectPart::of("b", &config);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");
@@ -374,18 +373,18 @@ mod tests {
         let mut other = config.clone();
         other.subject.id = "c".to_owned();
         assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
-        assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(kept.registration));
-        for (change, why) in [("format = 2", "format = 3"), ("format", "formats"), ("station", "= =")] {
-            fs::write(&path, file.to_toml().unwrap().replacen(change, why, 1)).unwrap();
+        assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(copy.registration));
+        for (change, reason) in [("format = 2", "format = 3"), ("format", "formats"), ("station", "= =")] {
+            fs::write(&path, file.to_toml().unwrap().replacen(change, reason, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }
     }
 
     #[test]
-    fn a_tare_holds_for_the_plate_it_was_taken_with() {
-        let part = TarePart::of(&kept().tare, 1000, &config("")).unwrap();
+    fn a_tare_is_valid_for_its_plate_only() {
+        let part = TarePart::of(&copy().tare, 1000, &config("")).unwrap();
         let (tare, message) = part.tare(&config(""), 1000 + 3600).unwrap();
-        assert_eq!(tare, kept().tare);
+        assert_eq!(tare, copy().tare);
         assert!(message.contains("1.0 h ago") && !message.contains("tare again"), "{message}");
         assert!(part.tare(&config(""), 1000 + 20 * 3600).unwrap().1.contains("tare again"));
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
@@ -394,8 +393,8 @@ mod tests {
     }
 
     #[test]
-    fn a_registration_is_not_of_another_start_of_the_machine_nor_of_long_ago() {
-        let mut part = RegistrationPart::of(&kept(), &config("")).unwrap();
+    fn a_registration_is_refused_after_a_reboot_or_a_long_time() {
+        let mut part = RegistrationPart::of(&copy(), &config("")).unwrap();
         let moved = config("[ground.frame]\nyaw_deg = 90.0");
         assert!(part.registration(&moved, now_ns()).unwrap_err().contains("[ground.frame]"));
         assert!(part.registration(&config("latency_ms = 2.0"), now_ns()).is_ok());

@@ -9,14 +9,14 @@ use anyhow::Context;
 use equipoise_files::read_text;
 use serde::{Deserialize, Serialize};
 
-use crate::roster::{FaultWatch, MemoryUse, Roster};
-use crate::whole_file::write_whole;
+use crate::atomic_file::write_atomically;
+use crate::thread_registry::{FaultWatch, MemoryUse, ThreadRegistry};
 
-pub use crate::roster::ThreadStatus;
+pub use crate::thread_registry::ThreadStatus;
 
 /// The longest of these files, bytes: a configuration and a model, written as JSON.
 const STATUS_BYTES_MAX: u64 = 8 << 20;
-/// How the file of a page ends, which lies among them.
+/// Suffix of a page's file in the same directory.
 const PAGE_ENDING: &str = ".page.json";
 
 /// The facts of one daemon.
@@ -24,49 +24,49 @@ const PAGE_ENDING: &str = ".page.json";
 pub struct Status {
     /// Version of the program.
     pub version: String,
-    /// Process.
+    /// Process id.
     pub process_id: u32,
     /// Station.
     pub station: String,
-    /// The whole configuration, defaults included.
+    /// The complete configuration, defaults included.
     pub config_toml: String,
     /// The model in use in addition to the body; empty without one.
     #[serde(default)]
     pub model_toml: String,
-    /// Where the daemon keeps its state; empty in the status of a version that does not tell.
+    /// State directory of the daemon; empty if its version does not publish it.
     #[serde(default)]
     pub state_directory: PathBuf,
     /// The subject in use; empty if it is unnamed.
     #[serde(default)]
     pub subject: String,
-    /// What was found of the daemon before, and what of it is used or not, in words.
+    /// Messages on stored data of earlier runs: what is restored, and what is not.
     #[serde(default)]
     pub remembered: Vec<String>,
-    /// Number of the reload that brought `config_toml` and `model_toml`; 0 for the start.
+    /// Number of the reload that set `config_toml` and `model_toml`; 0 for the start.
     #[serde(default)]
     pub reload: u64,
-    /// Whether memory is locked, or why not.
+    /// Whether memory is locked, or the reason that it is not.
     pub memory_lock: String,
-    /// How much memory there is, and how much of it is locked, as read back.
+    /// Total and locked memory, as read back.
     #[serde(default)]
     pub memory: MemoryUse,
-    /// Minor and major page faults of the loop since its warm-up; nothing before it is over.
+    /// Minor and major page faults of the loop since its warm-up; `None` before its end.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub loop_faults: Option<[u64; 2]>,
-    /// Where the model does not explain what is measured, now; nothing while it does.
+    /// Current discrepancy between model and measurement; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_suspicion: Option<String>,
-    /// What goes wrong now: the daemon's own sentence on each incident, by name.
+    /// Active incidents: the daemon's message by name.
     #[serde(default)]
     pub incidents: BTreeMap<String, String>,
-    /// What each thread asked for, has, and suffered.
+    /// Requested and granted scheduling of each thread, and its page faults and preemptions.
     pub threads: Vec<ThreadStatus>,
 }
 
-/// The file of a station's daemon; removed when it ends. Copies of it tell the same.
+/// The file of a station's daemon; removed at its end. Clones share the same facts.
 #[derive(Debug, Clone)]
 pub struct StatusFile {
-    /// Where.
+    /// Path of the file.
     pub path: PathBuf,
     facts: Arc<Mutex<Facts>>,
 }
@@ -84,30 +84,30 @@ impl StatusFile {
         StatusFile { path: path_of(&facts.status.station), facts: Arc::new(Mutex::new(facts)) }
     }
 
-    /// Says where the model does not explain what is measured; written with the next [`StatusFile::write`].
-    pub fn suspect(&self, suspicion: Option<String>) {
+    /// Sets the discrepancy between model and measurement; written with the next [`StatusFile::write`].
+    pub fn set_model_suspicion(&self, suspicion: Option<String>) {
         self.change(|status| status.model_suspicion = suspicion);
     }
 
-    /// Says who is in use; written with the next [`StatusFile::write`].
+    /// Sets the active subject; written with the next [`StatusFile::write`].
     pub fn set_subject(&self, subject: &str) {
         self.change(|status| subject.clone_into(&mut status.subject));
     }
 
-    /// Says which incidents go on; written with the next [`StatusFile::write`].
-    pub fn tell_incidents(&self, incidents: BTreeMap<String, String>) {
+    /// Sets the active incidents; written with the next [`StatusFile::write`].
+    pub fn set_incidents(&self, incidents: BTreeMap<String, String>) {
         self.change(|status| status.incidents = incidents);
     }
 
-    /// Reads how every thread and the memory fare while the loop is at `cycle`; to be asked about once a second.
-    pub fn note_threads(&self, roster: &Roster, cycle: u64) {
+    /// Updates threads and memory; `cycle` is the loop's current cycle. For calls about once per second.
+    pub fn update_threads(&self, thread_registry: &ThreadRegistry, cycle: u64) {
         let Facts { status, faults } = &mut *self.facts();
-        status.threads = roster.threads();
-        status.memory = MemoryUse::now();
-        status.loop_faults = faults.look(cycle, &status.threads);
+        status.threads = thread_registry.threads();
+        status.memory = MemoryUse::read();
+        status.loop_faults = faults.update(cycle, &status.threads);
     }
 
-    /// Minor and major page faults of the loop since its warm-up; `None` before it is over. A steady loop has none.
+    /// Minor and major page faults of the loop since its warm-up; `None` before its end. A steady loop has none.
     pub fn loop_faults(&self) -> Option<[u64; 2]> {
         self.facts().status.loop_faults
     }
@@ -124,7 +124,7 @@ impl StatusFile {
     /// Writes the file atomically, without a sync to disk: it is outdated after a second and removed with the daemon.
     ///
     /// # Errors
-    /// What the system said.
+    /// The system's error.
     pub fn write(&self) -> std::io::Result<()> {
         // Serialises the writes of two threads to the same temporary file.
         let facts = self.facts();
@@ -134,13 +134,13 @@ impl StatusFile {
         std::fs::rename(&new, &self.path)
     }
 
-    /// Removes it.
+    /// Removes the file.
     pub fn remove(&self) {
         let _ = std::fs::remove_file(&self.path);
     }
 }
 
-/// Removes the file of a station whose daemon did not get far enough to do it.
+/// Removes the file of a daemon that failed to start.
 pub fn remove(station: &str) {
     let _ = std::fs::remove_file(path_of(station));
 }
@@ -151,7 +151,7 @@ pub fn read(station: &str) -> Option<Status> {
     serde_json::from_str(&text).ok()
 }
 
-/// The facts of all daemons on this bus, also of such as were killed.
+/// The facts of all daemons on this bus, including killed ones.
 ///
 /// # Errors
 /// One of the files cannot be parsed, for instance because it is another version's: the list of daemons would be
@@ -197,19 +197,19 @@ fn all_in(root: &Path) -> anyhow::Result<Vec<Status>> {
 /// Address of a station's page, published by the process that serves it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct PageStatus {
-    /// Process that serves it.
+    /// Process that serves the page.
     pub process_id: u32,
-    /// What to type into a browser.
+    /// Address for a browser.
     pub url: String,
     /// Whether it requires a token; the token itself is not published.
     pub needs_token: bool,
 }
 
-/// The file of a station's page; removed when it ends. After a crash it stays: who reads it asks the bus whether the
-/// process is still there.
+/// The file of a station's page; removed at its end. It remains after a crash, so readers check on the bus whether the
+/// process still runs.
 #[derive(Debug, Clone)]
 pub struct PageFile {
-    /// Where.
+    /// Path of the file.
     pub path: PathBuf,
     status: PageStatus,
 }
@@ -221,15 +221,15 @@ impl PageFile {
         PageFile { path: page_path_of(station), status }
     }
 
-    /// Writes it.
+    /// Writes the file.
     ///
     /// # Errors
-    /// What the system said.
+    /// The system's error.
     pub fn write(&self) -> std::io::Result<()> {
-        write_whole(&self.path, serde_json::to_string(&self.status)?.as_bytes())
+        write_atomically(&self.path, serde_json::to_string(&self.status)?.as_bytes())
     }
 
-    /// Removes it, unless another page has taken its place.
+    /// Removes the file, unless it is that of another page.
     pub fn remove(&self) {
         if read_page_file(&self.path).as_ref() == Some(&self.status) {
             let _ = std::fs::remove_file(&self.path);
@@ -260,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_status_that_cannot_be_understood_is_named_and_a_page_is_none() {
+    fn an_unreadable_status_is_reported_and_a_page_status_is_ignored() {
         let root = tempfile::tempdir().unwrap();
         assert!(all_in(&root.path().join("nothing")).unwrap().is_empty());
         for passed_over in
@@ -271,8 +271,8 @@ mod tests {
         assert!(all_in(root.path()).unwrap().is_empty());
         for content in ["{", "{\"version\": \"99\"}", "{}"] {
             std::fs::write(root.path().join("equipoise-b.json"), content).unwrap();
-            let said = format!("{:#}", all_in(root.path()).unwrap_err());
-            assert!(said.contains("equipoise-b.json") && said.contains("stop its daemon"), "{said}");
+            let message = format!("{:#}", all_in(root.path()).unwrap_err());
+            assert!(message.contains("equipoise-b.json") && message.contains("stop its daemon"), "{message}");
         }
         let file = std::fs::File::create(root.path().join("equipoise-b.json")).unwrap();
         file.set_len(STATUS_BYTES_MAX + 1).unwrap();

@@ -11,7 +11,7 @@ use serde::de::DeserializeOwned;
 use crate::model::sha256_of_text;
 
 /// Prefix of the last line, which is a TOML comment.
-const SEAL: &str = "# sha256 of all above: ";
+const CHECKSUM_PREFIX: &str = "# sha256 of all above: ";
 
 /// Format numbers of a kind of file.
 #[derive(Debug, Clone)]
@@ -38,7 +38,7 @@ pub fn sealed(mut text: String) -> String {
     if !text.ends_with('\n') {
         text.push('\n');
     }
-    let seal = format!("{SEAL}{}\n", sha256_of_text(&text));
+    let seal = format!("{CHECKSUM_PREFIX}{}\n", sha256_of_text(&text));
     text + &seal
 }
 
@@ -59,13 +59,13 @@ fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String
     // Check the format number first: the fields of a later version are unknown.
     let table: toml::Table = text.parse().map_err(message)?;
     let format = table.get("format").and_then(toml::Value::as_integer);
-    let known = format.and_then(|format| u32::try_from(format).ok()).filter(|it| formats.read.contains(it));
-    let Some(known) = known else {
+    let version = format.and_then(|format| u32::try_from(format).ok()).filter(|it| formats.read.contains(it));
+    let Some(version) = version else {
         let format = format.map_or("missing".to_owned(), |format| format.to_string());
         let (first, last) = (formats.read.start(), formats.read.end());
         return Err(format!("its format is {format}, this version reads {first} to {last}"));
     };
-    if known >= formats.sealed_since && !is_whole(text) {
+    if version >= formats.sealed_since && !is_checksum_valid(text) {
         return Err(
             "its checksum is not that of its content: it was damaged, cut or changed by hand".to_owned()
         );
@@ -73,8 +73,9 @@ fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String
     toml::from_str(text).map_err(message)
 }
 
-fn is_whole(text: &str) -> bool {
-    text.rfind(SEAL).is_some_and(|at| text[at + SEAL.len()..].trim_end() == sha256_of_text(&text[..at]))
+fn is_checksum_valid(text: &str) -> bool {
+    text.rfind(CHECKSUM_PREFIX)
+        .is_some_and(|at| text[at + CHECKSUM_PREFIX.len()..].trim_end() == sha256_of_text(&text[..at]))
 }
 
 #[cfg(test)]
@@ -83,28 +84,28 @@ mod tests {
 
     const FORMATS: Formats = Formats { read: 1..=3, sealed_since: 2 };
 
-    fn said(text: &str) -> String {
-        parse::<toml::Table>(text, &FORMATS).map_or_else(|why| why, |_| "read".to_owned())
+    fn stored(text: &str) -> String {
+        parse::<toml::Table>(text, &FORMATS).map_or_else(|reason| reason, |_| "read".to_owned())
     }
 
     #[test]
-    fn what_was_sealed_is_read_as_long_as_not_a_byte_of_it_is_another() {
+    fn any_changed_byte_invalidates_the_checksum() {
         let text = sealed("format = 2\nmass_kg = 71.5\n".to_owned());
         assert_eq!(parse::<toml::Table>(&text, &FORMATS).unwrap()["mass_kg"].as_float(), Some(71.5));
-        assert_eq!(said(&text.replace("71.5", "75.1")), said("format = 2\n"));
-        assert!(said(&text.replace("71.5", "75.1")).contains("checksum"));
-        let whole = text.trim_end().len();
-        for length in 0..whole {
-            assert_ne!(said(&text[..length]), "read", "{length} of {whole} bytes");
+        assert_eq!(stored(&text.replace("71.5", "75.1")), stored("format = 2\n"));
+        assert!(stored(&text.replace("71.5", "75.1")).contains("checksum"));
+        let length_signed = text.trim_end().len();
+        for length in 0..length_signed {
+            assert_ne!(stored(&text[..length]), "read", "{length} of {length_signed} bytes");
         }
-        assert_ne!(said(&format!("{text}mass_kg = 80.0\n")), "read");
+        assert_ne!(stored(&format!("{text}mass_kg = 80.0\n")), "read");
     }
 
     #[test]
-    fn files_older_than_the_seal_are_read_and_a_later_format_is_reported_first() {
-        assert_eq!(said("format = 1\n"), "read");
-        assert_eq!(said("format = 4\n"), "its format is 4, this version reads 1 to 3");
-        assert!(said("a = 1\n").contains("format is missing"));
-        assert!(said("format = -1\n").contains("-1"));
+    fn files_without_checksum_are_read_and_a_later_format_is_reported_first() {
+        assert_eq!(stored("format = 1\n"), "read");
+        assert_eq!(stored("format = 4\n"), "its format is 4, this version reads 1 to 3");
+        assert!(stored("a = 1\n").contains("format is missing"));
+        assert!(stored("format = -1\n").contains("-1"));
     }
 }

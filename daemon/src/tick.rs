@@ -5,7 +5,7 @@
 //! [`Loop::run`].
 
 mod clock;
-mod lateness;
+mod deadlines;
 
 use std::sync::Arc;
 
@@ -13,19 +13,19 @@ use equipoise_core::cycle::{Identification, Inputs, StoredState, Memory, Setting
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
-use crate::realtime::touch;
-use crate::rings::{KEPT_FOR_LAST_WORD, Outcome, Rings, TakenIn};
+use crate::realtime::prefault;
+use crate::rings::{Ingested, Outcome, RESERVED_FOR_SHUTDOWN, Rings};
 use crate::schedule::Schedule;
 
 pub use clock::{Clock, Monotonic};
-pub use lateness::{LoopSummary, Miss, Misses};
+pub use deadlines::{LoopSummary, Miss, Misses};
 
 /// Maximum number of samples ingested per cycle; the rest stays in the ring.
-const SUIT_TAKEN_MAX: usize = 8;
-const GROUND_TAKEN_MAX: usize = 64;
+const SUIT_SAMPLES_MAX: usize = 8;
+const GROUND_SAMPLES_MAX: usize = 64;
 /// Interval of copies of the persistent state, which are also made with every command: including the disk's latency, a
 /// kill loses less than a second.
-const KEEP_EVERY_NS: u64 = NS_PER_S / 2;
+const COPY_INTERVAL_NS: u64 = NS_PER_S / 2;
 
 /// Called in every cycle from inside the loop, for counters in tests.
 pub trait Observer: Send {
@@ -45,32 +45,32 @@ pub struct Loop {
     settings: Settings,
     memory: Box<Memory>,
     rings: Arc<Rings>,
-    suit: Box<[SuitSample; SUIT_TAKEN_MAX]>,
-    ground: Box<[GroundSample; GROUND_TAKEN_MAX]>,
+    suit: Box<[SuitSample; SUIT_SAMPLES_MAX]>,
+    ground: Box<[GroundSample; GROUND_SAMPLES_MAX]>,
     record: CycleRecord,
-    /// A checkpoint is due and will be taken once a blank one is available.
-    owes_checkpoint: bool,
-    checkpointed: Learnt,
+    /// A checkpoint is due and is copied once a free one is available.
+    checkpoint_due: bool,
+    checkpointed: IdentificationProgress,
     /// Number of the worker in `memory`.
     worker: u64,
     /// Time of the last copy of the persistent state in `memory`.
-    kept_ns: u64,
-    /// A copy is due and will be taken once a box is available.
-    owes_copy: bool,
+    copied_ns: u64,
+    /// A copy is due and is made once a free one is available.
+    copy_due: bool,
 }
 
 /// Subject data at the last checkpoint.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Learnt {
+struct IdentificationProgress {
     poses_used: u64,
     learning: u64,
     identified: u64,
     has_mass: bool,
 }
 
-impl Learnt {
-    fn of(worker: &Identification) -> Learnt {
-        Learnt {
+impl IdentificationProgress {
+    fn of(worker: &Identification) -> IdentificationProgress {
+        IdentificationProgress {
             poses_used: worker.poses_used,
             learning: worker.identifying,
             identified: worker.identified,
@@ -90,7 +90,7 @@ impl Loop {
         rings: Arc<Rings>,
         period_ns: u64,
     ) -> Loop {
-        let checkpointed = Learnt::of(&memory.identification);
+        let checkpointed = IdentificationProgress::of(&memory.identification);
         let record = CycleRecord { period_ns, ..bytemuck::Zeroable::zeroed() };
         let mut new = Loop {
             settings,
@@ -99,16 +99,16 @@ impl Loop {
             suit: bytemuck::zeroed_box(),
             ground: bytemuck::zeroed_box(),
             record,
-            owes_checkpoint: true,
+            checkpoint_due: true,
             checkpointed,
             worker,
-            kept_ns: 0,
-            owes_copy: false,
+            copied_ns: 0,
+            copy_due: false,
         };
         // Fresh memory is mapped page by page at the first access: access it here to avoid page faults in a cycle.
-        touch(&mut *new.memory);
-        touch(&mut *new.suit);
-        touch(&mut *new.ground);
+        prefault(&mut *new.memory);
+        prefault(&mut *new.suit);
+        prefault(&mut *new.ground);
         new
     }
 
@@ -124,8 +124,8 @@ impl Loop {
             observer.cycle_begins(cycle);
 
             let command = self.command();
-            let (suit, ground) = self.take_samples();
-            let body = self.rings.body.pop().map(|taken| taken.sample);
+            let (suit, ground) = self.pop_samples();
+            let body = self.rings.body.pop().map(|ingested| ingested.sample);
             let tick = Tick { cycle, due_ns: schedule.due_ns() };
             let (suits, grounds) = (&self.suit[..suit], &self.ground[..ground]);
             let inputs = Inputs { suit: suits, ground: grounds, body: body.as_ref(), command };
@@ -133,43 +133,43 @@ impl Loop {
             let state = *step(&self.settings, &mut self.memory, tick, inputs);
             let compute_end_ns = clock.now_ns();
 
-            self.note_stamps(tick, [woken_ns, compute_start_ns, compute_end_ns]);
-            self.note_lateness(&schedule, misses.judge(cycle, compute_end_ns, schedule.deadline_ns()));
-            self.note_inputs(suit, ground, command);
+            self.record_stamps(tick, [woken_ns, compute_start_ns, compute_end_ns]);
+            self.record_lateness(&schedule, misses.check(cycle, compute_end_ns, schedule.deadline_ns()));
+            self.record_inputs(suit, ground, command);
             self.record.body_published_ns = body.map_or(0, |body| body.published_ns);
             self.rings.push_outcome(Outcome { state, record: self.record });
             self.take_checkpoint(cycle, command);
-            self.keep_if_due(tick.due_ns, command);
+            self.push_copy_if_due(tick.due_ns, command);
 
             observer.cycle_ends(cycle);
             ended_ns = clock.now_ns();
             schedule.advance(ended_ns);
         }
-        self.keep_at_the_end();
+        self.push_final_copy();
         LoopSummary::of(cycle, misses, &schedule, ended_ns)
     }
 
-    fn note_stamps(&mut self, tick: Tick, [woken_ns, compute_start_ns, compute_end_ns]: [u64; 3]) {
+    fn record_stamps(&mut self, tick: Tick, [woken_ns, compute_start_ns, compute_end_ns]: [u64; 3]) {
         let record = &mut self.record;
         (record.cycle, record.due_ns) = (tick.cycle, tick.due_ns);
         (record.woken_ns, record.compute_start_ns, record.compute_end_ns) =
             (woken_ns, compute_start_ns, compute_end_ns);
     }
 
-    fn note_lateness(&mut self, schedule: &Schedule, missed: bool) {
+    fn record_lateness(&mut self, schedule: &Schedule, missed: bool) {
         self.record.slots_skipped = schedule.slots_skipped();
         self.record.deadline_missed = u32::from(missed);
         self.record.deadlines_missed += u64::from(missed);
     }
 
-    fn take_samples(&mut self) -> (usize, usize) {
+    fn pop_samples(&mut self) -> (usize, usize) {
         let (suit, ground) = (&mut self.suit[..], &mut self.ground[..]);
-        let suit_taken = take(suit, &mut self.record.suit_ingress_ns, || self.rings.suit.pop());
-        let ground_taken = take(ground, &mut self.record.ground_ingress_ns, || self.rings.ground.pop());
+        let suit_taken = pop_into(suit, &mut self.record.suit_ingress_ns, || self.rings.suit.pop());
+        let ground_taken = pop_into(ground, &mut self.record.ground_ingress_ns, || self.rings.ground.pop());
         (suit_taken, ground_taken)
     }
 
-    fn note_inputs(&mut self, suit_taken: usize, ground_taken: usize, command: Option<CommandKind>) {
+    fn record_inputs(&mut self, suit_taken: usize, ground_taken: usize, command: Option<CommandKind>) {
         let (suit, ground, record) =
             (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
         record.command = command.map_or(0, |command| command as u32);
@@ -204,76 +204,80 @@ impl Loop {
             && let Some((number, worker)) = self.rings.worker.pop()
         {
             // Final copy of the previous worker.
-            self.keep();
+            self.push_copy();
             self.memory.replace_subject(&worker);
             self.worker = number;
-            let _ = self.rings.worker_back.push(worker);
+            let _ = self.rings.returned_workers.push(worker);
         }
         if command.is_none()
             && let Some((number, mut settings)) = self.rings.settings.pop()
         {
             std::mem::swap(&mut self.settings, &mut *settings);
-            let _ = self.rings.settings_back.push(settings);
+            let _ = self.rings.returned_settings.push(settings);
             self.record.command_argument[0] = number as f64;
             return Some(CommandKind::Reload);
         }
         command
     }
 
-    fn keep_if_due(&mut self, due_ns: u64, command: Option<CommandKind>) {
-        self.owes_copy |= command.is_some() || due_ns.saturating_sub(self.kept_ns) >= KEEP_EVERY_NS;
+    fn push_copy_if_due(&mut self, due_ns: u64, command: Option<CommandKind>) {
+        self.copy_due |= command.is_some() || due_ns.saturating_sub(self.copied_ns) >= COPY_INTERVAL_NS;
         // Waiting for a slow disk loses nothing: the worker stays in memory.
-        if self.owes_copy && self.rings.keep_blank.waiting() > KEPT_FOR_LAST_WORD {
-            (self.owes_copy, self.kept_ns) = (false, due_ns);
-            self.keep();
+        if self.copy_due && self.rings.free_copies.len() > RESERVED_FOR_SHUTDOWN {
+            (self.copy_due, self.copied_ns) = (false, due_ns);
+            self.push_copy();
         }
     }
 
     /// Copies the persistent state if a box is blank.
-    fn keep(&mut self) {
-        if let Some(kept) = self.rings.keep_blank.pop() {
-            self.keep_in(kept);
+    fn push_copy(&mut self) {
+        if let Some(copy) = self.rings.free_copies.pop() {
+            self.fill_and_push(copy);
         }
     }
 
-    /// As [`Self::keep`], but always: after the last cycle an allocation is harmless.
-    fn keep_at_the_end(&mut self) {
-        let kept = self.rings.keep_blank.pop().unwrap_or_else(bytemuck::zeroed_box);
-        self.keep_in(kept);
+    /// As [`Self::push_copy`], but always: after the last cycle an allocation is harmless.
+    fn push_final_copy(&mut self) {
+        let copy = self.rings.free_copies.pop().unwrap_or_else(bytemuck::zeroed_box);
+        self.fill_and_push(copy);
     }
 
-    fn keep_in(&self, mut kept: Box<StoredState>) {
-        kept.copy_from(&self.memory);
+    fn fill_and_push(&self, mut copy: Box<StoredState>) {
+        copy.copy_from(&self.memory);
         // Cannot fail: there are more slots than boxes.
-        let _ = self.rings.kept.push((self.worker, kept));
+        let _ = self.rings.copies.push((self.worker, copy));
     }
 
     fn take_checkpoint(&mut self, cycle: u64, command: Option<CommandKind>) {
-        let worker = Learnt::of(&self.memory.identification);
-        self.owes_checkpoint |= worker != self.checkpointed || command.is_some();
-        if self.owes_checkpoint
-            && let Some(mut checkpoint) = self.rings.blank.pop()
+        let worker = IdentificationProgress::of(&self.memory.identification);
+        self.checkpoint_due |= worker != self.checkpointed || command.is_some();
+        if self.checkpoint_due
+            && let Some(mut checkpoint) = self.rings.free_checkpoints.pop()
         {
             checkpoint.take(cycle, &self.memory);
-            self.owes_checkpoint = false;
+            self.checkpoint_due = false;
             self.checkpointed = worker;
             // Cannot fail: the ring has as many slots as there are boxes.
-            let _ = self.rings.taken.push(checkpoint);
+            let _ = self.rings.checkpoints.push(checkpoint);
         }
     }
 }
 
-/// Returns the number of samples taken; `ingress_ns` is set to the stamp of the last.
-fn take<S>(places: &mut [S], ingress_ns: &mut u64, mut next: impl FnMut() -> Option<TakenIn<S>>) -> usize {
-    let mut taken = 0;
-    while taken < places.len()
+/// Returns the number of samples; `ingress_ns` is set to the stamp of the last.
+fn pop_into<S>(
+    slots: &mut [S],
+    ingress_ns: &mut u64,
+    mut next: impl FnMut() -> Option<Ingested<S>>,
+) -> usize {
+    let mut popped = 0;
+    while popped < slots.len()
         && let Some(next) = next()
     {
-        places[taken] = next.sample;
+        slots[popped] = next.sample;
         *ingress_ns = next.ingress_ns;
-        taken += 1;
+        popped += 1;
     }
-    taken
+    popped
 }
 
 #[cfg(test)]
@@ -288,7 +292,7 @@ mod tests {
         now_ns: u64,
         cycle: u64,
         rings: Arc<Rings>,
-        blank_before_and_after: [usize; 2],
+        free_before_and_after: [usize; 2],
     }
 
     impl Clock for Steps {
@@ -303,10 +307,10 @@ mod tests {
                 let worker = bytemuck::zeroed_box::<SubjectState>();
                 assert!(self.rings.worker.push((1, worker)).is_ok());
                 self.rings.command.push(CommandKind::SubjectLoad).unwrap();
-                self.blank_before_and_after[0] = self.rings.keep_blank.waiting();
+                self.free_before_and_after[0] = self.rings.free_copies.len();
             }
             if self.cycle == LOAD_AT + 1 {
-                self.blank_before_and_after[1] = self.rings.keep_blank.waiting();
+                self.free_before_and_after[1] = self.rings.free_copies.len();
             }
             if self.cycle == 2 * LOAD_AT {
                 self.rings.stop();
@@ -315,18 +319,18 @@ mod tests {
     }
 
     #[test]
-    fn on_a_disk_that_never_ends_a_write_the_last_words_still_get_out() {
+    fn the_final_copy_is_pushed_while_a_disk_write_blocks() {
         let rings = Arc::new(Rings::new().unwrap());
         let settings = Settings::for_height(1.77);
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
         let mut clock =
-            Steps { now_ns: 0, cycle: 0, rings: Arc::clone(&rings), blank_before_and_after: [9; 2] };
+            Steps { now_ns: 0, cycle: 0, rings: Arc::clone(&rings), free_before_and_after: [9; 2] };
         // 20 s at 100 Hz, and no box is returned.
         let the_loop = Loop::new(settings, memory, 0, Arc::clone(&rings), 10_000_000);
         the_loop.run(&mut clock, &mut NoObserver);
-        assert_eq!(clock.blank_before_and_after, [1, 0], "what is kept now and then leaves one");
-        let kept: Vec<u64> = std::iter::from_fn(|| rings.kept.pop()).map(|(number, _)| number).collect();
-        assert_eq!(kept, [0, 0, 0, 0, 1], "the exchanged one's and the end's");
+        assert_eq!(clock.free_before_and_after, [1, 0], "what is kept now and then leaves one");
+        let copy: Vec<u64> = std::iter::from_fn(|| rings.copies.pop()).map(|(number, _)| number).collect();
+        assert_eq!(copy, [0, 0, 0, 0, 1], "the exchanged one's and the end's");
     }
 }

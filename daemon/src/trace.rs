@@ -36,7 +36,7 @@ pub fn write_trace(
     cycles: Option<&RangeInclusive<u64>>,
     out: &mut impl Write,
 ) -> io::Result<TraceSummary> {
-    let mut trace = Trace { out, begun: false };
+    let mut trace = Trace { out, has_events: false };
     trace.head(recording)?;
     let mut summary = TraceSummary::default();
     let mut before: Option<Box<CycleRecord>> = None;
@@ -53,7 +53,7 @@ pub fn write_trace(
             for event in events_of(&record, before.as_deref()) {
                 trace.event(&event)?;
             }
-            summary.see(&record);
+            summary.ingest(&record);
         }
         before = Some(record);
     }
@@ -62,7 +62,7 @@ pub fn write_trace(
 }
 
 impl TraceSummary {
-    fn see(&mut self, record: &CycleRecord) {
+    fn ingest(&mut self, record: &CycleRecord) {
         self.cycles += 1;
         self.deadlines_missed += u64::from(record.deadline_missed != 0);
         let (first, _) = self.span.unwrap_or((record.cycle, record.cycle));
@@ -73,7 +73,7 @@ impl TraceSummary {
 /// A trace written event by event, since a shift has millions.
 struct Trace<'a, W: Write> {
     out: &'a mut W,
-    begun: bool,
+    has_events: bool,
 }
 
 impl<W: Write> Trace<'_, W> {
@@ -98,7 +98,7 @@ impl<W: Write> Trace<'_, W> {
     }
 
     fn line(&mut self, line: &str) -> io::Result<()> {
-        let comma = if std::mem::replace(&mut self.begun, true) { "," } else { "" };
+        let comma = if std::mem::replace(&mut self.has_events, true) { "," } else { "" };
         write!(self.out, "{comma}\n{line}")
     }
 

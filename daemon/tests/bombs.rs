@@ -8,7 +8,7 @@ mod make;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::said;
+use common::describe_output;
 use make::{Chunk, Mcap, Pcap};
 
 const MIB: usize = 1 << 20;
@@ -26,10 +26,15 @@ fn equipoise(arguments: &[&str]) -> Output {
 /// Replays the file; returns the output. The program must have ended by itself.
 fn replayed(path: &Path, codes: &[i32]) -> String {
     let output = equipoise(&["replay", path.to_str().unwrap()]);
-    let said = said(&output);
-    assert!(output.status.code().is_some_and(|code| codes.contains(&code)), "{said}");
-    assert!(said.len() < 4000, "{} characters: {}", said.len(), &said[..2000]);
-    said
+    let describe_output = describe_output(&output);
+    assert!(output.status.code().is_some_and(|code| codes.contains(&code)), "{describe_output}");
+    assert!(
+        describe_output.len() < 4000,
+        "{} characters: {}",
+        describe_output.len(),
+        &describe_output[..2000]
+    );
+    describe_output
 }
 
 #[test]
@@ -44,8 +49,11 @@ fn a_chunk_that_unpacks_to_gigabytes_is_refused() {
         chunk.repeat(0, 2048 * MIB);
         file.chunk_that_claims(&chunk, claimed);
         file.end();
-        let said = replayed(&path, &[1, 3]);
-        assert!(claimed == 1000 || said.contains("a chunk of 2147483648 bytes"), "{said}");
+        let describe_output = replayed(&path, &[1, 3]);
+        assert!(
+            claimed == 1000 || describe_output.contains("a chunk of 2147483648 bytes"),
+            "{describe_output}"
+        );
     }
 }
 
@@ -62,13 +70,16 @@ fn floods_of_schemas_and_of_topics_are_refused() {
             file.chunk(&chunk);
         }
         file.end();
-        let said = replayed(&path, &[1, 3]);
-        assert!(said.contains("its topics and schemas have more than 16777216 bytes"), "{said}");
+        let describe_output = replayed(&path, &[1, 3]);
+        assert!(
+            describe_output.contains("its topics and schemas have more than 16777216 bytes"),
+            "{describe_output}"
+        );
     }
 }
 
 #[test]
-fn a_flood_of_messages_under_a_long_name_is_gone_through() {
+fn a_flood_of_messages_under_a_long_name_is_read() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("messages.mcap");
     let mut file = Mcap::create(&path);
@@ -78,8 +89,8 @@ fn a_flood_of_messages_under_a_long_name_is_gone_through() {
     chunk.messages(7, 500_000);
     file.chunk(&chunk);
     file.end();
-    let said = replayed(&path, &[1]);
-    assert!(said.contains("not of Equipoise: it holds the topics aaa"), "{said}");
+    let describe_output = replayed(&path, &[1]);
+    assert!(describe_output.contains("not of Equipoise: it holds the topics aaa"), "{describe_output}");
 }
 
 #[test]
@@ -89,8 +100,8 @@ fn a_flood_of_attachments_is_refused() {
     let mut file = Mcap::create(&path);
     (0..1500).for_each(|_| file.attachment("subject.later.toml", MIB));
     file.end();
-    let said = replayed(&path, &[1]);
-    assert!(said.contains("its attachments have more than"), "{said}");
+    let describe_output = replayed(&path, &[1]);
+    assert!(describe_output.contains("its attachments have more than"), "{describe_output}");
 }
 
 #[test]
@@ -102,8 +113,13 @@ fn a_foreign_file_s_names_are_printed_short_and_in_one_line() {
     (1..=100).for_each(|id| chunk.channel_named(id, "/\u{1b}[2Jwiped\n/b"));
     file.chunk(&chunk);
     file.end();
-    let said = replayed(&path, &[1]);
-    assert!(said.contains("and 92 more") && !said.contains('\u{1b}') && said.contains("\\u{1b}"), "{said}");
+    let describe_output = replayed(&path, &[1]);
+    assert!(
+        describe_output.contains("and 92 more")
+            && !describe_output.contains('\u{1b}')
+            && describe_output.contains("\\u{1b}"),
+        "{describe_output}"
+    );
 }
 
 #[test]
@@ -113,35 +129,42 @@ fn a_capture_is_read_piece_by_piece() {
     let mut file = Pcap::create(&path);
     (0..6000).for_each(|_| file.packet_of_nothing(262_144));
     file.end();
-    let said = replayed(&path, &[1]);
-    assert!(said.contains("6000 packets") && said.contains("there is no sample"), "{said}");
+    let describe_output = replayed(&path, &[1]);
+    assert!(
+        describe_output.contains("6000 packets") && describe_output.contains("there is no sample"),
+        "{describe_output}"
+    );
 
     let path = directory.path().join("block.pcapng");
     Pcap::one_block_of(&path, 1900 * MIB);
-    let said = replayed(&path, &[1]);
-    assert!(said.contains("a record of more than 67108864 bytes"), "{said}");
+    let describe_output = replayed(&path, &[1]);
+    assert!(describe_output.contains("a record of more than 67108864 bytes"), "{describe_output}");
 }
 
 #[test]
-fn fragments_that_never_become_whole_are_given_up() {
+fn incomplete_fragments_are_discarded() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("fragments.pcap");
     let mut file = Pcap::create(&path);
     (0..200_000).for_each(|number| file.last_fragment(number));
     file.end();
-    let said = replayed(&path, &[1]);
-    assert!(said.contains("200000 packets fragments_missing"), "{said}");
+    let describe_output = replayed(&path, &[1]);
+    assert!(describe_output.contains("200000 packets fragments_missing"), "{describe_output}");
 }
 
 #[test]
-fn configurations_that_are_vast_or_no_files_are_refused_at_once() {
+fn oversized_configurations_and_special_files_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (vast, pipe) = (directory.path().join("vast.toml"), directory.path().join("pipe.toml"));
     std::fs::File::create(&vast).unwrap().set_len(400 * MIB as u64).unwrap();
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for (path, reason) in [(&vast, "longer than 1048576 bytes"), (&pipe, "no regular file")] {
         let output = equipoise(&["check", path.to_str().unwrap()]);
-        assert!(output.status.code() == Some(1) && said(&output).contains(reason), "{}", said(&output));
+        assert!(
+            output.status.code() == Some(1) && describe_output(&output).contains(reason),
+            "{}",
+            describe_output(&output)
+        );
     }
     for name in ["a.mcap", "a.csv", "a.mvnx", "a.pcap"] {
         let path = directory.path().join(name);

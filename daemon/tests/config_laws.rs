@@ -4,9 +4,9 @@
 mod config;
 
 /// A reproducible sequence of pseudo-random numbers.
-struct Chance(u64);
+struct Random(u64);
 
-impl Chance {
+impl Random {
     fn below(&mut self, bound: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % bound
@@ -14,8 +14,8 @@ impl Chance {
 }
 
 #[test]
-fn damaged_configurations_are_taken_whole_or_refused_in_words() {
-    let mut chance = Chance(7);
+fn damaged_configurations_are_accepted_or_refused_with_a_message() {
+    let mut random = Random(7);
     let parts = [
         "=",
         "[ground]\n",
@@ -35,12 +35,12 @@ fn damaged_configurations_are_taken_whole_or_refused_in_words() {
         config::check(&seed);
         for _ in 0..400 {
             let mut text = seed.clone();
-            for _ in 0..=chance.below(3) {
-                let at = chance.below(text.len());
-                match chance.below(3) {
-                    0 => text[at] = chance.below(128) as u8,
-                    1 => drop(text.splice(at..at, parts[chance.below(parts.len())].bytes())),
-                    _ => drop(text.drain(at..(at + chance.below(20)).min(text.len()))),
+            for _ in 0..=random.below(3) {
+                let at = random.below(text.len());
+                match random.below(3) {
+                    0 => text[at] = random.below(128) as u8,
+                    1 => drop(text.splice(at..at, parts[random.below(parts.len())].bytes())),
+                    _ => drop(text.drain(at..(at + random.below(20)).min(text.len()))),
                 }
             }
             config::check(&text);

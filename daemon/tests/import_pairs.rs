@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
-use common::{equipoise, said};
+use common::{describe_output, equipoise};
 use equipoise_adapters::capture::PcapWriter;
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::{Segment, Skeleton};
@@ -140,7 +140,7 @@ impl Session {
 
     /// The error message of a failed join; no output may remain.
     fn refused(&self, output: &Output) -> String {
-        assert_eq!(output.status.code(), Some(1), "{}", said(output));
+        assert_eq!(output.status.code(), Some(1), "{}", describe_output(output));
         assert!(!self.file("no.mcap").exists());
         String::from_utf8_lossy(&output.stderr).into_owned()
     }
@@ -163,7 +163,7 @@ impl Session {
     }
 
     /// Time from the impact to the foot's maximum speed, on the recording's clock, s.
-    fn apart_s(&self, out: &str) -> f64 {
+    fn offset_s(&self, out: &str) -> f64 {
         let (suit, ground) = self.samples(out);
         let foot = Segment::LeftFoot.index();
         let fall = |sample: &&SuitSample| sample.velocity_m_per_s[foot][2] < -0.97 * SPEED_M_PER_S;
@@ -177,7 +177,7 @@ impl Session {
 fn stomps_join_two_clocks() {
     let session = Session::new();
     let output = session.join("a.mcap", &["--join", "stomp"]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
     let output_text = String::from_utf8_lossy(&output.stdout);
     assert!(output_text.contains("1920 suit and 10000 ground samples"), "{output_text}");
     assert!(
@@ -189,30 +189,30 @@ fn stomps_join_two_clocks() {
         output_text.split("suit + ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
     // The contact here is a half sine: both instants are in its middle, to half a millisecond.
     assert!((found_s - LATER_S).abs() < 0.003, "{output_text}");
-    assert!(session.apart_s("a.mcap").abs() < 0.010, "{}", session.apart_s("a.mcap"));
+    assert!(session.offset_s("a.mcap").abs() < 0.010, "{}", session.offset_s("a.mcap"));
     let (suit, ground) = session.samples("a.mcap");
     assert_eq!((suit.len(), ground.len()), (1920, 10_000));
     assert!(ground.iter().all(|sample| sample.force_n[2] > 699.0));
     assert!((ground[0].cop_m().unwrap()[0] - 0.05).abs() < 1e-6, "about the sensor, z down");
     // The recording can be replayed.
     let output = equipoise().arg("replay").arg(session.file("a.mcap")).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
 }
 
 #[test]
-fn a_suit_that_began_first_and_one_that_began_later_keep_their_distance() {
+fn the_start_offset_of_suit_and_plate_is_preserved() {
     let session = Session::new();
     for begin_s in [-0.75, 0.5] {
         mvnx(&session.file("take.mvnx"), begin_s, "");
         let out = format!("{begin_s}.mcap");
         let output = session.join(&out, &["--join", &format!("offset={begin_s}")]);
-        assert!(output.status.success(), "{}", said(&output));
-        assert!(session.apart_s(&out).abs() < 0.010, "{begin_s}: {}", session.apart_s(&out));
+        assert!(output.status.success(), "{}", describe_output(&output));
+        assert!(session.offset_s(&out).abs() < 0.010, "{begin_s}: {}", session.offset_s(&out));
     }
     // A wrong offset is detected: the test can fail.
     let output = session.join("wrong.mcap", &["--join", "offset=0"]);
-    assert!(output.status.success(), "{}", said(&output));
-    assert!((session.apart_s("wrong.mcap") - 0.5).abs() < 0.010);
+    assert!(output.status.success(), "{}", describe_output(&output));
+    assert!((session.offset_s("wrong.mcap") - 0.5).abs() < 0.010);
 }
 
 #[test]
@@ -220,15 +220,15 @@ fn wall_clocks_join_two_files_that_have_one() {
     let session = Session::new();
     // The plate started 1.25 s before the suit.
     let output = session.join("a.mcap", &["--join", "clock", "--with-start", "2026-11-21T10:14:58.75Z"]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
     assert!(String::from_utf8_lossy(&output.stdout).contains("joined by clock: suit + 1.2500 s = plate"));
-    assert!(session.apart_s("a.mcap").abs() < 0.010);
+    assert!(session.offset_s("a.mcap").abs() < 0.010);
     // The same with times since 1970, in a capture and in a text file.
     let zero_s = SUIT_UNIX_MS as f64 / 1e3 - LATER_S;
     plate(&session.file("unix.txt"), zero_s, 1.0, UNITS);
     let output = session.join_files("take.mvnx", "unix.txt", "b.mcap", &["--join", "clock"]);
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(session.apart_s("b.mcap").abs() < 0.010);
+    assert!(output.status.success(), "{}", describe_output(&output));
+    assert!(session.offset_s("b.mcap").abs() < 0.010);
 
     let output_text = session.refused(&session.join("no.mcap", &["--join", "clock"]));
     assert!(
@@ -244,7 +244,7 @@ fn wall_clocks_join_two_files_that_have_one() {
 }
 
 #[test]
-fn a_capture_of_the_suit_goes_with_a_text_of_the_plate() {
+fn a_suit_capture_is_joined_with_a_text_file_of_the_plate() {
     use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
     let session = Session::new();
     let address = |text: &str| text.parse::<SocketAddr>().unwrap();
@@ -268,11 +268,11 @@ fn a_capture_of_the_suit_goes_with_a_text_of_the_plate() {
     writer.finish().unwrap();
     plate(&session.file("unix.txt"), SUIT_UNIX_MS as f64 / 1e3 - LATER_S, 1.0, UNITS);
     let output = session.join_files("take.pcap", "unix.txt", "a.mcap", &["--join", "clock"]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
     assert!(
         String::from_utf8_lossy(&output.stdout).contains("joined by clock: suit + 1.2500 s = plate"),
         "{}",
-        said(&output)
+        describe_output(&output)
     );
     assert_eq!(session.samples("a.mcap").1.len(), 10_000);
     // It contains no stomp.
@@ -305,14 +305,14 @@ fn a_ground_of_any_kind_that_sends_datagrams_is_read_from_a_capture() {
     let mut command = equipoise();
     command.arg("import").arg(session.file("soles.pcap")).arg("-o").arg(session.file("a.mcap"));
     let output = command.arg("--config").arg(session.file("lab.toml")).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
     let ground = session.samples("a.mcap").1;
     assert_eq!(ground.len(), 100);
     assert!(ground.iter().all(|sample| sample.per_foot == 1 && sample.force_n == [0.0, 0.0, 700.0]));
 }
 
 #[test]
-fn what_cannot_be_joined_is_refused_with_a_reason() {
+fn incompatible_files_are_refused_with_a_reason() {
     let session = Session::new();
     let output_text = session.refused(&session.join("no.mcap", &["--join", "stomp", "--within", "0.5"]));
     assert!(output_text.contains("--within S bounds the offset"), "{output_text}");
@@ -322,7 +322,7 @@ fn what_cannot_be_joined_is_refused_with_a_reason() {
     assert!(output_text.contains("has no unit of time; declare the units"), "{output_text}");
     let declared = ["--join", "stomp", "--with-units", "s,N,N.m"];
     let output = session.join_files("take.mvnx", "bare.txt", "declared.mcap", &declared);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
     mvnx(&session.file("half.mvnx"), LATER_S, "configuration=\"UpperBody\"");
     let output_text =
         session.refused(&session.join_files("half.mvnx", "plate.txt", "no.mcap", &["--join", "stomp"]));
@@ -342,11 +342,11 @@ fn what_cannot_be_joined_is_refused_with_a_reason() {
     // A plate with a pulling person: imported, with a warning.
     plate(&session.file("pulls.txt"), 0.0, -1.0, UNITS);
     let output = session.join_files("take.mvnx", "pulls.txt", "pulls.mcap", &["--join", "offset=1.25"]);
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", describe_output(&output));
     assert!(
         String::from_utf8_lossy(&output.stdout).contains("the person pulls the plate up"),
         "{}",
-        said(&output)
+        describe_output(&output)
     );
 }
 
@@ -357,12 +357,12 @@ fn a_suit_alone_is_imported_too_and_a_cut_file_is_reported() {
         equipoise().arg("import").arg(session.file(name)).arg("-o").arg(session.file(out)).output().unwrap()
     };
     let output = import("take.mvnx", "a.mcap");
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
     assert!(String::from_utf8_lossy(&output.stdout).contains("1920 suit and 0 ground samples over 7.996 s"));
     let text = std::fs::read_to_string(session.file("take.mvnx")).unwrap();
     std::fs::write(session.file("cut.mvnx"), &text[..text.len() / 2]).unwrap();
     let output = import("cut.mvnx", "b.mcap");
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", describe_output(&output));
     let output_text = String::from_utf8_lossy(&output.stdout);
     assert!(
         output_text.contains("rejected: line ") && output_text.contains("the frames before it were read"),

@@ -17,7 +17,7 @@ mod common;
 
 use std::collections::HashMap;
 
-use common::{Station, human_motion, said};
+use common::{Station, describe_output, human_motion};
 use equipoise_adapters::capture::CsvCapture;
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
@@ -97,18 +97,18 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
     let out = station.file("live.mcap");
     let seconds = (LENGTH_S + 1.0).to_string();
     let output = station.command("record").arg(&out).args(["--for", &seconds]).output().unwrap();
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", said(&output));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", describe_output(&output));
     player.wait().unwrap();
 
     let stamps = Stamps::of(&Recording::open(&out).unwrap());
     let live = of_recording(&Recording::open(&out).unwrap(), &stamps);
-    let apart_s = stamps.apart_s();
+    let difference_s = stamps.difference_s();
     let config = Config::parse(&config_text, "test").unwrap();
     let from_file = of_file(&csv, &config);
-    let at_live_stamps = of_rows(&stamps.put_on(&rows), &config);
+    let at_live_stamps = of_rows(&stamps.write_to_plate(&rows), &config);
 
     let speed_m_per_s = fastest_m_per_s(&rows);
-    let bound_m = CURVATURE * speed_m_per_s * apart_s + WIRE_M;
+    let bound_m = CURVATURE * speed_m_per_s * difference_s + WIRE_M;
     let mut compared = 0;
     let [mut worst_measured_m, mut worst_same_m, mut worst_estimated_m] = [0.0_f64; 3];
     for (row, [measured, estimated]) in live.iter().filter(|(row, _)| stamps.know_window_of(**row)) {
@@ -129,7 +129,7 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
          CoP at most {speed_m_per_s:.2} m/s); at the same stamps measured by {:.6} mm, estimated by {:.6} mm",
         worst_measured_m * 1e3,
         bound_m * 1e3,
-        apart_s * 1e3,
+        difference_s * 1e3,
         worst_same_m * 1e3,
         worst_estimated_m * 1e3
     );
@@ -141,9 +141,9 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
 
 /// The valid results of a state with a new suit sample.
 fn cops_of(state: &State) -> Option<[[f64; 2]; 2]> {
-    let spoils = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+    let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
     // Without segment lengths there is no estimate.
-    (state.cop_sigma_m[0] > 0.0 && !state.validity().any_of(spoils))
+    (state.cop_sigma_m[0] > 0.0 && !state.validity().any_of(invalid))
         .then_some([state.cop_measured_m, state.cop_estimated_m])
 }
 
@@ -167,7 +167,7 @@ impl Stamps {
     }
 
     /// Largest difference of the stamps of one row, s.
-    fn apart_s(&self) -> f64 {
+    fn difference_s(&self) -> f64 {
         let apart_ns = |(row, at): (&u32, &u64)| Some(at.abs_diff(*self.ground.get(row)?));
         self.suit.iter().filter_map(apart_ns).max().unwrap_or(0) as f64 * 1e-9
     }
@@ -179,12 +179,12 @@ impl Stamps {
     }
 
     /// The rows at these times; an unrecorded row at the file's distance from the first recorded one.
-    fn put_on(&self, rows: &[(SuitSample, GroundSample)]) -> Vec<(SuitSample, GroundSample)> {
+    fn write_to_plate(&self, rows: &[(SuitSample, GroundSample)]) -> Vec<(SuitSample, GroundSample)> {
         let stamped = |at: &HashMap<u32, u64>, row: u32, file_ns: u64| {
-            let known = |(suit, _): &(SuitSample, GroundSample)| {
+            let clock_offset = |(suit, _): &(SuitSample, GroundSample)| {
                 at.get(&suit.device_counter).map(|live_ns| live_ns.wrapping_sub(suit.sample_time_ns))
             };
-            let offset_ns = rows.iter().find_map(known).unwrap();
+            let offset_ns = rows.iter().find_map(clock_offset).unwrap();
             at.get(&row).copied().unwrap_or(file_ns.wrapping_add(offset_ns))
         };
         let mut rows_live = rows.to_vec();

@@ -7,7 +7,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::process::Output;
 
-use common::{equipoise, human_motion, said};
+use common::{describe_output, equipoise, human_motion};
 use equipoise_adapters::capture::{CsvCapture, PcapWriter};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_adapters::wire::ati_rdt::{Command, Request};
@@ -37,19 +37,19 @@ fn samples(recording: &Path) -> (Vec<SuitSample>, Vec<GroundSample>) {
 fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
     let address = |text: &str| text.parse::<SocketAddr>().unwrap();
     let (mvn, us, plate) = (address("10.0.0.7:50123"), address("10.0.0.2:9763"), address("10.0.0.9:49152"));
-    let asks = address("10.0.0.2:40404");
+    let client = address("10.0.0.2:40404");
     let mut writer = PcapWriter::create(path).unwrap();
     let wall_ns = |sample_time_ns: u64| 1_700_000_000_000_000_000 + sample_time_ns;
     let request = Request { command: Command::StartRealTime, sample_count: 0 };
-    writer.write_udp(wall_ns(rows[0].0.sample_time_ns), asks, plate, &request.to_bytes()).unwrap();
-    writer.write_udp(wall_ns(0), asks, address("10.0.0.1:53"), b"a question").unwrap();
+    writer.write_udp(wall_ns(rows[0].0.sample_time_ns), client, plate, &request.to_bytes()).unwrap();
+    writer.write_udp(wall_ns(0), client, address("10.0.0.1:53"), b"a question").unwrap();
     for (number, (suit, ground)) in (1_u32..).zip(rows) {
         let at_ns = wall_ns(suit.sample_time_ns);
         let on_person = Wrench { force_n: ground.force_n.into(), moment_nm: ground.moment_nm.into() };
         let standard = Plate::default();
         let mut record = standard.record(&standard.felt(&on_person), number, 0);
         record.rdt_sequence = number;
-        writer.write_udp(at_ns, plate, asks, &record.to_bytes()).unwrap();
+        writer.write_udp(at_ns, plate, client, &record.to_bytes()).unwrap();
         let frame = SuitFrame {
             sample_counter: number,
             time_code_ms: suit.device_time_ms,
@@ -63,9 +63,9 @@ fn capture(rows: &[(SuitSample, GroundSample)], path: &Path, broken: bool) {
         }
         if broken && number % 50 == 0 {
             writer.write_udp(at_ns, mvn, us, b"MXTP02 and then nothing").unwrap();
-            writer.write_udp(at_ns, plate, asks, b"not a record").unwrap();
+            writer.write_udp(at_ns, plate, client, b"not a record").unwrap();
             // Suit and plate of another station, of the same make.
-            writer.write_udp(at_ns, address("10.0.0.8:49152"), asks, &record.to_bytes()).unwrap();
+            writer.write_udp(at_ns, address("10.0.0.8:49152"), client, &record.to_bytes()).unwrap();
             for datagram in frame.datagrams().unwrap() {
                 writer.write_udp(at_ns, address("10.0.0.6:50123"), us, &datagram).unwrap();
             }
@@ -82,8 +82,12 @@ fn figaroh_captured_on_the_network_is_the_same_motion_as_its_csv() {
     let (pcap, mcap) = (directory.path().join("a.pcap"), directory.path().join("a.mcap"));
     capture(&rows, &pcap, false);
     let output = run(&[&"import", &pcap, &"-o", &mcap]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    assert!(said(&output).contains("passed over: 1 datagrams of neither port"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
+    assert!(
+        describe_output(&output).contains("passed over: 1 datagrams of neither port"),
+        "{}",
+        describe_output(&output)
+    );
 
     let (suit, ground) = samples(&mcap);
     // Until the assembler has determined which datagrams make a sample, one ends with the next; the file has no next.
@@ -100,10 +104,10 @@ fn figaroh_captured_on_the_network_is_the_same_motion_as_its_csv() {
 
     let lines = directory.path().join("a.csv");
     let output = run(&[&"replay", &mcap, &"--out", &lines]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     let direct = directory.path().join("b.csv");
     let output = run(&[&"replay", &pcap, &"--out", &direct]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     assert!(std::fs::read(lines).unwrap() == std::fs::read(direct).unwrap(), "import and capture differ");
 }
 
@@ -115,18 +119,30 @@ fn figaroh_broken_datagrams_are_counted_by_reason() {
     let pcap = directory.path().join("a.pcap");
     capture(&rows, &pcap, true);
     let output = run(&[&"import", &pcap, &"-o", &directory.path().join("a.mcap")]);
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-    assert!(said(&output).contains("4 suit datagrams too_short"), "{}", said(&output));
-    assert!(said(&output).contains("4 ground records length"), "{}", said(&output));
-    assert!(said(&output).contains("4 ground records foreign_sender"), "{}", said(&output));
-    assert!(said(&output).contains("suit datagrams foreign_sender"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", describe_output(&output));
+    assert!(describe_output(&output).contains("4 suit datagrams too_short"), "{}", describe_output(&output));
+    assert!(describe_output(&output).contains("4 ground records length"), "{}", describe_output(&output));
+    assert!(
+        describe_output(&output).contains("4 ground records foreign_sender"),
+        "{}",
+        describe_output(&output)
+    );
+    assert!(
+        describe_output(&output).contains("suit datagrams foreign_sender"),
+        "{}",
+        describe_output(&output)
+    );
 
     // Truncated within a packet: the part before is read.
     let bytes = std::fs::read(&pcap).unwrap();
     std::fs::write(&pcap, &bytes[..bytes.len() / 2]).unwrap();
     let output = run(&[&"replay", &pcap]);
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-    assert!(said(&output).contains("the capture ends within the record"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", describe_output(&output));
+    assert!(
+        describe_output(&output).contains("the capture ends within the record"),
+        "{}",
+        describe_output(&output)
+    );
 }
 
 #[test]
@@ -141,8 +157,8 @@ fn figaroh_rows_that_cannot_be_used_are_counted_and_the_others_are_replayed() {
     std::fs::write(&damaged, lines.join("\n")).unwrap();
     for arguments in [&[&"import" as &dyn AsRef<_>, &damaged, &"-o", &mcap][..], &[&"replay", &damaged]] {
         let output = run(arguments);
-        assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-        assert!(said(&output).contains("rejected: rows left out"), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(3), "{}", describe_output(&output));
+        assert!(describe_output(&output).contains("rejected: rows left out"), "{}", describe_output(&output));
     }
     // The recording itself contains valid samples only.
     assert_eq!(run(&[&"replay", &mcap]).status.code(), Some(0));
@@ -150,7 +166,7 @@ fn figaroh_rows_that_cannot_be_used_are_counted_and_the_others_are_replayed() {
 }
 
 #[test]
-fn what_cannot_be_read_is_one_clear_sentence() {
+fn read_errors_are_one_sentence() {
     let directory = tempfile::tempdir().unwrap();
     let file = |name: &str, content: &str| {
         let path = directory.path().join(name);
@@ -166,8 +182,13 @@ fn what_cannot_be_read_is_one_clear_sentence() {
         (directory.path().join("missing.csv"), "cannot read"),
     ] {
         let output = run(&[&"replay", &path]);
-        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-        assert!(said(&output).contains(expected), "{}: {}", path.display(), said(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
+        assert!(
+            describe_output(&output).contains(expected),
+            "{}: {}",
+            path.display(),
+            describe_output(&output)
+        );
         assert_eq!(run(&[&"import", &path, &"-o", &out]).status.code(), Some(1));
         assert!(!out.exists(), "nothing is made of {}", path.display());
     }

@@ -74,7 +74,7 @@ fn write_pcap(path: &Path) {
 }
 
 #[test]
-fn the_configured_latency_is_taken_off_sample_times_and_off_nothing_else() {
+fn the_configured_latency_is_subtracted_from_sample_times_only() {
     let directory = tempfile::tempdir().unwrap();
     let (csv, pcap) = (directory.path().join("a.csv"), directory.path().join("a.pcap"));
     write_csv(&csv);

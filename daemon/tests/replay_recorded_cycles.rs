@@ -195,7 +195,7 @@ fn a_whole_recording_gives_the_same_states_byte_for_byte() {
     let live = live(&[101, 700, 900], &commands);
     let (summary, states) = live.replay().unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
-    assert!(summary.is_whole() && fidelity.is_exact(), "{summary}");
+    assert!(summary.is_complete() && fidelity.is_exact(), "{summary}");
     // Cycle 1500 would begin another burst and is not in the file.
     assert_eq!((fidelity.cycles, fidelity.before_checkpoint), (CYCLES - 1 - 101, 101));
     assert_eq!((fidelity.states_compared, fidelity.states_differing), (fidelity.cycles, 0));
@@ -214,11 +214,11 @@ fn a_state_that_was_tampered_with_is_found() {
     let (summary, _) = live.replay().unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
     assert_eq!((fidelity.states_differing, fidelity.first_differing), (1, Some(801)), "{summary}");
-    assert!(!summary.is_whole());
+    assert!(!summary.is_complete());
 }
 
 #[test]
-fn missing_cycles_are_said_and_a_later_checkpoint_makes_it_exact_again() {
+fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
     let mut live = live(&[101, 1000], &[]);
     live.cycles.drain(600..605);
     let (summary, _) = live.replay().unwrap();
@@ -227,11 +227,11 @@ fn missing_cycles_are_said_and_a_later_checkpoint_makes_it_exact_again() {
     // From 606 to 999; cycle 1000 has its checkpoint.
     assert_eq!((fidelity.uncertain, fidelity.resumed, fidelity.states_differing), (394, 1, 0), "{summary}");
     assert_eq!(fidelity.states_compared, 499 + 1000 - 500, "{summary}");
-    assert!(!summary.is_whole());
+    assert!(!summary.is_complete());
 }
 
 #[test]
-fn samples_that_the_recording_lacks_are_said() {
+fn missing_samples_are_reported() {
     let mut live = live(&[101], &[]);
     live.ground.retain(|sample| sample.sequence != 801);
     let (summary, _) = live.replay().unwrap();
@@ -241,10 +241,10 @@ fn samples_that_the_recording_lacks_are_said() {
 }
 
 #[test]
-fn a_loaded_worker_is_taken_from_the_checkpoint_of_the_same_cycle() {
+fn a_loaded_subject_is_read_from_the_checkpoint_of_the_same_cycle() {
     let with = live(&[101, 800], &[(800, CommandKind::SubjectLoad)]);
     let (summary, states) = with.replay().unwrap();
-    assert!(summary.is_whole(), "{summary}");
+    assert!(summary.is_complete(), "{summary}");
     assert_eq!(states.last().unwrap().mass_kg, 81.5);
 
     let without = live(&[101], &[(800, CommandKind::SubjectLoad)]);
@@ -253,13 +253,13 @@ fn a_loaded_worker_is_taken_from_the_checkpoint_of_the_same_cycle() {
 }
 
 #[test]
-fn a_reload_is_replayed_with_what_it_brought_and_without_it_the_replay_stops_there() {
+fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops() {
     let mut live = live(&[101, 1200], &[(900, CommandKind::Reload)]);
     let reloaded = Reloaded { config_toml: reloaded_toml(), ..Reloaded::default() };
     live.reloads.push((RELOAD, reloaded.clone()));
     let (summary, states) = live.replay().unwrap();
     let fidelity = summary.fidelity.clone().unwrap();
-    assert!(summary.is_whole() && fidelity.is_exact(), "{summary}");
+    assert!(summary.is_complete() && fidelity.is_exact(), "{summary}");
     assert_eq!((fidelity.reloads, fidelity.memories_compared), (1, 1));
     assert_eq!(states.last().unwrap().group_delay_ns, live.states.last().unwrap().group_delay_ns);
     assert_ne!(states[500].group_delay_ns, states[1390].group_delay_ns, "the reload changed something");
@@ -269,7 +269,7 @@ fn a_reload_is_replayed_with_what_it_brought_and_without_it_the_replay_stops_the
     let fidelity = summary.fidelity.clone().unwrap();
     assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
     assert_eq!(states.last().unwrap().cycle, 899);
-    assert!(!summary.is_whole() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
+    assert!(!summary.is_complete() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
 }
 
 #[test]
@@ -284,15 +284,15 @@ fn a_checkpoint_of_another_version_is_refused_with_what_to_do() {
 }
 
 #[test]
-fn without_a_checkpoint_it_is_replayed_afresh_and_said() {
+fn without_a_checkpoint_it_is_replayed_from_an_empty_memory_and_reported() {
     let (summary, states) = live(&[], &[]).replay().unwrap();
     // From the first cycle that took a sample.
     assert_eq!(states.len() as u64, CYCLES - 2);
-    assert!(!summary.is_whole() && summary.to_string().contains("no checkpoint"), "{summary}");
+    assert!(!summary.is_complete() && summary.to_string().contains("no checkpoint"), "{summary}");
 }
 
 #[test]
-fn a_recording_cut_anywhere_is_read_as_far_as_it_goes() {
+fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
     let directory = tempfile::tempdir().unwrap();
     let path = live(&[101], &[]).record(directory.path());
     let whole = std::fs::read(&path).unwrap();
@@ -301,7 +301,7 @@ fn a_recording_cut_anywhere_is_read_as_far_as_it_goes() {
         std::fs::write(&cut, &whole[..whole.len() * share / 12]).unwrap();
         // An error message or a summary that reports it; never a panic, never a false difference.
         if let Ok((summary, _)) = replay(&cut) {
-            assert!(!summary.is_whole(), "{summary}");
+            assert!(!summary.is_complete(), "{summary}");
             assert_eq!(summary.fidelity.map_or(0, |fidelity| fidelity.states_differing), 0);
         }
         let mut damaged = whole.clone();

@@ -111,13 +111,13 @@ impl Accelerated<'_> {
             self.seen.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
             self.seen.monitoring += u64::from(state.phase == Phase::Monitoring as u32);
         }
-        while let Some(checkpoint) = self.rings.taken.pop() {
+        while let Some(checkpoint) = self.rings.checkpoints.pop() {
             self.seen.checkpoints += 1;
-            let _ = self.rings.blank.push(checkpoint);
+            let _ = self.rings.free_checkpoints.push(checkpoint);
         }
-        while let Some((_, kept)) = self.rings.kept.pop() {
+        while let Some((_, kept)) = self.rings.copies.pop() {
             self.seen.kept += 1;
-            let _ = self.rings.keep_blank.push(kept);
+            let _ = self.rings.free_copies.push(kept);
         }
     }
 
@@ -132,7 +132,7 @@ impl Accelerated<'_> {
             let _ = self.rings.worker.push((1, worker));
             let _ = self.rings.command.push(CommandKind::SubjectLoad);
         }
-        if let Some(back) = self.rings.worker_back.pop() {
+        if let Some(back) = self.rings.returned_workers.pop() {
             self.worker = Some(back);
             self.seen.workers += 1;
         }
@@ -142,7 +142,7 @@ impl Accelerated<'_> {
         {
             let _ = self.rings.settings.push((1, settings));
         }
-        if let Some(back) = self.rings.settings_back.pop() {
+        if let Some(back) = self.rings.returned_settings.pop() {
             self.settings = Some(back);
             self.seen.reloads += 1;
         }

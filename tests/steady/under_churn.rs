@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use equipoise_daemon::config::Config;
 use equipoise_daemon::page_feed::ServedPage;
 use equipoise_daemon::pipeline::Pipeline;
-use equipoise_daemon::roster::{MemoryUse, TaskFacts};
+use equipoise_daemon::thread_registry::{MemoryUse, TaskFacts};
 
 use crate::churn::Churn;
 use crate::consumers::Storm;
@@ -190,7 +190,7 @@ fn wait_until_enough(storm: &Storm, pipeline: &Pipeline) {
     let (started, wanted) = (Instant::now(), number("STEADY_CONSUMERS", 10));
     let long = Duration::from_secs(seconds());
     while started.elapsed() < long || storm.joined.load(Ordering::Relaxed) < wanted {
-        assert!(pipeline.is_whole(), "a part of the daemon has ended");
+        assert!(pipeline.is_running(), "a part of the daemon has ended");
         assert!(started.elapsed() < long + LATER_AT_MOST / 2, "too few consumers: {storm:?}");
         std::thread::sleep(Duration::from_millis(20));
     }

@@ -8,8 +8,8 @@ use anyhow::{Context, bail};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use toml_edit::{Array, DocumentMut, Item, Table, Value};
 
+use crate::atomic_file::write_atomically;
 use crate::config::Config;
-use crate::whole_file::write_whole;
 
 /// A dotted key and its new value.
 pub type Change = (String, Value);
@@ -30,7 +30,7 @@ pub fn numbers(values: &[f64], digits: i32) -> Value {
 ///
 /// # Errors
 /// The text is not TOML, or a part of a key is not a table.
-pub fn changed(text: &str, changes: &[Change]) -> anyhow::Result<String> {
+pub fn apply(text: &str, changes: &[Change]) -> anyhow::Result<String> {
     let mut document: DocumentMut = text.parse()?;
     for (key, value) in changes {
         let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
@@ -59,7 +59,7 @@ pub fn changed(text: &str, changes: &[Change]) -> anyhow::Result<String> {
 ///
 /// # Errors
 /// The file cannot be read or is not a configuration.
-pub fn look(path: &Path) -> anyhow::Result<()> {
+pub fn check(path: &Path) -> anyhow::Result<()> {
     let text = read_text(path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
     Ok(Config::parse(&text, &path.display().to_string()).map(drop)?)
 }
@@ -73,10 +73,10 @@ pub fn write(path: &Path, changes: &[Change]) -> anyhow::Result<()> {
     let path = fs::canonicalize(path).with_context(|| format!("cannot find {}", path.display()))?;
     let text = read_text(&path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
     Config::parse(&text, &path.display().to_string())?;
-    let after = changed(&text, changes).with_context(|| path.display().to_string())?;
+    let after = apply(&text, changes).with_context(|| path.display().to_string())?;
     Config::parse(&after, &path.display().to_string())?;
     let before = fs::metadata(&path)?;
-    write_whole(&path, after.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
+    write_atomically(&path, after.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     fs::set_permissions(&path, before.permissions())?;
     // Restore the owner, which requires root; without root the file was already this user's.
     let _not_root = chown(&path, Some(before.uid()), Some(before.gid()));
@@ -109,14 +109,14 @@ height_m = 1.7
     }
 
     #[test]
-    fn values_change_and_comments_stay() {
+    fn values_change_and_comments_are_preserved() {
         let changes = [
             change("suit.latency_ms", number(31.04, 0)),
             change("ground.frame.yaw_deg", number(-91.236_7, 2)),
             change("ground.frame.origin_m", numbers(&[0.123_46, -0.000_01, -0.05], 4)),
             change("ground.latency_ms", number(2.0, 1)),
         ];
-        let after = changed(FILE, &changes).unwrap();
+        let after = apply(FILE, &changes).unwrap();
         for line in [
             "# The station at the window.",
             "source = \"external\"   # from the other PC",
@@ -131,18 +131,18 @@ height_m = 1.7
         let config = Config::parse(&after, "after").unwrap();
         assert_eq!((config.suit.latency_ms, config.ground.latency_ms), (31.0, 2.0));
         assert_eq!(config.ground.frame.yaw_deg, -91.24);
-        assert_eq!(changed(FILE, &[]).unwrap(), FILE);
+        assert_eq!(apply(FILE, &[]).unwrap(), FILE);
     }
 
     #[test]
-    fn a_table_that_is_missing_is_made() {
+    fn a_missing_table_is_created() {
         let bare = FILE.replace("[ground.frame]\nyaw_deg = 3.0         # by eye\n", "");
-        let after = changed(&bare, &[change("ground.frame.yaw_deg", number(5.0, 2))]).unwrap();
+        let after = apply(&bare, &[change("ground.frame.yaw_deg", number(5.0, 2))]).unwrap();
         assert_eq!(Config::parse(&after, "after").unwrap().ground.frame.yaw_deg, 5.0);
     }
 
     #[test]
-    fn a_file_is_changed_whole_or_not_at_all() {
+    fn a_change_is_atomic() {
         let directory = tempfile::tempdir().unwrap();
         let (path, link) = (directory.path().join("s.toml"), directory.path().join("link.toml"));
         fs::write(&path, FILE).unwrap();

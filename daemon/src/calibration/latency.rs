@@ -35,7 +35,7 @@ impl Latencies {
 }
 
 /// The keys to change with their new values, ms; for two ground devices both keys, so that their difference remains.
-pub fn to_set(config: &Config, before: Latencies, after: Latencies) -> Vec<(&'static str, f64)> {
+pub fn settings_to_change(config: &Config, before: Latencies, after: Latencies) -> Vec<(&'static str, f64)> {
     let Some((table, ms)) = after.changed(before) else { return Vec::new() };
     match (&config.ground.second, table) {
         (_, "suit") => vec![("suit.latency_ms", ms)],
@@ -48,7 +48,7 @@ pub fn to_set(config: &Config, before: Latencies, after: Latencies) -> Vec<(&'st
 }
 
 /// Advice if another process reads the late sensor: only that process's configuration file counts.
-pub fn elsewhere(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
+pub fn external_setting(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     let (table, ms) = after.changed(before)?;
     let (external, more_ms) = match table {
         "suit" => (config.suit.source == SuitSourceKind::External, ms - before.suit_ms),
@@ -62,8 +62,8 @@ pub fn elsewhere(config: &Config, before: Latencies, after: Latencies) -> Option
 /// What to change, in one line; `None` without a change.
 pub fn advice(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     after.changed(before)?;
-    Some(elsewhere(config, before, after).unwrap_or_else(|| {
-        let keys = to_set(config, before, after);
+    Some(external_setting(config, before, after).unwrap_or_else(|| {
+        let keys = settings_to_change(config, before, after);
         let keys = keys.iter().filter_map(|(key, ms)| {
             let (table, key) = key.rsplit_once('.')?;
             Some(format!("[{table}] {key} = {ms}"))
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_set_ends_the_skew() {
+    fn the_changed_settings_remove_the_skew() {
         for suit_ms in [0.0, 20.0] {
             for ground_ms in [0.0, 1.5] {
                 for later_ms in [-30.0, -12.0, 0.0, 12.0] {

@@ -39,7 +39,7 @@ pub const GROUPS: [Group; 4] = [
 
 /// Means over a trial, along the direction of the expected moment, N m.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Compared {
+pub struct Comparison {
     /// Expected from mass and position.
     pub expected_nm: f64,
     /// Published; left and right added.
@@ -48,7 +48,7 @@ pub struct Compared {
     pub sigma_nm: f64,
 }
 
-impl Compared {
+impl Comparison {
     /// Published minus expected, N m.
     pub fn error_nm(&self) -> f64 {
         self.published_nm - self.expected_nm
@@ -59,16 +59,16 @@ impl Compared {
         self.error_nm() / self.sigma_nm
     }
 
-    fn plus(self, other: Compared) -> Compared {
-        Compared {
+    fn plus(self, other: Comparison) -> Comparison {
+        Comparison {
             expected_nm: self.expected_nm + other.expected_nm,
             published_nm: self.published_nm + other.published_nm,
             sigma_nm: self.sigma_nm + other.sigma_nm,
         }
     }
 
-    fn times(self, factor: f64) -> Compared {
-        Compared {
+    fn times(self, factor: f64) -> Comparison {
+        Comparison {
             expected_nm: factor * self.expected_nm,
             published_nm: factor * self.published_nm,
             sigma_nm: factor * self.sigma_nm,
@@ -78,7 +78,7 @@ impl Compared {
 
 impl Group {
     /// Published torque of a state and the expected torque of the mass above `at_m` (world x and y, m).
-    fn compare(&self, state: &State, at_m: [f64; 2], weight_n: f64) -> Option<Compared> {
+    fn compare(&self, state: &State, at_m: [f64; 2], weight_n: f64) -> Option<Comparison> {
         let count = self.joints.len() as f64;
         let (mut middle_m, mut torque_nm, mut sigma_nm) = (Vector3::zeros(), Vector3::zeros(), 0.0);
         for joint in self.joints.iter().filter_map(|name| Joint::named(name)) {
@@ -89,7 +89,11 @@ impl Group {
         let arm_m = Vector3::new(at_m[0] - middle_m.x, at_m[1] - middle_m.y, 0.0);
         let expected_nm = arm_m.cross(&Vector3::z()) * (self.sign * weight_n);
         let direction = expected_nm.try_normalize(1e-6)?;
-        Some(Compared { expected_nm: expected_nm.norm(), published_nm: torque_nm.dot(&direction), sigma_nm })
+        Some(Comparison {
+            expected_nm: expected_nm.norm(),
+            published_nm: torque_nm.dot(&direction),
+            sigma_nm,
+        })
     }
 }
 
@@ -116,7 +120,7 @@ pub struct Trial {
     /// Mean of its 1-σ, kg.
     pub mass_sigma_kg: f64,
     /// In the order of [`GROUPS`]; `None` for joints directly above the point.
-    pub groups: [Option<Compared>; GROUPS.len()],
+    pub groups: [Option<Comparison>; GROUPS.len()],
 }
 
 /// Progress of the check.
@@ -205,7 +209,7 @@ impl LoadCheck {
             return None;
         }
         if before_s < SETTLE_S {
-            self.trial = Trial { groups: [Some(Compared::default()); GROUPS.len()], ..self.trial.clone() };
+            self.trial = Trial { groups: [Some(Comparison::default()); GROUPS.len()], ..self.trial.clone() };
             self.trial.at_m = self.settings.at_m[self.trials.len()];
             (self.trial.mass_kg, self.trial.mass_sigma_kg, self.averaged_s) = (0.0, 0.0, 0.0);
             return Some(Event::Measuring);
@@ -215,8 +219,8 @@ impl LoadCheck {
         self.trial.mass_sigma_kg += step_s * state.lifted_mass_sigma_kg;
         let weight_n = self.settings.mass_kg * self.settings.gravity_m_per_s2;
         for (group, sum) in GROUPS.iter().zip(&mut self.trial.groups) {
-            let compared = group.compare(state, self.trial.at_m, weight_n);
-            *sum = sum.zip(compared).map(|(sum, compared)| sum.plus(compared.times(step_s)));
+            let comparison = group.compare(state, self.trial.at_m, weight_n);
+            *sum = sum.zip(comparison).map(|(sum, comparison)| sum.plus(comparison.times(step_s)));
         }
         if self.averaged_s < self.settings.seconds {
             return None;
@@ -265,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn each_trial_follows_empty_hands_and_compares_along_the_expected_moment() {
+    fn each_trial_starts_with_empty_hands_and_compares_along_the_expected_moment() {
         let mut check = LoadCheck::new(SETTINGS());
         let mut events = Vec::new();
         for tick in 0..1200 {
@@ -291,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mass_that_is_put_down_or_a_gap_begins_the_trial_again() {
+    fn putting_the_mass_down_or_a_gap_restarts_the_trial() {
         let mut check = LoadCheck::new(SETTINGS());
         let mut measured = 0;
         for tick in 0..2000 {

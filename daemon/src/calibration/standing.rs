@@ -13,9 +13,9 @@ use equipoise_core::message::{State, SuitSample, Validity};
 use nalgebra::Vector3;
 
 /// Suit samples kept until the matching state arrives: one second at 240 Hz.
-const KEPT: usize = 256;
+const BODIES_MAX: usize = 256;
 /// The slowest suit sends a sample every 17 ms, so the nearest sample is at most this far away.
-const APART_MAX_NS: u64 = 10_000_000;
+const TIME_DIFFERENCE_MAX_NS: u64 = 10_000_000;
 
 /// Position of a person according to a suit sample, in the suit's own world frame.
 #[derive(Debug, Clone, Copy)]
@@ -47,15 +47,15 @@ impl Standing {
         let centre_m = (0..SEGMENTS)
             .map(|index| pose.point_on(Segment::ALL[index], table.com_m[index]) * table.mass_fraction[index])
             .sum();
-        let looks: Vector3<f64> =
+        let heading: Vector3<f64> =
             Side::BOTH.map(|side| pose.world_from_segment[side.foot().index()] * Vector3::x()).iter().sum();
-        if self.bodies.len() == KEPT {
+        if self.bodies.len() == BODIES_MAX {
             self.bodies.pop_front();
         }
         self.bodies.push_back(Body {
             time_ns: sample.sample_time_ns,
             centre_m,
-            heading_rad: looks.y.atan2(looks.x),
+            heading_rad: heading.y.atan2(heading.x),
         });
     }
 
@@ -68,8 +68,12 @@ impl Standing {
         }
         // The loop may have corrected the sample's time by a model's lag, so exact equality is not required; the
         // position of a person standing still is the same in the nearest sample.
-        let off_ns = |body: &&Body| body.time_ns.abs_diff(time_ns);
-        let body = self.bodies.iter().min_by_key(off_ns).filter(|body| off_ns(body) <= APART_MAX_NS)?;
+        let difference_ns = |body: &&Body| body.time_ns.abs_diff(time_ns);
+        let body = self
+            .bodies
+            .iter()
+            .min_by_key(difference_ns)
+            .filter(|body| difference_ns(body) <= TIME_DIFFERENCE_MAX_NS)?;
         self.returned_ns = time_ns;
         let invalid = state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SUIT_STALE));
         Some(Moment {
@@ -93,7 +97,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     #[test]
-    fn a_body_that_stands_straight_is_above_its_pelvis_in_a_shifted_world() {
+    fn an_upright_body_is_above_its_pelvis_in_a_shifted_world() {
         let mut standing = Standing::new(1.77, Sex::Male);
         let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * 0.5);
         let t_pose = Skeleton::nominal(1.77).t_pose_m();
@@ -106,10 +110,10 @@ mod tests {
         (state.suit_sample_time_ns, state.static_pose, state.stance) = (77, 1, 3);
         state.segment_origin_m[0] = [0.5, -0.25, 1.0];
         state.cop_measured_m = [0.1, 0.2];
-        let moment = standing.state(&state).unwrap();
-        assert!(moment.still && moment.stance == 3);
-        assert_eq!(moment.seen.measured_m, [0.1, 0.2]);
-        assert!((moment.seen.heading_rad - 0.5).abs() < 1e-9);
+        let standing_sample = standing.state(&state).unwrap();
+        assert!(standing_sample.still && standing_sample.stance == 3);
+        assert_eq!(standing_sample.seen.measured_m, [0.1, 0.2]);
+        assert!((standing_sample.seen.heading_rad - 0.5).abs() < 1e-9);
         // A model's lag has moved the next state's time back.
         sample.sample_time_ns += 1_000_000_000;
         standing.suit(&sample);
@@ -118,7 +122,7 @@ mod tests {
         state.suit_sample_time_ns = sample.sample_time_ns - 500_000_000;
         assert!(standing.state(&state).is_none(), "no suit sample near that time");
         // The centre of mass lies slightly in front of the pelvis, along the body's heading.
-        let [x, y] = moment.seen.expected_m;
+        let [x, y] = standing_sample.seen.expected_m;
         let forward = (turn.inverse() * (Vector3::new(x, y, 0.0) - turn * Vector3::from(t_pose[0]))).xy();
         assert!(forward.y.abs() < 1e-3 && forward.x.abs() < 0.05, "{forward}");
         assert!(standing.state(&state).is_none(), "returned once");

@@ -8,7 +8,7 @@ use anyhow::bail;
 use clap::ValueEnum;
 use tracing::{info, warn};
 
-use super::{ConfigArgument, Outcome, in_one_sentence, log_to_stderr};
+use super::{ConfigArgument, Outcome, log_to_stderr, single_line};
 use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::realtime::ThreadReport;
 use crate::sensors::AdapterError;
@@ -56,7 +56,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let stop = super::run::stop_on_signals()?;
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
-    let report = realtime::ask(stream.name(), sensors::asked(&config));
+    let report = realtime::request(stream.name(), sensors::requested_scheduling(&config));
     match report.missing() {
         Some(missing) if config.tick.strict => {
             let fault = format!("loop.strict: {missing}");
@@ -80,7 +80,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         let stopping = || stop.load(Ordering::Relaxed) || reload.load(Ordering::Relaxed);
         if let Err(error) = run_once(stream, &config, &report, &stopping) {
             let error = anyhow::Error::from(error);
-            adapter_fault::publish(&config.station, stream.name(), Some(&in_one_sentence(&error)));
+            adapter_fault::publish(&config.station, stream.name(), Some(&single_line(&error)));
             return Err(error);
         }
         if reload.load(Ordering::Relaxed) {
@@ -113,14 +113,14 @@ fn run_once(
     match stream {
         Stream::Suit => sensors::run_suit(&config.station, &config.suit, &mut ready, stopping),
         Stream::Ground => {
-            let trouble = |sentence: Option<&str>| {
-                match sentence {
-                    Some(sentence) => warn!("{sentence}"),
+            let report_fault = |message: Option<&str>| {
+                match message {
+                    Some(message) => warn!("{message}"),
                     None => info!("the ground's device is there"),
                 }
-                publish(sentence);
+                publish(message);
             };
-            sensors::run_ground(&config.station, &config.ground, &mut ready, &trouble, stopping)
+            sensors::run_ground(&config.station, &config.ground, &mut ready, &report_fault, stopping)
         }
     }
 }

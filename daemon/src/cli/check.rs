@@ -36,7 +36,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         config.subject.id
     );
     if let Some(model) = &config.loaded_model {
-        println!("{}", model.tell());
+        println!("{}", model.describe());
     }
     for note in sensor_network::notes(&config) {
         println!("{note}");
@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             &settings,
             &StateDirectory::of_station(&config.station)?.profiles(),
         );
-        println!("{}", similar::tell(chosen.as_ref()));
+        println!("{}", similar::describe(chosen.as_ref()));
     }
     Ok(Outcome::Done)
 }

@@ -8,13 +8,13 @@ use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 
-use crate::commands::text_of;
+use crate::commands::parse_text;
 use crate::config::{Config, GroundSourceKind};
 use crate::pipeline::DAEMON_ROLE;
 use crate::process_state::is_stopped;
 
 /// Timeout of a daemon's reply, and of its next state.
-const PATIENCE: Duration = Duration::from_secs(2);
+const TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Joins a station's bus as a client.
 pub(super) fn join(station: &str, role: &str) -> anyhow::Result<Bus> {
@@ -22,18 +22,18 @@ pub(super) fn join(station: &str, role: &str) -> anyhow::Result<Bus> {
 }
 
 /// Sends a command to a running daemon; returns the reply, one sentence.
-pub(crate) fn ask(station: &str, kind: CommandKind, subject: &str) -> anyhow::Result<String> {
+pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow::Result<String> {
     let mut command = Command { kind: kind as u32, ..Command::zeroed() };
     if subject.len() > command.subject.len() {
         bail!("a subject's id has at most {} letters", command.subject.len());
     }
     command.subject[..subject.len()].copy_from_slice(subject.as_bytes());
     let bus = join(station, "client")?;
-    let reply = bus.command_client()?.ask(&command, PATIENCE).map_err(|error| match silent_daemon(&bus) {
-        Some(silent) => anyhow!(silent),
+    let reply = bus.command_client()?.ask(&command, TIMEOUT).map_err(|error| match stopped_daemon(&bus) {
+        Some(stopped) => anyhow!(stopped),
         None => error.into(),
     })?;
-    let text = text_of(&reply.text);
+    let text = parse_text(&reply.text);
     if reply.refused != 0 {
         bail!("refused: {text}");
     }
@@ -44,14 +44,14 @@ pub(crate) fn ask(station: &str, kind: CommandKind, subject: &str) -> anyhow::Re
 pub(super) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
     let mut states = bus.subscriber::<State>(1)?;
     let started = std::time::Instant::now();
-    while started.elapsed() < PATIENCE {
+    while started.elapsed() < TIMEOUT {
         if let Some(state) = states.latest()? {
             return Ok(state);
         }
         std::thread::sleep(Duration::from_millis(5));
     }
-    if let Some(silent) = silent_daemon(bus) {
-        bail!(silent);
+    if let Some(stopped) = stopped_daemon(bus) {
+        bail!(stopped);
     }
     bail!(
         "no daemon publishes on station {}; start one with `equipoise run --config FILE` or `equipoise demo`, or name \
@@ -61,7 +61,7 @@ pub(super) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
 }
 
 /// Description of a daemon whose process exists but does not respond; `None` if there is none.
-fn silent_daemon(bus: &Bus) -> Option<String> {
+fn stopped_daemon(bus: &Bus) -> Option<String> {
     let participants = bus.participants().ok()?;
     let daemon = participants.iter().find(|one| one.role == DAEMON_ROLE)?.process_id;
     let station = bus.station();
@@ -81,20 +81,20 @@ fn silent_daemon(bus: &Bus) -> Option<String> {
 const SILENCE_MAX: Duration = Duration::from_secs(3);
 
 /// Time of the last message of a stream; ends a waiting command after too long a silence.
-pub(super) struct Heard {
+pub(super) struct StreamTimeout {
     what: &'static str,
     station: String,
     at: std::time::Instant,
 }
 
-impl Heard {
+impl StreamTimeout {
     /// `what` is the display name of the stream.
-    pub(super) fn new(what: &'static str, station: &str) -> Heard {
-        Heard { what, station: station.to_owned(), at: std::time::Instant::now() }
+    pub(super) fn new(what: &'static str, station: &str) -> StreamTimeout {
+        StreamTimeout { what, station: station.to_owned(), at: std::time::Instant::now() }
     }
 
     /// Records a message at this instant.
-    pub(super) fn now(&mut self) {
+    pub(super) fn reset(&mut self) {
         self.at = std::time::Instant::now();
     }
 
@@ -123,7 +123,7 @@ pub(super) fn own_ground(config: &Config, key: &str) -> anyhow::Result<()> {
 }
 
 /// The active configuration of a station's daemon.
-pub(super) fn configuration_in_force(station: &str) -> anyhow::Result<Config> {
+pub(super) fn active_configuration_of(station: &str) -> anyhow::Result<Config> {
     let Some(facts) = crate::status::read(station) else {
         bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
     };

@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         station: arguments.station.clone(),
         duration: Duration::from_secs(arguments.duration),
         page,
-        talk: !arguments.json,
+        verbose: !arguments.json,
     };
     let stop = super::run::stop_on_signals()?;
     let summary = demo::run(&settings, &stop)?;

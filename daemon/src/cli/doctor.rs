@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::{Outcome, StationArgument};
 use crate::config::Config;
-use crate::doctor::{Check, Facts, StationFacts, SuitFacts, Verdict, judge, judge_suit};
+use crate::doctor::{Check, Facts, StationFacts, SuitFacts, Verdict, evaluate, evaluate_suit};
 use crate::state_directory::StateDirectory;
 use crate::status;
 
@@ -22,18 +22,18 @@ use crate::status;
 )]
 pub(super) struct Arguments {
     #[command(subcommand)]
-    of: Option<Of>,
+    target: Option<Target>,
     #[command(flatten)]
-    place: Place,
+    options: Options,
 }
 
 #[derive(Debug, clap::Subcommand)]
-enum Of {
+enum Target {
     Suit(SuitArguments),
 }
 
 #[derive(Debug, clap::Args)]
-struct Place {
+struct Options {
     #[command(flatten)]
     station: StationArgument,
     /// Configuration file; without it that of the station's running daemon, if there is one
@@ -55,7 +55,7 @@ struct Place {
 )]
 struct SuitArguments {
     #[command(flatten)]
-    place: Place,
+    options: Options,
     /// For how many seconds to listen
     #[arg(long = "for", default_value = "5s", value_name = "SECONDS", value_parser = span)]
     time: Duration,
@@ -72,33 +72,33 @@ fn span(text: &str) -> Result<Duration, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    match &arguments.of {
-        Some(Of::Suit(suit)) => run_suit(suit),
-        None => run_all(&arguments.place),
+    match &arguments.target {
+        Some(Target::Suit(suit)) => run_suit(suit),
+        None => run_all(&arguments.options),
     }
 }
 
-fn read_config(place: &Place) -> anyhow::Result<Option<Config>> {
-    match &place.config {
+fn read_config(options: &Options) -> anyhow::Result<Option<Config>> {
+    match &options.config {
         Some(path) => Ok(Some(Config::read(path)?)),
-        None => Ok(status::read(&place.station.station)
+        None => Ok(status::read(&options.station.station)
             .map(|facts| Config::parse(&facts.config_toml, "the daemon's configuration"))
             .transpose()?),
     }
 }
 
 fn run_suit(arguments: &SuitArguments) -> anyhow::Result<Outcome> {
-    let Some(config) = read_config(&arguments.place)? else {
+    let Some(config) = read_config(&arguments.options)? else {
         anyhow::bail!(
             "no daemon of station {} runs: name the configuration with --config FILE",
-            arguments.place.station.station
+            arguments.options.station.station
         );
     };
     let stop = super::run::stop_on_signals()?;
     let facts = SuitFacts::gather(&config, arguments.time, &|| stop.load(Ordering::Relaxed));
-    let checks = judge_suit(&config, &facts);
+    let checks = evaluate_suit(&config, &facts);
     let mut out = std::io::stdout().lock();
-    if arguments.place.json {
+    if arguments.options.json {
         let report = serde_json::json!({ "checks": checks, "heard": facts.to_json() });
         writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
@@ -109,7 +109,7 @@ fn run_suit(arguments: &SuitArguments) -> anyhow::Result<Outcome> {
     outcome(&checks)
 }
 
-fn run_all(arguments: &Place) -> anyhow::Result<Outcome> {
+fn run_all(arguments: &Options) -> anyhow::Result<Outcome> {
     let config = read_config(arguments)?;
     let name = config.as_ref().map_or(&arguments.station.station, |config| &config.station);
     let facts = Facts::gather(StateDirectory::of_station(name));
@@ -119,7 +119,7 @@ fn run_all(arguments: &Place) -> anyhow::Result<Outcome> {
         Some(Err(error)) => (None, Some(error.to_string())),
         None => (None, None),
     };
-    let checks = judge(&facts, config.as_ref(), station.as_ref());
+    let checks = evaluate(&facts, config.as_ref(), station.as_ref());
     let note = no_bus.or_else(|| {
         let unseen = "ports, plate and suit were not looked at: name the configuration with --config";
         config.is_none().then(|| unseen.to_owned())

@@ -92,11 +92,11 @@ fn compute(input: &Input, arguments: &Arguments, states: &Path) -> anyhow::Resul
     let replay = Replay { input, config: &chosen.config, as_recorded: config.is_none(), residual_s: None };
     let summary = replay.run(Some(states))?;
     println!("{}: {} states computed by a replay", arguments.file.display(), summary.cycles);
-    for rejected in &summary.left_out.rejected {
+    for rejected in &summary.skipped.rejected {
         eprintln!("rejected: {rejected}");
     }
     let written = write(states, Topic::State, &arguments.out)?;
-    Ok(if summary.left_out.rejected.is_empty() { written } else { Outcome::PartRejected })
+    Ok(if summary.skipped.rejected.is_empty() { written } else { Outcome::PartRejected })
 }
 
 /// Has the table written.

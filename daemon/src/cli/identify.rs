@@ -5,7 +5,7 @@ use equipoise_core::message::command::CommandKind;
 
 use super::{Outcome, StationArgument, client};
 
-/// Start, stop or reset the identification of the worker, or ask for another pose
+/// Start, stop or reset the identification of the worker, or request another pose
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise identify start --station station-1")]
 pub(super) struct Arguments {
@@ -16,13 +16,13 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Action {
-    /// Learn from held poses from now on
+    /// Use held poses from now on
     Start,
     /// End learning and monitor with what is known
     Stop,
     /// Discard all poses and start again
     Reset,
-    /// The worker cannot hold the pose that is asked for: ask for another
+    /// Request another pose, if the worker cannot hold the suggested one
     Skip,
 }
 
@@ -33,7 +33,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Action::Reset => CommandKind::IdentifyReset,
         Action::Skip => CommandKind::PoseSkip,
     };
-    println!("{}", client::ask(&arguments.station.station, kind, "")?);
+    println!("{}", client::request(&arguments.station.station, kind, "")?);
     Ok(Outcome::Done)
 }
 
@@ -46,6 +46,6 @@ pub(super) struct TareArguments {
 }
 
 pub(super) fn tare(arguments: &TareArguments) -> anyhow::Result<Outcome> {
-    println!("{}", client::ask(&arguments.station.station, CommandKind::Tare, "")?);
+    println!("{}", client::request(&arguments.station.station, CommandKind::Tare, "")?);
     Ok(Outcome::Done)
 }

@@ -87,5 +87,5 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let with = arguments.with()?;
     let summary = import(&arguments.file, with.as_ref(), &arguments.out, arguments.config.as_deref())?;
     print!("{}: {summary}", arguments.out.display());
-    Ok(if summary.left_out.rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
+    Ok(if summary.skipped.rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }

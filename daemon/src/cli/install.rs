@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use anyhow::Context;
 
 use super::Outcome;
-use crate::install::{self, Place};
+use crate::install::{self, Destination};
 
 /// Where to.
 #[derive(Debug, clap::Args)]
-struct PlaceArguments {
+struct DestinationArguments {
     /// The program goes to DIR/bin
     #[arg(long, value_name = "DIR", default_value = "/usr/local")]
     prefix: PathBuf,
@@ -29,7 +29,7 @@ struct PlaceArguments {
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
-    place: PlaceArguments,
+    destination: DestinationArguments,
     /// Start daemon, sensors and page at boot
     #[arg(long)]
     enable: bool,
@@ -42,13 +42,13 @@ pub(super) struct Arguments {
 )]
 pub(super) struct UninstallArguments {
     #[command(flatten)]
-    place: PlaceArguments,
+    destination: DestinationArguments,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let place = Place::new(&arguments.place.prefix, &arguments.place.root)?;
+    let destination = Destination::new(&arguments.destination.prefix, &arguments.destination.root)?;
     let program = std::env::current_exe().context("this program does not know where it lies")?;
-    for line in install::install(&place, &program, arguments.enable)? {
+    for line in install::install(&destination, &program, arguments.enable)? {
         println!("{line}");
     }
     let start = if arguments.enable { "start" } else { "enable --now" };
@@ -61,8 +61,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 pub(super) fn uninstall(arguments: &UninstallArguments) -> anyhow::Result<Outcome> {
-    let place = Place::new(&arguments.place.prefix, &arguments.place.root)?;
-    for line in install::uninstall(&place)? {
+    let destination = Destination::new(&arguments.destination.prefix, &arguments.destination.root)?;
+    for line in install::uninstall(&destination)? {
         println!("{line}");
     }
     println!("next: systemctl daemon-reload; what still runs ends with: systemctl stop 'equipoise*'");

@@ -14,8 +14,8 @@ use equipoise_latency::pick_up::{since_its_start, tell_apart};
 use equipoise_latency::{ConsumerTimes, HlogWriter, PathHistograms, PickUps, Report};
 
 use super::{Outcome, StationArgument, client};
-use crate::picked_up::PickedUp;
 use crate::realtime::now_ns;
+use crate::receipt::ReceiptBuilder;
 
 /// What this consumer is called among the others.
 const OWN_NAME: &str = "self";
@@ -26,7 +26,7 @@ const MODE: u32 = 0o640;
 ///
 /// Stages up to the published state come from the cycles' own stamps; pick_up, from_due and from_suit of every consumer
 /// that reports its pick-up follow, and of this command as `self`. Consumers report once a second, so of theirs the
-/// last second or less is missing. docs/realtime.md says how to read it.
+/// last second or less is missing. docs/realtime.md explains the figures.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise latency --for 60 --hlog path.hlog\n\nExit code 3: cycles were not seen; \
@@ -52,19 +52,19 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let hlog = arguments.hlog.as_deref().map(create).transpose()?;
     let bus = client::join(&arguments.station.station, "latency")?;
     client::newest_state(&bus)?;
-    let mut eyes = Eyes::open(&bus)?;
+    let mut subscriptions = Subscriptions::open(&bus)?;
     let (started, since) = (Instant::now(), SystemTime::now());
     while started.elapsed().as_secs_f64() < arguments.seconds && !stop.load(Ordering::Relaxed) {
-        eyes.look()?;
+        subscriptions.update()?;
     }
-    let (length, consumers) = (started.elapsed(), eyes.consumers());
-    let report = Report::of(&eyes.path).with_consumers(&consumers);
+    let (length, consumers) = (started.elapsed(), subscriptions.consumers());
+    let report = Report::of(&subscriptions.path).with_consumers(&consumers);
     if report.cycles == 0 {
         bail!("the daemon published no cycle in {:.1} s", length.as_secs_f64());
     }
     if let Some(file) = hlog {
         let mut hlog = HlogWriter::new(BufWriter::new(file), since)?;
-        hlog.write_interval(Duration::ZERO, length, &eyes.path)?;
+        hlog.write_interval(Duration::ZERO, length, &subscriptions.path)?;
         hlog.write_consumers(Duration::ZERO, length, &consumers)?;
     }
     if arguments.json {
@@ -82,18 +82,18 @@ fn create(path: &Path) -> anyhow::Result<File> {
 }
 
 /// Everything subscribed, and what was seen.
-struct Eyes {
+struct Subscriptions {
     listener: Listener,
     records: Subscriber<CycleRecord>,
     states: Subscriber<State>,
     reports: Option<Subscriber<PickUp>>,
     path: PathHistograms,
     others: PickUps,
-    own: PickedUp,
+    own: ReceiptBuilder,
 }
 
-impl Eyes {
-    fn open(bus: &Bus) -> anyhow::Result<Eyes> {
+impl Subscriptions {
+    fn open(bus: &Bus) -> anyhow::Result<Subscriptions> {
         let reports = match bus.subscriber(PickUp::SERVICE.depth_max) {
             Ok(reports) => Some(reports),
             Err(full @ BusError::Full { .. }) => {
@@ -105,13 +105,13 @@ impl Eyes {
         let (records, states) = (bus.subscriber(CycleRecord::SERVICE.depth_max)?, bus.subscriber(1024)?);
         let listener = bus.listener(Channel::Results)?;
         let since_ns = now_ns();
-        let own = PickedUp::new(OWN_NAME, since_ns);
+        let own = ReceiptBuilder::new(OWN_NAME, since_ns);
         let (path, others) = (PathHistograms::new(), PickUps::new(since_ns));
-        Ok(Eyes { listener, records, states, reports, path, others, own })
+        Ok(Subscriptions { listener, records, states, reports, path, others, own })
     }
 
     /// Sleeps until something is published and takes it in, the states first: they are what a consumer waits for.
-    fn look(&mut self) -> Result<(), BusError> {
+    fn update(&mut self) -> Result<(), BusError> {
         self.listener.wait(Duration::from_millis(100))?;
         while let Some(state) = self.states.receive()? {
             self.own.enter(&state, now_ns());

@@ -42,7 +42,7 @@ impl Kind {
     }
 
     /// An outlet that needs no other program.
-    fn of_our_own(self) -> Option<fn(&StationFile) -> anyhow::Result<Made>> {
+    fn in_process(self) -> Option<fn(&StationFile) -> anyhow::Result<Made>> {
         match self {
             Kind::Udp => Some(udp::make),
             Kind::Rtde => Some(rtde::make),
@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     // Check the complete configuration: an outlet reads only its own section.
     let config = Config::read(&arguments.config.config)?;
     drop(config);
-    if let Some(make) = arguments.kind.of_our_own() {
+    if let Some(make) = arguments.kind.in_process() {
         log_to_stderr("info");
         let stop = super::run::stop_on_signals()?;
         let file = StationFile::read(&arguments.config.config)?;
@@ -84,8 +84,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_outlet_that_is_a_program_of_its_own_is_installed_too() {
-        for kind in Kind::value_variants().iter().filter(|kind| kind.of_our_own().is_none()) {
+    fn every_separate_outlet_program_is_installed() {
+        for kind in Kind::value_variants().iter().filter(|kind| kind.in_process().is_none()) {
             let program = kind.program().unwrap();
             let name = program.file_name().and_then(|name| name.to_str()).unwrap();
             assert!(crate::install::PROGRAMS.contains(&name), "{name}");

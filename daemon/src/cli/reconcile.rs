@@ -16,7 +16,7 @@ use crate::reconcile::output::{Results, folders};
 use crate::reconcile::summary::Summary;
 use crate::reconcile::{Progress, Reconcile};
 use crate::replay::input::{Chosen, Input};
-use crate::replay::left_out_lines;
+use crate::replay::skipped_lines;
 
 /// Find where model and measured data disagree, name the missing effect, add it to the model
 ///
@@ -88,14 +88,14 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
     let mut head = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
     if let Some(model) = &mut chosen.config.loaded_model {
         model.fit_to(file)?;
-        head += &format!("{}\n", model.tell());
+        head += &format!("{}\n", model.describe());
     }
     let reconcile = Reconcile { input: &input, config: &chosen.config, given };
     let bar = Bar::new(arguments.json);
-    let compared = reconcile.compare(&mut |progress| bar.show(progress))?;
+    let compared = reconcile.compare(&mut |progress| bar.update(progress))?;
     let mut outcome =
         equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
-            bar.show(Progress { doing: "looking for what is missing", share });
+            bar.update(Progress { doing: "looking for what is missing", share });
         })?;
     bar.clear();
     let written = match folder {
@@ -106,15 +106,15 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
         }
         None => Vec::new(),
     };
-    let rejected = &compared.left_out.rejected;
+    let rejected = &compared.skipped.rejected;
     let summary = Summary { compared: &compared, finding: &outcome.finding };
-    let left_out = left_out_lines(&compared.left_out);
+    let skipped = skipped_lines(&compared.skipped);
     if arguments.json {
         print_json(&outcome.finding, arguments.files.len() > 1)?;
-        eprint!("{left_out}");
+        eprint!("{skipped}");
     } else {
         let written = written.iter().rev().take(3).map(|path| format!("written: {}\n", path.display()));
-        print!("{head}{summary}{}{left_out}", written.collect::<String>());
+        print!("{head}{summary}{}{skipped}", written.collect::<String>());
     }
     Ok(if rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }
@@ -148,8 +148,8 @@ struct Bar(Option<ProgressBar>);
 
 impl Bar {
     fn new(json: bool) -> Bar {
-        let wanted = !json && std::io::IsTerminal::is_terminal(&std::io::stderr());
-        Bar(wanted.then(|| {
+        let is_interactive = !json && std::io::IsTerminal::is_terminal(&std::io::stderr());
+        Bar(is_interactive.then(|| {
             let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {percent:>3} % {eta}");
             let bar =
                 ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
@@ -158,7 +158,7 @@ impl Bar {
         }))
     }
 
-    fn show(&self, progress: Progress) {
+    fn update(&self, progress: Progress) {
         if let Some(bar) = &self.0 {
             let at = (1000.0 * progress.share.clamp(0.0, 1.0)) as u64;
             if bar.message() != progress.doing {

@@ -70,8 +70,9 @@ fn run_once(arguments: &Arguments, out: &Path) -> anyhow::Result<Outcome> {
     }
     let key = arguments.sign_key.as_deref().map(SigningKey::read).transpose().context("--sign-key")?;
     let stop = stop_on_signals()?;
-    let begun = Instant::now();
-    let stopping = || stop.load(Ordering::Relaxed) || length.is_some_and(|length| begun.elapsed() >= length);
+    let started = Instant::now();
+    let stopping =
+        || stop.load(Ordering::Relaxed) || length.is_some_and(|length| started.elapsed() >= length);
     let (summary, sha256) =
         record(&arguments.station.station, out, arguments.pictures_hz, &stopping, || {
             eprintln!("recording station {} to {}", arguments.station.station, out.display());
@@ -93,11 +94,12 @@ fn serve(path: &Path) -> anyhow::Result<Outcome> {
         )
     })?;
     let stop = stop_on_signals()?;
-    let alive = || {
+    let heartbeat = || {
         let _ = sd_notify::notify(&[NotifyState::Ready, NotifyState::Watchdog]);
     };
     let base = path.parent().unwrap_or(Path::new(""));
-    let summary = service::serve(&config.station, recording, base, &|| stop.load(Ordering::Relaxed), &alive)?;
+    let summary =
+        service::serve(&config.station, recording, base, &|| stop.load(Ordering::Relaxed), &heartbeat)?;
     let _ = sd_notify::notify(&[NotifyState::Stopping]);
     println!("{summary}");
     // Losses are in the journal; a service that stops on request has not failed.

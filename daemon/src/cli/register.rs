@@ -1,4 +1,4 @@
-//! `equipoise register`: where the plate stands in the suit's world, from places where the worker stood still.
+//! `equipoise register`: estimates the pose of the plate in the suit world from positions at which the worker stood still.
 
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -10,14 +10,15 @@ use equipoise_adapters::calibration::register::{Correction, HOLDS_MIN, Hold, reg
 use equipoise_adapters::ground::GroundFrame;
 use equipoise_core::message::{State, SuitSample};
 
-use super::client::Heard;
+use super::client::StreamTimeout;
 use super::{Outcome, StationArgument, client};
 use crate::calibration::config_file::{self, Change};
 use crate::calibration::standing::Standing;
 use crate::config::Config;
 
-/// Where the worker is asked to stand; the last two tell a shift of the plate from a body that is not the table's.
-const PLACES: [&str; 7] = [
+/// Positions at which the worker stands; the last two separate an offset of the plate from a deviation of the body from
+/// the table.
+const POSITIONS: [&str; 7] = [
     "near the front left corner",
     "near the front right corner",
     "near the back right corner",
@@ -42,7 +43,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     station: StationArgument,
     /// At how many places to stand, 3 at least; without the two turns of the last two the place is known less well
-    #[arg(long, value_name = "COUNT", default_value_t = PLACES.len())]
+    #[arg(long, value_name = "COUNT", default_value_t = POSITIONS.len())]
     places: usize,
     /// End after so many seconds, with the places there are by then
     #[arg(long = "within", value_name = "SECONDS", value_parser = super::seconds, default_value = "300")]
@@ -56,28 +57,28 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let config = client::configuration_in_force(&arguments.station.station)?;
+    let config = client::active_configuration_of(&arguments.station.station)?;
     if config.ground.is_insoles() {
         bail!("insoles have no place of their own: there is nothing to register");
     }
     client::own_ground(&config, "[ground.frame]")?;
     if let Some(path) = &arguments.write {
         // Check the file before the worker walks to the places.
-        config_file::look(path)?;
+        config_file::check(path)?;
     }
     if arguments.places < HOLDS_MIN {
         bail!("--places {}: {HOLDS_MIN} at least", arguments.places);
     }
-    let holds = stand(arguments, &config)?;
+    let holds = collect_holds(arguments, &config)?;
     let found = register(&holds)?;
     let frames = frames(&config, &found);
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&json(&holds, &found, &frames))?);
     } else {
-        tell(&holds, &found, &frames);
+        print(&holds, &found, &frames);
     }
     if let Some(path) = &arguments.write {
-        let changes: Vec<Change> = frames.iter().flat_map(Placed::changes).collect();
+        let changes: Vec<Change> = frames.iter().flat_map(CorrectedFrame::changes).collect();
         config_file::write(path, &changes)?;
         eprintln!(
             "{}: written; restart the daemon and, if the ground's adapter is a process of its own, that too (systemd: \
@@ -89,18 +90,18 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 /// Follows the worker from place to place.
-fn stand(arguments: &Arguments, config: &Config) -> anyhow::Result<Vec<Hold>> {
+fn collect_holds(arguments: &Arguments, config: &Config) -> anyhow::Result<Vec<Hold>> {
     let stop = super::run::stop_on_signals()?;
     let station = &arguments.station.station;
     let bus = client::join(station, "register")?;
     let mut suits = bus.subscriber::<SuitSample>(128)?;
     let mut states = bus.subscriber::<State>(1024)?;
-    let mut heard = Heard::new("the daemon or the suit", station);
+    let mut timeout = StreamTimeout::new("the daemon or the suit", station);
     let mut standing = Standing::new(config.subject.height_m, config.subject.sex.into());
     let mut holds = Holds::default();
-    let (begun, mut still) = (Instant::now(), false);
-    ask(0, arguments.places);
-    while holds.found().len() < arguments.places && begun.elapsed().as_secs_f64() < arguments.seconds {
+    let (started, mut is_still) = (Instant::now(), false);
+    prompt(0, arguments.places);
+    while holds.found().len() < arguments.places && started.elapsed().as_secs_f64() < arguments.seconds {
         if stop.load(Ordering::Relaxed) {
             bail!("stopped");
         }
@@ -108,37 +109,37 @@ fn stand(arguments: &Arguments, config: &Config) -> anyhow::Result<Vec<Hold>> {
             standing.suit(&sample);
         }
         while let Some(state) = states.receive()? {
-            let Some(moment) = standing.state(&state) else { continue };
-            heard.now();
-            match holds.take(moment) {
-                Progress::Moving | Progress::Known => still = false,
-                Progress::Holding { left_s } if !still && left_s < 1.5 => {
-                    still = true;
+            let Some(sample) = standing.state(&state) else { continue };
+            timeout.reset();
+            match holds.take(sample) {
+                Progress::Moving | Progress::Known => is_still = false,
+                Progress::Holding { left_s } if !is_still && left_s < 1.5 => {
+                    is_still = true;
                     eprintln!("  hold still …");
                 }
                 Progress::Holding { .. } => {}
                 Progress::Got(_) => {
-                    still = false;
+                    is_still = false;
                     eprintln!("  got it");
-                    ask(holds.found().len(), arguments.places);
+                    prompt(holds.found().len(), arguments.places);
                 }
             }
         }
-        heard.check()?;
+        timeout.check()?;
         std::thread::sleep(Duration::from_millis(2));
     }
     Ok(holds.found().to_vec())
 }
 
-fn ask(done: usize, places: usize) {
+fn prompt(done: usize, places: usize) {
     if done < places {
-        let place = PLACES.get(done).unwrap_or(&"anywhere else on the plate");
+        let place = POSITIONS.get(done).unwrap_or(&"anywhere else on the plate");
         eprintln!("{} of {places}: stand {place}, with both feet on the plate", done + 1);
     }
 }
 
 /// A frame that was in force, and as it is.
-struct Placed {
+struct CorrectedFrame {
     table: &'static str,
     frame: GroundFrame,
     sigma_m: [f64; 2],
@@ -146,11 +147,11 @@ struct Placed {
 }
 
 /// The frames of the station's plates; two that are used together are turned and shifted together.
-fn frames(config: &Config, found: &Correction) -> Vec<Placed> {
+fn frames(config: &Config, found: &Correction) -> Vec<CorrectedFrame> {
     let placed = |table: &'static str, before: GroundFrame| {
         let [x, y, _] = before.origin_m;
         let (_, sigma_m) = found.point_m([x, y]);
-        Placed { table, frame: found.of_frame(&before), sigma_m, sigma_rad: found.yaw_sigma_rad() }
+        CorrectedFrame { table, frame: found.of_frame(&before), sigma_m, sigma_rad: found.yaw_sigma_rad() }
     };
     let mut frames = vec![placed("ground.frame", config.ground.settings().frame)];
     let plates = config.ground.second.iter().filter(|second| !second.is_insoles());
@@ -158,7 +159,7 @@ fn frames(config: &Config, found: &Correction) -> Vec<Placed> {
     frames
 }
 
-impl Placed {
+impl CorrectedFrame {
     fn changes(&self) -> Vec<Change> {
         let key = |name: &str| format!("{}.{name}", self.table);
         vec![
@@ -168,7 +169,7 @@ impl Placed {
     }
 }
 
-fn tell(holds: &[Hold], found: &Correction, frames: &[Placed]) {
+fn print(holds: &[Hold], found: &Correction, frames: &[CorrectedFrame]) {
     println!("place         plate says m        suit says m   looks °   left over mm");
     for (index, (hold, [x, y])) in holds.iter().zip(&found.residuals_m).enumerate() {
         println!(
@@ -202,7 +203,7 @@ fn tell(holds: &[Hold], found: &Correction, frames: &[Placed]) {
         1e3 * left_m,
         1e3 * left_sigma_m
     );
-    for Placed { table, frame, sigma_m, sigma_rad } in frames {
+    for CorrectedFrame { table, frame, sigma_m, sigma_rad } in frames {
         let [x, y, z] = frame.origin_m;
         println!("\n[{table}]");
         println!(
@@ -214,7 +215,7 @@ fn tell(holds: &[Hold], found: &Correction, frames: &[Placed]) {
     }
 }
 
-fn json(holds: &[Hold], found: &Correction, frames: &[Placed]) -> serde_json::Value {
+fn json(holds: &[Hold], found: &Correction, frames: &[CorrectedFrame]) -> serde_json::Value {
     let places: Vec<_> = holds
         .iter()
         .zip(&found.residuals_m)
@@ -227,7 +228,7 @@ fn json(holds: &[Hold], found: &Correction, frames: &[Placed]) -> serde_json::Va
         .collect();
     let frames: serde_json::Map<String, serde_json::Value> = frames
         .iter()
-        .map(|Placed { table, frame, sigma_m, sigma_rad }| {
+        .map(|CorrectedFrame { table, frame, sigma_m, sigma_rad }| {
             let value = serde_json::json!({
                 "origin_m": frame.origin_m, "origin_sigma_m": sigma_m,
                 "yaw_deg": frame.yaw_rad.to_degrees(), "yaw_sigma_deg": sigma_rad.to_degrees(),

@@ -10,7 +10,7 @@ use crate::model::LoadedModel;
 use crate::replay::Replay;
 use crate::replay::cross_validation::cross_validate;
 use crate::replay::input::Input;
-use crate::replay::score::Judge;
+use crate::replay::score::SampleSelection;
 
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///
@@ -42,13 +42,13 @@ pub(super) struct Arguments {
     /// Print the summary as JSON
     #[arg(long, conflicts_with = "cross_validate")]
     json: bool,
-    /// Also judge the identified model on data it was not learnt from, in so many blocks of time
+    /// Cross-validate the identified model in this number of blocks of time
     #[arg(long, value_name = "BLOCKS")]
     cross_validate: Option<usize>,
-    /// No load is carried in the recording: cross-validation judges every sample, moving or not, next to static ones
+    /// No load is carried in the recording: cross-validation evaluates all samples, in motion too, in addition to static ones
     #[arg(long, requires = "cross_validate")]
     unloaded: bool,
-    /// Cross-validation learns from at most so many poses, each unlike the others
+    /// Maximum number of poses for cross-validation, each different from the others
     #[arg(long, value_name = "COUNT", requires = "cross_validate")]
     poses: Option<usize>,
 }
@@ -69,7 +69,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if !as_recorded {
             model.fit_to(file)?;
         }
-        text += &format!("{}\n", model.tell());
+        text += &format!("{}\n", model.describe());
     }
     let work: Option<Span> = super::span("--work", arguments.work.as_deref())?;
     let residual_s = work.map(|span| [span.from_s, span.to_s]);
@@ -78,10 +78,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     text += &summary.to_string();
     if let Some(blocks) = arguments.cross_validate {
         text +=
-            &cross_validate(&input, &chosen.config, blocks, Judge::QuasiStatic, arguments.poses)?.to_string();
-        if arguments.unloaded {
-            text += &cross_validate(&input, &chosen.config, blocks, Judge::AllUnloaded, arguments.poses)?
+            &cross_validate(&input, &chosen.config, blocks, SampleSelection::QuasiStatic, arguments.poses)?
                 .to_string();
+        if arguments.unloaded {
+            text += &cross_validate(
+                &input,
+                &chosen.config,
+                blocks,
+                SampleSelection::AllUnloaded,
+                arguments.poses,
+            )?
+            .to_string();
         }
     }
     if arguments.json {
@@ -95,7 +102,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         print!("{text}");
     }
-    Ok(if summary.is_whole() { Outcome::Done } else { Outcome::PartRejected })
+    Ok(if summary.is_complete() { Outcome::Done } else { Outcome::PartRejected })
 }
 
 fn is_same_file(a: &Path, b: &Path) -> bool {

@@ -81,8 +81,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     for rejected in &facts.rejected {
         eprintln!("rejected: {rejected}");
     }
-    let is_sound = authenticity.is_none_or(|authenticity| authenticity.is_sound());
-    Ok(if facts.is_whole() && is_sound { Outcome::Done } else { Outcome::PartRejected })
+    let is_valid = authenticity.is_none_or(|authenticity| authenticity.is_valid());
+    Ok(if facts.is_complete() && is_valid { Outcome::Done } else { Outcome::PartRejected })
 }
 
 /// The key that is named, or the one next to the secret key of a configuration that is named.

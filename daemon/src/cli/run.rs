@@ -33,14 +33,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
     let config = arguments.read()?;
     if let Some(model) = &config.loaded_model {
-        info!("{}", model.tell());
+        info!("{}", model.describe());
     }
     let stop = stop_on_signals()?;
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
     let pipeline = Pipeline::start(&config)?;
     // Report readiness once cycles run, not once the threads exist.
-    while pipeline.last_cycle() == 0 && pipeline.is_whole() && !stop.load(Ordering::Relaxed) {
+    while pipeline.last_cycle() == 0 && pipeline.is_running() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(5));
     }
     if pipeline.last_cycle() > 0 {
@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         info!("station {}: {} cycles a second", config.station, config.tick.rate_hz);
     }
     while !stop.load(Ordering::Relaxed) {
-        if !pipeline.is_whole() {
+        if !pipeline.is_running() {
             let fault = pipeline.stop().err();
             bail!(
                 "a part of the pipeline ended by itself: {}",
@@ -96,14 +96,14 @@ impl Arguments {
     }
 }
 
-/// Takes up what can change live; what cannot, and what is wrong, is said in the journal.
+/// Applies live settings; settings that require a restart and errors are logged.
 fn reread(arguments: &Arguments, pipeline: &Pipeline) {
     info!("the configuration is read again");
     let began = [sd_notify::NotifyState::Reloading, monotonic_now()];
     let _ = sd_notify::notify(&began);
     // The incident contains the reason of a refusal.
-    for sentence in pipeline.reload(arguments.read()).unwrap_or_default() {
-        warn!("{sentence}");
+    for message in pipeline.reload(arguments.read()).unwrap_or_default() {
+        warn!("{message}");
     }
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
 }

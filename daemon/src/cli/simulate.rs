@@ -19,7 +19,7 @@ use equipoise_simulator::walk::Place;
 
 use super::Outcome;
 
-/// What is said last, before it only runs.
+/// The last message before the simulation runs.
 const ENDS: &str = "Ctrl-C ends";
 /// How long each pose takes, with getting there, s.
 const POSE_S: f64 = 4.0;
@@ -166,7 +166,7 @@ fn simulate(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Where somebody stands who is asked to stand at the corners and to turn: forward and left, m, and turn, rad.
+/// Positions for `--does corners`: forward and left, m, and turn, rad.
 const CORNERS: [([f64; 2], f64); 7] = [
     ([0.12, 0.14], 0.0),
     ([0.12, -0.14], 0.0),

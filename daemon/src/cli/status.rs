@@ -1,4 +1,4 @@
-//! `equipoise status`: what a running daemon says now, once.
+//! `equipoise status`: prints the current state of a running daemon.
 
 mod incidents;
 
@@ -29,7 +29,7 @@ use crate::status::{self, PageStatus, Status, ThreadStatus};
 /// Timeout for adapter health and incidents, which are published once a second.
 const HEALTH_TIMEOUT: Duration = Duration::from_millis(1200);
 
-/// Show what a running daemon says, once
+/// Show the current state of a running daemon
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise status --json | jq .state.phase")]
 pub(super) struct Arguments {
@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         std::thread::sleep(Duration::from_millis(20));
     }
     adapters.sort_by_key(|adapter| adapter.stream);
-    let (facts, page) = (status::read(station), living_page(&bus));
+    let (facts, page) = (status::read(station), running_page(&bus));
     // The history holds the last sample of a plate that is silent now; its age reveals that.
     let ground = ground.latest()?.map(|sample| Provenance::of(&sample));
     let incidents = incidents.map(|incidents| {
@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         });
         writeln!(out, "{}", serde_json::to_string_pretty(&text)?)?;
     } else {
-        let pose = suggestion(&state, asked(facts.as_ref()).as_ref());
+        let pose = suggestion(&state, requested_pose(facts.as_ref()).as_ref());
         write!(out, "{}", dashboard(&state, station, pose.as_deref()))?;
         writeln!(out, "  body    {}", words::body(&state))?;
         for adapter in &adapters {
@@ -87,7 +87,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if let Some(incidents) = &incidents {
             incidents.write(&mut out)?;
         }
-        if let Some(line) = skew(&state, facts.as_ref().and_then(in_force).as_ref()) {
+        if let Some(line) = skew(&state, facts.as_ref().and_then(active_configuration).as_ref()) {
             writeln!(out, "  time    {line}")?;
         }
         if let Some(facts) = &facts {
@@ -101,22 +101,22 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Where the station's page is, if the process that said so is still on the bus.
-fn living_page(bus: &Bus) -> Option<PageStatus> {
+/// Address of the station's page, if the process that published it is still on the bus.
+fn running_page(bus: &Bus) -> Option<PageStatus> {
     let page = status::read_page(bus.station())?;
     let participants = bus.participants().ok()?;
     let serves = |one: &Participant| one.role == PAGE_ROLE && one.process_id == page.process_id;
     participants.iter().any(serves).then_some(page)
 }
 
-/// What the daemon's model file asks for, if it does.
-pub(super) fn asked(facts: Option<&Status>) -> Option<Ask> {
+/// The pose requested by the daemon's model file, if any.
+pub(super) fn requested_pose(facts: Option<&Status>) -> Option<Ask> {
     let text = &facts?.model_toml;
     ModelFile::parse(text, "the daemon's model").ok()?.ask
 }
 
 /// The configuration that the daemon runs with.
-fn in_force(facts: &Status) -> Option<Config> {
+fn active_configuration(facts: &Status) -> Option<Config> {
     Config::parse(&facts.config_toml, "the daemon's configuration").ok()
 }
 
@@ -130,8 +130,8 @@ fn skew(state: &State, config: Option<&Config>) -> Option<String> {
     if skew_ms.abs() <= 2.0 * sigma_ms || off_ms < 1.0 {
         return Some(format!("suit and ground agree within {:.0} ms", (2.0 * sigma_ms).max(1.0)));
     }
-    let word = if skew_ms > 0.0 { "later" } else { "earlier" };
-    let found = format!("suit {off_ms:.0} ± {sigma_ms:.0} ms {word} than the ground");
+    let relation = if skew_ms > 0.0 { "later" } else { "earlier" };
+    let found = format!("suit {off_ms:.0} ± {sigma_ms:.0} ms {relation} than the ground");
     let Some(config) = config else {
         let table = if skew_ms > 0.0 { "suit" } else { "ground" };
         return Some(format!("{found}: add {off_ms:.0} to [{table}] latency_ms"));
@@ -188,14 +188,14 @@ fn write_adapter(out: &mut impl Write, adapter: &AdapterHealth) -> std::io::Resu
 
 fn write_thread(out: &mut impl Write, thread: &ThreadStatus) -> std::io::Result<()> {
     let ThreadStatus { thread: name, id, policy, granted_fifo, cpus, .. } = thread;
-    let asked = match (thread.has_asked, thread.asked_fifo) {
+    let requested = match (thread.has_asked, thread.asked_fifo) {
         (false, _) => "nothing".to_owned(),
         (true, 0) => "other".to_owned(),
         (true, priority) => format!("fifo {priority}"),
     };
-    let asked = thread.asked_cpu.map_or(asked.clone(), |cpu| format!("{asked} on core {cpu}"));
+    let requested = thread.asked_cpu.map_or(requested.clone(), |cpu| format!("{requested} on core {cpu}"));
     let granted = if *granted_fifo > 0 { format!("fifo {granted_fifo}") } else { policy.clone() };
-    write!(out, "  thread {name:<12} {id:>7}  asked {asked}, granted {granted}, cores {cpus:?}")?;
+    write!(out, "  thread {name:<12} {id:>7}  asked {requested}, granted {granted}, cores {cpus:?}")?;
     if let Some(slack_ns) = thread.timer_slack_ns {
         write!(out, ", slack {slack_ns} ns")?;
     }
@@ -245,8 +245,8 @@ mod tests {
         let (plain, set) = (config([0.0, 0.0], "mvn-udp", ""), config([20.0, 1.5], "mvn-udp", ""));
         let (plain, set) = (Some(&plain), Some(&set));
         assert_eq!(advice(0.0, 0.0, plain), None, "the motion has not shown it");
-        let said = "suit 12 ± 2 ms later than the ground: set [suit] latency_ms = 12";
-        assert_eq!(advice(12.2, 2.1, plain).as_deref(), Some(said));
+        let message = "suit 12 ± 2 ms later than the ground: set [suit] latency_ms = 12";
+        assert_eq!(advice(12.2, 2.1, plain).as_deref(), Some(message));
         assert!(
             advice(12.2, 2.1, set).unwrap().ends_with("later than the ground: set [suit] latency_ms = 32")
         );
@@ -256,16 +256,16 @@ mod tests {
         assert!(advice(-30.0, 2.1, set).unwrap().ends_with("set [ground] latency_ms = 31.5"));
         assert!(advice(-30.0, 2.1, None).unwrap().ends_with("add 30 to [ground] latency_ms"));
         let external = config([20.0, 1.5], "external", "");
-        let said =
+        let message =
             "add 12 to [suit] latency_ms in the file of the process that reads the suit, and restart it";
-        assert!(advice(12.2, 2.1, Some(&external)).unwrap().ends_with(said));
+        assert!(advice(12.2, 2.1, Some(&external)).unwrap().ends_with(message));
         let two = config(
             [0.0, 1.5],
             "mvn-udp",
             "foot = \"left\"\n[ground.second]\nsource = \"ati-rdt\"\naddress = \"127.0.0.1:49153\"\nlatency_ms = 4.0\nfoot = \"right\"\n",
         );
-        let said = "set [ground] latency_ms = 31.5 and [ground.second] latency_ms = 34";
-        assert!(advice(-30.0, 2.1, Some(&two)).unwrap().ends_with(said));
+        let message = "set [ground] latency_ms = 31.5 and [ground.second] latency_ms = 34";
+        assert!(advice(-30.0, 2.1, Some(&two)).unwrap().ends_with(message));
         assert_eq!(advice(3.0, 2.0, plain).unwrap(), "suit and ground agree within 4 ms");
     }
 }

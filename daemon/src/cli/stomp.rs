@@ -12,7 +12,7 @@ use equipoise_adapters::calibration::stomp::{
 use equipoise_core::body::Side;
 use equipoise_core::message::{GroundSample, SuitSample};
 
-use super::client::Heard;
+use super::client::StreamTimeout;
 use super::{Outcome, StationArgument, client};
 use crate::calibration::config_file::{self, Change};
 use crate::calibration::latency::{self, Latencies};
@@ -21,7 +21,7 @@ use crate::config::Config;
 /// Fewer stomps are no measurement: one of them may have been a step.
 const STOMPS_MIN: usize = 3;
 /// How often it is looked whether there are enough.
-const LOOK_EVERY: Duration = Duration::from_millis(500);
+const REPORT_INTERVAL: Duration = Duration::from_millis(500);
 /// How long the streams are awake before anybody stamps, and go on after the last stomp.
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -53,13 +53,13 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let station = &arguments.station.station;
-    let config = client::configuration_in_force(station)?;
+    let config = client::active_configuration_of(station)?;
     if arguments.stomps < STOMPS_MIN {
         bail!("--stomps {}: {STOMPS_MIN} at least", arguments.stomps);
     }
     if let Some(path) = &arguments.write {
         // Check the file before the worker stomps.
-        config_file::look(path)?;
+        config_file::check(path)?;
     }
     eprintln!(
         "stand on the plate with the weight on one foot; raise the other and stamp it down, {} times, now sooner, now later",
@@ -80,8 +80,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             "plate_hits": offset.plate_hits,
             "foot_stops": offset.foot_stops,
             "in_force": { "suit_latency_ms": before.suit_ms, "ground_latency_ms": before.ground_ms },
-            "set": latency::to_set(&config, before, after).into_iter().collect::<BTreeMap<_, _>>(),
-            "elsewhere": latency::elsewhere(&config, before, after),
+            "set": latency::settings_to_change(&config, before, after).into_iter().collect::<BTreeMap<_, _>>(),
+            "elsewhere": latency::external_setting(&config, before, after),
         });
         println!("{}", serde_json::to_string_pretty(&text)?);
     } else {
@@ -90,36 +90,38 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             "{stomps} stomps seen by both (the plate felt {hits}, the suit saw {stops}), {:.1} ms apart from each other",
             offset.residual_ns as f64 * 1e-6
         );
-        let word = if suit_later_ms > 0.0 { "later" } else { "earlier" };
-        println!("the suit is {:.1} ± {sigma_ms:.1} ms {word} than the ground", suit_later_ms.abs());
+        let relation = if suit_later_ms > 0.0 { "later" } else { "earlier" };
+        println!("the suit is {:.1} ± {sigma_ms:.1} ms {relation} than the ground", suit_later_ms.abs());
         match latency::advice(&config, before, after) {
             Some(line) => println!("{line}"),
             None => println!("that is less than twice its σ: leave latency_ms as it is"),
         }
     }
     if let Some(path) = &arguments.write {
-        put_in_place(path, &config, before, after)?;
+        write_latencies(path, &config, before, after)?;
     }
     Ok(Outcome::Done)
 }
 
 /// Writes what is to change.
-fn put_in_place(
+fn write_latencies(
     path: &std::path::Path,
     config: &Config,
     before: Latencies,
     after: Latencies,
 ) -> anyhow::Result<()> {
-    if let Some(elsewhere) = latency::elsewhere(config, before, after) {
-        bail!("{}: left as it is: {elsewhere}", path.display());
+    if let Some(external_setting) = latency::external_setting(config, before, after) {
+        bail!("{}: left as it is: {external_setting}", path.display());
     }
-    let to_set = latency::to_set(config, before, after);
-    if to_set.is_empty() {
+    let settings_to_change = latency::settings_to_change(config, before, after);
+    if settings_to_change.is_empty() {
         eprintln!("{}: nothing to change", path.display());
         return Ok(());
     }
-    let changes: Vec<Change> =
-        to_set.into_iter().map(|(key, ms)| (key.to_owned(), config_file::number(ms, 1))).collect();
+    let changes: Vec<Change> = settings_to_change
+        .into_iter()
+        .map(|(key, ms)| (key.to_owned(), config_file::number(ms, 1)))
+        .collect();
     config_file::write(path, &changes)?;
     eprintln!(
         "{}: written; restart the daemon and, if the sensor's adapter is a process of its own, that too (systemd: \
@@ -136,29 +138,29 @@ fn watch(arguments: &Arguments) -> anyhow::Result<StompOffset> {
     let bus = client::join(station, "stomp")?;
     let mut suits = bus.subscriber::<SuitSample>(128)?;
     let mut grounds = bus.subscriber::<GroundSample>(1024)?;
-    let [mut suit, mut ground] = ["the suit", "the ground"].map(|what| Heard::new(what, station));
+    let [mut suit, mut ground] = ["the suit", "the ground"].map(|what| StreamTimeout::new(what, station));
     let (mut heights, mut forces) = (Vec::new(), Vec::new());
-    let (begun, mut looked) = (Instant::now(), Instant::now());
+    let (started, mut reported) = (Instant::now(), Instant::now());
     let mut printed = 0;
     let (mut found, mut since) = (None, Instant::now());
-    while begun.elapsed().as_secs_f64() < arguments.seconds && !stop.load(Ordering::Relaxed) {
+    while started.elapsed().as_secs_f64() < arguments.seconds && !stop.load(Ordering::Relaxed) {
         while let Some(sample) = suits.receive()? {
-            suit.now();
+            suit.reset();
             heights.push((
                 sample.sample_time_ns,
                 Side::BOTH.map(|side| sample.position_m[side.foot().index()][2]),
             ));
         }
         while let Some(sample) = grounds.receive()? {
-            ground.now();
+            ground.reset();
             if sample.device_status == 0 {
                 forces.push(Force { time_ns: sample.sample_time_ns, vertical_n: sample.force_n[2] });
             }
         }
         suit.check()?;
         ground.check()?;
-        if looked.elapsed() >= LOOK_EVERY {
-            looked = Instant::now();
+        if reported.elapsed() >= REPORT_INTERVAL {
+            reported = Instant::now();
             found = Some(estimate(&forces, &feet_of_heights(&heights), &StompSettings::default()));
             let stomps = found.as_ref().map_or(0, |found| found.as_ref().map_or(0, |offset| offset.stomps));
             if stomps > printed {
@@ -166,16 +168,16 @@ fn watch(arguments: &Arguments) -> anyhow::Result<StompOffset> {
                 (printed, since) = (stomps, Instant::now());
             }
             // The end of the last stomp may still be pending.
-            if stomps >= arguments.stomps && since.elapsed() > 2 * LOOK_EVERY {
+            if stomps >= arguments.stomps && since.elapsed() > 2 * REPORT_INTERVAL {
                 break;
             }
         }
         std::thread::sleep(PAUSE);
     }
-    enough(found.unwrap_or(Err(StompRefusal::NoHit { largest_n: 0.0, needed_n: 0.0 }))?)
+    require_stomps(found.unwrap_or(Err(StompRefusal::NoHit { largest_n: 0.0, needed_n: 0.0 }))?)
 }
 
-fn enough(offset: StompOffset) -> anyhow::Result<StompOffset> {
+fn require_stomps(offset: StompOffset) -> anyhow::Result<StompOffset> {
     if offset.stomps < STOMPS_MIN {
         bail!(
             "{} of the {STOMPS_MIN} stomps that are needed at least were seen by both suit and plate (the plate felt {}, the \

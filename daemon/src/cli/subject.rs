@@ -24,14 +24,14 @@ pub(super) struct Arguments {
 enum Action {
     /// Show the stored profiles
     List,
-    /// Put a stored profile in place of what a running daemon knows
+    /// Load a stored profile into a running daemon
     Load {
         /// Pseudonymous id
         id: String,
         #[command(flatten)]
         station: StationArgument,
     },
-    /// Save what a running daemon knows, now
+    /// Save the active subject's profile now
     Save {
         #[command(flatten)]
         station: StationArgument,
@@ -66,15 +66,15 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match &arguments.action {
         Action::List => list(),
         Action::Load { id, station } => {
-            println!("{}", client::ask(&station.station, CommandKind::SubjectLoad, id)?);
+            println!("{}", client::request(&station.station, CommandKind::SubjectLoad, id)?);
             Ok(Outcome::Done)
         }
         Action::Save { station } => {
-            println!("{}", client::ask(&station.station, CommandKind::SubjectSave, "")?);
+            println!("{}", client::request(&station.station, CommandKind::SubjectSave, "")?);
             Ok(Outcome::Done)
         }
         Action::UndoLift { station } => {
-            println!("{}", client::ask(&station.station, CommandKind::UndoLift, "")?);
+            println!("{}", client::request(&station.station, CommandKind::UndoLift, "")?);
             Ok(Outcome::Done)
         }
         Action::Delete { id, recordings, with_recordings } => {
@@ -131,10 +131,10 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     }
     let mut deletion = Deletion::default();
     // Daemons first, so that none of them writes deleted files again.
-    deletion.ask_daemons(|station| client::ask(station, CommandKind::SubjectForget, id))?;
+    deletion.request_from_daemons(|station| client::request(station, CommandKind::SubjectForget, id))?;
     deletion.clear_state(id, StateDirectory::of_environment())?;
     if let Some(folder) = recordings {
-        deletion.look_into_recordings(id, folder, with_recordings)?;
+        deletion.search_recordings(id, folder, with_recordings)?;
     }
     for answer in &deletion.daemons {
         println!("{answer}");
@@ -151,18 +151,18 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     for path in &deletion.recordings {
         println!("NOT deleted: {} holds data of {id}; --with-recordings deletes it too", path.display());
     }
-    for why in &deletion.unknown {
-        println!("NOT looked into: {why}");
+    for reason in &deletion.unknown {
+        println!("NOT looked into: {reason}");
     }
     for path in &deletion.skipped {
         println!("NOT looked into: {} is no .mcap file", path.display());
     }
     if !deletion.found() {
-        let looked: Vec<String> =
+        let searched: Vec<String> =
             deletion.directories.iter().map(|found| found.profiles().display().to_string()).collect();
         bail!(
             "there is no profile {id} in {}; another place is named by STATE_DIRECTORY",
-            looked.join(" nor in ")
+            searched.join(" nor in ")
         );
     }
     if let Some(missing) = deletion.missing(id) {

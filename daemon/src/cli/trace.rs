@@ -69,6 +69,6 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 /// `A-B`, both included.
 fn range(text: &str) -> Result<RangeInclusive<u64>, String> {
     let ends = text.split_once('-').and_then(|(from, to)| Some((from.parse().ok()?, to.parse().ok()?)));
-    let said = || "give the first and the last cycle, for example 60000-61000".to_owned();
-    ends.filter(|(from, to)| from <= to).map(|(from, to)| from..=to).ok_or_else(said)
+    let message = || "give the first and the last cycle, for example 60000-61000".to_owned();
+    ends.filter(|(from, to)| from <= to).map(|(from, to)| from..=to).ok_or_else(message)
 }

@@ -1,4 +1,4 @@
-//! `equipoise verify`: a known mass on the plate, or a rod that leans: does the plate say what is so?
+//! `equipoise verify`: compares the plate's measurement with a known mass, or with a rod.
 
 mod load;
 mod results;
@@ -12,7 +12,7 @@ use equipoise_adapters::calibration::verify::{Block, Blocks, Step, Verification,
 use equipoise_core::message::GroundSample;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
-use super::client::Heard;
+use super::client::StreamTimeout;
 use super::{Outcome, StationArgument, client};
 use results::{MassResult, Rod};
 
@@ -34,7 +34,7 @@ const ZERO_BLOCKS: usize = 20;
 #[command(group = clap::ArgGroup::new("what").required(true), subcommand_negates_reqs = true)]
 pub(super) struct Arguments {
     #[command(subcommand)]
-    other: Option<Other>,
+    target: Option<Target>,
     /// The mass, kg
     #[arg(long = "mass", value_name = "KG", value_parser = super::seconds, group = "what")]
     mass_kg: Option<f64>,
@@ -50,7 +50,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "COUNT", default_value_t = 1, conflicts_with = "at")]
     places: usize,
     /// Where its centre is put, m from the plate's origin along its own x axis and to the left of it; once for each place
-    #[arg(long, value_name = "X,Y", value_parser = place, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
     at: Vec<[f64; 2]>,
     /// The plate may be off by so many percent of the mass
     #[arg(long, value_name = "PERCENT", value_parser = super::seconds, default_value = "1.0")]
@@ -68,12 +68,12 @@ pub(super) struct Arguments {
 
 /// Checks other than that of the plate alone.
 #[derive(Debug, clap::Subcommand)]
-enum Other {
+enum Target {
     Load(load::Arguments),
 }
 
 /// `0.2,-0.15`
-fn place(text: &str) -> Result<[f64; 2], String> {
+fn parse_point(text: &str) -> Result<[f64; 2], String> {
     let (x, y) = text.split_once(',').ok_or("give two numbers with a comma between them")?;
     let metres = |text: &str| text.trim().parse::<f64>().ok().filter(|metres| metres.abs() < 2.0);
     match (metres(x), metres(y)) {
@@ -83,44 +83,47 @@ fn place(text: &str) -> Result<[f64; 2], String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    match (&arguments.other, arguments.mass_kg) {
-        (Some(Other::Load(arguments)), _) => load::run(arguments),
+    match (&arguments.target, arguments.mass_kg) {
+        (Some(Target::Load(arguments)), _) => load::run(arguments),
         (None, Some(mass_kg)) => weigh(arguments, mass_kg),
         (None, None) => lean(arguments),
     }
 }
 
 /// The ground's samples of a station, one after the other.
-struct Plate {
+struct PlateReader {
     station: String,
     within: f64,
 }
 
-impl Plate {
-    fn of(arguments: &Arguments) -> Plate {
-        Plate { station: arguments.station.station.clone(), within: arguments.within }
+impl PlateReader {
+    fn of(arguments: &Arguments) -> PlateReader {
+        PlateReader { station: arguments.station.station.clone(), within: arguments.within }
     }
 
     /// Shows each sample until it is enough; `false` if time was over before.
-    fn show(&self, mut see: impl FnMut(&GroundSample) -> anyhow::Result<bool>) -> anyhow::Result<bool> {
+    fn read_samples(
+        &self,
+        mut ingest: impl FnMut(&GroundSample) -> anyhow::Result<bool>,
+    ) -> anyhow::Result<bool> {
         let stop = super::run::stop_on_signals()?;
         let bus = client::join(&self.station, "verify")?;
         let mut samples = bus.subscriber::<GroundSample>(1024)?;
         // Discard samples from before the start.
         let _old = samples.latest()?;
-        let mut heard = Heard::new("the ground", &self.station);
-        let begun = Instant::now();
-        while begun.elapsed().as_secs_f64() < self.within {
+        let mut timeout = StreamTimeout::new("the ground", &self.station);
+        let started = Instant::now();
+        while started.elapsed().as_secs_f64() < self.within {
             if stop.load(Ordering::Relaxed) {
                 bail!("stopped");
             }
             while let Some(sample) = samples.receive()? {
-                heard.now();
-                if see(&sample)? {
+                timeout.reset();
+                if ingest(&sample)? {
                     return Ok(true);
                 }
             }
-            heard.check()?;
+            timeout.check()?;
             std::thread::sleep(Duration::from_millis(5));
         }
         Ok(false)
@@ -138,16 +141,16 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
     let mut verification = Verification::new(settings);
     let (mut zero_n, mut zero_drift_n) = (0.0, None);
     eprintln!("leave the plate empty …");
-    let put = |number: usize| {
+    let prompt = |number: usize| {
         let place =
             arguments.at.get(number).map_or("on the plate".to_owned(), |[x, y]| format!("at {x}, {y} m"));
         eprintln!("{} of {places}: put the {mass_kg} kg {place} and let go", number + 1);
     };
-    let done = Plate::of(arguments).show(|sample| {
+    let done = PlateReader::of(arguments).read_samples(|sample| {
         match verification.take(sample)? {
             Some(Step::Zeroed(shows_n)) => {
                 zero_n = shows_n;
-                put(0);
+                prompt(0);
             }
             Some(Step::Settled) => eprintln!("  measuring …"),
             Some(Step::Disturbed) => eprintln!("  it was touched; once more …"),
@@ -159,7 +162,7 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
             }
             Some(Step::Lifted(drift_n)) => {
                 zero_drift_n = Some(drift_n);
-                put(verification.placed().len());
+                prompt(verification.placed().len());
             }
             None => {}
         }
@@ -193,11 +196,11 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
 }
 
 fn lean(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let wanted = (arguments.seconds.unwrap_or(15.0) * 10.0).ceil() as usize;
+    let count = (arguments.seconds.unwrap_or(15.0) * 10.0).ceil() as usize;
     let (mut collector, mut zeros, mut blocks) = (Blocks::default(), Vec::new(), Vec::new());
     let mut configured_z_m = 0.0;
     eprintln!("leave the plate empty …");
-    let done = Plate::of(arguments).show(|sample| {
+    let done = PlateReader::of(arguments).read_samples(|sample| {
         if sample.device_status != 0 {
             bail!("the plate reports a fault, status {:#x}", sample.device_status);
         }
@@ -216,7 +219,7 @@ fn lean(arguments: &Arguments) -> anyhow::Result<Outcome> {
         if block.force_n[2] >= equipoise_adapters::calibration::verify::rod::PRESS_MIN_N {
             blocks.push(block);
         }
-        Ok(blocks.len() >= wanted)
+        Ok(blocks.len() >= count)
     })?;
     let rod = Rod { tip: tip(&blocks)?, configured_z_m };
     if !done {

@@ -38,14 +38,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         (None, _) => {}
     }
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
-    let (mut pinged, mut asked) = (Instant::now(), 0);
+    let (mut pinged, mut requests) = (Instant::now(), 0);
     while !stop.load(Ordering::Relaxed) {
         if !page.is_running() {
             bail!("a part of the page ended by itself; what it said stands above");
         }
         // Feed the watchdog with requested frames, not merely while this thread runs.
-        if pinged.elapsed() >= PING_EVERY && page.asked() != asked {
-            (pinged, asked) = (Instant::now(), page.asked());
+        if pinged.elapsed() >= PING_EVERY && page.requests() != requests {
+            (pinged, requests) = (Instant::now(), page.requests());
             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
         }
         std::thread::sleep(Duration::from_millis(50));

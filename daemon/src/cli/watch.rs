@@ -1,8 +1,8 @@
-//! `equipoise watch`: what a running daemon says, again and again; a screen on a terminal, lines in a pipe.
+//! `equipoise watch`: continuous display of a running daemon's state: a screen on a terminal, lines in a pipe.
 
-mod eyes;
 mod keys;
 mod screen;
+mod subscriptions;
 
 use std::io::{IsTerminal, Write};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use equipoise_core::message::{Incidents, State};
 use equipoise_view::incident_words;
 use equipoise_view::terminal::live_line;
 
-use super::status::asked;
+use super::status::requested_pose;
 use super::{Outcome, StationArgument, client};
 use crate::model::suggestion;
 use crate::realtime::now_ns;
@@ -22,11 +22,11 @@ use crate::status;
 /// After this long without a state nothing is shown as if it were new.
 const SILENT_AFTER: Duration = Duration::from_secs(1);
 /// How often a line is printed.
-const LINE_EVERY: Duration = Duration::from_secs(1);
+const LINE_INTERVAL: Duration = Duration::from_secs(1);
 /// How often a signal or the end of the time is looked for between two lines.
-const STOP_EVERY: Duration = Duration::from_millis(50);
+const STOP_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Show what a running daemon says, again and again
+/// Show the state of a running daemon continuously
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise watch                     a screen, from 40 columns and 12 lines on; \
@@ -74,15 +74,15 @@ fn lines(station: &str, until: &Until) -> anyhow::Result<()> {
     let mut states = bus.subscriber::<State>(1)?;
     let (mut board, mut incidents) = (bus.subscriber::<Incidents>(1)?, None);
     let mut out = std::io::stdout().lock();
-    let ask = asked(status::read(station).as_ref());
-    let mut seen = Instant::now();
+    let ask = requested_pose(status::read(station).as_ref());
+    let mut received = Instant::now();
     // Print at least one line, however short the time and however long joining took.
     loop {
         if let Some(newer) = states.latest()? {
-            (state, seen) = (newer, Instant::now());
+            (state, received) = (newer, Instant::now());
         }
         incidents = board.latest()?.or(incidents);
-        if seen.elapsed() > SILENT_AFTER {
+        if received.elapsed() > SILENT_AFTER {
             writeln!(out, "the daemon is silent")?;
         } else {
             let wrong = incidents.as_ref().and_then(|incidents| incident_words::line(incidents, now_ns()));
@@ -91,11 +91,11 @@ fn lines(station: &str, until: &Until) -> anyhow::Result<()> {
             writeln!(out, "{}{wrong}", live_line(&state, pose.as_deref()))?;
         }
         let printed = Instant::now();
-        while let Some(left) = LINE_EVERY.checked_sub(printed.elapsed()) {
+        while let Some(remaining) = LINE_INTERVAL.checked_sub(printed.elapsed()) {
             if until.is_over() {
                 return Ok(());
             }
-            std::thread::sleep(left.min(STOP_EVERY));
+            std::thread::sleep(remaining.min(STOP_CHECK_INTERVAL));
         }
     }
 }

@@ -4,40 +4,45 @@ use equipoise_core::cycle::{PriorKind, SubjectState};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 
-use super::{Answer, hand_over, text_of};
-use crate::in_force::InForce;
+use super::{Answer, parse_text, push_command};
+use crate::active_configuration::SharedConfiguration;
 use crate::profile::{self, Profile, unix_s};
 use crate::rings::Rings;
-use crate::workers::{Saving, Workers};
+use crate::subjects::{ProfileDestination, Subjects};
 
 const TOO_MANY: &str = "too many commands at once; ask again";
 
-pub(super) fn save(rings: &Rings, workers: &Workers, latest: Option<&State>) -> Answer {
-    let saving = workers.get(workers.in_use()).ok_or("no subject is in use")?;
-    if let Some(why) = saving.refusal {
-        return Err(format!("{} is not saved: {why}", saving.subject));
+pub(super) fn save(rings: &Rings, subjects: &Subjects, latest: Option<&State>) -> Answer {
+    let destination = subjects.get(subjects.in_use()).ok_or("no subject is in use")?;
+    if let Some(reason) = destination.refusal {
+        return Err(format!("{} is not saved: {reason}", destination.subject));
     }
     // The filter has a variance once the body is available.
     if latest.is_none_or(|state| state.variance_max_m2 <= 0.0) {
         return Err("nothing is known of the worker yet; let the suit stream first".to_owned());
     }
-    hand_over(rings, CommandKind::SubjectSave)
-        .map(|()| format!("the worker is being saved as {}", saving.subject))
+    push_command(rings, CommandKind::SubjectSave)
+        .map(|()| format!("the worker is being saved as {}", destination.subject))
 }
 
-pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
-    let id = id_of(command)?;
-    let settings = in_force.look(|forced| forced.settings);
-    let path = workers.state().profile(&id);
+pub(super) fn load(
+    command: &Command,
+    rings: &Rings,
+    active_configuration: &SharedConfiguration,
+    subjects: &Subjects,
+) -> Answer {
+    let id = parse_id(command)?;
+    let settings = active_configuration.with(|active| active.settings);
+    let path = subjects.state().profile(&id);
     let profile = Profile::read(&path)
         .map_err(|error| error.to_string())?
         .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
     let mut worker = bytemuck::zeroed_box::<SubjectState>();
     worker.identification =
-        *profile.worker(&settings).map_err(|why| format!("the profile {id} is not used: {why}"))?;
+        *profile.worker(&settings).map_err(|reason| format!("the profile {id} is not used: {reason}"))?;
     // `subject.remember` applies to every subject; the configured mass applies to the configured subject only.
     let (configured, remember) =
-        in_force.look(|forced| (forced.config.subject.id == id, forced.config.subject.remember));
+        active_configuration.with(|active| (active.config.subject.id == id, active.config.subject.remember));
     if let (true, Some(mass_kg)) = (configured, settings.mass_kg) {
         worker.identification.mass_kg = mass_kg;
     }
@@ -49,49 +54,59 @@ pub(super) fn load(command: &Command, rings: &Rings, in_force: &InForce, workers
         Err(_) => "a new shift begins".to_owned(),
     };
     let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
-    put_in_place(rings, workers, worker, Saving::of(workers.state(), &id, profile.build(), remember))?;
+    push_worker(
+        rings,
+        subjects,
+        worker,
+        ProfileDestination::of(subjects.state(), &id, profile.build(), remember),
+    )?;
     Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
 }
 
 /// Removes a subject from all memory of the daemon; the client deletes the files, which are not written again.
-pub(super) fn forget(command: &Command, rings: &Rings, in_force: &InForce, workers: &Workers) -> Answer {
-    let id = id_of(command)?;
-    let _alone = in_force.alone();
-    let mut forced = in_force.now();
-    let is_similar = forced.similar.as_deref() == Some(&id);
+pub(super) fn delete(
+    command: &Command,
+    rings: &Rings,
+    active_configuration: &SharedConfiguration,
+    subjects: &Subjects,
+) -> Answer {
+    let id = parse_id(command)?;
+    let _changes = active_configuration.lock_changes();
+    let mut active = active_configuration.get();
+    let is_similar = active.similar.as_deref() == Some(&id);
     if is_similar && rings.settings.is_full() {
         return Err(TOO_MANY.to_owned());
     }
-    let in_use = workers.get(workers.in_use()).is_some_and(|saving| saving.subject == id);
+    let in_use = subjects.get(subjects.in_use()).is_some_and(|destination| destination.subject == id);
     if in_use {
-        let mut unknown = bytemuck::zeroed_box::<SubjectState>();
+        let mut unidentified = bytemuck::zeroed_box::<SubjectState>();
         // The configured mass belongs to the configured subject.
-        let settings = equipoise_core::cycle::Settings { mass_kg: None, ..forced.settings };
-        unknown.identification.start(&settings);
-        put_in_place(rings, workers, unknown, Saving::unnamed())?;
+        let settings = equipoise_core::cycle::Settings { mass_kg: None, ..active.settings };
+        unidentified.identification.start(&settings);
+        push_worker(rings, subjects, unidentified, ProfileDestination::unnamed())?;
     }
-    workers.forget(&id);
+    subjects.delete(&id);
     if is_similar {
-        (forced.settings.similar, forced.settings.prior, forced.similar) = (None, PriorKind::Table, None);
-        if !rings.hand_over_settings(0, Box::new(forced.settings)) {
+        (active.settings.similar, active.settings.prior, active.similar) = (None, PriorKind::Table, None);
+        if !rings.push_settings(0, Box::new(active.settings)) {
             return Err(TOO_MANY.to_owned());
         }
-        in_force.replace(forced.clone());
+        active_configuration.replace(active.clone());
     }
     let mut answer = if in_use {
         format!("{id} was in use: forgotten, an unknown worker is learnt instead and not saved")
     } else {
         format!("the daemon keeps nothing of {id}")
     };
-    if forced.config.subject.id == id {
+    if active.config.subject.id == id {
         answer +=
             "; its configuration still names it: change subject.id, or the next start begins a new profile";
     }
     Ok(answer)
 }
 
-fn id_of(command: &Command) -> Result<String, String> {
-    let id = text_of(&command.subject);
+fn parse_id(command: &Command) -> Result<String, String> {
+    let id = parse_text(&command.subject);
     if profile::is_plain(&id) {
         Ok(id)
     } else {
@@ -100,15 +115,20 @@ fn id_of(command: &Command) -> Result<String, String> {
 }
 
 /// Passes another subject to the loop.
-fn put_in_place(rings: &Rings, workers: &Workers, worker: Box<SubjectState>, saving: Saving) -> Result<(), String> {
-    while rings.worker_back.pop().is_some() {}
+fn push_worker(
+    rings: &Rings,
+    subjects: &Subjects,
+    worker: Box<SubjectState>,
+    destination: ProfileDestination,
+) -> Result<(), String> {
+    while rings.returned_workers.pop().is_some() {}
     // Only this thread fills both rings, so a free slot stays free.
     if rings.command.is_full() || rings.worker.is_full() {
         return Err(TOO_MANY.to_owned());
     }
-    let number = workers.add(saving);
+    let number = subjects.add(destination);
     let _ = rings.worker.push((number, worker));
-    hand_over(rings, CommandKind::SubjectLoad)?;
-    workers.use_from_now_on(number);
+    push_command(rings, CommandKind::SubjectLoad)?;
+    subjects.activate(number);
     Ok(())
 }

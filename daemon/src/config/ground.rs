@@ -1,14 +1,14 @@
-//! `[ground]`: what measures the force under the feet. Keys that several devices share stand here; what only one of them
-//! has stands in a section and a file of its own.
+//! `[ground]`: the ground devices. Keys that several devices share are defined here; keys of a single device are in
+//! separate sections and files.
 
 pub mod amti;
 pub mod ati_rdt;
 pub mod binary;
 pub mod bota;
 pub mod channels;
+mod description_error;
 pub mod labamp;
 pub mod lsl;
-mod mistake;
 pub mod moticon;
 pub mod numbers;
 pub mod qtm;
@@ -16,7 +16,7 @@ pub mod second;
 pub mod serial;
 pub mod tec_gihan;
 pub mod text;
-pub mod way;
+pub mod transport;
 
 use std::net::SocketAddr;
 
@@ -28,22 +28,22 @@ use serde::{Deserialize, Serialize};
 
 use super::latencies::{LATENCY_MAX_MS, span_ns};
 use super::method::{Checked, between};
-pub use mistake::Mistake;
-pub(super) use second::Wrong;
+pub use description_error::DescriptionError;
+pub(super) use second::InvalidField;
 
 /// `[ground]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GroundConfig {
-    /// How samples come in.
+    /// Source of samples.
     pub source: GroundSourceKind,
-    /// The device, for sources that ask one over the network; the device's usual port on this PC by default.
+    /// Address of a network device; by default the device's standard port on this PC.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<SocketAddr>,
-    /// Address to listen on, for sources that send of themselves.
+    /// Listening address, for sources that send without a request.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub listen: Option<SocketAddr>,
-    /// Take datagrams from other machines; without it only this machine may send to `listen`.
+    /// Accept datagrams from other machines on `listen`; otherwise only from this machine.
     #[serde(default)]
     pub allow_remote: bool,
     /// ATI: the device's counts per newton (its page `netftapi2.xml`, `cfgcpf`).
@@ -52,98 +52,98 @@ pub struct GroundConfig {
     /// ATI: the device's counts per newton metre (`cfgcpt`).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counts_per_newton_metre: Option<f64>,
-    /// What only ATI devices have.
+    /// Keys of ATI devices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ati: Option<ati_rdt::AtiConfig>,
-    /// Whether the device reports the force on itself or on the person.
+    /// Whether the device reports the force on itself or on the subject.
     #[serde(default)]
     pub measures: Measures,
-    /// Constant delay from a force to its coming (the device's filter), ms: taken off every sample time.
+    /// Constant delay from a force to its arrival (the device's filter), ms: subtracted from every sample time.
     #[serde(default)]
     pub latency_ms: f64,
-    /// Which foot stands on this plate, where each has one of its own.
+    /// Foot on this plate, if each foot has a separate plate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub foot: Option<Foot>,
-    /// The plate in the suit's world.
+    /// Pose of the plate in the suit world.
     #[serde(default)]
     pub frame: FrameConfig,
-    /// The serial line that the device hangs on.
+    /// The device's serial port.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub serial: Option<serial::SerialConfig>,
-    /// What only AMTI plates have.
+    /// Keys of AMTI plates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amti: Option<amti::AmtiConfig>,
-    /// What only Bota sensors have.
+    /// Keys of Bota sensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bota: Option<bota::BotaConfig>,
-    /// What only Kistler's LabAmp has.
+    /// Keys of Kistler's LabAmp.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub labamp: Option<labamp::LabAmpConfig>,
-    /// What only Tec Gihan plates have.
+    /// Keys of Tec Gihan plates.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tec_gihan: Option<tec_gihan::TecGihanConfig>,
-    /// What only Moticon's insoles have.
+    /// Keys of Moticon insoles.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moticon: Option<moticon::MoticonConfig>,
-    /// What only Qualisys' track manager has.
+    /// Keys of Qualisys Track Manager.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub qtm: Option<qtm::QtmConfig>,
-    /// What only the lab streaming layer has.
+    /// Keys of the Lab Streaming Layer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lsl: Option<lsl::LslConfig>,
-    /// The form of text lines.
+    /// Format of text lines.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub text: Option<text::TextConfig>,
-    /// The form of binary frames.
+    /// Format of binary frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub binary: Option<binary::BinaryConfig>,
-    /// What the numbers of text lines and binary frames mean.
+    /// Meaning of the numbers in text lines and binary frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channels: Option<channels::ChannelsConfig>,
-    /// The file that another program writes.
+    /// A file written by another program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub file: Option<way::FileConfig>,
-    /// A second device, fused with the first to one ground.
+    pub file: Option<transport::FileConfig>,
+    /// A second device, fused with the first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<Box<GroundConfig>>,
 }
 
-/// How ground samples come in.
+/// Source of ground samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GroundSourceKind {
     /// ATI's raw data transfer over UDP (Net F/T, Axia).
     AtiRdt,
-    /// AMTI plates with a serial line.
+    /// AMTI plates with a serial port.
     AmtiSerial,
-    /// Bota's (and Rokubi's) sensors over a serial line.
+    /// Sensors of Bota and Rokubi over a serial port.
     BotaSerial,
     /// Kistler's LabAmp over the network.
     KistlerLabamp,
-    /// Tec Gihan's plates over a serial line.
+    /// Plates of Tec Gihan over a serial port.
     TecGihan,
-    /// Moticon's insoles, as their software sends them over UDP.
+    /// Moticon insoles, sent by their software over UDP.
     MoticonUdp,
-    /// Qualisys' track manager, with whatever plate hangs on it.
+    /// Qualisys Track Manager, with any plate connected to it.
     Qtm,
-    /// A stream of the lab streaming layer.
+    /// A stream of the Lab Streaming Layer.
     Lsl,
-    /// Lines of text, of the form that `[ground.text]` describes.
+    /// Lines of text in the format of `[ground.text]`.
     Text,
-    /// Binary frames, of the form that `[ground.binary]` describes.
+    /// Binary frames in the format of `[ground.binary]`.
     Binary,
     /// Another process publishes them: `equipoise adapter ground`.
     External,
 }
 
-/// Whose force is measured.
+/// Direction of the measured force.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Measures {
     /// The force on the sensor.
     #[default]
     Action,
-    /// The force on the person.
+    /// The force on the subject.
     Reaction,
 }
 
@@ -163,15 +163,15 @@ pub enum Foot {
 pub struct FrameConfig {
     /// Whether the sensor's z axis points up or down.
     pub axes: Axes,
-    /// The sensor's origin in the suit's world, m.
+    /// The sensor's origin in the suit world, m.
     pub origin_m: [f64; 3],
-    /// How far the plate is turned to the left, degrees.
+    /// Rotation of the plate to the left, degrees.
     pub yaw_deg: f64,
     /// Walking surface above the sensor's origin, m.
     pub surface_height_m: f64,
 }
 
-/// Which way a sensor's z axis points.
+/// Direction of a sensor's z axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Axes {
@@ -187,12 +187,12 @@ impl GroundConfig {
         settings.ground_latency_ns = self.loop_latency_ns();
     }
 
-    /// `latency_ms` as a span.
+    /// `latency_ms` in ns.
     pub fn latency_ns(&self) -> u64 {
         span_ns(self.latency_ms)
     }
 
-    /// Sign, place and constant delay of the device.
+    /// Sign, pose and constant delay of the device.
     pub fn settings(&self) -> GroundSettings {
         GroundSettings {
             measures: match self.measures {
@@ -213,10 +213,10 @@ impl GroundConfig {
         }
     }
 
-    /// Who reads the device's bytes; `None` if that is another process.
+    /// The decoder of the device's bytes; `None` if another process reads them.
     ///
     /// # Errors
-    /// A section that the device needs is not there.
+    /// A section that the device requires is missing.
     pub fn device(&self) -> Result<Option<Box<dyn GroundDevice>>, SourceError> {
         Ok(Some(match self.source {
             GroundSourceKind::AtiRdt => ati_rdt::device(self),
@@ -233,10 +233,10 @@ impl GroundConfig {
         }))
     }
 
-    /// The way to the device; `None` if that is another process' affair.
+    /// The transport to the device; `None` if another process reads it.
     ///
     /// # Errors
-    /// A section that the way needs is not there.
+    /// A section that the transport requires is missing.
     pub fn transport(&self) -> Result<Option<Box<dyn Transport>>, SourceError> {
         Ok(Some(match self.source {
             GroundSourceKind::AtiRdt => ati_rdt::transport(self),
@@ -253,7 +253,7 @@ impl GroundConfig {
         }))
     }
 
-    /// For how long it gathers what it sends at once; 0 if it sends each sample by itself.
+    /// Duration of a block of samples; 0 if the device sends samples individually.
     pub(super) fn block_ns(&self) -> u64 {
         match self.source {
             GroundSourceKind::TecGihan => tec_gihan::block_ns(self),
@@ -262,7 +262,7 @@ impl GroundConfig {
         }
     }
 
-    /// The key that decides how long its blocks are, if it sends blocks.
+    /// The key that determines the length of blocks, if the device sends blocks.
     pub(super) fn gathers(&self) -> Option<&'static str> {
         match self.source {
             GroundSourceKind::TecGihan => Some("ground.tec_gihan.rate_hz"),
@@ -280,16 +280,18 @@ impl GroundConfig {
         }
     }
 
-    /// Where the device is, as people write it: an address, a serial port; both where there are two.
-    pub fn place(&self) -> String {
+    /// Address or serial port of the device, for messages; of both devices if there are two.
+    pub fn location(&self) -> String {
         match &self.second {
-            Some(second) => format!("{} and {}", self.own_place(), second::of_second(&second.own_place())),
-            None => self.own_place(),
+            Some(second) => {
+                format!("{} and {}", self.own_location(), second::in_second(&second.own_location()))
+            }
+            None => self.own_location(),
         }
     }
 
-    /// The same of this device alone.
-    pub fn own_place(&self) -> String {
+    /// The same for this device only.
+    pub fn own_location(&self) -> String {
         match (self.source, &self.serial) {
             (GroundSourceKind::AtiRdt, _) => format!("ground.address = {}", ati_rdt::address(self)),
             (_, Some(serial)) => format!("ground.serial.port = {}", serial.port.display()),
@@ -305,7 +307,7 @@ impl GroundConfig {
         }
     }
 
-    /// What is wrong with the device alone; [`Self::check_second`] has the rules for both.
+    /// Checks this device only; [`Self::check_second`] checks both together.
     pub(super) fn check(&self) -> Checked {
         match self.source {
             GroundSourceKind::AtiRdt => ati_rdt::check(self)?,
@@ -323,8 +325,8 @@ impl GroundConfig {
 }
 
 impl GroundConfig {
-    /// Rules of a device's own description, whose mistakes may stand in an entry of a list.
-    pub(super) fn check_description(&self) -> Result<(), Mistake> {
+    /// Checks a device description, whose errors may be in an entry of a list.
+    pub(super) fn check_description(&self) -> Result<(), DescriptionError> {
         self.check_sections()?;
         match self.source {
             GroundSourceKind::Text => text::check(self)?,
@@ -333,7 +335,7 @@ impl GroundConfig {
             _ => {}
         }
         match &self.second {
-            Some(second) => second.check_description().map_err(Mistake::of_second),
+            Some(second) => second.check_description().map_err(DescriptionError::in_second),
             None => Ok(()),
         }
     }
@@ -342,7 +344,7 @@ impl GroundConfig {
 impl GroundConfig {
     /// Rejects sections and keys of other sources, which would have no effect. If another process reads the device,
     /// they are allowed: the same file serves both with one word changed.
-    fn check_sections(&self) -> Result<(), Mistake> {
+    fn check_sections(&self) -> Result<(), DescriptionError> {
         use GroundSourceKind::{
             AmtiSerial, AtiRdt, Binary, BotaSerial, External, KistlerLabamp, Lsl, MoticonUdp, Qtm, TecGihan,
             Text,
@@ -352,8 +354,8 @@ impl GroundConfig {
         }
         let over_serial = match self.source {
             AmtiSerial | BotaSerial | TecGihan => true,
-            Text => self.text.as_ref().is_some_and(|text| text.over == way::Over::Serial),
-            Binary => self.binary.as_ref().is_some_and(|binary| binary.over == way::Over::Serial),
+            Text => self.text.as_ref().is_some_and(|text| text.over == transport::Over::Serial),
+            Binary => self.binary.as_ref().is_some_and(|binary| binary.over == transport::Over::Serial),
             _ => false,
         };
         let described = matches!(self.source, Text | Binary);
@@ -377,8 +379,8 @@ impl GroundConfig {
             ("ground.channels", self.channels.is_some(), described, either),
             ("ground.file", self.file.is_some(), described, either),
         ];
-        match sections.iter().find(|(_, is_there, belongs, _)| *is_there && !belongs) {
-            Some((key, _, _, of)) => Err(Mistake::new(*key, format!("is for {of}; leave it out"))),
+        match sections.iter().find(|(_, is_present, belongs, _)| *is_present && !belongs) {
+            Some((key, _, _, of)) => Err(DescriptionError::new(*key, format!("is for {of}; leave it out"))),
             None => Ok(()),
         }
     }

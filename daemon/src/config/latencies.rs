@@ -8,12 +8,12 @@ use super::suit::SuitConfig;
 pub(super) const LATENCY_MAX_MS: f64 = 1000.0;
 /// Number of ground samples that the loop stores for a late suit (`core::cycle::alignment`), less a fifth for network
 /// delays …
-const GROUND_SAMPLES_KEPT: f64 = 640.0 * 0.8;
+const GROUND_SAMPLES_STORED: f64 = 640.0 * 0.8;
 /// … with this rate, Hz, if the plate's rate is not configured …
-const USUAL_HZ: f64 = 1000.0;
+const DEFAULT_HZ: f64 = 1000.0;
 /// Maximum difference between the streams in either direction, ms: the loop stores 128 suit samples (0.53 s at 240 Hz)
 /// for a late plate.
-const APART_MAX_MS: f64 = 500.0;
+const LATENCY_DIFFERENCE_MAX_MS: f64 = 500.0;
 
 /// Converts checked milliseconds, neither negative nor too large, to ns.
 pub(super) fn span_ns(milliseconds: f64) -> u64 {
@@ -23,8 +23,8 @@ pub(super) fn span_ns(milliseconds: f64) -> u64 {
 /// Checks that the alignment of both streams can compensate the difference.
 pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
     let suit_later_ms = suit.latency_ms - ground.latency_ms;
-    let suit_later_max_ms =
-        (GROUND_SAMPLES_KEPT / ground.configured_rate_hz().unwrap_or(USUAL_HZ) * 1e3).min(APART_MAX_MS);
+    let suit_later_max_ms = (GROUND_SAMPLES_STORED / ground.configured_rate_hz().unwrap_or(DEFAULT_HZ) * 1e3)
+        .min(LATENCY_DIFFERENCE_MAX_MS);
     if suit_later_ms > suit_later_max_ms {
         return Err((
             "suit.latency_ms",
@@ -35,15 +35,15 @@ pub(super) fn check(suit: &SuitConfig, ground: &GroundConfig) -> Checked {
         ));
     }
     let ground_later_ms = ground.latest_ms() - suit.latency_ms;
-    if ground_later_ms > APART_MAX_MS {
-        let (key, why) = match ground.gathers() {
+    if ground_later_ms > LATENCY_DIFFERENCE_MAX_MS {
+        let (key, reason) = match ground.gathers() {
             Some(key) => (key, ", since it gathers its samples into blocks: a higher rate has shorter ones"),
             None => ("ground.latency_ms", ""),
         };
         return Err((
             key,
             format!(
-                "the streams are {ground_later_ms:.0} ms apart{why}; the ground may be {APART_MAX_MS:.0} ms later \
+                "the streams are {ground_later_ms:.0} ms apart{reason}; the ground may be {LATENCY_DIFFERENCE_MAX_MS:.0} ms later \
                  than the suit"
             ),
         ));

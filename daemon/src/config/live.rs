@@ -10,7 +10,7 @@ impl Config {
     /// This configuration with the live parts of another one: `[overload]`, `[static_pose]`, `[model]` and the model
     /// itself, `[latency]`, `subject.tau_max_nm`, and `[outlets]` and `[recording]`, which other processes read.
     /// the model itself, `[latency]`, `[outlets]` and `[recording]`, which other processes read, `subject.tau_max_nm`.
-    pub fn with_live_parts_of(&self, other: &Config) -> Config {
+    pub fn with_live_settings_of(&self, other: &Config) -> Config {
         let mut live = self.clone();
         live.overload = other.overload.clone();
         live.static_pose = other.static_pose.clone();
@@ -24,7 +24,7 @@ impl Config {
     }
 
     /// The process that reads a key if it is not the daemon.
-    pub fn who_reads(key: &str) -> Option<&'static str> {
+    pub fn reader_of(key: &str) -> Option<&'static str> {
         match key.split('.').next() {
             Some("outlets") => Some("its outlet"),
             Some("recording") => Some("the recorder"),
@@ -61,17 +61,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_live_is_taken_and_the_rest_is_named() {
+    fn live_settings_are_applied_and_the_others_are_reported() {
         let parse = |text: &str| {
             Config::parse(&format!("{}{text}", super::super::tests::SMALLEST), "the test's").unwrap()
         };
         let before = parse("");
-        let mut wanted =
+        let mut new =
             parse("[overload]\nthreshold_n = 20.0\n[static_pose]\n[page]\nlisten = \"127.0.0.1:1\"\n");
-        wanted.tick.rate_hz = 500;
-        wanted.subject.height_m = 1.6;
-        let after = before.with_live_parts_of(&wanted);
-        assert_eq!(after.keys_that_differ(&wanted), ["loop.rate_hz", "page", "subject.height_m"]);
+        new.tick.rate_hz = 500;
+        new.subject.height_m = 1.6;
+        let after = before.with_live_settings_of(&new);
+        assert_eq!(after.keys_that_differ(&new), ["loop.rate_hz", "page", "subject.height_m"]);
         assert_eq!(before.keys_that_differ(&after), ["overload.threshold_n"]);
         assert_eq!(after.tick, before.tick);
     }

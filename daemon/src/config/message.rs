@@ -3,7 +3,7 @@
 use toml_edit::{Item, TableLike, Value};
 
 use super::ConfigError;
-use super::ground::Mistake;
+use super::ground::DescriptionError;
 
 /// The message for a parser's error.
 pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> ConfigError {
@@ -11,28 +11,28 @@ pub(super) fn explain(error: &toml::de::Error, text: &str, name: &str) -> Config
         Some(span) => format!("{name}, line {}", line_of(text, span.start)),
         None => name.to_owned(),
     };
-    let said = error.message();
-    let what = match unknown(said) {
-        Some((unknown, known)) => {
-            let nearest = known
-                .iter()
-                .max_by(|a, b| strsim::jaro_winkler(a, unknown).total_cmp(&strsim::jaro_winkler(b, unknown)));
+    let message = error.message();
+    let what = match unknown_name(message) {
+        Some((unknown_name, valid)) => {
+            let nearest = valid.iter().max_by(|a, b| {
+                strsim::jaro_winkler(a, unknown_name).total_cmp(&strsim::jaro_winkler(b, unknown_name))
+            });
             let hint = nearest.map_or_else(String::new, |nearest| format!("; did you mean `{nearest}`?"));
             let rest =
-                if known.len() > 1 { format!(" (known here: {})", known.join(", ")) } else { String::new() };
-            format!("`{unknown}` is not known{hint}{rest}")
+                if valid.len() > 1 { format!(" (known here: {})", valid.join(", ")) } else { String::new() };
+            format!("`{unknown_name}` is not known{hint}{rest}")
         }
-        None => invalid_type(said),
+        None => invalid_type(message),
     };
     let key = error.span().and_then(|span| key_at(text, span.start));
     let what = key.map_or_else(|| what.clone(), |key| format!("{key}: {what}"));
-    ConfigError::Wrong { place, what }
+    ConfigError::Invalid { place, what }
 }
 
 /// Rewrites serde's `invalid type: string "20", expected f64` without Rust terms.
-fn invalid_type(said: &str) -> String {
-    let parts = said.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
-    let Some((given, expected)) = parts else { return said.to_owned() };
+fn invalid_type(message: &str) -> String {
+    let parts = message.strip_prefix("invalid type: ").and_then(|rest| rest.split_once(", expected "));
+    let Some((actual, expected)) = parts else { return message.to_owned() };
     let expected = match expected {
         "f64" | "f32" => "a number",
         "u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64" => "a whole number",
@@ -40,7 +40,7 @@ fn invalid_type(said: &str) -> String {
         "a string" | "path string" => "a text in quotation marks",
         other => other,
     };
-    format!("{} is given where {expected} is expected", given.replace('`', ""))
+    format!("{} is given where {expected} is expected", actual.replace('`', ""))
 }
 
 /// The dotted key of the value at a byte offset of the text.
@@ -72,15 +72,15 @@ fn in_value(value: &Value, path: String, byte: usize) -> Option<String> {
 }
 
 /// Splits serde's "unknown field `a`, expected one of `b`, `c`" (or variant) into its names.
-fn unknown(said: &str) -> Option<(&str, Vec<&str>)> {
-    let rest = said.strip_prefix("unknown field ").or_else(|| said.strip_prefix("unknown variant "))?;
+fn unknown_name(message: &str) -> Option<(&str, Vec<&str>)> {
+    let rest = message.strip_prefix("unknown field ").or_else(|| message.strip_prefix("unknown variant "))?;
     let mut quoted = rest.split('`').skip(1).step_by(2);
-    let unknown = quoted.next()?;
-    Some((unknown, quoted.collect()))
+    let unknown_name = quoted.next()?;
+    Some((unknown_name, quoted.collect()))
 }
 
 /// File and line of a dotted field, as precisely as possible; of its section if the field is missing.
-pub(super) fn place_of(field: &str, text: &str, name: &str) -> String {
+pub(super) fn location_of(field: &str, text: &str, name: &str) -> String {
     let (table, key) = field.rsplit_once('.').unwrap_or(("", field));
     let mut inside = table.is_empty();
     let mut section = None;
@@ -98,16 +98,16 @@ pub(super) fn place_of(field: &str, text: &str, name: &str) -> String {
     }
     match section {
         Some(line) => format!("{name}, line {line}"),
-        None if table.contains('.') => place_of(table, text, name),
+        None if table.contains('.') => location_of(table, text, name),
         None => name.to_owned(),
     }
 }
 
-/// File and line of a mistake in a description.
-pub(super) fn place_of_mistake(mistake: &Mistake, text: &str, name: &str) -> String {
-    match &mistake.span {
+/// File and line of an error in a description.
+pub(super) fn location_of_error(error: &DescriptionError, text: &str, name: &str) -> String {
+    match &error.span {
         Some(span) => format!("{name}, line {}", line_of(text, span.start)),
-        None => place_of(&mistake.key, text, name),
+        None => location_of(&error.key, text, name),
     }
 }
 

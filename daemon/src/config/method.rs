@@ -1,4 +1,4 @@
-//! `[subject]`, `[identification]`, `[static_pose]`: the worker and the method.
+//! `[subject]`, `[identification]`, `[static_pose]`: the subject and the method.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::profile::Build;
 
-/// Stature of a worker, m.
+/// Range of the stature, m.
 pub const HEIGHT_M: RangeInclusive<f64> = 1.0..=2.3;
-/// Mass of a worker with clothes and suit, kg.
+/// Range of the mass with clothes and suit, kg.
 pub const MASS_KG: RangeInclusive<f64> = 25.0..=250.0;
 
 pub(super) type Checked = Result<(), (&'static str, String)>;
@@ -24,35 +24,35 @@ pub(super) type Checked = Result<(), (&'static str, String)>;
 pub struct SubjectConfig {
     /// A pseudonym; never a name.
     pub id: String,
-    /// Body mass with clothes and suit, kg; measured from the plate if not given.
+    /// Body mass with clothes and suit, kg; by default weighed by the plate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass_kg: Option<f64>,
     /// Stature, m.
     pub height_m: f64,
-    /// Which anthropometric table.
+    /// Sex, which selects the anthropometric table.
     #[serde(default)]
     pub sex: SexConfig,
-    /// Keep what is learnt in a profile and go on with it after a restart.
-    #[serde(default = "yes")]
+    /// Save the identification in a profile and restore it after a restart.
+    #[serde(default = "default_true")]
     pub remember: bool,
-    /// Largest overload per joint, N m, by MVN's joint name; a share of published strengths for the others.
+    /// Torque limit per joint, N m, by MVN's joint name; a fraction of published strengths for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tau_max_nm: BTreeMap<String, f64>,
 }
 
-fn yes() -> bool {
+fn default_true() -> bool {
     true
 }
 
-/// Which anthropometric table.
+/// Sex, which selects the anthropometric table.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SexConfig {
-    /// De Leva's women.
+    /// De Leva's values for women.
     Female,
-    /// De Leva's men.
+    /// De Leva's values for men.
     Male,
-    /// The mean of both.
+    /// Their mean.
     #[default]
     Unstated,
 }
@@ -68,7 +68,7 @@ impl From<SexConfig> for Sex {
 }
 
 impl SubjectConfig {
-    /// How the worker is built.
+    /// Stature and sex.
     pub fn build(&self) -> Build {
         Build { height_m: self.height_m, sex: self.sex }
     }
@@ -111,33 +111,33 @@ impl SubjectConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct IdentificationConfig {
-    /// Which parameters are free.
+    /// Number of free parameters.
     pub reduction: ReductionConfig,
-    /// What is learnt from.
+    /// Data used by the filter.
     pub method: MethodConfig,
-    /// What is believed before the first pose.
+    /// Prior before the first pose.
     pub prior: PriorConfig,
-    /// How the next pose is chosen.
+    /// Criterion of the next pose.
     pub pose_choice: PoseChoiceConfig,
-    /// Natural motion without a load goes on teaching after identification is finished.
+    /// Natural motion without a load continues to update the filter after identification.
     pub passive: bool,
-    /// 1-σ of how much a left limb's parameter differs from its mirror image, mm.
+    /// 1-σ of the difference between the parameters of left and right limbs, mm.
     pub symmetry_sigma_mm: f64,
-    /// 1-σ of how far a limb's centre lies off its long axis, mm.
+    /// 1-σ of the distance of a limb's centre of mass from its long axis, mm.
     pub long_axis_sigma_mm: f64,
-    /// When it is finished.
+    /// Stop criterion.
     pub stop: StopConfig,
     /// Bound of `stop = "paper"` on every P_jj, m².
     pub stop_variance_m2: f64,
     /// Bound of `stop = "predicted-cop"`, mm.
     pub stop_cop_sigma_mm: f64,
-    /// Never finished before this many poses.
+    /// Minimum number of poses.
     pub poses_min: u64,
-    /// 1-σ of a held pose's measurement in addition to the suit's and the plate's, mm: sway and breath.
+    /// 1-σ of a held pose's measurement in addition to the sensors' errors, mm: sway and breathing.
     pub measurement_sigma_mm: f64,
     /// Growth of each parameter's standard deviation per pose, mm (Q of Eq. 7).
     pub process_sigma_mm: f64,
-    /// Start as soon as suit and plate are there.
+    /// Start as soon as suit and plate provide samples.
     pub auto_start: bool,
 }
 
@@ -162,7 +162,7 @@ impl Default for IdentificationConfig {
     }
 }
 
-/// Which parameters are free.
+/// Number of free parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ReductionConfig {
@@ -174,7 +174,7 @@ pub enum ReductionConfig {
     Symmetric,
 }
 
-/// What is learnt from.
+/// Data used by the filter.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MethodConfig {
@@ -185,33 +185,33 @@ pub enum MethodConfig {
     StaticAndDynamic,
 }
 
-/// What is believed before the first pose.
+/// Prior before the first pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PriorConfig {
-    /// Nothing.
+    /// No prior.
     None,
-    /// The anthropometric table with its spread.
+    /// The anthropometric table and its standard deviations.
     Table,
-    /// The stored worker whose build is closest, else the table.
+    /// The stored subject with the most similar stature, mass and sex; otherwise the table.
     SimilarSubject,
 }
 
-/// How the next pose is chosen.
+/// Criterion of the next pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum PoseChoiceConfig {
     /// Eq. 11.
     Paper,
-    /// Largest drop of log det P.
+    /// Largest decrease of log det P.
     DOptimal,
-    /// Largest drop of tr P.
+    /// Largest decrease of tr P.
     AOptimal,
-    /// Largest drop of the predicted CoP variance.
+    /// Largest decrease of the predicted CoP variance.
     IOptimal,
 }
 
-/// When identification is finished.
+/// Stop criterion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StopConfig {
@@ -271,13 +271,13 @@ impl IdentificationConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StaticPoseConfig {
-    /// Largest standard deviation of a joint's angle over 20 samples, degrees.
+    /// Maximum standard deviation of a joint angle over 20 samples, degrees.
     pub joint_deg: f64,
-    /// Largest standard deviation of the CoP, mm.
+    /// Maximum standard deviation of the CoP, mm.
     pub cop_mm: f64,
-    /// Some joint must differ by this much before the next pose counts, degrees.
+    /// Minimum change of a joint angle before the next pose counts, degrees.
     pub leave_deg: f64,
-    /// Largest difference of the vertical force from the body weight, per cent.
+    /// Maximum difference of the vertical force from the body weight, per cent.
     pub weight_percent: f64,
 }
 

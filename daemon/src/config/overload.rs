@@ -1,4 +1,4 @@
-//! `[overload]`: what counts as a load, how well it is known, how it is coloured.
+//! `[overload]`: detection of a load, measurement uncertainties, levels.
 
 use equipoise_core::cycle::{Accelerations, Motion, Settings};
 use serde::{Deserialize, Serialize};
@@ -9,25 +9,25 @@ use super::method::{Checked, between};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct OverloadConfig {
-    /// External forces below this are no load, N.
+    /// Load threshold of the external force, N.
     pub threshold_n: f64,
-    /// A load farther than this from the line between the hands is not in the hands, m.
+    /// Maximum distance of a load from the line between the hands, m.
     pub load_distance_max_m: f64,
-    /// Reporting of overload while the worker moves.
+    /// Overload reporting during motion.
     pub motion: MotionConfig,
-    /// Half the window over which accelerations are taken, ms: results lie that far behind the newest sample.
+    /// Half the window of the accelerations, ms: the delay of the results behind the newest sample.
     pub motion_window_ms: f64,
-    /// Where accelerations come from, if the suit sends its own (MVN type 21).
+    /// Source of accelerations, if the suit sends them (MVN type 21).
     pub accelerations: AccelerationsConfig,
     /// 1-σ of the measured CoP, mm.
     pub cop_sigma_mm: f64,
-    /// 1-σ of vertical force and body weight together, N.
+    /// 1-σ of vertical force and body weight combined, N.
     pub force_sigma_n: f64,
-    /// The same of the CoP by insoles alone, mm.
+    /// 1-σ of the CoP measured by insoles only, mm.
     pub insole_cop_sigma_mm: f64,
-    /// The same of the vertical force by insoles alone, N.
+    /// 1-σ of the vertical force measured by insoles only, N.
     pub insole_force_sigma_n: f64,
-    /// A joint's level is left downwards only this far below its bound, per cent of τ_max.
+    /// Hysteresis: a joint's level decreases only this far below its bound, per cent of τ_max.
     pub level_margin_percent: f64,
 }
 
@@ -48,25 +48,25 @@ impl Default for OverloadConfig {
     }
 }
 
-/// Reporting of overload while the worker moves.
+/// Overload reporting during motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MotionConfig {
-    /// The body's own inertia is taken out.
+    /// The body's own inertia is removed.
     Compensated,
     /// The paper's static equations.
     Paper,
 }
 
-/// Where accelerations come from.
+/// Source of accelerations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AccelerationsConfig {
-    /// The positions alone.
+    /// Positions only.
     Positions,
-    /// The suit's own.
+    /// The suit's accelerations.
     Suit,
-    /// Quick motion from the suit's own, slow from the positions.
+    /// High frequencies from the suit's accelerations, low ones from the positions.
     Blend,
 }
 

@@ -6,29 +6,29 @@ use serde::{Deserialize, Serialize};
 
 use super::method::{Checked, between};
 
-/// `[recording]`: what `equipoise record --config` keeps.
+/// `[recording]`: recordings of `equipoise record --config`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RecordingConfig {
-    /// Folder of the files; made when it is not there. A relative path counts from the configuration's own folder.
+    /// Folder of the files; created if missing. A relative path refers to the configuration's folder.
     pub directory: PathBuf,
-    /// A file that has grown to this is ended and the next one begun, MiB.
+    /// Size at which the next file is started, MiB.
     #[serde(default = "default_file_max_mib")]
     pub file_max_mib: u64,
-    /// All files of this station together; the oldest are removed, MiB.
+    /// Total size of this station's files, above which the oldest are removed, MiB.
     #[serde(default = "default_total_max_mib")]
     pub total_max_mib: u64,
-    /// Files whose last message is older are removed, days.
+    /// Age of the last message above which a file is removed, days.
     #[serde(default = "default_age_max_days")]
     pub age_max_days: f64,
-    /// So much of the disk stays free: the oldest files are removed, and if that is not enough, recording ends, MiB.
+    /// Minimum free space, MiB: the oldest files are removed, and if that is not sufficient, recording ends.
     #[serde(default = "default_free_min_mib")]
     pub free_min_mib: u64,
-    /// Pictures a second for Foxglove and Lichtblick, 0 to 100; 0 leaves them out.
+    /// Pictures per second for Foxglove and Lichtblick, 0 to 100; 0 for none.
     #[serde(default = "default_pictures_hz")]
     pub pictures_hz: f64,
-    /// Secret key of minisign, without a password, that signs every finished file; without it none is signed. A relative
-    /// path counts from the configuration's own folder.
+    /// Secret key of minisign, without a password, that signs every finished file; without it none is signed. A
+    /// relative path refers to the configuration's folder.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sign_key: Option<PathBuf>,
 }
@@ -49,7 +49,7 @@ fn default_free_min_mib() -> u64 {
     2_048
 }
 
-/// Smooth enough to follow a person, and a small part of a recording (docs/recordings.md).
+/// Sufficiently smooth, and a small part of a recording (docs/recordings.md).
 fn default_pictures_hz() -> f64 {
     20.0
 }

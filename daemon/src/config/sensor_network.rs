@@ -1,11 +1,11 @@
-//! Which sensors the shipped unit `equipoise-adapter@` cannot reach without a drop-in: its `IPAddressAllow=` admits this PC
-//! and private networks.
+//! Sensors that the shipped unit `equipoise-adapter@` cannot reach without a drop-in: its `IPAddressAllow=` admits this
+//! PC and private networks.
 
 use std::net::IpAddr;
 
 use super::Config;
 
-/// What the unit admits, as it stands there.
+/// Addresses admitted by the unit, in its notation.
 #[cfg(test)]
 const ADMITTED: &str =
     "localhost link-local multicast 255.255.255.255 10.0.0.0/8 172.16.0.0/12 192.168.0.0/16 fc00::/7";
@@ -64,7 +64,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_unit_admits_what_is_not_noted() {
+    fn the_unit_admits_addresses_that_are_not_reported() {
         let unit = include_str!("../../../systemd/equipoise-adapter@.service");
         assert!(unit.lines().any(|line| line == format!("IPAddressAllow={ADMITTED}")), "{unit}");
         for (ip, admitted) in [
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_with_a_public_address_is_noted_with_the_drop_in() {
+    fn a_device_with_a_public_address_is_reported_with_the_drop_in() {
         let smallest = super::super::tests::SMALLEST;
         let config = |address: &str| {
             let mut config = Config::parse(smallest, "the test's").unwrap();
@@ -93,7 +93,7 @@ mod tests {
             notes(&config)
         };
         assert_eq!(config("192.168.1.1:49152"), Vec::<String>::new());
-        let noted = config("141.2.3.4:49152");
-        assert!(noted.len() == 1 && noted[0].contains("IPAddressAllow=141.2.3.4"), "{noted:?}");
+        let notes = config("141.2.3.4:49152");
+        assert!(notes.len() == 1 && notes[0].contains("IPAddressAllow=141.2.3.4"), "{notes:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! `[suit]`: where the body's samples come from.
+//! `[suit]`: the source of suit samples.
 
 use std::net::SocketAddr;
 
@@ -14,49 +14,48 @@ use super::method::{Checked, between};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuitConfig {
-    /// How samples come in.
+    /// Source of samples.
     pub source: SuitSourceKind,
-    /// Address to listen on; MVN's default port is 9763.
+    /// Listening address; MVN's default port is 9763.
     #[serde(default = "mvn_default")]
     pub listen: SocketAddr,
-    /// Which MVN character is the worker.
+    /// MVN character of the subject.
     #[serde(default)]
     pub avatar: u8,
-    /// Whether its position drifts; `drifts` where not given, `absolute` for motion and forces in one CSV.
+    /// Whether its position drifts; by default `drifts`, or `absolute` for motion and forces in one CSV.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub position: Option<SuitPosition>,
-    /// 1-σ per axis of how far each sensor's axes are off its segment's, degrees.
+    /// 1-σ per axis of the misalignment between each sensor and its segment, degrees.
     #[serde(default = "misalignment_default")]
     pub misalignment_deg: f64,
-    /// 1-σ per axis of how each segment's orientation wanders over minutes, degrees.
+    /// 1-σ per axis of the drift of each segment's orientation over minutes, degrees.
     #[serde(default = "wander_default")]
     pub wander_deg: f64,
-    /// Constant delay from a pose to its datagram (fusion, radio), ms: taken off every sample time.
+    /// Constant delay from a pose to its datagram (fusion, radio), ms: subtracted from every sample time.
     #[serde(default)]
     pub latency_ms: f64,
-    /// Take datagrams from other machines; without it only this machine may send.
+    /// Accept datagrams from other machines; otherwise only from this machine.
     #[serde(default)]
     pub allow_remote: bool,
-    /// Which axis points up in MVN's pose quaternions (type 02).
+    /// Upward axis of MVN's pose quaternions (type 02).
     #[serde(default)]
     pub up: Up,
-    /// Further workers on the same port, each for another station of this computer, whose daemon says
-    /// `suit.source = "external"`.
+    /// Other suits on the same port, each for another station of this computer with `suit.source = "external"`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<OtherWorker>,
+    pub others: Vec<ForwardedSuit>,
 }
 
 /// One of `suit.others`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct OtherWorker {
-    /// Which MVN character.
+pub struct ForwardedSuit {
+    /// MVN character.
     pub avatar: u8,
-    /// Whose worker it is.
+    /// Station that receives the suit's samples.
     pub station: String,
 }
 
-/// Which axis points up.
+/// Upward axis.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Up {
@@ -68,7 +67,7 @@ pub enum Up {
 }
 
 impl Up {
-    /// As the adapter knows it.
+    /// The adapter's setting.
     pub fn axis(self) -> UpAxis {
         match self {
             Up::Z => UpAxis::Z,
@@ -77,17 +76,17 @@ impl Up {
     }
 }
 
-/// What the suit's position in its world is worth.
+/// Quality of the suit's position in its world.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SuitPosition {
-    /// It wanders by centimetres, as with inertial suits: the standing feet are held to the floor.
+    /// It drifts by centimetres, as with inertial suits: the standing feet are held to the floor.
     Drifts,
     /// It is measured in the plate's world, as with optical markers.
     Absolute,
 }
 
-/// How suit samples come in.
+/// Source of suit samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum SuitSourceKind {
@@ -100,7 +99,7 @@ pub enum SuitSourceKind {
 }
 
 impl SuitSourceKind {
-    /// How MVN's datagrams come; `None` if none come here.
+    /// Transport of MVN's datagrams; `None` for another source.
     pub fn transport(self) -> Option<MvnTransport> {
         match self {
             SuitSourceKind::MvnUdp => Some(MvnTransport::Udp),
@@ -125,7 +124,7 @@ impl SuitConfig {
         settings.suit_latency_ns = self.latency_ns();
     }
 
-    /// `latency_ms` as a span.
+    /// `latency_ms` in ns.
     pub fn latency_ns(&self) -> u64 {
         span_ns(self.latency_ms)
     }
@@ -136,7 +135,7 @@ impl SuitConfig {
         between("suit.wander_deg", self.wander_deg, 0.0, 45.0)
     }
 
-    /// The other workers of a station's suit.
+    /// Checks the forwarded suits.
     pub(super) fn check_others(&self, station: &str) -> Checked {
         let wrong = |what: String| Err(("suit.others", what));
         if !self.others.is_empty() && self.source == SuitSourceKind::External {
@@ -145,7 +144,7 @@ impl SuitConfig {
             );
         }
         let (mut avatars, mut stations) = (vec![self.avatar], vec![station]);
-        for OtherWorker { avatar, station } in &self.others {
+        for ForwardedSuit { avatar, station } in &self.others {
             if !super::name_is_plain(station) {
                 return wrong(format!("station {station:?}: use 1 to 32 letters, digits, '-' or '_'"));
             }

@@ -21,7 +21,11 @@ fn refusal(text: &str) -> String {
 fn the_smallest_file_has_defaults_for_the_rest() {
     let config = Config::parse(SMALLEST, "c.toml").unwrap();
     assert_eq!(config.tick.rate_hz, 1000);
-    assert_eq!(config.waiting(), Waiting::Sleeping, "polling costs cores, so it must be asked for");
+    assert_eq!(
+        config.wait_strategy(),
+        WaitStrategy::Sleeping,
+        "polling costs cores, so it must be asked for"
+    );
     assert_eq!(config.suit.listen.port(), 9763);
     assert!(config.settings().start_identifying);
     let again = Config::parse(&config.to_toml(), "written").unwrap();
@@ -30,26 +34,32 @@ fn the_smallest_file_has_defaults_for_the_rest() {
 
 #[test]
 fn an_unknown_key_is_named_with_its_line_and_the_nearest_key() {
-    let said = refusal(&SMALLEST.replace("height_m", "heigth_m"));
-    assert!(said.starts_with("c.toml, line 11: `heigth_m` is not known; did you mean `height_m`?"), "{said}");
-    let said = refusal(&SMALLEST.replace("ati-rdt", "ati-rtd"));
-    assert!(said.contains("line 6") && said.contains("did you mean `ati-rdt`?"), "{said}");
+    let message = refusal(&SMALLEST.replace("height_m", "heigth_m"));
+    assert!(
+        message.starts_with("c.toml, line 11: `heigth_m` is not known; did you mean `height_m`?"),
+        "{message}"
+    );
+    let message = refusal(&SMALLEST.replace("ati-rdt", "ati-rtd"));
+    assert!(message.contains("line 6") && message.contains("did you mean `ati-rdt`?"), "{message}");
 }
 
 #[test]
 fn a_value_out_of_range_is_named_with_its_line() {
-    let said = refusal(&SMALLEST.replace("1.77", "177"));
-    assert!(said.starts_with("c.toml, line 11: subject.height_m: 177 is not between 1 and 2.3"), "{said}");
+    let message = refusal(&SMALLEST.replace("1.77", "177"));
+    assert!(
+        message.starts_with("c.toml, line 11: subject.height_m: 177 is not between 1 and 2.3"),
+        "{message}"
+    );
     let counted = SMALLEST.replace("counts_per_newton = 1000000", "");
     assert!(Config::parse(&counted, "c.toml").is_ok(), "the device's own page states it");
     let axia = Config::parse(include_str!("../../../examples/sensors/ati-rdt.toml"), "axia.toml").unwrap();
     assert_eq!(axia.ground.ati.unwrap().model, ground::ati_rdt::Model::Axia);
-    let said = refusal(&format!("{counted}\n[ground.ati]\npage = false"));
-    assert!(said.contains("ground.counts_per_newton: must be given"), "{said}");
-    let said = refusal(&format!("{SMALLEST}\n[ground.ati]\nmodel = \"axis\""));
-    assert!(said.contains("line 14") && said.contains("did you mean `axia`?"), "{said}");
-    let said = refusal(&format!("{SMALLEST}\n[subject.tau_max_nm]\nRightKne = 80"));
-    assert!(said.contains("did you mean `RightKnee`?"), "{said}");
+    let message = refusal(&format!("{counted}\n[ground.ati]\npage = false"));
+    assert!(message.contains("ground.counts_per_newton: must be given"), "{message}");
+    let message = refusal(&format!("{SMALLEST}\n[ground.ati]\nmodel = \"axis\""));
+    assert!(message.contains("line 14") && message.contains("did you mean `axia`?"), "{message}");
+    let message = refusal(&format!("{SMALLEST}\n[subject.tau_max_nm]\nRightKne = 80"));
+    assert!(message.contains("did you mean `RightKnee`?"), "{message}");
 }
 
 #[test]
@@ -78,8 +88,8 @@ fn a_value_of_another_type_is_named_with_its_key_and_line() {
         ("\"mvn-udp\"", "5", "c.toml, line 4: suit.source: "),
     ];
     for (right, wrong, expected) in cases {
-        let said = refusal(&SMALLEST.replace(right, wrong));
-        assert!(said.starts_with(expected), "{said}");
+        let message = refusal(&SMALLEST.replace(right, wrong));
+        assert!(message.starts_with(expected), "{message}");
     }
 }
 
@@ -88,9 +98,9 @@ fn counts_that_no_device_has_are_refused_with_the_range() {
     for counts in ["1e300", "0", "nan", "inf", "-inf", "-1e6", "0.5"] {
         for key in ["counts_per_newton", "counts_per_newton_metre"] {
             let given = format!("{key} = 1000000\n");
-            let said = refusal(&SMALLEST.replace(&given, &format!("{key} = {counts}\n")));
-            assert!(said.contains(&format!("ground.{key}: ")), "{said}");
-            assert!(said.ends_with("is not between 1 and 1000000000") && said.len() < 100, "{said}");
+            let message = refusal(&SMALLEST.replace(&given, &format!("{key} = {counts}\n")));
+            assert!(message.contains(&format!("ground.{key}: ")), "{message}");
+            assert!(message.ends_with("is not between 1 and 1000000000") && message.len() < 100, "{message}");
         }
     }
 }
@@ -109,7 +119,7 @@ fn a_station_with_a_path_in_its_name_is_refused() {
 }
 
 #[test]
-fn several_workers_share_a_port_each_with_a_station_of_its_own() {
+fn several_suits_share_a_port_with_separate_stations() {
     let with = |keys: &str| SMALLEST.replace("[ground]", &format!("{keys}\n[ground]"));
     let others = "others = [{ avatar = 1, station = \"station-2\" }, { avatar = 4, station = \"c\" }]";
     let config = Config::parse(&with(others), "c.toml").unwrap();
@@ -171,7 +181,7 @@ fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
 }
 
 #[test]
-fn what_a_file_does_not_say_is_what_core_has_for_defaults() {
+fn missing_keys_have_the_defaults_of_core() {
     let settings = Config::parse(SMALLEST, "c.toml").unwrap().settings();
     let core = Settings { library: settings.library, ..Settings::for_height(1.77) };
     assert_eq!(format!("{settings:?}"), format!("{core:?}"));
@@ -182,10 +192,10 @@ fn a_model_next_to_the_configuration_reaches_the_cycle() {
     let folder = tempfile::tempdir().unwrap();
     let (path, model) = (folder.path().join("c.toml"), folder.path().join("models/m.toml"));
     std::fs::write(&path, format!("{SMALLEST}[model]\nfile = \"models/m.toml\"")).unwrap();
-    let said = Config::read(&path).expect_err("there is no model").to_string();
+    let message = Config::read(&path).expect_err("there is no model").to_string();
     assert!(
-        said.starts_with("[model] file: cannot read the model") && said.contains("models/m.toml"),
-        "{said}"
+        message.starts_with("[model] file: cannot read the model") && message.contains("models/m.toml"),
+        "{message}"
     );
 
     std::fs::create_dir(folder.path().join("models")).unwrap();
@@ -193,15 +203,15 @@ fn a_model_next_to_the_configuration_reaches_the_cycle() {
     let text =
         format!("version = 1\n{effect}parameters.dx_m = {{ value = 0.01, sigma = 0.001, unit = \"m\" }}\n");
     std::fs::write(&model, text.replace("dx_m", "dxm")).unwrap();
-    let said = Config::read(&path).expect_err("no such parameter").to_string();
-    assert!(said.contains("m.toml, effect 1, parameters.dxm") && said.contains("`dx_m`"), "{said}");
+    let message = Config::read(&path).expect_err("no such parameter").to_string();
+    assert!(message.contains("m.toml, effect 1, parameters.dxm") && message.contains("`dx_m`"), "{message}");
 
     std::fs::write(&model, &text).unwrap();
     let config = Config::read(&path).unwrap();
     assert_eq!(config.settings().model.terms[0].map(|term| term.value[0]), Some(0.01));
     assert_eq!(config.model_toml(), text, "recordings keep it");
     // The recorded configuration names the model; the model's text is stored separately.
-    let kept = Config::parse(&config.to_toml(), "kept").unwrap();
-    assert_eq!((&kept.model, kept.loaded_model), (&config.model, None));
+    let parsed = Config::parse(&config.to_toml(), "kept").unwrap();
+    assert_eq!((&parsed.model, parsed.loaded_model), (&config.model, None));
     assert!(refusal(&format!("{SMALLEST}[model]\nfiel = \"m.toml\"")).contains("did you mean `file`?"));
 }

@@ -21,7 +21,7 @@ pub(super) const JOINTS_SHOWN: [(&str, &str); 6] = [
     ("lower_back", "L5S1"),
 ];
 /// After this long without the pose being used, the person tries another one, s.
-const PATIENCE_S: f64 = 6.0;
+const TIMEOUT_S: f64 = 6.0;
 /// Duration of each check pose, s; reaching it takes 1.8 s.
 const CHECK_POSE_S: f64 = 3.2;
 /// Number of check poses.
@@ -110,10 +110,10 @@ pub(super) struct Script {
     scene_since_s: f64,
     duration_s: f64,
     suggested: u32,
-    asked_since_s: f64,
+    requested_since_s: f64,
     check_pose: usize,
     last_sample_ns: u64,
-    asked: u64,
+    requested: u64,
     pub(super) poses_used: u32,
     pub(super) identified_after_s: f64,
     pub(super) predicted_sigma_m: f64,
@@ -132,10 +132,10 @@ impl Script {
             scene_since_s: 0.0,
             duration_s: duration.as_secs_f64(),
             suggested: u32::MAX,
-            asked_since_s: 0.0,
+            requested_since_s: 0.0,
             check_pose: 0,
             last_sample_ns: 0,
-            asked: 0,
+            requested: 0,
             poses_used: 0,
             identified_after_s: 0.0,
             predicted_sigma_m: 0.0,
@@ -156,7 +156,7 @@ impl Script {
     }
 
     /// Reacts to one state.
-    pub(super) fn see(&mut self, state: &State, person: &SimulationHandle, elapsed: Duration) {
+    pub(super) fn update(&mut self, state: &State, person: &SimulationHandle, elapsed: Duration) {
         let now_s = elapsed.as_secs_f64();
         let fresh = state.suit_sample_time_ns != self.last_sample_ns;
         self.last_sample_ns = state.suit_sample_time_ns;
@@ -187,30 +187,30 @@ impl Script {
             self.identified_after_s = now_s;
             self.predicted_sigma_m = state.predicted_cop_sigma_m;
             self.enter(Scene::Check, now_s);
-            self.take_check_pose(person);
+            self.assume_check_pose(person);
             return;
         }
         if state.suggested_pose != self.suggested {
             self.suggested = state.suggested_pose;
-            self.asked_since_s = now_s;
-            self.take(person, state.suggested_pose as usize);
-        } else if now_s - self.asked_since_s > PATIENCE_S {
+            self.requested_since_s = now_s;
+            self.assume_pose(person, state.suggested_pose as usize);
+        } else if now_s - self.requested_since_s > TIMEOUT_S {
             // If the suggested pose has no effect, the person tries another one.
-            self.asked_since_s = now_s;
-            self.take(person, (state.suggested_pose as usize + 7) % LIBRARY.len());
+            self.requested_since_s = now_s;
+            self.assume_pose(person, (state.suggested_pose as usize + 7) % LIBRARY.len());
         }
     }
 
-    fn take(&mut self, person: &SimulationHandle, pose: usize) {
+    fn assume_pose(&mut self, person: &SimulationHandle, pose: usize) {
         if person.take_pose(pose).is_ok() {
-            self.asked |= 1 << pose.min(63);
+            self.requested |= 1 << pose.min(63);
         }
     }
 
     /// Poses that were never suggested check the model.
-    fn take_check_pose(&mut self, person: &SimulationHandle) {
-        let unasked = (0..LIBRARY.len()).filter(|pose| self.asked & (1 << pose) == 0);
-        if let Some(pose) = unasked.step_by(5).nth(self.check_pose).or(Some(self.check_pose)) {
+    fn assume_check_pose(&mut self, person: &SimulationHandle) {
+        let unused = (0..LIBRARY.len()).filter(|pose| self.requested & (1 << pose) == 0);
+        if let Some(pose) = unused.step_by(5).nth(self.check_pose).or(Some(self.check_pose)) {
             // Always valid: the index comes from the library.
             let _ = person.take_pose(pose);
         }
@@ -225,7 +225,7 @@ impl Script {
         if now_s - self.scene_since_s > CHECK_POSE_S * (self.check_pose + 1) as f64 {
             self.check_pose += 1;
             if self.check_pose < CHECK_POSES {
-                self.take_check_pose(person);
+                self.assume_check_pose(person);
             } else {
                 person.lift_and_show(BOX_KG);
                 self.enter(Scene::Lift, now_s);
@@ -264,7 +264,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_range_of_the_cop_is_that_of_all_values_and_of_one_it_is_nothing() {
+    fn the_range_of_the_cop_covers_all_values_and_is_zero_for_one() {
         let mut range = CopRange::default();
         assert_eq!(range.extent_m(), [0.0; 2]);
         range.add([0.5, 0.25]);

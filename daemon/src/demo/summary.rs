@@ -20,7 +20,7 @@ pub struct DemoSummary {
     pub identified_after_s: f64,
     /// Predicted standard deviation of the CoP over the library of poses, mm.
     pub predicted_cop_sigma_mm: f64,
-    /// Estimated against measured CoP, unloaded, in poses that were not learnt from.
+    /// Estimated versus measured CoP, unloaded, in poses not used for identification.
     pub unloaded_cop: CopError,
     /// The box.
     pub lift: Lift,

@@ -7,7 +7,7 @@ use crate::config::{Config, SuitSourceKind};
 /// Computing accelerations of a working person requires this sampling rate.
 const SUIT_RATE_MIN_HZ: f64 = 55.0;
 /// A larger force on the empty plate shifts the centre of pressure of a light subject by a centimetre.
-const EMPTY_SHOWS_MAX_N: f64 = 5.0;
+const EMPTY_FORCE_MAX_N: f64 = 5.0;
 
 pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
     const NAME: &str = "MVN stream";
@@ -28,34 +28,34 @@ pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
             ),
         };
     };
-    let Streamed { rate_hz, quaternions, stand_in, others, avatars, refused, .. } = streamed;
+    let Streamed { rate_hz, quaternions, substitute, others, avatars, refused, .. } = streamed;
     let avatar = config.suit.avatar;
     let mut found = format!("{rate_hz:.0} samples a second");
     if !others.is_empty() {
         found.push_str(&format!(", with {}", others.join(", ")));
     }
     if !avatars.is_empty() && !avatars.contains(&avatar) {
-        let seen: Vec<String> = avatars.iter().map(u8::to_string).collect();
+        let ids: Vec<String> = avatars.iter().map(u8::to_string).collect();
         return Check::fail(
             NAME,
-            format!("character {avatar} is not among those sent: {}", seen.join(", ")),
+            format!("character {avatar} is not among those sent: {}", ids.join(", ")),
             format!(
                 "suit.avatar = {}, or another Avatar in the Network Streamer",
-                seen.first().map_or("0", |s| s)
+                ids.first().map_or("0", |s| s)
             ),
         );
     }
-    if !quaternions && stand_in.is_none() {
+    if !quaternions && substitute.is_none() {
         return Check::fail(
             NAME,
             format!("no pose is sent{}", refusals(refused)),
             "tick the box of the pose quaternion (02) in the Network Streamer",
         );
     }
-    if let (false, Some(stand_in)) = (quaternions, stand_in) {
+    if let (false, Some(substitute)) = (quaternions, substitute) {
         return Check::warn(
             NAME,
-            format!("{found}; poses as {stand_in} only"),
+            format!("{found}; poses as {substitute} only"),
             "tick the box of the pose quaternion (02) in the Network Streamer: it is what is best tried, and has no poles",
         );
     }
@@ -80,7 +80,7 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
         return Check::ok(NAME, "not looked at: no daemon runs");
     }
     let ground = &station.ground;
-    match station.plate_shows_n {
+    match station.plate_force_n {
         None => Check::warn(
             NAME,
             "nothing is heard of it, or it reports a fault",
@@ -90,7 +90,7 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
             NAME,
             format!("{newtons:.0} N: somebody stands on it, so its zero was not judged{ground}"),
         ),
-        Some(newtons) if newtons.abs() > EMPTY_SHOWS_MAX_N => Check::warn(
+        Some(newtons) if newtons.abs() > EMPTY_FORCE_MAX_N => Check::warn(
             NAME,
             format!("empty, it shows {newtons:.1} N{ground}"),
             "step off, then: `equipoise tare`",
@@ -114,31 +114,32 @@ mod tests {
         suit(&config(), &StationFacts { streamed, ..StationFacts::default() })
     }
 
-    fn sound() -> Streamed {
+    fn healthy() -> Streamed {
         Streamed { rate_hz: 60.0, quaternions: true, avatars: vec![0], ..Streamed::default() }
     }
 
     #[test]
-    fn a_stream_is_judged_by_what_arrives() {
-        assert_eq!(of(Some(sound())).verdict, Ok);
+    fn a_stream_is_evaluated_by_its_received_samples() {
+        assert_eq!(of(Some(healthy())).verdict, Ok);
         assert_eq!(of(None).verdict, Warn);
-        let slow = of(Some(Streamed { rate_hz: 30.0, ..sound() }));
+        let slow = of(Some(Streamed { rate_hz: 30.0, ..healthy() }));
         assert!(slow.verdict == Warn && slow.fix.unwrap().contains("Stream rate"));
-        let euler = of(Some(Streamed { quaternions: false, stand_in: Some("Euler angles (01)"), ..sound() }));
+        let euler =
+            of(Some(Streamed { quaternions: false, substitute: Some("Euler angles (01)"), ..healthy() }));
         assert!(euler.verdict == Warn && euler.fix.unwrap().contains("(02)"));
-        let none = of(Some(Streamed { quaternions: false, ..sound() }));
+        let none = of(Some(Streamed { quaternions: false, ..healthy() }));
         assert!(none.verdict == Fail && none.fix.unwrap().contains("tick the box"));
-        let other = of(Some(Streamed { avatars: vec![2], ..sound() }));
+        let other = of(Some(Streamed { avatars: vec![2], ..healthy() }));
         assert!(other.verdict == Fail && other.fix.unwrap().contains("suit.avatar = 2"));
-        let refused = of(Some(Streamed { refused: vec![("length".to_owned(), 3)], ..sound() }));
+        let refused = of(Some(Streamed { refused: vec![("length".to_owned(), 3)], ..healthy() }));
         assert!(refused.verdict == Warn && refused.found.contains("3 length"));
     }
 
     #[test]
-    fn what_a_plate_does_not_measure_is_reported() {
+    fn unavailable_quantities_of_a_plate_are_reported() {
         let ground = " (insoles; not measured: shear and free moment)".to_owned();
         let facts =
-            StationFacts { daemon: Some(1), plate_shows_n: Some(0.0), ground, ..StationFacts::default() };
+            StationFacts { daemon: Some(1), plate_force_n: Some(0.0), ground, ..StationFacts::default() };
         assert_eq!(
             plate(&config(), &facts).found,
             "empty, it shows 0.0 N (insoles; not measured: shear and free moment)"
@@ -146,9 +147,9 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_plate_shows_nothing_or_is_tared() {
-        let of = |daemon, plate_shows_n| -> Verdict {
-            plate(&config(), &StationFacts { daemon, plate_shows_n, ..StationFacts::default() }).verdict
+    fn an_empty_plate_measures_zero_or_is_tared() {
+        let of = |daemon, plate_force_n| -> Verdict {
+            plate(&config(), &StationFacts { daemon, plate_force_n, ..StationFacts::default() }).verdict
         };
         assert_eq!(of(Some(7), Some(1.0)), Ok);
         assert_eq!(of(Some(7), Some(-30.0)), Warn);

@@ -16,7 +16,7 @@ pub struct Facts {
     /// User name.
     pub user: String,
     /// Whether CAP_SYS_NICE is effective.
-    pub may_schedule: bool,
+    pub has_scheduling_capability: bool,
     /// RLIMIT_RTPRIO; `None` without a limit.
     pub rtprio_limit: Option<u64>,
     /// RLIMIT_MEMLOCK, bytes; `None` without a limit.
@@ -40,11 +40,11 @@ pub struct Facts {
     /// Whether logind removes a user's shared memory; `None` without logind.
     pub remove_ipc: Option<bool>,
     /// Directory of the bus.
-    pub bus_root: Place,
+    pub bus_root: Directory,
     /// Free space of /dev/shm, bytes.
     pub shm_free: Option<u64>,
     /// The state directory.
-    pub state_directory: Result<Place, NoStateDirectory>,
+    pub state_directory: Result<Directory, NoStateDirectory>,
 }
 
 /// Preemption model of the kernel.
@@ -57,12 +57,12 @@ pub enum Preemption {
     /// A weaker model, by its name.
     Less(String),
     /// PREEMPT_DYNAMIC, and this user has no permission to read the chosen model.
-    Chosen,
+    AtBoot,
 }
 
 /// A directory, existing or to be created.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Place {
+pub struct Directory {
     /// Path of the directory.
     pub path: PathBuf,
     /// Type of the file system.
@@ -76,7 +76,7 @@ pub struct Place {
 }
 
 impl Facts {
-    /// Gathers all facts; `state` is the active state directory, or the reason that there is none.
+    /// Collects all facts; `state` is the active state directory, or the reason that there is none.
     pub fn gather(state: Result<StateDirectory, NoStateDirectory>) -> Facts {
         let status = text("/proc/self/status").unwrap_or_default();
         let user_id = geteuid().as_raw();
@@ -84,7 +84,7 @@ impl Facts {
         Facts {
             user_id,
             user: name_of(user_id, &text("/etc/passwd").unwrap_or_default()),
-            may_schedule: has_capability(&status, CAP_SYS_NICE),
+            has_scheduling_capability: has_capability(&status, CAP_SYS_NICE),
             rtprio_limit: getrlimit(Resource::Rtprio).current,
             memlock_limit: getrlimit(Resource::Memlock).current,
             rt_runtime_us: number("/proc/sys/kernel/sched_rt_runtime_us"),
@@ -100,27 +100,27 @@ impl Facts {
             clock_source: text("/sys/devices/system/clocksource/clocksource0/current_clocksource"),
             rmem_max: number("/proc/sys/net/core/rmem_max").and_then(|bytes| u64::try_from(bytes).ok()),
             remove_ipc: Path::new("/run/systemd/seats").exists().then(remove_ipc_is_on),
-            bus_root: Place::look(&equipoise_bus::root::root_of_environment()),
+            bus_root: Directory::inspect(&equipoise_bus::root::root_of_environment()),
             shm_free: shm.exists().then(|| free_bytes(shm)),
-            state_directory: state.map(|state| Place::look(state.path())),
+            state_directory: state.map(|state| Directory::inspect(state.path())),
         }
     }
 }
 
-impl Place {
-    fn look(path: &Path) -> Place {
+impl Directory {
+    fn inspect(path: &Path) -> Directory {
         let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         // A missing directory would be created below its nearest existing ancestor.
-        let there = absolute.ancestors().find(|ancestor| ancestor.exists()).unwrap_or(Path::new("/"));
+        let nearest = absolute.ancestors().find(|ancestor| ancestor.exists()).unwrap_or(Path::new("/"));
         let owner = |path: &Path| {
             use std::os::unix::fs::MetadataExt;
             fs::metadata(path).ok().map(|metadata| metadata.uid())
         };
-        Place {
-            file_system: file_system_of(there, &text("/proc/self/mountinfo").unwrap_or_default()),
-            writable: there.is_dir() && access(there, Access::WRITE_OK | Access::EXEC_OK).is_ok(),
-            owner: (there == absolute).then(|| owner(there)).flatten(),
-            free: free_bytes(there),
+        Directory {
+            file_system: file_system_of(nearest, &text("/proc/self/mountinfo").unwrap_or_default()),
+            writable: nearest.is_dir() && access(nearest, Access::WRITE_OK | Access::EXEC_OK).is_ok(),
+            owner: (nearest == absolute).then(|| owner(nearest)).flatten(),
+            free: free_bytes(nearest),
             path: absolute,
         }
     }
@@ -175,7 +175,7 @@ fn governors() -> Vec<(usize, String)> {
 
 /// `realtime` is `1` under PREEMPT_RT; `dynamic` has the chosen model in parentheses; `version` names the build.
 fn preemption_of(realtime: Option<&str>, dynamic: Option<&str>, version: &str) -> Preemption {
-    let built = |word: &str| version.split_whitespace().any(|found| found == word);
+    let built = |value: &str| version.split_whitespace().any(|found| found == value);
     if realtime == Some("1") || built("PREEMPT_RT") {
         return Preemption::RealTime;
     }
@@ -183,7 +183,7 @@ fn preemption_of(realtime: Option<&str>, dynamic: Option<&str>, version: &str) -
     match chosen.as_deref() {
         Some("full") => Preemption::Full,
         Some(other) => Preemption::Less(other.to_owned()),
-        None if built("PREEMPT_DYNAMIC") => Preemption::Chosen,
+        None if built("PREEMPT_DYNAMIC") => Preemption::AtBoot,
         None if built("PREEMPT") => Preemption::Full,
         None => Preemption::Less("none or voluntary".to_owned()),
     }
@@ -219,16 +219,16 @@ fn remove_ipc_is_on() -> bool {
 
 /// The last setting in logind's files; the default is on.
 fn remove_ipc_in(texts: &[String]) -> bool {
-    let words = texts.iter().flat_map(|text| text.lines());
-    let last = words.filter_map(|line| line.trim().strip_prefix("RemoveIPC=")).next_back();
-    last.is_none_or(|word| matches!(word.trim(), "yes" | "true" | "on" | "1"))
+    let lines = texts.iter().flat_map(|text| text.lines());
+    let last = lines.filter_map(|line| line.trim().strip_prefix("RemoveIPC=")).next_back();
+    last.is_none_or(|value| matches!(value.trim(), "yes" | "true" | "on" | "1"))
 }
 
 #[cfg(test)]
 impl Facts {
     /// Facts of a computer without faults.
-    pub(super) fn sound() -> Facts {
-        let place = |path: &str| Place {
+    pub(super) fn healthy() -> Facts {
+        let place = |path: &str| Directory {
             path: PathBuf::from(path),
             file_system: "ext4".to_owned(),
             writable: true,
@@ -238,7 +238,7 @@ impl Facts {
         Facts {
             user_id: 104,
             user: "equipoise".to_owned(),
-            may_schedule: true,
+            has_scheduling_capability: true,
             rtprio_limit: Some(90),
             memlock_limit: None,
             rt_runtime_us: Some(950_000),
@@ -262,8 +262,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_sound_computer_needs_no_fix() {
-        let checks = super::super::judge(&Facts::sound(), None, None);
+    fn a_healthy_computer_needs_no_fix() {
+        let checks = super::super::evaluate(&Facts::healthy(), None, None);
         assert_eq!(checks.len(), 13);
         for check in checks {
             assert_eq!((check.verdict, check.fix), (super::super::Verdict::Ok, None), "{}", check.name);
@@ -292,14 +292,14 @@ mod tests {
     }
 
     #[test]
-    fn the_kernel_s_preemption_has_several_places() {
+    fn the_kernel_s_preemption_is_read_from_several_files() {
         let dynamic = "Linux version 6.18.0 #1 SMP PREEMPT_DYNAMIC Thu";
         assert_eq!(preemption_of(Some("1"), None, ""), Preemption::RealTime);
         assert_eq!(preemption_of(None, None, "Linux #1 SMP PREEMPT_RT Debian"), Preemption::RealTime);
         assert_eq!(preemption_of(None, Some("none voluntary (full) lazy"), dynamic), Preemption::Full);
         let less = Preemption::Less("none".to_owned());
         assert_eq!(preemption_of(None, Some("(none) voluntary full"), dynamic), less);
-        assert_eq!(preemption_of(None, None, dynamic), Preemption::Chosen);
+        assert_eq!(preemption_of(None, None, dynamic), Preemption::AtBoot);
         assert_eq!(preemption_of(None, None, "Linux #1 SMP PREEMPT"), Preemption::Full);
         assert!(matches!(preemption_of(None, None, "Linux #1 SMP"), Preemption::Less(_)));
     }
@@ -315,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_word_on_remove_ipc_counts_and_silence_is_yes() {
+    fn the_last_remove_ipc_setting_counts_and_the_default_is_yes() {
         let of =
             |texts: &[&str]| remove_ipc_in(&texts.iter().map(|text| (*text).to_owned()).collect::<Vec<_>>());
         assert!(of(&["[Login]\n#RemoveIPC=no\n"]));

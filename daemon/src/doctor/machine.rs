@@ -35,7 +35,7 @@ pub(super) fn real_time(facts: &Facts, tick: &LoopConfig) -> Check {
     if asked == 0 {
         return Check::ok(NAME, "not asked for (loop.priority = 0)");
     }
-    if facts.may_schedule {
+    if facts.has_scheduling_capability {
         return Check::ok(NAME, format!("SCHED_FIFO {asked} may be had (CAP_SYS_NICE)"));
     }
     match facts.rtprio_limit {
@@ -135,7 +135,7 @@ pub(super) fn preemption(facts: &Facts) -> Check {
         Preemption::Less(ref model) => {
             Check::warn(NAME, format!("{model}: the kernel finishes its own work before the loop's"), FIX)
         }
-        Preemption::Chosen => Check::warn(
+        Preemption::AtBoot => Check::warn(
             NAME,
             "chosen at boot (PREEMPT_DYNAMIC), and not to be seen from here",
             format!(
@@ -169,15 +169,18 @@ mod tests {
     }
 
     #[test]
-    fn root_gets_a_note_that_it_is_not_needed() {
-        let as_id = |user_id| user(&Facts { user_id, ..Facts::sound() }).verdict;
+    fn root_is_reported_as_unnecessary() {
+        let as_id = |user_id| user(&Facts { user_id, ..Facts::healthy() }).verdict;
         assert_eq!((as_id(0), as_id(104), as_id(1000)), (Warn, Ok, Ok));
     }
 
     #[test]
     fn priority_needs_the_capability_or_the_limit() {
-        let check = |may_schedule, rtprio_limit, priority| {
-            real_time(&Facts { may_schedule, rtprio_limit, ..Facts::sound() }, &tick(priority, None))
+        let check = |has_scheduling_capability, rtprio_limit, priority| {
+            real_time(
+                &Facts { has_scheduling_capability, rtprio_limit, ..Facts::healthy() },
+                &tick(priority, None),
+            )
         };
         assert_eq!(check(false, Some(0), 80).verdict, Fail);
         assert!(check(false, Some(79), 80).fix.unwrap().contains("CAP_SYS_NICE"));
@@ -189,7 +192,7 @@ mod tests {
 
     #[test]
     fn throttling_is_a_safety_net_unless_it_leaves_too_little() {
-        let check = |runtime| throttling(&Facts { rt_runtime_us: runtime, ..Facts::sound() }).verdict;
+        let check = |runtime| throttling(&Facts { rt_runtime_us: runtime, ..Facts::healthy() }).verdict;
         assert_eq!(
             [Some(-1), Some(950_000), Some(300_000), Some(0), None].map(check),
             [Ok, Ok, Warn, Fail, Ok]
@@ -197,10 +200,10 @@ mod tests {
     }
 
     #[test]
-    fn a_limit_on_locked_memory_matters_to_all_but_root_and_those_who_do_not_ask() {
+    fn the_memlock_limit_matters_unless_root_or_not_requested() {
         let check = |memlock_limit, user_id, lock_memory| {
             let tick = LoopConfig { lock_memory, ..LoopConfig::default() };
-            memory_lock(&Facts { memlock_limit, user_id, ..Facts::sound() }, &tick).verdict
+            memory_lock(&Facts { memlock_limit, user_id, ..Facts::healthy() }, &tick).verdict
         };
         assert_eq!(check(Some(65_536), 1000, true), Warn);
         assert_eq!(check(Some(65_536), 0, true), Ok);
@@ -212,7 +215,7 @@ mod tests {
     fn every_core_needs_the_governor() {
         let of = |names: &[&str]| {
             let governors = names.iter().map(|name| (*name).to_owned()).enumerate().collect();
-            governor(&Facts { governors, ..Facts::sound() })
+            governor(&Facts { governors, ..Facts::healthy() })
         };
         assert_eq!(of(&[]).verdict, Ok);
         assert_eq!(of(&["performance"; 4]).verdict, Ok);
@@ -221,8 +224,8 @@ mod tests {
     }
 
     #[test]
-    fn a_pinned_loop_wants_an_isolated_core_that_exists() {
-        let facts = Facts { cores: 4, isolated: vec![3], ..Facts::sound() };
+    fn a_pinned_loop_needs_an_existing_isolated_core() {
+        let facts = Facts { cores: 4, isolated: vec![3], ..Facts::healthy() };
         let check = |cpu| core(&facts, &tick(80, cpu)).verdict;
         assert_eq!([None, Some(3), Some(2), Some(4)].map(check), [Ok, Ok, Warn, Fail]);
     }
@@ -233,17 +236,17 @@ mod tests {
         assert_eq!(check(Preemption::RealTime), Ok);
         assert_eq!(check(Preemption::Full), Ok);
         assert_eq!(check(Preemption::Less("voluntary".to_owned())), Warn);
-        assert_eq!(check(Preemption::Chosen), Warn);
+        assert_eq!(check(Preemption::AtBoot), Warn);
     }
 
     fn preemption_of(preemption: Preemption) -> Check {
-        super::preemption(&Facts { preemption, ..Facts::sound() })
+        super::preemption(&Facts { preemption, ..Facts::healthy() })
     }
 
     #[test]
     fn a_slow_clock_is_reported() {
         let check = |source: Option<&str>| {
-            clock_source(&Facts { clock_source: source.map(str::to_owned), ..Facts::sound() }).verdict
+            clock_source(&Facts { clock_source: source.map(str::to_owned), ..Facts::healthy() }).verdict
         };
         assert_eq!([Some("tsc"), Some("kvm-clock"), Some("hpet"), None].map(check), [Ok, Ok, Warn, Ok]);
     }

@@ -66,13 +66,13 @@ fn port(name: &'static str, found: Port, address: &str, station: &StationFacts) 
             ),
             "restart the daemon with this configuration",
         ),
-        (Port::Ours, _) => Check::ok(name, format!("{address} is held by this station")),
-        (Port::Taken, _) => Check::fail(
+        (Port::OwnProcess, _) => Check::ok(name, format!("{address} is held by this station")),
+        (Port::InUse, _) => Check::fail(
             name,
             format!("{address} is taken by another program"),
             format!("`ss -ulpn` and `ss -tlpn` show which: end it, or choose another {name}"),
         ),
-        (Port::NotOurs, _) => Check::fail(
+        (Port::AddressUnavailable, _) => Check::fail(
             name,
             format!("{address} is no address of this computer"),
             format!("`ip address` shows those it has; or set {name} to 127.0.0.1"),
@@ -87,21 +87,21 @@ mod tests {
 
     #[test]
     fn a_small_buffer_is_reported() {
-        let of = |rmem_max| receive_buffer(&Facts { rmem_max, ..Facts::sound() }).verdict;
+        let of = |rmem_max| receive_buffer(&Facts { rmem_max, ..Facts::healthy() }).verdict;
         assert_eq!([of(Some(212_992)), of(Some(1 << 20)), of(Some(4 << 20)), of(None)], [Warn, Warn, Ok, Ok]);
     }
 
     #[test]
-    fn a_port_is_free_ours_or_somebody_else_s() {
+    fn a_port_is_free_own_or_of_another_process() {
         let of = |found, daemon| -> Verdict {
             let station = StationFacts { daemon, ..StationFacts::default() };
             port("suit.listen", found, "127.0.0.1:9763", &station).verdict
         };
         assert_eq!(of(Port::Free, None), Ok);
-        assert_eq!(of(Port::Ours, Some(7)), Ok);
-        assert_eq!(of(Port::Taken, Some(7)), Fail);
+        assert_eq!(of(Port::OwnProcess, Some(7)), Ok);
+        assert_eq!(of(Port::InUse, Some(7)), Fail);
         assert_eq!(of(Port::Free, Some(7)), Warn);
-        assert_eq!(of(Port::Taken, None), Fail);
-        assert_eq!(of(Port::NotOurs, None), Fail);
+        assert_eq!(of(Port::InUse, None), Fail);
+        assert_eq!(of(Port::AddressUnavailable, None), Fail);
     }
 }

@@ -1,4 +1,4 @@
-//! Who has a port.
+//! Finds the process that uses a port.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -9,25 +9,25 @@ use serde::Serialize;
 
 use crate::config::SuitConfig;
 
-/// Whether a port can be had.
+/// State of a port.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Port {
-    /// No process has it.
+    /// No process uses it.
     #[default]
     Free,
-    /// A process of this station has it.
-    Ours,
-    /// Somebody else has it.
-    Taken,
-    /// Its address is not of this computer.
-    NotOurs,
+    /// A process of this station uses it.
+    OwnProcess,
+    /// Another process uses it.
+    InUse,
+    /// Its address is not one of this computer.
+    AddressUnavailable,
 }
 
 pub(super) fn port_of(bound: io::Result<()>) -> Port {
     match bound {
         Ok(()) => Port::Free,
-        Err(error) if error.kind() == io::ErrorKind::AddrNotAvailable => Port::NotOurs,
-        Err(_) => Port::Taken,
+        Err(error) if error.kind() == io::ErrorKind::AddrNotAvailable => Port::AddressUnavailable,
+        Err(_) => Port::InUse,
     }
 }
 
@@ -52,40 +52,43 @@ fn inodes_at(table: &str, port: u16) -> Vec<String> {
     table.lines().skip(1).filter_map(at_port).collect()
 }
 
-/// Whether the suit's address can be had, and where its sockets would stand.
-pub(super) fn suit_door(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]) {
+/// Tries to bind the suit's address; also returns the kernel's tables that would list its sockets.
+pub(super) fn bind_suit(suit: &SuitConfig) -> (io::Result<()>, [&'static str; 2]) {
     match suit.source.transport() {
         Some(MvnTransport::Tcp) => (TcpListener::bind(suit.listen).map(drop), TCP),
         Some(MvnTransport::Udp) | None => (UdpSocket::bind(suit.listen).map(drop), UDP),
     }
 }
 
-/// Whether one of the processes has one of the sockets; one that may not be looked into is believed to.
+/// Whether one of the processes has one of the sockets; assumed for a process that may not be inspected.
 pub(super) fn holds(processes: &BTreeSet<u32>, inodes: &[String]) -> bool {
     let own = std::process::id();
-    processes.iter().filter(|process| **process != own).any(|process| has(*process, inodes).unwrap_or(true))
+    processes
+        .iter()
+        .filter(|process| **process != own)
+        .any(|process| holds_socket(*process, inodes).unwrap_or(true))
 }
 
-/// A process that has a port.
+/// A process that uses a port.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Holder {
-    /// Its number.
+    /// Process id.
     pub process_id: u32,
-    /// The program's name, as the kernel has it.
+    /// The program's name in the kernel.
     pub program: String,
 }
 
-/// The first process that has one of the sockets, among those that may be looked into.
+/// The first process that has one of the sockets, among those that may be inspected.
 pub(super) fn holder_of(inodes: &[String]) -> Option<Holder> {
     let processes = std::fs::read_dir("/proc").ok()?.flatten();
     let mut ids = processes.filter_map(|entry| entry.file_name().to_string_lossy().parse::<u32>().ok());
-    let process_id = ids.find(|id| has(*id, inodes) == Some(true))?;
+    let process_id = ids.find(|id| holds_socket(*id, inodes) == Some(true))?;
     let program = std::fs::read_to_string(format!("/proc/{process_id}/comm")).unwrap_or_default();
     Some(Holder { process_id, program: program.trim().to_owned() })
 }
 
-/// Whether a process has one of the sockets; `None` if it may not be looked into.
-fn has(process: u32, inodes: &[String]) -> Option<bool> {
+/// Whether a process has one of the sockets; `None` if it may not be inspected.
+fn holds_socket(process: u32, inodes: &[String]) -> Option<bool> {
     let descriptors = std::fs::read_dir(format!("/proc/{process}/fd")).ok()?;
     let mut links = descriptors.flatten().filter_map(|entry| std::fs::read_link(entry.path()).ok());
     Some(links.any(|link| {
@@ -111,9 +114,9 @@ mod tests {
     }
 
     #[test]
-    fn who_has_a_port_is_named() {
-        let taken = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let inodes = sockets_at(UDP, taken.local_addr().unwrap());
+    fn the_process_of_a_port_is_named() {
+        let occupied = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let inodes = sockets_at(UDP, occupied.local_addr().unwrap());
         let holder = holder_of(&inodes).expect("this very process");
         assert_eq!(holder.process_id, std::process::id());
         assert!(!holder.program.is_empty());

@@ -12,7 +12,7 @@ use equipoise_bus::{Bus, BusError, BusSettings, Participant};
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{AdapterHealth, GroundSample, State, SuitSample, Validity};
 
-use super::ports::{Port, TCP, holds, port_of, sockets_at, suit_door};
+use super::ports::{Port, TCP, bind_suit, holds, port_of, sockets_at};
 use crate::config::Config;
 use crate::metrics_feed::METRICS_ROLE;
 use crate::page_feed::PAGE_ROLE;
@@ -21,7 +21,7 @@ use crate::provenance::Provenance;
 use crate::sensors::{SUIT_ROLE, mvn_settings};
 
 /// Observation time, long enough for a message of both adapters, which arrive once a second.
-const LISTEN: Duration = Duration::from_millis(2500);
+const LISTEN_TIME: Duration = Duration::from_millis(2500);
 /// A reason is reported if it affects at least this fraction of all datagrams; every start causes a few.
 const REFUSED_SHARE_MIN: f64 = 0.01;
 
@@ -39,7 +39,7 @@ pub struct StationFacts {
     /// Data of the suit; `None` if none arrived.
     pub streamed: Option<Streamed>,
     /// Vertical force on the plate, N; `None` if unavailable.
-    pub plate_shows_n: Option<f64>,
+    pub plate_force_n: Option<f64>,
     /// Provenance of the ground samples, in words; empty if none arrived.
     pub ground: String,
 }
@@ -52,7 +52,7 @@ pub struct Streamed {
     /// Whether poses arrive as quaternions (type 02).
     pub quaternions: bool,
     /// A supported substitute for the pose quaternions that arrives, if any.
-    pub stand_in: Option<&'static str>,
+    pub substitute: Option<&'static str>,
     /// Other datagrams, in words.
     pub others: Vec<String>,
     /// Characters observed; empty if only the configured one can be observed.
@@ -72,15 +72,15 @@ impl StationFacts {
         let participants = bus.participants()?;
         let of_role = |role: &str| participants.iter().find(|one| one.role == role).map(|one| one.process_id);
         // Check each port against the processes expected on it: if the suit's adapter has taken the page's port, it is
-        // not `Ours`.
+        // not `OwnProcess`.
         let of = |bound: io::Result<()>, roles: &[&str], tables, address| match port_of(bound) {
-            Port::Taken if holds(&processes_of(&participants, roles), &sockets_at(tables, address)) => {
-                Port::Ours
+            Port::InUse if holds(&processes_of(&participants, roles), &sockets_at(tables, address)) => {
+                Port::OwnProcess
             }
             found => found,
         };
         let tcp = |roles, address| of(TcpListener::bind(address).map(drop), roles, TCP, address);
-        let (suit_bound, suit_tables) = suit_door(&config.suit);
+        let (suit_bound, suit_tables) = bind_suit(&config.suit);
         let mut facts = StationFacts {
             daemon: of_role(DAEMON_ROLE),
             suit_port: of(suit_bound, &[DAEMON_ROLE, SUIT_ROLE], suit_tables, config.suit.listen),
@@ -92,22 +92,22 @@ impl StationFacts {
             ..StationFacts::default()
         };
         if facts.daemon.is_some() {
-            facts.ask(&bus)?;
+            facts.query(&bus)?;
         } else if let (Ok(settings), Port::Free) = (mvn_settings(&config.suit), facts.suit_port) {
-            let heard = survey(&settings, LISTEN, &|| false).ok();
-            facts.streamed = heard.and_then(|heard| streamed(&heard, config.suit.avatar));
+            let survey = survey(&settings, LISTEN_TIME, &|| false).ok();
+            facts.streamed = survey.and_then(|survey| streamed(&survey, config.suit.avatar));
         }
         Ok(facts)
     }
 
     /// Subscribes to the services of a running daemon's station.
-    fn ask(&mut self, bus: &Bus) -> Result<(), BusError> {
+    fn query(&mut self, bus: &Bus) -> Result<(), BusError> {
         let mut states = bus.subscriber::<State>(1)?;
         let mut suit = bus.subscriber::<SuitSample>(64)?;
         let mut health = bus.subscriber::<AdapterHealth>(8)?;
         let mut ground = bus.subscriber::<GroundSample>(1)?;
-        let (mut blocks, mut newest, begun) = (None::<u32>, None, Instant::now());
-        while begun.elapsed() < LISTEN {
+        let (mut blocks, mut newest, started) = (None::<u32>, None, Instant::now());
+        while started.elapsed() < LISTEN_TIME {
             while let Some(sample) = suit.receive()? {
                 blocks = Some(blocks.unwrap_or(0) | sample.blocks);
             }
@@ -119,8 +119,8 @@ impl StationFacts {
                 self.ground = format!(" ({}{})", provenance.devices(), provenance.missing());
             }
             if let Some(state) = states.latest()? {
-                let known = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
-                self.plate_shows_n = known.or(self.plate_shows_n);
+                let force_n = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
+                self.plate_force_n = force_n.or(self.plate_force_n);
             }
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -132,13 +132,13 @@ impl StationFacts {
             (SuitBlocks::AngularKinematics, "angular kinematics (22)"),
             (SuitBlocks::CentreOfMass, "centre of mass (24)"),
         ];
-        let is_much = |count: u64| count as f64 > REFUSED_SHARE_MIN * adapter.received as f64;
+        let is_significant = |count: u64| count as f64 > REFUSED_SHARE_MIN * adapter.received as f64;
         let refused = SuitRefusal::NAMES.iter().zip(adapter.refused);
         self.streamed = Some(Streamed {
             rate_hz: adapter.rate_hz,
-            // A sample does not say in which format its pose arrived.
+            // A sample lacks the format of its pose.
             quaternions: blocks.is_some(),
-            stand_in: None,
+            substitute: None,
             others: others
                 .into_iter()
                 .filter(|(block, _)| sent(*block))
@@ -146,7 +146,7 @@ impl StationFacts {
                 .collect(),
             avatars: vec![],
             refused: refused
-                .filter(|(_, count)| is_much(*count))
+                .filter(|(_, count)| is_significant(*count))
                 .map(|(name, count)| ((*name).to_owned(), count))
                 .collect(),
         });
@@ -161,19 +161,19 @@ pub(super) fn processes_of(participants: &[Participant], roles: &[&str]) -> BTre
 }
 
 /// A summary of the configured character, or of the first one otherwise; `None` if no MVN data arrived.
-fn streamed(heard: &Survey, avatar: u8) -> Option<Streamed> {
-    let character = heard.characters.get(&avatar).or_else(|| heard.characters.values().next())?;
+fn streamed(survey: &Survey, avatar: u8) -> Option<Streamed> {
+    let character = survey.characters.get(&avatar).or_else(|| survey.characters.values().next())?;
     let of = |kind: DatagramType| character.of(kind).is_some();
     let poses = [DatagramType::POSE_QUATERNION, DatagramType::POSE_EULER, DatagramType::UNITY];
-    let stand_ins =
+    let substitutes =
         [(DatagramType::POSE_EULER, "Euler angles (01)"), (DatagramType::UNITY, "Unity's poses (05)")];
     let others = character.types.keys().filter(|kind| !poses.contains(kind));
     Some(Streamed {
         rate_hz: character.pose().map_or(0.0, |(_, seen)| seen.rate_hz()),
         quaternions: of(DatagramType::POSE_QUATERNION),
-        stand_in: stand_ins.iter().find(|(kind, _)| of(*kind)).map(|(_, name)| *name),
+        substitute: substitutes.iter().find(|(kind, _)| of(*kind)).map(|(_, name)| *name),
         others: others.map(|kind| format!("type {kind}")).collect(),
-        avatars: heard.characters.keys().copied().collect(),
+        avatars: survey.characters.keys().copied().collect(),
         refused: vec![],
     })
 }
@@ -187,9 +187,9 @@ mod tests {
     };
 
     #[test]
-    fn listening_counts_samples_not_datagrams_and_names_the_types() {
-        let mut heard = Survey::new(SuitSettings::default());
-        assert_eq!(streamed(&heard, 3), None);
+    fn observing_counts_samples_and_names_the_types() {
+        let mut survey = Survey::new(SuitSettings::default());
+        assert_eq!(streamed(&survey, 3), None);
         let pose =
             SegmentPose { segment_id: 1, position_m: [0.0; 3], orientation_wxyz: [1.0, 0.0, 0.0, 0.0] };
         let linear = LinearKinematics {
@@ -203,13 +203,13 @@ mod tests {
             let (header, mut bytes) = (Header::new(sample, 0, 3), Vec::new());
             let arrival_ns = u64::from(sample) * 1_000_000_000 / 60;
             pose_quaternion::encode(&header, &[pose; 23], &mut bytes).unwrap();
-            heard.take(sender, &bytes, arrival_ns);
+            survey.take(sender, &bytes, arrival_ns);
             linear_kinematics::encode(&header, &[linear; 23], &mut bytes).unwrap();
-            heard.take(sender, &bytes, arrival_ns);
+            survey.take(sender, &bytes, arrival_ns);
         }
-        let stream = streamed(&heard, 3).unwrap();
+        let stream = streamed(&survey, 3).unwrap();
         assert!((stream.rate_hz - 60.0).abs() < 0.01, "{}", stream.rate_hz);
-        assert!(stream.quaternions && stream.stand_in.is_none());
+        assert!(stream.quaternions && stream.substitute.is_none());
         assert_eq!((stream.avatars, stream.others), (vec![3], vec!["type 21".to_owned()]));
     }
 }

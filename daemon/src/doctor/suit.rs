@@ -1,7 +1,7 @@
 //! `equipoise doctor suit`: derives the required settings of MVN's Network Streamer from the data that arrive.
 
-mod boxes;
 mod bus;
+mod data_types;
 
 use std::net::SocketAddr;
 
@@ -12,7 +12,7 @@ use equipoise_adapters::wire::mvn::DatagramType;
 
 use super::Check;
 use super::ports::Port;
-use super::suit_facts::{Heard, SuitFacts};
+use super::suit_facts::{SuitFacts, SuitObservation};
 use crate::config::suit::Up;
 use crate::config::{Config, SuitConfig};
 
@@ -24,20 +24,22 @@ const LOST_SHARE_MAX: f64 = 0.01;
 const REFUSED_SHARE_MIN: f64 = 0.01;
 
 /// Diagnoses of a suit, in the order in which to fix them.
-pub fn judge_suit(config: &Config, facts: &SuitFacts) -> Vec<Check> {
+pub fn evaluate_suit(config: &Config, facts: &SuitFacts) -> Vec<Check> {
     let suit = &config.suit;
     let mut checks: Vec<Check> = port(config, facts).into_iter().collect();
-    match &facts.heard {
-        Heard::Nowhere(None) => {}
-        Heard::Nowhere(Some(why)) => {
-            checks.push(Check::fail("listening", why.clone(), "fix that, then run this again"));
+    match &facts.observed {
+        SuitObservation::Nothing(None) => {}
+        SuitObservation::Nothing(Some(reason)) => {
+            checks.push(Check::fail("listening", reason.clone(), "fix that, then run this again"));
         }
-        Heard::OnTheBus(word) => checks.extend(bus::judge(config, word, facts.time)),
-        Heard::AtThePort(survey) if survey.is_silent() => {
+        SuitObservation::OnTheBus(observation) => {
+            checks.extend(bus::evaluate(config, observation, facts.time))
+        }
+        SuitObservation::AtThePort(survey) if survey.is_silent() => {
             let found = format!("nothing was heard for {} s", facts.time.as_secs_f64());
-            checks.push(Check::fail("sender", found, when_nothing_comes(suit)));
+            checks.push(Check::fail("sender", found, no_data_check(suit)));
         }
-        Heard::AtThePort(survey) => checks.extend(judge_survey(suit, survey, facts)),
+        SuitObservation::AtThePort(survey) => checks.extend(evaluate_survey(suit, survey, facts)),
     }
     checks
 }
@@ -55,20 +57,20 @@ fn port(config: &Config, facts: &SuitFacts) -> Option<Check> {
         (Port::Free, _) => {
             Check::ok(NAME, format!("{place}, listened on for {} s", facts.time.as_secs_f64()))
         }
-        (Port::Ours, _) => {
+        (Port::OwnProcess, _) => {
             Check::ok(NAME, format!("{place} is held by station {}: it was asked instead", config.station))
         }
-        (Port::NotOurs, _) => Check::fail(
+        (Port::AddressUnavailable, _) => Check::fail(
             NAME,
             format!("{} is no address of this computer", suit.listen.ip()),
             "`ip address` shows those it has; 0.0.0.0 is all of them",
         ),
-        (Port::Taken, Some(holder)) => Check::fail(
+        (Port::InUse, Some(holder)) => Check::fail(
             NAME,
             format!("{place} is taken by {} (process {})", holder.program, holder.process_id),
             "end it: only one program can listen there; or choose another port, here and in MVN",
         ),
-        (Port::Taken, None) => Check::fail(
+        (Port::InUse, None) => Check::fail(
             NAME,
             format!("{place} is taken by a program of another user"),
             "`sudo ss -ulpn` and `sudo ss -tlpn` show which: end it, or choose another port, here and in MVN",
@@ -77,14 +79,14 @@ fn port(config: &Config, facts: &SuitFacts) -> Option<Check> {
 }
 
 /// The likely causes, most frequent first.
-fn when_nothing_comes(suit: &SuitConfig) -> String {
+fn no_data_check(suit: &SuitConfig) -> String {
     let host = host_for(suit.listen);
     let mut advice = format!(
         "in MVN: Options > Network Streamer: Host = {host}, Port = {}, Protocol = {}, the box \"{}\" ticked, the stream \
          switched on, a recording or a live suit playing",
         suit.listen.port(),
         protocol(suit),
-        boxes::POSE,
+        data_types::POSE,
     );
     if suit.listen.ip().is_loopback() {
         advice.push_str(&format!(
@@ -105,7 +107,7 @@ fn host_for(listen: SocketAddr) -> String {
     if listen.ip().is_unspecified() { "this computer's address".to_owned() } else { listen.ip().to_string() }
 }
 
-fn judge_survey(suit: &SuitConfig, survey: &Survey, facts: &SuitFacts) -> Vec<Check> {
+fn evaluate_survey(suit: &SuitConfig, survey: &Survey, facts: &SuitFacts) -> Vec<Check> {
     let seconds = facts.time.as_secs_f64().max(1e-3);
     let mut checks = vec![sender(suit, survey, seconds)];
     if survey.senders.is_empty() {
@@ -116,11 +118,11 @@ fn judge_survey(suit: &SuitConfig, survey: &Survey, facts: &SuitFacts) -> Vec<Ch
     let Some(character) = survey.characters.get(&suit.avatar).filter(|one| !one.is_object()) else {
         return checks;
     };
-    checks.extend(boxes::judge(character, seconds));
+    checks.extend(data_types::evaluate(character, seconds));
     checks.extend(samples(character));
     checks.extend(up(suit, character));
     checks.extend(props_and_gloves(character));
-    let total = character.types.values().map(|seen| seen.datagrams).sum();
+    let total = character.types.values().map(|stream| stream.datagrams).sum();
     checks.extend(refusals(character.refused().map(|(reason, count)| (reason.name(), count)), total));
     checks
 }
@@ -158,14 +160,14 @@ fn sender(suit: &SuitConfig, survey: &Survey, seconds: f64) -> Check {
 fn unreadable(survey: &Survey) -> Option<Check> {
     const NAME: &str = "readable";
     let datagrams: u64 = survey.senders.values().sum();
-    let reasons = in_words(survey.unreadable.iter().map(|(reason, count)| (*reason, *count)));
+    let reasons = list_counts(survey.unreadable.iter().map(|(reason, count)| (*reason, *count)));
     if survey.characters.is_empty() {
         let fix = "another program sends to this port: end it, or choose another port, here and in MVN";
         return Some(Check::fail(NAME, format!("nothing that came is MVN's: {reasons}"), fix));
     }
     let bad: u64 = survey.unreadable.values().sum();
-    let is_much = bad as f64 > REFUSED_SHARE_MIN * datagrams as f64;
-    is_much.then(|| {
+    let is_significant = bad as f64 > REFUSED_SHARE_MIN * datagrams as f64;
+    is_significant.then(|| {
         let fix = "does something else send to this port, or does the network cut datagrams (length)?";
         Check::warn(
             NAME,
@@ -191,11 +193,11 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
     if !objects.is_empty() {
         found.push_str(&format!("; objects, which are not used: {}", objects.join(", ")));
     }
-    let wanted: Vec<u8> =
+    let required: Vec<u8> =
         [suit.avatar].into_iter().chain(suit.others.iter().map(|other| other.avatar)).collect();
-    let is_there = |avatar: &u8| survey.characters.get(avatar).is_some_and(|one| !one.is_object());
+    let is_present = |avatar: &u8| survey.characters.get(avatar).is_some_and(|one| !one.is_object());
     let first = survey.characters.iter().find(|(_, one)| !one.is_object());
-    if let Some(missing) = wanted.iter().find(|avatar| !is_there(avatar)) {
+    if let Some(missing) = required.iter().find(|avatar| !is_present(avatar)) {
         let key = if *missing == suit.avatar { "suit.avatar" } else { "suit.others" };
         let fix = match first {
             Some((avatar, _)) if key == "suit.avatar" => {
@@ -208,7 +210,7 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
     let unused: Vec<String> = survey
         .characters
         .iter()
-        .filter(|(avatar, one)| !wanted.contains(avatar) && !one.is_object())
+        .filter(|(avatar, one)| !required.contains(avatar) && !one.is_object())
         .map(|(avatar, _)| avatar.to_string())
         .collect();
     if unused.is_empty() {
@@ -224,23 +226,23 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
 /// Checks rate, loss, and whether MVN is paused.
 fn samples(character: &Character) -> Option<Check> {
     const NAME: &str = "samples";
-    let (kind, seen) = character.pose()?;
-    let mut found = format!("{:.1} a second", seen.rate_hz());
-    if let (Some(rate_hz), Some(stride)) = (character.suit_rate_hz(), seen.stride()) {
+    let (kind, stream) = character.pose()?;
+    let mut found = format!("{:.1} a second", stream.rate_hz());
+    if let (Some(rate_hz), Some(stride)) = (character.suit_rate_hz(), stream.stride()) {
         found.push_str(&format!(" of the suit's {rate_hz:.0}"));
         if stride > 1 {
             found.push_str(&format!(" (one of {stride} is sent)"));
         }
     }
-    found.push_str(&format!(", {} lost, {} repeated", seen.lost, seen.repeated));
-    if seen.repeated > seen.samples {
+    found.push_str(&format!(", {} lost, {} repeated", stream.lost, stream.repeated));
+    if stream.repeated > stream.samples {
         return Some(Check::warn(
             NAME,
             format!("{found}: the same sample of type {kind} again and again"),
             "MVN is paused and \"Send Paused\" is on: go on with the suit or the recording. What is repeated is not used",
         ));
     }
-    if seen.lost as f64 > LOST_SHARE_MAX * (seen.samples + seen.lost) as f64 {
+    if stream.lost as f64 > LOST_SHARE_MAX * (stream.samples + stream.lost) as f64 {
         return Some(Check::warn(
             NAME,
             found,
@@ -248,7 +250,7 @@ fn samples(character: &Character) -> Option<Check> {
              (source = \"mvn-tcp\"), or fewer boxes",
         ));
     }
-    if seen.samples > 1 && seen.rate_hz() < RATE_MIN_HZ {
+    if stream.samples > 1 && stream.rate_hz() < RATE_MIN_HZ {
         return Some(Check::warn(
             NAME,
             found,
@@ -301,7 +303,7 @@ fn props_and_gloves(character: &Character) -> Option<Check> {
 fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Option<Check> {
     // Reported by other checks: other characters by name, duplicates with the samples.
     let reported_elsewhere = [SuitRefusal::OtherAvatar.name(), SuitRefusal::Duplicate.name()];
-    let much: Vec<(&str, u64)> = refused
+    let significant: Vec<(&str, u64)> = refused
         .filter(|(reason, count)| {
             *count as f64 > REFUSED_SHARE_MIN * total as f64 && !reported_elsewhere.contains(reason)
         })
@@ -316,20 +318,20 @@ fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Op
         "late" => Some("datagrams of one sample are torn apart on their way: a cable instead of wireless"),
         _ => None,
     };
-    let fix = much
+    let fix = significant
         .iter()
         .find_map(|(reason, _)| advice(reason))
         .unwrap_or("docs/sensors/mvn.md says what each means");
-    (!much.is_empty()).then(|| Check::warn("refused", in_words(much.into_iter()), fix))
+    (!significant.is_empty()).then(|| Check::warn("refused", list_counts(significant.into_iter()), fix))
 }
 
-fn in_words<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> String {
+fn list_counts<'a>(counts: impl Iterator<Item = (&'a str, u64)>) -> String {
     counts.map(|(reason, count)| format!("{count} {reason}")).collect::<Vec<_>>().join(", ")
 }
 
 /// The short name of a type with its number, used as title of a check.
 fn title(kind: DatagramType) -> &'static str {
-    boxes::BOXES.iter().find(|one| one.kind == kind).map_or("other types", |one| one.title)
+    data_types::DATA_TYPES.iter().find(|one| one.kind == kind).map_or("other types", |one| one.title)
 }
 
 #[cfg(test)]

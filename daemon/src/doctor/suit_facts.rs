@@ -8,7 +8,7 @@ use equipoise_bus::{Bus, BusError, BusSettings};
 use equipoise_core::message::{AdapterHealth, SuitSample};
 use serde_json::{Value, json};
 
-use super::ports::{Holder, Port, holder_of, holds, port_of, sockets_at, suit_door};
+use super::ports::{Holder, Port, bind_suit, holder_of, holds, port_of, sockets_at};
 use super::station::processes_of;
 use crate::config::Config;
 use crate::pipeline::DAEMON_ROLE;
@@ -24,23 +24,23 @@ pub struct SuitFacts {
     /// Observation time.
     pub time: Duration,
     /// Observed data.
-    pub heard: Heard,
+    pub observed: SuitObservation,
 }
 
 /// Observed data of the suit and their source.
 #[derive(Debug, Clone)]
-pub enum Heard {
+pub enum SuitObservation {
     /// None: observation was impossible. A sentence, unless the only reason is that the port is taken.
-    Nowhere(Option<String>),
+    Nothing(Option<String>),
     /// Received at the port itself.
     AtThePort(Box<Survey>),
     /// Received on the bus, from an adapter.
-    OnTheBus(Box<BusWord>),
+    OnTheBus(Box<BusObservation>),
 }
 
 /// Messages of an adapter.
 #[derive(Debug, Clone, Default)]
-pub struct BusWord {
+pub struct BusObservation {
     /// Number of samples.
     pub samples: u64,
     /// Union of their optional blocks.
@@ -61,30 +61,31 @@ impl SuitFacts {
                 port: Port::Free,
                 holder: None,
                 time,
-                heard: on_the_bus(bus, time, stopping),
+                observed: on_the_bus(bus, time, stopping),
             };
         };
-        let (bound, tables) = suit_door(&config.suit);
-        let mut facts = SuitFacts { port: port_of(bound), holder: None, time, heard: Heard::Nowhere(None) };
+        let (bound, tables) = bind_suit(&config.suit);
+        let mut facts =
+            SuitFacts { port: port_of(bound), holder: None, time, observed: SuitObservation::Nothing(None) };
         match facts.port {
             Port::Free => {
-                facts.heard = match survey(&settings, time, stopping) {
-                    Ok(survey) => Heard::AtThePort(Box::new(survey)),
-                    Err(error) => Heard::Nowhere(Some(error.to_string())),
+                facts.observed = match survey(&settings, time, stopping) {
+                    Ok(survey) => SuitObservation::AtThePort(Box::new(survey)),
+                    Err(error) => SuitObservation::Nothing(Some(error.to_string())),
                 }
             }
-            Port::Taken | Port::Ours => {
+            Port::InUse | Port::OwnProcess => {
                 let sockets = sockets_at(tables, config.suit.listen);
                 let participants = bus.as_ref().map(Bus::participants).unwrap_or_else(|_| Ok(vec![]));
                 let processes = processes_of(&participants.unwrap_or_default(), &[DAEMON_ROLE, SUIT_ROLE]);
                 if holds(&processes, &sockets) {
-                    facts.port = Port::Ours;
-                    facts.heard = on_the_bus(bus, time, stopping);
+                    facts.port = Port::OwnProcess;
+                    facts.observed = on_the_bus(bus, time, stopping);
                 } else {
                     facts.holder = holder_of(&sockets);
                 }
             }
-            Port::NotOurs => {}
+            Port::AddressUnavailable => {}
         }
         facts
     }
@@ -92,16 +93,16 @@ impl SuitFacts {
     /// All counts as JSON.
     pub fn to_json(&self) -> Value {
         let mut facts = json!({ "listened_s": self.time.as_secs_f64(), "holder": self.holder });
-        match &self.heard {
-            Heard::Nowhere(_) => {}
-            Heard::AtThePort(survey) => facts["at_the_port"] = survey_json(survey),
-            Heard::OnTheBus(word) => {
+        match &self.observed {
+            SuitObservation::Nothing(_) => {}
+            SuitObservation::AtThePort(survey) => facts["at_the_port"] = survey_json(survey),
+            SuitObservation::OnTheBus(observation) => {
                 facts["on_the_bus"] = json!({
-                    "samples": word.samples,
-                    "avatar": word.avatar,
-                    "received": word.health.map(|health| health.received),
-                    "published": word.health.map(|health| health.published),
-                    "lost": word.health.map(|health| health.lost),
+                    "samples": observation.samples,
+                    "avatar": observation.avatar,
+                    "received": observation.health.map(|health| health.received),
+                    "published": observation.health.map(|health| health.published),
+                    "lost": observation.health.map(|health| health.lost),
                 });
             }
         }
@@ -109,29 +110,29 @@ impl SuitFacts {
     }
 }
 
-fn on_the_bus(bus: Result<Bus, BusError>, time: Duration, stopping: &dyn Fn() -> bool) -> Heard {
-    match bus.and_then(|bus| listen(&bus, time, stopping)) {
-        Ok(word) => Heard::OnTheBus(Box::new(word)),
-        Err(error) => Heard::Nowhere(Some(error.to_string())),
+fn on_the_bus(bus: Result<Bus, BusError>, time: Duration, stopping: &dyn Fn() -> bool) -> SuitObservation {
+    match bus.and_then(|bus| observe(&bus, time, stopping)) {
+        Ok(observation) => SuitObservation::OnTheBus(Box::new(observation)),
+        Err(error) => SuitObservation::Nothing(Some(error.to_string())),
     }
 }
 
-fn listen(bus: &Bus, time: Duration, stopping: &dyn Fn() -> bool) -> Result<BusWord, BusError> {
+fn observe(bus: &Bus, time: Duration, stopping: &dyn Fn() -> bool) -> Result<BusObservation, BusError> {
     let mut samples = bus.subscriber::<SuitSample>(64)?;
     let mut health = bus.subscriber::<AdapterHealth>(8)?;
-    let (mut word, begun) = (BusWord::default(), Instant::now());
-    while begun.elapsed() < time && !stopping() {
+    let (mut observation, started) = (BusObservation::default(), Instant::now());
+    while started.elapsed() < time && !stopping() {
         while let Some(sample) = samples.receive()? {
-            word.samples += 1;
-            word.blocks |= sample.blocks;
-            word.avatar = Some(sample.avatar);
+            observation.samples += 1;
+            observation.blocks |= sample.blocks;
+            observation.avatar = Some(sample.avatar);
         }
         while let Some(report) = health.receive()? {
-            word.health = Some(report).filter(|report| report.stream == 1).or(word.health);
+            observation.health = Some(report).filter(|report| report.stream == 1).or(observation.health);
         }
         std::thread::sleep(Duration::from_millis(20));
     }
-    Ok(word)
+    Ok(observation)
 }
 
 fn survey_json(survey: &Survey) -> Value {
@@ -145,10 +146,10 @@ fn survey_json(survey: &Survey) -> Value {
             let types: serde_json::Map<String, Value> = character
                 .types
                 .iter()
-                .map(|(kind, seen)| {
+                .map(|(kind, stream)| {
                     let counts = json!({
-                        "datagrams": seen.datagrams, "bytes": seen.bytes, "items": seen.items,
-                        "rate_hz": seen.rate_hz(), "stride": seen.stride(), "lost": seen.lost, "repeated": seen.repeated,
+                        "datagrams": stream.datagrams, "bytes": stream.bytes, "items": stream.items,
+                        "rate_hz": stream.rate_hz(), "stride": stream.stride(), "lost": stream.lost, "repeated": stream.repeated,
                     });
                     (kind.to_string(), counts)
                 })

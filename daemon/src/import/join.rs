@@ -16,10 +16,10 @@ use equipoise_core::time::NS_PER_S;
 use super::plate::{PlateFile, PlateSamples};
 use crate::config::Config;
 use crate::replay::input::Input;
-use crate::replay::samples::{LeftOut, Sample, Samples};
+use crate::replay::samples::{Sample, Samples, SkippedData};
 
 /// A larger difference between the clocks means two different sessions, ns.
-const APART_MAX_NS: u64 = 86_400 * NS_PER_S;
+const OFFSET_MAX_NS: u64 = 86_400 * NS_PER_S;
 
 /// How the clocks are aligned.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,11 +44,11 @@ impl FromStr for Join {
         let no = || format!("{text} is none of clock, stomp, offset=SECONDS");
         match text.split_once('=') {
             None if text == "clock" => Ok(Join::Clock),
-            None if text == "stomp" => Ok(Join::Stomp { within_ns: APART_MAX_NS }),
+            None if text == "stomp" => Ok(Join::Stomp { within_ns: OFFSET_MAX_NS }),
             Some(("offset", seconds)) => {
                 let seconds: f64 = seconds.parse().map_err(|_| no())?;
                 let nanoseconds = seconds * 1e9;
-                if nanoseconds.abs() <= APART_MAX_NS as f64 {
+                if nanoseconds.abs() <= OFFSET_MAX_NS as f64 {
                     Ok(Join::Offset(nanoseconds.round() as i64))
                 } else {
                     Err(no())
@@ -136,7 +136,7 @@ pub(super) fn find(input: &Input, plate: &PlateFile, config: &Config, how: Join)
     let offset_ns = match (how, stomps) {
         (Join::Offset(offset_ns), _) => offset_ns,
         (_, Some(found)) => found.offset_ns,
-        _ => survey.clocks_apart_ns()?,
+        _ => survey.clock_offset_ns()?,
     };
     let common_s = survey.common_s(offset_ns);
     if common_s <= 0.0 {
@@ -197,7 +197,7 @@ impl Survey {
         )
     }
 
-    fn clocks_apart_ns(&self) -> anyhow::Result<i64> {
+    fn clock_offset_ns(&self) -> anyhow::Result<i64> {
         let missing = |whose: &str, what: &str| {
             format!("--join clock: the {whose} file does not say when it was; {what}")
         };
@@ -207,7 +207,7 @@ impl Survey {
             .plate_unix_ns
             .with_context(|| missing("plate's", "add --with-start TIME, or use --join stomp"))?;
         let apart_ns = i128::from(suit_ns) - i128::from(plate_ns);
-        if apart_ns.unsigned_abs() > u128::from(APART_MAX_NS) {
+        if apart_ns.unsigned_abs() > u128::from(OFFSET_MAX_NS) {
             bail!(
                 "--join clock: the files begin {:.1} days apart; they are not of one session",
                 apart_ns as f64 / 8.64e13
@@ -247,10 +247,10 @@ impl<'a> JoinedSamples<'a> {
         Ok(both)
     }
 
-    pub(super) fn left_out(&self) -> LeftOut {
-        let (mut both, plate) = (self.suit.left_out(), self.plate.left_out());
+    pub(super) fn skipped(&self) -> SkippedData {
+        let (mut both, plate) = (self.suit.skipped(), self.plate.skipped());
         both.rejected.extend(plate.rejected);
-        both.passed_over.extend(plate.passed_over);
+        both.ignored.extend(plate.ignored);
         both
     }
 
@@ -308,7 +308,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ways_to_join_are_read() {
+    fn join_methods_are_parsed() {
         assert_eq!("clock".parse(), Ok(Join::Clock));
         assert_eq!("offset=-1.25".parse(), Ok(Join::Offset(-1_250_000_000)));
         assert!(matches!("stomp".parse(), Ok(Join::Stomp { .. })));

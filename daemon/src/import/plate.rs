@@ -9,7 +9,7 @@ use equipoise_core::message::GroundSample;
 
 use crate::config::Config;
 use crate::replay::input::Input;
-use crate::replay::samples::{LeftOut, Sample, Samples};
+use crate::replay::samples::{Sample, Samples, SkippedData};
 
 /// Properties that the plate's file does not contain.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -97,15 +97,15 @@ impl PlateSamples<'_> {
         })
     }
 
-    pub(super) fn left_out(&self) -> LeftOut {
+    pub(super) fn skipped(&self) -> SkippedData {
         match &self.source {
             Source::Text(capture) => {
                 let rejected = capture.rejected();
                 let reason =
                     (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
-                LeftOut { rejected: reason.into_iter().collect(), passed_over: Vec::new() }
+                SkippedData { rejected: reason.into_iter().collect(), ignored: Vec::new() }
             }
-            Source::Input(samples) => samples.left_out(),
+            Source::Input(samples) => samples.skipped(),
         }
     }
 }

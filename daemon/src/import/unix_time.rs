@@ -19,7 +19,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn moments_are_those_of_other_programs() {
+    fn times_match_those_of_other_programs() {
         // Reference values of `date -u -d … +%s`.
         assert_eq!(parse("1970-01-01T00:00:00Z"), Ok(0));
         assert_eq!(parse("2024-02-29T23:59:59.5Z"), Ok(1_709_251_199_500_000_000));

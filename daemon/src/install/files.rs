@@ -9,7 +9,7 @@ use anyhow::Context;
 
 /// Result of installing a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Put {
+pub(super) enum InstallResult {
     /// The file did not exist or differed.
     Written,
     /// The file existed with the same content.
@@ -17,12 +17,12 @@ pub(super) enum Put {
 }
 
 /// Installs a file. A running program is not affected: its old file exists until it ends.
-pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put> {
-    let is_such = |found: fs::Metadata| found.is_file() && found.permissions().mode() & 0o7777 == mode;
-    let there =
-        fs::symlink_metadata(path).is_ok_and(is_such) && fs::read(path).is_ok_and(|there| there == content);
-    if there {
-        return Ok(Put::Unchanged);
+pub(super) fn install_file(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<InstallResult> {
+    let is_unchanged = |found: fs::Metadata| found.is_file() && found.permissions().mode() & 0o7777 == mode;
+    let existing = fs::symlink_metadata(path).is_ok_and(is_unchanged)
+        && fs::read(path).is_ok_and(|existing| existing == content);
+    if existing {
+        return Ok(InstallResult::Unchanged);
     }
     let written = (|| {
         let folder = path.parent().unwrap_or(Path::new("/"));
@@ -41,7 +41,7 @@ pub(super) fn put(path: &Path, content: &[u8], mode: u32) -> anyhow::Result<Put>
         File::open(folder)?.sync_all()
     })();
     written.with_context(|| refused("write", path))?;
-    Ok(Put::Written)
+    Ok(InstallResult::Written)
 }
 
 /// Creates a new file; it is on disk at the return.
@@ -54,7 +54,7 @@ fn write_new(path: &Path, content: &[u8], mode: u32) -> io::Result<()> {
 
 /// Creates the link `link` to `target`, replacing an existing link.
 pub(super) fn link(link: &Path, target: &Path) -> anyhow::Result<()> {
-    if fs::read_link(link).is_ok_and(|there| there == target) {
+    if fs::read_link(link).is_ok_and(|existing| existing == target) {
         return Ok(());
     }
     let linked = (|| {

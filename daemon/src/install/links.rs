@@ -2,13 +2,13 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use super::{ADMIN_UNITS, Place};
+use super::{ADMIN_UNITS, Destination};
 
 /// The links to units for which `is_ours` returns true, including adapters'; paths on the running system.
-pub(super) fn to(place: &Place, is_ours: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
+pub(super) fn to(destination: &Destination, is_ours: impl Fn(&Path) -> bool) -> Vec<PathBuf> {
     let admin = Path::new(ADMIN_UNITS);
     let mut links = Vec::new();
-    for folder in std::fs::read_dir(place.under_root(admin)).into_iter().flatten().flatten() {
+    for folder in std::fs::read_dir(destination.under_root(admin)).into_iter().flatten().flatten() {
         let name = folder.file_name();
         if !name.to_string_lossy().ends_with(".wants") {
             continue;

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use equipoise_outlets::StationFile;
 
-use super::{ADMIN_UNITS, CONFIGURATION_FILE, Place};
+use super::{ADMIN_UNITS, CONFIGURATION_FILE, Destination};
 
 /// Programs that are built separately and located in the directory of `equipoise`.
 pub const PROGRAMS: [&str; 5] = [
@@ -21,45 +21,45 @@ pub(super) fn next_to(program: &Path) -> impl Iterator<Item = &'static str> {
 }
 
 /// Notes about missing programs. One of an earlier installation remains but may not match this release.
-pub(super) fn missing(place: &Place, program: &Path) -> Vec<String> {
+pub(super) fn missing(destination: &Destination, program: &Path) -> Vec<String> {
     let missing = PROGRAMS.into_iter().filter(|name| !program.with_file_name(name).is_file());
-    let (kept, absent): (Vec<_>, Vec<_>) =
-        missing.partition(|name| place.under_root(&place.other_program(name)).exists());
-    let mut said = Vec::new();
+    let (present, absent): (Vec<_>, Vec<_>) =
+        missing.partition(|name| destination.under_root(&destination.program_named(name)).exists());
+    let mut message = Vec::new();
     if !absent.is_empty() {
-        said.push(format!(
+        message.push(format!(
             "not installed, since not next to {}: {}; if you need one: cargo build --release -p NAME, and install again",
             program.display(),
             absent.join(", ")
         ));
     }
-    for name in kept {
-        said.push(format!(
+    for name in present {
+        message.push(format!(
             "note: {} stays, since there is no newer one next to {}; all on one bus must be of one release: cargo build \
              --release -p {name}, and install again",
-            place.other_program(name).display(),
+            destination.program_named(name).display(),
             program.display()
         ));
     }
-    said
+    message
 }
 
 /// Instructions for each configured outlet that is not enabled yet.
-pub(super) fn configured(place: &Place) -> Vec<String> {
-    let file = match StationFile::read(&place.under_root(Path::new(CONFIGURATION_FILE))) {
+pub(super) fn configured(destination: &Destination) -> Vec<String> {
+    let file = match StationFile::read(&destination.under_root(Path::new(CONFIGURATION_FILE))) {
         Ok(file) => file,
-        Err(why) => return vec![format!("note: outlets were not looked for: {why}")],
+        Err(reason) => return vec![format!("note: outlets were not looked for: {reason}")],
     };
     let wants = Path::new(ADMIN_UNITS).join("equipoise.service.wants");
-    let mut said = Vec::new();
+    let mut message = Vec::new();
     for kind in file.outlets.kinds() {
         let (unit, program) = (format!("equipoise-outlet@{kind}"), format!("equipoise-outlet-{kind}"));
         let needs_program = PROGRAMS.contains(&program.as_str());
-        if needs_program && !place.under_root(&place.other_program(&program)).is_file() {
-            said.push(format!("[outlets.{kind}] needs {program}, which is not installed: see above"));
-        } else if !place.under_root(&wants.join(format!("{unit}.service"))).is_symlink() {
-            said.push(format!("[outlets.{kind}] is configured: systemctl enable --now {unit}"));
+        if needs_program && !destination.under_root(&destination.program_named(&program)).is_file() {
+            message.push(format!("[outlets.{kind}] needs {program}, which is not installed: see above"));
+        } else if !destination.under_root(&wants.join(format!("{unit}.service"))).is_symlink() {
+            message.push(format!("[outlets.{kind}] is configured: systemctl enable --now {unit}"));
         }
     }
-    said
+    message
 }

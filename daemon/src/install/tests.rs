@@ -3,8 +3,8 @@ use std::os::unix::fs::PermissionsExt;
 
 use super::*;
 
-fn at(prefix: &str, root: &Path) -> Place {
-    Place::new(Path::new(prefix), root).unwrap()
+fn at(prefix: &str, root: &Path) -> Destination {
+    Destination::new(Path::new(prefix), root).unwrap()
 }
 
 /// A program to install.
@@ -31,11 +31,11 @@ fn all(folder: &Path) -> Vec<(PathBuf, u32)> {
 }
 
 #[test]
-fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
+fn all_files_are_installed_once_and_uninstalled() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
-    let place = at("/usr/local", &root);
-    let done = install(&place, &program, true).unwrap();
+    let destination = at("/usr/local", &root);
+    let done = install(&destination, &program, true).unwrap();
     assert!(done.contains(&"installed /usr/local/bin/equipoise".to_owned()), "{done:?}");
     assert!(done.contains(&"enabled equipoise-view.service".to_owned()), "{done:?}");
     let first = all(&root);
@@ -57,7 +57,7 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
         assert_eq!(fs::read_link(root.join(link)).unwrap(), target, "{stream} has a unit of its own");
     }
 
-    let again = install(&place, &program, true).unwrap();
+    let again = install(&destination, &program, true).unwrap();
     assert!(!again.iter().any(|line| line.starts_with("installed")), "{again:?}");
     assert_eq!(all(&root), first);
 
@@ -71,22 +71,22 @@ fn it_puts_everything_in_place_once_and_takes_away_what_it_put() {
     }
     let metrics = root.join("etc/systemd/system/equipoise.service.wants/equipoise-metrics.service");
     std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-metrics.service", &metrics).unwrap();
-    let done = uninstall(&place).unwrap();
+    let done = uninstall(&destination).unwrap();
     assert!(done.iter().any(|line| line.starts_with("left /var/lib/equipoise")), "{done:?}");
-    let left: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
-    assert_eq!(left, [root.join("etc/equipoise/equipoise.toml"), drop_in, worker, certificate]);
-    assert!(!uninstall(&place).unwrap().iter().any(|line| line.starts_with("removed")));
+    let remaining: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(remaining, [root.join("etc/equipoise/equipoise.toml"), drop_in, worker, certificate]);
+    assert!(!uninstall(&destination).unwrap().iter().any(|line| line.starts_with("removed")));
 }
 
 #[test]
-fn programs_next_to_it_are_installed_and_others_are_named() {
+fn programs_in_its_folder_are_installed_and_others_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
-    let place = at("/opt/equipoise", &root);
+    let destination = at("/opt/equipoise", &root);
     let outlet = directory.path().join("equipoise-outlet-opcua");
     fs::write(&outlet, "a server").unwrap();
     fs::write(directory.path().join("equipoise-study"), "no part of the service").unwrap();
-    let done = install(&place, &program, false).unwrap();
+    let done = install(&destination, &program, false).unwrap();
     assert!(done.contains(&"installed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
     let absent = done.iter().find(|line| line.starts_with("not installed")).unwrap();
     for name in PROGRAMS {
@@ -100,11 +100,11 @@ fn programs_next_to_it_are_installed_and_others_are_named() {
 
     // A remaining program may be of another release.
     fs::remove_file(&outlet).unwrap();
-    let done = install(&place, &program, false).unwrap();
+    let done = install(&destination, &program, false).unwrap();
     assert!(done.iter().any(|line| line.contains("bin/equipoise-outlet-opcua stays")), "{done:?}");
     assert!(installed.exists());
 
-    let done = uninstall(&place).unwrap();
+    let done = uninstall(&destination).unwrap();
     assert!(done.contains(&"removed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
     assert!(all(&root.join("opt")).is_empty(), "{:?}", all(&root.join("opt")));
 }
@@ -113,18 +113,18 @@ fn programs_next_to_it_are_installed_and_others_are_named() {
 fn outlets_of_the_configuration_are_named_with_what_starts_them_and_none_is_enabled() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
-    let place = at("/usr/local", &root);
+    let destination = at("/usr/local", &root);
     let of_outlets = |done: Vec<String>| -> Vec<String> {
         done.into_iter().filter(|line| line.contains("[outlets.") || line.contains("outlets were")).collect()
     };
-    assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [""; 0], "the sample has none");
+    assert_eq!(of_outlets(install(&destination, &program, true).unwrap()), [""; 0], "the sample has none");
 
     let configuration = root.join("etc/equipoise/equipoise.toml");
     let outlets = "[outlets.udp]\nto = [\"127.0.0.1:7411\"]\n[outlets.opcua]\nlisten = \"127.0.0.1:4840\"\n";
     fs::write(&configuration, format!("{CONFIGURATION}\n{outlets}")).unwrap();
     let enable_udp = "[outlets.udp] is configured: systemctl enable --now equipoise-outlet@udp";
     let build_opcua = "[outlets.opcua] needs equipoise-outlet-opcua, which is not installed: see above";
-    assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [enable_udp, build_opcua]);
+    assert_eq!(of_outlets(install(&destination, &program, true).unwrap()), [enable_udp, build_opcua]);
     let wants = root.join("etc/systemd/system/equipoise.service.wants");
     assert_eq!(all(&wants).len(), 3, "both sensors and the page: {:?}", all(&wants));
 
@@ -132,17 +132,17 @@ fn outlets_of_the_configuration_are_named_with_what_starts_them_and_none_is_enab
     let enabled = wants.join("equipoise-outlet@udp.service");
     std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-outlet@.service", &enabled).unwrap();
     let enable_opcua = "[outlets.opcua] is configured: systemctl enable --now equipoise-outlet@opcua";
-    assert_eq!(of_outlets(install(&place, &program, true).unwrap()), [enable_opcua]);
+    assert_eq!(of_outlets(install(&destination, &program, true).unwrap()), [enable_opcua]);
 
     fs::write(&configuration, "station = 1\n").unwrap();
-    let done = of_outlets(install(&place, &program, true).unwrap());
+    let done = of_outlets(install(&destination, &program, true).unwrap());
     assert!(done.len() == 1 && done[0].starts_with("note: outlets were not looked for"), "{done:?}");
-    uninstall(&place).unwrap();
+    uninstall(&destination).unwrap();
     assert!(!enabled.is_symlink());
 }
 
 #[test]
-fn a_configuration_that_is_there_is_never_touched() {
+fn an_existing_configuration_is_never_changed() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
     let configuration = root.join("etc/equipoise/equipoise.toml");
@@ -158,7 +158,7 @@ fn a_configuration_that_is_there_is_never_touched() {
 }
 
 #[test]
-fn units_name_the_prefix_and_lie_where_systemd_looks() {
+fn units_name_the_prefix_and_are_in_a_search_path_of_systemd() {
     let directory = tempfile::tempdir().unwrap();
     let program = program(directory.path());
     for (prefix, units) in [
@@ -180,7 +180,7 @@ fn units_name_the_prefix_and_lie_where_systemd_looks() {
 #[test]
 fn a_prefix_that_a_unit_cannot_name_is_refused() {
     for wrong in ["", "usr", "/opt/my tools", "/opt/../etc", "/opt/%n", "/opt/\"x"] {
-        assert!(Place::new(Path::new(wrong), Path::new("/")).is_err(), "{wrong}");
+        assert!(Destination::new(Path::new(wrong), Path::new("/")).is_err(), "{wrong}");
     }
 }
 
@@ -193,7 +193,7 @@ fn no_link_leads_out_of_the_root() {
         fs::create_dir(folder).unwrap();
     }
     fs::write(outside.join("equipoise.toml"), "theirs").unwrap();
-    let place = at("/usr/local", &root);
+    let destination = at("/usr/local", &root);
     for (link, target) in [
         ("usr", outside.clone()),
         ("etc", outside.clone()),
@@ -202,7 +202,7 @@ fn no_link_leads_out_of_the_root() {
         let link = root.join(link);
         fs::create_dir_all(link.parent().unwrap()).unwrap();
         std::os::unix::fs::symlink(&target, &link).unwrap();
-        let refused = install(&place, &program, true).unwrap_err().to_string();
+        let refused = install(&destination, &program, true).unwrap_err().to_string();
         assert!(refused.contains("is a link"), "{refused}");
         assert_eq!(all(&outside).len(), 1, "{:?}", all(&outside));
         fs::remove_file(&link).unwrap();
@@ -211,19 +211,19 @@ fn no_link_leads_out_of_the_root() {
     let bin = root.join("usr/local/bin");
     fs::create_dir_all(&bin).unwrap();
     std::os::unix::fs::symlink(outside.join("equipoise.toml"), bin.join("equipoise.part")).unwrap();
-    install(&place, &program, false).unwrap();
+    install(&destination, &program, false).unwrap();
     assert_eq!(fs::read_to_string(outside.join("equipoise.toml")).unwrap(), "theirs");
     assert_eq!(fs::read_to_string(bin.join("equipoise")).unwrap(), "a program");
 }
 
 #[test]
-fn what_is_installed_for_another_prefix_is_left() {
+fn files_of_another_prefix_are_not_removed() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
-    let (theirs, ours) = (at("/opt/theirs", &root), at("/opt/ours", &root));
-    install(&theirs, &program, true).unwrap();
+    let (foreign, own) = (at("/opt/theirs", &root), at("/opt/ours", &root));
+    install(&foreign, &program, true).unwrap();
     let before = all(&root);
-    let done = uninstall(&ours).unwrap();
+    let done = uninstall(&own).unwrap();
     assert!(
         done.iter().any(|line| line.starts_with("left /etc/systemd/system/equipoise.service")),
         "{done:?}"
@@ -236,13 +236,13 @@ fn what_is_installed_for_another_prefix_is_left() {
         (wants.join("equipoise-view.service"), wants.join("equipoise-adapter@suit.service"));
     std::os::unix::fs::symlink("/usr/lib/systemd/system/equipoise-view.service", &other).unwrap();
     std::os::unix::fs::symlink("../equipoise-adapter@.service", &relative).unwrap();
-    uninstall(&theirs).unwrap();
-    let left: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
-    assert_eq!(left, [root.join("etc/equipoise/equipoise.toml"), other]);
+    uninstall(&foreign).unwrap();
+    let remaining: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(remaining, [root.join("etc/equipoise/equipoise.toml"), other]);
 }
 
 #[test]
-fn units_by_hand_that_would_be_used_instead_are_named() {
+fn overriding_units_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
     let by_hand = root.join("etc/systemd/system/equipoise.service");
@@ -253,6 +253,6 @@ fn units_by_hand_that_would_be_used_instead_are_named() {
 }
 
 #[test]
-fn the_embedded_configuration_is_one_that_the_daemon_takes() {
+fn the_embedded_configuration_is_valid() {
     crate::config::Config::parse(CONFIGURATION, "the sample").unwrap();
 }

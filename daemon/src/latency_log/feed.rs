@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use crate::rings::{Outcome, Ring};
 
 /// One second of cycles at 1 kHz: the longest tolerable stall of the disk.
-pub const PLACES: usize = 1024;
+pub const CAPACITY: usize = 1024;
 
 #[derive(Debug)]
 struct Shared {
@@ -24,9 +24,9 @@ pub struct Feed(Arc<Shared>);
 pub struct Drain(Arc<Shared>);
 
 /// Creates both ends of a ring.
-pub fn feed(places: usize) -> (Feed, Drain) {
+pub fn feed(slots: usize) -> (Feed, Drain) {
     let ring = Arc::new(Shared {
-        outcomes: Ring::new(places),
+        outcomes: Ring::new(slots),
         dropped: AtomicU64::new(0),
         closed: AtomicBool::new(false),
     });
@@ -36,7 +36,7 @@ pub fn feed(places: usize) -> (Feed, Drain) {
 impl Feed {
     /// Passes an outcome on. A full ring keeps its content, since a gap at the end can be detected by cycle number; the
     /// outcome is counted as dropped.
-    pub fn hand_over(&self, outcome: Outcome) {
+    pub fn push(&self, outcome: Outcome) {
         if self.0.outcomes.push(outcome).is_err() {
             self.0.dropped.fetch_add(1, Ordering::Relaxed);
         }
@@ -76,7 +76,7 @@ mod tests {
     fn a_full_ring_drops_counts_and_keeps_the_order_of_the_rest() {
         let (feed, drain) = feed(4);
         for cycle in 1..=10 {
-            feed.hand_over(Outcome {
+            feed.push(Outcome {
                 state: State::zeroed(),
                 record: CycleRecord { cycle, ..CycleRecord::zeroed() },
             });
@@ -85,7 +85,8 @@ mod tests {
         assert!(!drain.is_closed());
         drop(feed);
         assert!(drain.is_closed());
-        let left: Vec<u64> = std::iter::from_fn(|| drain.pop()).map(|outcome| outcome.record.cycle).collect();
-        assert_eq!(left, [1, 2, 3, 4]);
+        let remaining: Vec<u64> =
+            std::iter::from_fn(|| drain.pop()).map(|outcome| outcome.record.cycle).collect();
+        assert_eq!(remaining, [1, 2, 3, 4]);
     }
 }

@@ -9,9 +9,9 @@ use anyhow::Context;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 
 use super::flight::Flight;
+use crate::atomic_file::{remove_abandoned_files, write_atomically};
 use crate::config::Config;
 use crate::realtime::now_ns;
-use crate::whole_file::{clear_leftovers, write_whole};
 
 /// Maximum number of records per station; the oldest is removed.
 pub const FILES_MAX: usize = 32;
@@ -51,14 +51,14 @@ impl FlightFiles {
     pub fn write(&self, flight: &Flight) -> anyhow::Result<PathBuf> {
         let path = self.free_path(flight.cycle);
         let bytes = self.recording(&path, flight)?;
-        write_whole(&path, &bytes).with_context(|| path.display().to_string())?;
+        write_atomically(&path, &bytes).with_context(|| path.display().to_string())?;
         self.remove_oldest().with_context(|| self.directory.display().to_string())?;
         Ok(path)
     }
 
     /// Removes unfinished records of a killed daemon.
     pub fn clear_unfinished(&self) {
-        clear_leftovers(&self.directory, |of| self.cycle_of(of).is_some());
+        remove_abandoned_files(&self.directory, |of| self.cycle_of(of).is_some());
     }
 
     fn recording(&self, path: &Path, flight: &Flight) -> anyhow::Result<Vec<u8>> {
@@ -181,8 +181,8 @@ mod tests {
         for cycle in 10..=last {
             files.write(&flight(cycle)).unwrap();
         }
-        let ours = |name: &String| files.cycle_of(name);
-        let mut cycles: Vec<u64> = names(directory.path()).iter().filter_map(ours).collect();
+        let own_cycle = |name: &String| files.cycle_of(name);
+        let mut cycles: Vec<u64> = names(directory.path()).iter().filter_map(own_cycle).collect();
         cycles.sort_unstable();
         assert_eq!(cycles, (last - FILES_MAX as u64 + 1..=last).collect::<Vec<_>>());
         for name in foreign {
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cycle_of_another_life_is_not_overwritten_and_half_a_file_is_cleared_away() {
+    fn files_of_another_run_are_not_overwritten_and_incomplete_ones_removed() {
         let directory = tempfile::tempdir().unwrap();
         let files = files(directory.path());
         for _ in 0..3 {
@@ -206,11 +206,11 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_named() {
+    fn write_errors_are_reported() {
         let directory = tempfile::tempdir().unwrap();
         let file = directory.path().join("file");
         fs::write(&file, "no directory").unwrap();
-        let said = format!("{:#}", files(&file.join("flight")).write(&flight(9)).unwrap_err());
-        assert!(said.contains("s-1-cycle-9.mcap"), "{said}");
+        let message = format!("{:#}", files(&file.join("flight")).write(&flight(9)).unwrap_err());
+        assert!(message.contains("s-1-cycle-9.mcap"), "{message}");
     }
 }

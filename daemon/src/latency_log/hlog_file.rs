@@ -19,7 +19,7 @@ pub struct HlogFile {
     path: PathBuf,
     file: Option<File>,
     /// Length of the file up to the end of its last complete line.
-    whole_bytes: u64,
+    complete_bytes: u64,
     /// Lines not yet written.
     lines: HlogWriter<Vec<u8>>,
     interval: PathHistograms,
@@ -34,7 +34,7 @@ impl HlogFile {
         HlogFile {
             path: path.to_owned(),
             file: None,
-            whole_bytes: 0,
+            complete_bytes: 0,
             lines: HlogWriter::new(Vec::new(), SystemTime::now()).expect("memory takes every line"),
             interval: PathHistograms::new(),
             started: Instant::now(),
@@ -94,11 +94,11 @@ impl HlogFile {
         let lines = self.lines.writer_mut();
         if let Err(error) = file.write_all(lines) {
             // An incomplete line would end the log for every reader.
-            let _ = file.set_len(self.whole_bytes);
-            let _ = file.seek(SeekFrom::Start(self.whole_bytes));
+            let _ = file.set_len(self.complete_bytes);
+            let _ = file.seek(SeekFrom::Start(self.complete_bytes));
             return Err(error);
         }
-        self.whole_bytes += lines.len() as u64;
+        self.complete_bytes += lines.len() as u64;
         lines.clear();
         Ok(())
     }
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn the_head_is_there_at_once_and_every_interval_is_a_line_a_stage() {
+    fn the_header_is_written_first_and_every_interval_is_one_line_per_stage() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.hlog");
         let mut hlog = HlogFile::new(&path);
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_could_not_be_written_is_written_later_and_no_line_is_cut() {
+    fn failed_lines_are_written_later_and_never_truncated() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("missing").join("a.hlog");
         let mut hlog = HlogFile::new(&path);

@@ -54,25 +54,26 @@ pub(super) fn features(origin_m: impl Fn(Segment) -> [f64; 3]) -> Features {
     ]
 }
 
-/// The limb whose pose explains most of the variance of `off` in a linear model; `None` if none explains half of it.
-pub(super) fn limb_that_goes_with(off: &[f64], poses: &[Features]) -> Option<Limb> {
+/// The limb whose pose explains most of the variance of `residual` in a linear model; `None` if none explains half of
+/// it.
+pub(super) fn correlated_limb(residual: &[f64], poses: &[Features]) -> Option<Limb> {
     let shares = Limb::ALL.into_iter().enumerate().filter_map(|(index, limb)| {
         let pose: Vec<[f64; 3]> = poses.iter().map(|pose| pose[index]).collect();
-        Some((limb, share(off, &pose)?))
+        Some((limb, share(residual, &pose)?))
     });
     let (limb, share) = shares.max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     (share >= SHARE_MIN).then_some(limb)
 }
 
-/// Fraction of the variance of `off` explained by three coordinates (adjusted R²).
-fn share(off: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
-    let count = off.len() as f64;
-    if off.len() < 8 {
+/// Fraction of the variance of `residual` explained by three coordinates (adjusted R²).
+fn share(residual: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
+    let count = residual.len() as f64;
+    if residual.len() < 8 {
         return None;
     }
-    let off_mean = off.iter().sum::<f64>() / count;
+    let deviation = residual.iter().sum::<f64>() / count;
     let pose_mean = pose.iter().map(|at| Vector3::from(*at)).sum::<Vector3<f64>>() / count;
-    let rows = || off.iter().zip(pose).map(|(y, at)| (y - off_mean, Vector3::from(*at) - pose_mean));
+    let rows = || residual.iter().zip(pose).map(|(y, at)| (y - deviation, Vector3::from(*at) - pose_mean));
     let moved_m2 = rows().map(|(_, x)| x.norm_squared()).sum::<f64>() / count;
     if moved_m2 < MOVED_MIN_M * MOVED_MIN_M {
         return None;
@@ -81,8 +82,8 @@ fn share(off: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
     let ridge = Matrix3::identity() * (1e-6 * count);
     let normal = rows().map(|(_, x)| x * x.transpose()).sum::<Matrix3<f64>>() + ridge;
     let slope = normal.cholesky()?.solve(&rows().map(|(y, x)| x * y).sum::<Vector3<f64>>());
-    let whole: f64 = rows().map(|(y, _)| y * y).sum();
-    let left: f64 = rows().map(|(y, x)| (y - x.dot(&slope)).powi(2)).sum();
+    let total: f64 = rows().map(|(y, _)| y * y).sum();
+    let remaining: f64 = rows().map(|(y, x)| (y - x.dot(&slope)).powi(2)).sum();
     let adjusted = (count - 1.0) / (count - 4.0);
-    (whole > 0.0).then(|| 1.0 - adjusted * left / whole)
+    (total > 0.0).then(|| 1.0 - adjusted * remaining / total)
 }

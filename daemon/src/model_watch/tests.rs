@@ -63,12 +63,12 @@ impl Session {
                 ..GroundSample::zeroed()
             };
             let number = (self.cycle / 2) as u32;
-            let seen =
+            let segment =
                 frame(&self.worker, &self.suit, SuitWorld::default(), streams, 0, (number, SUIT_HZ as f64));
             let suit = SuitSample {
                 sample_time_ns: due_ns,
-                position_m: seen.position_m,
-                orientation_wxyz: seen.orientation_wxyz,
+                position_m: segment.position_m,
+                orientation_wxyz: segment.orientation_wxyz,
                 ..SuitSample::zeroed()
             };
             let suit = if self.cycle.is_multiple_of(2) { std::slice::from_ref(&suit) } else { &[] };
@@ -76,7 +76,7 @@ impl Session {
             let state = step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns }, inputs);
             // About once a second, as in housekeeping.
             if self.cycle.is_multiple_of(2 * SUIT_HZ)
-                && let Some(suspicion) = self.watch.look(state)
+                && let Some(suspicion) = self.watch.update(state)
             {
                 self.reported.push((state.suit_sample_time_ns, suspicion));
             }
@@ -101,11 +101,11 @@ impl Session {
 }
 
 #[test]
-fn a_worker_whom_the_model_fits_is_not_suspected() {
+fn a_fitting_model_is_not_suspected() {
     let mut session = Session::identified();
     session.poses(3, 40);
     assert_eq!(session.reported, []);
-    assert!(session.watch.seen.len() > 2 * MOMENTS_MIN, "it has looked: {}", session.watch.seen.len());
+    assert!(session.watch.segment.len() > 2 * SAMPLES_MIN, "it has looked: {}", session.watch.segment.len());
 }
 
 /// Below half the detection limit, so that no peak counts as a load: no overload is published, but the model is wrong.
@@ -139,13 +139,13 @@ fn a_load_is_no_discrepancy() {
 }
 
 /// State of an identified, unloaded subject, one second after the previous one, with a given residual.
-fn state(second: u64, off_m: [f64; 2], still: bool, hand_m: f64) -> State {
+fn state(second: u64, deviation_m: [f64; 2], is_static: bool, hand_m: f64) -> State {
     let mut state = State::zeroed();
     state.phase = Phase::Monitoring as u32;
     state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
     state.suit_sample_time_ns = second * NS_PER_S;
-    state.static_pose = u32::from(still);
-    state.cop_measured_m = off_m;
+    state.static_pose = u32::from(is_static);
+    state.cop_measured_m = deviation_m;
     state.cop_sigma_m = [0.003; 2];
     state.delta_f_sigma_n = 2.0;
     let mut origin_m = [[0.0; 3]; SEGMENTS];
@@ -161,42 +161,42 @@ fn the_limb_axis_and_phase_are_named() {
         .filter_map(|second| {
             // Forward and back with a period of seven seconds.
             let hand_m = 0.1 * (second % 7) as f64;
-            watch.look(&state(second, [0.001, -0.02 - 0.03 * hand_m], second % 2 == 0, hand_m))
+            watch.update(&state(second, [0.001, -0.02 - 0.03 * hand_m], second % 2 == 0, hand_m))
         })
         .collect();
     let [reported] = reported[..] else { panic!("{reported:?}") };
     assert_eq!((reported.signal, reported.limb), (Signal::CopLeft, Some(Limb::RightArm)));
     assert!(reported.size < -0.02 && reported.times_sigma > 6.0, "{reported:?}");
-    let said = reported.to_string();
-    assert!(said.contains("the centre of pressure lies in the median 29 mm right of"), "{said}");
-    assert!(said.contains("it goes with the pose of the right arm"), "{said}");
+    let message = reported.to_string();
+    assert!(message.contains("the centre of pressure lies in the median 29 mm right of"), "{message}");
+    assert!(message.contains("it goes with the pose of the right arm"), "{message}");
 }
 
 #[test]
 fn a_new_identification_restarts_the_watch() {
     let mut watch = ModelWatch::default();
     for second in 1..=39 {
-        assert_eq!(watch.look(&state(second, [0.05, 0.0], true, 0.0)), None, "too short");
+        assert_eq!(watch.update(&state(second, [0.05, 0.0], true, 0.0)), None, "too short");
     }
     let mut learning = state(40, [0.05, 0.0], true, 0.0);
     learning.phase = Phase::Identifying as u32;
-    assert_eq!(watch.look(&learning), None);
+    assert_eq!(watch.update(&learning), None);
     for second in 41..=70 {
-        assert_eq!(watch.look(&state(second, [0.05, 0.0], true, 0.0)), None);
+        assert_eq!(watch.update(&state(second, [0.05, 0.0], true, 0.0)), None);
     }
     let mut invalid = state(90, [0.05, 0.0], true, 0.0);
     invalid.valid |= Validity::MOVING.0;
-    assert_eq!(watch.look(&invalid), None, "invalid values are not compared");
-    let reported = watch.look(&state(91, [0.05, 0.0], true, 0.0));
-    assert!(reported.is_some_and(|reported| reported.still && reported.limb.is_none()), "{reported:?}");
-    assert!(watch.look(&state(91, [0.05, 0.0], true, 0.0)).is_none(), "one state is seen once");
+    assert_eq!(watch.update(&invalid), None, "invalid values are not compared");
+    let reported = watch.update(&state(91, [0.05, 0.0], true, 0.0));
+    assert!(reported.is_some_and(|reported| reported.is_static && reported.limb.is_none()), "{reported:?}");
+    assert!(watch.update(&state(91, [0.05, 0.0], true, 0.0)).is_none(), "one state is seen once");
 }
 
 #[test]
-fn few_wild_moments_are_no_suspicion() {
+fn few_outliers_are_no_suspicion() {
     let mut watch = ModelWatch::default();
     for second in 1..=120 {
-        let off_m = if second % 5 == 0 { 0.2 } else { 0.002 };
-        assert_eq!(watch.look(&state(second, [off_m, -off_m], second % 3 == 0, 0.0)), None);
+        let deviation_m = if second % 5 == 0 { 0.2 } else { 0.002 };
+        assert_eq!(watch.update(&state(second, [deviation_m, -deviation_m], second % 3 == 0, 0.0)), None);
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Reads the filter out of a copy of the loop's memory that came at `t_s`; `None` before a body was seen.
+    /// Reads the filter from a copy of the loop's memory received at `t_s`; `None` before the first body.
     pub(super) fn of(checkpoint: &Checkpoint, t_s: f64) -> Option<Parameters> {
         let worker = &checkpoint.memory()?.identification;
         let (filter, count) = (&worker.filter, worker.filter.count());
@@ -68,7 +68,7 @@ pub(super) struct History {
 
 impl History {
     /// One point more.
-    pub(super) fn keep(&mut self, state: &State) {
+    pub(super) fn push(&mut self, state: &State) {
         let t_s = seconds(state.time_ns);
         // The clock is shared by all daemons and decreases only if the computer restarted while this page kept running.
         if self.points.back().is_some_and(|last| last.t_s >= t_s) {
@@ -87,7 +87,7 @@ impl History {
     }
 
     /// What the filter held once more.
-    pub(super) fn keep_parameters(&mut self, parameters: Parameters) {
+    pub(super) fn push_parameters(&mut self, parameters: Parameters) {
         let last = self.parameters.back();
         // Different names indicate another reduction, and a lower cycle another daemon: discard the old history.
         if last.is_some_and(|last| last.names != parameters.names || last.cycle > parameters.cycle) {
@@ -104,7 +104,7 @@ impl History {
         self.parameters.back()
     }
 
-    /// Columns; a number that the filter has not said yet is null.
+    /// Columns; unavailable numbers are null.
     pub(super) fn to_json(&self) -> Value {
         let column = |of: fn(&Point) -> f64| -> Vec<Option<f64>> {
             self.points.iter().map(of).map(|value| Some(value).filter(|value| *value > 0.0)).collect()
@@ -131,12 +131,12 @@ mod tests {
     }
 
     #[test]
-    fn ten_minutes_are_kept_and_time_goes_forward() {
+    fn ten_minutes_are_stored_in_increasing_time() {
         let mut history = History::default();
         for half_second in 0..2 * POINTS_MAX as u64 {
-            history.keep(&State { time_ns: 1 + half_second * 500_000_000, ..State::zeroed() });
+            history.push(&State { time_ns: 1 + half_second * 500_000_000, ..State::zeroed() });
         }
-        history.keep(&State { time_ns: 1, ..State::zeroed() });
+        history.push(&State { time_ns: 1, ..State::zeroed() });
         let json = history.to_json();
         assert_eq!(json["t"].as_array().map(Vec::len), Some(POINTS_MAX));
         assert_eq!(json["t"][POINTS_MAX - 1].as_f64().map(f64::round), Some(1200.0));
@@ -146,17 +146,17 @@ mod tests {
     #[test]
     fn one_picture_holds_one_filter() {
         let mut history = History::default();
-        history.keep_parameters(parameters(5, "Pelvis x"));
-        history.keep_parameters(parameters(9, "Pelvis x"));
+        history.push_parameters(parameters(5, "Pelvis x"));
+        history.push_parameters(parameters(9, "Pelvis x"));
         assert_eq!(history.parameters.len(), 2);
-        history.keep_parameters(parameters(12, "Pelvis y"));
+        history.push_parameters(parameters(12, "Pelvis y"));
         assert_eq!(history.parameters.len(), 1);
-        history.keep_parameters(parameters(3, "Pelvis y"));
+        history.push_parameters(parameters(3, "Pelvis y"));
         assert_eq!(history.parameters.len(), 1);
     }
 
     #[test]
-    fn an_empty_memory_holds_no_parameters() {
+    fn an_empty_memory_has_no_parameters() {
         assert!(Parameters::of(&bytemuck::zeroed_box::<Checkpoint>(), 0.0).is_none());
     }
 }

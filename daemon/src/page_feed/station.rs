@@ -22,21 +22,21 @@ use equipoise_view::page::{PageCommand, Station};
 use serde_json::{Value, json};
 
 use super::history::{History, Parameters};
-use super::{Newest, PAGE_ROLE, Place};
+use super::{BusWatch, Newest, PAGE_ROLE};
 use crate::cli::client;
 use crate::realtime::now_ns;
 use crate::status;
 
 /// Data are gathered for this long after the last request.
-const WANTED_FOR_NS: u64 = 5 * NS_PER_S;
+const REQUEST_VALID_NS: u64 = 5 * NS_PER_S;
 /// Polling interval of the bus: a tenth of its deepest buffer at 1 kHz.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Interval between points of the history.
-const POINT_EVERY: Duration = Duration::from_millis(500);
+const POINT_INTERVAL: Duration = Duration::from_millis(500);
 /// Interval of checkpoint requests during identification; each costs 32 µs of one cycle.
-const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
+const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(1);
 /// Timeout of the daemon's reply to the request.
-const PATIENCE: Duration = Duration::from_millis(500);
+const TIMEOUT: Duration = Duration::from_millis(500);
 /// The daemon publishes its incidents once a second; an older message does not count as current, ns.
 const INCIDENTS_FRESH_NS: u64 = 5 * NS_PER_S / 2;
 /// Older states are ignored, ns.
@@ -45,46 +45,51 @@ const FRESH_NS: u64 = NS_PER_S / 4;
 const REPORT_BYTES_MAX: u64 = 16 << 20;
 
 /// The data gathered, and access to the daemon.
-pub(super) struct Desk {
+pub(super) struct StationData {
     station: String,
     report: Option<PathBuf>,
-    wanted_ns: AtomicU64,
-    gathered: Mutex<Gathered>,
+    requested_ns: AtomicU64,
+    collected: Mutex<Collected>,
 }
 
 #[derive(Default)]
-struct Gathered {
+struct Collected {
     incidents: Option<Incidents>,
     adapters: [Option<AdapterHealth>; 2],
     latency: Option<Report>,
     history: History,
 }
 
-impl Desk {
-    pub(super) fn new(station: &str, report: Option<PathBuf>) -> Desk {
-        Desk { station: station.to_owned(), report, wanted_ns: AtomicU64::new(0), gathered: Mutex::default() }
+impl StationData {
+    pub(super) fn new(station: &str, report: Option<PathBuf>) -> StationData {
+        StationData {
+            station: station.to_owned(),
+            report,
+            requested_ns: AtomicU64::new(0),
+            collected: Mutex::default(),
+        }
     }
 
-    fn gathered(&self) -> MutexGuard<'_, Gathered> {
-        self.gathered.lock().unwrap_or_else(PoisonError::into_inner)
+    fn collected(&self) -> MutexGuard<'_, Collected> {
+        self.collected.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn is_wanted(&self) -> bool {
-        let wanted_ns = self.wanted_ns.load(Ordering::Relaxed);
-        wanted_ns != 0 && now_ns().saturating_sub(wanted_ns) < WANTED_FOR_NS
+    fn is_requested(&self) -> bool {
+        let requested_ns = self.requested_ns.load(Ordering::Relaxed);
+        requested_ns != 0 && now_ns().saturating_sub(requested_ns) < REQUEST_VALID_NS
     }
 }
 
-impl Station for Desk {
+impl Station for StationData {
     fn facts(&self) -> String {
-        self.wanted_ns.store(now_ns(), Ordering::Relaxed);
+        self.requested_ns.store(now_ns(), Ordering::Relaxed);
         let facts = status::read(&self.station);
-        let gathered = self.gathered();
-        let sentence = |name: &str| facts.as_ref().and_then(|facts| facts.incidents.get(name));
+        let collected = self.collected();
+        let message = |name: &str| facts.as_ref().and_then(|facts| facts.incidents.get(name));
         let is_current = |time_ns: u64| now_ns().saturating_sub(time_ns) < INCIDENTS_FRESH_NS;
-        let incidents = gathered.incidents.as_ref().filter(|all| is_current(all.time_ns)).map(|all| {
+        let incidents = collected.incidents.as_ref().filter(|all| is_current(all.time_ns)).map(|all| {
             let begun = Incident::ALL.iter().filter(|kind| all.begun[**kind as usize] > 0);
-            begun.map(|kind| incident(all, *kind, sentence(kind.name()))).collect::<Vec<_>>()
+            begun.map(|kind| incident(all, *kind, message(kind.name()))).collect::<Vec<_>>()
         });
         json!({
             "station": self.station,
@@ -93,16 +98,16 @@ impl Station for Desk {
                 "model_suspicion": facts.model_suspicion, "loop_faults": facts.loop_faults,
             })),
             "incidents": incidents,
-            "adapters": gathered.adapters.iter().flatten().map(adapter).collect::<Vec<_>>(),
-            "latency": gathered.latency,
-            "parameters": gathered.history.newest_parameters(),
+            "adapters": collected.adapters.iter().flatten().map(adapter).collect::<Vec<_>>(),
+            "latency": collected.latency,
+            "parameters": collected.history.newest_parameters(),
             "report": self.report.as_ref().is_some_and(|path| path.is_file()),
         })
         .to_string()
     }
 
     fn history(&self) -> String {
-        self.gathered().history.to_json().to_string()
+        self.collected().history.to_json().to_string()
     }
 
     fn report(&self) -> Option<String> {
@@ -118,18 +123,18 @@ impl Station for Desk {
             PageCommand::Tare => (CommandKind::Tare, ""),
             PageCommand::SubjectLoad(id) => (CommandKind::SubjectLoad, id.as_str()),
         };
-        client::ask(&self.station, kind, subject).map_err(|error| format!("{error:#}"))
+        client::request(&self.station, kind, subject).map_err(|error| format!("{error:#}"))
     }
 }
 
 fn incident(all: &Incidents, kind: Incident, what: Option<&String>) -> Value {
-    let (now_ns, place) = (now_ns(), kind as usize);
+    let (now_ns, index) = (now_ns(), kind as usize);
     let since_s = |then_ns: u64| seconds(now_ns.saturating_sub(then_ns));
     let active = all.active().any(|active| active == kind);
     json!({
-        "name": kind.name(), "active": active, "begun": all.begun[place], "what": what,
-        "for_s": active.then(|| since_s(all.last_begun_ns[place])),
-        "ended_s_ago": (!active).then(|| since_s(all.last_ended_ns[place])),
+        "name": kind.name(), "active": active, "begun": all.begun[index], "what": what,
+        "for_s": active.then(|| since_s(all.last_begun_ns[index])),
+        "ended_s_ago": (!active).then(|| since_s(all.last_ended_ns[index])),
     })
 }
 
@@ -142,46 +147,49 @@ fn adapter(health: &AdapterHealth) -> Value {
 }
 
 /// Starts the gathering thread; it ends when `newest` is dropped.
-pub(super) fn gather(desk: Arc<Desk>, newest: Weak<Newest>) -> std::io::Result<JoinHandle<()>> {
+pub(super) fn start_collecting(
+    station_data: Arc<StationData>,
+    newest: Weak<Newest>,
+) -> std::io::Result<JoinHandle<()>> {
     std::thread::Builder::new().name("page-station".into()).spawn(move || {
-        let mut eyes: Option<Eyes> = None;
-        let mut kept = Instant::now();
+        let mut subscriptions: Option<Subscriptions> = None;
+        let mut point_time = Instant::now();
         while let Some(newest) = newest.upgrade() {
             let state = newest.lock().ok().and_then(|newest| *newest);
             let state = state.filter(|state| now_ns().saturating_sub(state.time_ns) < FRESH_NS);
             drop(newest);
-            if kept.elapsed() >= POINT_EVERY {
-                kept = Instant::now();
+            if point_time.elapsed() >= POINT_INTERVAL {
+                point_time = Instant::now();
                 if let Some(state) = &state {
-                    desk.gathered().history.keep(state);
+                    station_data.collected().history.push(state);
                 }
             }
-            let learning = state.is_some_and(|state| state.phase == Phase::Identifying as u32);
-            if !desk.is_wanted() {
-                close(&mut eyes);
-            } else if let Some(open) = &mut eyes {
-                if !matches!(open.look(&desk, learning), Ok(true)) {
-                    close(&mut eyes);
+            let identifying = state.is_some_and(|state| state.phase == Phase::Identifying as u32);
+            if !station_data.is_requested() {
+                close(&mut subscriptions);
+            } else if let Some(open) = &mut subscriptions {
+                if !matches!(open.update(&station_data, identifying), Ok(true)) {
+                    close(&mut subscriptions);
                 }
             } else {
-                eyes = Eyes::open(&desk.station).ok();
+                subscriptions = Subscriptions::open(&station_data.station).ok();
             }
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(POLL_INTERVAL);
         }
     })
 }
 
-fn close(eyes: &mut Option<Eyes>) {
-    if let Some(mut eyes) = eyes.take()
-        && eyes.place.is_another_now()
+fn close(subscriptions: &mut Option<Subscriptions>) {
+    if let Some(mut subscriptions) = subscriptions.take()
+        && subscriptions.bus_watch.is_replaced_now()
     {
         // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
-        std::mem::forget(eyes);
+        std::mem::forget(subscriptions);
     }
 }
 
 /// All subscribers; ports are declared before the node, which must be dropped last.
-struct Eyes {
+struct Subscriptions {
     incidents: Subscriber<Incidents>,
     health: Subscriber<AdapterHealth>,
     cycles: Subscriber<CycleRecord>,
@@ -189,16 +197,16 @@ struct Eyes {
     client: CommandClient,
     path: Box<PathHistograms>,
     since_ns: u64,
-    asked: Option<Instant>,
-    place: Place,
+    checkpoint_requested: Option<Instant>,
+    bus_watch: BusWatch,
     _bus: Bus,
 }
 
-impl Eyes {
-    fn open(station: &str) -> Result<Eyes, BusError> {
+impl Subscriptions {
+    fn open(station: &str) -> Result<Subscriptions, BusError> {
         let settings = BusSettings::new(station, PAGE_ROLE);
         let bus = Bus::join(&settings)?;
-        Ok(Eyes {
+        Ok(Subscriptions {
             incidents: bus.subscriber(1)?,
             health: bus.subscriber(8)?,
             cycles: bus.subscriber(CycleRecord::SERVICE.depth_max)?,
@@ -206,15 +214,15 @@ impl Eyes {
             client: bus.command_client()?,
             path: Box::new(PathHistograms::new()),
             since_ns: now_ns(),
-            asked: None,
-            place: Place::of(&settings.root),
+            checkpoint_requested: None,
+            bus_watch: BusWatch::of(&settings.root),
             _bus: bus,
         })
     }
 
     /// Ingests all pending messages; returns `false` if the bus was replaced.
-    fn look(&mut self, desk: &Desk, learning: bool) -> Result<bool, BusError> {
-        if self.place.is_another() {
+    fn update(&mut self, station_data: &StationData, identifying: bool) -> Result<bool, BusError> {
+        if self.bus_watch.is_replaced() {
             return Ok(false);
         }
         let incidents = self.incidents.latest()?;
@@ -232,21 +240,25 @@ impl Eyes {
             .checkpoints
             .receive_with(|checkpoint| Parameters::of(checkpoint, seconds(now_ns())))?
             .flatten();
-        let mut gathered = desk.gathered();
-        gathered.incidents = incidents.or(gathered.incidents);
+        let mut collected = station_data.collected();
+        collected.incidents = incidents.or(collected.incidents);
         for health in adapters {
-            gathered.adapters[usize::from(health.stream != 1)] = Some(health);
+            collected.adapters[usize::from(health.stream != 1)] = Some(health);
         }
-        gathered.latency = Some(Report::of(&self.path));
+        collected.latency = Some(Report::of(&self.path));
         if let Some(parameters) = parameters {
-            gathered.history.keep_parameters(parameters);
+            collected.history.push_parameters(parameters);
         }
-        drop(gathered);
-        if learning && self.asked.is_none_or(|asked| asked.elapsed() >= CHECKPOINT_EVERY) {
-            self.asked = Some(Instant::now());
+        drop(collected);
+        if identifying
+            && self
+                .checkpoint_requested
+                .is_none_or(|checkpoint_requested| checkpoint_requested.elapsed() >= CHECKPOINT_INTERVAL)
+        {
+            self.checkpoint_requested = Some(Instant::now());
             let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
             // A failed request needs no report: missing frames reveal a daemon that does not answer.
-            let _ = self.client.ask(&command, PATIENCE);
+            let _ = self.client.ask(&command, TIMEOUT);
         }
         Ok(true)
     }

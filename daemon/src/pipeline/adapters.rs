@@ -5,83 +5,83 @@ use std::time::Instant;
 
 use equipoise_core::message::Incident;
 
-use super::threads::{Other, started};
+use super::threads::{NamedThread, start_thread};
 use crate::config::Config;
 use crate::incidents::IncidentBoard;
-use crate::keeper::{World, keep};
-use crate::realtime::Asked;
+use crate::realtime::RequestedScheduling;
+use crate::restart_policy::{Environment, run_with_restarts};
 use crate::rings::Rings;
-use crate::roster::Roster;
 use crate::sensors::{self, AdapterError};
+use crate::thread_registry::ThreadRegistry;
 
 /// Starts the adapters that run inside the daemon; the first start of each must succeed.
 pub(super) fn start(
     config: &Config,
     rings: &Arc<Rings>,
-    roster: &Arc<Roster>,
+    thread_registry: &Arc<ThreadRegistry>,
     board: &Arc<IncidentBoard>,
-    adapters: &mut Vec<Other>,
+    adapters: &mut Vec<NamedThread>,
 ) -> anyhow::Result<()> {
-    let asked = sensors::asked(config);
+    let requested = sensors::requested_scheduling(config);
     if config.reads_suit() {
-        let kept = Kept { name: "suit", down: Incident::SuitAdapterDown, asked };
+        let adapter = SupervisedAdapter { name: "suit", down: Incident::SuitAdapterDown, requested };
         let (station, suit) = (config.station.clone(), config.suit.clone());
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
             sensors::run_suit(&station, &suit, ready, stopping)
         };
-        kept.start(rings, roster, board, adapters, run)?;
+        adapter.start(rings, thread_registry, board, adapters, run)?;
     }
     if config.reads_ground() {
-        let kept = Kept { name: "ground", down: Incident::GroundAdapterDown, asked };
+        let adapter = SupervisedAdapter { name: "ground", down: Incident::GroundAdapterDown, requested };
         let (station, ground) = (config.station.clone(), config.ground.clone());
         let incidents = Arc::clone(board);
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
-            let trouble = |sentence: Option<&str>| match sentence {
-                Some(sentence) => incidents.begin(Incident::GroundAdapterDown, sentence),
+            let report_fault = |message: Option<&str>| match message {
+                Some(message) => incidents.begin(Incident::GroundAdapterDown, message),
                 None => incidents.end(Incident::GroundAdapterDown),
             };
-            sensors::run_ground(&station, &ground, ready, &trouble, stopping)
+            sensors::run_ground(&station, &ground, ready, &report_fault, stopping)
         };
-        kept.start(rings, roster, board, adapters, run)?;
+        adapter.start(rings, thread_registry, board, adapters, run)?;
     }
     Ok(())
 }
 
 /// One adapter of the daemon.
-struct Kept {
+struct SupervisedAdapter {
     name: &'static str,
     down: Incident,
-    asked: Asked,
+    requested: RequestedScheduling,
 }
 
-impl Kept {
+impl SupervisedAdapter {
     fn start(
         self,
         rings: &Arc<Rings>,
-        roster: &Arc<Roster>,
+        thread_registry: &Arc<ThreadRegistry>,
         board: &Arc<IncidentBoard>,
-        adapters: &mut Vec<Other>,
+        adapters: &mut Vec<NamedThread>,
         mut run: impl FnMut(&mut dyn FnMut(), &dyn Fn() -> bool) -> Result<(), AdapterError> + Send + 'static,
     ) -> anyhow::Result<()> {
         let (rings, board) = (Arc::clone(rings), Arc::clone(board));
-        let Kept { name, down, asked } = self;
+        let SupervisedAdapter { name, down, requested } = self;
         // The thread's scheduling persists across restarts of its adapter.
-        let (thread, ()) = started(name, asked, roster, move |ready| {
-            let begun = Instant::now();
+        let (thread, ()) = start_thread(name, requested, thread_registry, move |ready| {
+            let start_time = Instant::now();
             let stopping = || rings.is_stopping();
-            let world = World {
-                now: &|| begun.elapsed(),
+            let environment = Environment {
+                now: &|| start_time.elapsed(),
                 sleep: &std::thread::sleep,
                 stopping: &stopping,
-                down: &|why| match why {
-                    Some(why) => board.begin(down, why),
+                down: &|reason| match reason {
+                    Some(reason) => board.begin(down, reason),
                     None => board.end(down),
                 },
             };
-            keep(name, &world, |works| {
+            run_with_restarts(name, &environment, |report_working| {
                 run(
                     &mut || {
-                        works();
+                        report_working();
                         // Only the first start has a receiver; later ones fail to send.
                         let _ = ready.send(());
                     },

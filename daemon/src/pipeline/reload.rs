@@ -5,8 +5,8 @@ use equipoise_core::message::Incident;
 use tracing::info;
 
 use super::Pipeline;
+use crate::active_configuration::ActiveConfiguration;
 use crate::config::{Config, ConfigError};
-use crate::in_force::Forced;
 use crate::realtime::now_ns;
 use crate::status::Status;
 
@@ -19,24 +19,25 @@ impl Pipeline {
     /// # Errors
     /// The reason of a refusal.
     pub fn reload(&self, read: Result<Config, ConfigError>) -> anyhow::Result<Vec<String>> {
-        let outcome = read.map_err(anyhow::Error::from).and_then(|wanted| self.take_up(wanted));
+        let outcome = read.map_err(anyhow::Error::from).and_then(|new| self.apply(new));
         match &outcome {
             Ok(_) => self.board.end(Incident::ReloadRefused),
-            Err(why) => self
-                .board
-                .begin(Incident::ReloadRefused, &format!("{why:#}; the configuration before stays in force")),
+            Err(reason) => self.board.begin(
+                Incident::ReloadRefused,
+                &format!("{reason:#}; the configuration before stays in force"),
+            ),
         }
         outcome
     }
 
-    fn take_up(&self, wanted: Config) -> anyhow::Result<Vec<String>> {
+    fn apply(&self, new: Config) -> anyhow::Result<Vec<String>> {
         if self.rings.settings.is_full() {
             bail!("the reload before is not taken up yet; ask again");
         }
-        let _alone = self.in_force.alone();
-        let before = self.in_force.now();
-        let config = before.config.with_live_parts_of(&wanted);
-        let not_live = config.keys_that_differ(&wanted);
+        let _changes = self.active_configuration.lock_changes();
+        let before = self.active_configuration.get();
+        let config = before.config.with_live_settings_of(&new);
+        let not_live = config.keys_that_differ(&new);
         let changed = before.config.keys_that_differ(&config);
         if changed.is_empty() && before.config.model_toml() == config.model_toml() {
             info!("the configuration is the one in force");
@@ -47,8 +48,8 @@ impl Pipeline {
         // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
         // matching configuration. Restore the previous status if the loop does not apply it.
         let reload = now_ns() / 1000;
-        let status_before = self.tell(&config, reload)?;
-        if !self.rings.hand_over_settings(reload, Box::new(settings)) {
+        let status_before = self.publish_status(&config, reload)?;
+        if !self.rings.push_settings(reload, Box::new(settings)) {
             self.status.change(|status| *status = status_before);
             let _ = self.status.write();
             bail!("the loop takes nothing up; see `equipoise status`");
@@ -56,12 +57,12 @@ impl Pipeline {
         if let Some(model) =
             config.loaded_model.as_ref().filter(|_| before.config.loaded_model != config.loaded_model)
         {
-            info!("{}", model.tell());
+            info!("{}", model.describe());
         }
         let not_live = restart_notes(&config, &not_live);
-        self.in_force.replace(Forced { config, settings, similar: before.similar });
+        self.active_configuration.replace(ActiveConfiguration { config, settings, similar: before.similar });
         for key in &changed {
-            match Config::who_reads(key) {
+            match Config::reader_of(key) {
                 Some(reader) => info!("{key} changed: in force once {reader} is restarted"),
                 None => info!("{key} changed: in force now"),
             }
@@ -70,7 +71,7 @@ impl Pipeline {
     }
 
     /// Publishes the new configuration in the status; returns the previous status, which remains if writing fails.
-    fn tell(&self, config: &Config, reload: u64) -> anyhow::Result<Status> {
+    fn publish_status(&self, config: &Config, reload: u64) -> anyhow::Result<Status> {
         let mut before = None;
         self.status.change(|status| {
             before = Some(status.clone());

@@ -7,67 +7,68 @@ use std::thread::JoinHandle;
 use anyhow::{Context, anyhow, bail};
 use equipoise_latency::{PathHistograms, Report};
 
-use crate::in_force::InForce;
-use crate::realtime::Asked;
-use crate::roster::Roster;
+use crate::active_configuration::SharedConfiguration;
+use crate::realtime::RequestedScheduling;
+use crate::subjects::Subjects;
+use crate::thread_registry::ThreadRegistry;
 use crate::tick::LoopSummary;
-use crate::workers::Workers;
 
 /// Stack size of every thread; the loop's is prefaulted, and each counts as locked memory.
 const STACK_BYTES: usize = 2 << 20;
 
 /// A thread without a result.
-pub(super) type Other = (&'static str, JoinHandle<anyhow::Result<()>>);
+pub(super) type NamedThread = (&'static str, JoinHandle<anyhow::Result<()>>);
 
 /// Data that the command thread receives once it owns the station.
-pub(super) type Held = (Arc<InForce>, Arc<Workers>);
+pub(super) type Shared = (Arc<SharedConfiguration>, Arc<Subjects>);
 
 /// The threads started so far.
 pub(super) struct Running {
     commands: JoinHandle<anyhow::Result<()>>,
     /// The command thread owns the station while this sender exists.
-    hold: Sender<Held>,
-    pub(super) looping: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
+    share: Sender<Shared>,
+    pub(super) loop_thread: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
     /// A failure costs latency figures only, so the other threads continue.
     pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
-    pub(super) others: Vec<Other>,
+    pub(super) threads: Vec<NamedThread>,
     /// A failure affects nothing else.
     pub(super) metrics: Option<JoinHandle<anyhow::Result<()>>>,
 }
 
 impl Running {
     /// With the command thread only.
-    pub(super) fn holding(commands: JoinHandle<anyhow::Result<()>>, hold: Sender<Held>) -> Running {
-        Running { commands, hold, looping: None, latency_log: None, others: Vec::new(), metrics: None }
+    pub(super) fn with_commands(commands: JoinHandle<anyhow::Result<()>>, share: Sender<Shared>) -> Running {
+        Running { commands, share, loop_thread: None, latency_log: None, threads: Vec::new(), metrics: None }
     }
 
-    pub(super) fn is_whole(&self) -> bool {
-        fn runs<T>(thread: &Option<JoinHandle<T>>) -> bool {
+    pub(super) fn is_running(&self) -> bool {
+        fn is_alive<T>(thread: &Option<JoinHandle<T>>) -> bool {
             thread.as_ref().is_some_and(|thread| !thread.is_finished())
         }
-        runs(&self.looping)
+        is_alive(&self.loop_thread)
             && !self.commands.is_finished()
-            && self.others.iter().all(|(_, thread)| !thread.is_finished())
+            && self.threads.iter().all(|(_, thread)| !thread.is_finished())
     }
 
     /// Joins all threads, so that each removes its ports from the bus; then returns their results. `last` is called
     /// before the station is released.
     pub(super) fn join(self, last: impl FnOnce()) -> anyhow::Result<(LoopSummary, Report)> {
-        let cycles = self.looping.map(|thread| joined("loop", thread));
+        let cycles = self.loop_thread.map(|thread| join_thread("loop", thread));
         let latency = self.latency_log.map(|thread| {
-            joined("latency log", thread).unwrap_or_else(|error| {
+            join_thread("latency log", thread).unwrap_or_else(|error| {
                 tracing::warn!("{error:#}; the figures of this run are lost, and nothing else");
                 Report::of(&PathHistograms::new())
             })
         });
-        let others: Vec<_> = self.others.into_iter().map(|(name, thread)| joined(name, thread)).collect();
-        if let Some(Err(error)) = self.metrics.map(|thread| joined("metrics", thread)) {
+        let threads: Vec<_> =
+            self.threads.into_iter().map(|(name, thread)| join_thread(name, thread)).collect();
+        if let Some(Err(error)) = self.metrics.map(|thread| join_thread("metrics", thread)) {
             tracing::warn!("{error:#}; nothing else was touched by it");
         }
         last();
-        drop(self.hold);
-        joined("commands", self.commands)?;
-        others.into_iter().collect::<anyhow::Result<()>>()?;
+        drop(self.share);
+        join_thread("commands", self.commands)?;
+        threads.into_iter().collect::<anyhow::Result<()>>()?;
         match (cycles, latency) {
             (Some(cycles), Some(latency)) => Ok((cycles?, latency)),
             _ => bail!("the pipeline was not started whole"),
@@ -75,7 +76,7 @@ impl Running {
     }
 }
 
-fn joined<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyhow::Result<T> {
+fn join_thread<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyhow::Result<T> {
     match thread.join() {
         Ok(outcome) => outcome.with_context(|| format!("thread {name}")),
         Err(_) => Err(anyhow!("thread {name} panicked")),
@@ -84,16 +85,16 @@ fn joined<T>(name: &'static str, thread: JoinHandle<anyhow::Result<T>>) -> anyho
 
 /// Starts a thread, which requests its real-time settings first, and waits until it is ready; an earlier end is the
 /// error.
-pub(super) fn started<Ready: Send + 'static, T: Send + 'static>(
+pub(super) fn start_thread<Ready: Send + 'static, T: Send + 'static>(
     name: &'static str,
-    asked: Asked,
-    roster: &Arc<Roster>,
+    requested: RequestedScheduling,
+    thread_registry: &Arc<ThreadRegistry>,
     body: impl FnOnce(Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
 ) -> anyhow::Result<(JoinHandle<anyhow::Result<T>>, Ready)> {
     let (sender, receiver) = mpsc::channel();
-    let roster = Arc::clone(roster);
+    let thread_registry = Arc::clone(thread_registry);
     let begin = move || {
-        roster.ask(name, asked);
+        thread_registry.request(name, requested);
         body(sender)
     };
     let thread = std::thread::Builder::new().name(name.into()).stack_size(STACK_BYTES).spawn(begin)?;
@@ -113,28 +114,28 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn the_station_is_given_free_when_all_is_written_and_the_status_is_gone() {
+    fn the_station_is_released_after_all_files_are_written() {
         let order = Arc::new(Mutex::new(Vec::new()));
-        let note = |what: &'static str| {
+        let mark = |what: &'static str| {
             let order = Arc::clone(&order);
             move || order.lock().unwrap().push(what)
         };
-        let (hold, held) = mpsc::channel::<Held>();
-        let (free, saved) = (note("free"), note("saved"));
+        let (share, shared) = mpsc::channel::<Shared>();
+        let (free, saved) = (mark("free"), mark("saved"));
         let commands = std::thread::spawn(move || {
-            let _ = held.recv();
+            let _ = shared.recv();
             free();
             Ok(())
         });
-        let mut running = Running::holding(commands, hold);
+        let mut running = Running::with_commands(commands, share);
         let saving = std::thread::spawn(move || {
             // Simulates a slow disk.
             std::thread::sleep(Duration::from_millis(100));
             saved();
             Ok(())
         });
-        running.others.push(("saving", saving));
-        assert!(running.join(note("status")).is_err(), "there is no loop");
+        running.threads.push(("saving", saving));
+        assert!(running.join(mark("status")).is_err(), "there is no loop");
         assert_eq!(*order.lock().unwrap(), ["saved", "status", "free"]);
     }
 }

@@ -1,4 +1,4 @@
-//! Parts of a profile that need words of their own: poses by name, consistency, the shift.
+//! Parts of a profile with their own representation: poses by name, consistency, the shift.
 
 use std::collections::BTreeMap;
 
@@ -10,9 +10,9 @@ use equipoise_core::exposure::{LATEST_LIFTS, Lift, Shift};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
-/// A pause as long as this ends a shift, s: no break in a day's work is as long, and no night is shorter.
+/// Pause that ends a shift, s: longer than any break of a working day, shorter than any night.
 pub(super) const SHIFT_ENDS_S: u64 = 4 * 3600;
-/// Fatigue is kept to so many parts of one.
+/// Resolution of the stored fatigue: steps from 0 to 1.
 const FATIGUE_STEPS: f64 = 1e4;
 
 /// Names of the poses whose bits are set.
@@ -21,17 +21,17 @@ pub(super) fn names_of(bits: u64) -> Vec<String> {
     set.map(|(_, posture)| posture.name.to_owned()).collect()
 }
 
-/// Where a pose stands in the library.
+/// Index of a pose in the library.
 pub(super) fn index_of(name: &str) -> Option<usize> {
     LIBRARY.iter().position(|posture| posture.name == name)
 }
 
-/// The bits of these poses; names that the library no longer has are passed over.
+/// The bits of these poses; names that are not in the library are ignored.
 pub(super) fn set_of(names: &[String]) -> u64 {
     names.iter().filter_map(|name| index_of(name)).fold(0, |bits, index| bits | 1 << index)
 }
 
-/// [`Consistency`] by its fields.
+/// Fields of [`Consistency`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ConsistencyPart {
@@ -78,26 +78,26 @@ impl ConsistencyPart {
     }
 }
 
-/// [`Shift`] with the time at which it was so.
+/// [`Shift`] with the time of the data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ShiftPart {
     /// s since 1970 UTC.
     saved_unix_s: u64,
-    /// LiFFT's damage of the low back.
+    /// Damage of the low back (LiFFT).
     damage: f64,
     lifts: u64,
-    /// Lifts that have ended, those that were taken back included; absent before format 4.
+    /// Number of completed lifts, including undone ones; absent before format 4.
     #[serde(default)]
     ended: u64,
-    /// By joint; what is not named is not tired.
+    /// By joint; zero for joints that are not listed.
     fatigue: BTreeMap<String, f64>,
-    /// Those that can be taken back; absent before format 4.
+    /// Lifts that can be undone; absent before format 4.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     lift: Vec<LiftPart>,
 }
 
-/// [`Lift`] without its time, which is of one start of the machine.
+/// [`Lift`] without its time, which is valid for one boot only.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LiftPart {
@@ -122,14 +122,15 @@ impl LiftPart {
     }
 }
 
-/// Fatigue as it is kept.
-pub(crate) fn kept_fatigue(share: f64) -> f64 {
+/// Rounds fatigue to the stored resolution.
+pub(crate) fn recovered_fatigue(share: f64) -> f64 {
     (share * FATIGUE_STEPS).round() / FATIGUE_STEPS
 }
 
 impl ShiftPart {
     pub(super) fn of(shift: &Shift, saved_unix_s: u64) -> ShiftPart {
-        let tired = Joint::ALL.iter().map(|joint| (joint.name(), kept_fatigue(shift.fatigue[joint.index()])));
+        let tired =
+            Joint::ALL.iter().map(|joint| (joint.name(), recovered_fatigue(shift.fatigue[joint.index()])));
         let tired = tired.filter(|(_, share)| *share > 0.0);
         ShiftPart {
             saved_unix_s,
@@ -144,7 +145,7 @@ impl ShiftPart {
     /// The shift to go on with at a time, s since 1970 UTC.
     ///
     /// # Errors
-    /// Why it is over, or cannot be believed.
+    /// Why the shift has ended or is implausible.
     pub(super) fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
         let Some(pause_s) = now_unix_s.checked_sub(self.saved_unix_s) else {
             return Err("it was saved later than the clock says it is now".to_owned());
@@ -161,16 +162,16 @@ impl ShiftPart {
         for part in &self.lift {
             let is_last = (1..=self.ended).contains(&part.number)
                 && self.ended - part.number < LATEST_LIFTS as u64
-                && part.lift().is_sound();
+                && part.lift().is_valid();
             if !is_last {
                 return Err(format!("its lift {} is out of range", part.number));
             }
             latest[(part.number - 1) as usize % LATEST_LIFTS] = part.lift();
         }
-        let sound = self.damage.is_finite()
+        let is_plausible = self.damage.is_finite()
             && self.damage >= 0.0
             && fatigue.iter().all(|share| (0.0..=1.0).contains(share));
-        sound
+        is_plausible
             .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest })
             .ok_or_else(|| "a number of it is out of range".to_owned())
     }
@@ -181,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn poses_are_kept_by_name() {
+    fn poses_are_stored_by_name() {
         let all = if LIBRARY.len() == 64 { u64::MAX } else { (1 << LIBRARY.len()) - 1 };
         for bits in [0, 1, 0b1010, all] {
             assert_eq!(set_of(&names_of(bits)), bits, "two poses of one name?");
@@ -190,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_goes_on_after_a_break_and_not_after_a_night_or_from_the_future() {
+    fn a_shift_continues_after_a_break_and_not_after_a_night_or_from_the_future() {
         let mut shift =
             Shift { fatigue: [0.0; JOINTS], damage: 0.01, lifts: 19, ended: 21, ..Zeroable::zeroed() };
         shift.fatigue[3] = 0.25;

@@ -71,7 +71,7 @@ impl Results<'_> {
         // The page is the entry point, so it is moved last, once all other files exist.
         pages.reverse();
         files.extend(pages);
-        self.place(&files)
+        self.write_files(&files)
             .with_context(|| format!("cannot write the results to {}", self.folder.display()))?;
         Ok(files.into_iter().map(|(name, _)| self.folder.join(name)).collect())
     }
@@ -88,7 +88,7 @@ impl Results<'_> {
             .config
             .loaded_model
             .as_ref()
-            .map(|known| known.file().effects.clone())
+            .map(|model| model.file().effects.clone())
             .unwrap_or_default();
         effects.extend(outcome.terms.iter().map(|fitted| {
             let term = &fitted.term;
@@ -120,7 +120,7 @@ impl Results<'_> {
     }
 
     /// Writes all files into a temporary subfolder, and moves them when all are complete.
-    fn place(&self, files: &[(String, String)]) -> io::Result<()> {
+    fn write_files(&self, files: &[(String, String)]) -> io::Result<()> {
         fs::create_dir_all(self.folder)?;
         let temporary = self.folder.join(format!(".reconcile-{}", std::process::id()));
         fs::create_dir(&temporary)?;

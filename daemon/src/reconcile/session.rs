@@ -8,22 +8,22 @@ use equipoise_discrepancy::spans::Found;
 
 use anyhow::bail;
 
-use super::learn::Learnt;
+use super::identify::Identified;
 use super::survey::Survey;
-use super::{Progress, Reconcile, TICK_NS, known, memory_at_first};
+use super::{Progress, Reconcile, TICK_NS, cutoff, memory_at_first};
 use crate::replay::free;
-use crate::replay::samples::LeftOut;
+use crate::replay::samples::SkippedData;
 
 /// Runs the frozen subject model over the recording.
 pub(super) fn compare(
     reconcile: &Reconcile<'_>,
     survey: &Survey,
-    learnt: &Learnt,
+    identified: &Identified,
     found: &Found,
     progress: &mut dyn FnMut(Progress),
-) -> anyhow::Result<(Session, LeftOut)> {
+) -> anyhow::Result<(Session, SkippedData)> {
     let settings = reconcile.settings();
-    let Some(worker) = Worker::of(&learnt.worker, &settings) else {
+    let Some(worker) = Worker::of(&identified.worker, &settings) else {
         bail!("the worker's mass is not known: no person stood still on the plate; give subject.mass_kg");
     };
     let has_inertia = settings.motion != Motion::Paper;
@@ -32,7 +32,7 @@ pub(super) fn compare(
     options.half_window_s = options.half_window_s.max(settings.half_window_ns() as f64 * 1e-9);
     let mut comparison = Comparison::new(worker, options);
     let mut memory = memory_at_first(reconcile, survey);
-    memory.identification = *learnt.worker;
+    memory.identification = *identified.worker;
     let mut samples = reconcile.input.samples(reconcile.config)?;
     let mut tares = survey.tares_ns.iter().copied().peekable();
     let length_s = survey.samples_s()[1];
@@ -54,7 +54,7 @@ pub(super) fn compare(
     })?;
     let mut session = Session {
         mass_kg: worker.mass_kg,
-        prior_covariance_m2: prior_covariance_m2(&learnt.worker, &settings),
+        prior_covariance_m2: prior_covariance_m2(&identified.worker, &settings),
         has_shear: comparison.has_shear(),
         has_inertia,
         suit_drifts: settings.suit_drifts,
@@ -63,6 +63,6 @@ pub(super) fn compare(
         length_s,
         blocks: comparison.finish(),
     };
-    known::take_off(&mut session.blocks, &settings.model);
-    Ok((session, samples.left_out()))
+    cutoff::subtract(&mut session.blocks, &settings.model);
+    Ok((session, samples.skipped()))
 }

@@ -18,7 +18,7 @@ pub struct Summary<'a> {
 
 impl fmt::Display for Summary<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (session, learnt) = (&self.compared.session, &self.compared.learnt);
+        let (session, identified) = (&self.compared.session, &self.compared.identified);
         writeln!(f, "{}", self.compared.found.description)?;
         let still = session.blocks.iter().filter(|block| block.still).count();
         writeln!(
@@ -26,8 +26,8 @@ impl fmt::Display for Summary<'_> {
             "worker: {:.1} kg, learnt from {} poses and {} moments in motion; compared: {} blocks of {} s, {still} of \
              them still",
             session.mass_kg,
-            learnt.poses,
-            learnt.moments,
+            identified.poses,
+            identified.motion_samples,
             session.blocks.len(),
             session.block_s
         )?;
@@ -83,9 +83,9 @@ impl fmt::Display for EffectLine<'_> {
         }
         // In the order of the catalogue, which begins with the most relevant parameters.
         let order = Effect::from_name(&named.name).map(Effect::parameters).unwrap_or_default();
-        let place_of = |name: &str| order.iter().position(|known| known.name == name).unwrap_or(order.len());
+        let rank_of = |name: &str| order.iter().position(|entry| entry.name == name).unwrap_or(order.len());
         let mut parameters: Vec<_> = named.parameters.iter().collect();
-        parameters.sort_by_key(|(name, _)| place_of(name));
+        parameters.sort_by_key(|(name, _)| rank_of(name));
         for (name, estimate) in parameters {
             write!(f, ", {name} {:.4} ± {:.4}", estimate.value, estimate.sigma)?;
         }

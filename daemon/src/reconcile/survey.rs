@@ -55,7 +55,7 @@ struct Second {
 }
 
 impl Stream {
-    fn see(&mut self, time_ns: u64, numbers: impl Iterator<Item = f64>) {
+    fn ingest(&mut self, time_ns: u64, numbers: impl Iterator<Item = f64>) {
         if self.samples == 0 {
             self.first_ns = time_ns;
             self.last_ns = time_ns;
@@ -89,8 +89,8 @@ impl Survey {
             // Stop at damage: later passes stop at the same entry and report it.
             for timed in recording.entries().map_while(Result::ok) {
                 match timed.entry {
-                    Entry::Suit(sample) => survey.see_suit(&sample),
-                    Entry::Ground(sample) => survey.see_ground(&sample),
+                    Entry::Suit(sample) => survey.ingest_suit(&sample),
+                    Entry::Ground(sample) => survey.ingest_ground(&sample),
                     Entry::Cycle(cycle) if cycle.command == CommandKind::Tare as u32 => {
                         survey.tares_ns.push(cycle.due_ns);
                     }
@@ -103,8 +103,8 @@ impl Survey {
         } else {
             for sample in input.samples(config)? {
                 match sample {
-                    Sample::Suit(sample) => survey.see_suit(&sample),
-                    Sample::Ground(sample) => survey.see_ground(&sample),
+                    Sample::Suit(sample) => survey.ingest_suit(&sample),
+                    Sample::Ground(sample) => survey.ingest_ground(&sample),
                     Sample::Body(_) => {}
                 }
             }
@@ -117,14 +117,14 @@ impl Survey {
         Ok(survey)
     }
 
-    fn see_suit(&mut self, sample: &SuitSample) {
+    fn ingest_suit(&mut self, sample: &SuitSample) {
         let numbers = sample.position_m.iter().flatten().chain(sample.orientation_wxyz.iter().flatten());
-        self.suit.see(sample.sample_time_ns, numbers.copied());
+        self.suit.ingest(sample.sample_time_ns, numbers.copied());
     }
 
-    fn see_ground(&mut self, sample: &GroundSample) {
+    fn ingest_ground(&mut self, sample: &GroundSample) {
         let numbers = sample.force_n.iter().chain(&sample.moment_nm);
-        self.ground.see(sample.sample_time_ns, numbers.copied());
+        self.ground.ingest(sample.sample_time_ns, numbers.copied());
         let number = sample.sample_time_ns / 1_000_000_000;
         if number != self.second.number {
             self.end_second();
@@ -232,15 +232,15 @@ impl Survey {
             let time_s = second + 0.5 - self.begin_ns as f64 * 1e-9;
             time_s >= from_s && time_s < to_s
         };
-        let mut shown: Vec<f64> =
+        let mut forces_n: Vec<f64> =
             self.weight_n.iter().filter(|(second, _)| lies_in(*second)).map(|(_, mean_n)| *mean_n).collect();
-        shown.sort_by(f64::total_cmp);
+        forces_n.sort_by(f64::total_cmp);
         // Temporary loads only add weight, so the lower quartile is the body weight.
-        let Some(weight_n) = shown.get(shown.len() / 4) else { return Ok(()) };
-        let shown_kg = weight_n / GRAVITY_M_PER_S2;
-        if (shown_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {
+        let Some(weight_n) = forces_n.get(forces_n.len() / 4) else { return Ok(()) };
+        let measured_kg = weight_n / GRAVITY_M_PER_S2;
+        if (measured_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {
             bail!(
-                "while the worker should be identified ({from_s:.0} s – {to_s:.0} s) the plate shows {shown_kg:.1} kg, but {} \
+                "while the worker should be identified ({from_s:.0} s – {to_s:.0} s) the plate shows {measured_kg:.1} kg, but {} \
                  weighs {mass_kg:.1} kg: this is another worker's recording or configuration, or something is carried; \
                  name the right one with --config, or other poses with --identify",
                 config.subject.id

@@ -9,8 +9,8 @@ use equipoise_core::message::Printable;
 use equipoise_files::{TEXT_BYTES_MAX, open_regular, read_text};
 use minisign::{ErrorKind, PublicKey, PublicKeyBox, SignatureBox};
 
-use super::keeping::Shelf;
 use super::signature::{key_id, signature_of};
+use super::storage::RecordingStore;
 use crate::model::sha256_of;
 
 /// Base64 digits of the 64 bytes of a signature.
@@ -82,13 +82,13 @@ impl Authenticity {
         public_key: Option<&PublicKey>,
     ) -> anyhow::Result<Authenticity> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let series = Shelf::with(path);
+        let series = RecordingStore::with(path);
         let signature = signature(path, &name, public_key)?;
         let previous = match &recording.header().previous {
-            Some(previous) => check_previous(path, previous, series.as_ref().map(|(shelf, _)| shelf)),
+            Some(previous) => check_previous(path, previous, series.as_ref().map(|(store, _)| store)),
             None => Previous::Unnamed,
         };
-        let next = series.and_then(|(shelf, number)| shelf.after(number));
+        let next = series.and_then(|(store, number)| store.after(number));
         let next = match next
             .and_then(|next| Some((Recording::open(&next).ok()?.header().previous.clone()?, next)))
         {
@@ -102,7 +102,7 @@ impl Authenticity {
     }
 
     /// Whether nothing contradicts the recording, and no file before it is missing.
-    pub fn is_sound(&self) -> bool {
+    pub fn is_valid(&self) -> bool {
         let signed_otherwise = matches!(self.signature, Signature::OtherKey { .. });
         self.contradictions().is_empty()
             && !signed_otherwise
@@ -112,8 +112,8 @@ impl Authenticity {
     /// What shows that this file or one next to it was altered.
     fn contradictions(&self) -> Vec<String> {
         let mut found = Vec::new();
-        if let Signature::Invalid(why) = &self.signature {
-            found.push(why.clone());
+        if let Signature::Invalid(reason) = &self.signature {
+            found.push(reason.clone());
         }
         if let Previous::Differs(previous) = &self.previous {
             found.push(format!("{previous} is not the file whose hash this one contains"));
@@ -141,12 +141,14 @@ impl fmt::Display for Authenticity {
             Signature::OtherKey { key, expected } => {
                 write!(f, "not valid: signed by key {key}, which is not the key {expected}")?;
             }
-            Signature::Invalid(why) => f.write_str(why)?,
+            Signature::Invalid(reason) => f.write_str(reason)?,
         }
         match &self.previous {
             Previous::Unnamed => f.write_str("; no previous file")?,
             Previous::Matching(previous) => write!(f, "; previous file {previous} matches")?,
-            Previous::Unchecked(previous, why) => write!(f, "; previous file {previous} not checked: {why}")?,
+            Previous::Unchecked(previous, reason) => {
+                write!(f, "; previous file {previous} not checked: {reason}")?
+            }
             Previous::Missing(previous) => {
                 write!(f, "; previous file {previous} is missing, though older files are present")?;
             }
@@ -209,10 +211,10 @@ fn parse(text: &str) -> anyhow::Result<SignatureBox> {
     Ok(signature)
 }
 
-fn check_previous(path: &Path, previous: &Predecessor, shelf: Option<&Shelf>) -> Previous {
+fn check_previous(path: &Path, previous: &Predecessor, store: Option<&RecordingStore>) -> Previous {
     let (found, name) = (path.with_file_name(&previous.file), previous.file.clone());
     if found.symlink_metadata().is_err() {
-        let is_gap = shelf.is_some_and(|shelf| shelf.has_before(&name));
+        let is_gap = store.is_some_and(|store| store.has_before(&name));
         let absent = "it is not in the folder".to_owned();
         return if is_gap { Previous::Missing(name) } else { Previous::Unchecked(name, absent) };
     }

@@ -13,7 +13,7 @@ use equipoise_files::{Sha256, open_regular, secret};
 use minisign::{KeyPair, SecretKey, SecretKeyBox};
 use tracing::{info, warn};
 
-use crate::whole_file::write_whole;
+use crate::atomic_file::write_atomically;
 
 /// What the name of a signature adds to that of its recording.
 pub const SIGNATURE_ENDING: &str = ".minisig";
@@ -105,7 +105,7 @@ impl SigningKey {
             recording.display()
         );
         let out = signature_of(recording);
-        write_whole(&out, signature.into_string().as_bytes())
+        write_atomically(&out, signature.into_string().as_bytes())
             .with_context(|| format!("cannot write {}", out.display()))?;
         if recording.symlink_metadata().is_err() {
             // The recording was removed in the meantime.

@@ -15,7 +15,7 @@ pub struct Numbered {
 }
 
 impl Numbered {
-    pub(super) fn see(&mut self, number: u64) {
+    pub(super) fn ingest(&mut self, number: u64) {
         self.written += 1;
         match self.last {
             Some(last) if number > last => self.lost += number - last - 1,
@@ -89,7 +89,7 @@ mod tests {
     fn gaps_are_losses_and_a_number_that_falls_is_a_restart() {
         let mut summary = RecordSummary::default();
         for number in [7, 8, 11, 1, 2] {
-            summary.suit.see(number);
+            summary.suit.ingest(number);
         }
         assert_eq!((summary.suit.written, summary.suit.lost, summary.suit.restarts), (5, 2, 1));
         assert_eq!(summary.lost(), 2);

@@ -10,12 +10,12 @@ use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
-use super::waiting::Waiting;
+use super::pending::Pending;
 
 /// Read-ahead relative to the current cycle, ns.
-const LOOK_AHEAD_NS: u64 = 2 * NS_PER_S;
+const READ_AHEAD_NS: u64 = 2 * NS_PER_S;
 /// Samples that no cycle ingested are dropped after this time, ns: the loop's rings hold far less.
-const GIVE_UP_NS: u64 = 10 * NS_PER_S;
+const DISCARD_AFTER_NS: u64 = 10 * NS_PER_S;
 
 /// The messages of one cycle.
 pub(super) struct Cycle {
@@ -33,8 +33,8 @@ pub(super) struct Feed<'a> {
     states: VecDeque<Box<State>>,
     /// Each with the time of the cycle after which it was taken.
     checkpoints: VecDeque<(u64, Box<Checkpoint>)>,
-    pub(super) suit: Waiting<SuitSample>,
-    pub(super) ground: Waiting<GroundSample>,
+    pub(super) suit: Pending<SuitSample>,
+    pub(super) ground: Pending<GroundSample>,
     bodies: VecDeque<Box<SuitBody>>,
     newest_ns: u64,
     ended: bool,
@@ -49,8 +49,8 @@ impl<'a> Feed<'a> {
             cycles: VecDeque::new(),
             states: VecDeque::new(),
             checkpoints: VecDeque::new(),
-            suit: Waiting::default(),
-            ground: Waiting::default(),
+            suit: Pending::default(),
+            ground: Pending::default(),
             bodies: VecDeque::new(),
             newest_ns: 0,
             ended: false,
@@ -67,10 +67,10 @@ impl<'a> Feed<'a> {
         let due_ns = record.due_ns;
         while self.states.pop_front_if(|state| state.time_ns < due_ns).is_some() {}
         while self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns < due_ns).is_some() {}
-        self.suit.give_up_before(due_ns.saturating_sub(GIVE_UP_NS));
-        self.ground.give_up_before(due_ns.saturating_sub(GIVE_UP_NS));
-        let given_up_ns = due_ns.saturating_sub(GIVE_UP_NS);
-        while self.bodies.pop_front_if(|body| body.published_ns < given_up_ns).is_some() {}
+        self.suit.discard_before(due_ns.saturating_sub(DISCARD_AFTER_NS));
+        self.ground.discard_before(due_ns.saturating_sub(DISCARD_AFTER_NS));
+        let discarded_ns = due_ns.saturating_sub(DISCARD_AFTER_NS);
+        while self.bodies.pop_front_if(|body| body.published_ns < discarded_ns).is_some() {}
         let state = self.states.pop_front_if(|state| state.time_ns == due_ns);
         let checkpoint = self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns == due_ns);
         let checkpoint = checkpoint.map(|(_, checkpoint)| checkpoint);
@@ -79,7 +79,7 @@ impl<'a> Feed<'a> {
 
     /// The body dimensions that a cycle ingested, and whether the recording is complete in this respect; true if the
     /// cycle ingested none.
-    pub(super) fn take_body(&mut self, published_ns: u64) -> (Option<Box<SuitBody>>, bool) {
+    pub(super) fn pop_body(&mut self, published_ns: u64) -> (Option<Box<SuitBody>>, bool) {
         if published_ns == 0 {
             return (None, true);
         }
@@ -92,7 +92,7 @@ impl<'a> Feed<'a> {
     fn has_read_ahead(&self) -> bool {
         self.cycles
             .front()
-            .is_some_and(|record| self.newest_ns >= record.due_ns.saturating_add(LOOK_AHEAD_NS))
+            .is_some_and(|record| self.newest_ns >= record.due_ns.saturating_add(READ_AHEAD_NS))
     }
 
     fn read_one(&mut self) {

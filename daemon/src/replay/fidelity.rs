@@ -72,11 +72,11 @@ impl Fidelity {
 
     /// Whether the recording is complete and every state was reproduced.
     pub fn is_exact(&self) -> bool {
-        self.states_differing == 0 && self.memories_differing == 0 && self.is_whole()
+        self.states_differing == 0 && self.memories_differing == 0 && self.is_complete()
     }
 
     /// Whether the recording is complete.
-    pub fn is_whole(&self) -> bool {
+    pub fn is_complete(&self) -> bool {
         self.cycles_missing == 0
             && self.cycles_lacking_samples == 0
             && self.unknown_commands == 0

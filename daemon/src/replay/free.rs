@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_silence_is_skipped_in_whole_slots() {
+    fn a_long_gap_is_skipped_in_whole_slots() {
         let ticks = ticks(&[5, 5 + 3_600 * NS_PER_S + 1], 1_000_000);
         assert_eq!(
             ticks,

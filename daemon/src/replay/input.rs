@@ -10,7 +10,7 @@ use equipoise_core::cycle::memory::MEMORY_VERSION;
 use equipoise_core::cycle::{Checkpoint, Settings};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
-use super::samples::{LeftOut, Sample, Samples};
+use super::samples::{Sample, Samples, SkippedData};
 use crate::config::method::MASS_KG;
 use crate::config::{Config, SuitPosition};
 use crate::model::LoadedModel;
@@ -216,12 +216,12 @@ fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
 }
 
 /// Gaps of an input that are found only at its end.
-pub(super) fn left_out_of(recording: &Recording, damage: Option<String>) -> LeftOut {
-    let mut left_out = LeftOut::default();
-    left_out.rejected.extend(damage);
+pub(super) fn skipped_of(recording: &Recording, damage: Option<String>) -> SkippedData {
+    let mut skipped = SkippedData::default();
+    skipped.rejected.extend(damage);
     if recording.truncated() {
         let reason = "the recording was cut short: what came after its last whole chunk is not there";
-        left_out.rejected.push(reason.to_owned());
+        skipped.rejected.push(reason.to_owned());
     }
-    left_out
+    skipped
 }

@@ -3,7 +3,7 @@
 use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
 use equipoise_core::message::{CommandKind, State};
 
-use super::score::{Judge, Scored};
+use super::score::{SampleSelection, Scored};
 
 /// State of a replay.
 pub(super) struct Machine {
@@ -15,7 +15,7 @@ pub(super) struct Machine {
 
 impl Machine {
     /// Starts with an empty memory.
-    pub(super) fn afresh(settings: Settings) -> Machine {
+    pub(super) fn new(settings: Settings) -> Machine {
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
         let mut table = memory.clone();
@@ -60,7 +60,11 @@ impl Machine {
             inputs.command.filter(|command| matches!(command, CommandKind::Tare | CommandKind::Reload));
         step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
         if self.memory.state.suit_sample_time_ns != before_ns {
-            self.scored.extend(Scored::of(&self.memory.state, &self.table.state, Judge::QuasiStatic));
+            self.scored.extend(Scored::of(
+                &self.memory.state,
+                &self.table.state,
+                SampleSelection::QuasiStatic,
+            ));
         }
         &self.memory.state
     }

@@ -39,7 +39,7 @@ pub(super) struct Output {
 }
 
 enum Sink {
-    Nowhere,
+    Discard,
     Json(Box<dyn Write>),
     Csv(Box<dyn Write>),
     Mcap(Box<Recorder>),
@@ -47,8 +47,8 @@ enum Sink {
 
 impl Output {
     /// No output.
-    pub(super) fn nowhere() -> Output {
-        Output { sink: Sink::Nowhere, started_ns: 0, line: String::new() }
+    pub(super) fn discard() -> Output {
+        Output { sink: Sink::Discard, started_ns: 0, line: String::new() }
     }
 
     /// A file, with the format given by its extension; `-` writes JSON lines to standard output. A recording is never
@@ -80,9 +80,9 @@ impl Output {
     ///
     /// # Errors
     /// The system's error, for example a full disk.
-    pub(super) fn tell(&mut self, state: &State) -> anyhow::Result<()> {
+    pub(super) fn write(&mut self, state: &State) -> anyhow::Result<()> {
         match &mut self.sink {
-            Sink::Nowhere => {}
+            Sink::Discard => {}
             Sink::Json(file) => {
                 let json = StateJson::new(state, seconds_since(self.started_ns, state.time_ns));
                 self.line = json.to_text()?;
@@ -105,7 +105,7 @@ impl Output {
     /// The system's error.
     pub(super) fn finish(self) -> anyhow::Result<()> {
         match self.sink {
-            Sink::Nowhere => Ok(()),
+            Sink::Discard => Ok(()),
             Sink::Json(mut file) | Sink::Csv(mut file) => file.flush().context("cannot write the result"),
             Sink::Mcap(recorder) => {
                 recorder.finish()?;
@@ -214,7 +214,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn a_line_has_a_field_for_every_column_and_withholds_what_must_not_be_used() {
+    fn a_line_has_a_field_for_every_column_and_masks_invalid_values() {
         let mut state = State::zeroed();
         state.time_ns = 1_034_000_000;
         state.cop_measured_m = [0.25, -0.5];
@@ -230,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn load_back_and_advice_stand_in_columns_of_their_own() {
+    fn load_low_back_and_advice_have_separate_columns() {
         let mut state = State::zeroed();
         (state.lifted_mass_kg, state.reach_m, state.l5s1_compression_n) = (6.5, 0.5, 2400.0);
         (state.lifts, state.worst_joint, state.fatigue[0]) = (3, 0, 0.25);

@@ -12,18 +12,18 @@ use equipoise_adapters::suit::{SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
 use equipoise_core::message::GroundSample;
 
-use super::samples::{LeftOut, Sample};
+use super::samples::{Sample, SkippedData};
 use crate::config::Config;
-use crate::config::ground::way::Over;
+use crate::config::ground::direction::Over;
 use crate::config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
-use crate::sensors::{BuildCadence, suit_settings};
+use crate::sensors::{BodyCadence, suit_settings};
 
 /// Samples of a capture. The first datagram of suit or plate is at [`TIME_BASE_NS`].
 pub(super) struct PcapSamples {
     capture: PcapCapture,
     suit: SuitAssembler,
     suit_sender: OneSender,
-    build: BuildCadence,
+    body_cadence: BodyCadence,
     ground: Option<Ground>,
     suit_port: u16,
     first_ns: Option<u64>,
@@ -34,27 +34,27 @@ pub(super) struct PcapSamples {
 
 /// A ground device that sends datagrams.
 struct Ground {
-    brain: GroundBrain,
-    way: Way,
+    protocol: GroundBrain,
+    direction: Direction,
     sender: OneSender,
 }
 
 /// Identifies the datagrams of a ground device.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Way {
+enum Direction {
     /// The device answers requests from this port.
     From(u16),
     /// The device sends to this port of the host.
     To(u16),
 }
 
-impl Way {
+impl Direction {
     /// `None` for a ground device that uses serial lines, TCP, or another process.
-    fn of(ground: &GroundConfig) -> Option<Way> {
-        let listened = ground.listen.map(|listen| Way::To(listen.port()));
-        let described = ground.address.map(|address| Way::From(address.port())).or(listened);
+    fn of(ground: &GroundConfig) -> Option<Direction> {
+        let listened = ground.listen.map(|listen| Direction::To(listen.port()));
+        let described = ground.address.map(|address| Direction::From(address.port())).or(listened);
         match ground.source {
-            GroundSourceKind::AtiRdt => Some(Way::From(ati_rdt::address(ground).port())),
+            GroundSourceKind::AtiRdt => Some(Direction::From(ati_rdt::address(ground).port())),
             GroundSourceKind::MoticonUdp => listened,
             GroundSourceKind::Text if ground.text.as_ref().is_some_and(|text| text.over == Over::Udp) => {
                 described
@@ -71,10 +71,12 @@ impl Way {
 
 impl Ground {
     fn of(config: &GroundConfig) -> anyhow::Result<Option<Ground>> {
-        let (Some(way), Some(device)) = (Way::of(config), config.device()?) else { return Ok(None) };
+        let (Some(direction), Some(device)) = (Direction::of(config), config.device()?) else {
+            return Ok(None);
+        };
         Ok(Some(Ground {
-            brain: GroundBrain::new(device, config.settings()),
-            way,
+            protocol: GroundBrain::new(device, config.settings()),
+            direction,
             sender: OneSender::default(),
         }))
     }
@@ -87,7 +89,7 @@ impl PcapSamples {
             capture: PcapCapture::open(path)?,
             suit: SuitAssembler::new(suit_settings(&config.suit)),
             suit_sender: OneSender::default(),
-            build: BuildCadence::default(),
+            body_cadence: BodyCadence::default(),
             ground: Ground::of(&config.ground)?,
             suit_port: config.suit.listen.port(),
             first_ns: None,
@@ -97,13 +99,13 @@ impl PcapSamples {
         })
     }
 
-    fn take(&mut self, datagram: &UdpDatagram) {
+    fn ingest(&mut self, datagram: &UdpDatagram) {
         let (from, to) = (datagram.source.port(), datagram.destination.port());
-        let is_grounds = |ground: &Ground| match ground.way {
-            Way::From(port) => [from, to].contains(&port),
-            Way::To(port) => to == port,
+        let is_ground = |ground: &Ground| match ground.direction {
+            Direction::From(port) => [from, to].contains(&port),
+            Direction::To(port) => to == port,
         };
-        if !self.ground.as_ref().is_some_and(is_grounds) && to != self.suit_port {
+        if !self.ground.as_ref().is_some_and(is_ground) && to != self.suit_port {
             self.other_ports += 1;
             return;
         }
@@ -119,7 +121,7 @@ impl PcapSamples {
                 self.suit_sender.hold(datagram.source.ip(), arrival_ns);
             }
             while let Some(mut complete) = sample {
-                if let Some(body) = self.build.due(self.suit.body(), arrival_ns) {
+                if let Some(body) = self.body_cadence.due(self.suit.body(), arrival_ns) {
                     self.ready.push_back(Sample::Body(Box::new(body)));
                 }
                 // Publication time: when the last datagram completes the sample.
@@ -128,14 +130,14 @@ impl PcapSamples {
                 sample = self.suit.take_ready();
             }
         } else if let Some(ground) = &mut self.ground {
-            let its_own = match ground.way {
-                Way::From(port) => from == port,
-                Way::To(_) => true,
+            let is_from_device = match ground.direction {
+                Direction::From(port) => from == port,
+                Direction::To(_) => true,
             };
-            if its_own && !ground.sender.admits(datagram.source.ip(), arrival_ns) {
-                ground.brain.refuse(GroundRefusal::ForeignSender);
-            } else if its_own {
-                ground.brain.receive(&datagram.payload, arrival_ns, &mut self.records);
+            if is_from_device && !ground.sender.admits(datagram.source.ip(), arrival_ns) {
+                ground.protocol.refuse(GroundRefusal::ForeignSender);
+            } else if is_from_device {
+                ground.protocol.receive(&datagram.payload, arrival_ns, &mut self.records);
                 if !self.records.is_empty() {
                     ground.sender.hold(datagram.source.ip(), arrival_ns);
                 }
@@ -147,7 +149,7 @@ impl PcapSamples {
                 && Request::parse(&datagram.payload).is_ok()
             {
                 // A new request starts a new stream, so the next count is its first.
-                ground.brain.opened(arrival_ns);
+                ground.protocol.opened(arrival_ns);
             }
         }
     }
@@ -158,49 +160,49 @@ impl PcapSamples {
         self.first_ns
     }
 
-    pub(super) fn left_out(&self) -> LeftOut {
-        let mut left_out = LeftOut::default();
+    pub(super) fn skipped(&self) -> SkippedData {
+        let mut skipped = SkippedData::default();
         for (reason, tally) in self.capture.rejected().reasons() {
             let note = format!("{} packets {reason} (first at packet {})", tally.count, tally.first);
             // Every capture contains ARP, TCP and the like; do not report them as rejected.
             match reason {
-                "not_ip" | "not_udp" => left_out.passed_over.push(note),
-                _ => left_out.rejected.push(note),
+                "not_ip" | "not_udp" => skipped.ignored.push(note),
+                _ => skipped.rejected.push(note),
             }
         }
         if self.other_ports > 0 {
             let suit = format!("{} (suit.listen)", self.suit_port);
-            let which = match self.ground.as_ref().map(|ground| ground.way) {
-                Some(Way::From(port)) => format!("neither port {suit} nor {port} (ground.address)"),
-                Some(Way::To(port)) => format!("neither port {suit} nor {port} (ground.listen)"),
+            let which = match self.ground.as_ref().map(|ground| ground.direction) {
+                Some(Direction::From(port)) => format!("neither port {suit} nor {port} (ground.address)"),
+                Some(Direction::To(port)) => format!("neither port {suit} nor {port} (ground.listen)"),
                 None => format!(
                     "another port than {suit}; the ground that is configured does not come as datagrams"
                 ),
             };
             let note = format!("{} datagrams of {which}", self.other_ports);
-            left_out.passed_over.push(note);
+            skipped.ignored.push(note);
         }
-        tell_refused("suit datagrams", self.suit.counts(), SuitRefusal::NAMES, &mut left_out);
+        add_refused("suit datagrams", self.suit.counts(), SuitRefusal::NAMES, &mut skipped);
         if let Some(ground) = &self.ground {
-            tell_refused("ground records", ground.brain.counts(), GroundRefusal::NAMES, &mut left_out);
+            add_refused("ground records", ground.protocol.counts(), GroundRefusal::NAMES, &mut skipped);
         }
-        left_out.rejected.extend(self.capture.fault().map(ToString::to_string));
-        left_out
+        skipped.rejected.extend(self.capture.fault().map(ToString::to_string));
+        skipped
     }
 }
 
-fn tell_refused(what: &str, counts: &Counts, names: &[&str], left_out: &mut LeftOut) {
+fn add_refused(what: &str, counts: &Counts, names: &[&str], skipped: &mut SkippedData) {
     for (name, count) in names.iter().zip(counts.refused).filter(|(_, count)| *count > 0) {
         let note = format!("{count} {what} {name}");
         // Another character on the same port belongs to another subject.
         if *name == SuitRefusal::OtherAvatar.name() {
-            left_out.passed_over.push(note);
+            skipped.ignored.push(note);
         } else {
-            left_out.rejected.push(note);
+            skipped.rejected.push(note);
         }
     }
     if counts.lost > 0 {
-        left_out.passed_over.push(format!("{} {what} missing by the device's counter", counts.lost));
+        skipped.ignored.push(format!("{} {what} missing by the device's counter", counts.lost));
     }
 }
 
@@ -213,7 +215,7 @@ impl Iterator for PcapSamples {
                 return Some(sample);
             }
             let datagram = self.capture.next()?;
-            self.take(&datagram);
+            self.ingest(&datagram);
         }
     }
 }

@@ -10,7 +10,7 @@ use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, Sui
 use super::feed::{Cycle, Feed};
 use super::fidelity::Fidelity;
 use super::machine::Machine;
-use super::waiting::Taken;
+use super::pending::IngestedSamples;
 
 /// Start of a replay of cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,27 +18,27 @@ pub(super) enum Start {
     /// From the live loop's memory: reproduces its states byte for byte.
     Checkpoint,
     /// From an empty memory at the first cycle: for other settings, or without a checkpoint.
-    Afresh,
+    Empty,
 }
 
-/// Calls `tell` with the state of every replayed cycle. `settings` are those of the recording's reloads by number;
+/// Calls `write` with the state of every replayed cycle. `settings` are those of the recording's reloads by number;
 /// `None` ignores the reloads and keeps the machine's own settings.
 ///
 /// # Errors
-/// The error of `tell`.
+/// The error of `write`.
 pub(super) fn run(
     recording: &Recording,
     machine: &mut Machine,
     start: Start,
     settings: Option<&BTreeMap<u64, Settings>>,
-    mut tell: impl FnMut(&State) -> anyhow::Result<()>,
+    mut write: impl FnMut(&State) -> anyhow::Result<()>,
 ) -> anyhow::Result<Fidelity> {
     let mut feed = Feed::new(recording);
     let mut run = Run {
         machine,
         start,
         settings,
-        certain: false,
+        exact: false,
         running: false,
         last: None,
         suit: Vec::new(),
@@ -48,7 +48,7 @@ pub(super) fn run(
     };
     while let Some(cycle) = feed.next_cycle() {
         if run.cycle(&mut feed, &cycle) {
-            tell(run.machine.state())?;
+            write(run.machine.state())?;
         }
         if run.fidelity.unknown_settings_at.is_some() {
             break;
@@ -63,7 +63,7 @@ struct Run<'a> {
     start: Start,
     settings: Option<&'a BTreeMap<u64, Settings>>,
     /// Whether the memory equals the live loop's, byte for byte.
-    certain: bool,
+    exact: bool,
     running: bool,
     last: Option<Tick>,
     suit: Vec<SuitSample>,
@@ -77,56 +77,56 @@ impl Run<'_> {
     fn cycle(&mut self, feed: &mut Feed<'_>, cycle: &Cycle) -> bool {
         let record = &*cycle.record;
         let tick = Tick { cycle: record.cycle, due_ns: record.due_ns };
-        if !self.follows(tick) {
+        if !self.is_next(tick) {
             return false;
         }
         if !self.reload(record) {
             return false;
         }
-        let complete = self.take_samples(feed, record);
+        let complete = self.pop_samples(feed, record);
         let checkpoint = cycle.checkpoint.as_deref().filter(|_| self.start == Start::Checkpoint);
         let resume = checkpoint.and_then(Checkpoint::memory);
         // From an empty memory, skip the first cycles, whose samples precede the recording.
         self.running |=
-            self.start == Start::Afresh && complete && !(self.suit.is_empty() && self.ground.is_empty());
+            self.start == Start::Empty && complete && !(self.suit.is_empty() && self.ground.is_empty());
         if !self.running {
             return self.begin(resume);
         }
         let command = CommandKind::from_number(record.command);
-        let understood = record.command == 0 || command.is_some();
+        let is_command_valid = record.command == 0 || command.is_some();
         if !complete {
             self.fidelity.cycles_lacking_samples += 1;
         }
-        if !understood {
+        if !is_command_valid {
             self.fidelity.unknown_commands += 1;
         }
         // A subject is loaded from a file, so its data are only in a checkpoint of the same cycle.
         let loaded = command == Some(CommandKind::SubjectLoad);
-        if !complete || !understood || loaded {
-            self.certain = false;
+        if !complete || !is_command_valid || loaded {
+            self.exact = false;
         }
         let inputs = Inputs { suit: &self.suit, ground: &self.ground, body: self.body.as_deref(), command };
         self.machine.step(tick, inputs);
         self.fidelity.cycles += 1;
         match resume {
-            Some(memory) if self.certain => self.fidelity.compare_memory(self.machine.memory(), memory),
+            Some(memory) if self.exact => self.fidelity.compare_memory(self.machine.memory(), memory),
             Some(memory) => {
                 self.machine.resume(memory);
-                self.certain = true;
+                self.exact = true;
                 self.fidelity.resumed += 1;
             }
-            None if self.certain => {}
+            None if self.exact => {}
             None if self.start == Start::Checkpoint => self.fidelity.uncertain_at(tick.cycle),
             None => {}
         }
-        if let Some(state) = cycle.state.as_deref().filter(|_| self.certain) {
+        if let Some(state) = cycle.state.as_deref().filter(|_| self.exact) {
             self.fidelity.compare_state(self.machine.state(), state);
         }
         true
     }
 
     /// Counts gaps and restarts; returns whether to replay the cycle.
-    fn follows(&mut self, tick: Tick) -> bool {
+    fn is_next(&mut self, tick: Tick) -> bool {
         if let Some(last) = self.last {
             if tick.due_ns <= last.due_ns {
                 self.fidelity.out_of_order += 1;
@@ -135,11 +135,11 @@ impl Run<'_> {
             if tick.cycle <= last.cycle {
                 // Another run of the daemon; its first cycle comes with a checkpoint.
                 self.fidelity.restarts += 1;
-                self.running &= self.start == Start::Afresh;
-                self.certain = false;
+                self.running &= self.start == Start::Empty;
+                self.exact = false;
             } else if tick.cycle > last.cycle + 1 {
                 self.fidelity.cycles_missing += tick.cycle - last.cycle - 1;
-                self.certain = false;
+                self.exact = false;
             }
         }
         self.last = Some(tick);
@@ -171,27 +171,27 @@ impl Run<'_> {
         self.fidelity.before_checkpoint += 1;
         if let Some(memory) = resume {
             self.machine.resume(memory);
-            (self.running, self.certain) = (true, true);
+            (self.running, self.exact) = (true, true);
         }
         false
     }
 
-    fn take_samples(&mut self, feed: &mut Feed<'_>, record: &CycleRecord) -> bool {
-        let suit = Taken {
+    fn pop_samples(&mut self, feed: &mut Feed<'_>, record: &CycleRecord) -> bool {
+        let suit = IngestedSamples {
             first: record.suit_first,
             last: record.suit_last,
             count: record.suit_taken,
             last_sample_time_ns: record.suit_sample_time_ns,
         };
-        let ground = Taken {
+        let ground = IngestedSamples {
             first: record.ground_first,
             last: record.ground_last,
             count: record.ground_taken,
             last_sample_time_ns: record.ground_sample_time_ns,
         };
-        let suit_there = feed.suit.take(suit, &mut self.suit);
-        let body_there;
-        (self.body, body_there) = feed.take_body(record.body_published_ns);
-        feed.ground.take(ground, &mut self.ground) && suit_there && body_there
+        let has_suit = feed.suit.pop(suit, &mut self.suit);
+        let has_body;
+        (self.body, has_body) = feed.pop_body(record.body_published_ns);
+        feed.ground.pop(ground, &mut self.ground) && has_suit && has_body
     }
 }

@@ -6,14 +6,14 @@ use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
 
-/// Root mean squares over the moments of an identified worker.
+/// Root mean squares over the samples of an identified subject.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Rms {
-    /// How many moments.
+    /// Number of samples.
     pub moments: u64,
-    /// Measured less estimated centre of pressure, both axes together, mm.
+    /// Measured minus estimated centre of pressure, both axes together, mm.
     pub cop_mm: f64,
-    /// Vertical external force that is left, N.
+    /// Residual vertical external force, N.
     pub delta_f_n: f64,
 }
 
@@ -23,7 +23,7 @@ pub struct Residual {
     started_ns: u64,
     span_s: Option<[f64; 2]>,
     last_ns: u64,
-    still: Sum,
+    static_poses: Sum,
     all: Sum,
 }
 
@@ -46,36 +46,36 @@ impl Sum {
 }
 
 impl Residual {
-    /// Over a span in seconds since `started_ns`, or over everything.
+    /// Over a span in seconds since `started_ns`, or over all data.
     pub fn over(started_ns: u64, span_s: Option<[f64; 2]>) -> Residual {
         Residual { started_ns, span_s, ..Residual::default() }
     }
 
-    /// Takes in a state; one moment counts once.
-    pub fn take(&mut self, state: &State) {
+    /// Ingests a state; each suit sample counts once.
+    pub fn ingest(&mut self, state: &State) {
         let is_new = state.suit_sample_time_ns > self.last_ns;
-        let known = state.phase == Phase::Monitoring as u32 && state.cop_sigma_m[0] > 0.0;
+        let estimated = state.phase == Phase::Monitoring as u32 && state.cop_sigma_m[0] > 0.0;
         let time_s = (state.suit_sample_time_ns as f64 - self.started_ns as f64) * 1e-9;
-        let within = self.span_s.is_none_or(|[from_s, to_s]| (from_s..to_s).contains(&time_s));
-        if !is_new || !known || !within || state.validity().any_of(Validity::SPOILS_RESIDUAL) {
+        let is_in_span = self.span_s.is_none_or(|[from_s, to_s]| (from_s..to_s).contains(&time_s));
+        if !is_new || !estimated || !is_in_span || state.validity().any_of(Validity::SPOILS_RESIDUAL) {
             return;
         }
         self.last_ns = state.suit_sample_time_ns;
-        let off_m = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];
-        let still = (state.static_pose == 1).then_some(&mut self.still);
-        for sum in [Some(&mut self.all), still].into_iter().flatten() {
+        let difference_m = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];
+        let static_poses = (state.static_pose == 1).then_some(&mut self.static_poses);
+        for sum in [Some(&mut self.all), static_poses].into_iter().flatten() {
             sum.moments += 1;
-            sum.cop_m2 += off_m(0).powi(2) + off_m(1).powi(2);
+            sum.cop_m2 += difference_m(0).powi(2) + difference_m(1).powi(2);
             sum.force_n2 += state.delta_f_n[2].powi(2);
         }
     }
 
-    /// While holding still; `None` of no moment.
-    pub fn still(&self) -> Option<Rms> {
-        self.still.rms()
+    /// For static poses; `None` without samples.
+    pub fn static_poses(&self) -> Option<Rms> {
+        self.static_poses.rms()
     }
 
-    /// Still and moving; `None` of no moment.
+    /// For static poses and motion; `None` without samples.
     pub fn all(&self) -> Option<Rms> {
         self.all.rms()
     }
@@ -86,7 +86,7 @@ impl Serialize for Residual {
         use serde::ser::SerializeStruct;
         let mut fields = serializer.serialize_struct("Residual", 3)?;
         fields.serialize_field("span_s", &self.span_s)?;
-        fields.serialize_field("still", &self.still())?;
+        fields.serialize_field("still", &self.static_poses())?;
         fields.serialize_field("all", &self.all())?;
         fields.end()
     }
@@ -100,7 +100,7 @@ impl fmt::Display for Residual {
             return writeln!(f, "residual of the identified worker{span}: no moment could be compared");
         };
         writeln!(f, "residual of the identified worker{span}, loads included, RMS:")?;
-        for (name, rms) in [("still", self.still()), ("all", Some(all))] {
+        for (name, rms) in [("still", self.static_poses()), ("all", Some(all))] {
             if let Some(Rms { moments, cop_mm, delta_f_n }) = rms {
                 writeln!(f, "  {name:<5} {moments:>7} moments  CoP {cop_mm:.2} mm  ΔF {delta_f_n:.2} N")?;
             }
@@ -114,12 +114,12 @@ mod tests {
     use super::*;
     use bytemuck::Zeroable;
 
-    fn state(second: u64, off_m: [f64; 2], still: bool) -> State {
+    fn state(second: u64, difference_m: [f64; 2], still: bool) -> State {
         State {
             suit_sample_time_ns: second * 1_000_000_000,
             phase: Phase::Monitoring as u32,
             static_pose: u32::from(still),
-            cop_measured_m: off_m,
+            cop_measured_m: difference_m,
             cop_sigma_m: [0.003; 2],
             delta_f_n: [0.0, 0.0, -5.0],
             ..State::zeroed()
@@ -127,18 +127,18 @@ mod tests {
     }
 
     #[test]
-    fn moments_of_a_known_worker_in_the_span_count_once() {
+    fn samples_of_an_identified_subject_in_the_span_count_once() {
         let mut residual = Residual::over(10_000_000_000, Some([1.0, 4.0]));
         assert!(residual.to_string().contains("no moment"), "{residual}");
-        residual.take(&state(10, [1.0, 1.0], true));
+        residual.ingest(&state(10, [1.0, 1.0], true));
         for _ in 0..3 {
-            residual.take(&state(11, [0.003, 0.004], true));
+            residual.ingest(&state(11, [0.003, 0.004], true));
         }
-        residual.take(&state(12, [0.0, 0.001], false));
-        residual.take(&State { valid: Validity::FEET_OFF_PLATE.0, ..state(13, [1.0, 1.0], true) });
-        residual.take(&State { phase: Phase::Identifying as u32, ..state(13, [1.0, 1.0], true) });
-        residual.take(&state(14, [1.0, 1.0], true));
-        assert_eq!(residual.still(), Some(Rms { moments: 1, cop_mm: 5.0, delta_f_n: 5.0 }));
+        residual.ingest(&state(12, [0.0, 0.001], false));
+        residual.ingest(&State { valid: Validity::FEET_OFF_PLATE.0, ..state(13, [1.0, 1.0], true) });
+        residual.ingest(&State { phase: Phase::Identifying as u32, ..state(13, [1.0, 1.0], true) });
+        residual.ingest(&state(14, [1.0, 1.0], true));
+        assert_eq!(residual.static_poses(), Some(Rms { moments: 1, cop_mm: 5.0, delta_f_n: 5.0 }));
         let all = residual.all().unwrap();
         assert!(all.moments == 2 && (all.cop_mm - 13.0_f64.sqrt()).abs() < 1e-9, "{all:?}");
         let json = serde_json::to_value(residual).unwrap();

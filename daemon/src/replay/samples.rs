@@ -11,7 +11,7 @@ use equipoise_adapters::recording::{Entries, Entry, Recording};
 use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
-use super::input::left_out_of;
+use super::input::skipped_of;
 use super::pcap::PcapSamples;
 use crate::config::ground::ati_rdt;
 use crate::config::{Config, GroundSourceKind};
@@ -46,11 +46,11 @@ impl Sample {
 
 /// Unused parts of an input.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct LeftOut {
+pub struct SkippedData {
     /// Data that should have been usable: one sentence for each kind.
     pub rejected: Vec<String>,
     /// Unrelated data, such as other network traffic: no fault.
-    pub passed_over: Vec<String>,
+    pub ignored: Vec<String>,
 }
 
 /// The samples of an input.
@@ -90,9 +90,11 @@ impl<'a> Samples<'a> {
 
     pub(super) fn of_mvnx(path: &Path, config: &Config) -> anyhow::Result<Samples<'a>> {
         let capture = Box::new(MvnxCapture::open(path)?);
-        if let Some(worn) = capture.configuration().filter(|worn| HALF_BODIES.contains(worn)) {
+        if let Some(configuration) =
+            capture.configuration().filter(|configuration| HALF_BODIES.contains(configuration))
+        {
             bail!(
-                "the suit was worn as {worn}: the rest of the body was not measured, and balance is the whole body's"
+                "the suit was worn as {configuration}: the rest of the body was not measured, and balance is the whole body's"
             );
         }
         let body = capture.body().map(Box::new);
@@ -126,21 +128,21 @@ impl<'a> Samples<'a> {
     }
 
     /// Unused parts so far; complete once the iterator has ended.
-    pub fn left_out(&self) -> LeftOut {
+    pub fn skipped(&self) -> SkippedData {
         match &self.source {
-            Source::Recording(recording, ordered) => left_out_of(recording, ordered.damage.clone()),
+            Source::Recording(recording, ordered) => skipped_of(recording, ordered.damage.clone()),
             Source::Csv(capture, ..) => {
                 let rejected = capture.rejected();
                 let note = (!rejected.is_empty()).then(|| format!("rows left out: {rejected}"));
-                LeftOut { rejected: note.into_iter().collect(), passed_over: Vec::new() }
+                SkippedData { rejected: note.into_iter().collect(), ignored: Vec::new() }
             }
             Source::Mvnx(capture, ..) => {
                 let rejected = capture.rejected();
                 let note = (!rejected.is_empty()).then(|| format!("frames left out: {rejected}"));
                 let fault = capture.fault().map(|fault| format!("{fault}; the frames before it were read"));
-                LeftOut { rejected: note.into_iter().chain(fault).collect(), passed_over: Vec::new() }
+                SkippedData { rejected: note.into_iter().chain(fault).collect(), ignored: Vec::new() }
             }
-            Source::Pcap(samples) => samples.left_out(),
+            Source::Pcap(samples) => samples.skipped(),
         }
     }
 }
@@ -151,14 +153,14 @@ impl Iterator for Samples<'_> {
     fn next(&mut self) -> Option<Sample> {
         match &mut self.source {
             Source::Recording(_, ordered) => ordered.next(),
-            Source::Csv(capture, latencies, waiting) => {
-                if let Some(suit) = waiting.take() {
+            Source::Csv(capture, latencies, pending) => {
+                if let Some(suit) = pending.take() {
                     return Some(Sample::Suit(suit));
                 }
                 let (mut suit, mut ground) = capture.next()?;
                 suit.sample_time_ns = suit.sample_time_ns.saturating_sub(latencies.suit_ns);
                 ground.sample_time_ns = ground.sample_time_ns.saturating_sub(latencies.ground_ns);
-                *waiting = Some(Box::new(suit));
+                *pending = Some(Box::new(suit));
                 Some(Sample::Ground(Box::new(ground)))
             }
             Source::Mvnx(capture, latencies, body) => {
@@ -177,24 +179,24 @@ impl Iterator for Samples<'_> {
 /// The samples of a recording, sorted within a short look-ahead.
 struct Ordered<'a> {
     entries: Entries<'a>,
-    waiting: VecDeque<Sample>,
+    pending: VecDeque<Sample>,
     damage: Option<String>,
 }
 
 impl<'a> Ordered<'a> {
     fn new(entries: Entries<'a>) -> Ordered<'a> {
-        Ordered { entries, waiting: VecDeque::new(), damage: None }
+        Ordered { entries, pending: VecDeque::new(), damage: None }
     }
 
     fn insert(&mut self, sample: Sample) {
         let time_ns = sample.delivered_ns();
         // Insertion sort from the end, since the order is nearly correct. Equal times keep the file's order.
-        let later = self.waiting.iter().rev().take_while(|other| other.delivered_ns() > time_ns).count();
-        self.waiting.insert(self.waiting.len() - later, sample);
+        let later = self.pending.iter().rev().take_while(|other| other.delivered_ns() > time_ns).count();
+        self.pending.insert(self.pending.len() - later, sample);
     }
 
     fn spans_enough(&self) -> bool {
-        match (self.waiting.front(), self.waiting.back()) {
+        match (self.pending.front(), self.pending.back()) {
             (Some(first), Some(last)) => last.delivered_ns() - first.delivered_ns() > DISORDER_NS,
             _ => false,
         }
@@ -217,6 +219,6 @@ impl Iterator for Ordered<'_> {
                 None => break,
             }
         }
-        self.waiting.pop_front()
+        self.pending.pop_front()
     }
 }

@@ -9,18 +9,18 @@ const BLOCK_NS: u64 = 10 * equipoise_core::time::NS_PER_S;
 
 /// Selects the suit samples that count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Judge {
+pub enum SampleSelection {
     /// Static poses without a load.
     QuasiStatic,
     /// All samples with the feet on the plate, in motion too: only for data known to be without a load.
     AllUnloaded,
 }
 
-impl fmt::Display for Judge {
+impl fmt::Display for SampleSelection {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Judge::QuasiStatic => "quasi-static and without a load",
-            Judge::AllUnloaded => "usable, with the feet on the plate",
+            SampleSelection::QuasiStatic => "quasi-static and without a load",
+            SampleSelection::AllUnloaded => "usable, with the feet on the plate",
         })
     }
 }
@@ -42,8 +42,8 @@ impl Scored {
     /// The sample of a state, if it counts and all quantities are available.
     ///
     /// `table` is the state of the same cycle computed with the table's model.
-    pub fn of(state: &State, table: &State, judge: Judge) -> Option<Scored> {
-        const SPOILS: Validity = Validity::SPOILS_COP_MEASURED
+    pub fn of(state: &State, table: &State, selection: SampleSelection) -> Option<Scored> {
+        const INVALIDATING: Validity = Validity::SPOILS_COP_MEASURED
             .and(Validity::SPOILS_COP_ESTIMATED)
             .and(Validity::MASS_UNKNOWN)
             .and(Validity::CLOCK_UNSYNCHRONISED);
@@ -51,11 +51,11 @@ impl Scored {
         let unloaded = valid.any_of(Validity::BELOW_LOAD_THRESHOLD);
         // Zero σ: no model is available yet.
         let estimated = state.cop_sigma_m[0] > 0.0 && table.cop_sigma_m[0] > 0.0;
-        let counts = match judge {
-            Judge::QuasiStatic => state.static_pose == 1 && unloaded,
-            Judge::AllUnloaded => !valid.any_of(Validity::MOVING),
+        let is_selected = match selection {
+            SampleSelection::QuasiStatic => state.static_pose == 1 && unloaded,
+            SampleSelection::AllUnloaded => !valid.any_of(Validity::MOVING),
         };
-        (counts && estimated && !valid.any_of(SPOILS)).then_some(Scored {
+        (is_selected && estimated && !valid.any_of(INVALIDATING)).then_some(Scored {
             time_ns: state.suit_sample_time_ns,
             measured_m: state.cop_measured_m,
             identified_m: state.cop_estimated_m,

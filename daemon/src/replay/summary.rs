@@ -6,11 +6,11 @@ use equipoise_core::message::State;
 use equipoise_core::message::state::Phase;
 
 use super::fidelity::Fidelity;
-use super::left_out_lines;
 use super::output::seconds_since;
 use super::residual::Residual;
-use super::samples::LeftOut;
+use super::samples::SkippedData;
 use super::score::{Blocks, Scored};
+use super::skipped_lines;
 
 /// All phases in the order of their numbers.
 const PHASES: [Phase; 4] = [Phase::Waiting, Phase::Identifying, Phase::Monitoring, Phase::Degraded];
@@ -33,7 +33,7 @@ pub struct Summary {
     /// Comparison with the live loop, if cycles were recorded.
     pub fidelity: Option<Fidelity>,
     /// Unused parts of the input.
-    pub left_out: LeftOut,
+    pub skipped: SkippedData,
     started_ns: u64,
     period_ns: u64,
     span_ns: Option<[u64; 2]>,
@@ -49,16 +49,16 @@ impl Summary {
             scored: Vec::new(),
             residual: Residual::over(started_ns, residual_s),
             fidelity: None,
-            left_out: LeftOut::default(),
+            skipped: SkippedData::default(),
             started_ns,
             period_ns,
             span_ns: None,
         }
     }
 
-    pub(super) fn take(&mut self, state: &State) {
+    pub(super) fn ingest(&mut self, state: &State) {
         self.cycles += 1;
-        self.residual.take(state);
+        self.residual.ingest(state);
         if let Some(cycles) = self.cycles_in_phase.get_mut(state.phase as usize) {
             *cycles += 1;
         }
@@ -84,15 +84,15 @@ impl Summary {
             "poses_used": self.poses_used,
             "mass_kg": (self.mass_kg > 0.0).then_some(self.mass_kg),
             "residual": self.residual,
-            "whole": self.is_whole(),
-            "rejected": self.left_out.rejected,
-            "passed_over": self.left_out.passed_over,
+            "whole": self.is_complete(),
+            "rejected": self.skipped.rejected,
+            "passed_over": self.skipped.ignored,
         })
     }
 
     /// Whether all data were used and every compared state was reproduced.
-    pub fn is_whole(&self) -> bool {
-        self.left_out.rejected.is_empty() && self.fidelity.as_ref().is_none_or(Fidelity::is_exact)
+    pub fn is_complete(&self) -> bool {
+        self.skipped.rejected.is_empty() && self.fidelity.as_ref().is_none_or(Fidelity::is_exact)
     }
 }
 
@@ -116,6 +116,6 @@ impl fmt::Display for Summary {
         if let Some(fidelity) = &self.fidelity {
             write!(f, "{fidelity}")?;
         }
-        f.write_str(&left_out_lines(&self.left_out))
+        f.write_str(&skipped_lines(&self.skipped))
     }
 }

@@ -51,18 +51,19 @@ fn headline(facts: &Facts) -> Text {
 }
 
 fn numbers(facts: &Facts) -> Vec<[String; 3]> {
-    let number = |what: &str, value: String, meaning: &str| [what.to_owned(), value, meaning.to_owned()];
+    let number =
+        |what: &str, value: String, explanation: &str| [what.to_owned(), value, explanation.to_owned()];
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
-    let valid_percent = share_percent(facts.exposure.valid_s, facts.quality.seen_s);
+    let valid_percent = share_percent(facts.exposure.valid_s, facts.quality.observed_s);
     let mut numbers = vec![
         number("Watched", length(to_s - from_s), "from the first to the last state"),
         number("Lifts", facts.lifts.lifts.len().to_string(), "that ended in it"),
         number("Torques reported", valid_percent, "of the time; the rest was withheld, with a reason"),
     ];
-    numbers.push(match facts.back.judged() {
+    numbers.push(match facts.back.assessed_dose() {
         Some([damage, probability]) => {
-            let meaning = format!("of a high-risk job, by the low back's dose (damage {damage:.2e})");
-            number("Risk", format!("{:.0} %", 100.0 * probability), &meaning)
+            let explanation = format!("of a high-risk job, by the low back's dose (damage {damage:.2e})");
+            number("Risk", format!("{:.0} %", 100.0 * probability), &explanation)
         }
         None => number("Risk", "-".to_owned(), "the low back's load was never reported: see data quality"),
     });

@@ -60,7 +60,7 @@ impl Default for Exposure {
 
 impl Exposure {
     /// Adds one state, which represents `step_s`.
-    pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
+    pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
         for (joint, fatigue) in self.joints.iter_mut().zip(state.fatigue) {
             joint.fatigue = fatigue;
             joint.fatigue_max = joint.fatigue_max.max(fatigue);
@@ -76,14 +76,14 @@ impl Exposure {
             let level = Level::from_number(state.joint_level[index]).unwrap_or(Level::None);
             let exposure = &mut self.joints[index];
             exposure.level_s[level as usize] += step_s;
-            exposure.see(state, joint, time_s);
+            exposure.ingest_joint(state, joint, time_s);
             if worst as usize == index {
                 exposure.worst_s += step_s;
             }
             if let Some((_, column)) = self.columns.last_mut() {
-                let shown = &mut column[index];
-                *shown = Some(
-                    shown.map_or(level, |before| if rank(level) > rank(before) { level } else { before }),
+                let highest = &mut column[index];
+                *highest = Some(
+                    highest.map_or(level, |before| if rank(level) > rank(before) { level } else { before }),
                 );
             }
         }
@@ -103,7 +103,7 @@ impl Exposure {
 }
 
 impl JointExposure {
-    fn see(&mut self, state: &State, joint: Joint, time_s: f64) {
+    fn ingest_joint(&mut self, state: &State, joint: Joint, time_s: f64) {
         let limit_nm = state.torque_limit_nm[joint.index()];
         if limit_nm <= 0.0 {
             return;
@@ -140,17 +140,17 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn time_counts_at_its_level_and_withheld_time_at_none() {
+    fn time_counts_at_its_level_and_invalid_time_at_none() {
         let mut exposure = Exposure::default();
         let mut state = State::zeroed();
         state.joint_level = [Level::Green as u32; JOINTS];
         (state.torque_nm[3], state.torque_limit_nm[3], state.worst_joint) = ([0.0, 30.0, 40.0], 100.0, 3);
-        exposure.take(&state, 0.1, 0.01);
+        exposure.ingest(&state, 0.1, 0.01);
         state.joint_level[3] = Level::Red as u32;
-        exposure.take(&state, 0.2, 0.01);
+        exposure.ingest(&state, 0.2, 0.01);
         state.valid = Validity::MOVING.0;
         state.torque_nm[3] = [0.0, 300.0, 400.0];
-        exposure.take(&state, 1.3, 0.01);
+        exposure.ingest(&state, 1.3, 0.01);
         let joint = &exposure.joints[3];
         assert_eq!((joint.at(Level::Green), joint.at(Level::Red), joint.at(Level::None)), (0.01, 0.01, 0.0));
         assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.share)), Some((50.0, 0.5)));

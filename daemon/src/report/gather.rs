@@ -19,7 +19,7 @@ use crate::replay::input::{Chosen, Input};
 
 /// A recorder writes a cycle's record slightly after its state: this many states are held back until the records of
 /// their cycles are read.
-const HELD_BACK: usize = 512;
+const REORDER_BUFFER: usize = 512;
 
 /// Origin of the states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -133,23 +133,23 @@ impl Facts {
             match timed.map(|timed| timed.entry) {
                 Ok(Entry::State(state)) if as_recorded => {
                     waiting.push_back(state);
-                    if waiting.len() > HELD_BACK
+                    if waiting.len() > REORDER_BUFFER
                         && let Some(state) = waiting.pop_front()
                     {
-                        self.take(&state);
+                        self.ingest(&state);
                     }
                 }
                 Ok(Entry::Cycle(record)) => {
                     path.record(&record);
-                    self.records.note(&record);
+                    self.records.ingest(&record);
                 }
-                Ok(Entry::Health(health)) => self.quality.hear(&health),
+                Ok(Entry::Health(health)) => self.quality.ingest_health(&health),
                 Ok(_) => {}
                 Err(damage) => self.rejected.push(damage.to_string()),
             }
         }
         for state in waiting {
-            self.take(&state);
+            self.ingest(&state);
         }
         let report = PathReport::of(&path);
         self.path = (report.cycles > 0).then_some(report);
@@ -164,10 +164,10 @@ impl Facts {
         let config = self.config.clone();
         let replay = Replay { input, config: &config, as_recorded, residual_s: None };
         let summary = replay.run_with(|state| {
-            self.take(state);
+            self.ingest(state);
             Ok(())
         })?;
-        for reason in summary.left_out.rejected {
+        for reason in summary.skipped.rejected {
             if !self.rejected.contains(&reason) {
                 self.rejected.push(reason);
             }
@@ -175,7 +175,7 @@ impl Facts {
         Ok(())
     }
 
-    fn take(&mut self, state: &State) {
+    fn ingest(&mut self, state: &State) {
         let step_s = self.period_ns(state) as f64 / 1e9;
         let time_s = (i128::from(state.time_ns) - i128::from(self.started_ns)) as f64 / 1e9;
         self.cycles += 1;
@@ -184,17 +184,17 @@ impl Facts {
         if self.is_another_worker(state) {
             self.changes_s.push(time_s);
             self.identification = Identification::default();
-            self.lifts.another_worker(state);
-            self.back.another_worker();
+            self.lifts.change_subject(state);
+            self.back.change_subject();
         }
         let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
         let State { cycle, time_ns, lifts, .. } = *state;
         self.last = Some(Last { cycle, time_ns, lifts });
-        self.identification.take(state, time_s, stopped);
-        self.exposure.take(state, time_s, step_s);
-        self.lifts.take(state, time_s, step_s);
-        self.back.take(state, time_s, step_s);
-        self.quality.take(state, step_s);
+        self.identification.ingest(state, time_s, stopped);
+        self.exposure.ingest(state, time_s, step_s);
+        self.lifts.ingest(state, time_s, step_s);
+        self.back.ingest(state, time_s, step_s);
+        self.quality.ingest(state, step_s);
         self.mass_kg = state.mass_kg;
     }
 
@@ -214,14 +214,14 @@ impl Facts {
             return true;
         }
         // A restart restores the last saved state, which may have one lift less.
-        let goes_on = state.cycle > last.cycle;
+        let continues = state.cycle > last.cycle;
         let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
         let more = f64::from(state.lifts.saturating_sub(last.lifts));
-        goes_on && (state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
+        continues && (state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
     }
 
     /// Whether the whole file was used.
-    pub fn is_whole(&self) -> bool {
+    pub fn is_complete(&self) -> bool {
         self.rejected.is_empty()
     }
 }

@@ -11,7 +11,7 @@ pub struct Pose {
     /// Time of the last of them, s since the begin of the recording.
     pub time_s: f64,
     /// The pose suggested just before.
-    pub asked: Option<&'static str>,
+    pub requested: Option<&'static str>,
     /// Predicted 1-σ of the CoP over the library, m; `None` while unavailable.
     pub cop_sigma_m: Option<f64>,
     /// Largest variance of a parameter (the paper's P_jj), m².
@@ -30,7 +30,7 @@ pub struct Identification {
     /// Whether a command, not the stop rule, ended the identification.
     pub stopped: bool,
     /// Whether the subject was identified at the begin of the recording or when loaded.
-    pub known_before: bool,
+    pub identified_before: bool,
     /// Number of resets in the recording.
     pub resets: u32,
     /// Motion samples used.
@@ -42,25 +42,29 @@ pub struct Identification {
 
 impl Identification {
     /// Adds one state; `stopped` if a command ended the identification since the previous state.
-    pub fn take(&mut self, state: &State, time_s: f64, stopped: bool) {
-        let asked = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
+    pub fn ingest(&mut self, state: &State, time_s: f64, stopped: bool) {
+        let requested = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
         match self.last {
             None => {
-                self.known_before = state.converged != 0;
-                self.note(state, time_s, None);
+                self.identified_before = state.converged != 0;
+                self.add_pose(state, time_s, None);
             }
             Some((poses, _)) if state.poses_used < poses => {
                 self.resets += 1;
-                self.known_before = false;
+                self.identified_before = false;
                 self.poses.clear();
                 self.converged_s = None;
-                self.note(state, time_s, None);
+                self.add_pose(state, time_s, None);
             }
-            Some((poses, asked)) if state.poses_used > poses => self.note(state, time_s, asked),
+            Some((poses, requested)) if state.poses_used > poses => self.add_pose(state, time_s, requested),
             // The filter has no estimate until the body is available; its first one is the prior.
             Some(_) => {
                 if let Some(last) = self.poses.last_mut().filter(|pose| pose.cop_sigma_m.is_none()) {
-                    *last = Pose { time_s: last.time_s, asked: last.asked, ..pose_of(state, time_s, None) };
+                    *last = Pose {
+                        time_s: last.time_s,
+                        requested: last.requested,
+                        ..pose_of(state, time_s, None)
+                    };
                 }
             }
         }
@@ -69,19 +73,19 @@ impl Identification {
         }
         self.motion_samples = state.motion_samples_used;
         self.prior_inflation = positive(state.prior_inflation);
-        self.last = Some((state.poses_used, asked));
+        self.last = Some((state.poses_used, requested));
     }
 
-    fn note(&mut self, state: &State, time_s: f64, asked: Option<&'static str>) {
-        self.poses.push(pose_of(state, time_s, asked));
+    fn add_pose(&mut self, state: &State, time_s: f64, requested: Option<&'static str>) {
+        self.poses.push(pose_of(state, time_s, requested));
     }
 }
 
-fn pose_of(state: &State, time_s: f64, asked: Option<&'static str>) -> Pose {
+fn pose_of(state: &State, time_s: f64, requested: Option<&'static str>) -> Pose {
     Pose {
         poses: state.poses_used,
         time_s,
-        asked,
+        requested,
         cop_sigma_m: positive(state.predicted_cop_sigma_m),
         variance_max_m2: positive(state.variance_max_m2),
         nis: positive(state.nis).filter(|_| state.poses_used > 0),
@@ -98,7 +102,7 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn every_pose_is_a_row_with_the_pose_that_was_asked_for() {
+    fn every_pose_is_a_row_with_the_requested_pose() {
         let mut found = Identification::default();
         let state = |poses_used, sigma_m, suggested_pose| State {
             poses_used,
@@ -106,23 +110,26 @@ mod tests {
             suggested_pose,
             ..State::zeroed()
         };
-        found.take(&state(0, 0.0, u32::MAX), 0.0, false);
-        found.take(&state(0, 0.02, 1), 1.0, false);
-        found.take(&state(1, 0.01, 2), 2.0, false);
-        found.take(&State { converged: 1, ..state(2, 0.004, u32::MAX) }, 3.0, false);
+        found.ingest(&state(0, 0.0, u32::MAX), 0.0, false);
+        found.ingest(&state(0, 0.02, 1), 1.0, false);
+        found.ingest(&state(1, 0.01, 2), 2.0, false);
+        found.ingest(&State { converged: 1, ..state(2, 0.004, u32::MAX) }, 3.0, false);
         let poses: Vec<_> =
-            found.poses.iter().map(|pose| (pose.poses, pose.cop_sigma_m, pose.asked)).collect();
+            found.poses.iter().map(|pose| (pose.poses, pose.cop_sigma_m, pose.requested)).collect();
         let names = [1, 2].map(|index: usize| Some(LIBRARY[index].name));
         assert_eq!(poses, [(0, Some(0.02), None), (1, Some(0.01), names[0]), (2, Some(0.004), names[1])]);
-        assert_eq!((found.converged_s, found.known_before, found.resets), (Some(3.0), false, 0));
-        found.take(&state(0, 0.02, 1), 4.0, false);
+        assert_eq!((found.converged_s, found.identified_before, found.resets), (Some(3.0), false, 0));
+        found.ingest(&state(0, 0.02, 1), 4.0, false);
         assert_eq!((found.poses.len(), found.converged_s, found.resets), (1, None, 1));
-        found.take(&State { converged: 1, ..state(1, 0.02, 1) }, 5.0, true);
+        found.ingest(&State { converged: 1, ..state(1, 0.02, 1) }, 5.0, true);
         assert_eq!((found.converged_s, found.stopped), (Some(5.0), true), "somebody ended it");
-        let mut known = Identification::default();
-        known.take(&State { converged: 1, ..state(9, 0.004, u32::MAX) }, 0.0, false);
-        assert!(known.known_before);
-        known.take(&state(0, 0.02, 1), 1.0, false);
-        assert!(!known.known_before && known.converged_s.is_none(), "what was forgotten is known no more");
+        let mut estimates = Identification::default();
+        estimates.ingest(&State { converged: 1, ..state(9, 0.004, u32::MAX) }, 0.0, false);
+        assert!(estimates.identified_before);
+        estimates.ingest(&state(0, 0.02, 1), 1.0, false);
+        assert!(
+            !estimates.identified_before && estimates.converged_s.is_none(),
+            "what was forgotten is known no more"
+        );
     }
 }

@@ -45,7 +45,7 @@ struct Episode {
 
 impl Lifts {
     /// Adds one state, which represents `step_s`.
-    pub fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
+    pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
         let counted = self.counted.unwrap_or_else(|| {
             self.before = state.lifts;
             state.lifts
@@ -58,11 +58,11 @@ impl Lifts {
             self.lifts.pop();
         }
         self.counted = Some(state.lifts);
-        self.episode.take(state, time_s, step_s);
+        self.episode.ingest(state, time_s, step_s);
     }
 
     /// From this state on another subject is in use, with a separate count of lifts and empty hands.
-    pub fn another_worker(&mut self, state: &State) {
+    pub fn change_subject(&mut self, state: &State) {
         self.counted = Some(state.lifts);
         self.episode = Episode::default();
     }
@@ -74,7 +74,7 @@ impl Lifts {
 }
 
 impl Episode {
-    fn take(&mut self, state: &State, time_s: f64, step_s: f64) {
+    fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
         let valid_kg = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg);
         // A negative mass indicates leaning on something: no load, as in the loop.
         if let Some(mass_kg) = valid_kg.filter(|mass_kg| *mass_kg > 0.0) {
@@ -118,13 +118,13 @@ mod tests {
     use bytemuck::Zeroable;
 
     #[test]
-    fn a_lift_is_what_the_loop_counts_and_a_touch_is_none() {
+    fn a_lift_is_counted_by_the_loop_and_a_touch_is_not() {
         let mut lifts = Lifts::default();
         let mut time_s = 0.0;
         let mut take = |seconds: f64, state: State| {
             for _ in 0..(seconds * 100.0) as usize {
                 time_s += 0.01;
-                lifts.take(&state, time_s, 0.01);
+                lifts.ingest(&state, time_s, 0.01);
             }
         };
         let counted = |lifts| State { lifts, valid: Validity::BELOW_LOAD_THRESHOLD.0, ..State::zeroed() };
@@ -154,11 +154,11 @@ mod tests {
     }
 
     #[test]
-    fn a_lift_that_was_taken_back_is_none() {
+    fn an_undone_lift_is_not_counted() {
         let mut lifts = Lifts::default();
         let counted = |lifts| State { lifts, valid: Validity::BELOW_LOAD_THRESHOLD.0, ..State::zeroed() };
         for (index, count) in [1, 2, 3, 2, 3].into_iter().enumerate() {
-            lifts.take(&counted(count), f64::from(index as u32), 0.01);
+            lifts.ingest(&counted(count), f64::from(index as u32), 0.01);
         }
         assert_eq!(lifts.lifts.iter().map(|lift| lift.to_s).collect::<Vec<_>>(), [1.0, 4.0]);
     }
@@ -167,8 +167,8 @@ mod tests {
     fn a_lift_without_valid_values_has_no_mass() {
         let mut lifts = Lifts::default();
         let hidden = State { valid: Validity::MOVING.0, lifted_mass_kg: 7.0, ..State::zeroed() };
-        lifts.take(&hidden, 0.0, 0.01);
-        lifts.take(&State { lifts: 1, ..hidden }, 0.01, 0.01);
+        lifts.ingest(&hidden, 0.0, 0.01);
+        lifts.ingest(&State { lifts: 1, ..hidden }, 0.01, 0.01);
         assert_eq!(lifts.lifts.len(), 1);
         assert_eq!((lifts.lifts[0].mass_kg, lifts.lifts[0].reach_m), (None, None));
     }

@@ -16,7 +16,7 @@ const NAMES: [&str; 5] =
 /// Environment variable with another program.
 const VARIABLE: &str = "EQUIPOISE_CHROMIUM";
 /// Time limit; the report of a shift prints in seconds.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Prints a page into a file.
 ///
@@ -96,10 +96,10 @@ fn wait(mut child: Child) -> anyhow::Result<()> {
             }
             bail!("it ended with {status}");
         }
-        if started.elapsed() > PATIENCE {
+        if started.elapsed() > TIMEOUT {
             child.kill()?;
             child.wait()?;
-            bail!("it took more than {} s", PATIENCE.as_secs());
+            bail!("it took more than {} s", TIMEOUT.as_secs());
         }
         std::thread::sleep(Duration::from_millis(20));
     }
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whatever_a_folder_is_called_its_address_is_that_of_the_file() {
+    fn any_folder_name_gives_the_address_of_the_file() {
         assert_eq!(address(Path::new("/srv/shift_1/a-b.html")), "file:///srv/shift_1/a-b.html");
         let odd = address(Path::new("/Lager #3/50% ?/ä.html"));
         assert_eq!(odd, "file:///Lager%20%233/50%25%20%3F/%C3%A4.html");

@@ -12,7 +12,7 @@ const PHASES: usize = 4;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Quality {
     /// Total duration of the states, s.
-    pub seen_s: f64,
+    pub observed_s: f64,
     /// Time in each phase, by its number, s.
     pub phase_s: [f64; PHASES],
     /// Duration of each validity flag, s, in the order of [`Validity::NAMES`].
@@ -35,8 +35,8 @@ pub struct Quality {
 
 impl Quality {
     /// Adds one state, which represents `step_s`.
-    pub fn take(&mut self, state: &State, step_s: f64) {
-        self.seen_s += step_s;
+    pub fn ingest(&mut self, state: &State, step_s: f64) {
+        self.observed_s += step_s;
         if let Some(phase_s) = self.phase_s.get_mut(state.phase as usize) {
             *phase_s += step_s;
         }
@@ -65,7 +65,7 @@ impl Quality {
     }
 
     /// Ingests a health message; the last one suffices because its counts are totals.
-    pub fn hear(&mut self, health: &AdapterHealth) {
+    pub fn ingest_health(&mut self, health: &AdapterHealth) {
         self.adapters.insert(health.stream, *health);
     }
 
@@ -85,10 +85,10 @@ mod tests {
     fn reasons_gaps_and_restarts_are_counted() {
         let mut quality = Quality::default();
         for (cycle, valid) in [(1, 0), (2, 3), (5, 1), (1, 0)] {
-            quality.take(&State { cycle, valid, phase: 2, ..State::zeroed() }, 0.5);
+            quality.ingest(&State { cycle, valid, phase: 2, ..State::zeroed() }, 0.5);
         }
         assert_eq!(quality.reasons().map(|(_, raised_s)| raised_s).collect::<Vec<_>>(), [1.0, 0.5]);
         assert_eq!((quality.states_missing, quality.restarts), (2, 1));
-        assert_eq!((quality.all_valid_s, quality.seen_s, quality.phase_s[2]), (1.0, 2.0, 2.0));
+        assert_eq!((quality.all_valid_s, quality.observed_s, quality.phase_s[2]), (1.0, 2.0, 2.0));
     }
 }

@@ -14,7 +14,7 @@ pub struct Records {
 
 impl Records {
     /// Adds one record.
-    pub fn note(&mut self, record: &CycleRecord) {
+    pub fn ingest(&mut self, record: &CycleRecord) {
         let command = CommandKind::from_number(record.command);
         // Deleting the active subject also changes the subject: an unnamed one replaces it.
         if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectForget)) {
@@ -66,7 +66,7 @@ mod tests {
             (21, 2, CommandKind::IdentifyStop as u32),
             (22, 2, 0),
         ] {
-            records.note(&CycleRecord { due_ns, period_ns, command, ..CycleRecord::zeroed() });
+            records.ingest(&CycleRecord { due_ns, period_ns, command, ..CycleRecord::zeroed() });
         }
         assert_eq!([9, 15, 19, 20, 99].map(|time_ns| records.period_ns(time_ns)), [5, 5, 5, 2, 2].map(Some));
         assert!(records.has_load(10, 15) && records.has_load(12, 20), "also where its own state is missing");

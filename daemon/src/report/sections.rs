@@ -38,11 +38,11 @@ pub(super) fn session(facts: &Facts) -> Section {
     }
     row("station", code(facts.config.station.as_str()));
     row("subject", code(subject(facts)));
-    let begun = match header.started_unix_ns {
+    let started = match header.started_unix_ns {
         0 => "not stated in the recording".to_owned(),
         unix_ns => rfc_3339(unix_ns / 1_000_000_000),
     };
-    row("begin", begun.into());
+    row("begin", started.into());
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
     row("states", format!("{}, t = {from_s:.3} s to {to_s:.3} s", facts.cycles).into());
     row("recorded by", software(&header.software_version).into());
@@ -93,7 +93,7 @@ pub(super) fn identification(facts: &Facts) -> Section {
             "The worker changed last at t = {changed_s:.1} s; what follows is of the one since then."
         ));
     }
-    section.say(match (found.known_before, found.converged_s) {
+    section.say(match (found.identified_before, found.converged_s) {
         (true, _) if !facts.changes_s.is_empty() => "The worker was known when put in place.".to_owned(),
         (true, _) => "The worker was known when the recording began.".to_owned(),
         (false, Some(time_s)) if found.stopped => {
@@ -117,7 +117,7 @@ pub(super) fn identification(facts: &Facts) -> Section {
         table.rows.push(vec![
             pose.poses.to_string().into(),
             format!("{:.1}", pose.time_s).into(),
-            pose.asked.unwrap_or("-").into(),
+            pose.requested.unwrap_or("-").into(),
             or_none(pose.cop_sigma_m, |sigma_m| format!("{:.2}", 1e3 * sigma_m)),
             or_none(pose.variance_max_m2, |variance_m2| format!("{variance_m2:.2e}")),
             or_none(pose.nis, |nis| format!("{nis:.2}")),
@@ -252,8 +252,8 @@ fn levels(facts: &Facts) -> Table {
     table
 }
 
-fn or_none<T>(value: Option<T>, tell: impl Fn(T) -> String) -> Text {
-    value.map_or_else(|| "-".to_owned(), tell).into()
+fn or_none<T>(value: Option<T>, format: impl Fn(T) -> String) -> Text {
+    value.map_or_else(|| "-".to_owned(), format).into()
 }
 
 fn is_long(facts: &Facts) -> bool {
@@ -279,7 +279,7 @@ fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Serie
         marks: vec![
             Mark::Line { look: Look::After, points: points.clone(), gap: 1.0 / unit_s },
             // An isolated point gives no line, so draw a dot.
-            Mark::Dots { look: Look::After, points: alone(&points, 1.0 / unit_s) },
+            Mark::Dots { look: Look::After, points: isolated_points(&points, 1.0 / unit_s) },
         ],
         legend: Vec::new(),
     };
@@ -287,7 +287,7 @@ fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Serie
 }
 
 /// The points that have no neighbour within a gap.
-fn alone(points: &[[f64; 2]], gap: f64) -> Vec<[f64; 2]> {
+fn isolated_points(points: &[[f64; 2]], gap: f64) -> Vec<[f64; 2]> {
     let near = |a: Option<&[f64; 2]>, b: &[f64; 2]| a.is_some_and(|a| (a[0] - b[0]).abs() <= gap);
     let lonely = |index: usize| {
         let before = index.checked_sub(1).and_then(|before| points.get(before));

@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn extremes_stay_and_what_was_not_there_leaves_a_hole() {
+    fn extremes_are_preserved_and_missing_data_leave_a_gap() {
         let mut series = Series::default();
         for (time_s, value) in [(0.0, 1.0), (0.1, 9.0), (0.2, -3.0), (0.24, 2.0), (7.0, 4.0), (7.1, f64::NAN)]
         {

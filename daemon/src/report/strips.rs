@@ -21,7 +21,7 @@ const BAR: f64 = 14.0;
 const COLUMNS: usize = 240;
 
 /// Colours of Okabe and Ito, distinguishable with any colour vision, and the height of the bar.
-const LOOKS: [(Level, &str, f64); 5] = [
+const STYLES: [(Level, &str, f64); 5] = [
     (Level::Undecided, "#9aa5b1", 0.12),
     (Level::Green, "#009e73", 0.25),
     (Level::Orange, "#e69f00", 0.5),
@@ -63,7 +63,7 @@ pub(super) fn strips(exposure: &Exposure, span_s: [f64; 2], minutes: bool) -> Op
 fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &mut String) {
     let length_s = (span_s[1] - span_s[0]).max(COLUMN_S);
     // A column shows the highest level of the seconds that it covers.
-    let mut shown: [Option<Level>; COLUMNS] = [None; COLUMNS];
+    let mut levels: [Option<Level>; COLUMNS] = [None; COLUMNS];
     for (number, column) in &exposure.columns {
         let Some(level) = column[joint.index()] else { continue };
         let share =
@@ -71,19 +71,19 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
         let from_s = *number as f64 * COLUMN_S;
         let first = (share(from_s) as usize).min(COLUMNS - 1);
         let last = (share(from_s + COLUMN_S).ceil() as usize).clamp(first + 1, COLUMNS);
-        for place in &mut shown[first..last] {
+        for place in &mut levels[first..last] {
             if place.is_none_or(|before| rank(level) > rank(before)) {
                 *place = Some(level);
             }
         }
     }
     let width = (WIDTH - RIGHT - NAMES) / COLUMNS as f64;
-    for (level, colour, share) in LOOKS {
+    for (level, colour, share) in STYLES {
         let height = BAR * share;
         let mut path = String::new();
         let mut from = 0;
         while from < COLUMNS {
-            let run = shown[from..].iter().take_while(|shown| **shown == Some(level)).count();
+            let run = levels[from..].iter().take_while(|levels| **levels == Some(level)).count();
             if run > 0 {
                 let (left, long) = (NAMES + width * from as f64, width * run as f64);
                 let _ = write!(path, "M{left:.1} {foot:.1}h{long:.1}v-{height:.1}h-{long:.1}z");
@@ -98,7 +98,7 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
 
 fn legend(out: &mut String) {
     let mut left = 8.0;
-    for (level, colour, share) in LOOKS {
+    for (level, colour, share) in STYLES {
         let (name, height) = (words::level(level as u32), BAR * share);
         let _ = write!(
             out,

@@ -47,7 +47,7 @@ impl<T> Ring<T> {
     }
 
     /// Number of values available to the consumer.
-    pub fn waiting(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.consumer.try_lock().map_or(0, |consumer| consumer.slots())
     }
 
@@ -59,7 +59,7 @@ impl<T> Ring<T> {
 
 impl<T: Copy> Ring<T> {
     /// An empty ring whose memory was touched completely, so that its first use causes no page faults.
-    pub fn touched(capacity: usize, example: T) -> Ring<T> {
+    pub fn prefaulted(capacity: usize, example: T) -> Ring<T> {
         let ring = Ring::new(capacity);
         while ring.push(example).is_ok() {}
         while ring.pop().is_some() {}
@@ -79,17 +79,17 @@ mod tests {
     use std::sync::Arc;
 
     #[test]
-    fn order_is_kept_and_a_full_ring_turns_away() {
-        let ring = Ring::touched(2, 0);
+    fn order_is_preserved_and_a_full_ring_rejects_values() {
+        let ring = Ring::prefaulted(2, 0);
         assert!(ring.is_empty() && !ring.is_full());
         assert_eq!((ring.push(1), ring.push(2), ring.push(3)), (Ok(()), Ok(()), Err(3)));
         assert!(ring.is_full());
-        assert_eq!(ring.waiting(), 2);
+        assert_eq!(ring.len(), 2);
         assert_eq!((ring.pop(), ring.pop(), ring.pop()), (Some(1), Some(2), None));
     }
 
     #[test]
-    fn no_thread_waits_for_one_that_was_stopped_in_the_middle() {
+    fn a_preempted_thread_blocks_no_other() {
         let ring = Ring::new(4);
         ring.push(1).unwrap();
         // Simulates that the other thread was interrupted while it holds its end.
@@ -106,7 +106,7 @@ mod tests {
     #[test]
     fn everything_arrives_between_two_threads() {
         const COUNT: u64 = 200_000;
-        let ring = Arc::new(Ring::touched(64, 0));
+        let ring = Arc::new(Ring::prefaulted(64, 0));
         let giver = std::thread::spawn({
             let ring = Arc::clone(&ring);
             move || {

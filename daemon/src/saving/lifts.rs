@@ -13,38 +13,38 @@ use std::path::{Path, PathBuf};
 use equipoise_core::exposure::{Lift, Shift};
 use equipoise_core::time::NS_PER_S;
 
-use crate::whole_file::MODE;
-use crate::workers::Workers;
+use crate::atomic_file::MODE;
+use crate::subjects::Subjects;
 
 const HEADING: &str = "ended_utc,event,number,carried_s,mass_kg,mass_sigma_kg,distance_m,damage\n";
 
 /// Pending lines and the lifts already processed, by subject number.
 #[derive(Debug, Default)]
 pub(super) struct LiftLog {
-    seen: BTreeMap<u64, Seen>,
+    previous: BTreeMap<u64, Progress>,
     lines: BTreeMap<u64, String>,
 }
 
 #[derive(Debug)]
-struct Seen {
+struct Progress {
     /// Number of ended lifts.
     ended: u64,
     /// Numbers of the undone ones among the latest lifts.
     undone: Vec<u64>,
 }
 
-impl Seen {
-    fn of(shift: &Shift) -> Seen {
+impl Progress {
+    fn of(shift: &Shift) -> Progress {
         let undone = shift.latest.iter().filter(|lift| lift.undone == 1).map(|lift| lift.number);
-        Seen { ended: shift.ended, undone: undone.collect() }
+        Progress { ended: shift.ended, undone: undone.collect() }
     }
 }
 
 impl LiftLog {
     /// Ingests a copy of a subject's shift. The first copy only sets the starting point.
-    pub(super) fn take(&mut self, number: u64, shift: &Shift, now_ns: u64, unix_s: u64) {
-        let now = Seen::of(shift);
-        let Some(before) = self.seen.insert(number, now) else { return };
+    pub(super) fn ingest(&mut self, number: u64, shift: &Shift, now_ns: u64, unix_s: u64) {
+        let now = Progress::of(shift);
+        let Some(before) = self.previous.insert(number, now) else { return };
         let mut latest: Vec<&Lift> = shift.latest.iter().filter(|lift| lift.number > 0).collect();
         latest.sort_by_key(|lift| lift.number);
         let mut lines = String::new();
@@ -82,10 +82,10 @@ impl LiftLog {
     ///
     /// # Errors
     /// A file that cannot be written, and the error.
-    pub(super) fn write(&mut self, workers: &Workers) -> Result<(), (PathBuf, io::Error)> {
+    pub(super) fn write(&mut self, subjects: &Subjects) -> Result<(), (PathBuf, io::Error)> {
         let mut failed = None;
         self.lines.retain(|number, lines| {
-            let written = workers.write(*number, |saving| {
+            let written = subjects.write(*number, |saving| {
                 append(&saving.lifts, lines).map_err(|error| failed = Some((saving.lifts.clone(), error)))
             });
             written.is_err()
@@ -117,7 +117,7 @@ mod tests {
     use equipoise_core::exposure::LATEST_LIFTS;
 
     use crate::state_directory::StateDirectory;
-    use crate::workers::{CONFIGURED, Saving};
+    use crate::subjects::{CONFIGURED, ProfileDestination};
 
     fn end_one(shift: &mut Shift, ended_ns: u64) {
         shift.ended += 1;
@@ -133,16 +133,16 @@ mod tests {
     }
 
     #[test]
-    fn every_lift_and_every_one_taken_back_is_a_line_and_none_comes_twice() {
+    fn every_lift_and_every_undo_is_written_as_one_line() {
         let directory = tempfile::tempdir().unwrap();
         let state = StateDirectory::at(directory.path());
-        let workers = Workers::new(state.clone(), Saving::of(&state, "a", None, true));
+        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
         let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
         // Lifts from before the start of the daemon are already in the list.
         (0..20).for_each(|_| end_one(&mut shift, 0));
         let mut step = |shift: &Shift| {
-            log.take(CONFIGURED, shift, 100 * NS_PER_S, 1_795_256_100);
-            log.write(&workers).unwrap();
+            log.ingest(CONFIGURED, shift, 100 * NS_PER_S, 1_795_256_100);
+            log.write(&subjects).unwrap();
             assert!(log.is_written());
         };
         step(&shift);
@@ -167,21 +167,21 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_waits_and_who_is_forgotten_is_on_no_list() {
+    fn failed_writes_are_retried_and_deleted_subjects_are_not_written() {
         let directory = tempfile::tempdir().unwrap();
         let state = StateDirectory::at(directory.path());
-        let workers = Workers::new(state.clone(), Saving::of(&state, "a", None, true));
+        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
         let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
-        log.take(CONFIGURED, &shift, 0, 0);
+        log.ingest(CONFIGURED, &shift, 0, 0);
         end_one(&mut shift, 0);
-        log.take(CONFIGURED, &shift, 0, 0);
+        log.ingest(CONFIGURED, &shift, 0, 0);
         // A folder with the name of the file makes writing fail.
         fs::create_dir_all(state.lifts("a")).unwrap();
-        assert_eq!(log.write(&workers).unwrap_err().0, state.lifts("a"));
+        assert_eq!(log.write(&subjects).unwrap_err().0, state.lifts("a"));
         assert!(!log.is_written());
         fs::remove_dir(state.lifts("a")).unwrap();
-        workers.forget("a");
-        log.write(&workers).unwrap();
+        subjects.forget("a");
+        log.write(&subjects).unwrap();
         assert!(log.is_written() && !state.lifts("a").exists());
     }
 }

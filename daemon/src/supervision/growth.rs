@@ -4,7 +4,7 @@ use equipoise_core::time::NS_PER_S;
 
 /// Time without an increase after which the incident ends: long enough that a fault repeated every second is one
 /// incident in the journal.
-const RESTS_AFTER_NS: u64 = 10_000_000_000;
+const QUIET_AFTER_NS: u64 = 10_000_000_000;
 
 /// Monitors one counter.
 #[derive(Debug, Default)]
@@ -16,12 +16,12 @@ pub(super) struct Growth {
 
 impl Growth {
     /// Ingests the count, `gap_ns` after the last call; returns whether it grew recently.
-    pub(super) fn goes_on(&mut self, count: u64, gap_ns: u64) -> bool {
+    pub(super) fn update(&mut self, count: u64, gap_ns: u64) -> bool {
         if count > self.count {
             (self.active, self.quiet_ns) = (true, 0);
         } else {
             self.quiet_ns += gap_ns;
-            self.active &= self.quiet_ns < RESTS_AFTER_NS;
+            self.active &= self.quiet_ns < QUIET_AFTER_NS;
         }
         self.count = count;
         self.active
@@ -41,18 +41,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_goes_on_from_the_first_growth_until_ten_seconds_of_rest() {
+    fn active_from_the_first_growth_until_ten_quiet_seconds() {
         let mut growth = Growth::default();
-        assert!(!growth.goes_on(0, 1_000_000_000));
+        assert!(!growth.update(0, 1_000_000_000));
         for second in 0..50 {
             // Every five seconds: one incident, not ten.
-            assert!(growth.goes_on(1 + second / 5, 1_000_000_000), "second {second}");
+            assert!(growth.update(1 + second / 5, 1_000_000_000), "second {second}");
         }
-        let ended = (0..20).take_while(|_| growth.goes_on(10, 1_000_000_000)).count();
+        let ended = (0..20).take_while(|_| growth.update(10, 1_000_000_000)).count();
         assert!((5..10).contains(&ended), "{ended}");
-        assert!(growth.goes_on(11, 1), "a new growth is reported");
+        assert!(growth.update(11, 1), "a new growth is reported");
         assert_eq!(growth.last(), "the last just now");
-        growth.goes_on(11, 3_500_000_000);
+        growth.update(11, 3_500_000_000);
         assert_eq!(growth.last(), "the last 3 s ago");
     }
 }

@@ -9,7 +9,7 @@ use equipoise_core::time::seconds;
 pub(super) const STALL_NS: u64 = 50_000_000;
 /// Time without a cycle after which the loop counts as stopped. Longer than any stall that ends by itself on a busy
 /// machine, shorter than the watchdog's five seconds.
-const STANDS_AFTER_NS: u64 = 1_000_000_000;
+const HANG_AFTER_NS: u64 = 1_000_000_000;
 
 /// The longest stall between two consecutive cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,7 +46,7 @@ pub(super) struct LoopTime {
 
 impl LoopTime {
     /// Ingests one record, in the order of the cycles. Stalls next to lost records are not detected.
-    pub(super) fn see(&mut self, record: &CycleRecord) {
+    pub(super) fn ingest(&mut self, record: &CycleRecord) {
         let before = self.last.replace((record.cycle, record.slots_skipped));
         let Some((cycle, slots_skipped)) = before else { return };
         if record.cycle != cycle + 1 {
@@ -65,9 +65,9 @@ impl LoopTime {
     }
 
     /// Whether there has been no cycle for too long; `gap_ns` is the time since the last call.
-    pub(super) fn stands(&mut self, came: bool, gap_ns: u64) -> bool {
-        self.quiet_ns = if came { 0 } else { self.quiet_ns + gap_ns };
-        self.quiet_ns >= STANDS_AFTER_NS
+    pub(super) fn is_hanging(&mut self, has_records: bool, gap_ns: u64) -> bool {
+        self.quiet_ns = if has_records { 0 } else { self.quiet_ns + gap_ns };
+        self.quiet_ns >= HANG_AFTER_NS
     }
 }
 
@@ -81,28 +81,28 @@ mod tests {
     }
 
     #[test]
-    fn only_slots_that_were_skipped_at_once_are_a_stall() {
+    fn only_slots_skipped_together_are_a_stall() {
         let mut time = LoopTime::default();
         // One skipped slot in each of a hundred cycles is lateness, not a stall.
         for cycle in 1..=100 {
-            time.see(&record(cycle, cycle));
+            time.ingest(&record(cycle, cycle));
         }
         assert_eq!(time.take_stall(), None);
-        time.see(&record(101, 149));
+        time.ingest(&record(101, 149));
         assert_eq!(time.take_stall(), None, "49 ms");
-        time.see(&record(102, 199));
+        time.ingest(&record(102, 199));
         assert_eq!(time.take_stall(), Some(Stall { cycle: 102, slots: 50, span_ns: 50_000_000 }));
         assert_eq!(time.take_stall(), None, "reported once");
-        time.see(&record(500, 999));
+        time.ingest(&record(500, 999));
         assert_eq!(time.take_stall(), None, "cycles between them were not seen");
     }
 
     #[test]
     fn a_loop_that_hangs_is_reported_after_a_second() {
         let mut time = LoopTime::default();
-        assert!(!time.stands(true, 50_000_000));
-        let looks = (0..100).take_while(|_| !time.stands(false, 50_000_000)).count();
-        assert_eq!(looks, 19);
-        assert!(!time.stands(true, 50_000_000));
+        assert!(!time.is_hanging(true, 50_000_000));
+        let updates = (0..100).take_while(|_| !time.is_hanging(false, 50_000_000)).count();
+        assert_eq!(updates, 19);
+        assert!(!time.is_hanging(true, 50_000_000));
     }
 }

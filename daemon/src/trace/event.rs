@@ -117,36 +117,36 @@ pub(super) fn events_of(record: &CycleRecord, before: Option<&CycleRecord>) -> V
             events.push(Event { phase: ends, track, name, at_ns: to_ns, args: Vec::new() });
         }
     }
-    tell_what_happened(record, before, &mut events);
+    push_instants(record, before, &mut events);
     count(record, &mut events);
     // The sort is stable: of two events that begin at once, the enclosing one was added first.
     events.sort_by_key(|event| event.at_ns);
     events
 }
 
-fn tell_what_happened(record: &CycleRecord, before: Option<&CycleRecord>, events: &mut Vec<Event>) {
+fn push_instants(record: &CycleRecord, before: Option<&CycleRecord>, events: &mut Vec<Event>) {
     let cycle = ("cycle", Value::Whole(record.cycle));
-    let mut tell = |name, at_ns, what: Option<(&'static str, Value)>| {
+    let mut push_instant = |name, at_ns, what: Option<(&'static str, Value)>| {
         let args = std::iter::once(cycle).chain(what).collect();
         events.push(Event { phase: Phase::Instant, track: Track::Loop, name, at_ns, args });
     };
     if record.deadline_missed != 0 {
-        tell("deadline missed", record.due_ns + record.period_ns, None);
+        push_instant("deadline missed", record.due_ns + record.period_ns, None);
     }
     if record.command != 0 {
         let kind = CommandKind::from_number(record.command);
         let name = kind.map_or(Value::Whole(record.command.into()), |kind| Value::Text(command_name(kind)));
-        tell("command", record.compute_start_ns, Some(("command", name)));
+        push_instant("command", record.compute_start_ns, Some(("command", name)));
     }
     // A decreasing number means that the daemon was restarted.
     let Some(before) = before.filter(|before| before.cycle < record.cycle) else { return };
     let skipped = record.slots_skipped.saturating_sub(before.slots_skipped);
     if skipped > 0 {
-        tell("slots skipped", record.due_ns, Some(("slots", Value::Whole(skipped))));
+        push_instant("slots skipped", record.due_ns, Some(("slots", Value::Whole(skipped))));
     }
     let missing = record.cycle - before.cycle - 1;
     if missing > 0 {
-        tell("not recorded", record.due_ns, Some(("cycles", Value::Whole(missing))));
+        push_instant("not recorded", record.due_ns, Some(("cycles", Value::Whole(missing))));
     }
 }
 
@@ -159,11 +159,11 @@ fn count(record: &CycleRecord, events: &mut Vec<Event>) {
         count("lateness", woken_ns, vec![("us", lateness)]);
     }
     if record.compute_start_ns > 0 {
-        let taken = vec![
+        let values = vec![
             ("suit", Value::Whole(record.suit_taken.into())),
             ("ground", Value::Whole(record.ground_taken.into())),
         ];
-        count("samples taken", record.compute_start_ns, taken);
+        count("samples taken", record.compute_start_ns, values);
     }
 }
 

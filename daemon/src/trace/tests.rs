@@ -71,7 +71,7 @@ fn spans(records: &[CycleRecord]) -> HashMap<(String, u64), (u64, u64)> {
     let mut spans = HashMap::new();
     for (index, record) in records.iter().enumerate() {
         let before = index.checked_sub(1).map(|index| &records[index]);
-        let mut begun = HashMap::new();
+        let mut started = HashMap::new();
         for event in events_of(record, before) {
             let text = event.to_string();
             let event: Value = serde_json::from_str(&text).unwrap();
@@ -82,15 +82,15 @@ fn spans(records: &[CycleRecord]) -> HashMap<(String, u64), (u64, u64)> {
             let name = event["name"].as_str().unwrap().to_owned();
             match event["ph"].as_str().unwrap() {
                 "X" => drop(spans.insert((name, record.cycle), (raw("ts"), raw("dur")))),
-                "b" => drop(begun.insert((name, event["id"].clone()), raw("ts"))),
+                "b" => drop(started.insert((name, event["id"].clone()), raw("ts"))),
                 "e" => {
-                    let from_ns = begun.remove(&(name.clone(), event["id"].clone())).unwrap();
+                    let from_ns = started.remove(&(name.clone(), event["id"].clone())).unwrap();
                     spans.insert((name, record.cycle), (from_ns, raw("ts") - from_ns));
                 }
                 _ => {}
             }
         }
-        assert!(begun.is_empty(), "{begun:?}");
+        assert!(started.is_empty(), "{started:?}");
     }
     spans
 }
@@ -103,25 +103,25 @@ fn every_stage_of_every_cycle_is_a_slice_of_just_its_stamps() {
         let cycle = spans.remove(&("cycle".to_owned(), record.cycle));
         assert_eq!(cycle, Some((record.woken_ns, record.compute_end_ns - record.woken_ns)));
         for stage in Stage::ALL.into_iter().filter(|stage| stage.is_part()) {
-            let shown = spans.remove(&(stage.name().to_owned(), record.cycle));
+            let actual = spans.remove(&(stage.name().to_owned(), record.cycle));
             let stamps = stage.span_ns(record).and_then(Result::ok);
-            assert_eq!(shown, stamps.map(|(from_ns, to_ns)| (from_ns, to_ns - from_ns)), "{}", stage.name());
+            assert_eq!(actual, stamps.map(|(from_ns, to_ns)| (from_ns, to_ns - from_ns)), "{}", stage.name());
         }
     }
     assert!(spans.is_empty(), "{spans:?}");
 }
 
 #[test]
-fn slices_of_a_thread_follow_or_hold_each_other() {
+fn slices_of_a_thread_are_disjoint_or_nested() {
     let (summary, events) = trace_of(&records(), None);
     assert_eq!((summary.cycles, summary.span, summary.deadlines_missed), (60, Some((1, 60)), 1));
     assert!(summary.damage.is_none());
     let mut open: HashMap<u64, Vec<(f64, f64)>> = HashMap::new();
-    let (mut begun, mut slices) = (0, 0);
+    let (mut started, mut slices) = (0, 0);
     for event in &events {
         assert!(["M", "X", "b", "e", "i", "C"].contains(&event["ph"].as_str().unwrap()), "{event}");
         assert!(event["pid"].is_u64() && event["tid"].is_u64() && event["name"].is_string(), "{event}");
-        begun += match event["ph"].as_str().unwrap() {
+        started += match event["ph"].as_str().unwrap() {
             "b" => 1,
             "e" => -1,
             _ => 0,
@@ -141,18 +141,18 @@ fn slices_of_a_thread_follow_or_hold_each_other() {
         }
         stack.push((from, from + length));
     }
-    assert_eq!((begun, slices), (0, 60 * 4), "cycle, intake, compute, publish");
+    assert_eq!((started, slices), (0, 60 * 4), "cycle, intake, compute, publish");
 }
 
 #[test]
-fn what_happened_is_an_instant_of_its_cycle() {
+fn occurrences_are_instants_of_their_cycle() {
     let (_, events) = trace_of(&records(), None);
     let instants: Vec<_> = events.iter().filter(|event| event["ph"] == "i").collect();
-    let shown: Vec<_> = instants
+    let actual: Vec<_> = instants
         .iter()
         .map(|event| (event["name"].as_str().unwrap(), event["args"]["cycle"].as_u64().unwrap()))
         .collect();
-    assert_eq!(shown, [("command", 7), ("deadline missed", 30), ("slots skipped", 31)]);
+    assert_eq!(actual, [("command", 7), ("deadline missed", 30), ("slots skipped", 31)]);
     assert_eq!(instants[0]["args"]["command"], "tare");
     assert_eq!(instants[2]["args"]["slots"], 4);
     let counters = |name: &str| events.iter().filter(|e| e["ph"] == "C" && e["name"] == name).count();

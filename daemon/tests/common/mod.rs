@@ -42,7 +42,7 @@ pub(crate) fn human_motion_config() -> PathBuf {
 }
 
 /// Output of a program, for messages.
-pub(crate) fn said(output: &Output) -> String {
+pub(crate) fn describe_output(output: &Output) -> String {
     format!(
         "{:?}\n{}{}",
         output.status,
@@ -181,7 +181,7 @@ pub(crate) fn remove_shared_memory(root: &Path) {
     let prefix = equipoise_bus::root::shared_memory_prefix(root);
     for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
         if file.file_name().to_string_lossy().starts_with(&prefix) {
-            let _already_gone = std::fs::remove_file(file.path());
+            let _absent = std::fs::remove_file(file.path());
         }
     }
 }

@@ -59,16 +59,16 @@ pub(crate) struct Case {
     pub(crate) garbage: Faults,
     /// The refusal reasons under which they must be counted.
     pub(crate) reasons: &'static [&'static str],
-    pub(crate) not_asked: &'static [(Question, &'static str)],
+    pub(crate) not_tested: &'static [(Question, &'static str)],
     /// A baud rate other than the device's, or the reason why none can be configured.
     pub(crate) wrong_baud: Result<u32, &'static str>,
 }
 
 impl Case {
     /// The reason why a check is not applicable.
-    pub(crate) fn why_not(&self, question: Question) -> Option<&'static str> {
+    pub(crate) fn reason_not_tested(&self, question: Question) -> Option<&'static str> {
         let speed = self.wrong_baud.err().filter(|_| question == Question::Speed);
-        speed.or_else(|| self.not_asked.iter().find(|(not, _)| *not == question).map(|(_, reason)| *reason))
+        speed.or_else(|| self.not_tested.iter().find(|(not, _)| *not == question).map(|(_, reason)| *reason))
     }
 }
 
@@ -96,7 +96,7 @@ const CASE: Case = Case {
     loss: 0.05,
     garbage: Faults { garbage: 0.1, chop: 1.0, ..NOTHING },
     reasons: &["garbage"],
-    not_asked: &[],
+    not_tested: &[],
     wrong_baud: Err(NO_LINE),
 };
 
@@ -116,7 +116,7 @@ pub(crate) const CASES: &[Case] = &[
         rate_hz: 60.0,
         garbage: Faults { garbage: 0.1, truncate: 0.1, duplicate: 0.1, ..NOTHING },
         reasons: &["not_mvn", "length", "duplicate"],
-        not_asked: &[(Question::Loss, MANY_DATAGRAMS)],
+        not_tested: &[(Question::Loss, MANY_DATAGRAMS)],
         ..CASE
     },
     Case {
@@ -157,7 +157,7 @@ pub(crate) const CASES: &[Case] = &[
         // A count of a vertical gauge is 0.4 N, at a lever of 18 cm.
         tolerance: (3.0, 0.003),
         reasons: &["garbage"],
-        not_asked: &[(Question::Loss, NO_COUNT)],
+        not_tested: &[(Question::Loss, NO_COUNT)],
         wrong_baud: Err(OWN_SPEEDS),
         ..CASE
     },
@@ -175,7 +175,7 @@ pub(crate) const CASES: &[Case] = &[
         build: two_rdt,
         feet: true,
         rate_hz: 500.0,
-        not_asked: &[(Question::Loss, FUSED), (Question::Garbage, FUSED), (Question::Reasons, FUSED)],
+        not_tested: &[(Question::Loss, FUSED), (Question::Garbage, FUSED), (Question::Reasons, FUSED)],
         ..CASE
     },
     Case { name: "qtm", build: qtm, rate_hz: 1000.0, reasons: &["garbage"], ..CASE },
@@ -194,7 +194,7 @@ pub(crate) const CASES: &[Case] = &[
         wrong_baud: Ok(115_200),
         rate_hz: 2500.0,
         // Resolution: a tenth of a newton, and a hundredth of a newton metre.
-        not_asked: &[
+        not_tested: &[
             (Question::Loss, HOST_POLLS),
             (Question::Garbage, NO_FRAMES),
             (Question::Reasons, NO_FRAMES),
@@ -240,10 +240,10 @@ pub(crate) const CASES: &[Case] = &[
         name: "lsl, found by its name",
         build: lsl_found,
         rate_hz: 100.0,
-        not_asked: &[(Question::Loss, NO_COUNT)],
+        not_tested: &[(Question::Loss, NO_COUNT)],
         ..CASE
     },
-    Case { name: "lsl", build: lsl, rate_hz: 100.0, not_asked: &[(Question::Loss, NO_COUNT)], ..CASE },
+    Case { name: "lsl", build: lsl, rate_hz: 100.0, not_tested: &[(Question::Loss, NO_COUNT)], ..CASE },
     Case {
         name: "binary, serial",
         build: binary_serial,
@@ -266,7 +266,7 @@ pub(crate) const CASES: &[Case] = &[
         build: plate_and_insoles,
         feet: true,
         rate_hz: 100.0,
-        not_asked: &[(Question::Loss, FUSED), (Question::Garbage, FUSED), (Question::Reasons, FUSED)],
+        not_tested: &[(Question::Loss, FUSED), (Question::Garbage, FUSED), (Question::Reasons, FUSED)],
         ..CASE
     },
 ];
@@ -387,9 +387,10 @@ fn qtm(_: &Path, _: &Arc<Person>) -> Built {
 }
 
 fn mvn(line: Line, streams: Streams, person: &Arc<Person>) -> Built {
-    let seen = Arc::clone(person);
-    let see = Box::new(move |time_s, counter, device_ms| seen.seen(streams, time_s, counter, device_ms));
-    one(Mvn::new(line, 60.0, see, person.introduction()), Z_UP())
+    let source = Arc::clone(person);
+    let frame_source =
+        Box::new(move |time_s, counter, device_ms| source.suit_frame(streams, time_s, counter, device_ms));
+    one(Mvn::new(line, 60.0, frame_source, person.introduction()), Z_UP())
 }
 
 fn mvn_udp(_: &Path, person: &Arc<Person>) -> Built {

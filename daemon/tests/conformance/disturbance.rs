@@ -41,12 +41,12 @@ impl Watch {
             let mut worst = Duration::ZERO;
             let (far, near) = pseudo_terminal().expect("a pseudo terminal");
             while !stopped.load(Ordering::Relaxed) {
-                let begun = Instant::now();
+                let started = Instant::now();
                 std::thread::sleep(PAUSE);
                 write(&far, &[0]).expect("room for a byte");
                 let mut wait = [PollFd::new(&near, PollFlags::IN)];
                 poll(&mut wait, Some(&Timespec { tv_sec: 1, tv_nsec: 0 })).expect("a poll");
-                worst = worst.max(begun.elapsed().saturating_sub(PAUSE));
+                worst = worst.max(started.elapsed().saturating_sub(PAUSE));
                 let _none_within_a_second = read(&near, &mut [0_u8; 64]);
             }
             worst
@@ -93,7 +93,7 @@ pub(crate) fn retry(ask: impl Fn() -> Answers) -> (Answers, Option<Duration>) {
 }
 
 #[test]
-fn a_wrong_answer_of_an_undisturbed_machine_is_final() {
+fn a_failure_on_an_undisturbed_machine_is_final() {
     let wrong = || Ok(vec![(Question::Rate, Err("wrong".into()))]);
     let (answers, disturbed) = retry(wrong);
     assert!(answers.unwrap()[0].1.is_err());

@@ -76,9 +76,9 @@ impl Host {
     }
 
     /// Its present fault message.
-    pub(crate) fn trouble(&self) -> Option<String> {
+    pub(crate) fn fault(&self) -> Option<String> {
         match self {
-            Host::Ground(source) => source.trouble(),
+            Host::Ground(source) => source.fault(),
             Host::Suit(_) => None,
         }
     }
@@ -131,13 +131,13 @@ impl Sample {
         match self {
             Sample::Ground(sample) => ground_wrong(sample, person, time_s, tolerance),
             Sample::Suit(sample) => {
-                let truth = person.seen(Streams::NONE, time_s, 0, 0);
-                let off = (sample.position_m.iter().flatten())
+                let truth = person.suit_frame(Streams::NONE, time_s, 0, 0);
+                let deviation = (sample.position_m.iter().flatten())
                     .zip(truth.position_m.iter().flatten())
                     .map(|(sent, truth)| (sent - truth).abs())
                     .fold(0.0, f64::max);
-                if off > tolerance.cop_m {
-                    return Some(format!("a segment is {off} m off"));
+                if deviation > tolerance.cop_m {
+                    return Some(format!("a segment is {deviation} m off"));
                 }
                 let turned = (sample.orientation_wxyz.iter())
                     .zip(&truth.orientation_wxyz)
@@ -183,8 +183,8 @@ fn ground_wrong(
         Ok(cop) => cop,
         Err(reason) => return Some(format!("no centre of pressure: {reason:?}")),
     };
-    let off = (nalgebra::Vector2::from(cop) - whole.cop_m()).norm();
-    if off > tolerance.cop_m {
+    let deviation = (nalgebra::Vector2::from(cop) - whole.cop_m()).norm();
+    if deviation > tolerance.cop_m {
         return Some(format!("pressure at {cop:?}, truth {:?}", whole.cop_m()));
     }
     // The moment about the vertical through the centre of pressure.
@@ -204,8 +204,8 @@ fn feet_wrong(sample: &GroundSample, truth: &OnFeet, tolerance: &Tolerance) -> O
         let wrench = &truth.wrench[k];
         let is_m = if sample.foot_frame == FootFrame::Sole as u32 { sole.cop_m } else { wrench.cop_m() };
         let (force_n, cop_m) = (sample.foot_vertical_n[k], sample.foot_cop_m[k]);
-        let off_m = (nalgebra::Vector2::from(cop_m) - is_m).norm();
-        if (force_n - wrench.force_n.z).abs() > tolerance.force_n || off_m > tolerance.cop_m {
+        let deviation_m = (nalgebra::Vector2::from(cop_m) - is_m).norm();
+        if (force_n - wrench.force_n.z).abs() > tolerance.force_n || deviation_m > tolerance.cop_m {
             return Some(format!(
                 "foot {k}: {force_n} N at {cop_m:?}, truth {} N at {is_m:?}",
                 wrench.force_n.z

@@ -24,11 +24,11 @@ use table::Row;
 fn every_adapter_answers_every_question() {
     let person = Arc::new(Person::new());
     let only = std::env::var("EQUIPOISE_ADAPTER").ok();
-    let asked: Vec<_> = CASES
+    let spawned: Vec<_> = CASES
         .iter()
         .filter(|case| only.as_ref().is_none_or(|only| case.name.contains(only.as_str())))
         .collect();
-    let asking: Vec<_> = asked
+    let threads: Vec<_> = spawned
         .iter()
         .map(|case| {
             let (case, person) = (**case, Arc::clone(&person));
@@ -36,8 +36,8 @@ fn every_adapter_answers_every_question() {
         })
         .collect();
     let (mut rows, mut inconclusive) = (Vec::new(), Vec::new());
-    for (case, asking) in asked.iter().zip(asking) {
-        let (answers, disturbed) = asking.join().unwrap_or_else(|_| (Err("panicked".into()), None));
+    for (case, threads) in spawned.iter().zip(threads) {
+        let (answers, disturbed) = threads.join().unwrap_or_else(|_| (Err("panicked".into()), None));
         let row = Row { case, answers };
         match disturbed {
             Some(late) if !table::wrong(std::slice::from_ref(&row)).is_empty() => {

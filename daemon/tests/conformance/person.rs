@@ -73,7 +73,13 @@ impl Person {
     }
 
     /// Frame of a suit without error.
-    pub(crate) fn seen(&self, streams: Streams, time_s: f64, counter: u32, device_ms: u32) -> SuitFrame {
+    pub(crate) fn suit_frame(
+        &self,
+        streams: Streams,
+        time_s: f64,
+        counter: u32,
+        device_ms: u32,
+    ) -> SuitFrame {
         let time_s = 1.0 + Person::folded_s(time_s);
         let world = SuitWorld::default();
         frame_at(&self.worker, &self.suit, world, streams, 0, time_s, (counter, device_ms))

@@ -59,7 +59,7 @@ pub(crate) fn ask(case: &Case, person: &Arc<Person>) -> Result<Vec<(Question, An
     let mut rig = Rig::start(case, person)?;
     let mut answers = Vec::new();
     for question in Question::ALL {
-        if case.why_not(question).is_some() {
+        if case.reason_not_tested(question).is_some() {
             continue;
         }
         answers.push((
@@ -102,8 +102,8 @@ fn rate(case: &Case, rig: &mut Rig<'_>) -> Answer {
         .collect();
     let [begin, .., end] = timed[..] else { return Err("no sample has a time".into()) };
     let hz = (timed.len() - 1) as f64 / ((end - begin) as f64 * 1e-9);
-    let off = (hz / case.rate_hz - 1.0).abs();
-    if off > 0.03 {
+    let deviation = (hz / case.rate_hz - 1.0).abs();
+    if deviation > 0.03 {
         Err(format!("{hz} Hz instead of {}", case.rate_hz))
     } else {
         Ok(format!("{} Hz", case.rate_hz))
@@ -189,11 +189,9 @@ fn speed(case: &Case, person: &Arc<Person>) -> Answer {
     let keys = format!("[ground.serial]\nbaud = {baud}\n");
     let mut rig = Rig::start_with(case, person, |section| {
         // In place of the device's own.
-        let kept = section.lines().filter(|line| !line.starts_with("baud ="));
-        kept.map(|line| format!("{line}\n")).collect::<String>().replace("[ground.serial]\n", &keys)
+        let lines = section.lines().filter(|line| !line.starts_with("baud ="));
+        lines.map(|line| format!("{line}\n")).collect::<String>().replace("[ground.serial]\n", &keys)
     })?;
-    rig.until("a word about the speed", |rig| {
-        rig.host.trouble().is_some_and(|trouble| trouble.contains("baud"))
-    })?;
+    rig.until("a word about the speed", |rig| rig.host.fault().is_some_and(|fault| fault.contains("baud")))?;
     if rig.samples.is_empty() { Ok("yes".into()) } else { Err("noise became samples".into()) }
 }

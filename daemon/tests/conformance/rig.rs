@@ -11,7 +11,7 @@ use crate::host::{Host, Sample, Tolerance};
 use crate::person::Person;
 
 /// Time limit of every wait.
-const PATIENCE: Duration = Duration::from_secs(90);
+const TIMEOUT: Duration = Duration::from_secs(90);
 
 pub(crate) struct Rig<'a> {
     pub(crate) host: Host,
@@ -50,12 +50,12 @@ impl<'a> Rig<'a> {
 
     /// Receives until a condition holds.
     pub(crate) fn until(&mut self, what: &str, so: impl Fn(&Rig<'_>) -> bool) -> Result<(), String> {
-        let begun = Instant::now();
+        let started = Instant::now();
         while !so(self) {
-            let came = self.host.receive()?;
-            self.samples.extend(came);
-            if begun.elapsed() > PATIENCE {
-                let trouble = self.host.trouble().unwrap_or_else(|| "no trouble".into());
+            let received = self.host.receive()?;
+            self.samples.extend(received);
+            if started.elapsed() > TIMEOUT {
+                let fault = self.host.fault().unwrap_or_else(|| "no trouble".into());
                 return Err(format!(
                     "waited in vain for {what}: {} samples, {:?}, {trouble}, device {:?}",
                     self.samples.len(),
@@ -69,8 +69,8 @@ impl<'a> Rig<'a> {
 
     /// Receives this many more samples.
     pub(crate) fn more(&mut self, what: &str, count: usize) -> Result<(), String> {
-        let enough = self.samples.len() + count;
-        self.until(what, |rig| rig.samples.len() >= enough)
+        let sufficient = self.samples.len() + count;
+        self.until(what, |rig| rig.samples.len() >= sufficient)
     }
 
     /// Receives this many more samples with a fitted time.
@@ -81,8 +81,8 @@ impl<'a> Rig<'a> {
 
     /// Receives while the device measures this many more samples.
     pub(crate) fn while_measured(&mut self, what: &str, count: u64) -> Result<(), String> {
-        let enough = self.device.measured() + count;
-        self.until(what, |rig| rig.device.measured() >= enough)
+        let sufficient = self.device.measured() + count;
+        self.until(what, |rig| rig.device.measured() >= sufficient)
     }
 
     /// Deviations of the samples from an index on.

@@ -11,7 +11,7 @@ use equipoise_simulator::ports::free_address;
 use crate::host::{Host, Sample};
 
 /// Time limit of every wait.
-const PATIENCE: Duration = Duration::from_secs(90);
+const TIMEOUT: Duration = Duration::from_secs(90);
 const MASS_KG: f64 = 72.0;
 
 /// Ends the program that it started, and no other.
@@ -41,9 +41,9 @@ fn started(arguments: &[&str]) -> (Program, String) {
         .args(arguments);
     let mut child =
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::inherit()).spawn().unwrap();
-    let said = BufReader::new(child.stdout.take().unwrap());
+    let message = BufReader::new(child.stdout.take().unwrap());
     let program = Program(child);
-    let lines = said.lines().map(Result::unwrap).skip(1).take_while(|line| line != "Ctrl-C ends");
+    let lines = message.lines().map(Result::unwrap).skip(1).take_while(|line| line != "Ctrl-C ends");
     let section = lines.map(|line| line + "\n").collect();
     (program, section)
 }
@@ -52,14 +52,14 @@ fn started(arguments: &[&str]) -> (Program, String) {
 fn weight_n(arguments: &[&str]) -> Result<f64, String> {
     let (_program, section) = started(arguments);
     let mut host = Host::open(section.trim_start())?;
-    let (mut newtons, begun) = (Vec::new(), Instant::now());
+    let (mut newtons, started) = (Vec::new(), Instant::now());
     while newtons.len() < 200 {
         newtons.extend(host.receive()?.into_iter().filter_map(|sample| match sample {
             Sample::Ground(sample) => Some(sample.force_n[2]),
             Sample::Suit(_) => None,
         }));
-        if begun.elapsed() > PATIENCE {
-            return Err(format!("{} samples, {:?}\n{section}", newtons.len(), host.trouble()));
+        if started.elapsed() > TIMEOUT {
+            return Err(format!("{} samples, {:?}\n{section}", newtons.len(), host.fault()));
         }
     }
     Ok(newtons.iter().sum::<f64>() / newtons.len() as f64)
@@ -70,7 +70,7 @@ fn every_device_can_be_simulated_from_the_command_line() {
     let folder = tempfile::tempdir().unwrap();
     let name = |end: &str| folder.path().join(end).display().to_string();
     let any = || "127.0.0.1:0".to_owned();
-    let asked: Vec<Vec<String>> = [
+    let spawned: Vec<Vec<String>> = [
         vec!["ati-rdt".into(), any()],
         vec!["ati-rdt".into(), any(), "--two".into()],
         vec!["amti-serial".into(), name("amti")],
@@ -84,21 +84,21 @@ fn every_device_can_be_simulated_from_the_command_line() {
         vec!["binary".into(), name("binary")],
     ]
     .into();
-    let asking: Vec<_> = asked
+    let threads: Vec<_> = spawned
         .into_iter()
-        .map(|mut words: Vec<String>| {
-            words.insert(1, "--ground-address".into());
+        .map(|mut arguments: Vec<String>| {
+            arguments.insert(1, "--ground-address".into());
             std::thread::spawn(move || {
-                let weight_n = weight_n(&words.iter().map(String::as_str).collect::<Vec<_>>());
-                (words.join(" "), weight_n)
+                let weight_n = weight_n(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+                (arguments.join(" "), weight_n)
             })
         })
         .collect();
-    for asked in asking {
-        let (words, weight_n) = asked.join().unwrap();
-        let weight_n = weight_n.unwrap_or_else(|error| panic!("{words}: {error}"));
+    for spawned in threads {
+        let (arguments, weight_n) = spawned.join().unwrap();
+        let weight_n = weight_n.unwrap_or_else(|error| panic!("{arguments}: {error}"));
         // The human moves between poses; on average the ground carries the weight.
         let share = weight_n / (MASS_KG * GRAVITY_M_PER_S2);
-        assert!((0.9..1.1).contains(&share), "{words}: {weight_n} N");
+        assert!((0.9..1.1).contains(&share), "{arguments}: {weight_n} N");
     }
 }

@@ -13,7 +13,7 @@ pub(crate) struct Row<'a> {
 
 impl Row<'_> {
     fn cell(&self, question: Question, notes: &mut Vec<&'static str>) -> String {
-        if let Some(reason) = self.case.why_not(question) {
+        if let Some(reason) = self.case.reason_not_tested(question) {
             let at = notes.iter().position(|note| *note == reason).unwrap_or_else(|| {
                 notes.push(reason);
                 notes.len() - 1
@@ -21,7 +21,7 @@ impl Row<'_> {
             return format!("n/a ({})", at + 1);
         }
         let answers = self.answers.as_ref().map_or(&[][..], Vec::as_slice);
-        match answers.iter().find(|(asked, _)| *asked == question) {
+        match answers.iter().find(|(spawned, _)| *spawned == question) {
             Some((_, Ok(cell))) => cell.clone(),
             Some((_, Err(_))) | None => "**no**".into(),
         }

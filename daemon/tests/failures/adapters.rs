@@ -4,7 +4,7 @@ use equipoise_core::message::Validity;
 use rustix::process::Signal;
 
 use crate::ending::assert_nothing_left;
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::{Process, wait_for};
 use crate::station::Station;
 
@@ -24,29 +24,29 @@ pub(crate) fn adapter(station: &Station, stream: &str) -> Process {
 }
 
 #[test]
-fn a_killed_adapter_is_seen_as_silence_and_its_successor_is_heard() {
+fn a_killed_adapter_is_reported_as_silent_and_its_successor_is_received() {
     let station = Station::new();
     let person = station.person();
     let mut daemon = station.daemon(&external(&station));
-    let mut eyes = Eyes::open(&station);
-    eyes.until("cycles", |eyes| eyes.state.cycle > 10);
-    assert_eq!(eyes.reasons()[..2], ["suit_stale", "ground_stale"]);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("cycles", |monitor| monitor.state.cycle > 10);
+    assert_eq!(monitor.reasons()[..2], ["suit_stale", "ground_stale"]);
 
     let [mut suit, mut ground] = ["suit", "ground"].map(|stream| adapter(&station, stream));
-    eyes.until_poses(&person, 1);
-    let learnt = eyes.state.poses_used;
+    monitor.until_poses(&person, 1);
+    let poses = monitor.state.poses_used;
     for _ in 0..2 {
         suit.kill();
-        eyes.until("the suit's silence", |eyes| eyes.has(Validity::SUIT_STALE));
+        monitor.until("the suit's silence", |monitor| monitor.has(Validity::SUIT_STALE));
         suit = adapter(&station, "suit");
-        eyes.until("the suit again", Eyes::both_fresh);
+        monitor.until("the suit again", Monitor::both_fresh);
         ground.kill();
-        eyes.until("the plate's silence", |eyes| eyes.has(Validity::GROUND_STALE));
+        monitor.until("the plate's silence", |monitor| monitor.has(Validity::GROUND_STALE));
         ground = adapter(&station, "ground");
-        eyes.until("the plate again", Eyes::both_fresh);
+        monitor.until("the plate again", Monitor::both_fresh);
     }
-    assert!(eyes.state.poses_used >= learnt);
-    eyes.until_poses(&person, learnt + 1);
+    assert!(monitor.state.poses_used >= poses);
+    monitor.until_poses(&person, poses + 1);
     let status = station.status().expect("the daemon answers");
     assert_eq!(status["adapters"][0]["process_id"], suit.id(), "{status}");
     assert_eq!(status["adapters"][1]["process_id"], ground.id(), "{status}");
@@ -54,10 +54,12 @@ fn a_killed_adapter_is_seen_as_silence_and_its_successor_is_heard() {
     // The daemon dies instead: the adapters continue and the next daemon receives them.
     daemon.kill();
     let mut daemon = station.daemon(&external(&station));
-    let old = eyes.state.cycle;
-    eyes.until("both sensors in the new daemon", |eyes| eyes.state.cycle != old && eyes.both_fresh());
+    let old = monitor.state.cycle;
+    monitor.until("both sensors in the new daemon", |monitor| {
+        monitor.state.cycle != old && monitor.both_fresh()
+    });
 
-    drop(eyes);
+    drop(monitor);
     for process in [&mut suit, &mut ground, &mut daemon] {
         assert_eq!(process.stop(Signal::TERM), Some(0), "{}", process.stderr());
     }
@@ -65,15 +67,15 @@ fn a_killed_adapter_is_seen_as_silence_and_its_successor_is_heard() {
 }
 
 #[test]
-fn an_adapter_of_an_external_source_ends_without_failure_and_says_why() {
+fn an_adapter_of_an_external_source_ends_successfully_with_a_reason() {
     let station = Station::new();
     let path = station.write("daemon.toml", &external(&station)).display().to_string();
     for stream in ["suit", "ground"] {
         let ended = station.run(&["adapter", stream, "--config", &path]);
-        ended.done();
-        let sentence = format!("{stream}.source is \"external\"");
+        ended.assert_done();
+        let message = format!("{stream}.source is \"external\"");
         assert!(
-            ended.stderr.contains(&sentence) && ended.stderr.contains("name the device"),
+            ended.stderr.contains(&message) && ended.stderr.contains("name the device"),
             "{}",
             ended.stderr
         );
@@ -91,16 +93,16 @@ fn network_sockets(process: u32) -> Vec<String> {
 }
 
 #[test]
-fn with_sensors_apart_the_daemon_has_no_network_socket_and_metrics_are_another_process() {
-    let station = Station::apart();
+fn with_separate_adapters_the_daemon_has_no_network_socket() {
+    let station = Station::with_separate_adapters();
     let person = station.person();
     let address = equipoise_simulator::ports::free_address().expect("a free port");
     let text = format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
     let path = station.write("all.toml", &text).display().to_string();
     let mut daemon = station.daemon_of("all.toml", &[]);
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
-    eyes.until_poses(&person, 1);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
+    monitor.until_poses(&person, 1);
     assert_eq!(network_sockets(daemon.id()), Vec::<String>::new());
     assert!(
         !network_sockets(station.with_adapter(0, |suit| suit.id())).is_empty(),
@@ -109,7 +111,7 @@ fn with_sensors_apart_the_daemon_has_no_network_socket_and_metrics_are_another_p
     let mut metrics = station.spawn(&["metrics", "--config", &path]);
     wait_for("the metrics", || std::net::TcpStream::connect(address).ok());
     assert_eq!(metrics.stop(Signal::TERM), Some(0), "{}", metrics.stderr());
-    drop(eyes);
+    drop(monitor);
     for place in [0, 1] {
         station.with_adapter(place, |adapter| {
             assert_eq!(adapter.stop(Signal::TERM), Some(0), "{}", adapter.stderr());
@@ -120,14 +122,14 @@ fn with_sensors_apart_the_daemon_has_no_network_socket_and_metrics_are_another_p
 }
 
 #[test]
-fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_daemon() {
-    let station = Station::apart();
+fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemon() {
+    let station = Station::with_separate_adapters();
     let _person = station.person();
     let text = station.configuration();
     station.write("live.toml", &text);
     let daemon = station.daemon_of("live.toml", &[]);
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
     let incident = |name: &str| {
         let status = station.status()?;
         status["daemon"]["incidents"][name].as_str().map(str::to_owned)
@@ -145,7 +147,7 @@ fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_dae
     // A refused configuration changes nothing.
     station.write("live.toml", &text.replace("measures", "measure").replace("[subject]", "[subjects]"));
     reload();
-    eyes.until("both sensors", Eyes::both_fresh);
+    monitor.until("both sensors", Monitor::both_fresh);
     station
         .with_adapter(1, |ground| assert!(ground.stderr().contains("stays in force"), "{}", ground.stderr()));
 
@@ -159,29 +161,29 @@ fn an_adapter_apart_reads_its_file_again_and_its_fault_is_an_incident_of_the_dae
     assert!(fault.contains("/dev/serial/by-id/missing"), "{fault}");
     station.write("live.toml", &text);
     reload();
-    eyes.until("both sensors", Eyes::both_fresh);
+    monitor.until("both sensors", Monitor::both_fresh);
     wait_for("the end of the fault", || incident("ground_adapter_down").is_none().then_some(()));
 
     // Its process ends: the incident names the unit, and the reason.
     station.with_adapter(0, Process::kill);
-    let taken = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
+    let occupied = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
     let path = station.file("live.toml").display().to_string();
-    station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&station.suit.to_string()]);
+    station.run(&["adapter", "suit", "--config", &path]).assert_failed(1, &[&station.suit.to_string()]);
     let fault = wait_for("a suit without adapter", || incident("suit_adapter_down"));
     assert!(
         fault.contains("journalctl -u equipoise-adapter@suit") && fault.contains(&station.suit.to_string()),
         "{fault}"
     );
-    drop(taken);
+    drop(occupied);
     let mut suit = station.spawn(&["adapter", "suit", "--config", &path]);
-    eyes.until("both sensors", Eyes::both_fresh);
+    monitor.until("both sensors", Monitor::both_fresh);
     wait_for("the end of the fault", || incident("suit_adapter_down").is_none().then_some(()));
     // A change of sensor keys that the daemon uses too is reported with both units.
     station.write("live.toml", &text.replace("[ground]", "latency_ms = 10.0\n[ground]"));
     daemon.send(Signal::HUP);
     wait_for("what needs a restart", || {
-        let sentence = "suit.latency_ms changed: takes effect at the next restart of equipoise and equipoise-adapter@suit";
-        daemon.stderr().contains(sentence).then_some(())
+        let message = "suit.latency_ms changed: takes effect at the next restart of equipoise and equipoise-adapter@suit";
+        daemon.stderr().contains(message).then_some(())
     });
     assert_eq!(suit.stop(Signal::TERM), Some(0), "{}", suit.stderr());
 }

@@ -10,8 +10,8 @@ use equipoise_simulator::simulation::{OnPlates, Simulation, SimulationHandle};
 use equipoise_simulator::walk::Place;
 use serde_json::Value;
 
-use crate::eyes::Eyes;
-use crate::process::{PATIENCE, Process, wait_for};
+use crate::monitor::Monitor;
+use crate::process::{Process, TIMEOUT, wait_for};
 use crate::station::Station;
 use equipoise_simulator::ports::free_address;
 
@@ -35,14 +35,14 @@ fn person(settings: SimulationSettings) -> SimulationHandle {
 
 /// Does what a command asks for, line by line, until it has ended; its exit code, and what it printed as JSON.
 #[track_caller]
-fn obey(mut process: Process, mut act: impl FnMut(&str)) -> (Option<i32>, Value, String) {
-    let (begun, mut done) = (Instant::now(), 0);
+fn execute(mut process: Process, mut act: impl FnMut(&str)) -> (Option<i32>, Value, String) {
+    let (started, mut done) = (Instant::now(), 0);
     while process.is_running() {
-        assert!(begun.elapsed() < 3 * PATIENCE, "it does not end: {}", process.stderr());
-        let said = process.stderr();
+        assert!(started.elapsed() < 3 * TIMEOUT, "it does not end: {}", process.stderr());
+        let message = process.stderr();
         // Complete lines only.
-        let whole = said.rfind('\n').map_or(0, |end| end + 1);
-        for line in said[done.min(whole)..whole].lines() {
+        let whole = message.rfind('\n').map_or(0, |end| end + 1);
+        for line in message[done.min(whole)..whole].lines() {
             act(line);
         }
         done = whole;
@@ -57,7 +57,7 @@ fn number(report: &Value, pointer: &str) -> f64 {
 }
 
 /// Each of these with the sensors in the daemon, and with each sensor in a process of its own.
-macro_rules! together_and_apart {
+macro_rules! internal_and_separate_adapters {
     ($($name:ident)*) => {
         $(mod $name {
             use crate::station::Station;
@@ -68,30 +68,30 @@ macro_rules! together_and_apart {
             }
 
             #[test]
-            fn apart() {
-                super::$name(&Station::apart());
+            fn separate_adapters() {
+                super::$name(&Station::with_separate_adapters());
             }
         })*
     };
 }
 
-together_and_apart! {
-    a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
-    torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma
+internal_and_separate_adapters! {
+    a_known_mass_is_verified_at_several_positions_and_a_wrong_one_fails
+    torques_are_verified_with_a_known_mass_in_the_hands_and_a_wrong_one_fails
     a_rod_measures_the_height_of_the_surface
-    a_plate_in_a_wrong_place_is_found_and_put_right
-    stomps_tell_how_much_later_the_suit_is
-    two_plates_are_tared_together_and_not_while_somebody_stands_there
+    the_pose_of_a_misplaced_plate_is_estimated_and_corrected
+    stomps_measure_the_delay_of_the_suit
+    two_plates_are_tared_together_and_only_while_empty
 }
 
-fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance(station: &Station) {
+fn a_known_mass_is_verified_at_several_positions_and_a_wrong_one_fails(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
     let person = person(settings);
     person.put_on_plates(OnPlates::Nothing);
     let _daemon = station.daemon(&configuration(station, FRAME));
-    let mut eyes = Eyes::open(station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(station);
+    monitor.until("both sensors", Monitor::both_fresh);
 
     // In the plate's own frame.
     let in_world = |[x, y]: [f64; 2]| {
@@ -101,7 +101,7 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     let mut arguments = vec!["verify", "--mass", "20", "--for", "1", "--json"];
     let places = ["0.2,0.15", "0.2,-0.15", "-0.2,0.1"];
     places.iter().for_each(|place| arguments.extend(["--at", place]));
-    let (code, report, said) = obey(station.spawn(&arguments), |line| {
+    let (code, report, message) = execute(station.spawn(&arguments), |line| {
         if let Some((_, rest)) = line.split_once("put the 20 kg at ") {
             let place = rest.split_once(" m").expect("a place").0;
             let (x, y) = place.split_once(", ").expect("two numbers");
@@ -111,7 +111,7 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
             person.put_on_plates(OnPlates::Nothing);
         }
     });
-    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(code, Some(0), "{message}");
     // Half a percent too high; gravity is the simulator's own.
     let gravity_percent = 100.0 * (9.81 / equipoise_core::overload::GRAVITY_M_PER_S2 - 1.0);
     let measured = report["places"].as_array().expect("places");
@@ -134,30 +134,30 @@ fn a_known_mass_is_weighed_at_several_places_and_a_wrong_one_is_beyond_tolerance
     // A kilogram more than declared; output in words.
     person.put_on_plates(OnPlates::Nothing);
     let process = station.spawn(&["verify", "--mass", "20", "--for", "1"]);
-    let (code, _, said) = obey(process, |line| {
+    let (code, _, message) = execute(process, |line| {
         if line.contains("put the 20 kg") {
             person.put_on_plates(OnPlates::Mass { mass_kg: 21.0, at_m: [0.0; 2] });
         }
     });
-    assert_eq!(code, Some(1), "{said}");
-    let percent = said
+    assert_eq!(code, Some(1), "{message}");
+    let percent = message
         .split_once("the plate is off by +")
         .and_then(|(_, rest)| rest.split_once(" %"))
         .expect("a figure");
     let percent: f64 = percent.0.parse().expect("a number");
     assert!(
-        (percent - 5.0 - 1.05 * gravity_percent).abs() < 0.2 && said.contains("counts or units"),
-        "{said}"
+        (percent - 5.0 - 1.05 * gravity_percent).abs() < 0.2 && message.contains("counts or units"),
+        "{message}"
     );
 }
 
-fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond_sigma(station: &Station) {
+fn torques_are_verified_with_a_known_mass_in_the_hands_and_a_wrong_one_fails(station: &Station) {
     let person = station.person();
     let _daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(station);
-    eyes.until_poses(&person, 6);
-    station.run(&["identify", "stop"]).done();
-    eyes.until("the monitoring", |eyes| eyes.state.phase_name() == "monitoring");
+    let mut monitor = Monitor::open(station);
+    monitor.until_poses(&person, 6);
+    station.run(&["identify", "stop"]).assert_done();
+    monitor.until("the monitoring", |monitor| monitor.state.phase_name() == "monitoring");
     let postures = [&LIFTING[1], &LIFTING[2]];
     // A body leans back under the load: markings are below the point where it is held.
     let marks = postures.map(|posture| {
@@ -179,9 +179,9 @@ fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond
         }
     };
     let command = ["verify", "load", "--for", "2", "--json", "--at", &marks[0]];
-    let (code, result, said) =
-        obey(station.spawn(&[&command[..], &["--at", &marks[1], "--mass", "10"]].concat()), act);
-    assert_eq!(code, Some(0), "{said} {result}");
+    let (code, result, message) =
+        execute(station.spawn(&[&command[..], &["--at", &marks[1], "--mass", "10"]].concat()), act);
+    assert_eq!(code, Some(0), "{message} {result}");
     for trial in 0..2 {
         let of = |pointer: &str| number(&result, &format!("/trials/{trial}/{pointer}"));
         assert!((of("mass_kg") - 10.0).abs() < 3.0 * of("mass_sigma_kg"), "{result}");
@@ -198,8 +198,8 @@ fn torques_are_compared_with_a_known_mass_in_the_hands_and_a_wrong_one_is_beyond
     assert_eq!(lines, [result]);
 
     person.put_down();
-    let (code, _, said) = obey(station.spawn(&[&command[..], &["--mass", "14"]].concat()), act);
-    assert!(code == Some(1) && said.contains("sigma: check the plate"), "{code:?} {said}");
+    let (code, _, message) = execute(station.spawn(&[&command[..], &["--mass", "14"]].concat()), act);
+    assert!(code == Some(1) && message.contains("sigma: check the plate"), "{code:?} {message}");
 }
 
 fn a_rod_measures_the_height_of_the_surface(station: &Station) {
@@ -210,36 +210,40 @@ fn a_rod_measures_the_height_of_the_surface(station: &Station) {
     // The surface was configured without its mat.
     let low = FRAME.replace("surface_height_m = 0.05", "surface_height_m = 0.038");
     let _daemon = station.daemon(&configuration(station, &low));
-    let mut eyes = Eyes::open(station);
-    eyes.until("both sensors", Eyes::both_fresh);
-    let (code, report, said) = obey(station.spawn(&["verify", "--rod", "--for", "4", "--json"]), |line| {
-        if line.contains("press the rod") {
-            person.put_on_plates(OnPlates::Rod { press_n: 300.0, lean_n: 60.0, at_m: [0.1, 0.05] });
-        }
-    });
-    assert_eq!(code, Some(0), "{said}");
-    let off_m = number(&report, "/higher_m") - 0.012;
-    assert!(off_m.abs() < 4.0 * number(&report, "/tip_sigma_m/2") && off_m.abs() < 0.003, "{report}");
+    let mut monitor = Monitor::open(station);
+    monitor.until("both sensors", Monitor::both_fresh);
+    let (code, report, message) =
+        execute(station.spawn(&["verify", "--rod", "--for", "4", "--json"]), |line| {
+            if line.contains("press the rod") {
+                person.put_on_plates(OnPlates::Rod { press_n: 300.0, lean_n: 60.0, at_m: [0.1, 0.05] });
+            }
+        });
+    assert_eq!(code, Some(0), "{message}");
+    let deviation_m = number(&report, "/higher_m") - 0.012;
+    assert!(
+        deviation_m.abs() < 4.0 * number(&report, "/tip_sigma_m/2") && deviation_m.abs() < 0.003,
+        "{report}"
+    );
 }
 
-fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
+fn the_pose_of_a_misplaced_plate_is_estimated_and_corrected(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
     let person = person(settings);
     let wrong = configuration(station, "origin_m = [0.0, 0.0, -0.05] # by eye\nsurface_height_m = 0.05\n");
     let path = station.write("wrong.toml", &wrong).display().to_string();
     let mut daemon = station.daemon_of("wrong.toml", &[]);
-    let mut eyes = Eyes::open(station);
-    eyes.until("both sensors", |eyes| eyes.both_fresh() && eyes.state.static_pose == 1);
+    let mut monitor = Monitor::open(station);
+    monitor.until("both sensors", |monitor| monitor.both_fresh() && monitor.state.static_pose == 1);
     for (index, [x, y]) in
         [[0.095, 0.095], [0.095, -0.095], [-0.095, -0.095], [-0.095, 0.095]].iter().enumerate()
     {
         person.go(5.0 + 6.5 * index as f64, Place { middle_m: [*x, *y].into(), heading_rad: 0.0 });
     }
     let process = station.spawn(&["register", "--places", "5", "--json", "--write", &path]);
-    let (code, report, said) = obey(process, |_| {});
-    assert_eq!(code, Some(0), "{said}");
-    assert_eq!(said.matches("got it").count(), 5, "{said}");
+    let (code, report, message) = execute(process, |_| {});
+    assert_eq!(code, Some(0), "{message}");
+    assert_eq!(message.matches("got it").count(), 5, "{message}");
     println!("{report:#}");
     let frame = &report["frames"]["ground.frame"];
     let (yaw_deg, sigma_deg) = (number(frame, "/yaw_deg"), number(frame, "/yaw_sigma_deg"));
@@ -257,8 +261,9 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
     assert!(written.contains("# by eye") && written.contains("yaw_deg = "), "{written}");
     assert_eq!(daemon.stop(rustix::process::Signal::TERM), Some(0));
     let _daemon = station.daemon_of("wrong.toml", &[]);
-    eyes.until("both sensors again", |eyes| eyes.both_fresh() && eyes.state.suit_sample_time_ns > 0);
-    let state = eyes.until("a still person", |eyes| eyes.state.static_pose == 1);
+    monitor
+        .until("both sensors again", |monitor| monitor.both_fresh() && monitor.state.suit_sample_time_ns > 0);
+    let state = monitor.until("a still person", |monitor| monitor.state.static_pose == 1);
     let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     // Relative to the feet, since the suit drifts.
     let feet = [17, 21].map(|foot| [0, 1].map(|axis| state.segment_origin_m[foot][axis]));
@@ -272,20 +277,20 @@ fn a_plate_in_a_wrong_place_is_found_and_put_right(station: &Station) {
     }
 }
 
-fn stomps_tell_how_much_later_the_suit_is(station: &Station) {
+fn stomps_measure_the_delay_of_the_suit(station: &Station) {
     let mut settings = station.sensors();
     settings.suit.latency_s = 0.045;
     let person = person(settings);
     let path = station.write("late.toml", &station.configuration()).display().to_string();
     let _daemon = station.daemon_of("late.toml", &[]);
-    let mut eyes = Eyes::open(station);
-    eyes.until("both sensors", Eyes::both_fresh);
-    station.run(&["stomp", "--for", "2"]).failed_with(1, &["the plate felt no stomp"]);
+    let mut monitor = Monitor::open(station);
+    monitor.until("both sensors", Monitor::both_fresh);
+    station.run(&["stomp", "--for", "2"]).assert_failed(1, &["the plate felt no stomp"]);
     person.stomp(5);
     let process = station.spawn(&["stomp", "--stomps", "3", "--json", "--write", &path]);
-    let (code, report, said) = obey(process, |_| {});
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("stomp 3 of 3"), "{said}");
+    let (code, report, message) = execute(process, |_| {});
+    assert_eq!(code, Some(0), "{message}");
+    assert!(message.contains("stomp 3 of 3"), "{message}");
     let (later_ms, sigma_ms) = (number(&report, "/suit_later_ms"), number(&report, "/sigma_ms"));
     println!("45 ms later: found {later_ms:.1} ± {sigma_ms:.1} ms");
     assert!(sigma_ms < 12.0 && (later_ms - 45.0).abs() < 3.0 * sigma_ms, "{report}");
@@ -294,7 +299,7 @@ fn stomps_tell_how_much_later_the_suit_is(station: &Station) {
     assert_eq!(written["suit"]["latency_ms"].as_float(), Some(later_ms.round()));
 }
 
-fn two_plates_are_tared_together_and_not_while_somebody_stands_there(station: &Station) {
+fn two_plates_are_tared_together_and_only_while_empty(station: &Station) {
     let second = free_address().expect("a free port");
     let mut settings = station.sensors();
     let plate = Plate { origin_m: [0.0, -0.2, 0.0], ..Plate::default() };
@@ -306,26 +311,28 @@ fn two_plates_are_tared_together_and_not_while_somebody_stands_there(station: &S
          1e6\ncounts_per_newton_metre = 1e6\nfoot = \"right\"\n[ground.second.frame]\norigin_m = [0.0, -0.2, 0.0]\n[subject]\n"
     );
     let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &both));
-    let mut eyes = Eyes::open(station);
-    eyes.until("the person", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
-    station.run(&["tare"]).failed_with(1, &["N stand on the plate; step off"]);
-    let standing_n = eyes.look().ground_force_n[2];
+    let mut monitor = Monitor::open(station);
+    monitor.until("the person", |monitor| monitor.both_fresh() && monitor.state.ground_force_n[2] > 600.0);
+    station.run(&["tare"]).assert_failed(1, &["N stand on the plate; step off"]);
+    let standing_n = monitor.update().ground_force_n[2];
     assert!(standing_n > 600.0, "{standing_n}");
 
     // A box of 3 kg stays on the first plate.
     person.put_on_plates(OnPlates::Mass { mass_kg: 3.0, at_m: [0.05, 0.2] });
     let is = |newtons: f64| {
-        move |eyes: &Eyes| eyes.both_fresh() && (eyes.state.ground_force_n[2] - newtons).abs() < 2.5
+        move |monitor: &Monitor| {
+            monitor.both_fresh() && (monitor.state.ground_force_n[2] - newtons).abs() < 2.5
+        }
     };
-    eyes.until("the box alone", is(3.0 * 9.81));
+    monitor.until("the box alone", is(3.0 * 9.81));
     // Just after stepping off, the averaging window for the zero still contains the person.
     let tared = wait_for("a plate that is empty for a while", || {
         let tared = station.run(&["tare"]);
         let waits = tared.stderr.contains("a moment ago; ask again");
         (!waits).then_some(tared)
     });
-    assert!(tared.done().contains("zero from now on"));
-    eyes.until("zero", is(0.0));
+    assert!(tared.assert_done().contains("zero from now on"));
+    monitor.until("zero", is(0.0));
     person.put_on_plates(OnPlates::Nothing);
-    eyes.until("less than zero", is(-3.0 * 9.81));
+    monitor.until("less than zero", is(-3.0 * 9.81));
 }

@@ -2,15 +2,15 @@
 
 use rustix::process::Signal;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
 
 #[test]
-fn without_a_daemon_every_command_says_so() {
+fn without_a_daemon_every_command_fails_with_a_message() {
     let station = Station::new();
     let no_daemon = |arguments: &[&str]| {
-        station.run(arguments).failed_with(1, &["no daemon", "equipoise run"]);
+        station.run(arguments).assert_failed(1, &["no daemon", "equipoise run"]);
     };
     for arguments in [
         &["status"][..],
@@ -27,48 +27,48 @@ fn without_a_daemon_every_command_says_so() {
     ] {
         no_daemon(arguments);
     }
-    assert!(station.run(&["subject", "list"]).done().contains("no profiles in"));
-    station.run(&["subject", "delete", "anon-1"]).failed_with(1, &["there is no profile anon-1"]);
-    station.run(&["status", "--station", "a/b"]).failed_with(1, &["is no name for a station"]);
+    assert!(station.run(&["subject", "list"]).assert_done().contains("no profiles in"));
+    station.run(&["subject", "delete", "anon-1"]).assert_failed(1, &["there is no profile anon-1"]);
+    station.run(&["status", "--station", "a/b"]).assert_failed(1, &["is no name for a station"]);
 }
 
 #[test]
-fn identification_and_profiles_are_steered_and_nonsense_is_refused() {
+fn identification_and_profiles_are_controlled_and_invalid_commands_refused() {
     let station = Station::new();
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 2);
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 2);
 
-    station.run(&["identify", "stop"]).done();
-    eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring");
-    station.run(&["subject", "save"]).done();
+    station.run(&["identify", "stop"]).assert_done();
+    monitor.until("the end of learning", |monitor| monitor.state.phase_name() == "monitoring");
+    station.run(&["subject", "save"]).assert_done();
     wait_for("a profile", || station.profile("anon-1").exists().then_some(()));
-    assert!(station.run(&["subject", "list"]).done().contains("anon-1"));
+    assert!(station.run(&["subject", "list"]).assert_done().contains("anon-1"));
 
-    station.run(&["identify", "reset"]).done();
+    station.run(&["identify", "reset"]).assert_done();
     // The present pose may already have been used again.
-    eyes.until("all poses to be forgotten", |eyes| eyes.state.poses_used < 2);
-    station.run(&["identify", "start"]).done();
-    eyes.until("learning", |eyes| eyes.state.phase_name() == "identifying");
+    monitor.until("all poses to be forgotten", |monitor| monitor.state.poses_used < 2);
+    station.run(&["identify", "start"]).assert_done();
+    monitor.until("learning", |monitor| monitor.state.phase_name() == "identifying");
 
     // A person stands on the plate.
-    station.run(&["tare"]).failed_with(1, &["refused", "stand on the plate", "step off"]);
+    station.run(&["tare"]).assert_failed(1, &["refused", "stand on the plate", "step off"]);
 
     let characters = "made of letters, digits, '-' and '_'";
-    station.run(&["subject", "load", "anon-9"]).failed_with(1, &["there is no profile anon-9"]);
-    for trick in ["../../etc/passwd", "/etc/passwd", "..", "", "a b", "anon-1.toml", "ä"] {
-        station.run(&["subject", "load", trick]).failed_with(1, &[characters]);
-        station.run(&["subject", "delete", trick]).failed_with(1, &[characters]);
+    station.run(&["subject", "load", "anon-9"]).assert_failed(1, &["there is no profile anon-9"]);
+    for fault in ["../../etc/passwd", "/etc/passwd", "..", "", "a b", "anon-1.toml", "ä"] {
+        station.run(&["subject", "load", fault]).assert_failed(1, &[characters]);
+        station.run(&["subject", "delete", fault]).assert_failed(1, &[characters]);
     }
     let long = "x".repeat(65);
-    station.run(&["subject", "load", &long]).failed_with(1, &["at most"]);
-    station.run(&["subject", "load", &long[..64]]).failed_with(1, &["subject"]);
+    station.run(&["subject", "load", &long]).assert_failed(1, &["at most"]);
+    station.run(&["subject", "load", &long[..64]]).assert_failed(1, &["subject"]);
     assert!(std::fs::exists("/etc/passwd").expect("a file"));
     assert!(daemon.is_running());
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
-    station.run(&["subject", "delete", "anon-1"]).done();
+    station.run(&["subject", "delete", "anon-1"]).assert_done();
     assert!(!station.profile("anon-1").exists());
 }
 
@@ -93,23 +93,24 @@ undone = false
 ";
 
 #[test]
-fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
+fn loading_another_subject_leaves_the_first_profile_unchanged() {
     let station = Station::new();
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 1);
-    station.run(&["identify", "stop"]).done();
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 1);
+    station.run(&["identify", "stop"]).assert_done();
     // All poses used until then must be in the file before the comparisons below.
-    let learnt = eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring").poses_used;
+    let poses =
+        monitor.until("the end of learning", |monitor| monitor.state.phase_name() == "monitoring").poses_used;
     let saved = |subject: &str| std::fs::read_to_string(station.profile(subject)).unwrap_or_default();
-    let whole = ["identified = true\n", "learning = false\n", &format!("poses_used = {learnt}\n")];
+    let whole = ["identified = true\n", "learning = false\n", &format!("poses_used = {poses}\n")];
     wait_for("the first one's profile", || {
         let saved = saved("anon-1");
         whole.iter().all(|line| saved.contains(line)).then_some(())
     });
 
-    station.run(&["subject", "undo-lift"]).failed_with(1, &["no lift of this shift counts"]);
+    station.run(&["subject", "undo-lift"]).assert_failed(1, &["no lift of this shift counts"]);
 
     // Another subject, with other poses in the profile, and two lifts.
     station.copy_profile("anon-1", "anon-2", |second| {
@@ -118,24 +119,26 @@ fn loading_another_worker_leaves_the_first_one_s_profile_alone() {
         second.insert("poses_used".to_owned(), 77.into());
     });
 
-    let said = station.run(&["subject", "load", "anon-2"]);
-    assert!(said.done().contains("anon-2 is in use: 77 poses"), "{}", said.stdout);
-    eyes.until("the second worker", |eyes| eyes.state.poses_used == 77);
+    let message = station.run(&["subject", "load", "anon-2"]);
+    assert!(message.assert_done().contains("anon-2 is in use: 77 poses"), "{}", message.stdout);
+    monitor.until("the second worker", |monitor| monitor.state.poses_used == 77);
 
-    assert!(station.run(&["subject", "undo-lift"]).done().contains("the last of 2 lifts is taken back"));
-    eyes.until("one lift", |eyes| eyes.state.lifts == 1);
-    assert!((eyes.state.dose_damage - 1e-5).abs() < 1e-12, "{}", eyes.state.dose_damage);
+    assert!(
+        station.run(&["subject", "undo-lift"]).assert_done().contains("the last of 2 lifts is taken back")
+    );
+    monitor.until("one lift", |monitor| monitor.state.lifts == 1);
+    assert!((monitor.state.dose_damage - 1e-5).abs() < 1e-12, "{}", monitor.state.dose_damage);
     let list = station.profile("anon-2").with_extension("lifts.csv");
     let list = wait_for("a list of lifts", || std::fs::read_to_string(&list).ok());
     assert!(list.contains(",undone,2,3.00,12.00,0.50,0.400,4e-5\n"), "{list}");
     wait_for("a profile without it", || saved("anon-2").contains("lifts = 1\n").then_some(()));
 
-    assert!(station.run(&["subject", "save"]).done().contains("anon-2"));
+    assert!(station.run(&["subject", "save"]).assert_done().contains("anon-2"));
     // Until now the file's date was updated; from here on the file must not change.
     let first = saved("anon-1");
     assert!(whole.iter().all(|line| first.contains(line)) && first.contains("\"anon-1\""), "{first}");
-    station.run(&["identify", "start"]).done();
-    eyes.until_poses(&person, 78);
+    station.run(&["identify", "start"]).assert_done();
+    monitor.until_poses(&person, 78);
     wait_for("the second one's new pose", || saved("anon-2").contains("poses_used = 78").then_some(()));
     assert_eq!(saved("anon-1"), first, "the first worker's profile was overwritten");
     assert_eq!(daemon.stop(Signal::TERM), Some(0));

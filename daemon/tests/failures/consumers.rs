@@ -4,44 +4,44 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
 
 #[test]
-fn the_loop_does_not_notice_consumers_that_die_or_stop_reading() {
+fn the_loop_is_unaffected_by_consumers_that_end_or_stop_reading() {
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
 
     for _ in 0..3 {
         let mut watch = station.spawn(&["watch"]);
         let mut latency = station.spawn(&["latency", "--for", "600"]);
         wait_for("a line of the watch", || (!watch.stdout().is_empty()).then_some(()));
         assert!(latency.is_running(), "{}", latency.stderr());
-        let before = eyes.look().cycle;
+        let before = monitor.update().cycle;
         watch.kill();
         latency.kill();
-        eyes.until("cycles after the killing", |eyes| eyes.state.cycle > before + 100);
+        monitor.until("cycles after the killing", |monitor| monitor.state.cycle > before + 100);
     }
 
     let mut stopped = station.spawn(&["watch"]);
     let mut reader = station.spawn(&["latency", "--for", "600"]);
     wait_for("a line of the watch", || (!stopped.stdout().is_empty()).then_some(()));
     // Stopped any earlier it could not end regularly.
-    wait_for("the reader on the bus", || eyes.sees_participant("latency").then_some(()));
+    wait_for("the reader on the bus", || monitor.has_participant("latency").then_some(()));
     stopped.send(Signal::STOP);
     reader.send(Signal::STOP);
     // Longer than any buffer: a publisher that waited for its readers would be blocked now.
-    let before = eyes.look().cycle;
-    eyes.until("cycles while consumers are stopped", |eyes| eyes.state.cycle > before + 1500);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let before = monitor.update().cycle;
+    monitor.until("cycles while consumers are stopped", |monitor| monitor.state.cycle > before + 1500);
+    monitor.until("both sensors", Monitor::both_fresh);
 
     // New consumers find a place, and the stopped ones resume with a daemon that has kept theirs.
-    station.run(&["watch", "--for", "1"]).done();
-    assert!(station.run(&["latency", "--for", "1"]).done().contains("cycles"));
+    station.run(&["watch", "--for", "1"]).assert_done();
+    assert!(station.run(&["latency", "--for", "1"]).assert_done().contains("cycles"));
     stopped.send(Signal::CONT);
     reader.send(Signal::CONT);
     let lines = stopped.stdout().lines().count();
@@ -57,7 +57,7 @@ fn the_loop_does_not_notice_consumers_that_die_or_stop_reading() {
 }
 
 #[test]
-fn consumers_killed_while_they_come_or_go_are_cleared_away_once() {
+fn consumers_killed_while_joining_or_leaving_are_removed_once() {
     let station = Station::new();
     let mut daemon = station.daemon(&station.configuration());
     for milliseconds in (2..80).step_by(3) {
@@ -72,12 +72,12 @@ fn consumers_killed_while_they_come_or_go_are_cleared_away_once() {
         std::thread::sleep(Duration::from_millis(2500));
         (cleared() == before).then_some(())
     });
-    assert!(station.run(&["latency", "--for", "1"]).done().contains("cycles"));
+    assert!(station.run(&["latency", "--for", "1"]).assert_done().contains("cycles"));
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
 }
 
 #[test]
-fn a_reader_that_goes_away_in_the_middle_of_a_line_is_no_crash() {
+fn a_closed_pipe_is_no_crash() {
     use std::io::Read;
     use std::process::{Command, Stdio};
 
@@ -94,8 +94,8 @@ fn a_reader_that_goes_away_in_the_middle_of_a_line_is_no_crash() {
         .expect("the binary starts");
     let mut first = [0; 1];
     child.stdout.take().expect("a pipe").read_exact(&mut first).expect("a first byte");
-    let mut said = String::new();
-    child.stderr.take().expect("a pipe").read_to_string(&mut said).expect("its end");
+    let mut message = String::new();
+    child.stderr.take().expect("a pipe").read_to_string(&mut message).expect("its end");
     let status = child.wait().expect("its end");
-    assert!(!said.contains("panicked"), "{status}: {said}");
+    assert!(!message.contains("panicked"), "{status}: {message}");
 }

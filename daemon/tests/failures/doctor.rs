@@ -4,9 +4,9 @@ use std::net::UdpSocket;
 
 use serde_json::Value;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
-use crate::station::{Ended, Station};
+use crate::station::{Output, Station};
 use crate::streams;
 use equipoise_simulator::ports::free_address;
 
@@ -15,34 +15,34 @@ fn check<'a>(report: &'a Value, name: &str) -> &'a Value {
     checks.iter().find(|check| check["name"] == name).unwrap_or_else(|| panic!("no {name} in {report}"))
 }
 
-fn report(ended: &Ended) -> Value {
+fn report(ended: &Output) -> Value {
     serde_json::from_str(&ended.stdout).unwrap_or_else(|error| panic!("{error}: {}", ended.stdout))
 }
 
 #[test]
-fn a_port_of_somebody_else_fails_with_what_to_do_and_a_free_one_is_listened_on() {
+fn a_port_of_another_process_fails_with_a_remedy_and_a_free_one_is_observed() {
     let station = Station::new();
     let metrics = free_address().expect("a free port");
     let text = format!("{}[metrics]\nlisten = \"{metrics}\"\n", station.configuration());
     let path = station.write("doctor.toml", &text).display().to_string();
     let command = ["doctor", "--json", "--config", &path];
 
-    let taken = UdpSocket::bind(station.suit).expect("the port");
+    let occupied = UdpSocket::bind(station.suit).expect("the port");
     let ended = station.run(&command);
-    ended.failed_with(1, &["checks failed"]);
+    ended.assert_failed(1, &["checks failed"]);
     let facts = report(&ended);
     let port = check(&facts, "suit.listen");
     assert_eq!(port["verdict"], "fail", "{port}");
     assert!(port["fix"].as_str().is_some_and(|fix| fix.contains("ss -ulpn")), "{port}");
     assert_eq!(check(&facts, "metrics.listen")["verdict"], "ok");
-    drop(taken);
+    drop(occupied);
 
     let _suit = streams::suit(station.suit);
     let facts = report(&station.run(&command));
     assert_eq!(check(&facts, "suit.listen")["verdict"], "ok", "{facts}");
-    let heard = check(&facts, "MVN stream");
+    let received = check(&facts, "MVN stream");
     // The number of samples a second on a busy machine is not tested here.
-    assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
+    assert!(received["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{received}");
     let other =
         station.write("other.toml", &text.replace("[suit]", "[suit]\navatar = 5")).display().to_string();
     let ended = station.run(&["doctor", "--config", &other]);
@@ -58,28 +58,28 @@ fn a_running_daemon_holds_its_ports_and_reports_suit_and_plate() {
     let station = Station::new();
     let _person = station.person();
     let _daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
     // Without a file argument the daemon's own configuration is used.
     let facts = report(&station.run(&["doctor", "--json"]));
     assert_eq!(check(&facts, "suit.listen")["verdict"], "ok", "{facts}");
     // Another file, whose port another process holds.
     let stranger = UdpSocket::bind("127.0.0.1:0").expect("a port");
-    let taken = stranger.local_addr().expect("its address").to_string();
-    let text = station.configuration().replace(&station.suit.to_string(), &taken);
+    let occupied = stranger.local_addr().expect("its address").to_string();
+    let text = station.configuration().replace(&station.suit.to_string(), &occupied);
     let path = station.write("other.toml", &text).display().to_string();
     let other = report(&station.run(&["doctor", "--json", "--config", &path]));
     assert_eq!(check(&other, "suit.listen")["verdict"], "fail", "{other}");
     let plate = check(&facts, "plate");
     assert!(plate["found"].as_str().is_some_and(|found| found.contains("somebody stands on it")), "{plate}");
-    let heard = check(&facts, "MVN stream");
-    assert!(heard["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{heard}");
+    let received = check(&facts, "MVN stream");
+    assert!(received["found"].as_str().is_some_and(|found| found.contains("samples a second")), "{received}");
     assert_eq!(check(&facts, "bus root")["verdict"], "ok", "{facts}");
     assert_eq!(facts["note"], Value::Null);
 }
 
 #[test]
-fn the_ports_of_page_and_metrics_are_the_stations_only_while_page_and_daemon_hold_them() {
+fn ports_of_page_and_metrics_are_ok_only_while_page_and_daemon_hold_them() {
     let station = Station::new();
     let (page, metrics) = (free_address().expect("a free port"), free_address().expect("a free port"));
     let text = format!(
@@ -103,7 +103,7 @@ fn the_ports_of_page_and_metrics_are_the_stations_only_while_page_and_daemon_hol
 }
 
 #[test]
-fn without_a_configuration_the_computer_alone_is_looked_at() {
+fn without_a_configuration_only_the_computer_is_checked() {
     let station = Station::new();
     let ended = station.run(&["doctor"]);
     assert!(ended.stdout.contains("name the configuration with --config"), "{}", ended.stdout);
@@ -112,6 +112,6 @@ fn without_a_configuration_the_computer_alone_is_looked_at() {
     }
     std::fs::write(station.root(), "a file where a directory should be").expect("a file");
     let ended = station.run(&["doctor"]);
-    ended.failed_with(1, &["checks failed"]);
+    ended.assert_failed(1, &["checks failed"]);
     assert!(ended.stdout.contains("FAIL  bus root"), "{}", ended.stdout);
 }

@@ -9,7 +9,7 @@ use equipoise_core::message::{CycleRecord, Incident, Incidents};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::{Process, wait_for};
 use crate::station::{NAME, Station};
 
@@ -42,11 +42,15 @@ fn cycles_of(path: &PathBuf) -> Vec<CycleRecord> {
 
 /// Stops the daemon until there is a record of it: a busy machine may have missed a deadline just before, and then the
 /// next is only recorded after a pause.
-fn record_of_a_stall(station: &Station, daemon: &Process, eyes: &mut Eyes) -> (PathBuf, Vec<CycleRecord>) {
+fn record_of_a_stall(
+    station: &Station,
+    daemon: &Process,
+    monitor: &mut Monitor,
+) -> (PathBuf, Vec<CycleRecord>) {
     wait_for("a flight record of a stall", || {
         stall(daemon);
-        let before = eyes.look().cycle;
-        eyes.until("the cycles after a stall", |eyes| eyes.state.cycle > before + 100);
+        let before = monitor.update().cycle;
+        monitor.until("the cycles after a stall", |monitor| monitor.state.cycle > before + 100);
         flights(station).into_iter().map(|path| (path.clone(), cycles_of(&path))).find(|(_, cycles)| {
             cycles
                 .iter()
@@ -56,13 +60,13 @@ fn record_of_a_stall(station: &Station, daemon: &Process, eyes: &mut Eyes) -> (P
 }
 
 #[test]
-fn a_missed_deadline_is_kept_with_the_cycles_around_it_and_can_be_traced() {
+fn a_missed_deadline_is_stored_with_the_cycles_around_it_and_can_be_traced() {
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&format!("{}[latency]\nflight_cycles = 40\n", station.configuration()));
-    let mut eyes = Eyes::open(&station);
-    eyes.until("a past to keep", |eyes| eyes.both_fresh() && eyes.state.cycle > 60);
-    let (path, cycles) = record_of_a_stall(&station, &daemon, &mut eyes);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("a past to keep", |monitor| monitor.both_fresh() && monitor.state.cycle > 60);
+    let (path, cycles) = record_of_a_stall(&station, &daemon, &mut monitor);
     assert!(cycles.windows(2).all(|pair| pair[1].cycle == pair[0].cycle + 1), "a gap");
     let late = |record: &CycleRecord| record.woken_ns - record.due_ns > LATE_NS;
     let place = cycles.iter().position(late).expect("the stall");
@@ -74,7 +78,7 @@ fn a_missed_deadline_is_kept_with_the_cycles_around_it_and_can_be_traced() {
 
     let out = station.file("trace.json");
     let (file, out_name) = (path.to_string_lossy(), out.to_string_lossy());
-    station.run(&["trace", &file, "-o", &out_name]).done();
+    station.run(&["trace", &file, "-o", &out_name]).assert_done();
     let text = std::fs::read_to_string(&out).expect("the trace");
     let trace: Value = serde_json::from_str(&text).expect("JSON");
     let events = trace["traceEvents"].as_array().expect("events");
@@ -87,21 +91,21 @@ fn a_missed_deadline_is_kept_with_the_cycles_around_it_and_can_be_traced() {
     assert!(traced("slots skipped").contains(&cycles[place + 1].cycle));
     assert!(!traced("suit.ingress").is_empty() && !traced("ground.ingress").is_empty());
 
-    station.run(&["trace", &file, "-o", &out_name]).failed_with(1, &["cannot create", "exists"]);
+    station.run(&["trace", &file, "-o", &out_name]).assert_failed(1, &["cannot create", "exists"]);
     let few = station.file("few.json").to_string_lossy().into_owned();
     let range = format!("{}-{}", cycles[place].cycle, cycles[place + 1].cycle);
-    let said = station.run(&["trace", &file, "-o", &few, "--cycles", &range]).done().to_owned();
-    assert!(said.contains("2 cycles"), "{said}");
-    station.run(&["trace", &file, "-o", "/dev/null/t.json"]).failed_with(1, &["cannot create"]);
+    let message = station.run(&["trace", &file, "-o", &few, "--cycles", &range]).assert_done().to_owned();
+    assert!(message.contains("2 cycles"), "{message}");
+    station.run(&["trace", &file, "-o", "/dev/null/t.json"]).assert_failed(1, &["cannot create"]);
     let none = station.file("none.json").to_string_lossy().into_owned();
-    station.run(&["trace", &file, "-o", &none, "--cycles", "1-2"]).failed_with(1, &["no such cycles"]);
+    station.run(&["trace", &file, "-o", &none, "--cycles", "1-2"]).assert_failed(1, &["no such cycles"]);
     assert!(!std::path::Path::new(&none).exists());
-    station.run(&["trace", &file, "-o", &none, "--cycles", "2-1"]).failed_with(2, &["--cycles"]);
+    station.run(&["trace", &file, "-o", &none, "--cycles", "2-1"]).assert_failed(2, &["--cycles"]);
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
 }
 
 #[test]
-fn disks_that_take_nothing_are_an_incident_and_nothing_else() {
+fn full_disks_cause_an_incident_only() {
     let station = Station::new();
     if !std::path::Path::new("/dev/full").exists() {
         println!("skipped: there is no /dev/full here");
@@ -120,29 +124,29 @@ fn disks_that_take_nothing_are_an_incident_and_nothing_else() {
         || incidents.latest().expect("the bus").map(|newest| newest.active().collect::<Vec<_>>());
     wait_for("the incident on the bus", || active()?.contains(&Incident::LatencyNotLogged).then_some(()));
     wait_for("its words", || {
-        let said = daemon.stderr();
-        (said.contains("latency_not_logged") && said.contains("/dev/full")).then_some(())
+        let message = daemon.stderr();
+        (message.contains("latency_not_logged") && message.contains("/dev/full")).then_some(())
     });
     stall(&daemon);
     wait_for("the record that cannot be kept", || {
         daemon.stderr().contains("cannot keep the cycles").then_some(())
     });
-    let mut eyes = Eyes::open(&station);
-    let before = eyes.look().cycle;
-    eyes.until("more cycles", |eyes| eyes.state.cycle > before + 200);
+    let mut monitor = Monitor::open(&station);
+    let before = monitor.update().cycle;
+    monitor.until("more cycles", |monitor| monitor.state.cycle > before + 200);
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
-    let said = daemon.stderr();
-    assert!(said.contains("schedule_adds_up=true") && !said.contains("panicked"), "{said}");
+    let message = daemon.stderr();
+    assert!(message.contains("schedule_adds_up=true") && !message.contains("panicked"), "{message}");
 }
 
 #[test]
-fn nothing_is_kept_where_nothing_is_asked_for() {
+fn nothing_is_stored_unless_configured() {
     let station = Station::new();
     let mut daemon = station.daemon(&format!("{}[latency]\nflight_cycles = 0\n", station.configuration()));
-    let mut eyes = Eyes::open(&station);
+    let mut monitor = Monitor::open(&station);
     stall(&daemon);
-    let before = eyes.look().cycle;
-    eyes.until("more cycles", |eyes| eyes.state.cycle > before + 100);
+    let before = monitor.update().cycle;
+    monitor.until("more cycles", |monitor| monitor.state.cycle > before + 100);
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
     assert!(!station.state_directory().join("flight").exists());
 }

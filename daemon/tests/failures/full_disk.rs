@@ -8,7 +8,7 @@ use equipoise_core::message::Incident;
 use equipoise_daemon::profile::Profile;
 use rustix::process::Signal;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
 
@@ -26,7 +26,7 @@ fn fill(disk: &Path) -> PathBuf {
 }
 
 #[test]
-fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room() {
+fn a_full_disk_stops_nothing_and_the_profile_is_saved_when_space_is_free() {
     let Some(disk) = std::env::var_os("EQUIPOISE_SMALL_DISK").map(PathBuf::from) else {
         println!("skipped: EQUIPOISE_SMALL_DISK names no small file system; .ci/run survive makes one");
         return;
@@ -34,14 +34,14 @@ fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room(
     let station = Station::new();
     let person = station.person();
     let state = disk.join("state");
-    let mut daemon = station.daemon_keeping_state_in(&state);
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 1);
+    let mut daemon = station.daemon_with_state_in(&state);
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 1);
     let path = state.join("subjects").join("anon-1.toml");
     let saved =
         || Profile::read(&path).expect("a profile that is whole").map_or(0, |profile| profile.poses_used);
     wait_for("the first pose to be saved", || (saved() >= 1).then_some(()));
-    assert!(!eyes.goes_on(Incident::NotSaved));
+    assert!(!monitor.is_active(Incident::NotSaved));
 
     // A recorder on the same disk; its termination must not affect the daemon.
     let recording = disk.join("shift.mcap").to_string_lossy().into_owned();
@@ -49,29 +49,29 @@ fn on_a_full_disk_nothing_stops_and_what_was_learnt_is_saved_once_there_is_room(
     wait_for("the recorder", || recorder.stderr().contains("recording station").then_some(()));
     let filler = fill(&disk);
     assert_eq!(recorder.wait().code(), Some(1), "{}", recorder.stderr());
-    let said = recorder.stderr();
-    assert!(said.contains("shift.mcap") && said.contains("stays readable"), "{said}");
+    let message = recorder.stderr();
+    assert!(message.contains("shift.mcap") && message.contains("stays readable"), "{message}");
     std::fs::remove_file(&recording).expect("the recording");
     std::fs::remove_file(&filler).expect("the filler");
     let filler = fill(&disk);
 
     let before = saved();
-    eyes.until("an incident", |eyes| eyes.goes_on(Incident::NotSaved));
-    let had = eyes.state.poses_used;
-    eyes.until_poses(&person, had + 1);
-    let learnt = u64::from(eyes.state.poses_used);
+    monitor.until("an incident", |monitor| monitor.is_active(Incident::NotSaved));
+    let had = monitor.state.poses_used;
+    monitor.until_poses(&person, had + 1);
+    let poses = u64::from(monitor.state.poses_used);
     // Identification has ended from here on: only the pending data remain to be written.
-    station.run(&["identify", "stop"]).done();
-    eyes.until("the end of learning", |eyes| eyes.state.phase_name() == "monitoring");
-    eyes.during(Duration::from_secs(2), |_| {});
-    let cycle = eyes.state.cycle;
-    eyes.until("more cycles", |eyes| eyes.state.cycle > cycle + 200);
-    assert!(daemon.is_running() && eyes.goes_on(Incident::NotSaved));
-    assert!(saved() >= before && saved() < learnt, "the file before is still there");
+    station.run(&["identify", "stop"]).assert_done();
+    monitor.until("the end of learning", |monitor| monitor.state.phase_name() == "monitoring");
+    monitor.during(Duration::from_secs(2), |_| {});
+    let cycle = monitor.state.cycle;
+    monitor.until("more cycles", |monitor| monitor.state.cycle > cycle + 200);
+    assert!(daemon.is_running() && monitor.is_active(Incident::NotSaved));
+    assert!(saved() >= before && saved() < poses, "the file before is still there");
     assert!(daemon.stderr().contains("not_saved"), "{}", daemon.stderr());
 
     std::fs::remove_file(filler).expect("the filler");
-    wait_for("what was learnt meanwhile", || (saved() >= learnt).then_some(()));
-    eyes.until("the end of the incident", |eyes| !eyes.goes_on(Incident::NotSaved));
+    wait_for("what was learnt meanwhile", || (saved() >= poses).then_some(()));
+    monitor.until("the end of the incident", |monitor| !monitor.is_active(Incident::NotSaved));
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

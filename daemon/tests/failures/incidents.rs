@@ -12,7 +12,7 @@ use equipoise_core::message::{GroundSample, Incident};
 use rustix::process::{Pid, PidfdFlags, PidfdGetfdFlags, Signal, pidfd_getfd, pidfd_open};
 
 use crate::adapters::external;
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::{Process, wait_for};
 use crate::station::{NAME, Station};
 use crate::streams;
@@ -23,23 +23,23 @@ fn journal(kind: Incident) -> String {
 }
 
 #[test]
-fn silence_is_reported_everywhere_with_its_remedy_and_ends_with_the_next_sample() {
+fn silence_is_reported_by_all_interfaces_with_its_remedy_and_ends_with_the_next_sample() {
     let station = Station::new();
     let person = station.person();
     let daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
     for (kind, silence) in [
         (Incident::SuitSilent, &(|silent| person.silence_suit(silent)) as &dyn Fn(bool)),
         (Incident::GroundSilent, &|silent| person.silence_plate(silent)),
     ] {
         silence(true);
-        eyes.until(kind.name(), |eyes| eyes.goes_on(kind));
+        monitor.until(kind.name(), |monitor| monitor.is_active(kind));
         assert!(daemon.stderr().contains(&journal(kind)), "{}", daemon.stderr());
-        let text = station.run(&["status"]).done().to_owned();
+        let text = station.run(&["status"]).assert_done().to_owned();
         assert!(text.contains(&format!("INCIDENT {}", kind.name())), "{text}");
         assert!(text.contains("sends nothing any more: is") && !text.contains("to do:"), "{text}");
-        let watched = station.run(&["watch", "--for", "2.5"]).done().to_owned();
+        let watched = station.run(&["watch", "--for", "2.5"]).assert_done().to_owned();
         assert!(watched.contains(&format!("{} for ", kind.name())), "{watched}");
         let listed = |status: &serde_json::Value, list: &str| {
             let list = status["incidents"][list].as_array().cloned().unwrap_or_default();
@@ -49,9 +49,9 @@ fn silence_is_reported_everywhere_with_its_remedy_and_ends_with_the_next_sample(
         let active = listed(&status, "active").expect("it goes on");
         assert!(active["what"].as_str().is_some_and(|what| what.contains("sends nothing")), "{active}");
         silence(false);
-        eyes.until("its end", |eyes| !eyes.goes_on(kind));
+        monitor.until("its end", |monitor| !monitor.is_active(kind));
         let status = station.status().expect("the daemon answers");
-        assert_eq!(listed(&status, "past").expect("it was")["begun"], eyes.begun(kind), "{status}");
+        assert_eq!(listed(&status, "past").expect("it was")["begun"], monitor.count(kind), "{status}");
         assert!(listed(&status, "active").is_none(), "{status}");
     }
     assert!(!daemon.stderr().contains("phase="), "phases are none: {}", daemon.stderr());
@@ -61,39 +61,39 @@ fn silence_is_reported_everywhere_with_its_remedy_and_ends_with_the_next_sample(
 fn a_sensor_that_never_sends_is_reported_with_its_address() {
     let station = Station::new();
     let daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both to be missed", |eyes| {
-        eyes.goes_on(Incident::SuitSilent) && eyes.goes_on(Incident::GroundSilent)
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both to be missed", |monitor| {
+        monitor.is_active(Incident::SuitSilent) && monitor.is_active(Incident::GroundSilent)
     });
-    let said = daemon.stderr();
-    for words in ["the suit has sent nothing yet", &station.suit.to_string(), &station.plate.to_string()] {
-        assert!(said.contains(words), "{words}: {said}");
+    let message = daemon.stderr();
+    for lines in ["the suit has sent nothing yet", &station.suit.to_string(), &station.plate.to_string()] {
+        assert!(message.contains(lines), "{lines}: {message}");
     }
 }
 
 #[test]
-fn a_paused_stream_that_repeats_itself_is_stale_and_not_silent() {
+fn a_repeating_stream_is_stale_and_not_silent() {
     let station = Station::new();
     let _daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
+    let mut monitor = Monitor::open(&station);
     let suit = streams::suit(station.suit);
     let last = Arc::new(Mutex::new(Vec::new()));
-    eyes.until("the suit", |eyes| eyes.suit().published > 0);
-    let kept = Arc::clone(&last);
-    suit.slip_in(move |sound| {
-        *kept.lock().expect("no panic") = sound.to_vec();
-        sound.to_vec()
+    monitor.until("the suit", |monitor| monitor.suit().published > 0);
+    let shared = Arc::clone(&last);
+    suit.slip_in(move |valid| {
+        *shared.lock().expect("no panic") = valid.to_vec();
+        valid.to_vec()
     });
     wait_for("a datagram", || (!last.lock().expect("no panic").is_empty()).then_some(()));
     drop(suit);
     let (datagram, sender) = (last.lock().expect("no panic").clone(), UdpSocket::bind("127.0.0.1:0"));
     let sender = sender.expect("a socket");
-    eyes.until("the repetition to be named", |eyes| {
+    monitor.until("the repetition to be named", |monitor| {
         let _ = sender.send_to(&datagram, station.suit);
-        eyes.goes_on(Incident::SuitStampsStale) && !eyes.goes_on(Incident::SuitSilent)
+        monitor.is_active(Incident::SuitStampsStale) && !monitor.is_active(Incident::SuitSilent)
     });
     let _suit = streams::suit(station.suit);
-    eyes.until("its end", |eyes| !eyes.goes_on(Incident::SuitStampsStale));
+    monitor.until("its end", |monitor| !monitor.is_active(Incident::SuitStampsStale));
 }
 
 /// The process's UDP sockets, as descriptors of this process; `None`, with a message, where the system does not permit
@@ -122,13 +122,13 @@ fn udp_sockets_of(process: &Process) -> Option<Vec<OwnedFd>> {
 }
 
 #[test]
-fn an_adapter_whose_socket_dies_is_started_again_and_the_daemon_goes_on() {
+fn an_adapter_whose_socket_fails_is_restarted_and_the_daemon_continues() {
     let station = Station::new();
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 1);
-    let (learnt, cycle) = (eyes.state.poses_used, eyes.state.cycle);
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 1);
+    let (poses, cycle) = (monitor.state.poses_used, monitor.state.cycle);
     for round in 1..=2 {
         let Some(sockets) = udp_sockets_of(&daemon) else { return };
         assert_eq!(sockets.len(), 2, "one of the suit, one of the plate");
@@ -137,47 +137,50 @@ fn an_adapter_whose_socket_dies_is_started_again_and_the_daemon_goes_on() {
             let _ = socket2::Socket::from(socket).shutdown(std::net::Shutdown::Both);
         }
         for down in [Incident::SuitAdapterDown, Incident::GroundAdapterDown] {
-            eyes.until(down.name(), |eyes| eyes.begun(down) == round);
+            monitor.until(down.name(), |monitor| monitor.count(down) == round);
             assert!(daemon.stderr().contains(&journal(down)), "{}", daemon.stderr());
-            eyes.until("its end", |eyes| !eyes.goes_on(down));
+            monitor.until("its end", |monitor| !monitor.is_active(down));
         }
-        eyes.until("both sensors again", Eyes::both_fresh);
+        monitor.until("both sensors again", Monitor::both_fresh);
     }
-    assert!(eyes.state.cycle > cycle && eyes.state.poses_used >= learnt, "the same daemon, all the time");
-    let said = daemon.stderr();
-    assert!(said.contains("was shut down from outside; it is started again in 250ms"), "{said}");
-    assert!(said.contains("started again in 500ms"), "the second time it takes longer: {said}");
+    assert!(
+        monitor.state.cycle > cycle && monitor.state.poses_used >= poses,
+        "the same daemon, all the time"
+    );
+    let message = daemon.stderr();
+    assert!(message.contains("was shut down from outside; it is started again in 250ms"), "{message}");
+    assert!(message.contains("started again in 500ms"), "the second time it takes longer: {message}");
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }
 
 #[test]
-fn a_daemon_that_stood_still_says_for_how_long() {
+fn a_stalled_loop_is_reported_with_its_duration() {
     let station = Station::new();
     let daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until("cycles", |eyes| eyes.state.cycle > 10);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("cycles", |monitor| monitor.state.cycle > 10);
     // A stop that falls between the end of one cycle's work and the choice of the next slot skips slots without a late
     // cycle: it is repeated until one falls elsewhere.
     for stops in 1.. {
-        let before = eyes.begun(Incident::LoopStalled);
+        let before = monitor.count(Incident::LoopStalled);
         daemon.send(Signal::STOP);
         std::thread::sleep(Duration::from_millis(400));
         daemon.send(Signal::CONT);
-        eyes.until("the stall", |eyes| eyes.begun(Incident::LoopStalled) > before);
-        if eyes.begun(Incident::DeadlineMissed) > 0 {
+        monitor.until("the stall", |monitor| monitor.count(Incident::LoopStalled) > before);
+        if monitor.count(Incident::DeadlineMissed) > 0 {
             break;
         }
         assert!(stops < 10, "ten stops and no cycle was late: {}", daemon.stderr());
     }
     assert!(daemon.stderr().contains("the loop stood still for "), "{}", daemon.stderr());
-    assert!(!eyes.goes_on(Incident::LoopStalled), "it runs again");
+    assert!(!monitor.is_active(Incident::LoopStalled), "it runs again");
 }
 
 #[test]
-fn samples_of_another_clock_and_a_flood_of_them_are_named() {
+fn samples_of_another_clock_and_an_overflow_are_reported() {
     let station = Station::new();
     let _daemon = station.daemon(&external(&station));
-    let mut eyes = Eyes::open(&station);
+    let mut monitor = Monitor::open(&station);
     let settings = BusSettings { station: NAME.to_owned(), role: "liar".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");
     let ground = bus.publisher::<GroundSample>().expect("a place");
@@ -191,31 +194,31 @@ fn samples_of_another_clock_and_a_flood_of_them_are_named() {
         ground.send(&sample(ahead_ns)).expect("the bus");
         wake.notify(Event::NewGround).expect("the bus");
     };
-    eyes.until("another clock's stamps to be named", |eyes| {
+    monitor.until("another clock's stamps to be named", |monitor| {
         send(100_000_000_000);
-        eyes.goes_on(Incident::ClockTrouble) && eyes.goes_on(Incident::GroundStampsStale)
+        monitor.is_active(Incident::ClockTrouble) && monitor.is_active(Incident::GroundStampsStale)
     });
-    eyes.until("both ends", |eyes| {
+    monitor.until("both ends", |monitor| {
         send(0);
-        !eyes.goes_on(Incident::ClockTrouble) && !eyes.goes_on(Incident::GroundStampsStale)
+        !monitor.is_active(Incident::ClockTrouble) && !monitor.is_active(Incident::GroundStampsStale)
     });
-    assert_eq!(eyes.begun(Incident::InputOverflow), 0);
-    eyes.until("the flood", |eyes| {
+    assert_eq!(monitor.count(Incident::InputOverflow), 0);
+    monitor.until("the flood", |monitor| {
         for _ in 0..4000 {
             send(0);
         }
-        eyes.goes_on(Incident::InputOverflow)
+        monitor.is_active(Incident::InputOverflow)
     });
 }
 
 #[test]
-fn what_real_time_was_refused_is_an_incident_for_as_long_as_the_daemon_runs() {
+fn refused_scheduling_is_an_incident_while_the_daemon_runs() {
     let station = Station::new();
     let configuration =
         station.configuration().replace("lock_memory = false", "lock_memory = false\ncpu = 1000");
     let daemon = station.daemon(&configuration);
-    let mut eyes = Eyes::open(&station);
-    eyes.until("it", |eyes| eyes.goes_on(Incident::RealTimeRefused));
-    assert_eq!(eyes.begun(Incident::RealTimeRefused), 1);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("it", |monitor| monitor.is_active(Incident::RealTimeRefused));
+    assert_eq!(monitor.count(Incident::RealTimeRefused), 1);
     assert!(daemon.stderr().contains("thread loop asked for core 1000"), "{}", daemon.stderr());
 }

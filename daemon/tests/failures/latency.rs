@@ -10,13 +10,13 @@ use equipoise_latency::Stage;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::{NAME, Station};
 
 /// A consumer inside the test that receives states and reports receipts.
 struct Consumer {
-    eyes: Eyes,
+    monitor: Monitor,
     reports: Publisher<PickUp>,
     report: Box<PickUp>,
     // Field order: ports are dropped before the node they belong to.
@@ -30,13 +30,18 @@ impl Consumer {
         let mut report: Box<PickUp> = Box::new(PickUp::zeroed());
         report.consumer[..name.len()].copy_from_slice(name.as_bytes());
         (report.process_id, report.since_ns) = (std::process::id(), equipoise_daemon::realtime::now_ns());
-        Consumer { eyes: Eyes::open(station), reports: bus.publisher().expect("a place"), report, _bus: bus }
+        Consumer {
+            monitor: Monitor::open(station),
+            reports: bus.publisher().expect("a place"),
+            report,
+            _bus: bus,
+        }
     }
 
     /// Reads the newest state once and reports.
-    fn look(&mut self) {
-        let before = self.eyes.state.cycle;
-        let state = *self.eyes.look();
+    fn update(&mut self) {
+        let before = self.monitor.state.cycle;
+        let state = *self.monitor.update();
         let now_ns = equipoise_daemon::realtime::now_ns();
         if state.cycle > before {
             let missed = if before == 0 { 0 } else { state.cycle - before - 1 };
@@ -62,16 +67,16 @@ fn the_path_is_reported_to_the_last_consumer() {
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());
     let mut controller = Consumer::join(&station, "controller-1");
-    controller.eyes.until("both sensors", Eyes::both_fresh);
+    controller.monitor.until("both sensors", Monitor::both_fresh);
     // Its history before the measurement must not count.
     controller.report.published_to_consumer[400] = 1_000_000;
     controller.report.states = 1_000_000;
     let file = station.file("path.hlog").to_string_lossy().into_owned();
     let mut latency = station.spawn(&["latency", "--for", "3", "--json", "--hlog", &file]);
-    let mut looks = 0;
+    let mut updates = 0;
     while latency.is_running() {
-        controller.look();
-        looks += 1;
+        controller.update();
+        updates += 1;
         std::thread::sleep(Duration::from_millis(20));
     }
     let code = latency.wait().code();
@@ -97,7 +102,7 @@ fn the_path_is_reported_to_the_last_consumer() {
     assert_eq!(consumers[0]["consumer"], "controller-1");
     assert_eq!(consumers[0]["process_id"], std::process::id());
     let states = consumers[0]["states"].as_u64().expect("a count");
-    assert!(states > 0 && states <= looks, "{states} of {looks} looks");
+    assert!(states > 0 && states <= updates, "{states} of {updates} looks");
     // 200 cycles a second, and one read each 20 ms.
     assert!(consumers[0]["states_missed"].as_u64() > Some(states), "{report}");
 
@@ -110,7 +115,7 @@ fn the_path_is_reported_to_the_last_consumer() {
 }
 
 #[test]
-fn a_measurement_without_a_place_for_the_reports_measures_the_rest() {
+fn a_measurement_without_receipts_reports_the_other_stages() {
     let station = Station::new();
     let _daemon = station.daemon(&station.configuration());
     // Two processes may read the reports.

@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
 use equipoise_simulator::ports::free_address;
 
 /// Header and body of an answer.
-fn ask(address: SocketAddr, head: &str) -> Option<(String, String)> {
+fn request(address: SocketAddr, head: &str) -> Option<(String, String)> {
     let mut connection = TcpStream::connect(address).ok()?;
     connection.set_read_timeout(Some(Duration::from_secs(10))).expect("a socket");
     write!(connection, "GET {head}\r\nConnection: close\r\n\r\n").ok()?;
@@ -23,7 +23,7 @@ fn ask(address: SocketAddr, head: &str) -> Option<(String, String)> {
 }
 
 fn scrape(address: SocketAddr) -> Option<(String, String)> {
-    ask(address, &format!("/metrics HTTP/1.1\r\nHost: {address}"))
+    request(address, &format!("/metrics HTTP/1.1\r\nHost: {address}"))
 }
 
 /// The value of the sample with this prefix.
@@ -33,14 +33,14 @@ fn value(body: &str, begins: &str) -> Option<f64> {
 }
 
 #[test]
-fn a_scrape_shows_counts_that_grow_incidents_by_name_and_no_motion() {
+fn a_scrape_has_counters_incidents_and_no_motion_data() {
     let station = Station::new();
     let person = station.person();
     let address = free_address().expect("a free port");
     let configuration = format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
     let mut daemon = station.daemon(&configuration);
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
     person.silence_suit(true);
     let silent = "equipoise_incident_active{station=\"bench\",incident=\"suit_silent\"}";
     let received = "equipoise_adapter_received_total{station=\"bench\",stream=\"ground\"}";
@@ -64,32 +64,32 @@ fn a_scrape_shows_counts_that_grow_incidents_by_name_and_no_motion() {
     });
     // OpenMetrics if requested.
     let accept = format!("/metrics HTTP/1.1\r\nHost: {address}\r\nAccept: application/openmetrics-text");
-    let (head, body) = ask(address, &accept).expect("an answer");
+    let (head, body) = request(address, &accept).expect("an answer");
     assert!(head.contains("application/openmetrics-text; version=1.0.0"), "{head}");
     assert!(body.trim_end().ends_with("# EOF"), "{body}");
     // A host name that a foreign DNS entry points here is refused.
-    let (head, _) = ask(address, "/metrics HTTP/1.1\r\nHost: evil.example").expect("an answer");
+    let (head, _) = request(address, "/metrics HTTP/1.1\r\nHost: evil.example").expect("an answer");
     assert!(head.starts_with("HTTP/1.1 403"), "{head}");
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
     assert!(scrape(address).is_none(), "it ends with the daemon");
 }
 
 #[test]
-fn metrics_for_the_whole_network_or_on_a_taken_port_are_refused() {
+fn metrics_for_the_whole_network_or_on_a_used_port_are_refused() {
     let station = Station::new();
     let with = |address: &str| format!("{}[metrics]\nlisten = \"{address}\"\n", station.configuration());
     let path = station.write("metrics.toml", &with("0.0.0.0:9187")).display().to_string();
     for arguments in [&["check", &path][..], &["run", "--config", &path]] {
-        station.run(arguments).failed_with(1, &["metrics.listen", "loopback only"]);
+        station.run(arguments).assert_failed(1, &["metrics.listen", "loopback only"]);
     }
-    let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
-    let address = taken.local_addr().expect("its address").to_string();
+    let occupied = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = occupied.local_addr().expect("its address").to_string();
     let mut daemon = station.try_daemon(&with(&address));
     assert_eq!(daemon.wait().code(), Some(1));
-    let said = daemon.stderr();
+    let message = daemon.stderr();
     assert!(
-        said.contains("metrics.listen") && said.contains(&address) && !said.contains("panicked"),
-        "{said}"
+        message.contains("metrics.listen") && message.contains(&address) && !message.contains("panicked"),
+        "{message}"
     );
     crate::ending::assert_nothing_left(&station);
 }

@@ -6,11 +6,11 @@ use equipoise_adapters::suit::SuitRefusal;
 use equipoise_simulator::faults::Faults;
 use equipoise_simulator::simulation::Simulation;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::station::Station;
 
 #[test]
-fn poses_are_learnt_over_networks_that_lose_reorder_repeat_and_damage() {
+fn identification_works_over_networks_that_lose_reorder_repeat_and_damage() {
     let station = Station::new();
     let faults = Faults { loss: 0.05, reorder: 0.02, duplicate: 0.02, corrupt: 0.01, ..Faults::default() };
     let mut settings = station.sensors();
@@ -18,19 +18,19 @@ fn poses_are_learnt_over_networks_that_lose_reorder_repeat_and_damage() {
     settings.plate.faults = faults;
     let person = Simulation::start(settings).expect("a simulated person");
     let mut daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 2);
-    eyes.during(Duration::from_secs(5), |_| {});
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 2);
+    monitor.during(Duration::from_secs(5), |_| {});
     // A suit's sample consists of several datagrams: most often only the one with the pose is lost.
-    eyes.until("lost samples to be counted", |eyes| {
-        eyes.suit().lost + eyes.suit_refused(SuitRefusal::NoPose) > 0 && eyes.ground().lost > 0
+    monitor.until("lost samples to be counted", |monitor| {
+        monitor.suit().lost + monitor.suit_refused(SuitRefusal::NoPose) > 0 && monitor.ground().lost > 0
     });
-    eyes.until("refusals to be counted", |eyes| {
-        [eyes.suit(), eyes.ground()].iter().all(|adapter| adapter.refused.iter().sum::<u64>() > 0)
+    monitor.until("refusals to be counted", |monitor| {
+        [monitor.suit(), monitor.ground()].iter().all(|adapter| adapter.refused.iter().sum::<u64>() > 0)
     });
-    eyes.until("both sensors", Eyes::both_fresh);
-    let count = eyes.state.poses_used;
-    eyes.until_poses(&person, count + 1);
+    monitor.until("both sensors", Monitor::both_fresh);
+    let count = monitor.state.poses_used;
+    monitor.until_poses(&person, count + 1);
     assert!(daemon.is_running());
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 }

@@ -5,34 +5,34 @@ use std::os::unix::net::UnixDatagram;
 
 use rustix::process::Signal;
 
-use crate::process::PATIENCE;
+use crate::process::TIMEOUT;
 use crate::station::Station;
 
 #[test]
-fn an_outlet_is_ready_without_a_daemon_feeds_its_watchdog_and_says_that_it_ends() {
+fn an_outlet_notifies_systemd_of_ready_watchdog_and_stopping() {
     let station = Station::new();
     let socket = station.file("notify");
     let notified = UnixDatagram::bind(&socket).expect("a socket");
-    notified.set_read_timeout(Some(PATIENCE)).expect("a patience");
-    let hear = || {
-        let mut heard = [0; 4096];
-        let length = notified.recv(&mut heard).expect("a word of the outlet");
-        String::from_utf8_lossy(&heard[..length]).into_owned()
+    notified.set_read_timeout(Some(TIMEOUT)).expect("a patience");
+    let receive = || {
+        let mut received = [0; 4096];
+        let length = notified.recv(&mut received).expect("a word of the outlet");
+        String::from_utf8_lossy(&received[..length]).into_owned()
     };
     let peer = UdpSocket::bind("127.0.0.1:0").expect("a peer");
-    peer.set_read_timeout(Some(PATIENCE)).expect("a patience");
+    peer.set_read_timeout(Some(TIMEOUT)).expect("a patience");
     let to = peer.local_addr().expect("its address");
     let section = format!("[outlets.udp]\nto = [\"{to}\"]\nrate_hz = 50\n");
     let path = station.write("outlets.toml", &(station.configuration() + &section));
 
     let arguments = ["outlet", "udp", "--config", &path.to_string_lossy()];
     let mut outlet = station.spawn_with(&arguments, &[("NOTIFY_SOCKET", socket.as_os_str())]);
-    assert!(hear().contains("READY=1"));
+    assert!(receive().contains("READY=1"));
     let mut datagram = [0; 2048];
     assert!(peer.recv(&mut datagram).expect("a datagram that says that there is no state") > 0);
     for _ in 0..2 {
-        assert!(hear().contains("WATCHDOG=1"), "{}", outlet.stderr());
+        assert!(receive().contains("WATCHDOG=1"), "{}", outlet.stderr());
     }
     assert_eq!(outlet.stop(Signal::TERM), Some(0), "{}", outlet.stderr());
-    while !hear().contains("STOPPING=1") {}
+    while !receive().contains("STOPPING=1") {}
 }

@@ -69,7 +69,7 @@ fn until_silent(address: SocketAddr) {
 }
 
 #[test]
-fn it_waits_for_a_daemon_and_outlives_it() {
+fn it_waits_for_a_daemon_and_continues_without_it() {
     let station = Station::new();
     let address = free_address().expect("a free port");
     let mut view = view(&station, &format!("listen = \"{address}\"\n"));
@@ -81,7 +81,7 @@ fn it_waits_for_a_daemon_and_outlives_it() {
     let status = station.status().expect("the daemon answers");
     assert_eq!(status["page"]["url"], format!("http://{address}/"));
     assert_eq!(status["page"]["process_id"], view.id());
-    assert!(station.run(&["status"]).done().contains(&format!("page http://{address}/")));
+    assert!(station.run(&["status"]).assert_done().contains(&format!("page http://{address}/")));
 
     let all_is_known = |facts: &serde_json::Value| {
         facts["incidents"].is_array() && facts["daemon"].is_object() && facts["adapters"][0].is_object()
@@ -112,13 +112,16 @@ fn it_reports_the_latency_of_its_states() {
     let _daemon = station.daemon(&station.configuration());
     let _view = view(&station, &format!("listen = \"{address}\"\n"));
     until_live(address);
-    let shown = wait_for("the page among the consumers", || {
+    let reader_screen = wait_for("the page among the consumers", || {
         let ended = station.run(&["latency", "--station", NAME, "--for", "3", "--json"]);
         let report: serde_json::Value = serde_json::from_str(&ended.stdout).ok()?;
         report["consumers"].as_array()?.iter().find(|one| one["consumer"] == "view").cloned()
     });
-    assert!(shown["states"].as_u64().is_some_and(|states| states > 10), "{shown}");
-    assert!(shown["states_missed"].as_u64() > Some(10), "it looks 60 times a second: {shown}");
+    assert!(reader_screen["states"].as_u64().is_some_and(|states| states > 10), "{reader_screen}");
+    assert!(
+        reader_screen["states_missed"].as_u64() > Some(10),
+        "it looks 60 times a second: {reader_screen}"
+    );
 }
 
 #[test]
@@ -133,7 +136,7 @@ fn a_killed_page_is_not_in_the_status() {
 }
 
 #[test]
-fn a_bus_that_was_removed_and_created_again_is_found() {
+fn a_bus_that_was_removed_and_created_again_is_joined() {
     let station = Station::new();
     let address = free_address().expect("a free port");
     let mut daemon = station.daemon(&station.configuration());
@@ -157,16 +160,16 @@ fn the_daemon_itself_listens_on_no_page() {
 }
 
 #[test]
-fn what_it_cannot_serve_is_reported_with_its_key() {
+fn configuration_errors_are_reported_with_their_key() {
     let station = Station::new();
-    let taken = TcpListener::bind(free_address().expect("a free port")).expect("the port");
-    let address = taken.local_addr().expect("its address").to_string();
+    let occupied = TcpListener::bind(free_address().expect("a free port")).expect("the port");
+    let address = occupied.local_addr().expect("its address").to_string();
     let refused = |page: &str, parts: &[&str]| {
         let mut view = try_view(&station, page);
         assert_eq!(view.wait().code(), Some(1));
-        let said = view.stderr();
-        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
-        assert!(!said.contains("panicked") && !said.contains(SECRET), "{said}");
+        let message = view.stderr();
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+        assert!(!message.contains("panicked") && !message.contains(SECRET), "{message}");
     };
     refused(&format!("listen = \"{address}\"\n"), &["page.listen", &address, "taken"]);
     // `check` refuses the same tokens, before any process is started.
@@ -178,7 +181,7 @@ fn what_it_cannot_serve_is_reported_with_its_key() {
     let refused = |page: &str, parts: &[&str]| {
         refused(page, parts);
         let check = checked(page);
-        check.failed_with(1, parts);
+        check.assert_failed(1, parts);
         assert!(!check.stderr.contains(SECRET), "{}", check.stderr);
     };
     refused("listen = \"127.0.0.1:0\"\ntoken_file = \"no.token\"\n", &["page.token_file", "no.token"]);
@@ -191,14 +194,14 @@ fn what_it_cannot_serve_is_reported_with_its_key() {
         &format!("{guarded}command_token_file = \"page.token\"\n"),
         &["page.command_token_file", "another"],
     );
-    checked(guarded).done();
+    checked(guarded).assert_done();
     std::os::unix::fs::symlink(&token, station.file("link.token")).expect("a link");
     refused(&guarded.replace("page.token", "link.token"), &["link.token", "a symbolic link"]);
     std::fs::write(&token, &SECRET[..31]).expect("a token");
     refused(guarded, &["page.token", "32 to 256"]);
 
     let path = station.write("none.toml", &station.configuration()).display().to_string();
-    station.run(&["view", "--config", &path]).failed_with(1, &["none.toml has no [page]"]);
+    station.run(&["view", "--config", &path]).assert_failed(1, &["none.toml has no [page]"]);
 }
 
 #[test]
@@ -212,23 +215,25 @@ fn a_page_for_the_whole_network_needs_a_token() {
         for command in
             [&["check", path.as_str()][..], &["run", "--config", &path], &["view", "--config", &path]]
         {
-            station.run(command).failed_with(1, &[&place, "loopback only", "SSH tunnel", "token_file"]);
+            station.run(command).assert_failed(1, &[&place, "loopback only", "SSH tunnel", "token_file"]);
         }
     }
 }
 
 #[test]
-fn the_token_opens_the_page_and_is_published_nowhere() {
+fn the_token_opens_the_page_and_is_not_published() {
     let station = Station::new();
     let token = station.file("page.token");
     let made = station.run(&["token", "--out", &token.display().to_string()]);
-    assert!(made.done().contains("page.token holds a new token"));
+    assert!(made.assert_done().contains("page.token holds a new token"));
     let mode = std::fs::metadata(&token).expect("the token").permissions().mode() & 0o777;
     assert_eq!(mode & !0o640, 0, "{mode:o}");
     let secret = std::fs::read_to_string(&token).expect("the token").trim().to_owned();
     assert_eq!(secret.len(), 64);
-    station.run(&["token", "--out", &token.display().to_string()]).failed_with(1, &["page.token", "exists"]);
-    assert_ne!(station.run(&["token"]).done(), station.run(&["token"]).done());
+    station
+        .run(&["token", "--out", &token.display().to_string()])
+        .assert_failed(1, &["page.token", "exists"]);
+    assert_ne!(station.run(&["token"]).assert_done(), station.run(&["token"]).assert_done());
 
     let port = free_address().expect("a free port").port();
     let page = format!("listen = \"0.0.0.0:{port}\"\ntoken_file = \"page.token\"\n");
@@ -243,17 +248,18 @@ fn the_token_opens_the_page_and_is_published_nowhere() {
     let bearer = format!("Authorization: Bearer {secret}\r\n");
     assert_eq!(get(address, "/healthz", &bearer).expect("an answer").0, 200);
 
-    let status = station.run(&["status", "--json"]).done().to_owned();
+    let status = station.run(&["status", "--json"]).assert_done().to_owned();
     assert!(status.contains("page.token") && status.contains("\"needs_token\": true"), "{status}");
     let recording = station.file("a.mcap");
-    station.run(&["record", &recording.display().to_string(), "--for", "1"]).done();
-    let shown = station.run(&["check", &station.file("view.toml").display().to_string()]).done().to_owned();
+    station.run(&["record", &recording.display().to_string(), "--for", "1"]).assert_done();
+    let reader_screen =
+        station.run(&["check", &station.file("view.toml").display().to_string()]).assert_done().to_owned();
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_eq!(view.stop(Signal::TERM), Some(0));
     let recorded = std::fs::read(&recording).expect("the recording");
     for (place, facts) in [
         ("status", status.as_bytes()),
-        ("check", shown.as_bytes()),
+        ("check", reader_screen.as_bytes()),
         ("the daemon's journal", daemon.stderr().as_bytes()),
         ("the page's journal", view.stderr().as_bytes()),
         ("a recording", &recorded),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use equipoise_adapters::recording::Recording;
 use rustix::process::Signal;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
 
@@ -22,7 +22,7 @@ fn below(folder: &Path, found: &mut Vec<PathBuf>) {
 }
 
 #[test]
-fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
+fn files_are_for_owner_and_group_and_recordings_contain_no_paths_or_names() {
     let station = Station::new();
     let person = station.person();
     let out = station.file("grete-mustermann");
@@ -38,13 +38,13 @@ fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
     let name = |name: &str| out.join(name).to_string_lossy().into_owned();
     let config = station.file("open.toml").to_string_lossy().into_owned();
     let mut daemon = station.daemon_of("open.toml", &[("USER", "grete".as_ref())]);
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 1);
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 1);
     wait_for("a profile", || station.profile("anon-1").exists().then_some(()));
     assert!(matches!(station.run(&["record", &name("a.mcap"), "--for", "2"]).code, Some(0 | 3)));
     assert!(matches!(station.run(&["replay", &name("a.mcap"), "--out", &name("a.csv")]).code, Some(0 | 3)));
     assert!(matches!(station.run(&["replay", &name("a.mcap"), "--out", &name("a.jsonl")]).code, Some(0 | 3)));
-    station.run(&["latency", "--for", "1", "--hlog", &name("b.hlog")]).done();
+    station.run(&["latency", "--for", "1", "--hlog", &name("b.hlog")]).assert_done();
     // Its findings are irrelevant here.
     station.run(&["reconcile", &name("a.mcap"), "--config", &config, "--out", &name("report")]);
     rustix::process::umask(before);
@@ -66,19 +66,19 @@ fn files_are_for_owner_and_group_and_recordings_name_no_place_and_no_person() {
     let header = recording.header();
     assert!(header.config_toml.contains("path.hlog") && header.config_toml.contains("model.toml"));
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    let mut telling =
+    let mut terms =
         vec!["grete".to_owned(), station.file("").to_string_lossy().into_owned(), "/home".to_owned()];
-    telling.extend(["HOME", "HOSTNAME"].iter().filter_map(|name| std::env::var(name).ok()));
-    telling.push(host.trim().to_owned());
+    terms.extend(["HOME", "HOSTNAME"].iter().filter_map(|name| std::env::var(name).ok()));
+    terms.push(host.trim().to_owned());
     // Short words occur in any file; "localhost" is not personal.
-    telling.retain(|word| word.len() > 4 && word != "localhost");
+    terms.retain(|term| term.len() > 4 && term != "localhost");
     let texts =
         [&header.config_toml, &header.subject_toml, &header.model_toml].map(|text| text.as_bytes().to_vec());
     let mut bytes = std::fs::read(out.join("a.mcap")).expect("a recording");
     bytes.extend(texts.concat());
-    for word in telling {
-        let found = bytes.windows(word.len()).any(|window| window == word.as_bytes());
-        assert!(!found, "the recording names {word:?}");
+    for term in terms {
+        let found = bytes.windows(term.len()).any(|window| window == term.as_bytes());
+        assert!(!found, "the recording names {term:?}");
     }
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

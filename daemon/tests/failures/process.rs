@@ -8,16 +8,16 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Time limit of every wait, on a machine whose cores and disk have much other load.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(90);
+pub(crate) const TIMEOUT: Duration = Duration::from_secs(90);
 
 /// Polls until there is a result.
-pub(crate) fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn wait_for<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
     let started = Instant::now();
     loop {
-        if let Some(seen) = look() {
-            return seen;
+        if let Some(found) = probe() {
+            return found;
         }
-        assert!(started.elapsed() < PATIENCE, "waited in vain for {what}");
+        assert!(started.elapsed() < TIMEOUT, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(10));
     }
 }
@@ -67,8 +67,8 @@ impl Process {
             if let Some(status) = self.child.try_wait().expect("a child") {
                 return status;
             }
-            let said = || std::fs::read_to_string(&err).unwrap_or_default();
-            assert!(started.elapsed() < PATIENCE, "it does not end; it says: {}", said());
+            let message = || std::fs::read_to_string(&err).unwrap_or_default();
+            assert!(started.elapsed() < TIMEOUT, "it does not end; it says: {}", message());
             std::thread::sleep(Duration::from_millis(10));
         }
     }

@@ -6,8 +6,8 @@ use std::time::Duration;
 use equipoise_core::message::Incident;
 use rustix::process::Signal;
 
-use crate::eyes::Eyes;
-use crate::process::{PATIENCE, wait_for};
+use crate::monitor::Monitor;
+use crate::process::{TIMEOUT, wait_for};
 use crate::station::Station;
 
 const MODEL: &str = r#"version = 1
@@ -19,7 +19,7 @@ log_odds = 9.0
 parameters = { dx_m = { value = 0.002, sigma = 0.001, unit = "m" } }
 "#;
 
-fn in_force(station: &Station) -> (toml::Table, String) {
+fn active_configuration(station: &Station) -> (toml::Table, String) {
     let status = wait_for("the status", || station.status());
     let text = status["daemon"]["config_toml"].as_str().expect("a configuration");
     let model = status["daemon"]["model_toml"].as_str().expect("a model");
@@ -27,12 +27,12 @@ fn in_force(station: &Station) -> (toml::Table, String) {
 }
 
 #[test]
-fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothing() {
+fn live_settings_change_others_are_reported_and_invalid_files_change_nothing() {
     let station = Station::new();
     let socket = station.file("notify");
     let notified = UnixDatagram::bind(&socket).expect("a socket");
     // Read at once, as systemd does: the socket holds few datagrams, and a full one blocks the daemon.
-    let (sender, words) = std::sync::mpsc::channel();
+    let (sender, lines) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         let mut bytes = [0; 4096];
         while let Ok(length) = notified.recv(&mut bytes) {
@@ -41,27 +41,28 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
             }
         }
     });
-    let mut hear = || words.recv_timeout(PATIENCE).expect("a word of the daemon");
+    let mut receive = || lines.recv_timeout(TIMEOUT).expect("a word of the daemon");
 
     let text = station.configuration();
     station.write("live.toml", &text);
     let mut daemon = station.daemon_of("live.toml", &[("NOTIFY_SOCKET", socket.as_os_str())]);
-    let mut eyes = Eyes::open(&station);
-    while !hear().contains("READY=1") {}
-    let before = in_force(&station);
+    let mut monitor = Monitor::open(&station);
+    while !receive().contains("READY=1") {}
+    let before = active_configuration(&station);
 
     // An invalid configuration.
     station.write("live.toml", &text.replace("rate_hz = 200", "rate_hz = 200\nrate_herz = 1"));
     daemon.send(Signal::HUP);
-    eyes.until("the refusal", |eyes| eyes.goes_on(Incident::ReloadRefused));
-    let said = daemon.stderr();
-    assert!(said.contains("reload_refused") && said.contains("rate_herz"), "{said}");
-    let word = std::iter::repeat_with(&mut hear).find(|word| word.contains("RELOADING=1")).expect("a word");
-    let stamp = word.lines().find_map(|line| line.strip_prefix("MONOTONIC_USEC=")).expect("a stamp");
+    monitor.until("the refusal", |monitor| monitor.is_active(Incident::ReloadRefused));
+    let message = daemon.stderr();
+    assert!(message.contains("reload_refused") && message.contains("rate_herz"), "{message}");
+    let line =
+        std::iter::repeat_with(&mut receive).find(|line| line.contains("RELOADING=1")).expect("a word");
+    let stamp = line.lines().find_map(|line| line.strip_prefix("MONOTONIC_USEC=")).expect("a stamp");
     assert!(stamp.parse::<u64>().expect("a number") > 0);
     assert!(
-        std::iter::repeat_with(&mut hear)
-            .find(|word| !word.contains("WATCHDOG"))
+        std::iter::repeat_with(&mut receive)
+            .find(|line| !line.contains("WATCHDOG"))
             .expect("a word")
             .contains("READY=1")
     );
@@ -69,30 +70,30 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     daemon.send(Signal::HUP);
     wait_for("that the model is missed", || daemon.stderr().matches("is read again").nth(1).map(drop));
     std::thread::sleep(Duration::from_millis(200));
-    assert_eq!(in_force(&station), before);
-    assert!(eyes.goes_on(Incident::ReloadRefused));
+    assert_eq!(active_configuration(&station), before);
+    assert!(monitor.is_active(Incident::ReloadRefused));
 
     // A valid one.
     station.write("model.toml", MODEL);
-    let wanted = text.replace("rate_hz = 200", "rate_hz = 500");
-    let wanted = format!(
-        "{wanted}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n\
+    let changed = text.replace("rate_hz = 200", "rate_hz = 500");
+    let changed = format!(
+        "{changed}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n\
             [outlets.udp]\nto = [\"127.0.0.1:9\"]\n"
     );
-    station.write("live.toml", &wanted);
+    station.write("live.toml", &changed);
     daemon.send(Signal::HUP);
-    eyes.until("the end of the refusal", |eyes| !eyes.goes_on(Incident::ReloadRefused));
+    monitor.until("the end of the refusal", |monitor| !monitor.is_active(Incident::ReloadRefused));
     wait_for("what is not live", || {
         daemon.stderr().contains("loop.rate_hz changed: takes effect at the next restart").then_some(())
     });
-    let said = daemon.stderr();
+    let message = daemon.stderr();
     assert!(
-        said.contains("overload.threshold_n changed: in force now") && said.contains("plate_offset"),
-        "{said}"
+        message.contains("overload.threshold_n changed: in force now") && message.contains("plate_offset"),
+        "{message}"
     );
-    assert!(!said.contains("overload.threshold_n changed: takes effect"), "{said}");
-    assert!(said.contains("changed: in force once its outlet is restarted"), "{said}");
-    let (config, model) = in_force(&station);
+    assert!(!message.contains("overload.threshold_n changed: takes effect"), "{message}");
+    assert!(message.contains("changed: in force once its outlet is restarted"), "{message}");
+    let (config, model) = active_configuration(&station);
     assert_eq!(config["overload"]["threshold_n"].as_float(), Some(25.0));
     assert_eq!(config["loop"]["rate_hz"].as_integer(), Some(200));
     assert_eq!(model, MODEL);
@@ -100,9 +101,9 @@ fn what_can_change_live_changes_what_cannot_is_named_and_nonsense_changes_nothin
     // Only the model file changes.
     station.write("model.toml", &MODEL.replace("0.002", "0.004"));
     daemon.send(Signal::HUP);
-    wait_for("the other model", || in_force(&station).1.contains("0.004").then_some(()));
-    let cycle = eyes.state.cycle;
-    eyes.until("more cycles", |eyes| eyes.state.cycle > cycle + 50);
+    wait_for("the other model", || active_configuration(&station).1.contains("0.004").then_some(()));
+    let cycle = monitor.state.cycle;
+    monitor.until("more cycles", |monitor| monitor.state.cycle > cycle + 50);
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 
     // The next start reports that the model has changed.

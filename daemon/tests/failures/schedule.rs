@@ -21,7 +21,7 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
     let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for the records");
     let mut first: Option<CycleRecord> = None;
     let mut late = Vec::new();
-    let mut see = |late: &mut Vec<CycleRecord>| {
+    let mut newest_record = |late: &mut Vec<CycleRecord>| {
         let mut newest = None;
         while let Some(record) = records.receive().expect("the bus") {
             let first = *first.get_or_insert(record);
@@ -36,7 +36,7 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
         }
         newest
     };
-    let mut skipped = wait_for("records", || see(&mut late)).slots_skipped;
+    let mut skipped = wait_for("records", || newest_record(&mut late)).slots_skipped;
     let lateness_ns = |record: &CycleRecord| record.compute_end_ns - record.due_ns;
     // A stop that falls between the end of one cycle's work and the choice of the next slot skips slots without a late
     // cycle: it is repeated until one falls elsewhere.
@@ -44,9 +44,9 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
         daemon.send(Signal::STOP);
         std::thread::sleep(Duration::from_secs(1));
         daemon.send(Signal::CONT);
-        let wanted = skipped + RATE_HZ * 9 / 10;
+        let target = skipped + RATE_HZ * 9 / 10;
         skipped = wait_for("the skipped slots", || {
-            see(&mut late).map(|record| record.slots_skipped).filter(|skipped| *skipped >= wanted)
+            newest_record(&mut late).map(|record| record.slots_skipped).filter(|skipped| *skipped >= target)
         });
         // The record of the delayed cycle itself shows the delay, by its number.
         let worst = late.iter().max_by_key(|record| lateness_ns(record));
@@ -56,9 +56,9 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
     let worst = worst.expect("the search ends with a result");
 
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
-    let said = daemon.stderr();
-    assert!(said.contains("schedule_adds_up=true"), "{said}");
-    assert!(said.contains(&format!("worst_miss=cycle {}, ", worst.cycle)), "{skipped} slots: {said}");
+    let message = daemon.stderr();
+    assert!(message.contains("schedule_adds_up=true"), "{message}");
+    assert!(message.contains(&format!("worst_miss=cycle {}, ", worst.cycle)), "{skipped} slots: {message}");
 }
 
 #[test]
@@ -67,8 +67,8 @@ fn strict_refuses_a_start_without_the_requested_scheduling_and_names_it() {
     let strict = |key: &str| station.configuration().replace("[loop]\n", &format!("[loop]\n{key}\n"));
     let mut refused = station.try_daemon(&strict("cpu = 4095\nstrict = true"));
     assert_eq!(refused.wait().code(), Some(1));
-    let said = refused.stderr();
-    assert!(said.contains("loop.strict: thread loop asked for core 4095"), "{said}");
+    let message = refused.stderr();
+    assert!(message.contains("loop.strict: thread loop asked for core 4095"), "{message}");
 
     // Without `strict` it runs, with a warning.
     let mut daemon = station.daemon(&strict("cpu = 4095"));
@@ -115,6 +115,6 @@ fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() 
     assert_eq!(threads.len(), tasks);
     assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");
     let ended = station.run(&["status"]);
-    assert!(ended.done().contains("asked other, granted other"), "{}", ended.stdout);
+    assert!(ended.assert_done().contains("asked other, granted other"), "{}", ended.stdout);
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

@@ -16,7 +16,7 @@ use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::person::Person;
 use nalgebra::Vector2;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
 use crate::streams;
@@ -54,77 +54,82 @@ fn port(station: &Station) -> PathBuf {
 }
 
 #[test]
-fn a_daemon_runs_without_its_sensor_says_so_and_takes_it_whenever_it_is_plugged_in() {
+fn a_daemon_runs_without_its_sensor_and_uses_it_once_plugged_in() {
     let station = Station::new();
     let port = port(&station);
     let _suit = streams::suit(station.suit);
     let daemon = station.daemon(&configuration(&station, &port, SPEED));
-    let mut eyes = Eyes::open(&station);
-    eyes.until("cycles", |eyes| eyes.state.cycle > 10);
-    eyes.until("word of the missing port", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
-    let said = format!("the serial port {} is not there", port.display());
-    assert!(daemon.stderr().contains(&said), "{}", daemon.stderr());
-    let status = station.run(&["status"]).done().to_owned();
-    assert!(status.contains(&said) && status.contains("plug it in, or set ground.serial.port"), "{status}");
+    let mut monitor = Monitor::open(&station);
+    monitor.until("cycles", |monitor| monitor.state.cycle > 10);
+    monitor.until("word of the missing port", |monitor| monitor.is_active(Incident::GroundAdapterDown));
+    let message = format!("the serial port {} is not there", port.display());
+    assert!(daemon.stderr().contains(&message), "{}", daemon.stderr());
+    let status = station.run(&["status"]).assert_done().to_owned();
+    assert!(
+        status.contains(&message) && status.contains("plug it in, or set ground.serial.port"),
+        "{status}"
+    );
 
     let sensor = plugged(&port);
     for _ in 0..2 {
-        eyes.until("both sensors", |eyes| eyes.both_fresh() && !eyes.goes_on(Incident::GroundAdapterDown));
-        eyes.until("a centre of pressure", |eyes| !eyes.has(Validity::SPOILS_COP_MEASURED));
+        monitor.until("both sensors", |monitor| {
+            monitor.both_fresh() && !monitor.is_active(Incident::GroundAdapterDown)
+        });
+        monitor.until("a centre of pressure", |monitor| !monitor.has(Validity::SPOILS_COP_MEASURED));
         sensor.plug(false);
-        eyes.until("its absence", |eyes| {
-            eyes.has(Validity::GROUND_STALE) && eyes.goes_on(Incident::GroundAdapterDown)
+        monitor.until("its absence", |monitor| {
+            monitor.has(Validity::GROUND_STALE) && monitor.is_active(Incident::GroundAdapterDown)
         });
         sensor.plug(true);
     }
-    eyes.until("both sensors", Eyes::both_fresh);
-    assert!(eyes.begun(Incident::GroundAdapterDown) >= 3, "{}", daemon.stderr());
+    monitor.until("both sensors", Monitor::both_fresh);
+    assert!(monitor.count(Incident::GroundAdapterDown) >= 3, "{}", daemon.stderr());
     assert!(daemon.stderr().contains("it was unplugged"), "{}", daemon.stderr());
 }
 
 #[test]
-fn a_wrong_speed_is_named_everywhere_and_is_no_reason_to_stop() {
+fn a_wrong_speed_is_reported_by_all_interfaces_without_stopping() {
     let station = Station::new();
     let port = port(&station);
     let _sensor = plugged(&port);
     let mut daemon = station.daemon(&configuration(&station, &port, 115_200));
-    let mut eyes = Eyes::open(&station);
-    eyes.until("word of the speed", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
-    let said =
+    let mut monitor = Monitor::open(&station);
+    monitor.until("word of the speed", |monitor| monitor.is_active(Incident::GroundAdapterDown));
+    let message =
         "none of the last 740 make a frame of a Bota sensor: is the line's speed right? It is 115200 baud";
-    wait_for("word of the speed", || daemon.stderr().contains(said).then_some(()));
-    let status = station.run(&["status"]).done().to_owned();
+    wait_for("word of the speed", || daemon.stderr().contains(message).then_some(()));
+    let status = station.run(&["status"]).assert_done().to_owned();
     assert!(status.contains("usually has 460800 ([ground.serial] baud)"), "{status}");
-    assert!(daemon.is_running() && eyes.has(Validity::GROUND_STALE));
+    assert!(daemon.is_running() && monitor.has(Validity::GROUND_STALE));
 }
 
 #[test]
-fn a_port_that_another_program_has_is_named_with_that_program_and_taken_when_it_is_free() {
+fn a_port_of_another_program_is_reported_and_used_once_free() {
     let station = Station::new();
     let port = port(&station);
     let _sensor = plugged(&port);
     // Without a child process: the program that holds the port is the one started here.
     let other = Command::new("flock").arg("--no-fork").arg(&port).args(["sleep", "60"]).spawn();
-    let other = Other(other.expect("flock of util-linux"));
+    let other = OtherProgram(other.expect("flock of util-linux"));
     let real = std::fs::canonicalize(&port).expect("a terminal");
     wait_for("the other program to have it", || {
         let links = std::fs::read_dir(format!("/proc/{}/fd", other.0.id())).ok()?;
         links.flatten().any(|link| std::fs::read_link(link.path()).is_ok_and(|to| to == real)).then_some(())
     });
     let daemon = station.daemon(&configuration(&station, &port, SPEED));
-    let mut eyes = Eyes::open(&station);
-    eyes.until("word of the other program", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
-    let said = format!("cannot be used: process {}", other.0.id());
-    assert!(daemon.stderr().contains(&said), "{}", daemon.stderr());
+    let mut monitor = Monitor::open(&station);
+    monitor.until("word of the other program", |monitor| monitor.is_active(Incident::GroundAdapterDown));
+    let message = format!("cannot be used: process {}", other.0.id());
+    assert!(daemon.stderr().contains(&message), "{}", daemon.stderr());
     drop(other);
-    eyes.until("the port", |eyes| !eyes.goes_on(Incident::GroundAdapterDown));
-    eyes.until("samples", |eyes| !eyes.has(Validity::GROUND_STALE));
+    monitor.until("the port", |monitor| !monitor.is_active(Incident::GroundAdapterDown));
+    monitor.until("samples", |monitor| !monitor.has(Validity::GROUND_STALE));
 }
 
 /// Another program, ended with the test.
-struct Other(std::process::Child);
+struct OtherProgram(std::process::Child);
 
-impl Drop for Other {
+impl Drop for OtherProgram {
     fn drop(&mut self) {
         let ended = self.0.kill().and_then(|()| self.0.wait());
         assert!(ended.is_ok() || std::thread::panicking(), "{ended:?}");

@@ -4,20 +4,20 @@ use std::time::Duration;
 
 use equipoise_core::message::Validity;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::station::Station;
 
 /// Duration of a sensor's silence.
 const SILENCE: Duration = Duration::from_secs(1);
 
 #[test]
-fn silence_is_flagged_and_identification_goes_on_where_it_was() {
+fn silence_is_flagged_and_identification_continues() {
     let station = Station::new();
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    let mut eyes = Eyes::open(&station);
-    eyes.until_poses(&person, 2);
-    let learnt = eyes.state.poses_used;
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 2);
+    let poses = monitor.state.poses_used;
 
     for (name, reason) in [("ground_stale", Validity::GROUND_STALE), ("suit_stale", Validity::SUIT_STALE)] {
         let silence = |silent| match reason {
@@ -25,7 +25,7 @@ fn silence_is_flagged_and_identification_goes_on_where_it_was() {
             _ => person.silence_suit(silent),
         };
         silence(true);
-        let state = eyes.until(name, |eyes| eyes.has(reason));
+        let state = monitor.until(name, |monitor| monitor.has(reason));
         assert!(state.validity().names().any(|raised| raised == name));
         assert_eq!(state.phase_name(), "degraded");
         assert!(state.torque_nm.iter().flatten().all(|torque| *torque == 0.0), "nothing is held over");
@@ -34,17 +34,17 @@ fn silence_is_flagged_and_identification_goes_on_where_it_was() {
         } else {
             assert_eq!((state.cop_estimated_m, state.com_m), ([0.0; 2], [0.0; 3]));
         }
-        eyes.during(SILENCE, |eyes| {
-            assert!(eyes.has(reason), "{name} ended before the silence did");
-            assert!(eyes.state.poses_used >= learnt, "poses were forgotten");
+        monitor.during(SILENCE, |monitor| {
+            assert!(monitor.has(reason), "{name} ended before the silence did");
+            assert!(monitor.state.poses_used >= poses, "poses were forgotten");
         });
         silence(false);
-        let state = eyes.until("both sensors again", |eyes| {
-            assert!(eyes.state.poses_used >= learnt, "poses were forgotten");
-            eyes.both_fresh()
+        let state = monitor.until("both sensors again", |monitor| {
+            assert!(monitor.state.poses_used >= poses, "poses were forgotten");
+            monitor.both_fresh()
         });
         assert_eq!(state.phase_name(), "identifying");
     }
-    eyes.until_poses(&person, learnt + 1);
+    monitor.until_poses(&person, poses + 1);
     assert!(daemon.is_running());
 }

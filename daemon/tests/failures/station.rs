@@ -17,16 +17,16 @@ use crate::process::{Process, wait_for};
 pub(crate) const NAME: &str = "bench";
 
 /// Output of a completed command.
-pub(crate) struct Ended {
+pub(crate) struct Output {
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
 }
 
-impl Ended {
+impl Output {
     /// Asserts that it failed, and that its output contains each of these.
     #[track_caller]
-    pub(crate) fn failed_with(&self, code: i32, parts: &[&str]) {
+    pub(crate) fn assert_failed(&self, code: i32, parts: &[&str]) {
         assert_eq!(self.code, Some(code), "out: {} err: {}", self.stdout, self.stderr);
         for part in parts {
             assert!(self.stderr.contains(part), "{part:?} is not in: {}", self.stderr);
@@ -36,7 +36,7 @@ impl Ended {
 
     /// Asserts that it succeeded.
     #[track_caller]
-    pub(crate) fn done(&self) -> &str {
+    pub(crate) fn assert_done(&self) -> &str {
         assert_eq!(self.code, Some(0), "out: {} err: {}", self.stdout, self.stderr);
         &self.stdout
     }
@@ -44,7 +44,7 @@ impl Ended {
 
 pub(crate) struct Station {
     /// The adapters' processes, of a station whose sensors are not in the daemon. Dropped before their files.
-    apart: Option<RefCell<Vec<Process>>>,
+    adapters: Option<RefCell<Vec<Process>>>,
     directory: TempDir,
     pub(crate) suit: SocketAddr,
     pub(crate) plate: SocketAddr,
@@ -56,7 +56,7 @@ impl Station {
         // Short: the root of a bus has at most 46 bytes.
         let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").expect("a directory");
         Station {
-            apart: None,
+            adapters: None,
             directory,
             suit: free_address().expect("a free port"),
             plate: free_address().expect("a free port"),
@@ -65,15 +65,15 @@ impl Station {
     }
 
     /// A station as the shipped units run it: the daemon without sensors, each adapter in a separate process, one file.
-    pub(crate) fn apart() -> Station {
+    pub(crate) fn with_separate_adapters() -> Station {
         let mut station = Station::new();
-        station.apart = Some(RefCell::default());
+        station.adapters = Some(RefCell::default());
         station
     }
 
     /// Starts a daemon with a file, and its adapters if they are separate processes.
     fn spawn_daemon(&self, path: &str, environment: &[(&str, &std::ffi::OsStr)]) -> Process {
-        let Some(adapters) = &self.apart else {
+        let Some(adapters) = &self.adapters else {
             return self.spawn_with(&["run", "--config", path], environment);
         };
         adapters.replace(Vec::new());
@@ -84,8 +84,8 @@ impl Station {
     }
 
     /// The adapter of a station whose sensors are not in the daemon: 0 the suit's, 1 the ground's.
-    pub(crate) fn with_adapter<T>(&self, place: usize, ask: impl FnOnce(&mut Process) -> T) -> T {
-        ask(&mut self.apart.as_ref().expect("a station apart").borrow_mut()[place])
+    pub(crate) fn with_adapter<T>(&self, index: usize, call: impl FnOnce(&mut Process) -> T) -> T {
+        call(&mut self.adapters.as_ref().expect("a station apart").borrow_mut()[index])
     }
 
     /// Directory of the bus's files.
@@ -153,8 +153,8 @@ poses_min = 1000
         let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
         command.args(arguments).env("EQUIPOISE_BUS_ROOT", self.root());
         command.env("STATE_DIRECTORY", self.state_directory()).env("EQUIPOISE_STATION", NAME);
-        for inherited in ["RUST_LOG", "JOURNAL_STREAM", "NOTIFY_SOCKET", "RUNTIME_DIRECTORY"] {
-            command.env_remove(inherited);
+        for variable in ["RUST_LOG", "JOURNAL_STREAM", "NOTIFY_SOCKET", "RUNTIME_DIRECTORY"] {
+            command.env_remove(variable);
         }
         command
     }
@@ -172,10 +172,10 @@ poses_min = 1000
     }
 
     /// Runs a command to its end.
-    pub(crate) fn run(&self, arguments: &[&str]) -> Ended {
+    pub(crate) fn run(&self, arguments: &[&str]) -> Output {
         let mut process = self.spawn(arguments);
         let code = process.wait().code();
-        Ended { code, stdout: process.stdout(), stderr: process.stderr() }
+        Output { code, stdout: process.stdout(), stderr: process.stderr() }
     }
 
     /// Starts a daemon with this configuration.
@@ -204,7 +204,7 @@ poses_min = 1000
     }
 
     /// A daemon with another state directory.
-    pub(crate) fn daemon_keeping_state_in(&self, state_directory: &Path) -> Process {
+    pub(crate) fn daemon_with_state_in(&self, state_directory: &Path) -> Process {
         let path = self.write("elsewhere.toml", &self.configuration());
         ready(self.spawn_in(&["run", "--config", &path.to_string_lossy()], state_directory))
     }

@@ -19,36 +19,36 @@ const SUIT_RATE_HZ: f64 = 60.0;
 const WEIGHT_COUNTS: i32 = -706_000_000;
 
 /// Makes a bad datagram from the preceding valid one.
-type Trick = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
+type Fault = Box<dyn FnMut(&[u8]) -> Vec<u8> + Send>;
 
 /// Pending bad datagrams; one is sent after each valid one.
 #[derive(Clone, Default)]
-struct Tricks(Arc<Mutex<std::collections::VecDeque<Trick>>>);
+struct Faults(Arc<Mutex<std::collections::VecDeque<Fault>>>);
 
-impl Tricks {
-    fn next(&self, sound: &[u8]) -> Option<Vec<u8>> {
-        self.0.lock().expect("no test panics here").pop_front().map(|mut trick| trick(sound))
+impl Faults {
+    fn next(&self, valid: &[u8]) -> Option<Vec<u8>> {
+        self.0.lock().expect("no test panics here").pop_front().map(|mut fault| fault(valid))
     }
 }
 
 /// A sensor's thread; ends when dropped.
 pub(crate) struct Stream {
-    tricks: Tricks,
+    faults: Faults,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Stream {
-    fn start(run: impl FnOnce(Tricks, &AtomicBool) + Send + 'static) -> Stream {
-        let (tricks, stop) = (Tricks::default(), Arc::new(AtomicBool::new(false)));
-        let (theirs, stopping) = (tricks.clone(), Arc::clone(&stop));
-        let thread = std::thread::spawn(move || run(theirs, &stopping));
-        Stream { tricks, stop, thread: Some(thread) }
+    fn start(run: impl FnOnce(Faults, &AtomicBool) + Send + 'static) -> Stream {
+        let (faults, stop) = (Faults::default(), Arc::new(AtomicBool::new(false)));
+        let (stream_faults, stopping) = (faults.clone(), Arc::clone(&stop));
+        let thread = std::thread::spawn(move || run(stream_faults, &stopping));
+        Stream { faults, stop, thread: Some(thread) }
     }
 
-    /// Inserts the result of `trick`, applied to a valid datagram, after it.
-    pub(crate) fn slip_in(&self, trick: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) {
-        self.tricks.0.lock().expect("no stream panics").push_back(Box::new(trick));
+    /// Inserts the result of `fault`, applied to a valid datagram, after it.
+    pub(crate) fn slip_in(&self, fault: impl FnMut(&[u8]) -> Vec<u8> + Send + 'static) {
+        self.faults.0.lock().expect("no stream panics").push_back(Box::new(fault));
     }
 }
 
@@ -70,16 +70,16 @@ pub(crate) fn suit(target: SocketAddr) -> Stream {
 pub(crate) fn suit_of(target: SocketAddr, avatar: u8) -> Stream {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     // The listener may be absent, and some datagrams are too long to send: both errors are irrelevant here.
-    Stream::start(move |tricks, stop| {
-        run_suit(avatar, &tricks, stop, |bytes| drop(socket.send_to(bytes, target)));
+    Stream::start(move |faults, stop| {
+        run_suit(avatar, &faults, stop, |bytes| drop(socket.send_to(bytes, target)));
     })
 }
 
 /// The same over TCP, as several characters on one connection; reconnects after each disconnection.
 pub(crate) fn suits_over_tcp(target: SocketAddr, avatars: &'static [u8]) -> Stream {
-    Stream::start(move |tricks, stop| {
+    Stream::start(move |faults, stop| {
         let mut connection: Option<TcpStream> = None;
-        run_suit(0, &tricks, stop, |bytes| {
+        run_suit(0, &faults, stop, |bytes| {
             let mut all = Vec::new();
             for avatar in avatars {
                 all.extend_from_slice(bytes);
@@ -96,7 +96,7 @@ pub(crate) fn suits_over_tcp(target: SocketAddr, avatars: &'static [u8]) -> Stre
     })
 }
 
-fn run_suit(avatar: u8, tricks: &Tricks, stop: &AtomicBool, mut send: impl FnMut(&[u8])) {
+fn run_suit(avatar: u8, faults: &Faults, stop: &AtomicBool, mut send: impl FnMut(&[u8])) {
     let worker = Worker::with_habits(Person::nominal(1.77, 72.0), 1, Habits::NONE);
     // A suit that repeats itself would be detected as frozen.
     let suit = Suit::new(SuitNoise::ORDINARY, 1);
@@ -107,9 +107,9 @@ fn run_suit(avatar: u8, tricks: &Tricks, stop: &AtomicBool, mut send: impl FnMut
             return;
         }
         let frame = frame(&worker, &suit, SuitWorld::default(), streams, avatar, (number, SUIT_RATE_HZ));
-        let sound = frame.datagrams().expect("a body has 23 segments").remove(0);
-        send(&sound);
-        if let Some(bad) = tricks.next(&sound) {
+        let valid = frame.datagrams().expect("a body has 23 segments").remove(0);
+        send(&valid);
+        if let Some(bad) = faults.next(&valid) {
             send(&bad);
         }
         std::thread::sleep(Duration::from_secs_f64(1.0 / SUIT_RATE_HZ));
@@ -128,8 +128,8 @@ impl FakePlate {
         let socket = UdpSocket::bind(address).expect("the plate's port");
         socket.set_read_timeout(Some(Duration::from_millis(4))).expect("a socket");
         let client = Arc::default();
-        let known = Arc::clone(&client);
-        let stream = Stream::start(move |tricks, stop| run_plate(&socket, &known, &tricks, stop));
+        let address = Arc::clone(&client);
+        let stream = Stream::start(move |faults, stop| run_plate(&socket, &address, &faults, stop));
         FakePlate { stream, client }
     }
 
@@ -139,7 +139,7 @@ impl FakePlate {
     }
 }
 
-fn run_plate(socket: &UdpSocket, known: &Mutex<Option<SocketAddr>>, tricks: &Tricks, stop: &AtomicBool) {
+fn run_plate(socket: &UdpSocket, address: &Mutex<Option<SocketAddr>>, faults: &Faults, stop: &AtomicBool) {
     let (mut rdt_sequence, mut ft_sequence) = (0, 5000);
     while !stop.load(Ordering::Relaxed) {
         let mut bytes = [0; 64];
@@ -148,11 +148,11 @@ fn run_plate(socket: &UdpSocket, known: &Mutex<Option<SocketAddr>>, tricks: &Tri
             && let Ok(request) = Request::parse(&bytes[..length])
         {
             rdt_sequence = 0;
-            *known.lock().expect("no test panics here") =
+            *address.lock().expect("no test panics here") =
                 (request.command != Command::Stop).then_some(sender);
         }
         ft_sequence += 1;
-        let Some(client) = *known.lock().expect("no test panics here") else { continue };
+        let Some(client) = *address.lock().expect("no test panics here") else { continue };
         rdt_sequence += 1;
         let record = Record {
             rdt_sequence,
@@ -162,9 +162,9 @@ fn run_plate(socket: &UdpSocket, known: &Mutex<Option<SocketAddr>>, tricks: &Tri
             force_counts: [0, 0, WEIGHT_COUNTS + (ft_sequence % 2) as i32],
             torque_counts: [0; 3],
         };
-        let sound = record.to_bytes();
-        let _ = socket.send_to(&sound, client);
-        if let Some(bad) = tricks.next(&sound) {
+        let valid = record.to_bytes();
+        let _ = socket.send_to(&valid, client);
+        if let Some(bad) = faults.next(&valid) {
             let _ = socket.send_to(&bad, client);
         }
     }

@@ -11,8 +11,8 @@ use serde_json::Value;
 
 use crate::adapters::adapter;
 use crate::ending::assert_nothing_left;
-use crate::eyes::Eyes;
-use crate::process::{PATIENCE, Process, wait_for};
+use crate::monitor::Monitor;
+use crate::process::{Process, TIMEOUT, wait_for};
 use crate::station::{NAME, Station};
 use crate::streams::{self, FakePlate};
 use equipoise_simulator::ports::free_address;
@@ -68,11 +68,11 @@ impl OnTheBus {
 
     /// Waits for this many samples from now on: all are of one character, each once and in order.
     #[track_caller]
-    fn expect(&mut self, count: usize, avatar: u32) {
+    fn assert_verdict(&mut self, count: usize, avatar: u32) {
         while self.samples.receive().expect("the bus").is_some() {}
-        let (mut counters, begun) = (Vec::new(), Instant::now());
+        let (mut counters, started) = (Vec::new(), Instant::now());
         while counters.len() < count {
-            assert!(begun.elapsed() < PATIENCE, "{} of {count} samples", counters.len());
+            assert!(started.elapsed() < TIMEOUT, "{} of {count} samples", counters.len());
             while let Some(sample) = self.samples.receive().expect("the bus") {
                 assert_eq!(sample.avatar, avatar);
                 assert!(sample.published_ns >= sample.arrival_ns);
@@ -96,26 +96,26 @@ impl OnTheBus {
     }
 }
 
-fn said(process: &Process, words: &str) {
-    wait_for(words, || process.stderr().contains(words).then_some(()));
+fn health_text(process: &Process, lines: &str) {
+    wait_for(lines, || process.stderr().contains(lines).then_some(()));
 }
 
 #[test]
-fn a_suit_over_tcp_is_a_suit_and_damage_or_a_new_connection_do_not_end_it() {
+fn a_suit_over_tcp_survives_damage_and_reconnection() {
     let station = Station::new();
     let port = free_address().expect("a free port");
     let _plate = FakePlate::start(station.plate);
     let daemon = station.daemon(&over_tcp(&station, port));
     let suit = streams::suits_over_tcp(port, &[0]);
-    let mut eyes = Eyes::open(&station);
-    eyes.until("both sensors", Eyes::both_fresh);
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
     suit.slip_in(|_| vec![0xa5; 333]);
-    eyes.until("the loss of step", |eyes| eyes.suit_refused(SuitRefusal::OutOfStep) == 1);
-    eyes.until("both sensors after the damage", Eyes::both_fresh);
+    monitor.until("the loss of step", |monitor| monitor.suit_refused(SuitRefusal::OutOfStep) == 1);
+    monitor.until("both sensors after the damage", Monitor::both_fresh);
     drop(suit);
-    eyes.until("the suit's silence", |eyes| eyes.has(Validity::SUIT_STALE));
+    monitor.until("the suit's silence", |monitor| monitor.has(Validity::SUIT_STALE));
     let _suit = streams::suits_over_tcp(port, &[0]);
-    eyes.until("the suit again", Eyes::both_fresh);
+    monitor.until("the suit again", Monitor::both_fresh);
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 
     // The daemon holds the port, so the doctor queries it.
@@ -126,7 +126,7 @@ fn a_suit_over_tcp_is_a_suit_and_damage_or_a_new_connection_do_not_end_it() {
 }
 
 #[test]
-fn two_workers_on_one_port_each_get_a_station_and_the_death_of_one_disturbs_no_other() {
+fn two_suits_on_one_port_have_separate_stations_and_failures() {
     let station = Station::new();
     let others = with(&station, &format!("others = [{{ avatar = 1, station = \"{OTHER}\" }}]"));
     let _suits = [0, 1, 2].map(|avatar| streams::suit_of(station.suit, avatar));
@@ -174,19 +174,24 @@ fn two_workers_on_one_port_each_get_a_station_and_the_death_of_one_disturbs_no_o
 }
 
 #[test]
-fn a_station_whose_suit_somebody_else_publishes_is_tried_again_and_the_own_goes_on() {
+fn forwarding_to_a_station_with_another_publisher_is_retried_and_the_own_suit_continues() {
     let station = Station::new();
     let elsewhere = free_address().expect("a free port");
     let others = with(&station, &format!("others = [{{ avatar = 1, station = \"{OTHER}\" }}]"));
-    let theirs = station.configuration().replace(&station.suit.to_string(), &elsewhere.to_string());
-    let theirs = theirs.replace(&format!("station = \"{NAME}\""), &format!("station = \"{OTHER}\""));
-    let path = station.write("theirs.toml", &theirs).display().to_string();
+    let other_configuration =
+        station.configuration().replace(&station.suit.to_string(), &elsewhere.to_string());
+    let other_configuration =
+        other_configuration.replace(&format!("station = \"{NAME}\""), &format!("station = \"{OTHER}\""));
+    let path = station.write("theirs.toml", &other_configuration).display().to_string();
     let mut rival = station.spawn(&["adapter", "suit", "--config", &path]);
-    said(&rival, "adapter runs");
+    health_text(&rival, "adapter runs");
 
     let _suits = [0, 1].map(|avatar| streams::suit_of(station.suit, avatar));
     let daemon = station.daemon(&others);
-    said(&daemon, &format!("the suit of station {OTHER} is published by process {} already", rival.id()));
+    health_text(
+        &daemon,
+        &format!("the suit of station {OTHER} is published by process {} already", rival.id()),
+    );
     let [mut own, mut other] = [NAME, OTHER].map(|name| OnTheBus::of(&station, name));
     own.expect(60, 0);
     assert_eq!(rival.stop(Signal::TERM), Some(0), "{}", rival.stderr());
@@ -195,9 +200,9 @@ fn a_station_whose_suit_somebody_else_publishes_is_tried_again_and_the_own_goes_
 }
 
 #[test]
-fn doctor_suit_reports_what_is_received_and_which_process_has_the_port() {
+fn doctor_suit_reports_received_data_and_the_process_of_the_port() {
     let station = Station::new();
-    let taken = UdpSocket::bind(station.suit).expect("the port");
+    let occupied = UdpSocket::bind(station.suit).expect("the port");
     let (report, code) = doctor(&station, &station.configuration());
     assert_eq!(
         (code, check(&report, "suit.listen")["verdict"].as_str()),
@@ -206,7 +211,7 @@ fn doctor_suit_reports_what_is_received_and_which_process_has_the_port() {
     );
     let own = format!("(process {})", std::process::id());
     assert!(found(&report, "suit.listen").contains(&own), "{report}");
-    drop(taken);
+    drop(occupied);
 
     let (report, code) = doctor(&station, &station.configuration());
     assert_eq!(code, Some(1), "{report}");
@@ -233,7 +238,7 @@ fn doctor_suit_reports_what_is_received_and_which_process_has_the_port() {
 }
 
 #[test]
-fn doctor_suit_asks_an_adapter_that_runs_apart() {
+fn doctor_suit_queries_a_separate_adapter() {
     let station = Station::new();
     let _suit = streams::suit(station.suit);
     let _adapter = adapter(&station, "suit");
@@ -241,5 +246,5 @@ fn doctor_suit_asks_an_adapter_that_runs_apart() {
     assert_eq!(code, Some(0), "{report}");
     assert!(found(&report, "samples").contains("of character 0"), "{report}");
     let ended = station.run(&["doctor", "suit"]);
-    ended.failed_with(1, &["name the configuration with --config FILE"]);
+    ended.assert_failed(1, &["name the configuration with --config FILE"]);
 }

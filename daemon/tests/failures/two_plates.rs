@@ -17,12 +17,12 @@ use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use equipoise_simulator::wires::moticon::ALL;
 use nalgebra::Vector3;
 
-use crate::eyes::Eyes;
+use crate::monitor::Monitor;
 use crate::station::{NAME, Station};
 use equipoise_simulator::ports::free_address;
 
 /// Poses of both plates: origin (m), rotation (degrees), height of the surface above the origin (m).
-const PLACES: [([f64; 3], f64, f64); 2] =
+const POSITIONS: [([f64; 3], f64, f64); 2] =
     [([0.05, 0.21, -0.045], 12.0, 0.045), ([-0.02, -0.2, -0.03], -90.0, 0.03)];
 /// Poses for the identification: torques of the legs depend on the ground, not on their number.
 const POSES: u32 = 3;
@@ -41,7 +41,7 @@ impl TwoPlates {
     fn person(&self) -> SimulationHandle {
         let mut settings = self.station.sensors();
         let plate = |which: usize| {
-            let (origin_m, yaw_deg, surface_height_m) = PLACES[which];
+            let (origin_m, yaw_deg, surface_height_m) = POSITIONS[which];
             let counts_per_unit = [1e6; 2];
             let yaw_rad = f64::to_radians(yaw_deg);
             equipoise_simulator::plate::Plate { origin_m, yaw_rad, surface_height_m, counts_per_unit }
@@ -55,7 +55,7 @@ impl TwoPlates {
 
     fn configuration(&self) -> String {
         let frame = |which: usize| {
-            let (origin_m, yaw_deg, surface_height_m) = PLACES[which];
+            let (origin_m, yaw_deg, surface_height_m) = POSITIONS[which];
             format!(
                 "origin_m = {origin_m:?}\nyaw_deg = {yaw_deg:?}\nsurface_height_m = {surface_height_m:?}\n"
             )
@@ -74,29 +74,29 @@ impl TwoPlates {
 /// Root mean square error of the legs' torques while a box is lifted, N m, and the number of samples.
 fn legs_error_nm(
     station: &Station,
-    eyes: &mut Eyes,
+    monitor: &mut Monitor,
     person: &SimulationHandle,
     source: SharingSource,
 ) -> (f64, f64) {
-    eyes.until_poses(person, POSES);
-    station.run(&["identify", "stop"]).done();
-    eyes.until("the monitoring", |eyes| eyes.state.phase_name() == "monitoring");
+    monitor.until_poses(person, POSES);
+    station.run(&["identify", "stop"]).assert_done();
+    monitor.until("the monitoring", |monitor| monitor.state.phase_name() == "monitoring");
     person.lift_and_show(8.0);
     let legs: Vec<Joint> = Joint::ALL
         .into_iter()
         .filter(|joint| ["Hip", "Knee", "Ankle"].iter().any(|name| joint.name().ends_with(name)))
         .collect();
-    let (begun, mut before_ns) = (Instant::now(), 0);
+    let (started, mut before_ns) = (Instant::now(), 0);
     let (mut square_nm2, mut samples, mut as_expected) = (0.0, 0.0, 0.0);
-    while begun.elapsed() < Duration::from_secs(14) {
-        let state = *eyes.look();
+    while started.elapsed() < Duration::from_secs(14) {
+        let state = *monitor.update();
         if state.suit_sample_time_ns != before_ns && !state.validity().any_of(Validity::SPOILS_TORQUES) {
             as_expected += f64::from(u8::from(state.sharing_source == source as u32));
             let time_s = (state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9;
             let truth = person.truth_at(time_s);
             for joint in legs.iter().map(|joint| joint.index()) {
-                let off = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
-                square_nm2 += off.norm_squared() / legs.len() as f64;
+                let error_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
+                square_nm2 += error_nm.norm_squared() / legs.len() as f64;
             }
             samples += 1.0;
         }
@@ -108,13 +108,13 @@ fn legs_error_nm(
 }
 
 #[test]
-fn two_plates_tell_each_foot_and_the_legs_better_than_one() {
+fn two_plates_measure_each_foot_and_improve_leg_torques() {
     let one = std::thread::spawn(|| {
         let station = Station::new();
         let person = station.person();
         let _daemon = station.daemon(&station.configuration());
-        let mut eyes = Eyes::open(&station);
-        let error = legs_error_nm(&station, &mut eyes, &person, SharingSource::Geometry);
+        let mut monitor = Monitor::open(&station);
+        let error = legs_error_nm(&station, &mut monitor, &person, SharingSource::Geometry);
         let status = station.status().expect("the daemon answers");
         assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
         error
@@ -122,21 +122,21 @@ fn two_plates_tell_each_foot_and_the_legs_better_than_one() {
     let two = TwoPlates::new();
     let person = two.person();
     let _daemon = two.station.daemon(&two.configuration());
-    let mut eyes = Eyes::open(&two.station);
-    let (two_nm, two_samples) = legs_error_nm(&two.station, &mut eyes, &person, SharingSource::Measured);
+    let mut monitor = Monitor::open(&two.station);
+    let (two_nm, two_samples) = legs_error_nm(&two.station, &mut monitor, &person, SharingSource::Measured);
     let status = two.station.status().expect("the daemon answers");
     assert_eq!(status["ground"]["devices"], serde_json::json!(["plate", "second_plate"]), "{status}");
     assert_eq!(status["ground"]["per_foot"], true, "{status}");
     // The sum over both feet is the person's weight, at the person's centre of pressure.
-    let truth = person.truth_at((eyes.state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
+    let truth = person.truth_at((monitor.state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     assert!(
-        (eyes.state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
+        (monitor.state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
         "{:?}",
-        eyes.state.ground_force_n
+        monitor.state.ground_force_n
     );
     let plain = two.station.run(&["status"]);
     assert!(
-        plain.done().contains("feet    on plate and second plate, each measured by itself"),
+        plain.assert_done().contains("feet    on plate and second plate, each measured by itself"),
         "{}",
         plain.stdout
     );
@@ -150,7 +150,7 @@ fn two_plates_tell_each_foot_and_the_legs_better_than_one() {
 }
 
 #[test]
-fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
+fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
     let station = Station::new();
     let person = station.person();
     let listen = free_address().expect("a free port");
@@ -164,14 +164,17 @@ fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
          0.095\ny_to = \"lateral\"\n[subject]\n"
     );
     let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &second));
-    let mut eyes = Eyes::open(&station);
+    let mut monitor = Monitor::open(&station);
     // Load fractions are reported only with a load, which requires an identified subject.
-    eyes.until_poses(&person, 1);
-    station.run(&["identify", "stop"]).done();
+    monitor.until_poses(&person, 1);
+    station.run(&["identify", "stop"]).assert_done();
     person.lift(8.0);
-    eyes.until("shares that are measured", |eyes| eyes.both_fresh() && eyes.state.sharing_source == 1);
-    let state =
-        eyes.until("a still person", |eyes| eyes.state.sharing_source == 1 && eyes.state.static_pose == 1);
+    monitor.until("shares that are measured", |monitor| {
+        monitor.both_fresh() && monitor.state.sharing_source == 1
+    });
+    let state = monitor.until("a still person", |monitor| {
+        monitor.state.sharing_source == 1 && monitor.state.static_pose == 1
+    });
     let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     assert!(
         (state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
@@ -187,54 +190,58 @@ fn insoles_on_a_plate_share_what_it_weighs_and_it_goes_on_without_them() {
     assert_eq!(status["ground"], expected, "{status}");
 
     insoles.silence(true);
-    eyes.until("geometry", |eyes| {
-        eyes.both_fresh() && eyes.state.sharing_source == 0 && eyes.state.zeta[0] > 0.0
+    monitor.until("geometry", |monitor| {
+        monitor.both_fresh() && monitor.state.sharing_source == 0 && monitor.state.zeta[0] > 0.0
     });
-    eyes.until("the reason", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
-    eyes.during(Duration::from_millis(500), |eyes| {
+    monitor.until("the reason", |monitor| monitor.is_active(Incident::GroundAdapterDown));
+    monitor.during(Duration::from_millis(500), |monitor| {
         assert!(
-            !eyes.has(Validity::SPOILS_COP_MEASURED),
+            !monitor.has(Validity::SPOILS_COP_MEASURED),
             "the plate is whole without them: {:?}",
-            eyes.reasons()
+            monitor.reasons()
         );
     });
     let status = station.status().expect("the daemon answers");
     assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
     insoles.silence(false);
-    eyes.until("shares again", |eyes| eyes.both_fresh() && eyes.state.sharing_source == 1);
-    eyes.until("the end of the incident", |eyes| !eyes.goes_on(Incident::GroundAdapterDown));
+    monitor.until("shares again", |monitor| monitor.both_fresh() && monitor.state.sharing_source == 1);
+    monitor.until("the end of the incident", |monitor| !monitor.is_active(Incident::GroundAdapterDown));
 }
 
 #[test]
-fn one_plate_of_two_that_is_unplugged_takes_the_ground_away_with_a_reason_until_it_is_back() {
+fn one_unplugged_plate_of_two_invalidates_the_ground_until_it_recovers() {
     let two = TwoPlates::new();
     let person = two.person();
     let mut daemon = two.station.daemon(&two.configuration());
-    let mut eyes = Eyes::open(&two.station);
-    eyes.until("the whole person", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
+    let mut monitor = Monitor::open(&two.station);
+    monitor
+        .until("the whole person", |monitor| monitor.both_fresh() && monitor.state.ground_force_n[2] > 600.0);
     for silence in [SimulationHandle::silence_second_plate, SimulationHandle::silence_plate] {
         silence(&person, true);
-        eyes.until("the ground's silence", |eyes| {
+        monitor.until("the ground's silence", |monitor| {
             // Half of the person's weight is not reported meanwhile.
-            let vertical_n = eyes.state.ground_force_n[2];
+            let vertical_n = monitor.state.ground_force_n[2];
             assert!(vertical_n == 0.0 || vertical_n > 600.0, "{vertical_n} N");
-            eyes.has(Validity::GROUND_STALE)
+            monitor.has(Validity::GROUND_STALE)
         });
-        eyes.until("the reason", |eyes| eyes.goes_on(Incident::GroundAdapterDown));
-        eyes.during(Duration::from_millis(300), |eyes| assert_eq!(eyes.state.ground_force_n, [0.0; 3]));
+        monitor.until("the reason", |monitor| monitor.is_active(Incident::GroundAdapterDown));
+        monitor
+            .during(Duration::from_millis(300), |monitor| assert_eq!(monitor.state.ground_force_n, [0.0; 3]));
         silence(&person, false);
-        eyes.until("the ground again", |eyes| eyes.both_fresh() && eyes.state.ground_force_n[2] > 600.0);
-        eyes.until("the end of the incident", |eyes| !eyes.goes_on(Incident::GroundAdapterDown));
+        monitor.until("the ground again", |monitor| {
+            monitor.both_fresh() && monitor.state.ground_force_n[2] > 600.0
+        });
+        monitor.until("the end of the incident", |monitor| !monitor.is_active(Incident::GroundAdapterDown));
     }
-    let said = daemon.stderr();
+    let message = daemon.stderr();
     for place in
         [format!("ground.second.address = {}", two.second), format!("ground.address = {}", two.station.plate)]
     {
-        assert!(said.contains(&format!("{place} sends nothing")), "{place} is not in {said}");
+        assert!(message.contains(&format!("{place} sends nothing")), "{place} is not in {message}");
     }
-    eyes.until("the counts", |eyes| eyes.ground_refused(GroundRefusal::NoPartner) > 50);
+    monitor.until("the counts", |monitor| monitor.ground_refused(GroundRefusal::NoPartner) > 50);
     assert!(daemon.is_running());
 
     // A person stands there.
-    two.station.run(&["tare", "--station", NAME]).failed_with(1, &["stand on the plate; step off"]);
+    two.station.run(&["tare", "--station", NAME]).assert_failed(1, &["stand on the plate; step off"]);
 }

@@ -8,41 +8,41 @@ fn an_unknown_key_is_named_with_file_line_and_nearest_key() {
     let wrong = station.configuration().replace("height_m", "heigth_m");
     let line = 1 + wrong.lines().position(|line| line.starts_with("heigth_m")).expect("the wrong line");
     let path = station.write("wrong.toml", &wrong).display().to_string();
-    let sentence = format!("{path}, line {line}: `heigth_m` is not known; did you mean `height_m`?");
-    station.run(&["check", &path]).failed_with(1, &[&sentence]);
-    station.run(&["run", "--config", &path]).failed_with(1, &[&sentence]);
-    station.run(&["adapter", "suit", "--config", &path]).failed_with(1, &[&sentence]);
+    let message = format!("{path}, line {line}: `heigth_m` is not known; did you mean `height_m`?");
+    station.run(&["check", &path]).assert_failed(1, &[&message]);
+    station.run(&["run", "--config", &path]).assert_failed(1, &[&message]);
+    station.run(&["adapter", "suit", "--config", &path]).assert_failed(1, &[&message]);
 
     let wrong = station.configuration().replace("rate_hz = 200", "rate_hz = 5000");
     let path = station.write("range.toml", &wrong).display().to_string();
-    let sentence = format!("{path}, line 3: loop.rate_hz: 5000 is not between 100 and 4000");
-    station.run(&["check", &path]).failed_with(1, &[&sentence]);
+    let message = format!("{path}, line 3: loop.rate_hz: 5000 is not between 100 and 4000");
+    station.run(&["check", &path]).assert_failed(1, &[&message]);
 
     let path = station.write("right.toml", &station.configuration()).display().to_string();
-    assert!(station.run(&["check", &path]).done().contains("station bench, 200 Hz, subject anon-1"));
+    assert!(station.run(&["check", &path]).assert_done().contains("station bench, 200 Hz, subject anon-1"));
 }
 
 #[test]
-fn a_file_that_is_not_there_or_not_text_is_named() {
+fn missing_and_binary_files_are_reported() {
     let station = Station::new();
     for command in [&["check"][..], &["run", "--config"], &["adapter", "ground", "--config"]] {
         let missing = [command, &["/nowhere/e.toml"]].concat();
-        station.run(&missing).failed_with(
+        station.run(&missing).assert_failed(
             1,
             &["cannot read the configuration /nowhere/e.toml", "No such file", "name an existing file"],
         );
     }
     let path = station.file("binary.toml");
     std::fs::write(&path, [0xff, 0xfe, 0x00, 0x80]).expect("a file");
-    station.run(&["check", &path.display().to_string()]).failed_with(1, &["binary.toml", "UTF-8"]);
+    station.run(&["check", &path.display().to_string()]).assert_failed(1, &["binary.toml", "UTF-8"]);
     let path = station.write("empty.toml", "").display().to_string();
-    station.run(&["check", &path]).failed_with(1, &[&path, "missing field"]);
-    station.run(&["check", "/dev/zero"]).failed_with(1, &["/dev/zero", "no regular file"]);
-    station.run(&["check", "/tmp"]).failed_with(1, &["cannot read the configuration /tmp"]);
+    station.run(&["check", &path]).assert_failed(1, &[&path, "missing field"]);
+    station.run(&["check", "/dev/zero"]).assert_failed(1, &["/dev/zero", "no regular file"]);
+    station.run(&["check", "/tmp"]).assert_failed(1, &["cannot read the configuration /tmp"]);
 }
 
 #[test]
-fn wrong_usage_ends_with_2_and_says_what_is_expected() {
+fn wrong_usage_ends_with_2_and_a_message() {
     let station = Station::new();
     for arguments in [
         &[][..],
@@ -58,7 +58,7 @@ fn wrong_usage_ends_with_2_and_says_what_is_expected() {
         &["simulate", "--play", "x.csv", "--seed", "2"],
     ] {
         let ended = station.run(arguments);
-        ended.failed_with(2, &["--help"]);
+        ended.assert_failed(2, &["--help"]);
         assert!(ended.stdout.is_empty(), "{arguments:?} prints to standard output: {}", ended.stdout);
     }
 }
@@ -68,7 +68,7 @@ fn every_command_s_help_shows_an_example() {
     let station = Station::new();
     let help = station.run(&["--help"]);
     let commands: Vec<&str> = help
-        .done()
+        .assert_done()
         .lines()
         .skip_while(|line| !line.starts_with("Commands:"))
         .skip(1)
@@ -81,7 +81,7 @@ fn every_command_s_help_shows_an_example() {
         let help = station.run(&[command, "--help"]);
         let example = format!("equipoise {command}");
         assert!(
-            help.done().split("Example").nth(1).is_some_and(|rest| rest.contains(&example)),
+            help.assert_done().split("Example").nth(1).is_some_and(|rest| rest.contains(&example)),
             "{command}: {}",
             help.stdout
         );

@@ -19,39 +19,41 @@ use crate::process::wait_for;
 use crate::station::{NAME, Station};
 
 /// A terminal with `watch` in it. `vt100` emulates the screen.
-struct Seat {
+struct Terminal {
     keys: File,
     /// The program's end of the terminal, kept open to read its settings.
-    near: OwnedFd,
+    terminal: OwnedFd,
     screen: Arc<Mutex<vt100::Parser>>,
-    glass: Option<JoinHandle<()>>,
+    reader: Option<JoinHandle<()>>,
     closed: Arc<AtomicBool>,
     watch: Child,
 }
 
 /// Polling interval for a request to close the terminal.
-const GLASS_WAITS: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+const POLL_TIMEOUT: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-impl Seat {
-    fn before(station: &Station, size: (u16, u16)) -> Seat {
+impl Terminal {
+    fn before(station: &Station, size: (u16, u16)) -> Terminal {
         // Makes it the controlling terminal of a separate session, as a login does; the process stays the same.
         let mut setsid = Command::new("setsid");
         setsid.args(["--ctty", env!("CARGO_BIN_EXE_equipoise")]);
-        Seat::of(setsid, station, size)
+        Terminal::of(setsid, station, size)
     }
 
     /// A terminal that sends no SIGHUP: not the controlling one.
-    fn without_signals(station: &Station, size: (u16, u16)) -> Seat {
-        Seat::of(Command::new(env!("CARGO_BIN_EXE_equipoise")), station, size)
+    fn without_signals(station: &Station, size: (u16, u16)) -> Terminal {
+        Terminal::of(Command::new(env!("CARGO_BIN_EXE_equipoise")), station, size)
     }
 
-    fn of(mut command: Command, station: &Station, (columns, rows): (u16, u16)) -> Seat {
-        let far = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
-        grantpt(&far).and_then(|()| unlockpt(&far)).expect("its near end");
-        let name = ptsname(&far, Vec::new()).expect("its name");
-        let near = open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).expect("near");
-        tcsetwinsize(&near, size(columns, rows)).expect("a size");
-        let copy = || near.try_clone().expect("a descriptor");
+    fn of(mut command: Command, station: &Station, (columns, rows): (u16, u16)) -> Terminal {
+        let controller =
+            openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
+        grantpt(&controller).and_then(|()| unlockpt(&controller)).expect("its near end");
+        let name = ptsname(&controller, Vec::new()).expect("its name");
+        let terminal =
+            open(name, OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC, Mode::empty()).expect("near");
+        tcsetwinsize(&terminal, size(columns, rows)).expect("a size");
+        let copy = || terminal.try_clone().expect("a descriptor");
         let watch = command
             .args(["watch", "--station", NAME])
             .env("EQUIPOISE_BUS_ROOT", station.root())
@@ -62,21 +64,21 @@ impl Seat {
             .spawn()
             .expect("it starts (setsid is of util-linux)");
         let screen = Arc::new(Mutex::new(vt100::Parser::new(cells(rows), cells(columns), 0)));
-        let keys = File::from(far);
-        let (mut glass, shown) = (keys.try_clone().expect("a descriptor"), Arc::clone(&screen));
+        let keys = File::from(controller);
+        let (mut reader, reader_screen) = (keys.try_clone().expect("a descriptor"), Arc::clone(&screen));
         let closed = Arc::new(AtomicBool::new(false));
         let is_closed = Arc::clone(&closed);
-        let glass = std::thread::spawn(move || {
+        let reader = std::thread::spawn(move || {
             let mut bytes = [0; 4096];
             while !is_closed.load(Ordering::Relaxed) {
-                if !matches!(poll(&mut [PollFd::new(&glass, PollFlags::IN)], Some(&GLASS_WAITS)), Ok(1..)) {
+                if !matches!(poll(&mut [PollFd::new(&reader, PollFlags::IN)], Some(&POLL_TIMEOUT)), Ok(1..)) {
                     continue;
                 }
-                let Ok(count @ 1..) = glass.read(&mut bytes) else { return };
-                shown.lock().expect("the glass").process(&bytes[..count]);
+                let Ok(count @ 1..) = reader.read(&mut bytes) else { return };
+                reader_screen.lock().expect("the glass").process(&bytes[..count]);
             }
         });
-        Seat { keys, near, screen, glass: Some(glass), closed, watch }
+        Terminal { keys, terminal, screen, reader: Some(reader), closed, watch }
     }
 
     fn text(&self) -> String {
@@ -94,7 +96,7 @@ impl Seat {
 
     fn resize(&mut self, columns: u16, rows: u16) {
         self.screen.lock().expect("the glass").screen_mut().set_size(cells(rows), cells(columns));
-        tcsetwinsize(&self.near, size(columns, rows)).expect("a size");
+        tcsetwinsize(&self.terminal, size(columns, rows)).expect("a size");
     }
 
     fn send(&self, signal: Signal) {
@@ -104,7 +106,7 @@ impl Seat {
     /// Closes the terminal's far end, as a window that is closed or a connection that breaks does.
     fn close(&mut self) {
         self.closed.store(true, Ordering::Relaxed);
-        self.glass.take().expect("closed once").join().expect("the glass");
+        self.reader.take().expect("closed once").join().expect("the glass");
         self.keys = File::open("/dev/null").expect("/dev/null");
     }
 
@@ -114,7 +116,7 @@ impl Seat {
     }
 
     fn is_raw(&self) -> bool {
-        !tcgetattr(&self.near)
+        !tcgetattr(&self.terminal)
             .expect("its settings")
             .local_modes
             .contains(LocalModes::ICANON | LocalModes::ECHO)
@@ -126,14 +128,14 @@ impl Seat {
         assert_eq!(self.ends(), Some(0), "{}", self.text());
         assert!(!self.is_raw(), "the terminal still takes keys one by one");
         wait_for("the screen from before", || {
-            let glass = self.screen.lock().expect("the glass");
-            (!glass.screen().alternate_screen() && !glass.screen().hide_cursor()).then_some(())
+            let reader = self.screen.lock().expect("the glass");
+            (!reader.screen().alternate_screen() && !reader.screen().hide_cursor()).then_some(())
         });
         assert_eq!(self.text().trim(), "", "something was left on the screen");
     }
 }
 
-impl Drop for Seat {
+impl Drop for Terminal {
     fn drop(&mut self) {
         // Already ended, or the test has failed.
         let _ = self.watch.kill();
@@ -151,82 +153,85 @@ fn size(columns: u16, rows: u16) -> Winsize {
 }
 
 #[test]
-fn the_screen_outlives_the_daemon_and_leaves_a_clean_terminal() {
+fn the_screen_continues_without_the_daemon_and_leaves_a_clean_terminal() {
     let station = Station::new();
-    let mut seat = Seat::before(&station, (100, 30));
-    seat.shows("Nothing has come from station bench yet.");
-    assert!(seat.is_raw() && seat.screen.lock().expect("the glass").screen().alternate_screen());
+    let mut screen_terminal = Terminal::before(&station, (100, 30));
+    screen_terminal.shows("Nothing has come from station bench yet.");
+    assert!(
+        screen_terminal.is_raw()
+            && screen_terminal.screen.lock().expect("the glass").screen().alternate_screen()
+    );
 
     let person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    seat.shows("Calibration");
-    seat.shows("ms old");
-    seat.shows("late awake");
-    seat.press("?");
-    seat.shows("quit");
-    seat.shows("Bars: overload torque over the joint's limit");
-    seat.press("?");
-    wait_for("the help to go", || (!seat.text().contains("Bars: overload")).then_some(()));
-    seat.resize(40, 12);
-    wait_for("a smaller screen", || (!seat.text().contains("late awake")).then_some(()));
-    seat.shows("Calibration");
-    seat.resize(100, 30);
-    seat.shows("late awake");
+    screen_terminal.shows("Calibration");
+    screen_terminal.shows("ms old");
+    screen_terminal.shows("late awake");
+    screen_terminal.press("?");
+    screen_terminal.shows("quit");
+    screen_terminal.shows("Bars: overload torque over the joint's limit");
+    screen_terminal.press("?");
+    wait_for("the help to go", || (!screen_terminal.text().contains("Bars: overload")).then_some(()));
+    screen_terminal.resize(40, 12);
+    wait_for("a smaller screen", || (!screen_terminal.text().contains("late awake")).then_some(()));
+    screen_terminal.shows("Calibration");
+    screen_terminal.resize(100, 30);
+    screen_terminal.shows("late awake");
 
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
-    seat.shows("The daemon is silent");
-    seat.shows("what came before is old and not shown");
+    screen_terminal.shows("The daemon is silent");
+    screen_terminal.shows("what came before is old and not shown");
     let _next = station.daemon(&station.configuration());
-    seat.shows("Calibration");
+    screen_terminal.shows("Calibration");
     drop(person);
-    seat.shows("The suit is silent");
-    seat.press("q");
-    seat.leaves_the_terminal_clean();
+    screen_terminal.shows("The suit is silent");
+    screen_terminal.press("q");
+    screen_terminal.leaves_the_terminal_clean();
 }
 
 #[test]
 fn a_signal_leaves_a_clean_terminal_too() {
     let station = Station::new();
     for signal in [Signal::TERM, Signal::INT, Signal::HUP, Signal::QUIT] {
-        let seat = Seat::before(&station, (80, 24));
-        seat.shows("Nothing has come");
-        seat.send(signal);
-        seat.leaves_the_terminal_clean();
+        let screen_terminal = Terminal::before(&station, (80, 24));
+        screen_terminal.shows("Nothing has come");
+        screen_terminal.send(signal);
+        screen_terminal.leaves_the_terminal_clean();
     }
-    let mut seat = Seat::before(&station, (80, 24));
-    seat.shows("Nothing has come");
-    seat.press("\x03");
-    seat.leaves_the_terminal_clean();
+    let mut screen_terminal = Terminal::before(&station, (80, 24));
+    screen_terminal.shows("Nothing has come");
+    screen_terminal.press("\x03");
+    screen_terminal.leaves_the_terminal_clean();
 }
 
 #[test]
 fn a_terminal_that_is_closed_ends_the_screen() {
     let station = Station::new();
-    for seat in [Seat::before, Seat::without_signals] {
-        let mut seat = seat(&station, (80, 24));
-        seat.shows("Nothing has come");
-        seat.close();
-        assert_eq!(seat.ends(), Some(0));
+    for screen_terminal in [Terminal::before, Terminal::without_signals] {
+        let mut screen_terminal = screen_terminal(&station, (80, 24));
+        screen_terminal.shows("Nothing has come");
+        screen_terminal.close();
+        assert_eq!(screen_terminal.ends(), Some(0));
     }
 }
 
 #[test]
-fn a_signal_ends_a_screen_whose_terminal_takes_no_output() {
+fn a_signal_ends_a_screen_with_a_blocked_terminal() {
     let station = Station::new();
-    let mut seat = Seat::before(&station, (80, 24));
-    seat.shows("Nothing has come");
-    tcflow(&seat.near, Action::OOff).expect("output held");
+    let mut screen_terminal = Terminal::before(&station, (80, 24));
+    screen_terminal.shows("Nothing has come");
+    tcflow(&screen_terminal.terminal, Action::OOff).expect("output held");
     // Leaving the alternate screen is a write, which does not return.
-    seat.send(Signal::TERM);
-    assert_eq!(seat.ends(), Some(1));
-    assert!(!seat.is_raw(), "the terminal still takes keys one by one");
+    screen_terminal.send(Signal::TERM);
+    assert_eq!(screen_terminal.ends(), Some(1));
+    assert!(!screen_terminal.is_raw(), "the terminal still takes keys one by one");
 }
 
 #[test]
-fn in_a_pipe_there_is_a_line_however_short_the_time() {
+fn in_a_pipe_at_least_one_line_is_printed() {
     let station = Station::new();
     let _person = station.person();
     let _daemon = station.daemon(&station.configuration());
     let watched = station.run(&["watch", "--station", NAME, "--for", "0.000001"]);
-    assert_eq!(watched.done().lines().count(), 1, "{}", watched.stdout);
+    assert_eq!(watched.assert_done().lines().count(), 1, "{}", watched.stdout);
 }

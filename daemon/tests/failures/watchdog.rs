@@ -5,7 +5,7 @@ use std::os::unix::net::UnixDatagram;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::Signal;
 
-use crate::process::{PATIENCE, wait_for};
+use crate::process::{TIMEOUT, wait_for};
 use crate::station::{NAME, Station};
 
 /// A pipe without a reader where housekeeping writes the status: it blocks like a disk that does not answer.
@@ -14,7 +14,7 @@ fn notifications_continue_while_housekeeping_is_blocked() {
     let station = Station::new();
     let socket = station.file("notify");
     let notified = UnixDatagram::bind(&socket).expect("a socket");
-    notified.set_read_timeout(Some(PATIENCE)).expect("a timeout");
+    notified.set_read_timeout(Some(TIMEOUT)).expect("a timeout");
     let received = || {
         let mut bytes = [0; 4096];
         let length = notified.recv(&mut bytes).expect("a notification of the daemon");

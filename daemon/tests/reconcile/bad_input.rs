@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::OnceLock;
 
-use crate::common::{equipoise, said};
+use crate::common::{describe_output, equipoise};
 use crate::make::{Samples, Script};
 
 /// An ordinary session on a slow plate, made once for all tests here.
@@ -54,15 +54,15 @@ impl Trial {
     }
 
     /// Asserts exit code 1, one line that contains each of these words, and no output.
-    fn refuses(&self, options: &[&str], words: &[&str]) {
+    fn refuses(&self, options: &[&str], phrases: &[&str]) {
         let output = self.run(options);
         let text = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-        for word in words {
-            assert!(text.contains(word), "\"{word}\" is not in: {}", said(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
+        for phrase in phrases {
+            assert!(text.contains(phrase), "\"{phrase}\" is not in: {}", describe_output(&output));
         }
-        assert_eq!(text.trim_end().lines().count(), 1, "{}", said(&output));
-        assert!(output.stdout.is_empty(), "{}", said(&output));
+        assert_eq!(text.trim_end().lines().count(), 1, "{}", describe_output(&output));
+        assert!(output.stdout.is_empty(), "{}", describe_output(&output));
         assert!(!self.out().exists(), "something was written");
     }
 }
@@ -81,11 +81,11 @@ fn a_whole_session_is_summarised_and_its_report_written() {
     let trial = Trial::whole();
     let output = trial.run(&[]);
     let text = String::from_utf8_lossy(&output.stdout);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    for word in
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
+    for phrase in
         ["configuration: the recording's own", "until the worker was identified", "gap:", "report.html"]
     {
-        assert!(text.contains(word), "\"{word}\" is not in: {}", said(&output));
+        assert!(text.contains(phrase), "\"{phrase}\" is not in: {}", describe_output(&output));
     }
     let names = names(&trial.out());
     assert!(
@@ -96,10 +96,10 @@ fn a_whole_session_is_summarised_and_its_report_written() {
 }
 
 #[test]
-fn json_is_the_finding_and_nothing_else() {
+fn json_contains_the_finding_only() {
     let trial = Trial::whole();
     let output = equipoise().arg("reconcile").arg(&trial.recording).arg("--json").output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     let finding: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let verdict = finding["verdict"].as_str().unwrap();
     assert!(["named", "none", "ambiguous", "unexplained"].contains(&verdict), "{finding}");
@@ -110,20 +110,24 @@ fn json_is_the_finding_and_nothing_else() {
 }
 
 #[test]
-fn several_recordings_have_a_folder_each_and_a_line_each() {
+fn several_recordings_have_a_folder_and_a_line_each() {
     let trial = Trial::whole();
     let other = trial.directory.path().join("other.mcap");
     std::fs::copy(&trial.recording, &other).unwrap();
     let other = other.to_str().unwrap().to_owned();
     let output = trial.run(&[&other, "--json"]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     let text = String::from_utf8_lossy(&output.stdout);
     assert_eq!(text.lines().count(), 2, "{text}");
     assert_eq!(names(&trial.out()), ["other", "session"]);
     let same = trial.recording.to_str().unwrap().to_owned();
     let output = trial.run(&[&same]);
-    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(said(&output).contains("two recordings would be written to"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
+    assert!(
+        describe_output(&output).contains("two recordings would be written to"),
+        "{}",
+        describe_output(&output)
+    );
 }
 
 #[test]
@@ -134,14 +138,14 @@ fn an_empty_file_is_no_recording() {
 }
 
 #[test]
-fn a_truncated_recording_is_used_as_far_as_it_goes() {
+fn a_truncated_recording_is_used_up_to_the_damage() {
     let trial = Trial::whole();
     let bytes = std::fs::read(&trial.recording).unwrap();
     std::fs::write(&trial.recording, &bytes[..bytes.len() * 9 / 10]).unwrap();
     let output = trial.run(&[]);
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", describe_output(&output));
     let text = String::from_utf8_lossy(&output.stdout);
-    assert!(text.contains("the recording was cut short"), "{}", said(&output));
+    assert!(text.contains("the recording was cut short"), "{}", describe_output(&output));
     assert!(trial.out().join("report.html").exists());
 }
 
@@ -150,17 +154,17 @@ fn a_recording_that_is_cut_before_its_samples_is_refused() {
     let trial = Trial::whole();
     let bytes = std::fs::read(&trial.recording).unwrap();
     // Truncated in the header, and in the first chunk: no measurement is readable.
-    for (length, words) in
+    for (length, phrases) in
         [(6, "not a recording"), (60, "session.mcap"), (4000, "no sample of suit or plate")]
     {
         std::fs::write(&trial.recording, &bytes[..length]).unwrap();
-        trial.refuses(&[], &[words]);
+        trial.refuses(&[], &[phrases]);
     }
 }
 
 /// A refusal neither mixes its output with an older report nor deletes that.
 #[test]
-fn what_was_written_before_stays_as_it_was() {
+fn existing_files_are_unchanged() {
     let trial = Trial::whole();
     let bytes = std::fs::read(&trial.recording).unwrap();
     assert_eq!(trial.run(&[]).status.code(), Some(0));
@@ -189,7 +193,7 @@ fn what_was_written_before_stays_as_it_was() {
     for bytes in corrupted {
         std::fs::write(&trial.recording, bytes).unwrap();
         let output = trial.run(&[]);
-        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
         assert!(written() == before, "something was changed: {:?}", names(&trial.out()));
     }
 }
@@ -215,7 +219,7 @@ fn without_a_static_pose_no_worker_is_identified() {
 }
 
 #[test]
-fn one_stream_alone_is_no_comparison() {
+fn one_stream_is_not_sufficient() {
     Trial::corrupted(|samples| samples.suit.clear())
         .refuses(&[], &["samples of the plate and none of the suit", "suit.listen"]);
     Trial::corrupted(|samples| samples.ground.clear())
@@ -228,7 +232,7 @@ fn one_stream_alone_is_no_comparison() {
 }
 
 #[test]
-fn a_sensor_that_never_changes_is_not_believed() {
+fn a_constant_sensor_is_rejected() {
     Trial::corrupted(|samples| {
         let first = samples.ground[0];
         for sample in &mut samples.ground {
@@ -261,7 +265,7 @@ fn streams_without_common_time_and_an_empty_plate_are_reported() {
 }
 
 #[test]
-fn spans_that_cannot_be_are_refused() {
+fn invalid_spans_are_refused() {
     let trial = Trial::whole();
     trial.refuses(&["--work", "500:600"], &["--work 500:600 lies outside the recording"]);
     trial.refuses(&["--identify", "0:40", "--work", "30:60"], &["--identify 0:40 and --work 30:60 overlap"]);
@@ -281,7 +285,11 @@ fn files_that_cannot_be_read_are_named() {
     );
     trial.refuses(&["--model", "nowhere.toml"], &["cannot read the model nowhere.toml"]);
     let missing = equipoise().args(["reconcile", "nowhere.mcap"]).output().unwrap();
-    assert_eq!(missing.status.code(), Some(1), "{}", said(&missing));
+    assert_eq!(missing.status.code(), Some(1), "{}", describe_output(&missing));
     let unknown = equipoise().args(["reconcile", "shift.xlsx"]).output().unwrap();
-    assert!(said(&unknown).contains(".mcap, .csv, .mvnx, .pcap or .pcapng"), "{}", said(&unknown));
+    assert!(
+        describe_output(&unknown).contains(".mcap, .csv, .mvnx, .pcap or .pcapng"),
+        "{}",
+        describe_output(&unknown)
+    );
 }

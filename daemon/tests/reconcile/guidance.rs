@@ -10,7 +10,7 @@ use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
 
-use crate::common::{Station, said};
+use crate::common::{Station, describe_output};
 
 const WANTED: usize = 1;
 const BETWEEN: &str = "to tell hand_load right from worn_mass T8";
@@ -28,7 +28,7 @@ fn until(states: &mut Subscriber<State>, what: &str, is_so: impl Fn(&State) -> b
 }
 
 #[test]
-fn a_daemon_asks_for_the_pose_of_its_model_file_until_it_was_held() {
+fn a_daemon_requests_the_pose_of_its_model_file_until_it_was_held() {
     let suit = free_address().unwrap();
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
@@ -56,7 +56,7 @@ fn a_daemon_asks_for_the_pose_of_its_model_file_until_it_was_held() {
     until(&mut states, "identification", |state| state.phase == Phase::Identifying as u32);
     let run = |arguments: &[&str]| {
         let output = station.command(arguments[0]).args(&arguments[1..]).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+        assert!(output.status.success(), "{}", describe_output(&output));
         String::from_utf8(output.stdout).unwrap()
     };
     run(&["identify", "stop"]);

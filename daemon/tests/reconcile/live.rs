@@ -20,8 +20,8 @@ use equipoise_simulator::ports::free_address;
 use equipoise_studies::sensors::simulated_s;
 
 use crate::common::Station;
+use crate::hidden_load::session;
 use crate::make::{Samples, Script};
-use crate::shows::shown;
 
 /// Time before the load is taken, in which clocks are fitted and the feet's place is estimated, s.
 const BEFORE_S: f64 = 7.0;
@@ -29,14 +29,14 @@ const BEFORE_S: f64 = 7.0;
 const GRASPED_S: f64 = 2.0;
 
 /// The identified worker from the script's poses.
-fn learnt(script: &Script, samples: &Samples) -> Box<Identification> {
+fn identified(script: &Script, samples: &Samples) -> Box<Identification> {
     let directory = tempfile::tempdir().unwrap();
     let recording = directory.path().join("session.mcap");
     samples.write(&recording, &script.config());
     let (input, config) =
         (Input::open(&recording).unwrap(), Config::parse(&script.config(), "test").unwrap());
     let reconcile = Reconcile { input: &input, config: &config, given: Given::default() };
-    reconcile.compare(&mut |_| {}).unwrap().learnt.worker
+    reconcile.compare(&mut |_| {}).unwrap().identified.worker
 }
 
 /// A station with an identified worker that receives part of the session, live.
@@ -83,9 +83,9 @@ impl Live {
             .replace("[ground]", &format!("[ground]\naddress = \"{}\"", player.plate_address()));
         let options = model.map_or(Vec::new(), |model| vec!["--model", model.to_str().unwrap()]);
         let station = Station::start_with(&config, &options, |state| {
-            let mut kept = bytemuck::zeroed_box();
-            worker.keep(&mut kept);
-            let profile = Profile::of("anon-1", None, &kept, &bytemuck::Zeroable::zeroed(), 0).unwrap();
+            let mut stored = bytemuck::zeroed_box();
+            worker.keep(&mut stored);
+            let profile = Profile::of("anon-1", None, &stored, &bytemuck::Zeroable::zeroed(), 0).unwrap();
             std::fs::create_dir_all(state.join("subjects")).unwrap();
             std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml().unwrap()).unwrap();
         });
@@ -98,13 +98,13 @@ impl Live {
     /// Residuals of every state of an identified worker between two times in seconds after the first: centre of
     /// pressure (m), force (N).
     fn residuals(&self, from_s: f64, to_s: f64) -> Vec<[f64; 2]> {
-        const NOT_WITH: Validity = Validity::SPOILS_COP_MEASURED
+        const WITHOUT: Validity = Validity::SPOILS_COP_MEASURED
             .and(Validity::SPOILS_COP_ESTIMATED)
             .and(Validity::SPOILS_DELTA_F)
             .and(Validity::NOT_IDENTIFIED)
             .and(Validity::MODEL_CHANGED);
         let mut states = self.bus.subscriber::<State>(256).unwrap();
-        let (mut seen, mut first_ns, mut last_ns, started) = (Vec::new(), None, 0, Instant::now());
+        let (mut values, mut first_ns, mut last_ns, started) = (Vec::new(), None, 0, Instant::now());
         while started.elapsed().as_secs_f64() < to_s {
             while let Some(state) = states.receive().unwrap() {
                 let time_ns = state.suit_sample_time_ns;
@@ -113,15 +113,16 @@ impl Live {
                 }
                 let since_s = (time_ns - *first_ns.get_or_insert(time_ns)) as f64 * 1e-9;
                 let is_new = time_ns > last_ns && state.cop_sigma_m[0] > 0.0;
-                if is_new && since_s > from_s && !state.validity().any_of(NOT_WITH) {
+                if is_new && since_s > from_s && !state.validity().any_of(WITHOUT) {
                     last_ns = time_ns;
-                    let off_m = [0, 1].map(|axis| state.cop_measured_m[axis] - state.cop_estimated_m[axis]);
-                    seen.push([off_m[0].hypot(off_m[1]), state.delta_f_n[2].abs()]);
+                    let deviation_m =
+                        [0, 1].map(|axis| state.cop_measured_m[axis] - state.cop_estimated_m[axis]);
+                    values.push([deviation_m[0].hypot(deviation_m[1]), state.delta_f_n[2].abs()]);
                 }
             }
             std::thread::sleep(Duration::from_millis(5));
         }
-        seen
+        values
     }
 
     /// The suspected effect that the daemon announces by its event within this time in seconds; `None` if there was
@@ -149,12 +150,12 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 #[test]
-fn a_live_daemon_with_the_model_shrinks_the_gap() {
-    let shown = shown();
-    let (script, samples) = (&shown.script, &shown.samples);
-    let worker = learnt(script, samples);
+fn a_live_daemon_with_the_model_reduces_the_residual() {
+    let session = session();
+    let (script, samples) = (&session.script, &session.samples);
+    let worker = identified(script, samples);
     let span_s = [script.lift_s() - BEFORE_S, script.lift_s() + 23.0];
-    let model = shown.model();
+    let model = session.model();
     let [without, with] = std::thread::scope(|scope| {
         [None, Some(model.as_path())]
             .map(|model| {
@@ -177,16 +178,16 @@ fn a_live_daemon_with_the_model_shrinks_the_gap() {
 }
 
 /// Below half the load threshold, so that no overload is published: the model is wrong.
-const UNNOTICED_KG: f64 = 0.7;
+const UNDETECTED_KG: f64 = 0.7;
 
 #[test]
-fn a_live_daemon_notices_that_its_model_no_longer_explains_the_worker() {
-    let mut script = Script { carried_kg: UNNOTICED_KG, work_s: 62.0, varied: true, ..Script::ordinary() };
+fn a_live_daemon_reports_that_its_model_no_longer_fits() {
+    let mut script = Script { carried_kg: UNDETECTED_KG, work_s: 62.0, varied: true, ..Script::ordinary() };
     script.rig.plate_hz = 200;
     script.habits = Habits { right_hand_share: 1.0, ..script.habits };
     let clean = Script { carried_kg: 0.0, ..script };
     let (samples, clean_samples) = (script.samples(), clean.samples());
-    let worker = learnt(&clean, &clean_samples);
+    let worker = identified(&clean, &clean_samples);
     // Long enough before the load for the offset of the vertical force: a load that is there from the start is
     // indistinguishable from clothing.
     let span_s = [script.lift_s() - 8.0, script.length_s()];

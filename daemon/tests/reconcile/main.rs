@@ -7,8 +7,8 @@ mod bad_input;
 #[path = "../common/mod.rs"]
 mod common;
 mod guidance;
+mod hidden_load;
 mod live;
 mod make;
 mod memory;
 mod models;
-mod shows;

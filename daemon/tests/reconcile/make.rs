@@ -113,7 +113,7 @@ poses_min = {}
             if suit_ns.min(ground_ns) >= end_ns {
                 return samples;
             }
-            ordered.upto((suit_ns.min(ground_ns) - EPOCH_NS) as f64 * 1e-9);
+            ordered.until((suit_ns.min(ground_ns) - EPOCH_NS) as f64 * 1e-9);
             if suit_ns <= ground_ns {
                 let seed = self.subject.seed;
                 samples.suit.push(suit_sample(&ordered.worker, &suit_model, &self.rig, seed, suit));
@@ -136,7 +136,7 @@ pub(crate) struct Ordered {
 
 impl Ordered {
     /// Gives every command due before a time, s.
-    pub(crate) fn upto(&mut self, time_s: f64) {
+    pub(crate) fn until(&mut self, time_s: f64) {
         let script = &self.script;
         let lift_s = script.lift_s();
         if script.carried_kg > 0.0 && !self.lifted && lift_s <= time_s + 0.05 {

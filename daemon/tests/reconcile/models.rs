@@ -13,12 +13,12 @@ use equipoise_discrepancy::spans::Given;
 use equipoise_studies::sensors::EPOCH_NS;
 use serde_json::Value;
 
-use crate::common::{equipoise, said};
+use crate::common::{describe_output, equipoise};
 use crate::make::Script;
 
 pub(crate) fn reconciled(recording: &Path, options: &[&str]) -> Value {
     let output = equipoise().arg("reconcile").arg(recording).arg("--json").args(options).output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
@@ -29,7 +29,7 @@ fn compared(recording: &Path, config: &str, given: Given) -> Compared {
 }
 
 #[test]
-fn a_load_in_the_hands_is_written_down_and_then_known() {
+fn a_load_in_the_hands_is_written_to_the_model_and_then_compensated() {
     let mut script = Script { carried_kg: 3.0, work_s: 60.0, ..Script::ordinary() };
     script.rig.plate_hz = 200;
     let directory = tempfile::tempdir().unwrap();
@@ -49,30 +49,30 @@ fn a_load_in_the_hands_is_written_down_and_then_known() {
 }
 
 #[test]
-fn a_worker_who_was_known_before_the_recording_is_not_learnt_from_its_work() {
+fn a_subject_identified_before_the_recording_is_not_identified_again() {
     let mut script = Script { work_s: 25.0, ..Script::ordinary() };
     script.rig.plate_hz = 200;
     let samples = script.samples();
     let directory = tempfile::tempdir().unwrap();
     let [whole, work] = ["whole.mcap", "work.mcap"].map(|name| directory.path().join(name));
     samples.write(&whole, &script.config());
-    let known = compared(&whole, &script.config(), Given::default());
+    let stored = compared(&whole, &script.config(), Given::default());
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&Config::parse(&script.config(), "test").unwrap().settings());
-    memory.identification = *known.learnt.worker;
+    memory.identification = *stored.identified.worker;
     // Only the work, as recorded by a station with the identified worker.
     let from_ns = EPOCH_NS + (script.poses_end_s() * 1e9) as u64;
     samples.write_from(&work, &script.config(), from_ns, Some(&memory));
 
-    let brought = compared(&work, &script.config(), Given::default());
-    assert!(brought.found.description.contains("the worker was identified before the recording began"));
-    assert!(brought.session.blocks.len() > 80, "{}", brought.session.blocks.len());
-    assert!(brought.session.blocks.iter().all(|block| block.phase == Phase::Work));
-    let [phi, again] = [&known, &brought].map(|one| one.session.blocks[0].observation.phi_m);
+    let loaded = compared(&work, &script.config(), Given::default());
+    assert!(loaded.found.description.contains("the worker was identified before the recording began"));
+    assert!(loaded.session.blocks.len() > 80, "{}", loaded.session.blocks.len());
+    assert!(loaded.session.blocks.iter().all(|block| block.phase == Phase::Work));
+    let [phi, again] = [&stored, &loaded].map(|one| one.session.blocks[0].observation.phi_m);
     assert_eq!(phi, again);
     // An explicit identification span replaces the subject identified before.
     let given = Given { identify: Some("0:12".parse().unwrap()), ..Given::default() };
-    let learnt = compared(&work, &script.config(), given);
-    assert_ne!(learnt.session.blocks[0].observation.phi_m, phi);
-    assert_eq!(learnt.session.spans_s.identify, [0.0, 12.0]);
+    let identified = compared(&work, &script.config(), given);
+    assert_ne!(identified.session.blocks[0].observation.phi_m, phi);
+    assert_eq!(identified.session.spans_s.identify, [0.0, 12.0]);
 }

@@ -11,7 +11,7 @@ pub(crate) struct Page {
     /// Each table with its preceding heading: rows of cells, the header first.
     pub(crate) tables: Vec<(String, Vec<Vec<String>>)>,
     /// All text, words separated.
-    pub(crate) words: String,
+    pub(crate) text: String,
     /// Elements by name, and their attributes.
     pub(crate) elements: Vec<(String, Vec<(String, String)>)>,
 }
@@ -46,12 +46,12 @@ impl Page {
                 Event::End(_) => match open.pop().unwrap().as_str() {
                     "td" | "th" => page.tables.last_mut().unwrap().1.last_mut().unwrap().push(text.clone()),
                     "h2" | "h3" => heading.clone_from(&text),
-                    _ => page.words.push(' '),
+                    _ => page.text.push(' '),
                 },
                 Event::Text(part) if open.last().is_none_or(|name| name != "style") => {
                     let part = part.into_inner();
                     text.push_str(&part);
-                    page.words.push_str(&part);
+                    page.text.push_str(&part);
                 }
                 Event::GeneralRef(reference) => {
                     let letter = match reference.into_inner().as_ref() {
@@ -63,7 +63,7 @@ impl Page {
                         other => panic!("&{other};"),
                     };
                     text.push(letter);
-                    page.words.push(letter);
+                    page.text.push(letter);
                 }
                 Event::Eof => break,
                 _ => {}

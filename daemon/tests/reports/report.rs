@@ -58,14 +58,14 @@ fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
     let worst = |name: &str| session.values_of("worst_joint").filter(|(_, worst)| *worst == name).count();
     let most = Joint::ALL.into_iter().max_by_key(|joint| worst(joint.name())).unwrap();
     assert!(
-        page.words.contains(&format!("The {} was the joint closest", words::joint(most))),
+        page.text.contains(&format!("The {} was the joint closest", words::joint(most))),
         "{}",
-        page.words
+        page.text
     );
 }
 
 #[test]
-fn lifts_are_those_that_were_made() {
+fn lifts_match_the_simulation() {
     let (session, page) = (session(), report("lifts.html", &session().states));
     let rows = page.rows("Lifts");
     let counted = session.lines.last().unwrap()["lifts"].as_u64().unwrap();
@@ -111,29 +111,29 @@ fn identification_dose_and_quality_are_those_of_the_states() {
         near(&row[3], 1e3 * sigma_m, 0.0051);
         near(&row[5], nis, 0.0051);
     }
-    let seen = session.lines.len() as f64;
+    let total = session.lines.len() as f64;
     for row in page.rows("Why values were withheld") {
         let raised = session
             .lines
             .iter()
             .filter(|line| line["valid"].as_array().unwrap().contains(&row[0].as_str().into()));
-        near(&row[2], 100.0 * raised.count() as f64 / seen, 0.051);
+        near(&row[2], 100.0 * raised.count() as f64 / total, 0.051);
     }
     let damage = format!("{:.3e}", last["dose_damage"].as_f64().unwrap());
-    assert!(page.words.contains(&damage), "{damage} is not in {}", page.words);
+    assert!(page.text.contains(&damage), "{damage} is not in {}", page.text);
     let peak_n =
         session.values_of("l5s1_compression_n").map(|(_, n)| n.as_f64().unwrap()).fold(0.0, f64::max);
-    assert!(peak_n > 500.0 && page.words.contains(&format!("at most {peak_n:.0} ±")), "{peak_n}");
+    assert!(peak_n > 500.0 && page.text.contains(&format!("at most {peak_n:.0} ±")), "{peak_n}");
     for expected in ["2026-09-21T14:13:20Z", "bench-1", "anon-7", "The stop rule was met at t ="] {
-        assert!(page.words.contains(expected), "{expected} is not in {}", page.words);
+        assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
     }
     assert!(
-        page.words.contains("no cycle records") && page.words.contains("losses and refusals are not known")
+        page.text.contains("no cycle records") && page.text.contains("losses and refusals are not known")
     );
 }
 
 #[test]
-fn samples_alone_are_replayed_to_the_same_numbers_and_it_is_said() {
+fn samples_without_states_are_replayed_to_the_same_numbers() {
     let session = session();
     let (recorded, replayed) =
         (report("recorded.html", &session.states), report("replayed.html", &session.samples));
@@ -148,7 +148,7 @@ fn samples_alone_are_replayed_to_the_same_numbers_and_it_is_said() {
 }
 
 #[test]
-fn the_same_recording_gives_the_same_bytes_which_need_nothing_from_elsewhere() {
+fn the_report_is_reproducible_and_self_contained() {
     let session = session();
     let pages = ["once.html", "again.html"].map(|name| {
         report(name, &session.states);
@@ -188,7 +188,7 @@ fn states(name: &str, states: &[State], more: impl FnOnce(&mut Recorder)) -> std
 }
 
 #[test]
-fn what_was_withheld_is_drawn_nowhere() {
+fn invalid_values_are_not_drawn() {
     let state = |cycle: u64| {
         let mut state = State { cycle, time_ns: cycle * 10_000_000, ..State::zeroed() };
         // An invalid value is zero, as in the loop's states.
@@ -203,9 +203,9 @@ fn what_was_withheld_is_drawn_nowhere() {
     let all: Vec<State> = (1..900).map(state).collect();
     let page = report("hole.html", &states("hole.mcap", &all, |_| {}));
     assert_eq!(page.line("compression").matches('M').count(), 2, "two runs, and a hole between them");
-    assert!(page.words.contains("2003 N on average, at most 2006 ±"), "{}", page.words);
+    assert!(page.text.contains("2003 N on average, at most 2006 ±"), "{}", page.text);
     near(page.cell("Why values were withheld", "moving", "share"), 100.0 * 300.0 / 899.0, 0.051);
-    assert!(page.words.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
+    assert!(page.text.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
 }
 
 #[test]
@@ -237,13 +237,13 @@ fn latency_and_adapters_are_reported_where_they_were_recorded() {
     let page = report("path.html", &recording);
     near(page.cell("Latency", "loop.wake", "p50"), 40.0, 0.2);
     near(page.cell("Latency", "loop.to_state", "max"), 80.0, 0.2);
-    assert!(page.words.contains("1 deadlines missed"), "{}", page.words);
+    assert!(page.text.contains("1 deadlines missed"), "{}", page.text);
     assert_eq!(page.cell("Sensors", "suit", "lost"), "3");
     assert!(page.cell("Sensors", "suit", "refused").starts_with("7 "));
 }
 
 #[test]
-fn a_truncated_recording_is_reported_as_far_as_it_goes() {
+fn a_truncated_recording_is_reported_up_to_the_damage() {
     let session = session();
     let bytes = std::fs::read(&session.states).unwrap();
     let (cut, out) = (session.file("cut.mcap"), session.file("cut.html"));
@@ -257,7 +257,7 @@ fn a_truncated_recording_is_reported_as_far_as_it_goes() {
 }
 
 #[test]
-fn without_chromium_it_says_what_to_install_and_the_page_is_there_all_the_same() {
+fn without_chromium_the_page_is_written_and_a_remedy_printed() {
     let session = session();
     let (out, pdf) = (session.file("no-pdf.html"), session.file("no.pdf"));
     let ended = std::process::Command::new(env!("CARGO_BIN_EXE_equipoise"))
@@ -266,8 +266,8 @@ fn without_chromium_it_says_what_to_install_and_the_page_is_there_all_the_same()
         .env_remove("EQUIPOISE_CHROMIUM")
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert_eq!(ended.status.code(), Some(1), "{said}");
-    assert!(said.contains("apt install chromium"), "{said}");
+    let describe_output = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(1), "{describe_output}");
+    assert!(describe_output.contains("apt install chromium"), "{describe_output}");
     assert!(out.exists() && !pdf.exists());
 }

@@ -63,10 +63,10 @@ fn a_change_of_worker_is_reported_and_adds_no_lifts() {
         ..CycleRecord::zeroed()
     });
     let page = report("workers.html", &recording);
-    assert!(page.words.contains("No lift ended in this recording."), "{}", page.words);
-    assert!(page.words.contains("3 more had been counted before it began."), "{}", page.words);
-    assert!(page.words.contains("The worker changed at t = 3.0 s, 6.0 s"), "{}", page.words);
-    assert!(page.words.contains("known when put in place"), "{}", page.words);
+    assert!(page.text.contains("No lift ended in this recording."), "{}", page.text);
+    assert!(page.text.contains("3 more had been counted before it began."), "{}", page.text);
+    assert!(page.text.contains("The worker changed at t = 3.0 s, 6.0 s"), "{}", page.text);
+    assert!(page.text.contains("known when put in place"), "{}", page.text);
     let poses = page.rows("Identification");
     assert_eq!(
         (poses.len(), poses[0][0].as_str()),
@@ -93,19 +93,19 @@ fn a_worker_without_valid_loads_has_no_reported_risk() {
     for expected in
         ["the low back's load was never reported: see data quality", "nothing is known of how tired"]
     {
-        assert!(page.words.contains(expected), "{expected} is not in {}", page.words);
+        assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
     }
     for absent in ["grew tired.", "high-risk job with a probability", "Damage of the low back"] {
         assert!(
-            !page.words.replace("how tired joints grew.", "").contains(absent),
+            !page.text.replace("how tired joints grew.", "").contains(absent),
             "{absent} is in {}",
-            page.words
+            page.text
         );
     }
 }
 
 #[test]
-fn times_are_of_the_daemon_that_ran_and_not_of_the_head() {
+fn times_are_those_of_the_daemon_of_each_record() {
     // The header has 100 Hz; the daemon after it ran at 200.
     let states: Vec<State> = (1..1001)
         .map(|number| State {
@@ -121,6 +121,6 @@ fn times_are_of_the_daemon_that_ran_and_not_of_the_head() {
     });
     let page = report("rates.html", &recording);
     assert_eq!(page.cell("Why values were withheld", "moving", "time"), "4.0 s");
-    assert!(page.words.contains("Another daemon went on 1 times."), "{}", page.words);
-    assert!(!page.words.contains("The worker changed"), "{}", page.words);
+    assert!(page.text.contains("Another daemon went on 1 times."), "{}", page.text);
+    assert!(!page.text.contains("The worker changed"), "{}", page.text);
 }

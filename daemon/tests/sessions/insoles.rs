@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{Station, said};
+use crate::common::{Station, describe_output};
 use equipoise_simulator::devices::felt::{Ground, Mounting};
 use equipoise_simulator::devices::line::Line;
 use equipoise_simulator::devices::moticon::Moticon;
@@ -20,17 +20,17 @@ use serde_json::Value;
 /// Upper limit of the error of the measured CoP, m: the person's sway between two reads.
 const PLACED_M: f64 = 0.015;
 
-/// The state, once it fulfils `wanted`.
-fn until(station: &Station, what: &str, wanted: impl Fn(&Value) -> bool) -> Value {
+/// The state, once it fulfils `condition`.
+fn until(station: &Station, what: &str, condition: impl Fn(&Value) -> bool) -> Value {
     let started = Instant::now();
     loop {
         let output = station.command("status").arg("--json").output().unwrap();
         if let Ok(status) = serde_json::from_slice::<Value>(&output.stdout)
-            && wanted(&status["state"])
+            && condition(&status["state"])
         {
             return status["state"].clone();
         }
-        assert!(started.elapsed() < Duration::from_secs(90), "{what}: {}", said(&output));
+        assert!(started.elapsed() < Duration::from_secs(90), "{what}: {}", describe_output(&output));
         std::thread::sleep(Duration::from_millis(50));
     }
 }
@@ -40,7 +40,7 @@ fn names(state: &Value, key: &str) -> Vec<String> {
 }
 
 #[test]
-fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
+fn a_subject_is_identified_with_insoles_and_unavailable_quantities_are_reported() {
     let (suit, insoles) = (free_address().unwrap(), free_address().unwrap());
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
@@ -76,8 +76,8 @@ fn a_worker_is_learnt_by_insoles_and_what_they_cannot_feel_is_said() {
         assert!((measured_m - truth.cop_m[axis]).abs() < PLACED_M, "{measured_m} {}", truth.cop_m[axis]);
     }
     // Static poses are used for identification as on a plate.
-    let learnt = until(&station, "a pose", |state| state["poses_used"].as_u64() >= Some(1));
-    assert_eq!(learnt["phase"], "identifying", "{learnt}");
+    let identified = until(&station, "a pose", |state| state["poses_used"].as_u64() >= Some(1));
+    assert_eq!(identified["phase"], "identifying", "{identified}");
 
     simulation.silence_suit(true);
     let silent =

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{Station, equipoise, said};
+use crate::common::{Station, describe_output, equipoise};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::Side;
 use equipoise_core::cycle::{BodyRefusal, BodySource};
@@ -43,13 +43,13 @@ fn state_of(station: &Station) -> serde_json::Value {
         {
             return status["state"].clone();
         }
-        assert!(started.elapsed() < Duration::from_secs(60), "{}", said(&output));
+        assert!(started.elapsed() < Duration::from_secs(60), "{}", describe_output(&output));
         std::thread::sleep(Duration::from_millis(100));
     }
 }
 
 #[test]
-fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
+fn segments_and_foot_outlines_are_those_of_the_suit() {
     let suit = free_address().unwrap();
     let mut settings = SimulationSettings::default();
     settings.suit.target = suit;
@@ -62,17 +62,17 @@ fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
     let state = state_of(&station);
     assert_eq!(state["sole_source"], "suit", "{state}");
     assert!(state.get("body_refused").is_none(), "{state}");
-    let words = station.command("status").output().unwrap();
+    let output = station.command("status").output().unwrap();
     assert!(
-        said(&words).contains("body    from the suit's null pose; soles from the suit's"),
+        describe_output(&output).contains("body    from the suit's null pose; soles from the suit's"),
         "{}",
-        said(&words)
+        describe_output(&output)
     );
 
     // A recorder that starts late still receives the body, and the replay applies it at the same cycle as the loop.
     let out = station.file("live.mcap");
     let recorded = station.command("record").arg(&out).args(["--for", "4"]).output().unwrap();
-    assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));
+    assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", describe_output(&recorded));
     let recording = Recording::open(&out).unwrap();
     let (mut bodies, mut taken) = (Vec::new(), 0);
     for timed in recording.entries().map_while(Result::ok) {
@@ -110,7 +110,7 @@ fn bones_and_soles_are_the_suit_s_own_from_the_wire_to_the_replay() {
     }
     let lines = station.file("live.jsonl");
     let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
-    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", said(&output));
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{}", describe_output(&output));
     let lines = std::fs::read_to_string(lines).unwrap();
     assert!(lines.lines().last().unwrap().contains(r#""com_suit":["#), "the suit's own centre is published");
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{Station, equipoise, person, remove_shared_memory, said};
+use crate::common::{Station, describe_output, equipoise, person, remove_shared_memory};
 use equipoise_daemon::replay::Replay;
 use equipoise_daemon::replay::input::Input;
 
@@ -25,7 +25,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     let recorder = station.command("record").arg(&out).args(["--for", "6"]).spawn().unwrap();
     let ask = |what: &str| {
         let output = station.command("identify").arg(what).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
+        assert!(output.status.success(), "{}", describe_output(&output));
     };
     simulation.take_pose(3).unwrap();
     std::thread::sleep(Duration::from_millis(2500));
@@ -38,11 +38,11 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nleave_deg = 8.0\n"));
     let recorded = recorder.wait_with_output().unwrap();
     // An overloaded machine may lose messages; the exit code reports it, and all others must be in the file.
-    assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", said(&recorded));
+    assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", describe_output(&recorded));
 
     let again = station.command("record").arg(&out).args(["--for", "1"]).output().unwrap();
-    assert_eq!(again.status.code(), Some(1), "{}", said(&again));
-    assert!(said(&again).contains("choose a new name"), "{}", said(&again));
+    assert_eq!(again.status.code(), Some(1), "{}", describe_output(&again));
+    assert!(describe_output(&again).contains("choose a new name"), "{}", describe_output(&again));
 
     let input = Input::open(&out).unwrap();
     let chosen = input.configuration(None).unwrap();
@@ -56,10 +56,10 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     assert!(fidelity.memories_compared + fidelity.resumed >= 2, "{summary}");
     if recorded.status.code() == Some(0) {
         assert_eq!(fidelity.reloads, 2, "{summary}");
-        assert!(summary.is_whole(), "{summary}");
+        assert!(summary.is_complete(), "{summary}");
         let lines = station.file("live.jsonl");
         let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
         let lines = std::fs::read_to_string(lines).unwrap();
         assert_eq!(lines.lines().count() as u64, fidelity.cycles);
     }
@@ -75,8 +75,12 @@ fn without_a_daemon_there_is_nothing_to_record() {
         .arg(&out)
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
-    assert!(said(&output).contains("no daemon runs on station station-1"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
+    assert!(
+        describe_output(&output).contains("no daemon runs on station station-1"),
+        "{}",
+        describe_output(&output)
+    );
     assert!(!out.exists());
     remove_shared_memory(&directory.path().join("bus"));
 }

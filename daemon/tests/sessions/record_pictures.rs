@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use crate::common::{Station, person, said};
+use crate::common::{Station, describe_output, person};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::message::State;
 use equipoise_simulator::simulation::SimulationHandle;
@@ -18,10 +18,10 @@ fn station(more: &str) -> (SimulationHandle, Station, String) {
     (simulation, station, text)
 }
 
-fn until(what: &str, mut happened: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !happened() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "{what}");
+fn until(what: &str, mut condition: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !condition() {
+        assert!(started.elapsed() < Duration::from_secs(60), "{what}");
         std::thread::sleep(Duration::from_millis(20));
     }
 }
@@ -67,7 +67,7 @@ fn bytes(path: &Path) -> u64 {
 }
 
 #[test]
-fn a_killed_recorder_leaves_pictures_of_the_states_before() {
+fn a_killed_recorder_leaves_pictures_of_earlier_states() {
     let (_simulation, station, _) = station("");
     let with = station.file("with.mcap");
     let mut recorder = station.command("record").arg(&with).spawn().unwrap();
@@ -96,7 +96,7 @@ fn a_killed_recorder_leaves_pictures_of_the_states_before() {
 
 /// A measurement, not a requirement: the size of pictures in a file.
 #[test]
-fn what_pictures_cost() {
+fn pictures_have_the_documented_size() {
     let (simulation, station, _) = station("");
     simulation.take_pose(3).unwrap();
     let recorders: Vec<(&str, PathBuf, Child)> = ["0", "20", "60"]
@@ -146,9 +146,9 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     let recording =
         "[recording]\ndirectory = \"kept\"\nfile_max_mib = 2\ntotal_max_mib = 5\nfree_min_mib = 1\n";
     let (_simulation, station, text) = station(recording);
-    let kept = station.file("kept");
-    std::fs::create_dir(&kept).unwrap();
-    let others = kept.join("somebody's.mcap");
+    let folder = station.file("kept");
+    std::fs::create_dir(&folder).unwrap();
+    let others = folder.join("somebody's.mcap");
     std::fs::write(&others, vec![0; 3 << 20]).unwrap();
     let service = |name: &str, text: &str| {
         let config = station.file(name);
@@ -159,7 +159,7 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     let mut child = service("record.toml", &text);
     let mut first = None;
     until("a file that was removed", || {
-        let files = files(&kept);
+        let files = files(&folder);
         first = first.take().or_else(|| files.iter().find(|path| **path != others).cloned());
         first.as_ref().is_some_and(|first| !first.exists())
     });
@@ -168,10 +168,10 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
     assert_eq!(child.wait().unwrap().code(), Some(0));
     assert!(others.exists(), "it is a file of others");
 
-    let ours: Vec<PathBuf> = files(&kept).into_iter().filter(|path| *path != others).collect();
-    assert!(ours.len() >= 2, "{ours:?}");
+    let own_files: Vec<PathBuf> = files(&folder).into_iter().filter(|path| *path != others).collect();
+    assert!(own_files.len() >= 2, "{own_files:?}");
     let mut last = None;
-    for path in &ours {
+    for path in &own_files {
         let (found, truncated) = read(path);
         assert!(!truncated, "{}: each file is ended", path.display());
         assert!(!found.pictures.is_empty());
@@ -183,11 +183,11 @@ fn a_service_goes_from_file_to_file_and_removes_the_oldest() {
 
     // A disk that can never be free enough: the recorder reports it, ends, and leaves no partial file.
     let mut child = service("full.toml", &text.replace("free_min_mib = 1", "free_min_mib = 900000000"));
-    let mut words = String::new();
-    std::io::Read::read_to_string(child.stderr.as_mut().unwrap(), &mut words).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(1), "{words}");
-    assert!(words.contains("recording.free_min_mib") && words.contains("the station goes on"), "{words}");
-    assert_eq!(files(&kept), [others], "the oldest were removed first");
-    let alive = station.command("status").output().unwrap();
-    assert!(alive.status.success(), "{}", said(&alive));
+    let mut log = String::new();
+    std::io::Read::read_to_string(child.stderr.as_mut().unwrap(), &mut log).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{log}");
+    assert!(log.contains("recording.free_min_mib") && log.contains("the station goes on"), "{log}");
+    assert_eq!(files(&folder), [others], "the oldest were removed first");
+    let output = station.command("status").output().unwrap();
+    assert!(output.status.success(), "{}", describe_output(&output));
 }

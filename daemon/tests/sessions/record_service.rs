@@ -4,15 +4,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::{Station, person, said};
+use crate::common::{Station, describe_output, person};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_simulator::simulation::SimulationHandle;
 use rustix::process::{Pid, Signal, kill_process};
 
-fn until(what: &str, mut happened: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !happened() {
-        assert!(begun.elapsed() < Duration::from_secs(60), "{what}");
+fn until(what: &str, mut condition: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !condition() {
+        assert!(started.elapsed() < Duration::from_secs(60), "{what}");
         std::thread::sleep(Duration::from_millis(20));
     }
 }
@@ -23,7 +23,7 @@ struct Recorded {
     station: Station,
     config: String,
     service: Child,
-    kept: PathBuf,
+    folder: PathBuf,
 }
 
 impl Recorded {
@@ -36,15 +36,19 @@ impl Recorded {
         let mut command = station.command("record");
         let service = command.arg("--config").arg(station.file("record.toml")).stderr(Stdio::piped());
         let service = service.spawn().unwrap();
-        let kept = station.file("kept");
-        let recorded = Recorded { _simulation: simulation, station, config, service, kept };
+        let folder = station.file("kept");
+        let recorded = Recorded { _simulation: simulation, station, config, service, folder };
         until("the first file", || recorded.files().iter().any(|path| states(path) > 0));
         recorded
     }
 
     fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> =
-            std::fs::read_dir(&self.kept).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        let mut files: Vec<PathBuf> = std::fs::read_dir(&self.folder)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|entry| entry.path())
+            .collect();
         files.sort();
         files
     }
@@ -77,28 +81,32 @@ fn states(path: &Path) -> usize {
 }
 
 #[test]
-fn a_file_that_is_deleted_while_it_is_written_is_let_go_of_and_the_next_one_begins() {
+fn a_file_deleted_in_progress_is_closed_and_the_next_one_starts() {
     let recorded = Recorded::start();
     let [first] = &recorded.files()[..] else { panic!("{:?}", recorded.files()) };
-    let alone = recorded.kept.join("alone.mcap");
+    let single = recorded.folder.join("alone.mcap");
     let mut recorder = recorded.station.command("record");
-    let recorder = recorder.arg(&alone).stderr(Stdio::piped()).spawn().unwrap();
-    until("a recording by itself", || states(&alone) > 0);
+    let recorder = recorder.arg(&single).stderr(Stdio::piped()).spawn().unwrap();
+    until("a recording by itself", || states(&single) > 0);
 
     let mut delete = recorded.station.command("subject");
-    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&recorded.kept);
+    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&recorded.folder);
     let deleted = delete.output().unwrap();
-    assert_eq!(deleted.status.code(), Some(0), "{}", said(&deleted));
+    assert_eq!(deleted.status.code(), Some(0), "{}", describe_output(&deleted));
     assert!(
-        !said(&deleted).contains("NOT looked into"),
+        !describe_output(&deleted).contains("NOT looked into"),
         "no process holds what was deleted: {}",
-        said(&deleted)
+        describe_output(&deleted)
     );
-    assert!(!first.exists() && !alone.exists(), "{}", said(&deleted));
+    assert!(!first.exists() && !single.exists(), "{}", describe_output(&deleted));
 
     let ended = recorder.wait_with_output().unwrap();
-    assert_eq!(ended.status.code(), Some(1), "{}", said(&ended));
-    assert!(said(&ended).contains("removed or replaced while it was written"), "{}", said(&ended));
+    assert_eq!(ended.status.code(), Some(1), "{}", describe_output(&ended));
+    assert!(
+        describe_output(&ended).contains("removed or replaced while it was written"),
+        "{}",
+        describe_output(&ended)
+    );
 
     let next = recorded.next_after(first);
     assert_eq!(Recording::open(&next).unwrap().header().subject_toml, "", "no subject is in use");

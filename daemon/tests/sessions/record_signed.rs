@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::{Station, equipoise, person, said};
+use crate::common::{Station, describe_output, equipoise, person};
 use rustix::process::{Pid, Signal, kill_process};
 
-fn until(what: &str, mut happened: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !happened() {
-        assert!(begun.elapsed() < Duration::from_secs(120), "{what}");
+fn until(what: &str, mut condition: impl FnMut() -> bool) {
+    let started = Instant::now();
+    while !condition() {
+        assert!(started.elapsed() < Duration::from_secs(120), "{what}");
         std::thread::sleep(Duration::from_millis(20));
     }
 }
@@ -31,7 +31,7 @@ fn signature_of(recording: &Path) -> PathBuf {
 
 fn new_key(path: &Path) {
     let made = equipoise().args(["record", "--new-key"]).arg(path).output().unwrap();
-    assert!(made.status.success(), "{}", said(&made));
+    assert!(made.status.success(), "{}", describe_output(&made));
 }
 
 /// A copy of the recordings that a test may alter.
@@ -41,9 +41,9 @@ struct Copy {
 }
 
 impl Copy {
-    fn of(kept: &Path, public_key: &Path) -> Copy {
+    fn of(recordings: &Path, public_key: &Path) -> Copy {
         let folder = tempfile::tempdir().unwrap();
-        for path in files(kept, "") {
+        for path in files(recordings, "") {
             fs::copy(&path, folder.path().join(path.file_name().unwrap())).unwrap();
         }
         Copy { folder, public_key: public_key.to_owned() }
@@ -65,7 +65,7 @@ fn line(recording: &Path, options: &[&str]) -> (String, Option<i32>) {
         equipoise().arg("report").arg(recording).args(options).arg("--out").arg(&page).output().unwrap();
     let text = String::from_utf8(ended.stdout.clone()).unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix(&format!("{}: ", recording.display())));
-    let line = line.unwrap_or_else(|| panic!("{}", said(&ended))).to_owned();
+    let line = line.unwrap_or_else(|| panic!("{}", describe_output(&ended))).to_owned();
     // For a recording without a usable sample there is no page.
     if ended.status.code() != Some(1) {
         let page = fs::read_to_string(&page).unwrap();
@@ -90,27 +90,29 @@ fn start(station: &Station) -> Child {
 fn alterations_of_signed_recordings_are_reported() {
     let (_simulation, config) = person();
     let station = Station::start(&(config.clone() + "remember = false\n"));
-    let (key, kept) = (station.file("recording.key"), station.file("kept"));
+    let (key, recordings) = (station.file("recording.key"), station.file("kept"));
     new_key(&key);
     let recording = "[recording]\ndirectory = \"kept\"\nfile_max_mib = 1\nfree_min_mib = 1\npictures_hz = 100\nsign_key = \
                      \"recording.key\"\n";
     fs::write(station.file("record.toml"), config + recording).unwrap();
 
     let mut service = start(&station);
-    until("three signed files", || files(&kept, ".minisig").len() >= 3 && files(&kept, ".mcap").len() >= 4);
+    until("three signed files", || {
+        files(&recordings, ".minisig").len() >= 3 && files(&recordings, ".mcap").len() >= 4
+    });
     std::thread::sleep(Duration::from_secs(1));
     service.kill().unwrap();
     service.wait().unwrap();
-    let killed = files(&kept, ".mcap").pop().unwrap();
+    let killed = files(&recordings, ".mcap").pop().unwrap();
     let mut service = start(&station);
     until("two files after it", || {
-        files(&kept, ".minisig").last().is_some_and(|signed| *signed > signature_of(&killed))
+        files(&recordings, ".minisig").last().is_some_and(|signed| *signed > signature_of(&killed))
     });
     kill_process(Pid::from_child(&service), Signal::TERM).unwrap();
     assert_eq!(service.wait().unwrap().code(), Some(0));
 
     let public_key = station.file("recording.key.pub");
-    let copy = Copy::of(&kept, &public_key);
+    let copy = Copy::of(&recordings, &public_key);
     let all = files(copy.folder.path(), ".mcap");
     let last = all.len() - 1;
     for (index, path) in all.iter().enumerate() {
@@ -138,7 +140,7 @@ fn alterations_of_signed_recordings_are_reported() {
     // One byte, in a message's payload; also of the unsigned file.
     let unsigned = all.iter().position(|path| path.file_name() == killed.file_name()).unwrap();
     for index in [1, unsigned] {
-        let copy = Copy::of(&kept, &public_key);
+        let copy = Copy::of(&recordings, &public_key);
         let path = copy.recording(index);
         let mut bytes = fs::read(&path).unwrap();
         let middle = bytes.len() / 2;
@@ -150,7 +152,7 @@ fn alterations_of_signed_recordings_are_reported() {
         assert!(line.contains("is not the file whose hash this one contains") && code == Some(3), "{line}");
     }
 
-    let swapped = Copy::of(&kept, &public_key);
+    let swapped = Copy::of(&recordings, &public_key);
     let (first, second) = (swapped.recording(1), swapped.recording(2));
     swap(&first, &second);
     swap(&signature_of(&first), &signature_of(&second));
@@ -159,7 +161,7 @@ fn alterations_of_signed_recordings_are_reported() {
         assert!(line.starts_with("altered: it was signed under the name ") && code == Some(3), "{line}");
     }
 
-    let gap = Copy::of(&kept, &public_key);
+    let gap = Copy::of(&recordings, &public_key);
     fs::remove_file(gap.recording(1)).unwrap();
     let (line, code) = gap.line(&gap.recording(1));
     assert!(
@@ -172,7 +174,7 @@ fn alterations_of_signed_recordings_are_reported() {
     let (line, code) = gap.line(&gap.recording(0));
     assert!(line.contains("not checked: it is not in the folder") && code == Some(0), "{line}");
 
-    let damaged = Copy::of(&kept, &public_key);
+    let damaged = Copy::of(&recordings, &public_key);
     let path = damaged.recording(1);
     let text = fs::read_to_string(signature_of(&path)).unwrap();
     let short: Vec<&str> = text.lines().take(3).chain(["QUJD"]).collect();
@@ -180,14 +182,18 @@ fn alterations_of_signed_recordings_are_reported() {
     assert!(damaged.line(&path).0.starts_with("altered: "), "a short signature");
 
     let mut delete = station.command("subject");
-    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&kept);
+    delete.args(["delete", "anon-1", "--with-recordings", "--recordings"]).arg(&recordings);
     let deleted = delete.output().unwrap();
-    assert!(deleted.status.success() && !said(&deleted).contains("minisig"), "{}", said(&deleted));
-    assert_eq!(files(&kept, ""), [] as [PathBuf; 0]);
+    assert!(
+        deleted.status.success() && !describe_output(&deleted).contains("minisig"),
+        "{}",
+        describe_output(&deleted)
+    );
+    assert_eq!(files(&recordings, ""), [] as [PathBuf; 0]);
 }
 
 #[test]
-fn a_key_that_others_can_read_is_refused() {
+fn a_key_readable_by_others_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (key, config) = (folder.path().join("recording.key"), folder.path().join("station.toml"));
     new_key(&key);
@@ -198,13 +204,16 @@ fn a_key_that_others_can_read_is_refused() {
     let run =
         |command: &str, option: &[&str]| equipoise().arg(command).args(option).arg(&config).output().unwrap();
     let checked = run("check", &[]);
-    assert!(checked.status.success(), "{}", said(&checked));
+    assert!(checked.status.success(), "{}", describe_output(&checked));
 
-    let refused = |why: &str| {
+    let refused = |reason: &str| {
         for ended in [run("check", &[]), run("record", &["--config"])] {
             assert_eq!(ended.status.code(), Some(1));
-            let said = said(&ended);
-            assert!(said.contains("recording.sign_key") && said.contains(why), "{said}");
+            let describe_output = describe_output(&ended);
+            assert!(
+                describe_output.contains("recording.sign_key") && describe_output.contains(reason),
+                "{describe_output}"
+            );
         }
     };
     fs::set_permissions(&key, fs::Permissions::from_mode(0o640)).unwrap();
@@ -217,5 +226,5 @@ fn a_key_that_others_can_read_is_refused() {
     // A key that is in use is not replaced.
     new_key(&folder.path().join("a.key"));
     let again = equipoise().args(["record", "--new-key"]).arg(folder.path().join("a.key")).output().unwrap();
-    assert!(said(&again).contains("choose a new name"), "{}", said(&again));
+    assert!(describe_output(&again).contains("choose a new name"), "{}", describe_output(&again));
 }

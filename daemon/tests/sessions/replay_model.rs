@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::{equipoise, human_motion, human_motion_config, said};
+use crate::common::{describe_output, equipoise, human_motion, human_motion_config};
 use equipoise_adapters::recording::Recording;
 use equipoise_daemon::model::sha256_of;
 
@@ -56,8 +56,8 @@ fn figaroh_replayed_with_a_model_has_prediction_and_terms() {
             arguments.extend([&"--model" as &dyn AsRef<std::ffi::OsStr>, model]);
         }
         let output = run(&arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-        said(&output)
+        assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
+        describe_output(&output)
     };
     replay(None, "plain.jsonl");
     let summary = replay(Some(&here), "here.jsonl");
@@ -81,16 +81,20 @@ fn figaroh_replayed_with_a_model_has_prediction_and_terms() {
 
     // A recording of results keeps the model, and is replayed with it.
     replay(Some(&elsewhere), "kept.mcap");
-    let kept = Recording::open(file("kept.mcap")).unwrap();
-    assert_eq!(kept.header().model_toml, std::fs::read_to_string(&elsewhere).unwrap());
+    let recording = Recording::open(file("kept.mcap")).unwrap();
+    assert_eq!(recording.header().model_toml, std::fs::read_to_string(&elsewhere).unwrap());
     let imported = file("imported.mcap");
     let with_model = file("with_model.toml");
     let text = std::fs::read_to_string(&config).unwrap();
     std::fs::write(&with_model, format!("{text}\n[model]\nfile = \"elsewhere.toml\"\n")).unwrap();
     let output = run(&[&"import", &csv, &"--config", &with_model, &"-o", &imported]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     let output = run(&[&"replay", &imported]);
-    assert!(said(&output).contains("model of the recording: plate_offset; left out"), "{}", said(&output));
+    assert!(
+        describe_output(&output).contains("model of the recording: plate_offset; left out"),
+        "{}",
+        describe_output(&output)
+    );
 }
 
 #[test]
@@ -102,15 +106,15 @@ fn a_model_that_cannot_be_used_is_refused_before_anything_runs() {
     std::fs::write(&model, "version = 1\n[[effect]]\nname = \"plate_ofset\"\nspan_s = [0, 1]\nopen_ended = true\nlog_odds = 1.0\n").unwrap();
     for arguments in [&[&"check" as &dyn AsRef<_>, &config][..], &[&"run", &"--config", &config]] {
         let output = run(arguments);
-        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
         let expected = "effect 1, name: `plate_ofset` is not an effect; did you mean `plate_offset`?";
-        assert!(said(&output).contains(expected), "{}", said(&output));
+        assert!(describe_output(&output).contains(expected), "{}", describe_output(&output));
     }
     std::fs::write(&model, self::model(&"0".repeat(64))).unwrap();
     let output = run(&[&"check", &config]);
     assert!(
-        output.status.success() && said(&output).contains("m.toml: plate_offset; left out"),
+        output.status.success() && describe_output(&output).contains("m.toml: plate_offset; left out"),
         "{}",
-        said(&output)
+        describe_output(&output)
     );
 }

@@ -1,14 +1,14 @@
 //! A real person on a real plate: identical bytes in every run, and a model that is valid for held-out data.
 
-use crate::common::{equipoise, human_motion, human_motion_config, said};
-use equipoise_daemon::replay::cross_validation::{cross_validate, learn_apart_from};
+use crate::common::{describe_output, equipoise, human_motion, human_motion_config};
+use equipoise_daemon::replay::cross_validation::{cross_validate, identify_without};
 use equipoise_daemon::replay::input::Input;
-use equipoise_daemon::replay::score::Judge;
+use equipoise_daemon::replay::score::SampleSelection;
 
 #[test]
-fn the_example_configuration_is_one_that_check_takes() {
+fn check_accepts_the_example_configuration() {
     let output = equipoise().arg("check").arg(human_motion_config()).output().unwrap();
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", describe_output(&output));
 }
 
 #[test]
@@ -18,7 +18,7 @@ fn figaroh_import_and_replay_give_the_same_bytes_every_time() {
     let file = |name: &str| directory.path().join(name);
     let run = |arguments: &[&std::ffi::OsStr]| {
         let output = equipoise().args(arguments).output().unwrap();
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
     };
     let config = human_motion_config();
     for name in ["a", "b"] {
@@ -49,34 +49,34 @@ fn figaroh_import_and_replay_give_the_same_bytes_every_time() {
     let import = ["import".as_ref(), csv.as_os_str(), "-o".as_ref()];
     let output = equipoise().args(import).arg(file("a.mcap")).output().unwrap();
     assert_eq!(output.status.code(), Some(1), "a recording must not be overwritten");
-    assert!(said(&output).contains("choose a new name"), "{}", said(&output));
+    assert!(describe_output(&output).contains("choose a new name"), "{}", describe_output(&output));
 }
 
 /// The bounds are the figures published with the data, each block held out: SESC with symmetry and a prior from the table,
 /// quasi-static (6.3 / 7.8 mm) and with the equation of motion on all samples (5.2 / 7.8 mm); and with 25 poses 7 mm.
 #[test]
-fn figaroh_the_identified_model_holds_for_blocks_it_was_not_learnt_from() {
+fn figaroh_the_identified_model_holds_for_other_blocks() {
     let Some(csv) = human_motion() else { return };
     let input = Input::open(&csv).unwrap();
     let chosen = input.configuration(Some(&human_motion_config())).unwrap();
-    for (judge, poses_max, bound_mm, samples_min) in [
-        (Judge::QuasiStatic, None, [6.3, 7.8], 150),
-        (Judge::AllUnloaded, None, [5.2, 7.8], 2000),
-        (Judge::QuasiStatic, Some(25), [7.0, 7.0], 150),
+    for (selection, poses_max, bound_mm, samples_min) in [
+        (SampleSelection::QuasiStatic, None, [6.3, 7.8], 150),
+        (SampleSelection::AllUnloaded, None, [5.2, 7.8], 2000),
+        (SampleSelection::QuasiStatic, Some(25), [7.0, 7.0], 150),
     ] {
-        let judged = cross_validate(&input, &chosen.config, 9, judge, poses_max).unwrap();
-        println!("{judged}");
-        let [forward_mm, sideways_mm] = judged.overall.identified_mm.unwrap();
-        assert!(forward_mm <= bound_mm[0] && sideways_mm <= bound_mm[1], "{judged}");
-        let [table_forward_mm, table_sideways_mm] = judged.overall.table_mm.unwrap();
-        assert!(forward_mm < table_forward_mm && sideways_mm < table_sideways_mm, "{judged}");
-        assert!(judged.overall.samples > samples_min && judged.overall.poses_used >= 6, "{judged}");
+        let result = cross_validate(&input, &chosen.config, 9, selection, poses_max).unwrap();
+        println!("{result}");
+        let [forward_mm, sideways_mm] = result.overall.identified_mm.unwrap();
+        assert!(forward_mm <= bound_mm[0] && sideways_mm <= bound_mm[1], "{result}");
+        let [table_forward_mm, table_sideways_mm] = result.overall.table_mm.unwrap();
+        assert!(forward_mm < table_forward_mm && sideways_mm < table_sideways_mm, "{result}");
+        assert!(result.overall.samples > samples_min && result.overall.poses_used >= 6, "{result}");
     }
 }
 
 /// The identified worker is independent, byte for byte, of the plate's data in the held-out block.
 #[test]
-fn figaroh_what_is_held_out_is_not_learnt() {
+fn figaroh_held_out_blocks_are_not_used() {
     let Some(csv) = human_motion() else { return };
     let directory = tempfile::tempdir().unwrap();
     let other = directory.path().join("other.csv");
@@ -95,16 +95,16 @@ fn figaroh_what_is_held_out_is_not_learnt() {
     std::fs::write(&other, lines.join("\n")).unwrap();
 
     let span_ns = [begin_s, end_s].map(|t| 1_000_000_000 + (t * 1e9) as u64);
-    let learnt = |path: &std::path::Path, span_ns: [u64; 2]| {
+    let identified = |path: &std::path::Path, span_ns: [u64; 2]| {
         let input = Input::open(path).unwrap();
         let config = input.configuration(Some(&human_motion_config())).unwrap().config;
-        learn_apart_from(&input, &config, span_ns).unwrap()
+        identify_without(&input, &config, span_ns).unwrap()
     };
-    let [one, two] = [&csv, &other].map(|path| learnt(path, span_ns));
+    let [one, two] = [&csv, &other].map(|path| identified(path, span_ns));
     assert!(one.poses_used >= 6, "{}", one.poses_used);
     assert!(bytemuck::bytes_of(&*one) == bytemuck::bytes_of(&*two), "the held-out block leaks");
     // The test would detect a leak: with all data used for identification, the two differ.
-    let [one, two] = [&csv, &other].map(|path| learnt(path, [0, 0]));
+    let [one, two] = [&csv, &other].map(|path| identified(path, [0, 0]));
     assert!(bytemuck::bytes_of(&*one) != bytemuck::bytes_of(&*two));
 }
 

@@ -44,7 +44,7 @@ pub(super) enum Kind {
 
 /// Half the distance of two plates' middles, m.
 const HALF_APART_M: f64 = 0.2;
-/// How thick a plate is whose maker does not tell it as zero, m.
+/// Thickness of a plate, m, if the manufacturer states one.
 const THICK_M: f64 = 0.04;
 /// Samples a second of devices that let their owner choose.
 const RATE_HZ: f64 = 200.0;
@@ -61,7 +61,7 @@ enum Site {
 
 impl Kind {
     /// Default address or port.
-    fn usual(self) -> Site {
+    fn default_site(self) -> Site {
         let local = |port| SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), port);
         match self {
             Kind::AtiRdt => Site::Udp(local(wires::ati_rdt::DEFAULT_PORT)),
@@ -131,9 +131,9 @@ impl Site {
         if let Some(rest) = text.strip_prefix("tcp:") {
             return Ok(Site::Tcp(address(rest)?));
         }
-        match (text.parse(), kind.usual()) {
-            (Ok(there), Site::Udp(_)) => Ok(Site::Udp(there)),
-            (Ok(there), Site::Tcp(_) | Site::Serial(_)) => Ok(Site::Tcp(there)),
+        match (text.parse(), kind.default_site()) {
+            (Ok(target), Site::Udp(_)) => Ok(Site::Udp(target)),
+            (Ok(target), Site::Tcp(_) | Site::Serial(_)) => Ok(Site::Tcp(target)),
             // A daemon in another working directory could not resolve a relative name.
             (Err(_), _) => Ok(Site::Serial(std::path::absolute(text)?)),
         }
@@ -181,7 +181,7 @@ pub(super) fn start(
     load: Load,
     pace: Pace,
 ) -> anyhow::Result<Running> {
-    let site = place.map_or_else(|| Ok(kind.usual()), |text| Site::parse(text, kind))?;
+    let site = place.map_or_else(|| Ok(kind.default_site()), |text| Site::parse(text, kind))?;
     let mounting = |y_m: f64| {
         let plate = Plate { origin_m: [0.0, y_m, -THICK_M], surface_height_m: THICK_M, ..Plate::default() };
         Mounting { plate, z_down: kind.z_down(), reaction: false }
@@ -210,12 +210,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_is_an_address_with_its_kind_or_a_name() {
+    fn a_site_is_an_address_of_its_kind_or_a_name() {
         let parsed = |text: &str, kind| Site::parse(text, kind).unwrap();
-        let there: SocketAddr = "127.0.0.1:9000".parse().unwrap();
-        assert_eq!(parsed("127.0.0.1:9000", Kind::AtiRdt), Site::Udp(there));
-        assert_eq!(parsed("127.0.0.1:9000", Kind::Qtm), Site::Tcp(there));
-        assert_eq!(parsed("udp:127.0.0.1:9000", Kind::Text), Site::Udp(there));
+        let target: SocketAddr = "127.0.0.1:9000".parse().unwrap();
+        assert_eq!(parsed("127.0.0.1:9000", Kind::AtiRdt), Site::Udp(target));
+        assert_eq!(parsed("127.0.0.1:9000", Kind::Qtm), Site::Tcp(target));
+        assert_eq!(parsed("udp:127.0.0.1:9000", Kind::Text), Site::Udp(target));
         assert_eq!(parsed("/tmp/plate", Kind::Text), Site::Serial("/tmp/plate".into()));
         assert_eq!(parsed("/tmp/plate", Kind::Text).next(), Site::Serial("/tmp/plate-2".into()));
         assert!(Site::parse("udp:nowhere", Kind::Text).is_err());

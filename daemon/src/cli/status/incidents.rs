@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_on_comes_first_with_the_daemon_s_own_words() {
+    fn active_incidents_come_first_with_the_daemon_s_message() {
         let mut incidents = Incidents::zeroed();
         let (silent, died) = (Incident::SuitSilent as usize, Incident::ParticipantDied as usize);
         incidents.active = 1 << silent;

@@ -12,8 +12,8 @@ use equipoise_core::message::State;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 use serde_json::{Value, json};
 
-use crate::calibration::load_check::{Compared, Event, GROUPS, LoadCheck, LoadCheckSettings, Trial};
-use crate::cli::client::{self, Heard};
+use crate::calibration::load_check::{Comparison, Event, GROUPS, LoadCheck, LoadCheckSettings, Trial};
+use crate::cli::client::{self, StreamTimeout};
 use crate::cli::{Outcome, StationArgument, run};
 use crate::state_directory::StateDirectory;
 
@@ -95,7 +95,7 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
         bail!("no worker is identified on station {station}: run `equipoise identify start` first");
     }
     let mut states = bus.subscriber::<State>(1024)?;
-    let mut heard = Heard::new("the daemon", station);
+    let mut timeout = StreamTimeout::new("the daemon", station);
     let mut check = LoadCheck::new(LoadCheckSettings {
         mass_kg: arguments.mass_kg,
         gravity_m_per_s2: arguments.gravity,
@@ -103,12 +103,12 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
         at_m: arguments.at.clone(),
     });
     eprintln!("stand on the plate with empty hands …");
-    let begun = Instant::now();
+    let started = Instant::now();
     while !check.is_done() {
         if stop.load(Ordering::Relaxed) {
             bail!("stopped");
         }
-        if begun.elapsed().as_secs_f64() > arguments.within {
+        if started.elapsed().as_secs_f64() > arguments.within {
             bail!(
                 "stopped after {} s with {} of {} trials measured",
                 arguments.within,
@@ -117,7 +117,7 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
             );
         }
         while let Some(state) = states.receive()? {
-            heard.now();
+            timeout.reset();
             match check.ingest(&state) {
                 Some(Event::Ready(index)) => {
                     let [x, y] = arguments.at[index];
@@ -133,7 +133,7 @@ fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
                 None => {}
             }
         }
-        heard.check()?;
+        timeout.check()?;
         std::thread::sleep(Duration::from_millis(5));
     }
     Ok(check.trials().to_vec())
@@ -144,7 +144,7 @@ fn mass_sigmas(mass_kg: f64, trial: &Trial) -> f64 {
 }
 
 fn worst_sigmas(mass_kg: f64, trials: &[Trial]) -> f64 {
-    let torques = trials.iter().flat_map(|trial| trial.groups.iter().flatten().map(Compared::sigmas));
+    let torques = trials.iter().flat_map(|trial| trial.groups.iter().flatten().map(Comparison::sigmas));
     let masses = trials.iter().map(|trial| mass_sigmas(mass_kg, trial));
     // 0/0 is not an agreement.
     let size = |sigmas: f64| if sigmas.is_nan() { f64::INFINITY } else { sigmas.abs() };
@@ -167,8 +167,8 @@ fn text(mass_kg: f64, trials: &[Trial]) -> String {
     };
     for trial in trials {
         line(trial.at_m, "mass, kg", [mass_kg, trial.mass_kg, trial.mass_sigma_kg]);
-        for (group, compared) in GROUPS.iter().zip(&trial.groups) {
-            if let Some(Compared { expected_nm, published_nm, sigma_nm }) = *compared {
+        for (group, comparison) in GROUPS.iter().zip(&trial.groups) {
+            if let Some(Comparison { expected_nm, published_nm, sigma_nm }) = *comparison {
                 line(trial.at_m, &format!("{}, N m", group.name), [expected_nm, published_nm, sigma_nm]);
             }
         }
@@ -184,11 +184,11 @@ fn json(arguments: &Arguments, trials: &[Trial]) -> Value {
             let groups: serde_json::Map<String, Value> = GROUPS
                 .iter()
                 .zip(&trial.groups)
-                .filter_map(|(group, compared)| {
-                    let compared = (*compared)?;
+                .filter_map(|(group, comparison)| {
+                    let comparison = (*comparison)?;
                     let value = json!({
-                        "expected_nm": compared.expected_nm, "published_nm": compared.published_nm,
-                        "sigma_nm": compared.sigma_nm, "error_nm": compared.error_nm(),
+                        "expected_nm": comparison.expected_nm, "published_nm": comparison.published_nm,
+                        "sigma_nm": comparison.sigma_nm, "error_nm": comparison.error_nm(),
                     });
                     Some((group.name.to_owned(), value))
                 })

@@ -29,7 +29,7 @@ pub(super) fn geometry_of(
     if at_m.is_empty() {
         return Ok(None);
     }
-    let config = client::configuration_in_force(station)?;
+    let config = client::active_configuration_of(station)?;
     client::own_ground(&config, "[ground.frame]")?;
     let frame = config.ground.settings().frame;
     let (sine, cosine) = frame.yaw_rad.sin_cos();
@@ -80,8 +80,8 @@ impl MassResult {
             write_geometry(&mut text, geometry);
         }
         let worst = self.worst_percent();
-        let word = if worst.abs() <= self.tolerance_percent { "within" } else { "beyond" };
-        let _ = writeln!(text, "{worst:+.2} % at most: {word} {} %", self.tolerance_percent);
+        let verdict = if worst.abs() <= self.tolerance_percent { "within" } else { "beyond" };
+        let _ = writeln!(text, "{worst:+.2} % at most: {verdict} {} %", self.tolerance_percent);
         text
     }
 
@@ -111,30 +111,30 @@ impl MassResult {
 }
 
 fn write_geometry(text: &mut String, found: &Geometry) {
-    let line = |text: &mut String, what: &str, known: Known, scale: f64, unit: &str| {
-        let shown = known.value.abs() > 2.0 * known.sigma;
-        let word = if shown { "" } else { "   (nothing to see)" };
+    let line = |text: &mut String, what: &str, estimate: Known, scale: f64, unit: &str| {
+        let is_significant = estimate.value.abs() > 2.0 * estimate.sigma;
+        let verdict = if is_significant { "" } else { "   (nothing to see)" };
         let _ = writeln!(
             text,
-            "{what:<26} {:>+7.2} ± {:.2} {unit}{word}",
-            scale * known.value,
-            scale * known.sigma
+            "{what:<26} {:>+7.2} ± {:.2} {unit}{verdict}",
+            scale * estimate.value,
+            scale * estimate.sigma
         );
     };
     line(text, "distances along x are off", found.scale_x, 100.0, "%");
     line(text, "distances along y are off", found.scale_y, 100.0, "%");
     line(text, "the axes are turned by", found.turned_rad, 1f64.to_degrees(), "°");
-    for (axis, known) in ["x", "y"].iter().zip(found.origin_m) {
-        line(text, &format!("the origin is off in {axis}"), known, 1e3, "mm");
+    for (axis, estimate) in ["x", "y"].iter().zip(found.origin_m) {
+        line(text, &format!("the origin is off in {axis}"), estimate, 1e3, "mm");
     }
 }
 
 fn geometry_json(found: &Geometry) -> Value {
-    let known = |known: Known| json!({ "value": known.value, "sigma": known.sigma });
+    let estimate = |estimate: Known| json!({ "value": estimate.value, "sigma": estimate.sigma });
     json!({
-        "scale_x": known(found.scale_x), "scale_y": known(found.scale_y),
-        "turned_rad": known(found.turned_rad),
-        "origin_x_m": known(found.origin_m[0]), "origin_y_m": known(found.origin_m[1]),
+        "scale_x": estimate(found.scale_x), "scale_y": estimate(found.scale_y),
+        "turned_rad": estimate(found.turned_rad),
+        "origin_x_m": estimate(found.origin_m[0]), "origin_y_m": estimate(found.origin_m[1]),
         "left_m": found.left_m,
     })
 }
@@ -161,13 +161,13 @@ impl Rod {
             1e3 * sigma_m[2],
             blocks as f64 / 10.0
         );
-        let (off_mm, sigma_mm) = (1e3 * self.higher_m(), 1e3 * sigma_m[2]);
-        let _ = if off_mm.abs() > 2.0 * sigma_mm {
+        let (deviation_mm, sigma_mm) = (1e3 * self.higher_m(), 1e3 * sigma_m[2]);
+        let _ = if deviation_mm.abs() > 2.0 * sigma_mm {
             writeln!(
                 text,
                 "the surface is {:.1} ± {sigma_mm:.1} mm {} than [ground.frame] says: change surface_height_m by {:+.4}",
-                off_mm.abs(),
-                if off_mm > 0.0 { "higher" } else { "lower" },
+                deviation_mm.abs(),
+                if deviation_mm > 0.0 { "higher" } else { "lower" },
                 self.higher_m()
             )
         } else {

@@ -39,14 +39,14 @@ pub(super) fn wait(stdin: &Stdin, patience: Duration) -> Pressed {
     }
     let mut bytes = [0; BYTES_AT_ONCE];
     match read(stdin, &mut bytes) {
-        Ok(count @ 1..) => meaning(bytes.get(..count).unwrap_or_default()),
+        Ok(count @ 1..) => parse_key(bytes.get(..count).unwrap_or_default()),
         Err(Errno::INTR | Errno::AGAIN) => Pressed::Nothing,
         Ok(_) | Err(_) => Pressed::Gone,
     }
 }
 
 /// Escape alone is a key; with more bytes it begins the sequence of an arrow, a function key or a mouse.
-fn meaning(bytes: &[u8]) -> Pressed {
+fn parse_key(bytes: &[u8]) -> Pressed {
     match bytes {
         [ESCAPE] => Pressed::Quit,
         [ESCAPE, ..] => Pressed::Nothing,
@@ -61,13 +61,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_have_their_meaning_and_sequences_have_none() {
+    fn keys_have_their_commands_and_sequences_have_none() {
         for quit in [&b"q"[..], b"\x03", b"\x04", b"\x1b", b"xq"] {
-            assert_eq!(meaning(quit), Pressed::Quit, "{quit:?}");
+            assert_eq!(parse_key(quit), Pressed::Quit, "{quit:?}");
         }
         for other in [&b"x"[..], b"\x1b[A", b"\x1bq", b"\r"] {
-            assert_eq!(meaning(other), Pressed::Nothing, "{other:?}");
+            assert_eq!(parse_key(other), Pressed::Nothing, "{other:?}");
         }
-        assert_eq!(meaning(b"?"), Pressed::Help);
+        assert_eq!(parse_key(b"?"), Pressed::Help);
     }
 }

@@ -14,13 +14,13 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use super::Until;
-use super::eyes::Eyes;
 use super::keys::{self, Pressed};
+use super::subscriptions::Subscriptions;
 use crate::model::suggestion;
 use crate::realtime::now_ns;
 
 /// Interval at which the screen is drawn and adapts to a new size; a key draws it immediately.
-const DRAW_EVERY: Duration = Duration::from_millis(100);
+const DRAW_INTERVAL: Duration = Duration::from_millis(100);
 /// After a signal the screen ends with its next drawing. If that takes longer than this, the terminal accepts no output
 /// (flow control, a stopped multiplexer).
 const BLOCKED_AFTER: Duration = Duration::from_secs(2);
@@ -31,20 +31,20 @@ pub(super) fn run(station: &str, until: &Until) -> anyhow::Result<()> {
     for signal in [SIGHUP, SIGQUIT] {
         signal_hook::flag::register(signal, Arc::clone(&until.stop))?;
     }
-    let mut eyes = Eyes::open(station)?;
+    let mut subscriptions = Subscriptions::open(station)?;
     // It also restores the terminal before a panic is reported.
     let mut terminal = ratatui::try_init().context("cannot draw on this terminal")?;
     end_if_blocked()?;
-    let shown = show(&mut terminal, station, &mut eyes, until);
+    let result = draw_until(&mut terminal, station, &mut subscriptions, until);
     let restored = ratatui::try_restore();
     if restored.is_err() {
         // Dropping it would show the cursor and print that this failed: a panic where standard error is closed, too.
         std::mem::forget(terminal);
     }
-    match (shown.context("cannot draw on this terminal")?, restored) {
+    match (result.context("cannot draw on this terminal")?, restored) {
         (End::TerminalGone, _) => Ok(()),
-        (End::Asked, Err(error)) if is_gone(&error) => Ok(()),
-        (End::Asked, restored) => restored.context("cannot restore the terminal: type `reset`"),
+        (End::Requested, Err(error)) if is_terminal_gone(&error) => Ok(()),
+        (End::Requested, restored) => restored.context("cannot restore the terminal: type `reset`"),
     }
 }
 
@@ -64,55 +64,61 @@ fn end_if_blocked() -> io::Result<()> {
 
 /// Why the screen ended.
 enum End {
-    Asked,
+    Requested,
     TerminalGone,
 }
 
-fn show(terminal: &mut DefaultTerminal, station: &str, eyes: &mut Eyes, until: &Until) -> io::Result<End> {
+fn draw_until(
+    terminal: &mut DefaultTerminal,
+    station: &str,
+    subscriptions: &mut Subscriptions,
+    until: &Until,
+) -> io::Result<End> {
     let stdin = io::stdin();
     let mut help = false;
     let mut banner = Banner::default();
     while !until.is_over() {
-        eyes.look();
-        let state = eyes.state();
-        let (pose, sensors) = (state.and_then(|state| suggestion(state, eyes.ask.as_ref())), eyes.sensors());
+        subscriptions.update();
+        let state = subscriptions.state();
+        let (pose, sensors) =
+            (state.and_then(|state| suggestion(state, subscriptions.ask.as_ref())), subscriptions.sensors());
         let headline = state.map(|state| banner.update(state, pose.as_deref()));
         let watch = Watch {
             station,
-            subject: &eyes.subject,
+            subject: &subscriptions.subject,
             state,
-            stopped: eyes.stopped,
-            silent_s: eyes.silent_s(),
+            stopped: subscriptions.stopped,
+            silent_s: subscriptions.silent_s(),
             headline,
             pose: pose.as_deref(),
             sensors: &sensors,
-            incidents: eyes.incidents.as_ref(),
-            latency: eyes.latency.as_ref(),
+            incidents: subscriptions.incidents.as_ref(),
+            latency: subscriptions.latency.as_ref(),
             now_ns: now_ns(),
             help,
         };
         match terminal.draw(|frame| draw(frame, &watch)) {
             Ok(_) => {}
-            Err(error) if is_gone(&error) => return Ok(End::TerminalGone),
+            Err(error) if is_terminal_gone(&error) => return Ok(End::TerminalGone),
             Err(error) => return Err(error),
         }
         let drawn = Instant::now();
-        while let Some(left) = DRAW_EVERY.checked_sub(drawn.elapsed()).filter(|_| !until.is_over()) {
-            match keys::wait(&stdin, left) {
+        while let Some(remaining) = DRAW_INTERVAL.checked_sub(drawn.elapsed()).filter(|_| !until.is_over()) {
+            match keys::wait(&stdin, remaining) {
                 Pressed::Nothing => {}
                 Pressed::Help => {
                     help = !help;
                     break;
                 }
-                Pressed::Quit => return Ok(End::Asked),
+                Pressed::Quit => return Ok(End::Requested),
                 Pressed::Gone => return Ok(End::TerminalGone),
             }
         }
     }
-    Ok(End::Asked)
+    Ok(End::Requested)
 }
 
 /// Writing to a terminal that was closed fails with EIO.
-fn is_gone(error: &io::Error) -> bool {
+fn is_terminal_gone(error: &io::Error) -> bool {
     Errno::from_io_error(error) == Some(Errno::IO)
 }

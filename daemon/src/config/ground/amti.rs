@@ -1,4 +1,4 @@
-//! `[ground.amti]`: AMTI plates with a serial line.
+//! `[ground.amti]`: AMTI plates with a serial port.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, METRE_PER_INCH, NEWTON_PER_LBF, Rate};
@@ -7,12 +7,12 @@ use equipoise_adapters::wire::amti::{CHANNELS, SPEED_SLOW};
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{SUMMANDS, is_summand};
-use super::serial::{self, Usual};
+use super::serial::{self, SerialDefaults};
 use super::{Axes, GroundConfig};
 use crate::config::method::Checked;
 
-/// A plate is spoken to at this speed, whatever rate it is to have.
-const USUAL: Usual = Usual { baud: SPEED_SLOW, flow: Flow::Free };
+/// Initial baud rate, independent of the sampling rate.
+const DEFAULTS: SerialDefaults = SerialDefaults { baud: SPEED_SLOW, flow: Flow::Free };
 /// Rows of the matrix: Fx, Fy, Fz, Mx, My, Mz.
 const ROWS: usize = 6;
 
@@ -20,17 +20,17 @@ const ROWS: usize = 6;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AmtiConfig {
-    /// Frames a second: 50, 100 or 200.
+    /// Frames per second: 50, 100 or 200.
     #[serde(default = "slowest")]
     pub rate_hz: u32,
-    /// The plate's own calibration, from its sheet: six rows (Fx, Fy, Fz, Mx, My, Mz) of twelve numbers, by which counts
-    /// become forces and moments.
+    /// Calibration matrix of the plate's sheet: six rows (Fx, Fy, Fz, Mx, My, Mz) of twelve numbers, which convert
+    /// counts to forces and moments.
     pub matrix: Vec<Vec<f64>>,
-    /// In which unit the matrix gives forces.
+    /// Unit of the matrix's forces.
     pub force_unit: ForceUnit,
-    /// In which unit it gives moments.
+    /// Unit of the matrix's moments.
     pub moment_unit: MomentUnit,
-    /// Use the load at the daemon's start as zero. The plate must be empty then.
+    /// Use the load at the daemon's start as zero. The plate must be empty at that time.
     #[serde(default)]
     pub auto_zero: bool,
 }
@@ -101,7 +101,7 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    serial::line(ground, USUAL)
+    serial::line(ground, DEFAULTS)
 }
 
 pub(super) fn check(ground: &GroundConfig) -> Checked {
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plate_with_its_sheet_is_taken_and_written_back() {
+    fn a_plate_with_its_calibration_sheet_round_trips() {
         let config = Config::parse(&plate(), "c.toml").unwrap();
         assert!(config.ground.device().unwrap().is_some() && config.ground.transport().unwrap().is_some());
         assert_eq!(config.ground.place(), "ground.serial.port = /dev/serial/by-id/plate");
@@ -183,36 +183,39 @@ mod tests {
     }
 
     #[test]
-    fn what_a_sheet_must_say_is_asked_for_by_key_and_line() {
-        let said = refusal(&plate().replace("force_unit = \"lbf\"\n", ""));
-        assert!(said.contains("missing field `force_unit`"), "{said}");
-        let said = refusal(&plate().replace("\"lbf\"", "\"kgf\""));
-        assert!(said.contains("line 15") && said.contains("`kgf` is not known"), "{said}");
-        let said = refusal(&plate().replace("rate_hz = 100", "rate_hz = 60"));
-        assert!(said.starts_with("c.toml, line 14: ground.amti.rate_hz: 60 is not 50, 100 or 200"), "{said}");
-        let said = refusal(&plate().replace("16.5],", "],"));
-        assert!(said.contains("line 17: ground.amti.matrix: six rows of twelve"), "{said}");
-        assert!(said.contains("rows of 12, 12, 12, 12, 12, 11"), "{said}");
+    fn missing_calibration_values_are_reported_by_key_and_line() {
+        let message = refusal(&plate().replace("force_unit = \"lbf\"\n", ""));
+        assert!(message.contains("missing field `force_unit`"), "{message}");
+        let message = refusal(&plate().replace("\"lbf\"", "\"kgf\""));
+        assert!(message.contains("line 15") && message.contains("`kgf` is not known"), "{message}");
+        let message = refusal(&plate().replace("rate_hz = 100", "rate_hz = 60"));
+        assert!(
+            message.starts_with("c.toml, line 14: ground.amti.rate_hz: 60 is not 50, 100 or 200"),
+            "{message}"
+        );
+        let message = refusal(&plate().replace("16.5],", "],"));
+        assert!(message.contains("line 17: ground.amti.matrix: six rows of twelve"), "{message}");
+        assert!(message.contains("rows of 12, 12, 12, 12, 12, 11"), "{message}");
         let zeros = format!("[{}]", ["0.0"; 12].join(", "));
         let row = plate().lines().nth(19).unwrap().trim().trim_end_matches(',').to_owned();
         assert!(refusal(&plate().replace(&row, &zeros)).contains("the row of Fz is all zeros"));
     }
 
     #[test]
-    fn the_axes_of_a_plate_are_not_guessed() {
-        let said = refusal(&plate().replace("axes = \"z-down\"", ""));
-        assert!(said.contains("ground.frame.axes: must be \"z-down\" for an AMTI plate"), "{said}");
+    fn the_axes_of_a_plate_are_required() {
+        let message = refusal(&plate().replace("axes = \"z-down\"", ""));
+        assert!(message.contains("ground.frame.axes: must be \"z-down\" for an AMTI plate"), "{message}");
     }
 
     #[test]
-    fn a_line_is_needed_and_its_speed_is_the_plates_affair() {
-        let said = refusal(&plate().replace("[ground.serial]\nport = \"/dev/serial/by-id/plate\"\n", ""));
-        assert!(said.contains("ground.serial: must be given for a device on a serial line"), "{said}");
-        let said = refusal(&plate().replace("\"/dev/serial/by-id/plate\"", "\"COM3\""));
-        assert!(said.starts_with("c.toml, line 12: ground.serial.port: COM3 is no path"), "{said}");
-        let said = refusal(&plate().replace("by-id/plate\"\n", "by-id/plate\"\nbaud = 115200\n"));
-        assert!(said.starts_with("c.toml, line 13: ground.serial.baud: AMTI plates"), "{said}");
-        let said = refusal(&plate().replace("port =", "prot ="));
-        assert!(said.contains("line 12: `prot` is not known; did you mean `port`?"), "{said}");
+    fn a_serial_line_is_required_and_its_speed_is_optional() {
+        let message = refusal(&plate().replace("[ground.serial]\nport = \"/dev/serial/by-id/plate\"\n", ""));
+        assert!(message.contains("ground.serial: must be given for a device on a serial line"), "{message}");
+        let message = refusal(&plate().replace("\"/dev/serial/by-id/plate\"", "\"COM3\""));
+        assert!(message.starts_with("c.toml, line 12: ground.serial.port: COM3 is no path"), "{message}");
+        let message = refusal(&plate().replace("by-id/plate\"\n", "by-id/plate\"\nbaud = 115200\n"));
+        assert!(message.starts_with("c.toml, line 13: ground.serial.baud: AMTI plates"), "{message}");
+        let message = refusal(&plate().replace("port =", "prot ="));
+        assert!(message.contains("line 12: `prot` is not known; did you mean `port`?"), "{message}");
     }
 }

@@ -1,4 +1,4 @@
-//! ATI Net F/T and Axia: keys of `[ground]` itself, and `[ground.ati]`.
+//! ATI Net F/T and Axia: keys of `[ground]` and `[ground.ati]`.
 
 use std::net::SocketAddr;
 
@@ -15,11 +15,11 @@ use crate::config::method::{Checked, between};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct AtiConfig {
-    /// Which family, which decides how it is asked to start.
+    /// Device family, which determines the start request.
     pub model: Model,
-    /// Whether its page of settings is read and compared with what is configured here.
+    /// Whether the device's settings page is read and compared with the configuration.
     pub page: bool,
-    /// The port of its web pages.
+    /// The port of the device's web pages.
     pub page_port: u16,
 }
 
@@ -29,7 +29,7 @@ impl Default for AtiConfig {
     }
 }
 
-/// Families of devices.
+/// Device families.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Model {
@@ -44,12 +44,12 @@ fn section(ground: &GroundConfig) -> AtiConfig {
     ground.ati.clone().unwrap_or_default()
 }
 
-/// The device's address; its usual port on this PC where none is given.
+/// The device's address; by default the standard port on this PC.
 pub fn address(ground: &GroundConfig) -> SocketAddr {
     ground.address.unwrap_or(SocketAddr::from(([127, 0, 0, 1], DEFAULT_PORT)))
 }
 
-/// Who reads its records.
+/// The decoder of its records.
 pub fn device(ground: &GroundConfig) -> Box<dyn GroundDevice> {
     Box::new(AtiRdt::new(RdtSettings {
         counts_per_newton: ground.counts_per_newton,
@@ -71,13 +71,12 @@ pub(super) fn transport(ground: &GroundConfig) -> Box<dyn Transport> {
     Box::new(NetFtLine::new(settings, "ground.address"))
 }
 
-/// Whether it can be read without its page: live it may have one, a capture has none.
+/// Whether the scale is configured, so that the device can be read without its settings page, as in a capture.
 pub fn are_counts_given(ground: &GroundConfig) -> bool {
     ground.counts_per_newton.is_some() && ground.counts_per_newton_metre.is_some()
 }
 
-/// Counts per N or N m. With fewer a step of one count is more than a newton; with more, the 32 bits of a reading end at
-/// 2.1 N.
+/// Counts per N or N m. Below, one count exceeds a newton; above, the 32 bits of a reading end at 2.1 N.
 const COUNTS_MIN: f64 = 1.0;
 const COUNTS_MAX: f64 = 1e9;
 

@@ -1,4 +1,4 @@
-//! `[ground.binary]`: the form of binary frames.
+//! `[ground.binary]`: format of binary frames.
 
 mod build;
 
@@ -9,76 +9,76 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::numbers::{Hex, LengthConfig, ModulusConfig, TimeUnit};
-use super::way::{self, Over};
-use super::{GroundConfig, Mistake};
+use super::transport::{self, Over};
+use super::{DescriptionError, GroundConfig};
 use build::settings;
 
 /// `[ground.binary]`
 ///
-/// Places are counted in bytes from the frame's first one, which is 0; below zero from its end.
+/// Offsets are in bytes from the start of the frame, negative ones from its end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BinaryConfig {
-    /// What the frames come over. A datagram is whole frames and nothing else; elsewhere they are found in a stream.
+    /// Transport of the frames. A datagram contains complete frames only; otherwise frames are searched in a stream.
     pub over: Over,
-    /// In which order the bytes of its numbers stand.
+    /// Byte order of its numbers.
     pub endian: EndianConfig,
-    /// What every frame begins with, in hexadecimal digits; nothing by default.
+    /// First bytes of every frame, in hexadecimal digits; none by default.
     #[serde(default, skip_serializing_if = "Hex::is_empty")]
     pub sync: Hex,
-    /// Bytes of a frame, or the number in the frame that contains them.
+    /// Length of a frame in bytes, or the number in the frame that contains it.
     pub length: LengthConfig<NumberType>,
-    /// Numbers that must have certain values, or there is no frame.
+    /// Numbers with fixed values that identify a frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tags: Vec<Spanned<TagConfig>>,
-    /// The number that says which sound frames are read; others are passed over. All by default.
+    /// The number that selects the valid frames to read; others are ignored. All by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub kind: Option<TagConfig>,
-    /// Its checksum.
+    /// Checksum of a frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crc: Option<CrcConfig>,
-    /// The numbers that are read.
+    /// The numbers to read.
     pub fields: Vec<Spanned<FieldConfig>>,
-    /// Several readings in one frame.
+    /// Several samples in one frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scans: Option<ScansConfig>,
-    /// What counts the frames.
+    /// Counter of frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequence: Option<CountConfig>,
-    /// What counts the device's measurements, sent or not.
+    /// Counter of the device's measurements, sent or not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counter: Option<CountConfig>,
     /// The device's time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<TimeConfig>,
-    /// How many frames a second a device sends that counts nothing: what is missing shows in the time, too.
+    /// Frame rate of a device without a counter; with a time, gaps are detected too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
-    /// Bits that forbid to use a sample if one is set.
+    /// Status bits, any of which invalidates a sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub status: Option<NumberConfig>,
-    /// The number that says that the device's trigger input is active.
+    /// The number that is nonzero while the device's trigger input is active.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub trigger: Option<TagConfig>,
-    /// Command that starts the device, repeated while it is silent, in hexadecimal digits.
+    /// Command that starts the device, in hexadecimal digits; repeated while it is silent.
     #[serde(default, skip_serializing_if = "Hex::is_empty")]
     pub send_on_open: Hex,
-    /// Command that is sent before the connection is closed, in hexadecimal digits.
+    /// Command sent before the connection is closed, in hexadecimal digits.
     #[serde(default, skip_serializing_if = "Hex::is_empty")]
     pub send_on_close: Hex,
 }
 
-/// In which order the bytes of a number stand.
+/// Byte order of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndianConfig {
-    /// The lowest first.
+    /// Least significant byte first.
     Little,
-    /// The highest first, as networks have it.
+    /// Most significant byte first (network byte order).
     Big,
 }
 
-/// A kind of number.
+/// Type of a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[expect(missing_docs, reason = "the names of the types say all that there is to say")]
@@ -97,33 +97,33 @@ pub enum NumberType {
     F64,
 }
 
-/// A number somewhere.
+/// A number in a frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NumberConfig {
-    /// Its first byte.
+    /// Offset of its first byte.
     pub at: i32,
-    /// What it is.
+    /// Its type.
     #[serde(rename = "type")]
     pub number: NumberType,
-    /// Which of its bits are meant; all by default.
+    /// Mask of its bits; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<u32>,
 }
 
-/// A number that must have one of some values.
+/// A number that must have one of several values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TagConfig {
-    /// Its first byte.
+    /// Offset of its first byte.
     pub at: i32,
-    /// What it is.
+    /// Its type.
     #[serde(rename = "type")]
     pub number: NumberType,
-    /// Which of its bits are meant; all by default.
+    /// Mask of its bits; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<u32>,
-    /// The values, where the bits stand.
+    /// The values, without a shift of the masked bits.
     pub is: Vec<u32>,
 }
 
@@ -133,13 +133,13 @@ pub struct TagConfig {
 pub struct CrcConfig {
     /// Its name in the RevEng catalogue; or `SUM-8`, `SUM-16`, `XOR-8`.
     pub name: String,
-    /// It is of the bytes from this one …
+    /// It covers the bytes from this one …
     pub from: i32,
-    /// … to before this one.
+    /// … up to this one, excluded.
     pub to: i32,
-    /// Where it stands.
+    /// Its offset.
     pub at: i32,
-    /// In which order its bytes stand; as the frame's by default.
+    /// Its byte order; by default that of the frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub endian: Option<EndianConfig>,
 }
@@ -148,26 +148,26 @@ pub struct CrcConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FieldConfig {
-    /// What `[ground.channels]` calls it.
+    /// Its name in `[ground.channels]`.
     pub name: String,
-    /// Its first byte.
+    /// Offset of its first byte.
     pub at: i32,
-    /// What it is.
+    /// Its type.
     #[serde(rename = "type")]
     pub number: NumberType,
-    /// Which of its bits are meant; all by default.
+    /// Mask of its bits; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<u32>,
-    /// In which order its bytes stand; as the frame's by default.
+    /// Its byte order; by default that of the frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub endian: Option<EndianConfig>,
     /// The channel is `scale × number ÷ per + offset`.
     #[serde(default = "super::numbers::one")]
     pub scale: f64,
-    /// How many of the number one of the channel's unit is: counts per newton.
+    /// Number per unit of the channel, such as counts per newton.
     #[serde(default = "super::numbers::one")]
     pub per: f64,
-    /// In the channel's unit.
+    /// Offset in the channel's unit.
     #[serde(default)]
     pub offset: f64,
 }
@@ -176,25 +176,25 @@ pub struct FieldConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ScansConfig {
-    /// How many readings a frame holds.
+    /// Number of samples in a frame.
     pub count: usize,
-    /// The numbers of each stand so many bytes after those of the one before.
+    /// Distance between the samples in bytes.
     pub bytes: usize,
 }
 
-/// A number that counts.
+/// A counter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CountConfig {
-    /// Its first byte.
+    /// Offset of its first byte.
     pub at: i32,
-    /// What it is.
+    /// Its type.
     #[serde(rename = "type")]
     pub number: NumberType,
-    /// Which of its bits are meant; all by default.
+    /// Mask of its bits; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mask: Option<u32>,
-    /// Where it starts again at zero; where its bits do by default.
+    /// Value at which it wraps to zero; by default that of its bits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modulus: Option<ModulusConfig>,
 }
@@ -203,36 +203,37 @@ pub struct CountConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimeConfig {
-    /// Its first byte.
+    /// Offset of its first byte.
     pub at: i32,
-    /// What it is.
+    /// Its type.
     #[serde(rename = "type")]
     pub number: NumberType,
     /// Its unit.
     pub unit: TimeUnit,
 }
 
-fn section(ground: &GroundConfig) -> Result<&BinaryConfig, Mistake> {
+fn section(ground: &GroundConfig) -> Result<&BinaryConfig, DescriptionError> {
     ground.binary.as_ref().ok_or_else(|| {
         let what =
             "must be given: [ground.binary] with over, endian, length and fields says what frames look like";
-        Mistake::new("ground.binary", what)
+        DescriptionError::new("ground.binary", what)
     })
 }
 
-pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
+pub(super) fn check(ground: &GroundConfig) -> Result<(), DescriptionError> {
     let config = section(ground)?;
-    way::check(ground, config.over)?;
+    transport::check(ground, config.over)?;
     let has_commands = !config.send_on_open.is_empty() || !config.send_on_close.is_empty();
     let key = if config.send_on_open.is_empty() { "send_on_close" } else { "send_on_open" };
     match config.over {
-        Over::Udp if has_commands && ground.address.is_none() => Err(Mistake::new(
+        Over::Udp if has_commands && ground.address.is_none() => Err(DescriptionError::new(
             format!("ground.binary.{key}"),
             "a device that receives commands has an address: ground.address",
         )),
-        Over::File if has_commands => {
-            Err(Mistake::new(format!("ground.binary.{key}"), "a file takes no commands; leave it out"))
-        }
+        Over::File if has_commands => Err(DescriptionError::new(
+            format!("ground.binary.{key}"),
+            "a file takes no commands; leave it out",
+        )),
         _ => settings(ground).map(drop),
     }
 }
@@ -242,5 +243,5 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    way::transport(ground, section(ground)?.over)
+    transport::transport(ground, section(ground)?.over)
 }

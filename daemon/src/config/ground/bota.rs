@@ -1,4 +1,4 @@
-//! `[ground.bota]`: Bota's and Rokubi's sensors over a serial line.
+//! `[ground.bota]`: sensors of Bota and Rokubi over a serial port.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::bota::{Bota, BotaSettings};
@@ -7,18 +7,18 @@ use equipoise_adapters::wire::bota::{FRAME_SIZE, RATE_TIMES_SINC_HZ, SPEED, SPEE
 use serde::{Deserialize, Serialize};
 
 use super::GroundConfig;
-use super::serial::{self, Usual};
+use super::serial::{self, SerialDefaults};
 use crate::config::method::{Checked, between};
 
-const USUAL: Usual = Usual { baud: SPEED, flow: Flow::Free };
+const DEFAULTS: SerialDefaults = SerialDefaults { baud: SPEED, flow: Flow::Free };
 /// Start, eight bits, stop.
 const BITS_PER_BYTE: u32 = 10;
 
-/// `[ground.bota]`: without it, and without its keys, the sensor is only listened to.
+/// `[ground.bota]`: without keys, the sensor's settings are not changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BotaConfig {
-    /// Length of the sensor's filter, to be set up at each start; it then sends 51200 / sinc frames a second.
+    /// Length of the sensor's filter, set at each start; the sensor then sends 51200 / sinc frames per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sinc: Option<u32>,
 }
@@ -28,19 +28,19 @@ fn sinc(ground: &GroundConfig) -> Option<u32> {
 }
 
 pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, SourceError> {
-    Ok(Box::new(Bota::new(BotaSettings { baud: serial::baud(ground, USUAL), sinc: sinc(ground) })))
+    Ok(Box::new(Bota::new(BotaSettings { baud: serial::baud(ground, DEFAULTS), sinc: sinc(ground) })))
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    serial::line(ground, USUAL)
+    serial::line(ground, DEFAULTS)
 }
 
 pub(super) fn check(ground: &GroundConfig) -> Checked {
     serial::check(ground)?;
-    let baud = serial::baud(ground, USUAL);
+    let baud = serial::baud(ground, DEFAULTS);
     if !SPEEDS.contains(&baud) {
-        let known: Vec<String> = SPEEDS.iter().map(u32::to_string).collect();
-        return Err(("ground.serial.baud", format!("a Bota sensor has {}, not {baud}", known.join(", "))));
+        let valid: Vec<String> = SPEEDS.iter().map(u32::to_string).collect();
+        return Err(("ground.serial.baud", format!("a Bota sensor has {}, not {baud}", valid.join(", "))));
     }
     let Some(sinc) = sinc(ground) else { return Ok(()) };
     between("ground.bota.sinc", f64::from(sinc), 51.0, 2048.0)?;
@@ -66,23 +66,23 @@ mod tests {
     }
 
     #[test]
-    fn a_port_is_enough_and_a_filter_must_fit_the_line() {
+    fn a_port_is_sufficient_and_a_filter_must_fit_the_line() {
         let config = Config::parse(SENSOR, "c.toml").unwrap();
         assert!(config.ground.device().unwrap().is_some() && config.ground.transport().unwrap().is_some());
         let example = include_str!("../../../../examples/sensors/bota.toml");
         assert_eq!(Config::parse(example, "bota.toml").unwrap().ground.bota.unwrap().sinc, Some(256));
 
-        let said = refusal("baud = 1000000\n");
+        let message = refusal("baud = 1000000\n");
         assert!(
-            said.starts_with("c.toml, line 11: ground.serial.baud: a Bota sensor has 9600, 57600"),
-            "{said}"
+            message.starts_with("c.toml, line 11: ground.serial.baud: a Bota sensor has 9600, 57600"),
+            "{message}"
         );
-        let said = refusal("[ground.bota]\nsinc = 5\n");
+        let message = refusal("[ground.bota]\nsinc = 5\n");
         assert!(
-            said.starts_with("c.toml, line 12: ground.bota.sinc: 5 is not between 51 and 2048"),
-            "{said}"
+            message.starts_with("c.toml, line 12: ground.bota.sinc: 5 is not between 51 and 2048"),
+            "{message}"
         );
-        let said = refusal("baud = 57600\n[ground.bota]\nsinc = 100\n");
-        assert!(said.contains("100 makes 512 frames a second, and 57600 baud carry 155"), "{said}");
+        let message = refusal("baud = 57600\n[ground.bota]\nsinc = 100\n");
+        assert!(message.contains("100 makes 512 frames a second, and 57600 baud carry 155"), "{message}");
     }
 }

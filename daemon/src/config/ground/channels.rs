@@ -1,7 +1,6 @@
-//! `[ground.channels.…]`: what the numbers of a device mean, for devices whose bytes do not say it.
+//! `[ground.channels.…]`: meaning of a device's numbers, for devices with a configurable format.
 //!
-//! Exactly one of the forms below is given. Channels are called by the names that `[ground.text]` and `[ground.binary]` give
-//! them.
+//! Exactly one of the sections below is required. Channels have the names of `[ground.text]` and `[ground.binary]`.
 
 mod names;
 mod soles;
@@ -16,7 +15,7 @@ use equipoise_adapters::ground::Channels;
 use equipoise_adapters::ground::channels::{Cell, Centre, ChannelFault, Direct, EightChannels};
 use serde::{Deserialize, Serialize};
 
-use super::mistake::Mistake;
+use super::description_error::DescriptionError;
 use super::numbers::{SUMMANDS, is_summand};
 use super::{Axes, GroundConfig, Measures};
 
@@ -26,11 +25,11 @@ use super::{Axes, GroundConfig, Measures};
 pub enum ChannelsConfig {
     /// Each channel is a force or a moment.
     Wrench(WrenchConfig),
-    /// Six rows of weights make forces and moments of the channels.
+    /// Six rows of weights convert the channels to forces and moments.
     Matrix(MatrixConfig),
     /// Four three-axis sensors with eight channels, as in Kistler's plates.
     Kistler(KistlerConfig),
-    /// Load cells under a plate, each with its place.
+    /// Load cells under a plate, each with its position.
     Cells(CellsConfig),
     /// Forces and the centre of pressure.
     Centre(CentreConfig),
@@ -38,14 +37,14 @@ pub enum ChannelsConfig {
     Soles(SolesConfig),
 }
 
-/// `[ground.channels.wrench]`: channels `fx`, `fy`, `fz`, `mx`, `my`, `mz`; `fz` must be there, and what is not there is not
+/// `[ground.channels.wrench]`: channels `fx`, `fy`, `fz`, `mx`, `my`, `mz`; `fz` is required, missing ones are not
 /// measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WrenchConfig {
     /// Unit of the forces.
     pub force: ForceConfig,
-    /// Unit of the moments; without moments none.
+    /// Unit of the moments; required if there are moments.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment: Option<MomentConfig>,
 }
@@ -54,15 +53,15 @@ pub struct WrenchConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MatrixConfig {
-    /// Unit of what the first three rows make.
+    /// Unit of the results of the first three rows.
     pub force: ForceConfig,
-    /// Unit of what the other rows make.
+    /// Unit of the results of the other rows.
     pub moment: MomentConfig,
     /// The channels, one for each column of the matrix.
     pub channels: Vec<String>,
     /// Rows Fx, Fy, Fz, Mx, My, Mz.
     pub rows: [Vec<f64>; 6],
-    /// What each channel reads without load; taken off first. Zero by default.
+    /// Reading of each channel without load, which is subtracted first. Zero by default.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub zero: Vec<f64>,
 }
@@ -73,14 +72,14 @@ pub struct MatrixConfig {
 pub struct KistlerConfig {
     /// Unit of the channels.
     pub unit: KistlerUnit,
-    /// Of each channel in the order above, mV/N, where the unit is a voltage.
+    /// Sensitivity of each channel in the order above, mV/N, if the unit is a voltage.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sensitivity_mv_per_n: Option<[f64; 8]>,
     /// Distance of the sensors from the middle along x, m: `a` of the plate's sheet.
     pub a_m: f64,
-    /// And along y, m: `b` of the plate's sheet.
+    /// Distance along y, m: `b` of the plate's sheet.
     pub b_m: f64,
-    /// What each channel reads without load, in its unit. Zero by default.
+    /// Reading of each channel without load, in its unit. Zero by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub zero: Option<[f64; 8]>,
 }
@@ -93,7 +92,7 @@ pub enum KistlerUnit {
     /// Millivolts.
     #[serde(rename = "mV")]
     Millivolt,
-    /// Newtons: somebody has divided by the sensitivity already.
+    /// Newtons: already divided by the sensitivity.
     N,
 }
 
@@ -113,13 +112,13 @@ pub struct CellsConfig {
 pub struct CellConfig {
     /// Its channel.
     pub channel: String,
-    /// Where it stands, in the plate's axes, m.
+    /// Position in the plate's axes, m.
     pub x_m: f64,
     /// As above.
     pub y_m: f64,
 }
 
-/// `[ground.channels.centre]`: channels `fz`, `cop_x`, `cop_y`, and where they are measured `fx`, `fy`, `free_moment`.
+/// `[ground.channels.centre]`: channels `fz`, `cop_x`, `cop_y`, and optionally `fx`, `fy`, `free_moment`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CentreConfig {
@@ -127,17 +126,17 @@ pub struct CentreConfig {
     pub force: ForceConfig,
     /// Unit of the centre of pressure.
     pub length: LengthConfig,
-    /// Unit of the free moment, if there is one.
+    /// Unit of the free moment; required if it is a channel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment: Option<MomentConfig>,
 }
 
 const SECTION: &str = "ground.channels";
 
-/// What the channels mean, as the section says.
-pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+/// Converts the section to the adapter's channels.
+pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let Some(config) = &ground.channels else {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             SECTION,
             "must be given: [ground.channels.wrench], .matrix, .kistler, .cells, .centre or .soles says what the numbers mean",
         ));
@@ -152,24 +151,24 @@ pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<C
     }
 }
 
-fn fault(section: &'static str) -> impl Fn(ChannelFault) -> Mistake {
-    move |fault| Mistake::new(format!("{SECTION}.{section}"), fault.to_string())
+fn fault(section: &'static str) -> impl Fn(ChannelFault) -> DescriptionError {
+    move |fault| DescriptionError::new(format!("{SECTION}.{section}"), fault.to_string())
 }
 
-fn moment(config: Option<MomentConfig>, key: &str) -> Result<MomentConfig, Mistake> {
+fn moment(config: Option<MomentConfig>, key: &str) -> Result<MomentConfig, DescriptionError> {
     config.ok_or_else(|| {
-        Mistake::new(
+        DescriptionError::new(
             key,
             "must be given where moments are: \"N m\", \"N mm\", \"kN m\", \"lbf in\" or \"lbf ft\"",
         )
     })
 }
 
-fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.wrench";
     let direct = Direct {
-        force: [names.there("fx"), names.there("fy"), Some(names.find("fz", key)?)],
-        moment: ["mx", "my", "mz"].map(|name| names.there(name)),
+        force: [names.lookup("fx"), names.lookup("fy"), Some(names.find("fz", key)?)],
+        moment: ["mx", "my", "mz"].map(|name| names.lookup(name)),
     };
     let unit = match config.moment {
         None if direct.moment == [None; 3] => MomentConfig::NewtonMetre,
@@ -178,12 +177,12 @@ fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, Mist
     Channels::direct(names.count(), direct, config.force.into(), unit.into()).map_err(fault("wrench"))
 }
 
-fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.matrix.channels";
     let columns = config.channels.iter().map(|name| names.find(name, key)).collect::<Result<Vec<_>, _>>()?;
     if !config.zero.is_empty() && config.zero.len() != columns.len() {
         let what = format!("{} numbers, and there are {} channels", config.zero.len(), columns.len());
-        return Err(Mistake::new("ground.channels.matrix.zero", what));
+        return Err(DescriptionError::new("ground.channels.matrix.zero", what));
     }
     // The device lists its channels in its own order.
     let spread = |numbers: &[f64]| {
@@ -196,12 +195,12 @@ fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, Mist
     for (index, row) in config.rows.iter().enumerate() {
         if row.len() != columns.len() {
             let fault = ChannelFault::Row { row: index + 1, got: row.len(), want: columns.len() };
-            return Err(Mistake::new("ground.channels.matrix.rows", fault.to_string()));
+            return Err(DescriptionError::new("ground.channels.matrix.rows", fault.to_string()));
         }
     }
     let numbers = config.rows.iter().flatten().chain(&config.zero);
     if let Some(number) = numbers.copied().find(|number| !is_summand(*number)) {
-        return Err(Mistake::new("ground.channels.matrix", format!("{number:?} is not {SUMMANDS}")));
+        return Err(DescriptionError::new("ground.channels.matrix", format!("{number:?} is not {SUMMANDS}")));
     }
     let rows = config.rows.each_ref().map(|row| spread(row));
     let channels = Channels::matrix(&rows, &spread(&config.zero), config.force.into(), config.moment.into());
@@ -212,16 +211,16 @@ fn kistler(
     config: &KistlerConfig,
     ground: &GroundConfig,
     names: &mut Names<'_>,
-) -> Result<Channels, Mistake> {
+) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.kistler";
     if ground.frame.axes != Axes::ZDown || ground.measures != Measures::Action {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.frame.axes",
             "Kistler's plates have z down: [ground.frame] axes = \"z-down\", and measures = \"action\"",
         ));
     }
     if ground.frame.surface_height_m <= 0.0 {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.frame.surface_height_m",
             "must be given for Kistler's plates: how far the sensors lie below the surface, -az0 of the plate's sheet (0.048 \
              for az0 = -0.048), and what lies on the plate",
@@ -243,13 +242,13 @@ fn kistler(
         (KistlerUnit::V, Some(sensitivity)) => sensitivity.map(|mv_per_n| 1000.0 / mv_per_n),
         (KistlerUnit::Millivolt, Some(sensitivity)) => sensitivity.map(|mv_per_n| 1.0 / mv_per_n),
         (KistlerUnit::N, Some(_)) => {
-            return Err(Mistake::new(
+            return Err(DescriptionError::new(
                 "ground.channels.kistler.sensitivity_mv_per_n",
                 "newtons have no sensitivity; is the unit \"V\"?",
             ));
         }
         (_, None) => {
-            return Err(Mistake::new(
+            return Err(DescriptionError::new(
                 "ground.channels.kistler.sensitivity_mv_per_n",
                 "must be given for volts: eight numbers of the plate's sheet",
             ));
@@ -265,10 +264,14 @@ fn kistler(
     Channels::eight(names.count(), &eight).map_err(fault("kistler"))
 }
 
-fn cells(config: &CellsConfig, ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn cells(
+    config: &CellsConfig,
+    ground: &GroundConfig,
+    names: &mut Names<'_>,
+) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.cells.cells";
     if ground.frame.axes != Axes::ZUp || ground.measures != Measures::Reaction {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.measures",
             "must be \"reaction\" for load cells, which read positive when pressed, and ground.frame.axes \"z-up\"",
         ));
@@ -277,29 +280,38 @@ fn cells(config: &CellsConfig, ground: &GroundConfig, names: &mut Names<'_>) -> 
     for entry in &config.cells {
         let CellConfig { channel, x_m, y_m } = entry.get_ref();
         if !(x_m.abs() <= 5.0 && y_m.abs() <= 5.0) {
-            return Err(Mistake::at(entry, key, "a place is given in metres from the plate's origin"));
+            return Err(DescriptionError::at(
+                entry,
+                key,
+                "a place is given in metres from the plate's origin",
+            ));
         }
-        let channel =
-            names.find(channel, key).map_err(|mistake| Mistake { span: Some(entry.span()), ..mistake })?;
+        let channel = names
+            .find(channel, key)
+            .map_err(|error| DescriptionError { span: Some(entry.span()), ..error })?;
         found.push(Cell { channel, at_m: [*x_m, *y_m] });
     }
     Channels::cells(names.count(), &found, config.force.into()).map_err(fault("cells"))
 }
 
-fn centre(config: &CentreConfig, ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, Mistake> {
+fn centre(
+    config: &CentreConfig,
+    ground: &GroundConfig,
+    names: &mut Names<'_>,
+) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.centre";
-    let (fx, fy) = (names.there("fx"), names.there("fy"));
+    let (fx, fy) = (names.lookup("fx"), names.lookup("fy"));
     let shear = match (fx, fy) {
         (Some(fx), Some(fy)) => Some([fx, fy]),
         (None, None) => None,
         _ => {
-            return Err(Mistake::new(
+            return Err(DescriptionError::new(
                 key,
                 "fx without fy, or the other way round, says nothing; name both or neither",
             ));
         }
     };
-    let free_moment = names.there("free_moment");
+    let free_moment = names.lookup("free_moment");
     let unit = if free_moment.is_none() {
         MomentConfig::NewtonMetre
     } else {

@@ -14,24 +14,24 @@ use crate::config::method::{Checked, between};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LabAmpConfig {
-    /// Sampling rate that the device is set to, Hz. High rates have short blocks.
+    /// Sampling rate of the device, Hz. High rates have short blocks.
     #[serde(default = "usual_rate_hz")]
     pub rate_hz: u32,
-    /// Scans in a frame; the device's least at its rate by default.
+    /// Scans per frame; by default the device's minimum at its rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scans_per_frame: Option<u32>,
-    /// The mean of so many scans is one sample; as many as leave about 1000 a second by default.
+    /// Number of scans averaged to one sample; by default for about 1000 samples per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub decimate: Option<u32>,
-    /// The eight channels of a plate of Kistler.
+    /// The eight channels of a Kistler plate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub eight: Option<EightConfig>,
-    /// Channels that are force and moment themselves.
+    /// Channels of forces and moments.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direct: Option<DirectConfig>,
 }
 
-/// `[ground.labamp.eight]`: names of channels, and where the plate's sensors are.
+/// `[ground.labamp.eight]`: names of channels, positions of the plate's sensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[expect(missing_docs, reason = "the names of Kistler's eight outputs say it")]
@@ -46,7 +46,7 @@ pub struct EightConfig {
     pub fz4: String,
     /// Distance of the sensors from the plate's middle along x, m.
     pub a_m: f64,
-    /// And along y, m.
+    /// Distance along y, m.
     pub b_m: f64,
 }
 
@@ -69,16 +69,16 @@ pub struct DirectConfig {
     pub mz: Option<String>,
 }
 
-/// At 62.5 kHz a frame is gathered for 8 ms; at 1 kHz for 100 ms.
-fn usual_rate_hz() -> u32 {
+/// A frame contains 8 ms at 62.5 kHz and 100 ms at 1 kHz.
+fn default_rate_hz() -> u32 {
     62_500
 }
 
-/// Longer frames than this are no way to know of a person's balance, s.
+/// Maximum frame duration that is useful for balance, s.
 const FRAME_MAX_S: f64 = 0.5;
-/// Fewer samples a second than this are too few for a person who moves, Hz.
+/// Minimum sampling rate for motion, Hz.
 const LEAST_HZ: f64 = 50.0;
-/// More than this no part of the daemon can use, Hz.
+/// Maximum sampling rate that the daemon can use, Hz.
 const MOST_HZ: f64 = 5000.0;
 
 const NO_ADDRESS: &str = "must be given for Kistler's LabAmp: its address and port 80";
@@ -132,14 +132,14 @@ fn section(ground: &GroundConfig) -> Result<&LabAmpConfig, SourceError> {
     ground.labamp.as_ref().ok_or_else(|| SourceError::Unusable(format!("ground.labamp: {NO_SECTION}")))
 }
 
-/// For how long a frame is gathered, ns.
+/// Duration of a frame, ns.
 pub(super) fn block_ns(ground: &GroundConfig) -> u64 {
     let Some(config) = &ground.labamp else { return 0 };
     let scans = config.scans_per_frame.unwrap_or_else(|| least_scans_per_frame(config.rate_hz));
     (f64::from(scans) / f64::from(config.rate_hz.max(1)) * 1e9) as u64
 }
 
-/// Samples that the device's scans are made to, Hz; `None` where that is left to the device.
+/// Rate of samples after averaging, Hz; `None` if the device determines it.
 pub(super) fn samples_hz(ground: &GroundConfig) -> Option<f64> {
     let config = ground.labamp.as_ref()?;
     Some(f64::from(config.rate_hz) / f64::from(config.decimate?.max(1)))

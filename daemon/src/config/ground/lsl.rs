@@ -1,4 +1,4 @@
-//! `[ground.lsl]`: the lab streaming layer.
+//! `[ground.lsl]`: the Lab Streaming Layer.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::lsl::{Lsl, LslSettings};
@@ -20,7 +20,7 @@ pub struct LslConfig {
     /// The stream's type.
     #[serde(default, rename = "type", skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
-    /// What the stream calls its device.
+    /// The source id of the stream.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub source_id: Option<String>,
     /// Unit of forces, for a stream that does not state it.
@@ -29,7 +29,7 @@ pub struct LslConfig {
     /// Unit of moments, for a stream that does not state it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub moment_unit: Option<String>,
-    /// Which channels are what: by label, or by number from 1.
+    /// Channels, by label or by number from 1.
     pub channels: DirectConfig,
 }
 

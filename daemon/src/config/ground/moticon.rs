@@ -1,4 +1,4 @@
-//! `[ground.moticon]`: Moticon's insoles.
+//! `[ground.moticon]`: Moticon insoles.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::moticon::{FieldsFault, Moticon, MoticonSettings, all_fields};
@@ -6,7 +6,7 @@ use equipoise_adapters::source::{SourceError, Transport};
 use serde::{Deserialize, Serialize};
 
 use super::channels::{TowardsX, TowardsY, insole_size};
-use super::mistake::{Mistake, nearest};
+use super::description_error::{DescriptionError, nearest};
 use super::numbers::TimeUnit;
 use super::{GroundConfig, way};
 
@@ -18,16 +18,16 @@ pub struct MoticonConfig {
     pub length_m: f64,
     /// Their width, m; Moticon's size 4 has 0.089.
     pub width_m: f64,
-    /// Where the centre of pressure's x grows to.
+    /// Direction of increasing x of the centre of pressure.
     #[serde(default = "tip")]
     pub x_to: TowardsX,
-    /// Where its y grows to. No source says it, so nothing is taken for granted.
+    /// Direction of increasing y; undocumented by the manufacturer, so it has no default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub y_to: Option<TowardsY>,
-    /// What a line holds, in order, as the channels are ticked in Moticon's software; all of them by default.
+    /// Fields of a line in their order, as selected in Moticon's software; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fields: Option<Vec<toml::Spanned<String>>>,
-    /// What is called left is worn on the right foot.
+    /// Left and right are exchanged.
     #[serde(default)]
     pub swapped: bool,
     /// Unit of the first field, the time.
@@ -43,16 +43,16 @@ fn tip() -> TowardsX {
     TowardsX::Tip
 }
 
-fn settings(ground: &GroundConfig) -> Result<MoticonSettings, Mistake> {
+fn settings(ground: &GroundConfig) -> Result<MoticonSettings, DescriptionError> {
     let Some(config) = &ground.moticon else {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.moticon",
             "must be given: [ground.moticon] with length_m and width_m of the insoles, and y_to",
         ));
     };
     insole_size("ground.moticon", config.length_m, config.width_m)?;
     let Some(y_to) = config.y_to else {
-        return Err(Mistake::new(
+        return Err(DescriptionError::new(
             "ground.moticon.y_to",
             "must be given: Moticon sends the centre of pressure in coordinates that are alike for both feet, and no source says \
              to which edge y grows. Stand on the outer edges of both feet: if y grows then, y_to = \"lateral\", else \"medial\"",
@@ -73,31 +73,37 @@ fn settings(ground: &GroundConfig) -> Result<MoticonSettings, Mistake> {
     })
 }
 
-fn insoles(ground: &GroundConfig) -> Result<Moticon, Mistake> {
+fn insoles(ground: &GroundConfig) -> Result<Moticon, DescriptionError> {
     Moticon::new(&settings(ground)?).map_err(|fault| {
         let key = "ground.moticon.fields";
         let fields = || ground.moticon.iter().flat_map(|config| config.fields.iter().flatten());
         let entry = |name: &str| fields().rfind(|field| field.get_ref() == name);
         match (&fault, &fault) {
             (FieldsFault::Unknown(name), _) => {
-                let known = all_fields();
-                let what = format!("{fault}{}", nearest(name, known.iter().map(String::as_str)));
-                entry(name).map_or_else(|| Mistake::new(key, &what), |entry| Mistake::at(entry, key, &what))
+                let candidates = all_fields();
+                let what = format!("{fault}{}", nearest(name, candidates.iter().map(String::as_str)));
+                entry(name).map_or_else(
+                    || DescriptionError::new(key, &what),
+                    |entry| DescriptionError::at(entry, key, &what),
+                )
             }
             (FieldsFault::Twice(name), _) => {
                 let what = fault.to_string();
-                entry(name).map_or_else(|| Mistake::new(key, &what), |entry| Mistake::at(entry, key, &what))
+                entry(name).map_or_else(
+                    || DescriptionError::new(key, &what),
+                    |entry| DescriptionError::at(entry, key, &what),
+                )
             }
-            _ => Mistake::new(key, fault.to_string()),
+            _ => DescriptionError::new(key, fault.to_string()),
         }
     })
 }
 
-pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
+pub(super) fn check(ground: &GroundConfig) -> Result<(), DescriptionError> {
     if ground.listen.is_none() {
         let what = "must be given: the port that is typed in Moticon's software as the receiver's, for example listen = \
                     \"0.0.0.0:8888\" with allow_remote = true";
-        return Err(Mistake::new("ground.listen", what));
+        return Err(DescriptionError::new("ground.listen", what));
     }
     insoles(ground).map(drop)
 }
@@ -108,5 +114,5 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
     check(ground)?;
-    way::listening(ground)
+    transport::listening(ground)
 }

@@ -10,10 +10,10 @@ const LSL: &str = include_str!("../../../../examples/sensors/lsl.toml");
 /// The error for an example with one change; the reported position must be a line of the text.
 fn refusal(example: &str, from: &str, to: &str) -> String {
     assert!(example.contains(from), "{from}");
-    let said =
+    let message =
         Config::parse(&example.replacen(from, to, 1), "c.toml").expect_err("must be refused").to_string();
-    let (place, what) = said.split_once(": ").expect("a place");
-    assert!(place.starts_with("c.toml"), "{said}");
+    let (place, what) = message.split_once(": ").expect("a place");
+    assert!(place.starts_with("c.toml"), "{message}");
     what.to_owned()
 }
 
@@ -45,11 +45,11 @@ fn examples_are_read_with_their_defaults_switched_on_and_lead_to_a_device() {
 }
 
 #[test]
-fn a_labamp_is_set_up_as_it_can_be() {
-    let said = refusal(LABAMP, "#rate_hz = 62500", "rate_hz = 62501");
-    assert!(said.starts_with("ground.labamp.rate_hz: 62501 is none of 10, 100,"), "{said}");
-    let said = refusal(LABAMP, "#scans_per_frame = 512", "scans_per_frame = 100");
-    assert!(said.starts_with("ground.labamp.scans_per_frame: 100 is not between 512 and"), "{said}");
+fn a_labamp_is_configured_within_its_limits() {
+    let message = refusal(LABAMP, "#rate_hz = 62500", "rate_hz = 62501");
+    assert!(message.starts_with("ground.labamp.rate_hz: 62501 is none of 10, 100,"), "{message}");
+    let message = refusal(LABAMP, "#scans_per_frame = 512", "scans_per_frame = 100");
+    assert!(message.starts_with("ground.labamp.scans_per_frame: 100 is not between 512 and"), "{message}");
     assert!(
         refusal(LABAMP, "#decimate = 62", "decimate = 2").starts_with("ground.labamp.decimate: 2 is not")
     );
@@ -71,8 +71,8 @@ fn a_labamp_is_set_up_as_it_can_be() {
 
 #[test]
 fn a_controller_of_tec_gihan_has_its_rates_and_axes() {
-    let said = refusal(TEC_GIHAN, "#rate_hz = 2500", "rate_hz = 2000");
-    assert!(said.starts_with("ground.tec_gihan.rate_hz: 2000 is none of 10000, 5000, 2500,"), "{said}");
+    let message = refusal(TEC_GIHAN, "#rate_hz = 2500", "rate_hz = 2000");
+    assert!(message.starts_with("ground.tec_gihan.rate_hz: 2000 is none of 10000, 5000, 2500,"), "{message}");
     assert!(
         refusal(TEC_GIHAN, "#plate = 1", "plate = 0").starts_with("ground.tec_gihan.plate: 0 is not between")
     );
@@ -82,12 +82,12 @@ fn a_controller_of_tec_gihan_has_its_rates_and_axes() {
     );
     let (head, rest) = TEC_GIHAN.split_once("[ground.serial]").unwrap();
     let (_, rest) = rest.split_once("[ground.tec_gihan]").unwrap();
-    let said = Config::parse(&format!("{head}[ground.tec_gihan]{rest}"), "c").unwrap_err().to_string();
-    assert!(said.contains("ground.serial: must be given"), "{said}");
+    let message = Config::parse(&format!("{head}[ground.tec_gihan]{rest}"), "c").unwrap_err().to_string();
+    assert!(message.contains("ground.serial: must be given"), "{message}");
 }
 
 #[test]
-fn the_axes_of_a_track_managers_plate_are_said_and_fit() {
+fn the_axes_of_a_qtm_plate_are_required_and_consistent() {
     assert!(refusal(QTM, "coordinates = \"plate\"", "").contains("coordinates"));
     assert!(refusal(QTM, "\"plate\" ", "\"lab\" ").starts_with("ground.frame.axes: must be \"z-up\" where"));
     assert!(
@@ -104,7 +104,7 @@ fn the_axes_of_a_track_managers_plate_are_said_and_fit() {
 }
 
 #[test]
-fn a_stream_is_named_and_its_channels_too() {
+fn a_stream_and_its_channels_are_named() {
     assert!(
         refusal(LSL, "name = ", "#name = ").starts_with("ground.lsl: name, type or source_id must be given")
     );

@@ -1,4 +1,4 @@
-//! Numbers in descriptions: their names and scales, units of time, where counts wrap.
+//! Numbers in descriptions: names, scales, units of time, counter moduli.
 
 use core::fmt;
 
@@ -7,12 +7,12 @@ use serde::de::value::MapAccessDeserializer;
 use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::mistake::Mistake;
+use super::description_error::DescriptionError;
 
-/// A number that a device sends: its name alone, or a table with more.
+/// A number that a device sends: a name or a table.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NamedNumber {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// The channel is `scale × number + offset`.
     pub scale: f64,
@@ -30,10 +30,10 @@ struct Table {
     offset: f64,
 }
 
-/// From femto to peta: beyond, no prefix makes a unit of a device.
+/// From femto to peta: no device has a unit beyond.
 const FACTOR_MIN: f64 = 1e-15;
 const FACTOR_MAX: f64 = 1e15;
-/// For errors, what [`is_factor`] and [`is_summand`] take.
+/// Ranges of [`is_factor`] and [`is_summand`], for errors.
 pub(super) const FACTORS: &str = "between 1e-15 and 1e15, or the same below zero";
 /// As above.
 pub(super) const SUMMANDS: &str = "between -1e15 and 1e15";
@@ -95,7 +95,7 @@ pub enum TimeUnit {
 }
 
 impl TimeUnit {
-    /// How a number of it in a text is read.
+    /// Converts a number in a text.
     pub(super) fn in_text(self) -> Unit {
         match self {
             TimeUnit::Second => Unit::NanosecondInSeconds,
@@ -105,7 +105,7 @@ impl TimeUnit {
         }
     }
 
-    /// What one is, ns.
+    /// One unit in ns.
     pub(super) fn ns(self) -> u64 {
         match self {
             TimeUnit::Second => 1_000_000_000,
@@ -116,22 +116,22 @@ impl TimeUnit {
     }
 }
 
-/// Where a count starts again at zero; 0 for one that never does.
+/// Value at which a counter wraps to zero; 0 for never.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct ModulusConfig(pub u64);
 
 impl ModulusConfig {
-    /// Of a count that takes so many bits, at most 64.
+    /// Modulus of a counter with this number of bits, at most 64.
     pub(super) fn of_bits(bits: u32) -> u128 {
         1 << bits.clamp(1, 64)
     }
 
-    /// As the adapters take it.
-    pub(super) fn checked(self, key: &str) -> Result<u128, Mistake> {
+    /// The adapters' representation.
+    pub(super) fn checked(self, key: &str) -> Result<u128, DescriptionError> {
         match self.0 {
             0 => Ok(1 << 64),
-            1..=15 => Err(Mistake::new(
+            1..=15 => Err(DescriptionError::new(
                 key,
                 format!("a count that starts again at {} reveals no loss; leave it out", self.0),
             )),
@@ -140,12 +140,12 @@ impl ModulusConfig {
     }
 }
 
-/// Bytes in hexadecimal digits, two for each; spaces may stand between them.
+/// Bytes in hexadecimal digits, two for each, optionally separated by spaces.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Hex(Vec<u8>);
 
 impl Hex {
-    /// Whether there are none.
+    /// Whether there are no bytes.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
@@ -186,7 +186,7 @@ impl<'de> Deserialize<'de> for Hex {
     }
 }
 
-/// Bytes of a frame: a constant, or a number in the frame.
+/// Length of a frame: a constant, or a number in the frame.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum LengthConfig<Type> {
@@ -199,7 +199,7 @@ pub enum LengthConfig<Type> {
         /// Type of the number.
         #[serde(rename = "type")]
         number: Type,
-        /// Bytes of the frame that the number does not count.
+        /// Number of bytes that the number excludes.
         plus: usize,
         /// Length of the longest frame.
         most: usize,

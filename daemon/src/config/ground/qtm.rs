@@ -1,4 +1,4 @@
-//! `[ground.qtm]`: Qualisys' track manager.
+//! `[ground.qtm]`: Qualisys Track Manager.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::qtm::{Qtm, QtmSettings};
@@ -18,18 +18,18 @@ pub struct QtmConfig {
     /// The plate's number in QTM.
     #[serde(default = "one")]
     pub plate: u32,
-    /// 1: all that the plate measures; n: one force with every n-th frame of the cameras.
+    /// 1: all samples of the plate; n: one force with every n-th frame of the cameras.
     #[serde(default = "one")]
     pub divisor: u32,
 }
 
-/// Whose axes.
+/// Frame of the forces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coordinates {
-    /// The plate's own, z down.
+    /// The plate's axes, z down.
     Plate,
-    /// The laboratory's, z up.
+    /// The laboratory's axes, z up.
     Lab,
 }
 
@@ -37,7 +37,7 @@ fn one() -> u32 {
     1
 }
 
-/// The most frames of a camera that make sense to leave out.
+/// Maximum useful divisor of the camera's frame rate.
 const DIVISOR_MAX: u32 = 10;
 
 fn section(ground: &GroundConfig) -> Result<&QtmConfig, SourceError> {

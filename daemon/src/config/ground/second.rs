@@ -11,7 +11,7 @@ use super::{Foot, FrameConfig, GroundConfig, GroundSourceKind};
 use crate::config::method::Checked;
 
 /// A key and its error.
-pub(in crate::config) type Wrong = (Cow<'static, str>, String);
+pub(in crate::config) type InvalidField = (Cow<'static, str>, String);
 
 impl GroundConfig {
     /// Maximum delay from a force to its sample in the loop, ns: that of the later device, plus the time that one of
@@ -59,7 +59,7 @@ impl GroundConfig {
     }
 
     /// Checks the second device and its combination with the first.
-    pub(in crate::config) fn check_second(&self) -> Result<(), Wrong> {
+    pub(in crate::config) fn check_second(&self) -> Result<(), InvalidField> {
         let Some(second) = self.second.as_deref() else {
             return match self.foot {
                 None => Ok(()),
@@ -75,7 +75,7 @@ impl GroundConfig {
             let what = "two devices are fused, no more; leave it out";
             return Err(("ground.second.second".into(), what.to_owned()));
         }
-        second.check().map_err(|(field, what)| (of_second(field).into(), of_second(&what)))?;
+        second.check().map_err(|(field, what)| (in_second(field).into(), in_second(&what)))?;
         self.check_pair(second).map_err(|(field, what)| (field.into(), what))
     }
 
@@ -110,13 +110,13 @@ impl GroundConfig {
             (Some(_), None) => return Err(("ground.foot", ONE_FOOT.to_owned())),
             (None, Some(_)) => return Err(("ground.second.foot", ONE_FOOT.to_owned())),
         }
-        let apart_m = self.settings().frame.surface_z_m() - second.settings().frame.surface_z_m();
-        if apart_m.abs() > SURFACES_AGREE_M {
+        let height_difference_m = self.settings().frame.surface_z_m() - second.settings().frame.surface_z_m();
+        if height_difference_m.abs() > SURFACES_AGREE_M {
             let what = format!(
                 "its surface is {:.0} mm {} than the first plate's; both must be one floor: see origin_m and \
                  surface_height_m of both",
-                1e3 * apart_m.abs(),
-                if apart_m > 0.0 { "lower" } else { "higher" }
+                1e3 * height_difference_m.abs(),
+                if height_difference_m > 0.0 { "lower" } else { "higher" }
             );
             return Err(("ground.second.frame", what));
         }
@@ -141,21 +141,21 @@ fn check_insoles(plate: &GroundConfig, insoles: &GroundConfig) -> Checked {
 }
 
 /// Converts a message on `ground.…` to one on `ground.second.…`.
-pub fn of_second(said: &str) -> String {
-    said.replace("ground.", "ground.second.").replace("[ground]", "[ground.second]")
+pub fn in_second(text: &str) -> String {
+    text.replace("ground.", "ground.second.").replace("[ground]", "[ground.second]")
 }
 
 /// Converts a source's error to one of the second device.
 pub fn error_of_second(error: SourceError) -> SourceError {
     match error {
         SourceError::Absent { what, remedy, error } => {
-            SourceError::Absent { what, remedy: of_second(&remedy), error }
+            SourceError::Absent { what, remedy: in_second(&remedy), error }
         }
         SourceError::Unready { what, why, remedy } => {
-            SourceError::Unready { what, why, remedy: of_second(&remedy) }
+            SourceError::Unready { what, why, remedy: in_second(&remedy) }
         }
         other if other.may_recover() => other,
-        other => SourceError::Unusable(of_second(&other.to_string())),
+        other => SourceError::Unusable(in_second(&other.to_string())),
     }
 }
 
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn two_plates_under_a_foot_each_are_taken() {
+    fn two_plates_under_one_foot_each_are_accepted() {
         let config =
             parse(&with("foot = \"right\"\nlatency_ms = 3"), &with("foot = \"left\"\nlatency_ms = 8"))
                 .unwrap();
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_ground_is_named_with_its_line() {
+    fn invalid_combinations_are_reported_with_their_line() {
         let foot = |foot: &str| with(&format!("foot = \"{foot}\""));
         let high = format!("{PLATE}[ground.second.frame]\norigin_m = [0.0, 0.0, 0.02]");
         let deep = format!("{PLATE}[ground.second.second]\n{PLATE}");
@@ -208,12 +208,12 @@ mod tests {
             (with(""), "source = \"external\"".to_owned(), "ground.second.source: with [ground.second]"),
             (with(""), with("contus = 1"), "`contus` is not known"),
         ];
-        for (first, second, said) in wrong {
+        for (first, second, text) in wrong {
             let error = parse(&first, &second).unwrap_err();
-            assert!(error.contains(said), "{said:?} is not in {error:?}");
+            assert!(error.contains(text), "{text:?} is not in {error:?}");
         }
-        let alone = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\nfoot = \"left\"\n\
+        let single = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\nfoot = \"left\"\n\
                      [subject]\nid = \"a\"\nheight_m = 1.7\n";
-        assert!(Config::parse(alone, "one").unwrap_err().to_string().contains("not the whole ground"));
+        assert!(Config::parse(single, "one").unwrap_err().to_string().contains("not the whole ground"));
     }
 }

@@ -1,4 +1,4 @@
-//! `[ground.serial]`: the line that a device hangs on.
+//! `[ground.serial]`: the serial port of a device.
 
 use std::path::PathBuf;
 
@@ -12,54 +12,54 @@ use crate::config::method::{Checked, between};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SerialConfig {
-    /// The port, for example `/dev/ttyUSB0`, or better a name under `/dev/serial/by-id/`, which stays.
+    /// The port, for example `/dev/ttyUSB0`, or better a persistent name under `/dev/serial/by-id/`.
     pub port: PathBuf,
-    /// Speed, baud; the device's usual one by default.
+    /// Speed, baud; by default the device's standard speed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub baud: Option<u32>,
-    /// Whether the wires RTS and CTS say when bytes may be sent; as the device's makers have it by default.
+    /// Whether RTS and CTS control the flow; by default the device's standard setting.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rts_cts: Option<bool>,
 }
 
-/// What a device uses where nothing is configured.
+/// Defaults of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Usual {
+pub struct SerialDefaults {
     /// Speed, baud.
     pub baud: u32,
-    /// Who says when bytes may be sent.
+    /// Flow control.
     pub flow: Flow,
 }
 
-/// The line, as configured.
+/// The configured serial port.
 ///
 /// # Errors
-/// There is no `[ground.serial]`; [`check`] says so before.
-pub fn line(ground: &GroundConfig, usual: Usual) -> Result<Box<dyn Transport>, SourceError> {
+/// `[ground.serial]` is missing; [`check`] reports it first.
+pub fn line(ground: &GroundConfig, defaults: SerialDefaults) -> Result<Box<dyn Transport>, SourceError> {
     let missing = || SourceError::Unusable(format!("ground.serial: {MISSING}"));
     let serial = ground.serial.as_ref().ok_or_else(missing)?;
     let flow = match serial.rts_cts {
         Some(true) => Flow::RtsCts,
         Some(false) => Flow::Free,
-        None => usual.flow,
+        None => defaults.flow,
     };
     Ok(Box::new(SerialLine::new(LineSettings {
         port: serial.port.clone(),
-        baud: baud(ground, usual),
+        baud: baud(ground, defaults),
         flow,
         key: "ground.serial.port",
     })))
 }
 
-/// The speed at which the line is opened, baud.
-pub fn baud(ground: &GroundConfig, usual: Usual) -> u32 {
-    ground.serial.as_ref().and_then(|serial| serial.baud).unwrap_or(usual.baud)
+/// Speed of the port, baud.
+pub fn baud(ground: &GroundConfig, defaults: SerialDefaults) -> u32 {
+    ground.serial.as_ref().and_then(|serial| serial.baud).unwrap_or(defaults.baud)
 }
 
 const MISSING: &str =
     "must be given for a device on a serial line: [ground.serial] with port = \"/dev/serial/by-id/…\"";
 
-/// For devices that cannot do without a line.
+/// Check for devices that require a serial port.
 pub fn check(ground: &GroundConfig) -> Checked {
     let Some(serial) = &ground.serial else {
         return Err(("ground.serial", MISSING.to_owned()));

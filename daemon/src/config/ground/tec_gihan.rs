@@ -1,4 +1,4 @@
-//! `[ground.tec_gihan]`: Tec Gihan's plates.
+//! `[ground.tec_gihan]`: plates of Tec Gihan.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::tec_gihan::{TecGihan, TecGihanSettings};
@@ -9,13 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::{Axes, GroundConfig, serial};
 use crate::config::method::{Checked, between};
 
-/// `[ground.tec_gihan]`; all of it may be left out.
+/// `[ground.tec_gihan]`; optional.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TecGihanConfig {
-    /// Which plate of the controller, from 1.
+    /// Number of the plate at the controller, from 1.
     pub plate: u32,
-    /// How often it measures, Hz: 10000, 5000, 2500, 1000, 500, 250, 240 or 120. It sends blocks of 100 (24 at 240 Hz, 12
+    /// Sampling rate, Hz: 10000, 5000, 2500, 1000, 500, 250, 240 or 120. Blocks contain 100 samples (24 at 240 Hz, 12
     /// at 120 Hz).
     pub rate_hz: u32,
     /// Vertical full scale.
@@ -38,12 +38,12 @@ pub enum Range {
 
 impl Default for TecGihanConfig {
     fn default() -> Self {
-        // A high rate gives short blocks: 40 ms.
+        // A high rate has short blocks: 40 ms.
         TecGihanConfig { plate: 1, rate_hz: 2500, range: Range::Kn3 }
     }
 }
 
-const USUAL: serial::Usual = serial::Usual { baud: BAUD, flow: Flow::RtsCts };
+const DEFAULTS: serial::SerialDefaults = serial::SerialDefaults { baud: BAUD, flow: Flow::RtsCts };
 
 fn rate(config: &TecGihanConfig) -> Result<Rate, String> {
     Rate::of_hz(config.rate_hz).ok_or_else(|| {
@@ -52,7 +52,7 @@ fn rate(config: &TecGihanConfig) -> Result<Rate, String> {
     })
 }
 
-/// For how long a block is gathered, ns.
+/// Duration of a block, ns.
 pub(super) fn block_ns(ground: &GroundConfig) -> u64 {
     rate(&ground.tec_gihan.clone().unwrap_or_default()).map_or(0, Rate::block_ns)
 }
@@ -77,7 +77,7 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    serial::line(ground, USUAL)
+    serial::line(ground, DEFAULTS)
 }
 
 pub(super) fn check(ground: &GroundConfig) -> Checked {

@@ -17,14 +17,14 @@ const SCANS: &str = include_str!("../../../../examples/sensors/cells-24-bit-udp.
 fn refusal(example: &str, from: &str, to: &str) -> String {
     assert!(example.contains(from), "{from}");
     let text = example.replacen(from, to, 1);
-    let said = Config::parse(&text, "c.toml").expect_err("must be refused").to_string();
-    let (place, what) = said.split_once(": ").expect("a place");
-    let line: usize = place.strip_prefix("c.toml, line ").and_then(|line| line.parse().ok()).expect(&said);
+    let message = Config::parse(&text, "c.toml").expect_err("must be refused").to_string();
+    let (place, what) = message.split_once(": ").expect("a place");
+    let line: usize = place.strip_prefix("c.toml, line ").and_then(|line| line.parse().ok()).expect(&message);
     let named = text.lines().nth(line - 1).expect("such a line");
     // The line contains the change or the named key, or is the header of the section that lacks something.
     let key = what.split(':').next().and_then(|key| key.rsplit('.').next()).unwrap_or_default();
     let changed = to.lines().any(|changed| !changed.is_empty() && named.contains(changed.trim()));
-    assert!(changed || named.starts_with('[') || named.starts_with(key), "{said}: line {line} is {named}");
+    assert!(changed || named.starts_with('[') || named.starts_with(key), "{message}: line {line} is {named}");
     what.to_owned()
 }
 
@@ -53,10 +53,13 @@ fn examples_are_read_written_and_read_again() {
 }
 
 #[test]
-fn a_udp_source_that_sends_no_request_must_listen() {
+fn a_udp_source_without_requests_must_listen() {
     let listens = TEXT.lines().find(|line| line.starts_with("listen = ")).unwrap();
-    let said = refusal(TEXT, listens, "address = \"192.168.1.20:8888\"");
-    assert!(said.starts_with("ground.address: ") && said.contains("give `listen` in its place"), "{said}");
+    let message = refusal(TEXT, listens, "address = \"192.168.1.20:8888\"");
+    assert!(
+        message.starts_with("ground.address: ") && message.contains("give `listen` in its place"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -66,16 +69,16 @@ fn sections_and_keys_of_other_sources_are_refused() {
         ("[ground.labamp]", "ground.labamp: is for source = \"kistler-labamp\""),
         ("[ground.tec_gihan]", "ground.tec_gihan: is for source = \"tec-gihan\""),
     ] {
-        let said = refusal(TEXT, "[subject]", &format!("{foreign}\n[subject]"));
-        assert!(said.starts_with(named), "{said}");
+        let message = refusal(TEXT, "[subject]", &format!("{foreign}\n[subject]"));
+        assert!(message.starts_with(named), "{message}");
     }
-    let said = refusal(TEXT, "source = \"text\"", "source = \"text\"\ncounts_per_newton = 1e6");
-    assert!(said.starts_with("ground.counts_per_newton: is for source = \"ati-rdt\""), "{said}");
+    let message = refusal(TEXT, "source = \"text\"", "source = \"text\"\ncounts_per_newton = 1e6");
+    assert!(message.starts_with("ground.counts_per_newton: is for source = \"ati-rdt\""), "{message}");
 }
 
 /// A device with sample blocks may be silent for the length of a block; that is not stale data.
 #[test]
-fn a_block_is_waited_for_and_one_that_is_too_long_is_refused() {
+fn the_latency_includes_a_block_and_long_blocks_are_refused() {
     let with = |rate_hz: u32, suit: &str, ground: &str| {
         let text = format!(
             "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n{suit}[ground]\nsource = \"tec-gihan\"\n{ground}[ground.frame]\n\
@@ -89,10 +92,10 @@ fn a_block_is_waited_for_and_one_that_is_too_long_is_refused() {
     assert_eq!(config.ground.settings().latency_ns, 0, "sample times are as they are");
     let (late, later) = ("latency_ms = 60.0\n", "latency_ms = 120.0\n");
     assert!(with(250, "", late).is_ok(), "460 ms");
-    let said = with(250, "", later).unwrap_err();
+    let message = with(250, "", later).unwrap_err();
     assert!(
-        said.contains("ground.tec_gihan.rate_hz: the streams are 520 ms apart, since it gathers"),
-        "{said}"
+        message.contains("ground.tec_gihan.rate_hz: the streams are 520 ms apart, since it gathers"),
+        "{message}"
     );
     assert!(with(250, late, later).is_ok(), "the suit is late as well");
     // The loop stores a fixed number of samples, which is 51 ms at this rate.
@@ -100,27 +103,33 @@ fn a_block_is_waited_for_and_one_that_is_too_long_is_refused() {
 }
 
 #[test]
-fn mistakes_in_a_text_form_are_named_with_key_and_line() {
-    let said = refusal(TEXT, "\"fx\", \"fy\"", "\"fx\", \"-\"");
-    assert!(said.contains("fx and fy"), "{said}");
-    let said = refusal(TEXT, "\"mx\"", "\"mx\", \"extra\"");
-    assert!(said.starts_with("ground.text.columns: [ground.channels] does not use `extra`"), "{said}");
-    let said = refusal(TEXT, "\"mx\"", "\"fx\"");
-    assert!(said.contains("`fx` is the name of two columns"), "{said}");
-    let said = refusal(TEXT, "\"mx\"", "{ name = \"mx\", scale = 0 }");
-    assert!(said.contains("`mx`: scale is 0.0 and offset 0.0; scale is between 1e-15 and 1e15"), "{said}");
-    let said = refusal(TEXT, "\"mx\"", "{ name = \"mx\", offset = 1e300 }");
-    assert!(said.contains("offset 1e300; ") && said.ends_with("offset between -1e15 and 1e15"), "{said}");
-    let said = refusal(TEXT, "\"mx\"", "{ nmae = \"mx\" }");
-    assert!(said.contains("did you mean `name`"), "{said}");
-    let said = refusal(TEXT, "column = \"count\"", "column = \"cuont\"");
+fn errors_in_a_text_format_are_reported_with_key_and_line() {
+    let message = refusal(TEXT, "\"fx\", \"fy\"", "\"fx\", \"-\"");
+    assert!(message.contains("fx and fy"), "{message}");
+    let message = refusal(TEXT, "\"mx\"", "\"mx\", \"extra\"");
+    assert!(message.starts_with("ground.text.columns: [ground.channels] does not use `extra`"), "{message}");
+    let message = refusal(TEXT, "\"mx\"", "\"fx\"");
+    assert!(message.contains("`fx` is the name of two columns"), "{message}");
+    let message = refusal(TEXT, "\"mx\"", "{ name = \"mx\", scale = 0 }");
     assert!(
-        said.starts_with("ground.text.sequence: no column is called `cuont`; did you mean `count`?"),
-        "{said}"
+        message.contains("`mx`: scale is 0.0 and offset 0.0; scale is between 1e-15 and 1e15"),
+        "{message}"
+    );
+    let message = refusal(TEXT, "\"mx\"", "{ name = \"mx\", offset = 1e300 }");
+    assert!(
+        message.contains("offset 1e300; ") && message.ends_with("offset between -1e15 and 1e15"),
+        "{message}"
+    );
+    let message = refusal(TEXT, "\"mx\"", "{ nmae = \"mx\" }");
+    assert!(message.contains("did you mean `name`"), "{message}");
+    let message = refusal(TEXT, "column = \"count\"", "column = \"cuont\"");
+    assert!(
+        message.starts_with("ground.text.sequence: no column is called `cuont`; did you mean `count`?"),
+        "{message}"
     );
     assert!(refusal(TEXT, "65536", "2").contains("reveals no loss"));
-    let said = refusal(TEXT, "\"count\"", "{ name = \"count\", scale = 0.1 }");
-    assert!(said.starts_with("ground.text.columns: a time or a count is taken as it stands"), "{said}");
+    let message = refusal(TEXT, "\"count\"", "{ name = \"count\", scale = 0.1 }");
+    assert!(message.starts_with("ground.text.columns: a time or a count is taken as it stands"), "{message}");
     assert!(refusal(TEXT, "unit = \"s\"", "unit = \"min\"").contains("did you mean"));
     assert!(
         refusal(TEXT, "delimiter = \"semicolon\"", "delimiter = \"comma\"\ndecimal = \",\"")
@@ -138,14 +147,14 @@ fn mistakes_in_a_text_form_are_named_with_key_and_line() {
 }
 
 #[test]
-fn mistakes_in_the_meaning_of_channels_are_named_with_key_and_line() {
+fn errors_in_channels_are_reported_with_key_and_line() {
     assert!(
         refusal(CELLS, "measures = \"reaction\"", "measures = \"action\"").contains("must be \"reaction\"")
     );
-    let said = refusal(CELLS, "{ channel = \"back_left\"", "{ channel = \"back_lift\"");
-    assert!(said.contains("no channel is called `back_lift`; did you mean `back_left`?"), "{said}");
-    let said = refusal(CELLS, "x_m = -0.20, y_m = -0.15", "x_m = -200, y_m = -0.15");
-    assert!(said.contains("in metres"), "{said}");
+    let message = refusal(CELLS, "{ channel = \"back_left\"", "{ channel = \"back_lift\"");
+    assert!(message.contains("no channel is called `back_lift`; did you mean `back_left`?"), "{message}");
+    let message = refusal(CELLS, "x_m = -0.20, y_m = -0.15", "x_m = -200, y_m = -0.15");
+    assert!(message.contains("in metres"), "{message}");
     assert!(refusal(KISTLER, "axes = \"z-down\"", "axes = \"z-up\"").contains("have z down"));
     assert!(refusal(KISTLER, "surface_height_m = 0.048", "surface_height_m = 0").contains("-az0"));
     assert!(refusal(KISTLER, "unit = \"V\"", "unit = \"N\"").contains("is the unit \"V\"?"));
@@ -153,8 +162,8 @@ fn mistakes_in_the_meaning_of_channels_are_named_with_key_and_line() {
     assert!(refusal(KISTLER, "\"fz4\"", "\"fz5\"").contains("no channel is called `fz4`"));
     assert!(refusal(KISTLER, "a_m = 0.12", "a_m = -0.12").contains("a and b"));
     let other = TEXT.replace("[ground.channels.wrench]", "[ground.channels.wrnch]");
-    let said = Config::parse(&other, "c.toml").unwrap_err().to_string();
-    assert!(said.contains("did you mean `wrench`?"), "{said}");
+    let message = Config::parse(&other, "c.toml").unwrap_err().to_string();
+    assert!(message.contains("did you mean `wrench`?"), "{message}");
     let none = TEXT
         .replace("[ground.channels.wrench]", "[loop]\n#")
         .replace("force = \"N\"", "")
@@ -165,14 +174,14 @@ fn mistakes_in_the_meaning_of_channels_are_named_with_key_and_line() {
 }
 
 #[test]
-fn mistakes_in_a_binary_form_are_named_with_key_and_line() {
-    let said = refusal(BOTA, "at = 23, type = \"f32\"", "at = 34, type = \"f32\"");
+fn errors_in_a_binary_format_are_reported_with_key_and_line() {
+    let message = refusal(BOTA, "at = 23, type = \"f32\"", "at = 34, type = \"f32\"");
     assert!(
-        said.starts_with("ground.binary.fields: `mz`: it stands beyond the frame, which has 37 bytes"),
-        "{said}"
+        message.starts_with("ground.binary.fields: `mz`: it stands beyond the frame, which has 37 bytes"),
+        "{message}"
     );
-    let said = refusal(BOTA, "name = \"mz\"", "name = \"temperature\"");
-    assert!(said.contains("does not use `temperature`"), "{said}");
+    let message = refusal(BOTA, "name = \"mz\"", "name = \"temperature\"");
+    assert!(message.contains("does not use `temperature`"), "{message}");
     assert!(refusal(BOTA, "name = \"mz\"", "name = \"my\"").contains("two fields have this name"));
     assert!(
         refusal(BOTA, "at = 23, type = \"f32\"", "at = 23, type = \"f32\", mask = 1")
@@ -231,12 +240,13 @@ fn mistakes_in_a_binary_form_are_named_with_key_and_line() {
 #[test]
 fn insoles_need_their_size_and_their_sides() {
     assert!(refusal(MOTICON, "length_m = 0.2486", "length_m = 24.86").contains("no insole's length"));
-    let said = refusal(MOTICON, "y_to = \"medial\"", "");
-    assert!(said.starts_with("ground.moticon.y_to: must be given"), "{said}");
-    let said = refusal(MOTICON, "width_m = 0.089", "width_m = 0.089\nfields = [\"time\",\n\"left_farce\"]");
+    let message = refusal(MOTICON, "y_to = \"medial\"", "");
+    assert!(message.starts_with("ground.moticon.y_to: must be given"), "{message}");
+    let message =
+        refusal(MOTICON, "width_m = 0.089", "width_m = 0.089\nfields = [\"time\",\n\"left_farce\"]");
     assert!(
-        said.contains("`left_farce` is no field") && said.contains("did you mean `left_force`?"),
-        "{said}"
+        message.contains("`left_farce` is no field") && message.contains("did you mean `left_force`?"),
+        "{message}"
     );
     assert!(
         refusal(MOTICON, "width_m = 0.089", "width_m = 0.089\nfields = [\"time\"]")
@@ -246,15 +256,15 @@ fn insoles_need_their_size_and_their_sides() {
 
 #[test]
 fn a_section_of_another_source_is_refused() {
-    let said = refusal(MOTICON, "[ground.moticon]", "[ground.file]\npath = \"a\"\n[ground.moticon]");
-    assert!(said.starts_with("ground.file: is for source = "), "{said}");
+    let message = refusal(MOTICON, "[ground.moticon]", "[ground.file]\npath = \"a\"\n[ground.moticon]");
+    assert!(message.starts_with("ground.file: is for source = "), "{message}");
 }
 
 #[test]
 fn a_second_device_is_checked_with_its_own_keys() {
     let second = "\n[ground.second]\nsource = \"moticon-udp\"\nlisten = \"127.0.0.1:8888\"\n[ground.second.moticon]\nlength_m = 0.25\nwidth_m = 9\n";
     let text = format!("{TEXT}{second}");
-    let said = Config::parse(&text, "c.toml").unwrap_err().to_string();
-    assert!(said.contains("ground.second.moticon.width_m: 9 m is no insole's width"), "{said}");
-    assert_eq!(said.split(':').next(), Some(&*format!("c.toml, line {}", text.lines().count())));
+    let message = Config::parse(&text, "c.toml").unwrap_err().to_string();
+    assert!(message.contains("ground.second.moticon.width_m: 9 m is no insole's width"), "{message}");
+    assert_eq!(message.split(':').next(), Some(&*format!("c.toml, line {}", text.lines().count())));
 }

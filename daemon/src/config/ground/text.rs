@@ -1,4 +1,4 @@
-//! `[ground.text]`: the form of text lines.
+//! `[ground.text]`: format of text lines.
 
 use equipoise_adapters::ground::GroundDevice;
 use equipoise_adapters::ground::device::text::{
@@ -11,39 +11,39 @@ use toml::Spanned;
 
 use super::GroundConfig;
 use super::channels::{self, Names};
-use super::mistake::{Mistake, nearest};
+use super::description_error::{DescriptionError, nearest};
 use super::numbers::{FACTORS, ModulusConfig, NamedNumber, SUMMANDS, TimeUnit, is_factor, is_summand};
-use super::way::{self, BeginConfig, Over};
+use super::transport::{self, BeginConfig, Over};
 
 /// `[ground.text]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextConfig {
-    /// What the lines come over.
+    /// Transport of the lines.
     pub over: Over,
-    /// What stands between two fields.
+    /// Separator of fields.
     pub delimiter: DelimiterConfig,
-    /// What stands before the decimals.
+    /// Decimal separator.
     #[serde(default)]
     pub decimal: DecimalConfig,
-    /// A line that begins with this sign is passed over.
+    /// Lines that begin with this character are ignored.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub comment: Option<char>,
-    /// What every line begins with, before its first field; lines without it are passed over.
+    /// Prefix of every line, before its first field; lines without it are ignored.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub prefix: String,
-    /// How many lines that are not empty stand before the first one with numbers.
+    /// Number of non-empty lines before the first one with numbers.
     #[serde(default)]
     pub header_lines: u32,
-    /// A line longer than this is none.
+    /// Maximum length of a line.
     #[serde(default = "line_bytes_default")]
     pub line_bytes_max: usize,
-    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" for an unused one.
+    /// All fields of a line in their order: a name, `{ name, scale, offset }`, or "-" if unused.
     pub columns: Vec<Spanned<NamedNumber>>,
-    /// Which column is the device's time.
+    /// Column of the device's time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time: Option<TimeColumn>,
-    /// Which column counts the lines.
+    /// Column of the line counter.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sequence: Option<SequenceColumn>,
 }
@@ -64,12 +64,12 @@ pub struct TimeColumn {
 pub struct SequenceColumn {
     /// The column.
     pub column: String,
-    /// Where it starts again at zero, for example 256; never by default.
+    /// Value at which it wraps to zero, for example 256; never by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub modulus: Option<ModulusConfig>,
 }
 
-/// What stands between two fields.
+/// Separator of fields.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DelimiterConfig {
@@ -83,7 +83,7 @@ pub enum DelimiterConfig {
     Semicolon,
 }
 
-/// What stands before the decimals.
+/// Decimal separator.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DecimalConfig {
     /// A point.
@@ -101,22 +101,22 @@ fn line_bytes_default() -> usize {
 
 const NOT_READ: &str = "-";
 
-fn section(ground: &GroundConfig) -> Result<&TextConfig, Mistake> {
+fn section(ground: &GroundConfig) -> Result<&TextConfig, DescriptionError> {
     ground.text.as_ref().ok_or_else(|| {
         let what = "must be given: [ground.text] with over, delimiter and columns says what lines look like";
-        Mistake::new("ground.text", what)
+        DescriptionError::new("ground.text", what)
     })
 }
 
 impl TextConfig {
-    fn form(&self) -> Result<LineForm, Mistake> {
+    fn form(&self) -> Result<LineForm, DescriptionError> {
         if (self.delimiter, self.decimal) == (DelimiterConfig::Comma, DecimalConfig::Comma) {
             let what = "a comma cannot stand between fields and before decimals as well";
-            return Err(Mistake::new("ground.text.decimal", what));
+            return Err(DescriptionError::new("ground.text.decimal", what));
         }
         let comment = self.comment.map(u8::try_from).transpose();
         let Ok(comment) = comment else {
-            return Err(Mistake::new("ground.text.comment", "one sign of ASCII, for example \"#\""));
+            return Err(DescriptionError::new("ground.text.comment", "one sign of ASCII, for example \"#\""));
         };
         Ok(LineForm {
             delimiter: match self.delimiter {
@@ -135,35 +135,35 @@ impl TextConfig {
         })
     }
 
-    /// Which column has a name.
-    fn place(&self, name: &str, key: &str) -> Result<usize, Mistake> {
+    /// Index of the column with a name.
+    fn place(&self, name: &str, key: &str) -> Result<usize, DescriptionError> {
         self.columns.iter().position(|column| column.get_ref().name == name).ok_or_else(|| {
-            let known = self
+            let candidates = self
                 .columns
                 .iter()
                 .map(|column| column.get_ref().name.as_str())
                 .filter(|name| *name != NOT_READ);
-            Mistake::new(key, format!("no column is called `{name}`{}", nearest(name, known)))
+            DescriptionError::new(key, format!("no column is called `{name}`{}", nearest(name, candidates)))
         })
     }
 
-    /// Every name once.
-    fn check_names(&self) -> Result<(), Mistake> {
+    /// Checks that names are unique.
+    fn check_names(&self) -> Result<(), DescriptionError> {
         let key = "ground.text.columns";
         if self.columns.is_empty() || self.columns.len() > 1000 {
-            return Err(Mistake::new(key, "1 to 1000 columns: one entry for each field of a line"));
+            return Err(DescriptionError::new(key, "1 to 1000 columns: one entry for each field of a line"));
         }
         for (index, column) in self.columns.iter().enumerate() {
             let NamedNumber { name, scale, offset } = column.get_ref();
             if name.is_empty() {
-                return Err(Mistake::at(
+                return Err(DescriptionError::at(
                     column,
                     key,
                     "a column without a name; an unused one is called \"-\"",
                 ));
             }
             if !(is_factor(*scale) && is_summand(*offset)) {
-                return Err(Mistake::at(
+                return Err(DescriptionError::at(
                     column,
                     key,
                     format!(
@@ -173,20 +173,24 @@ impl TextConfig {
             }
             let before = &self.columns[..index];
             if name != NOT_READ && before.iter().any(|other| other.get_ref().name == *name) {
-                return Err(Mistake::at(column, key, format!("`{name}` is the name of two columns")));
+                return Err(DescriptionError::at(
+                    column,
+                    key,
+                    format!("`{name}` is the name of two columns"),
+                ));
             }
         }
         Ok(())
     }
 }
 
-fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
+fn settings(ground: &GroundConfig) -> Result<TextSettings, DescriptionError> {
     let config = section(ground)?;
     let form = config.form()?;
     config.check_names()?;
     if !(16..=LINE_BYTES_MAX).contains(&config.line_bytes_max) {
         let what = format!("{} is not from 16 to {LINE_BYTES_MAX}", config.line_bytes_max);
-        return Err(Mistake::new("ground.text.line_bytes_max", what));
+        return Err(DescriptionError::new("ground.text.line_bytes_max", what));
     }
     let mut time = None;
     if let Some(clock) = &config.time {
@@ -202,7 +206,7 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
         let NamedNumber { scale, offset, .. } = column.get_ref();
         if (*scale, *offset) != (1.0, 0.0) {
             let what = "a time or a count is taken as it stands: leave its scale and offset out";
-            return Err(Mistake::at(column, "ground.text.columns", what));
+            return Err(DescriptionError::at(column, "ground.text.columns", what));
         }
     }
     let is_number = |field: &usize| {
@@ -213,12 +217,12 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, Mistake> {
     let fields: Vec<usize> = (0..config.columns.len()).filter(is_number).collect();
     let names: Vec<String> =
         fields.iter().map(|field| config.columns[*field].get_ref().name.clone()).collect();
-    let mut asked = Names::new(&names);
-    let channels = channels::channels(ground, &mut asked)?;
-    if let Some(unused) = asked.unused().next() {
+    let mut lookup = Names::new(&names);
+    let channels = channels::channels(ground, &mut lookup)?;
+    if let Some(unused) = lookup.unused().next() {
         let column = &config.columns[config.place(unused, "ground.text.columns")?];
         let what = format!("[ground.channels] does not use `{unused}`; an unused column is called \"-\"");
-        return Err(Mistake::at(column, "ground.text.columns", what));
+        return Err(DescriptionError::at(column, "ground.text.columns", what));
     }
     let column = |field: usize| {
         let NamedNumber { scale, offset, .. } = config.columns[field].get_ref();
@@ -250,8 +254,8 @@ fn framing(ground: &GroundConfig, over: Over) -> Framing {
     }
 }
 
-pub(super) fn check(ground: &GroundConfig) -> Result<(), Mistake> {
-    way::check(ground, section(ground)?.over)?;
+pub(super) fn check(ground: &GroundConfig) -> Result<(), DescriptionError> {
+    transport::check(ground, section(ground)?.over)?;
     settings(ground).map(drop)
 }
 
@@ -260,5 +264,5 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    way::transport(ground, section(ground)?.over)
+    transport::transport(ground, section(ground)?.over)
 }

@@ -7,8 +7,8 @@ use equipoise_adapters::wire::mvn::DatagramType;
 use equipoise_core::message::suit::SuitBlocks;
 
 use super::super::Check;
-use super::super::suit_facts::BusWord;
-use super::{LOST_SHARE_MAX, RATE_MIN_HZ, refusals, title, when_nothing_comes};
+use super::super::suit_facts::BusObservation;
+use super::{LOST_SHARE_MAX, RATE_MIN_HZ, no_data_check, refusals, title};
 use crate::config::{Config, SuitSourceKind};
 
 /// Blocks of a sample that reveal a datagram type.
@@ -19,16 +19,18 @@ const BLOCKS: [(SuitBlocks, DatagramType); 4] = [
     (SuitBlocks::JointAngles, DatagramType::JOINT_ANGLES),
 ];
 
-pub(super) fn judge(config: &Config, word: &BusWord, time: Duration) -> Vec<Check> {
-    let mut checks = vec![samples(config, word, time)];
-    if word.samples > 0 {
+pub(super) fn evaluate(config: &Config, observation: &BusObservation, time: Duration) -> Vec<Check> {
+    let mut checks = vec![samples(config, observation, time)];
+    if observation.samples > 0 {
         for (block, kind) in BLOCKS {
-            let is_there = word.blocks & block as u32 != 0;
-            checks
-                .push(Check::ok(title(kind), if is_there { "in the samples" } else { "not in the samples" }));
+            let is_present = observation.blocks & block as u32 != 0;
+            checks.push(Check::ok(
+                title(kind),
+                if is_present { "in the samples" } else { "not in the samples" },
+            ));
         }
     }
-    if let Some(health) = word.health {
+    if let Some(health) = observation.health {
         let refused = SuitRefusal::NAMES.iter().copied().zip(health.refused);
         checks.extend(refusals(refused, health.received));
     }
@@ -39,10 +41,11 @@ pub(super) fn judge(config: &Config, word: &BusWord, time: Duration) -> Vec<Chec
     checks
 }
 
-fn samples(config: &Config, word: &BusWord, time: Duration) -> Check {
+fn samples(config: &Config, observation: &BusObservation, time: Duration) -> Check {
     const NAME: &str = "samples";
-    let Some(health) = word.health.filter(|health| health.received > 0 || word.samples > 0) else {
-        let fix = match (config.suit.source, word.health) {
+    let Some(health) = observation.health.filter(|health| health.received > 0 || observation.samples > 0)
+    else {
+        let fix = match (config.suit.source, observation.health) {
             (SuitSourceKind::External, None) => {
                 "start `equipoise adapter suit`, or the daemon that has this station in its suit.others"
                     .to_owned()
@@ -50,16 +53,16 @@ fn samples(config: &Config, word: &BusWord, time: Duration) -> Check {
             (SuitSourceKind::External, Some(_)) => {
                 "look at the adapter's own file with `equipoise doctor suit --config FILE`".to_owned()
             }
-            _ => when_nothing_comes(&config.suit),
+            _ => no_data_check(&config.suit),
         };
         return Check::fail(NAME, format!("none on the bus for {} s", time.as_secs_f64()), fix);
     };
-    let avatar = word.avatar.map(|avatar| format!(" of character {avatar}")).unwrap_or_default();
+    let avatar = observation.avatar.map(|avatar| format!(" of character {avatar}")).unwrap_or_default();
     let found = format!(
         "{:.1} a second{avatar}, by process {}; {} datagrams so far, {} samples lost",
         health.rate_hz, health.process_id, health.received, health.lost
     );
-    if word.samples == 0 {
+    if observation.samples == 0 {
         return Check::fail(
             NAME,
             format!("{found}; none now"),

@@ -10,7 +10,7 @@ use equipoise_core::message::suit::SuitBlocks;
 
 use super::super::Verdict::{self, Fail, Ok, Warn};
 use super::super::ports::Holder;
-use super::super::suit_facts::BusWord;
+use super::super::suit_facts::BusObservation;
 use super::*;
 
 const SENDER: IpAddr = IpAddr::V4(std::net::Ipv4Addr::new(192, 168, 1, 4));
@@ -35,13 +35,13 @@ fn standing() -> [SegmentPose; 23] {
 type Send<'a> = &'a dyn Fn(&Header) -> Vec<Vec<u8>>;
 
 /// Two seconds of a suit at 240 Hz that sends every fourth sample.
-fn heard(avatar: u8, send: Send<'_>) -> Survey {
+fn received(avatar: u8, send: Send<'_>) -> Survey {
     let mut survey = Survey::new(SuitSettings { check_up_axis: true, ..SuitSettings::default() });
-    hear(&mut survey, avatar, send);
+    receive(&mut survey, avatar, send);
     survey
 }
 
-fn hear(survey: &mut Survey, avatar: u8, send: Send<'_>) {
+fn receive(survey: &mut Survey, avatar: u8, send: Send<'_>) {
     for index in 0..=120u32 {
         let header = Header::new(4 * index, index * 50 / 3, avatar);
         for datagram in send(&header) {
@@ -60,12 +60,12 @@ fn pose(header: &Header) -> Vec<u8> {
     encoded(|out| pose_quaternion::encode(header, &standing(), out).unwrap())
 }
 
-fn checks_of(config: &Config, heard: Heard) -> Vec<Check> {
-    judge_suit(config, &SuitFacts { port: Port::Free, holder: None, time: TIME, heard })
+fn checks_of(config: &Config, observed: SuitObservation) -> Vec<Check> {
+    evaluate_suit(config, &SuitFacts { port: Port::Free, holder: None, time: TIME, observed })
 }
 
 fn of_survey(keys: &str, survey: Survey) -> Vec<Check> {
-    checks_of(&config(keys), Heard::AtThePort(Box::new(survey)))
+    checks_of(&config(keys), SuitObservation::AtThePort(Box::new(survey)))
 }
 
 fn check<'a>(checks: &'a [Check], name: &str) -> &'a Check {
@@ -85,10 +85,10 @@ fn fails(checks: &[Check]) -> Vec<&str> {
 }
 
 #[test]
-fn a_whole_stream_is_praised_and_what_is_not_used_may_go() {
+fn a_complete_stream_is_ok_and_unused_types_may_be_unticked() {
     let segments: Vec<NullPoseSegment<'_>> =
         (0..23).map(|_| NullPoseSegment { name: "S", origin_m: [0.0; 3] }).collect();
-    let survey = heard(0, &|header| {
+    let survey = received(0, &|header| {
         let linear = LinearKinematics {
             segment_id: 1,
             position_m: [0.0; 3],
@@ -133,15 +133,15 @@ fn a_whole_stream_is_praised_and_what_is_not_used_may_go() {
 }
 
 #[test]
-fn without_a_pose_nothing_works_and_another_type_stands_in() {
+fn without_a_pose_the_suit_fails_and_another_type_substitutes() {
     let code = |header: &Header| {
         vec![encoded(|out| time_code::encode(header, TimeCode { time_of_day_ms: 0 }, out).unwrap())]
     };
-    let checks = of_survey("", heard(0, &code));
+    let checks = of_survey("", received(0, &code));
     assert_eq!(fails(&checks), ["02 pose quaternion"]);
     assert!(fix(&checks, "02 pose quaternion").contains(POSE_LABEL));
     let unity = |header: &Header| vec![encoded(|out| unity::encode(header, &standing(), out).unwrap())];
-    let checks = of_survey("", heard(0, &unity));
+    let checks = of_survey("", received(0, &unity));
     assert_eq!(fails(&checks), [""; 0], "{checks:#?}");
     assert_eq!(verdict(&checks, "02 pose quaternion"), Warn);
     assert!(check(&checks, "05 Unity 3D").found.contains("stands in for 02"));
@@ -156,7 +156,7 @@ fn without_a_pose_nothing_works_and_another_type_stands_in() {
 const POSE_LABEL: &str = "\"Position + Orientation (Quaternion)\"";
 
 #[test]
-fn silence_foreign_senders_and_nonsense_are_distinguished() {
+fn silence_foreign_senders_and_invalid_data_are_distinguished() {
     let silent = of_survey("", Survey::new(SuitSettings::default()));
     assert_eq!(fails(&silent), ["sender"]);
     for part in [POSE_LABEL, "Port = 9763", "Protocol = UDP", "allow_remote = true", "0.0.0.0:9763"] {
@@ -177,20 +177,20 @@ fn silence_foreign_senders_and_nonsense_are_distinguished() {
     assert!(!fix(&silent, "sender").contains("switch it off and on"));
     let tcp = SuitConfig { source: crate::config::SuitSourceKind::MvnTcp, ..config("").suit };
     let tcp = Config { suit: tcp, ..config("") };
-    let tcp = checks_of(&tcp, Heard::AtThePort(Box::new(Survey::new(SuitSettings::default()))));
+    let tcp = checks_of(&tcp, SuitObservation::AtThePort(Box::new(Survey::new(SuitSettings::default()))));
     assert!(fix(&tcp, "sender").contains("switch it off and on"), "{tcp:#?}");
     assert!(check(&tcp, "suit.listen").found.starts_with("TCP "), "{tcp:#?}");
 }
 
 #[test]
 fn characters_are_reported_by_station() {
-    let whole = |header: &Header| vec![pose(header)];
+    let complete = |header: &Header| vec![pose(header)];
     let object = |header: &Header| {
         vec![encoded(|out| pose_quaternion::encode(header, &standing()[..1], out).unwrap())]
     };
-    let mut survey = heard(0, &whole);
-    hear(&mut survey, 1, &whole);
-    hear(&mut survey, 2, &object);
+    let mut survey = received(0, &complete);
+    receive(&mut survey, 1, &complete);
+    receive(&mut survey, 2, &object);
     let checks = of_survey("", survey.clone());
     assert_eq!(verdict(&checks, "characters"), Warn);
     let found = &check(&checks, "characters").found;
@@ -228,7 +228,7 @@ fn rate_loss_and_a_pause_are_reported() {
 }
 
 #[test]
-fn the_up_axis_says_which_to_choose() {
+fn the_up_axis_check_names_the_setting() {
     let y_up = |header: &Header| {
         let poses = standing().map(|pose| {
             let [forward, left, up] = pose.position_m;
@@ -236,18 +236,18 @@ fn the_up_axis_says_which_to_choose() {
         });
         vec![encoded(|out| pose_quaternion::encode(header, &poses, out).unwrap())]
     };
-    let wrong = of_survey("", heard(0, &y_up));
+    let wrong = of_survey("", received(0, &y_up));
     assert!(fails(&wrong) == ["up axis"] && fix(&wrong, "up axis").contains("suit.up = \"y\""));
     assert!(fix(&wrong, "refused").contains("up axis"));
     let mut survey = Survey::new(SuitSettings { up: Up::Y.axis(), ..SuitSettings::default() });
-    hear(&mut survey, 0, &y_up);
+    receive(&mut survey, 0, &y_up);
     assert_eq!(verdict(&of_survey("up = \"y\"", survey), "up axis"), Ok);
-    let z_up = of_survey("up = \"y\"", heard(0, &|header| vec![pose(header)]));
+    let z_up = of_survey("up = \"y\"", received(0, &|header| vec![pose(header)]));
     assert!(fails(&z_up) == ["up axis"] && fix(&z_up, "up axis").contains("suit.up = \"z\""));
 }
 
 #[test]
-fn props_and_gloves_are_said_not_to_be_used() {
+fn props_and_gloves_are_reported_as_unused() {
     let gloved = |header: &Header| {
         let items: Vec<SegmentPose> = standing()
             .into_iter()
@@ -256,38 +256,52 @@ fn props_and_gloves_are_said_not_to_be_used() {
         let header = Header { props: 1, finger_segments: 40, ..*header };
         vec![encoded(|out| pose_quaternion::encode(&header, &items, out).unwrap())]
     };
-    let found = &check(&of_survey("", heard(0, &gloved)), "props and gloves").found.clone();
+    let found = &check(&of_survey("", received(0, &gloved)), "props and gloves").found.clone();
     assert!(found.contains("1 props and 40 finger segments"), "{found}");
 }
 
 #[test]
-fn a_taken_port_names_who_has_it_and_a_running_adapter_is_asked() {
-    let facts = |port, holder, heard| SuitFacts { port, holder, time: TIME, heard };
+fn a_used_port_names_its_process_and_a_running_adapter_is_queried() {
+    let facts = |port, holder, observed| SuitFacts { port, holder, time: TIME, observed };
     let holder = Holder { process_id: 77, program: "viewer".to_owned() };
-    let taken = judge_suit(&config(""), &facts(Port::Taken, Some(holder), Heard::Nowhere(None)));
-    assert!(fails(&taken) == ["suit.listen"] && taken[0].found.contains("taken by viewer (process 77)"));
-    assert!(judge_suit(&config(""), &facts(Port::Taken, None, Heard::Nowhere(None)))[0].fix.is_some());
-    let mut word =
-        BusWord { samples: 100, blocks: SuitBlocks::LinearKinematics as u32, avatar: Some(0), health: None };
+    let occupied =
+        evaluate_suit(&config(""), &facts(Port::InUse, Some(holder), SuitObservation::Nothing(None)));
+    assert!(
+        fails(&occupied) == ["suit.listen"] && occupied[0].found.contains("taken by viewer (process 77)")
+    );
+    assert!(
+        evaluate_suit(&config(""), &facts(Port::InUse, None, SuitObservation::Nothing(None)))[0]
+            .fix
+            .is_some()
+    );
+    let mut observation = BusObservation {
+        samples: 100,
+        blocks: SuitBlocks::LinearKinematics as u32,
+        avatar: Some(0),
+        health: None,
+    };
     let mut health: equipoise_core::message::AdapterHealth = bytemuck::Zeroable::zeroed();
     (health.received, health.published, health.rate_hz, health.stream) = (1000, 500, 60.0, 1);
     health.refused[SuitRefusal::OutOfOrder.index()] = 100;
-    word.health = Some(health);
-    let asked = |word: &BusWord| {
-        judge_suit(&config(""), &facts(Port::Ours, None, Heard::OnTheBus(Box::new(word.clone()))))
+    observation.health = Some(health);
+    let asked = |observation: &BusObservation| {
+        evaluate_suit(
+            &config(""),
+            &facts(Port::OwnProcess, None, SuitObservation::OnTheBus(Box::new(observation.clone()))),
+        )
     };
-    let checks = asked(&word);
+    let checks = asked(&observation);
     assert_eq!(fails(&checks), [""; 0]);
     assert!(check(&checks, "samples").found.contains("60.0 a second of character 0"));
     assert_eq!(check(&checks, "21 linear kinematics").found, "in the samples");
     assert_eq!(check(&checks, "22 angular kinematics").found, "not in the samples");
     assert_eq!(check(&checks, "refused").found, "100 out_of_order");
-    assert_eq!(fails(&asked(&BusWord::default())), ["samples"]);
+    assert_eq!(fails(&asked(&BusObservation::default())), ["samples"]);
     let external = config("").suit;
     let external = Config {
         suit: SuitConfig { source: crate::config::SuitSourceKind::External, ..external },
         ..config("")
     };
-    let none = judge_suit(&external, &facts(Port::Free, None, Heard::OnTheBus(Box::default())));
+    let none = evaluate_suit(&external, &facts(Port::Free, None, SuitObservation::OnTheBus(Box::default())));
     assert!(fails(&none) == ["samples"] && fix(&none, "samples").contains("suit.others"));
 }

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use crate::replay::output::seconds_since;
-use crate::replay::score::{Judge, Pair, Scored, difference, rms_mm};
+use crate::replay::score::{Pair, SampleSelection, Scored, difference, rms_mm};
 
 /// One held-out block.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -26,7 +26,7 @@ pub struct Block {
 #[derive(Debug, Clone, PartialEq)]
 pub struct CrossValidation {
     /// Selection of samples.
-    pub judge: Judge,
+    pub selection: SampleSelection,
     /// Every block in order.
     pub blocks: Vec<Block>,
     /// Total over all samples, each predicted by the other blocks; `poses_used` is the mean.
@@ -36,14 +36,14 @@ pub struct CrossValidation {
 
 /// Errors of samples for each method, m.
 #[derive(Default)]
-pub(super) struct Judged {
+pub(super) struct ErrorSamples {
     table_m: Vec<[f64; 2]>,
     offset_m: Vec<[f64; 2]>,
     identified_m: Vec<[f64; 2]>,
 }
 
-impl Judged {
-    pub(super) fn of(table: &[Scored], frozen: &[Scored], [begin_ns, end_ns]: [u64; 2]) -> Judged {
+impl ErrorSamples {
+    pub(super) fn of(table: &[Scored], frozen: &[Scored], [begin_ns, end_ns]: [u64; 2]) -> ErrorSamples {
         let inside = |scored: &&Scored| (begin_ns..end_ns).contains(&scored.time_ns);
         let others = table.iter().filter(|scored| !inside(scored));
         let (mut sum, mut count) = ([0.0; 2], 0.0_f64);
@@ -53,14 +53,14 @@ impl Judged {
         }
         let offset = sum.map(|sum| sum / count.max(1.0));
         let table_m: Vec<_> = table.iter().filter(inside).map(Scored::table_error_m).collect();
-        Judged {
+        ErrorSamples {
             offset_m: table_m.iter().map(|error| difference(*error, offset)).collect(),
             identified_m: frozen.iter().filter(inside).map(Scored::identified_error_m).collect(),
             table_m,
         }
     }
 
-    pub(super) fn extend(&mut self, other: Judged) {
+    pub(super) fn extend(&mut self, other: ErrorSamples) {
         self.table_m.extend(other.table_m);
         self.offset_m.extend(other.offset_m);
         self.identified_m.extend(other.identified_m);
@@ -85,7 +85,7 @@ impl fmt::Display for CrossValidation {
             f,
             "cross-validation: each block is judged by a model of the others; unloaded CoP error of samples"
         )?;
-        writeln!(f, "{}, mm RMS forward (x) / sideways (y):", self.judge)?;
+        writeln!(f, "{}, mm RMS forward (x) / sideways (y):", self.selection)?;
         let names = ["table alone", "table + offset", "identified"];
         let [table, offset, identified] = names;
         writeln!(

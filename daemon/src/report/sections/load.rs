@@ -55,7 +55,7 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
     if let Some(note) = several(facts) {
         section.say(note);
     }
-    match facts.back.judged() {
+    match facts.back.assessed_dose() {
         Some([damage, probability]) => section.say(format!(
             "Cumulative damage of the low back after LiFFT (Gallagher 2017): {damage:.3e}, where 1 is failure. A day of \
              this dose is a high-risk job with a probability of {:.1} %.",
@@ -65,14 +65,14 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
             "The low back's load was never reported, so nothing is known of its dose: see data quality for the reasons.",
         ),
     }
-    if facts.back.valid_s <= 0.0 && facts.back.judged().is_some() {
+    if facts.back.valid_s <= 0.0 && facts.back.assessed_dose().is_some() {
         section.say(
             "All of it had added up before this recording: here the low back's load was never reported.",
         );
     }
     let title = "Damage of the low back";
     let figure = over_time(facts, "damage", title, "damage", &facts.back.damage);
-    section.figures(figure.filter(|_| facts.back.judged().is_some()).into_iter().collect());
+    section.figures(figure.filter(|_| facts.back.assessed_dose().is_some()).into_iter().collect());
     let mut tired: Vec<Joint> = Joint::ALL.to_vec();
     tired.retain(|joint| facts.exposure.joints[joint.index()].fatigue_max > 0.0);
     tired.sort_by(|a, b| {

@@ -44,7 +44,7 @@ pub(in crate::report) fn quality(facts: &Facts) -> Section {
     let found = &facts.quality;
     section.say(format!(
         "Everything was reported for {} of the time.",
-        share_percent(found.all_valid_s, found.seen_s)
+        share_percent(found.all_valid_s, found.observed_s)
     ));
     section.head("Why values were withheld");
     let mut table = Table::new(&["reason", ">time", ">share", "meaning"]);
@@ -52,7 +52,7 @@ pub(in crate::report) fn quality(facts: &Facts) -> Section {
         table.rows.push(vec![
             code(name),
             length(raised_s).into(),
-            share_percent(raised_s, found.seen_s).into(),
+            share_percent(raised_s, found.observed_s).into(),
             words::reason(name).text.into(),
         ]);
     }
@@ -64,7 +64,7 @@ pub(in crate::report) fn quality(facts: &Facts) -> Section {
         table.rows.push(vec![
             code(name),
             length(*phase_s).into(),
-            share_percent(*phase_s, found.seen_s).into(),
+            share_percent(*phase_s, found.observed_s).into(),
         ]);
     }
     section.table(table);

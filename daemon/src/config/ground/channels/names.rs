@@ -1,6 +1,6 @@
 //! Looks up channels by the names in a description.
 
-use crate::config::ground::mistake::{Mistake, nearest};
+use crate::config::ground::description_error::{DescriptionError, nearest};
 
 /// Names of a device's channels, and which of them are used.
 #[derive(Debug)]
@@ -19,16 +19,16 @@ impl<'a> Names<'a> {
     }
 
     /// Index of a required channel; `key` is the configuration key that refers to it.
-    pub(super) fn find(&mut self, name: &str, key: &str) -> Result<usize, Mistake> {
-        self.there(name).ok_or_else(|| {
+    pub(super) fn find(&mut self, name: &str, key: &str) -> Result<usize, DescriptionError> {
+        self.lookup(name).ok_or_else(|| {
             let hint = nearest(name, self.names.iter().map(String::as_str));
-            Mistake::new(key, format!("no channel is called `{name}`{hint}"))
+            DescriptionError::new(key, format!("no channel is called `{name}`{hint}"))
         })
     }
 
     /// Index of a channel, if it exists.
-    pub(super) fn there(&mut self, name: &str) -> Option<usize> {
-        let index = self.names.iter().position(|known| known == name)?;
+    pub(super) fn lookup(&mut self, name: &str) -> Option<usize> {
+        let index = self.names.iter().position(|entry| entry == name)?;
         self.used[index] = true;
         Some(index)
     }

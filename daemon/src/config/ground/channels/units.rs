@@ -1,4 +1,4 @@
-//! Units as people write them.
+//! Units of the configuration.
 
 use equipoise_adapters::ground::channels::{ForceUnit, MomentUnit};
 use serde::{Deserialize, Serialize};
@@ -15,7 +15,7 @@ pub enum ForceConfig {
     /// Pounds-force.
     #[serde(rename = "lbf")]
     PoundForce,
-    /// What scales call a kilogram.
+    /// Kilograms-force, as indicated by scales.
     #[serde(rename = "kgf")]
     KilogramForce,
 }
@@ -81,21 +81,21 @@ impl From<MomentConfig> for MomentUnit {
 }
 
 impl ForceConfig {
-    /// What one is, N.
+    /// One unit in N.
     pub fn newtons(self) -> f64 {
         ForceUnit::from(self).newtons()
     }
 }
 
 impl MomentConfig {
-    /// What one is, N m.
+    /// One unit in N m.
     pub fn newton_metres(self) -> f64 {
         MomentUnit::from(self).newton_metres()
     }
 }
 
 impl LengthConfig {
-    /// What one is, m.
+    /// One unit in m.
     pub fn metres(self) -> f64 {
         match self {
             LengthConfig::Metre => 1.0,

@@ -16,39 +16,39 @@ use super::*;
 const MS: u64 = 1_000_000;
 
 /// Deterministic pseudo-random numbers.
-struct Dice(u64);
+struct TestRandom(u64);
 
-impl Dice {
+impl TestRandom {
     /// A number below `sides`.
-    fn roll(&mut self, sides: u64) -> u64 {
+    fn next(&mut self, sides: u64) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) % sides
     }
 
     fn bytes(&mut self, longest: u64) -> Vec<u8> {
         // Many bytes equal the first byte of a frame.
-        (0..self.roll(longest)).map(|_| if self.roll(4) == 0 { 0xaa } else { self.roll(256) as u8 }).collect()
+        (0..self.next(longest)).map(|_| if self.next(4) == 0 { 0xaa } else { self.next(256) as u8 }).collect()
     }
 }
 
 /// A described device and the built-in driver of the same device.
-struct Twins {
-    brains: [GroundBrain; 2],
+struct AdapterPair {
+    protocols: [GroundBrain; 2],
     samples: [Vec<GroundSample>; 2],
 }
 
-impl Twins {
-    fn new(example: &str, own: Box<dyn GroundDevice>) -> Twins {
+impl AdapterPair {
+    fn new(example: &str, own: Box<dyn GroundDevice>) -> AdapterPair {
         let config = Config::parse(example, "c.toml").unwrap().ground;
         let described = config.device().unwrap().unwrap();
-        let mut brains = [described, own].map(|device| GroundBrain::new(device, config.settings()));
-        brains.iter_mut().for_each(|brain| brain.opened(0));
-        Twins { brains, samples: [Vec::new(), Vec::new()] }
+        let mut protocols = [described, own].map(|device| GroundBrain::new(device, config.settings()));
+        protocols.iter_mut().for_each(|protocol| protocol.opened(0));
+        AdapterPair { protocols, samples: [Vec::new(), Vec::new()] }
     }
 
     fn receive(&mut self, bytes: &[u8], arrival_ns: u64) {
-        for (brain, samples) in self.brains.iter_mut().zip(&mut self.samples) {
-            brain.receive(bytes, arrival_ns, samples);
+        for (protocol, samples) in self.protocols.iter_mut().zip(&mut self.samples) {
+            protocol.receive(bytes, arrival_ns, samples);
         }
     }
 
@@ -59,27 +59,31 @@ impl Twins {
             assert_eq!(described, own);
         }
         assert_eq!(described.len(), own.len());
-        assert_eq!(self.brains[0].counts(), self.brains[1].counts());
-        (own.len(), *self.brains[0].counts())
+        assert_eq!(self.protocols[0].counts(), self.protocols[1].counts());
+        (own.len(), *self.protocols[0].counts())
     }
 }
 
 /// A stream of frames with the faults of a serial line, split into pieces of any size.
-fn serial_line(dice: &mut Dice, twins: &mut Twins, mut frame: impl FnMut(&mut Dice, u32) -> Vec<u8>) {
+fn serial_line(
+    random: &mut TestRandom,
+    pair: &mut AdapterPair,
+    mut frame: impl FnMut(&mut TestRandom, u32) -> Vec<u8>,
+) {
     let mut index = 0;
     let mut stream = Vec::new();
     for place in 0..120 {
         index += 1;
-        let mut bytes = frame(dice, index);
+        let mut bytes = frame(random, index);
         // Begin with a few intact frames: losses are detected relative to earlier frames.
-        match if place < 8 { 99 } else { dice.roll(14) } {
+        match if place < 8 { 99 } else { random.next(14) } {
             0 => {
-                let (at, bit) = (dice.roll(bytes.len() as u64) as usize, dice.roll(8));
+                let (at, bit) = (random.next(bytes.len() as u64) as usize, random.next(8));
                 bytes[at] ^= 1 << bit;
             }
-            1 => bytes.truncate(dice.roll(bytes.len() as u64) as usize),
-            2 => bytes = [dice.bytes(60), bytes].concat(),
-            3 => index += 1 + dice.roll(3) as u32,
+            1 => bytes.truncate(random.next(bytes.len() as u64) as usize),
+            2 => bytes = [random.bytes(60), bytes].concat(),
+            3 => index += 1 + random.next(3) as u32,
             4 => bytes = bytes.repeat(2),
             _ => {}
         }
@@ -88,9 +92,9 @@ fn serial_line(dice: &mut Dice, twins: &mut Twins, mut frame: impl FnMut(&mut Di
     let mut now_ns = 10_000 * MS;
     let mut rest = &stream[..];
     while !rest.is_empty() {
-        let (piece, left) = rest.split_at((1 + dice.roll(90) as usize).min(rest.len()));
-        now_ns += if dice.roll(200) == 0 { 700 * MS } else { 5 * MS };
-        twins.receive(piece, now_ns);
+        let (piece, left) = rest.split_at((1 + random.next(90) as usize).min(rest.len()));
+        now_ns += if random.next(200) == 0 { 700 * MS } else { 5 * MS };
+        pair.receive(piece, now_ns);
         rest = left;
     }
 }
@@ -100,17 +104,17 @@ fn bota_described_is_bota() {
     let (mut samples, mut lost, mut damaged, mut garbage) = (0, 0, 0, 0);
     for seed in 0..60 {
         let own = Box::new(Bota::new(BotaSettings { baud: SPEED, sinc: None }));
-        let (mut twins, mut dice) = (Twins::new(BOTA, own), Dice(seed));
+        let (mut pair, mut random) = (AdapterPair::new(BOTA, own), TestRandom(seed));
         let begins_us = if seed % 3 == 0 { u32::MAX - 300_000 } else { 7_000_000 };
-        serial_line(&mut dice, &mut twins, |dice, index| {
-            let force_n = [1.5, -2.5, -(dice.roll(900_000) as f32) / 997.0];
-            let status = if dice.roll(9) == 0 { dice.roll(16) as u16 } else { 0 };
+        serial_line(&mut random, &mut pair, |random, index| {
+            let force_n = [1.5, -2.5, -(random.next(900_000) as f32) / 997.0];
+            let status = if random.next(9) == 0 { random.next(16) as u16 } else { 0 };
             let timestamp_us = begins_us.wrapping_add(index * 10_000);
             BotaFrame { status, force_n, torque_nm: [0.1, -0.2, 0.3], timestamp_us, temperature_c: 30.0 }
                 .to_bytes()
                 .to_vec()
         });
-        let (count, counts) = twins.agree();
+        let (count, counts) = pair.agree();
         samples += count;
         lost += counts.lost;
         damaged += counts.refused[ground::GroundRefusal::Checksum.index()];
@@ -123,10 +127,10 @@ fn bota_described_is_bota() {
 }
 
 #[test]
-fn bota_described_reads_a_sensor_that_restarts_and_the_known_frame() {
+fn bota_described_reads_a_restarting_sensor_and_the_reference_frame() {
     let vector = "aa00000000c03f000020c000102f44cdcc4cbc96430b3d0000003f15cd5b070000fa410181";
-    let mut twins = Twins::new(BOTA, Box::new(Bota::new(BotaSettings { baud: SPEED, sinc: None })));
-    twins.receive(&bytes_of(vector), 1000 * MS);
+    let mut pair = AdapterPair::new(BOTA, Box::new(Bota::new(BotaSettings { baud: SPEED, sinc: None })));
+    pair.receive(&bytes_of(vector), 1000 * MS);
     let frame = |timestamp_us| BotaFrame {
         status: 0,
         force_n: [0.0; 3],
@@ -135,12 +139,12 @@ fn bota_described_reads_a_sensor_that_restarts_and_the_known_frame() {
         temperature_c: 0.0,
     };
     for (index, time) in [1000, 2000, 3000, 3000, 4000, 8000, 100, 1100].into_iter().enumerate() {
-        twins.receive(&frame(time).to_bytes(), 1010 * MS + 10 * MS * index as u64);
+        pair.receive(&frame(time).to_bytes(), 1010 * MS + 10 * MS * index as u64);
     }
-    let (samples, _) = twins.agree();
+    let (samples, _) = pair.agree();
     assert_eq!(samples, 8);
-    assert!((twins.samples[0][0].force_n[2] + 700.25).abs() < 1e-9);
-    assert_eq!(twins.samples[0].last().unwrap().session, 2);
+    assert!((pair.samples[0][0].force_n[2] + 700.25).abs() < 1e-9);
+    assert_eq!(pair.samples[0].last().unwrap().session, 2);
 }
 
 /// Starts streaming as the built-in driver requires; the described device is assumed to be streaming already.
@@ -149,8 +153,8 @@ fn start(plate: &mut GroundBrain) {
     while now_ns < 5000 * MS {
         now_ns += 20 * MS;
         let answer = match plate.wants(now_ns) {
-            Want::Send(said) if said == [Command::Rate50 as u8] => said,
-            Want::Send(said) if said == [Command::Start as u8] => vec![STARTED_ONE],
+            Want::Send(message) if message == [Command::Rate50 as u8] => message,
+            Want::Send(message) if message == [Command::Start as u8] => vec![STARTED_ONE],
             _ => continue,
         };
         let is_started = answer == [STARTED_ONE];
@@ -162,7 +166,7 @@ fn start(plate: &mut GroundBrain) {
     panic!("the plate was not started");
 }
 
-fn amti() -> Twins {
+fn amti() -> AdapterPair {
     let config = Config::parse(AMTI, "c.toml").unwrap().ground;
     let Some(channels::ChannelsConfig::Matrix(sheet)) = &config.channels else { panic!("no matrix") };
     let settings = AmtiSettings {
@@ -172,25 +176,25 @@ fn amti() -> Twins {
         moment_unit_nm: sheet.moment.newton_metres(),
         auto_zero: false,
     };
-    let mut twins = Twins::new(AMTI, Box::new(Amti::new(settings)));
-    start(&mut twins.brains[1]);
-    twins
+    let mut pair = AdapterPair::new(AMTI, Box::new(Amti::new(settings)));
+    start(&mut pair.protocols[1]);
+    pair
 }
 
 #[test]
 fn amti_described_is_amti() {
     let (mut samples, mut lost, mut garbage, mut sessions) = (0, 0, 0, 0);
     for seed in 0..60 {
-        let (mut twins, mut dice) = (amti(), Dice(seed));
-        serial_line(&mut dice, &mut twins, |dice, _| {
-            let counts: [i16; CHANNELS] = core::array::from_fn(|_| dice.roll(4096) as i16 - 2048);
-            AmtiFrame { counts, trigger: dice.roll(8) == 0 }.to_bytes().to_vec()
+        let (mut pair, mut random) = (amti(), TestRandom(seed));
+        serial_line(&mut random, &mut pair, |random, _| {
+            let counts: [i16; CHANNELS] = core::array::from_fn(|_| random.next(4096) as i16 - 2048);
+            AmtiFrame { counts, trigger: random.next(8) == 0 }.to_bytes().to_vec()
         });
-        let (count, counts) = twins.agree();
+        let (count, counts) = pair.agree();
         samples += count;
         lost += counts.lost;
         garbage += counts.refused[ground::GroundRefusal::Garbage.index()];
-        sessions += twins.samples[0].last().map_or(0, |sample| sample.session);
+        sessions += pair.samples[0].last().map_or(0, |sample| sample.session);
     }
     assert!(
         samples > 5000 && lost > 200 && garbage > 200 && sessions > 5,
@@ -199,8 +203,8 @@ fn amti_described_is_amti() {
 }
 
 #[test]
-fn amti_described_reads_the_known_frames() {
-    let mut twins = amti();
+fn amti_described_reads_the_reference_frames() {
+    let mut pair = amti();
     for (index, vector) in [
         "00080a1814281e38284832583c68467850885a9864a86eb8",
         "00f80a1814281e38284832583c68467850885a9864a86eb8",
@@ -208,10 +212,10 @@ fn amti_described_reads_the_known_frames() {
     .into_iter()
     .enumerate()
     {
-        twins.receive(&bytes_of(vector), 6000 * MS + 20 * MS * index as u64);
+        pair.receive(&bytes_of(vector), 6000 * MS + 20 * MS * index as u64);
     }
-    assert_eq!(twins.agree().0, 2);
-    assert_eq!(twins.samples[0][1].device_counter >> 31, 1);
+    assert_eq!(pair.agree().0, 2);
+    assert_eq!(pair.samples[0][1].device_counter >> 31, 1);
 }
 
 #[test]
@@ -219,24 +223,24 @@ fn rdt_described_is_rdt() {
     let (mut samples, mut lost, mut refused) = (0, 0, 0);
     for seed in 0..60 {
         let own = Box::new(AtiRdt::new(RdtSettings::default()));
-        let (mut twins, mut dice) = (Twins::new(RDT, own), Dice(seed));
+        let (mut pair, mut random) = (AdapterPair::new(RDT, own), TestRandom(seed));
         let (mut sequence, mut measured) = (if seed % 4 == 0 { u32::MAX - 40 } else { 1 }, 5_000_000u32);
         let mut now_ns = 1000 * MS;
         for _ in 0..200 {
-            now_ns += if dice.roll(60) == 0 { 900 * MS } else { 10 * MS };
+            now_ns += if random.next(60) == 0 { 900 * MS } else { 10 * MS };
             // A polled device that is polled again after a silence restarts its counter.
-            let wants = twins.brains.each_mut().map(|brain| brain.wants(now_ns));
+            let wants = pair.protocols.each_mut().map(|protocol| protocol.wants(now_ns));
             assert_eq!(wants[0], wants[1]);
-            if matches!(wants[0], Want::Send(_)) && dice.roll(2) == 0 {
+            if matches!(wants[0], Want::Send(_)) && random.next(2) == 0 {
                 sequence = 1;
             }
             let mut datagram = Vec::new();
-            for _ in 0..dice.roll(4) {
-                let skipped = if dice.roll(9) == 0 { dice.roll(5) as u32 } else { 0 };
+            for _ in 0..random.next(4) {
+                let skipped = if random.next(9) == 0 { random.next(5) as u32 } else { 0 };
                 sequence = sequence.wrapping_add(1 + skipped);
                 measured = measured.wrapping_add(7 * (1 + skipped));
-                let force = dice.roll(1_400_000_000) as i32 - 700_000_000;
-                let status = if dice.roll(11) == 0 { 0x8000_0001 } else { 0 };
+                let force = random.next(1_400_000_000) as i32 - 700_000_000;
+                let status = if random.next(11) == 0 { 0x8000_0001 } else { 0 };
                 let record = Record {
                     rdt_sequence: sequence,
                     ft_sequence: measured,
@@ -246,16 +250,16 @@ fn rdt_described_is_rdt() {
                 };
                 datagram.extend(record.to_bytes());
             }
-            match dice.roll(15) {
-                0 => datagram.truncate(dice.roll(80) as usize),
-                1 => twins.receive(&datagram.clone(), now_ns),
-                2 => datagram = dice.bytes(80),
+            match random.next(15) {
+                0 => datagram.truncate(random.next(80) as usize),
+                1 => pair.receive(&datagram.clone(), now_ns),
+                2 => datagram = random.bytes(80),
                 _ => {}
             }
-            twins.receive(&datagram, now_ns);
+            pair.receive(&datagram, now_ns);
         }
-        let (count, counts) = twins.agree();
-        let farewells = twins.brains.each_mut().map(GroundBrain::farewell);
+        let (count, counts) = pair.agree();
+        let farewells = pair.protocols.each_mut().map(GroundBrain::farewell);
         assert!(farewells[0].is_some() && farewells[0] == farewells[1]);
         samples += count;
         lost += counts.lost;
@@ -267,7 +271,7 @@ fn rdt_described_is_rdt() {
 #[test]
 fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
     let config = Config::parse(SCANS, "c.toml").unwrap().ground;
-    let mut brain = GroundBrain::new(config.device().unwrap().unwrap(), config.settings());
+    let mut protocol = GroundBrain::new(config.device().unwrap().unwrap(), config.settings());
     let frame = |index: u16, plate: u8| {
         let mut inner = vec![0xa5, 0x5a, plate, 1];
         inner.extend(index.to_le_bytes());
@@ -290,10 +294,10 @@ fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
     for (place, datagram) in
         [frame(0xffff, 1), frame(0, 1), frame(1, 2), damaged, frame(4, 1)].iter().enumerate()
     {
-        brain.receive(datagram, 1000 * MS + 10 * MS * place as u64, &mut samples);
+        protocol.receive(datagram, 1000 * MS + 10 * MS * place as u64, &mut samples);
     }
     assert_eq!(samples.len(), 30);
-    let counts = brain.counts();
+    let counts = protocol.counts();
     assert_eq!(counts.lost, 30, "the other plate's, the damaged and the missing one");
     assert_eq!(counts.refused[ground::GroundRefusal::UnknownKind.index()], 1);
     assert_eq!(counts.refused[ground::GroundRefusal::Checksum.index()], 1);

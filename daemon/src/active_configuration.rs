@@ -1,0 +1,52 @@
+//! The active configuration: that of the start, with live changes since.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use equipoise_core::cycle::Settings;
+
+use crate::config::Config;
+
+/// A configuration and the settings derived from it for the loop.
+#[derive(Debug, Clone)]
+pub struct ActiveConfiguration {
+    /// The configuration.
+    pub config: Config,
+    /// The settings passed to the cycle.
+    pub settings: Settings,
+    /// The pseudonym of the similar subject whose parameters are in `settings`, if any.
+    pub similar: Option<String>,
+}
+
+/// [`ActiveConfiguration`], shared by all threads except the loop.
+#[derive(Debug)]
+pub struct SharedConfiguration {
+    active: Mutex<ActiveConfiguration>,
+    change_lock: Mutex<()>,
+}
+
+impl SharedConfiguration {
+    /// Begins with the configuration of the start.
+    pub fn new(active: ActiveConfiguration) -> SharedConfiguration {
+        SharedConfiguration { active: Mutex::new(active), change_lock: Mutex::new(()) }
+    }
+
+    /// A copy of the active configuration.
+    pub fn get(&self) -> ActiveConfiguration {
+        self.with(ActiveConfiguration::clone)
+    }
+
+    /// Accesses the active configuration without a copy.
+    pub fn with<T>(&self, access: impl FnOnce(&ActiveConfiguration) -> T) -> T {
+        access(&self.active.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Serialises read-modify-replace operations for as long as the guard is held.
+    pub fn lock_changes(&self) -> MutexGuard<'_, ()> {
+        self.change_lock.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Replaces the active configuration.
+    pub fn replace(&self, active: ActiveConfiguration) {
+        *self.active.lock().unwrap_or_else(PoisonError::into_inner) = active;
+    }
+}

@@ -1,0 +1,188 @@
+//! Which profile is saved: that of the configured subject, or of one loaded later.
+//!
+//! Each subject loaded during the daemon's lifetime has a number, which accompanies its data. So a pose used just
+//! before another subject is loaded still enters the correct profile.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use crate::profile::Build;
+use crate::state_directory::StateDirectory;
+
+/// Number of the configured subject.
+pub const CONFIGURED: u64 = 0;
+
+/// Destination of a subject's data.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ProfileDestination {
+    /// The pseudonym; empty for an unnamed subject, which is not saved.
+    pub subject: String,
+    /// Path of the profile.
+    pub path: PathBuf,
+    /// Path of the list of lifts.
+    pub lifts: PathBuf,
+    /// Stature and sex; `None` if unavailable.
+    pub build: Option<Build>,
+    /// Whether the configuration enables saving.
+    pub remember: bool,
+    /// Why the profile is not written: saving is disabled, or the existing file cannot be parsed.
+    pub refusal: Option<String>,
+}
+
+impl ProfileDestination {
+    /// Destination for a subject's own name; refused, with a reason, unless saving is enabled.
+    pub fn of(
+        state: &StateDirectory,
+        subject: &str,
+        build: Option<Build>,
+        remember: bool,
+    ) -> ProfileDestination {
+        let refusal = (!remember)
+            .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
+        let (path, lifts) = (state.profile(subject), state.lifts(subject));
+        ProfileDestination { subject: subject.to_owned(), path, lifts, build, remember, refusal }
+    }
+
+    /// An unnamed subject, of which nothing is saved.
+    pub fn unnamed() -> ProfileDestination {
+        ProfileDestination {
+            subject: String::new(),
+            path: PathBuf::new(),
+            lifts: PathBuf::new(),
+            build: None,
+            remember: false,
+            refusal: Some("the subject that was in use was deleted; load another first".to_owned()),
+        }
+    }
+}
+
+/// All subjects so far; the last one loaded is active.
+#[derive(Debug)]
+pub struct Subjects {
+    state: StateDirectory,
+    all: Mutex<Vec<ProfileDestination>>,
+    in_use: AtomicU64,
+    /// Held while a profile is written, so that none is written after its subject is deleted.
+    disk: Mutex<()>,
+}
+
+impl Subjects {
+    /// Begins with the configured subject.
+    pub fn new(state: StateDirectory, configured: ProfileDestination) -> Subjects {
+        Subjects {
+            state,
+            all: Mutex::new(vec![configured]),
+            in_use: AtomicU64::new(CONFIGURED),
+            disk: Mutex::new(()),
+        }
+    }
+
+    /// State directory of all subjects.
+    pub fn state(&self) -> &StateDirectory {
+        &self.state
+    }
+
+    /// Adds a subject; returns its number.
+    pub fn add(&self, destination: ProfileDestination) -> u64 {
+        self.with(|all| {
+            all.push(destination);
+            all.len() as u64 - 1
+        })
+    }
+
+    /// The subject with a number.
+    pub fn get(&self, number: u64) -> Option<ProfileDestination> {
+        self.with(|all| all.get(number as usize).cloned())
+    }
+
+    /// Number of the active subject.
+    pub fn in_use(&self) -> u64 {
+        self.in_use.load(Ordering::Relaxed)
+    }
+
+    /// Sets the active subject.
+    pub fn activate(&self, number: u64) {
+        self.in_use.store(number, Ordering::Relaxed);
+    }
+
+    /// Disables saving of a subject, with the reason.
+    pub fn refuse(&self, number: u64, reason: String) {
+        self.with(|all| {
+            if let Some(destination) = all.get_mut(number as usize) {
+                destination.refusal = Some(reason);
+            }
+        });
+    }
+
+    /// Calls `write` for a subject unless saving is disabled.
+    ///
+    /// # Errors
+    /// The error of `write`.
+    pub fn write<E>(
+        &self,
+        number: u64,
+        write: impl FnOnce(&ProfileDestination) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let _disk = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
+        match self.get(number).filter(|destination| destination.refusal.is_none()) {
+            Some(destination) => write(&destination),
+            None => Ok(()),
+        }
+    }
+
+    /// Clears a subject under all its numbers. After the return, nothing is written under its name.
+    pub fn delete(&self, subject: &str) {
+        self.with(|all| {
+            for destination in all.iter_mut().filter(|destination| destination.subject == subject) {
+                *destination = ProfileDestination::unnamed();
+            }
+        });
+        drop(self.disk.lock());
+    }
+
+    fn with<T>(&self, access: impl FnOnce(&mut Vec<ProfileDestination>) -> T) -> T {
+        // Ignore poisoning: no operation leaves the list half changed.
+        access(&mut self.all.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn subjects() -> Subjects {
+        let state = StateDirectory::at(std::path::Path::new("/nowhere"));
+        let configured = ProfileDestination::of(&state, "a", None, true);
+        Subjects::new(state, configured)
+    }
+
+    #[test]
+    fn every_subject_has_its_own_file() {
+        let subjects = subjects();
+        let second = subjects.add(ProfileDestination::of(subjects.state(), "b", None, false));
+        let of = |number| subjects.get(number).unwrap();
+        assert_eq!((of(CONFIGURED).subject.as_str(), of(CONFIGURED).refusal), ("a", None));
+        assert_eq!(of(second).subject, "b");
+        assert!(of(second).refusal.is_some() && of(second).path != of(CONFIGURED).path);
+        assert_eq!(subjects.get(7), None);
+    }
+
+    #[test]
+    fn a_deleted_subject_is_not_written() {
+        let subjects = subjects();
+        let again = subjects.add(ProfileDestination::of(subjects.state(), "a", None, true));
+        let written = |number| {
+            let mut written = false;
+            let _ = subjects.write::<()>(number, |_| {
+                written = true;
+                Ok(())
+            });
+            written
+        };
+        assert!(written(CONFIGURED) && written(again));
+        subjects.delete("a");
+        assert!(!written(CONFIGURED) && !written(again));
+        assert_eq!(subjects.get(again).unwrap().subject, "");
+    }
+}
