@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use equipoise_benches::rounds::{Contender, compare, quantile};
 use equipoise_benches::worker::{HEIGHT_M, Worker};
-use equipoise_core::cycle::{Checkpoint, StoredState, Memory, Settings};
+use equipoise_core::cycle::{Checkpoint, Memory, Settings, StoredState};
 use equipoise_core::frame::{Pose, SuitWorld};
 use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::sesc::PARAMETERS;
@@ -53,7 +53,8 @@ fn cold_us(other: &mut [u8], mut run: impl FnMut()) -> Vec<f64> {
 fn main() {
     let mut criterion = equipoise_benches::criterion();
     let memory = memory();
-    let (mut kept, mut checkpoint) = (bytemuck::zeroed_box::<StoredState>(), bytemuck::zeroed_box::<Checkpoint>());
+    let (mut kept, mut checkpoint) =
+        (bytemuck::zeroed_box::<StoredState>(), bytemuck::zeroed_box::<Checkpoint>());
     let mut contenders = [
         Contender::new("StoredState::copy_from", || black_box(&mut kept).copy_from(black_box(&memory))),
         Contender::new("Checkpoint::take", || black_box(&mut checkpoint).take(1, black_box(&memory))),
@@ -69,7 +70,10 @@ fn main() {
     }
     let mut other = vec![0; OTHER_WORK];
     let cold = [
-        ("StoredState::copy_from", cold_us(&mut other, || black_box(&mut kept).copy_from(black_box(&memory)))),
+        (
+            "StoredState::copy_from",
+            cold_us(&mut other, || black_box(&mut kept).copy_from(black_box(&memory))),
+        ),
         ("Checkpoint::take", cold_us(&mut other, || black_box(&mut checkpoint).take(1, black_box(&memory)))),
     ];
     println!(

@@ -5,26 +5,26 @@
 //! of it.
 
 pub mod alignment;
-mod pose_request;
 pub mod body_motion;
-pub mod reported_body;
 pub mod checkpoint;
 mod exposure;
+pub mod foot_outline;
 mod ground_rates;
 pub mod identification;
 mod insoles;
-pub mod stored_state;
 mod lag_test;
 mod loading;
 pub mod memory;
 mod model_terms;
 pub mod monitoring;
-mod registration;
 mod plausibility;
+mod pose_request;
+mod registration;
+pub mod reported_body;
 mod residual;
 pub mod settings;
 pub mod skew_monitor;
-pub mod foot_outline;
+pub mod stored_state;
 pub mod support;
 mod tare;
 
@@ -36,14 +36,14 @@ use crate::message::{GroundSample, State, SuitBody, SuitSample, Validity};
 use crate::overload::Levels;
 use crate::time::NS_PER_S;
 
-pub use reported_body::{BodyRefusal, ReportedBody};
 pub use checkpoint::Checkpoint;
 pub use identification::{BodySource, Identification, NO_POSE};
-pub use stored_state::{StoredState, Registration};
 pub use memory::{Memory, SubjectState};
+pub use reported_body::{BodyRefusal, ReportedBody};
 pub use settings::{
-    Accelerations, PoseRequest, Method, Motion, PoseChoice, PriorKind, Settings, Similar, StopRule,
+    Accelerations, Method, Motion, PoseChoice, PoseRequest, PriorKind, Settings, Similar, StopRule,
 };
+pub use stored_state::{Registration, StoredState};
 pub use tare::Tare;
 
 /// Tolerance of a stream's delay in addition to two of its periods, ns.

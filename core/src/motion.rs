@@ -19,6 +19,6 @@ pub mod weights;
 pub use accelerations::Accelerations;
 pub use confidence::{Confidence, Envelope};
 pub use force_offset::ForceOffset;
-pub use history::{History, Snapshot, Motion};
-pub use inertia::{MassDistribution, Inertia, UpperInertia};
+pub use history::{History, Motion, Snapshot};
+pub use inertia::{Inertia, MassDistribution, UpperInertia};
 pub use unloaded::{ForceSigma, Load, Unloaded};

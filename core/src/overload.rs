@@ -261,7 +261,8 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
     let errors = sigma.errors(pose, loading);
     let (base, errors) = (Acting::new(pose, loading), errors.each_ref().map(|off| Acting::new(pose, off)));
     let pose_errors = sigma.pose_errors(pose, loading);
-    let pose_errors = pose_errors.each_ref().map(|(pose, off, weight)| (pose, Acting::new(pose, off), *weight));
+    let pose_errors =
+        pose_errors.each_ref().map(|(pose, off, weight)| (pose, Acting::new(pose, off), *weight));
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
         let [x, y] = base.horizontal_nm(ends, origin);

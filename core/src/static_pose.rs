@@ -187,8 +187,9 @@ impl Window {
         let samples = self.samples();
         let mut joint_rad = 0.0_f64;
         for joint in 0..JOINTS {
-            let spread: f64 =
-                (0..4).map(|part| moments(samples.clone().map(|sample| sample.joint_wxyz[joint][part])).1).sum();
+            let spread: f64 = (0..4)
+                .map(|part| moments(samples.clone().map(|sample| sample.joint_wxyz[joint][part])).1)
+                .sum();
             // A small rotation by ω changes the quaternion by |ω|/2.
             joint_rad = joint_rad.max(2.0 * math::sqrt(spread));
         }
@@ -385,7 +386,11 @@ mod tests {
         fill(&mut window, 20, |_| 0.3, |_| 0.1);
         let pose = Pose::new([Vector3::zeros(); SEGMENTS], [UnitQuaternion::identity(); SEGMENTS]);
         let mut stepped = window;
-        stepped.push(&pose, WindowSample { time_ns: 20 * PERIOD_NS, stance: 1, ..Zeroable::zeroed() }, PERIOD_NS);
+        stepped.push(
+            &pose,
+            WindowSample { time_ns: 20 * PERIOD_NS, stance: 1, ..Zeroable::zeroed() },
+            PERIOD_NS,
+        );
         assert_eq!(stepped.statistics(), None);
         window.push(&pose, WindowSample { time_ns: 26 * PERIOD_NS, ..Zeroable::zeroed() }, PERIOD_NS);
         assert_eq!(window.statistics(), None);

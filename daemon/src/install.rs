@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 
-use files::{InstallResult, put, remove};
+use files::{InstallResult, install_file, remove};
 
 pub use others::PROGRAMS;
 

@@ -377,7 +377,8 @@ mod tests {
         let mut stored = bytemuck::zeroed_box::<StoredSubject>();
         worker.store(&mut stored);
         stored.performed = Performed::of(70, (0..64).map(|pose| [f64::from(pose) * 0.1; 3 * SEGMENTS]));
-        (stored.suggested_before, stored.unholdable, stored.suggested, stored.identifying) = (0b101, 0b10, 2, 0);
+        (stored.suggested_before, stored.unholdable, stored.suggested, stored.identifying) =
+            (0b101, 0b10, 2, 0);
         stored.poses_used = 70;
         stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };

@@ -197,7 +197,7 @@ fn request_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
     let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
     let reply = commands.ask(&command, REPLY_TIMEOUT)?;
     if reply.refused != 0 {
-        bail!("the daemon gives no checkpoint: {}", crate::commands::text_of(&reply.text));
+        bail!("the daemon gives no checkpoint: {}", crate::commands::parse_text(&reply.text));
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use bytemuck::Zeroable;
-use equipoise_core::cycle::{Checkpoint, StoredState, Settings, SubjectState};
+use equipoise_core::cycle::{Checkpoint, Settings, StoredState, SubjectState};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use equipoise_core::cycle::stored_state::SHIFT_VALID_NS;
-use equipoise_core::cycle::{StoredState, Registration, Tare};
+use equipoise_core::cycle::{Registration, StoredState, Tare};
 use equipoise_core::message::Printable;
 use serde::{Deserialize, Serialize};
 
@@ -94,7 +94,7 @@ pub struct TarePart {
     moment_nm: [f64; 3],
     foot_vertical_n: [f64; 2],
     /// Absent in files written before each foot had a tare.
-    #[serde(default, skip_serializing_if = "is_nothing")]
+    #[serde(default, skip_serializing_if = "is_empty")]
     foot_lever_nm: [[f64; 2]; 2],
 }
 

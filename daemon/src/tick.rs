@@ -9,7 +9,7 @@ mod deadlines;
 
 use std::sync::Arc;
 
-use equipoise_core::cycle::{Identification, Inputs, StoredState, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StoredState, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
 

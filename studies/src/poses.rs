@@ -64,7 +64,8 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
     for posture in held_out {
         session.hold(|worker, at_s| worker.take_pose(posture, at_s, POSE_S), |_| {});
         let window = session.memory().window;
-        let Some(statistics) = window.statistics().filter(|found| found.is_static(&session.settings().static_pose))
+        let Some(statistics) =
+            window.statistics().filter(|found| found.is_static(&session.settings().static_pose))
         else {
             continue;
         };

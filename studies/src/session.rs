@@ -1,6 +1,6 @@
 //! One subject with one estimator: advances time, feeds samples, compares every new state with the truth.
 
-use equipoise_core::cycle::{Inputs, StoredState, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Inputs, Memory, Settings, StoredState, Tick, step};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
 use equipoise_core::pose_suggestion::Posture;
@@ -182,7 +182,7 @@ impl Session {
         let mut kept = bytemuck::zeroed_box::<StoredState>();
         kept.copy_from(&self.memory);
         self.memory.start(&self.settings);
-        let comes_back = self.memory.identification.restore(&kept.worker, &self.settings)
+        let comes_back = self.memory.identification.restore(&kept.subject, &self.settings)
             && self.memory.resume_tare(&kept.tare)
             && self.memory.resume_registration(&kept.registration, &self.settings);
         self.now_ns += (down_s * 1e9) as u64 / TICK_NS * TICK_NS;

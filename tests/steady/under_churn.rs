@@ -15,7 +15,7 @@ use equipoise_daemon::thread_registry::{MemoryUse, TaskFacts};
 
 use crate::churn::Churn;
 use crate::consumers::Storm;
-use crate::process::{PATIENCE, Process, wait_for};
+use crate::process::{Process, TIMEOUT, wait_for};
 use crate::station::{NAME, Station};
 use crate::{Watch, number};
 use equipoise_simulator::ports::free_address;
@@ -86,7 +86,7 @@ fn wait_for_descriptors(before: &[PathBuf]) {
         }
         let new: Vec<&PathBuf> = now.iter().filter(|path| !before.contains(path)).collect();
         assert!(
-            started.elapsed() < PATIENCE,
+            started.elapsed() < TIMEOUT,
             "{} descriptors were open, now {}: {new:#?}",
             before.len(),
             now.len()
@@ -105,7 +105,7 @@ fn nodes() -> usize {
 }
 
 fn faults(the_loop: i32) -> [u64; 2] {
-    let facts = TaskFacts::of(the_loop).expect("the loop's thread");
+    let facts = TaskFacts::read(the_loop).expect("the loop's thread");
     [facts.minor_faults, facts.major_faults]
 }
 
@@ -120,7 +120,7 @@ fn inside() {
     let config = config(free_address().expect("a free port"));
     let pipeline = Pipeline::start_observed(&config, Box::new(watch.clone())).expect("a pipeline");
     let the_loop = pipeline.threads().iter().find(|thread| thread.thread == "loop").expect("a loop").clone();
-    println!("loop: {:?}, asked {:?}; memory: {:?}", the_loop.granted, the_loop.asked, MemoryUse::now());
+    println!("loop: {:?}, asked {:?}; memory: {:?}", the_loop.granted, the_loop.asked, MemoryUse::read());
 
     let (storm, churn, stop) = (Storm::default(), Churn::default(), AtomicBool::new(false));
     let (mut warm_faults, mut cycles_before) = ([0; 2], 0);
@@ -149,7 +149,7 @@ fn inside() {
     );
     watch.disarm.store(true, Ordering::Relaxed);
     let armed_cycles = watch.armed_cycles() - cycles_before;
-    let locked = MemoryUse::now();
+    let locked = MemoryUse::read();
     let summary = pipeline.stop().expect("an orderly end");
 
     let faults = [0, 1].map(|kind| after[kind] - warm_faults[kind]);

@@ -196,12 +196,7 @@ impl Anthropometry {
         self.set(Segment::Head, (1.0 - NECK_MASS_SHARE) * whole.mass, com);
     }
 
-    fn set_arm(
-        &mut self,
-        skeleton: &Skeleton,
-        upper_trunk_mass: f64,
-        [upper_arm, forearm, hand]: [Part; 3],
-    ) {
+    fn set_arm(&mut self, skeleton: &Skeleton, upper_trunk_mass: f64, [upper_arm, forearm, hand]: [Part; 3]) {
         let along = |next: Segment, share: f64| skeleton.offset_m[next.index()].map(|d| share * d);
         let shoulder_mass = SHOULDER_MASS_SHARE * upper_trunk_mass;
         self.set(Segment::LeftShoulder, shoulder_mass, along(Segment::LeftUpperArm, 0.5));

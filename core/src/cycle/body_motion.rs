@@ -66,7 +66,8 @@ impl MotionNoise {
     /// of a plate that is not level.
     pub(super) fn update_shear(&mut self, unexplained_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
         let step_s = step_s.max(0.0);
-        for (mean, over_s) in [(&mut self.external_m_per_s2, EXTERNAL_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
+        for (mean, over_s) in
+            [(&mut self.external_m_per_s2, EXTERNAL_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
         {
             let share = (step_s / (over_s + step_s)).min(1.0);
             for (mean, unexplained) in mean.iter_mut().zip(unexplained_m_per_s2) {

@@ -13,21 +13,21 @@ use crate::sesc::Reduction;
 use crate::sesc::reduction::Rows;
 use crate::static_pose::{PoseStatistics, Window, largest_joint_angle};
 
-mod prior;
 mod consistency;
-mod stored_subject;
 mod measurement;
 mod misfit;
 mod planning;
+mod prior;
 mod progress;
+mod stored_subject;
 mod weighing;
 
 pub use consistency::Consistency;
-pub use stored_subject::StoredSubject;
 pub(super) use measurement::REGISTRATION_SIGMA_M;
 pub use measurement::StanceSigma;
 use misfit::Misfit;
 use progress::{Progress, ROWS_PER_POSE};
+pub use stored_subject::StoredSubject;
 use weighing::Weighing;
 
 /// Number of suit samples averaged for the bone lengths.
@@ -175,7 +175,8 @@ impl Identification {
             return;
         }
         let pose_skeleton = Skeleton::of(pose);
-        for (sum, offset) in self.skeleton_m.iter_mut().flatten().zip(pose_skeleton.offset_m.iter().flatten()) {
+        for (sum, offset) in self.skeleton_m.iter_mut().flatten().zip(pose_skeleton.offset_m.iter().flatten())
+        {
             *sum += offset;
         }
         self.skeleton_samples += 1;
@@ -252,7 +253,8 @@ impl Identification {
         let settled = match settings.stop {
             StopRule::Paper { .. } => false,
             StopRule::PredictedCop { .. } => {
-                self.has_evaluated_library(settings) && self.progress.is_settled(rows, self.parameter_sigma_m())
+                self.has_evaluated_library(settings)
+                    && self.progress.is_settled(rows, self.parameter_sigma_m())
             }
         };
         if enough || settled {
@@ -262,7 +264,12 @@ impl Identification {
     }
 
     /// Updates the filter with a pose's rows; the first ones also test the prior. Returns the NIS.
-    pub(super) fn update_from_rows(&mut self, rows: &Rows, cop_m: [f64; 2], variance_m2: [f64; 2]) -> Option<f64> {
+    pub(super) fn update_from_rows(
+        &mut self,
+        rows: &Rows,
+        cop_m: [f64; 2],
+        variance_m2: [f64; 2],
+    ) -> Option<f64> {
         self.update_misfit(rows, cop_m, variance_m2, ROWS_PER_INDEPENDENT);
         self.test_prior(rows, cop_m, variance_m2);
         let nis = self.update_from_cop(rows, cop_m, variance_m2)?;

@@ -6,8 +6,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::settings::{Motion, Settings};
 use super::foot_outline::FootOutline;
+use super::settings::{Motion, Settings};
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
@@ -156,7 +156,8 @@ mod tests {
     #[test]
     fn what_insoles_do_not_measure_stays_unavailable() {
         let pose = standing(0.3, Vector3::zeros());
-        let placed = to_world(&insoles([350.0; 2], [[0.0; 2]; 2]), &pose, &foot_outline::both(&pose, None, HEIGHT_M));
+        let placed =
+            to_world(&insoles([350.0; 2], [[0.0; 2]; 2]), &pose, &foot_outline::both(&pose, None, HEIGHT_M));
         assert!(placed.measures(Component::Tilt));
         assert!(!placed.measures(Component::Shear) && !placed.measures(Component::FreeMoment));
     }

@@ -73,7 +73,8 @@ impl Memory {
         let subject = &self.identification;
         invalid.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
         // In quick motion a load below the raised detection limit cannot be excluded.
-        let is_undetectable = self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
+        let is_undetectable =
+            self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
         invalid.raise(Validity::LOAD_MAY_HIDE, !loaded && is_undetectable);
         // A negative load is impossible; the paper's equations do not exclude it.
         let is_missing = loaded && delta_f_n < 0.0 && settings.motion != Motion::Paper;
@@ -249,7 +250,8 @@ impl Memory {
         let sigma_m: [f64; 2] = core::array::from_fn(|axis| {
             let by_estimate_m = self.estimate.cop_sigma_m[axis] * weight_n / delta_f_n;
             let by_measurement_m = self.ground_sigma.cop_m * vertical_n / delta_f_n;
-            let by_force_m = (load_m[axis] - cop_estimated_m[axis]) * self.estimate.delta_f_sigma_n / delta_f_n;
+            let by_force_m =
+                (load_m[axis] - cop_estimated_m[axis]) * self.estimate.delta_f_sigma_n / delta_f_n;
             math::hypot([math::hypot([by_estimate_m, by_measurement_m]), math::hypot([by_force_m, chain_m])])
         });
         let distance_sigma_m = sigma_m[0].max(sigma_m[1]);
@@ -330,7 +332,8 @@ impl Memory {
             Measured { value: load_m[axis] - in_hands_m, sigma }
         });
         // The assumed grip is wrong, or a CoP is: the fractions are then unknown by as much.
-        let is_contradiction = residual_m.iter().any(|residual: &Measured| residual.is_beyond(ANOTHER_GRIP_SIGMAS));
+        let is_contradiction =
+            residual_m.iter().any(|residual: &Measured| residual.is_beyond(ANOTHER_GRIP_SIGMAS));
         let contradiction_m =
             if is_contradiction { math::hypot(residual_m.map(|residual| residual.value)) } else { 0.0 };
         let eta_sigma = math::hypot([eta_sigma, contradiction_m / apart_m.max(TOO_CLOSE_M)]).min(EVEN_SIGMA);

@@ -3,15 +3,15 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::alignment::Alignment;
-use super::pose_request::PoseRequestState;
 use super::body_motion::MotionNoise;
-use super::reported_body::ReportedBody;
 use super::identification::{Identification, StanceSigma};
 use super::insoles::GroundSigma;
 use super::lag_test::LagTest;
 use super::model_terms::ModelTerms;
-use super::registration::RegistrationEstimator;
 use super::plausibility::Plausibility;
+use super::pose_request::PoseRequestState;
+use super::registration::RegistrationEstimator;
+use super::reported_body::ReportedBody;
 use super::settings::Settings;
 use super::skew_monitor::SkewMonitor;
 use super::tare::Tare;

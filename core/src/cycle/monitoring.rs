@@ -6,9 +6,9 @@ use super::alignment::Aligned;
 use super::body_motion::BodyMotion;
 use super::ground_rates::PlateReading;
 use super::insoles::GroundSigma;
-use super::stored_state::SHIFT_VALID_NS;
 use super::memory::Memory;
 use super::settings::{Motion, Settings};
+use super::stored_state::SHIFT_VALID_NS;
 use super::{CLOCK_SIGMA_MAX_NS, foot_outline, insoles, support};
 use crate::body::{JOINTS, gyration_m2};
 use crate::frame::{Pose, StationWorld};
@@ -17,10 +17,10 @@ use crate::message::ground::NoCop;
 use crate::message::state::{AccelerationSource, NotGiven, SharingSource};
 use crate::message::suit::SuitBlocks;
 use crate::message::{Component, GroundSample, State, SuitSample, Validity};
-use crate::motion::{MassDistribution, Inertia, Snapshot};
+use crate::motion::{Inertia, MassDistribution, Snapshot};
 use crate::overload::{GRAVITY_M_PER_S2, Level, Levels};
 use crate::sesc::centre_of_mass;
-use crate::static_pose::{WindowSample, PoseStatistics};
+use crate::static_pose::{PoseStatistics, WindowSample};
 
 /// Within this multiple of the static pose thresholds the static equations are accurate enough to publish torques.
 const NEARLY_STATIC: f64 = 3.0;
@@ -79,7 +79,8 @@ impl Memory {
         let gyration_m2 = gyration_m2(&self.identification.skeleton(), settings.height_m);
         let masses = MassDistribution { body: &body, gyration_m2: &gyration_m2 };
         // Bounded: the history holds a fixed number of snapshots.
-        while let Some((snapshot, inertia)) = self.history.next(half_window_ns, settings.accelerations, &masses)
+        while let Some((snapshot, inertia)) =
+            self.history.next(half_window_ns, settings.accelerations, &masses)
         {
             self.process_snapshot(settings, &snapshot, inertia);
         }
@@ -179,7 +180,8 @@ impl Memory {
         let statistics = self.window.statistics();
         let is_static = statistics.is_some_and(|window| window.is_static(&settings.static_pose));
         self.estimate.static_pose = u32::from(is_static);
-        let nearly_static = statistics.is_some_and(|window| window.is_within(&settings.static_pose, NEARLY_STATIC));
+        let nearly_static =
+            statistics.is_some_and(|window| window.is_within(&settings.static_pose, NEARLY_STATIC));
         let motion = match (settings.motion, inertia) {
             (Motion::Paper, _) => Some(Inertia::REST),
             (_, Some(inertia)) if inertia.is_moderate() => Some(inertia),
@@ -317,7 +319,8 @@ impl Memory {
         let heading_m = self.registration.heading_sigma_m(pose, cop_m);
         let variance_m2 = [0, 1].map(|axis: usize| {
             let moving = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            let by_body_m2 = theta_m2[axis] + drift_m2[axis] + floor + moving * moving + unmeasured_m * unmeasured_m;
+            let by_body_m2 =
+                theta_m2[axis] + drift_m2[axis] + floor + moving * moving + unmeasured_m * unmeasured_m;
             by_body_m2 + heading_m[axis] * heading_m[axis]
         });
         self.estimate.cop_sigma_m = variance_m2.map(math::sqrt);
@@ -337,7 +340,11 @@ impl Memory {
         let weight_n = self.unloaded_force_n(GRAVITY_M_PER_S2);
         let subject = &mut self.identification;
         let supported = support::is_supported(pose, statistics.cop_m, &outlines, SUPPORT_MARGIN_M);
-        if self.registration.is_lost() || !supported || snapshot.both_feet_stand != 1 || subject.mass_kg <= 0.0 {
+        if self.registration.is_lost()
+            || !supported
+            || snapshot.both_feet_stand != 1
+            || subject.mass_kg <= 0.0
+        {
             return;
         }
         // The paper has no load threshold.
@@ -352,7 +359,8 @@ impl Memory {
         let has_external_force = snapshot.ground.measures(Component::Shear)
             && (math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || self.noise.has_external_force());
         let unloaded = (statistics.vertical_n - weight_n).abs() < tolerance_n && !has_external_force;
-        let wanted = subject.has_body() && subject.identifying == 1 && !subject.has_used(&self.window, settings);
+        let wanted =
+            subject.has_body() && subject.identifying == 1 && !subject.has_used(&self.window, settings);
         if wanted && unloaded {
             let lasting_m =
                 [0, 1].map(|axis| math::hypot([self.ground_sigma.lasting_cop_m, body.shift_m(axis)]));
@@ -361,7 +369,12 @@ impl Memory {
     }
 
     /// Force and centre of pressure of a ground sample; no CoP if nothing stands on the plate or the plate is faulty.
-    fn apply_ground(&mut self, ground: &GroundSample, around_ns: u64, invalid: &mut Validity) -> Option<[f64; 2]> {
+    fn apply_ground(
+        &mut self,
+        ground: &GroundSample,
+        around_ns: u64,
+        invalid: &mut Validity,
+    ) -> Option<[f64; 2]> {
         let cop = ground.cop_m();
         invalid.raise(Validity::PLATE_FAULT, matches!(cop, Err(NoCop::DeviceStatus(_))));
         let [from_ns, to_ns] =

@@ -8,7 +8,7 @@
 mod jumps;
 
 use bytemuck::{Pod, Zeroable};
-use jumps::{JUMP_HOLDS_NS, LEVER_MAX_M, JumpDetector, Reading};
+use jumps::{JUMP_HOLDS_NS, JumpDetector, LEVER_MAX_M, Reading};
 
 use super::memory::{EMPTY_PLATE_N, Memory};
 use super::settings::Settings;

@@ -42,7 +42,9 @@ impl Memory {
     /// The pose that the model file requests now: none during identification, and none twice.
     fn requested_pose(&self, settings: &Settings) -> Option<PoseRequest> {
         let is_identified = self.identification.identified == 1 && self.identification.identifying == 0;
-        settings.pose_request.filter(|request| is_identified && self.pose_request.done == 0 && request.pose < settings.library.len())
+        settings.pose_request.filter(|request| {
+            is_identified && self.pose_request.done == 0 && request.pose < settings.library.len()
+        })
     }
 
     /// Index of the suggested pose: that of the identification, else that of the model file; [`NO_POSE`] for none.

@@ -172,8 +172,14 @@ impl RegistrationEstimator {
 
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        let RegistrationEstimator { station_from_suit_rad, sigma_rad, initial_sigma_rad, previous_sigma_rad, turned_rad, .. } =
-            *self;
+        let RegistrationEstimator {
+            station_from_suit_rad,
+            sigma_rad,
+            initial_sigma_rad,
+            previous_sigma_rad,
+            turned_rad,
+            ..
+        } = *self;
         let angles = [station_from_suit_rad, sigma_rad, initial_sigma_rad, previous_sigma_rad, turned_rad];
         angles.iter().chain(self.first_rows.iter().flatten()).all(|number| number.is_finite())
             && self.quality <= RegistrationQuality::Lost as u64
@@ -222,7 +228,8 @@ impl Memory {
         let quality = self.registration.quality;
         if quality != RegistrationQuality::Lost as u64 {
             let State { cop_measured_m, cop_estimated_m, .. } = self.estimate;
-            self.registration.check_distance(math::hypot([0, 1].map(|axis| cop_measured_m[axis] - cop_estimated_m[axis])));
+            self.registration
+                .check_distance(math::hypot([0, 1].map(|axis| cop_measured_m[axis] - cop_estimated_m[axis])));
         }
         if quality == RegistrationQuality::Converged as u64 {
             self.registration.paired_ns = snapshot.time_ns;
@@ -272,7 +279,8 @@ impl Memory {
         let reach_m = STANCE_REACH_M / math::sqrt(3.0) * sigma_rad;
         let is_determined = fit.is_rigid()
             && at_m2.iter().all(|at_m2| math::hypot([math::sqrt(*at_m2), reach_m]) <= REGISTRATION_SIGMA_M);
-        let is_better = quality == RegistrationQuality::Lost as u64 || sigma_rad <= 0.5 * self.registration.sigma_rad;
+        let is_better =
+            quality == RegistrationQuality::Lost as u64 || sigma_rad <= 0.5 * self.registration.sigma_rad;
         if is_determined && is_better {
             self.apply_registration(measured_m, at_m2, settings);
         }
@@ -295,7 +303,8 @@ impl Memory {
         registration.turned_rad = math::wrapped(registration.turned_rad + heading_rad);
         registration.sigma_rad = registration.fit.heading_sigma_rad();
         let is_converged = registration.sigma_rad <= settings.suit_orientation_sigma_rad();
-        registration.quality = if is_converged { RegistrationQuality::Converged } else { RegistrationQuality::Refining } as u64;
+        registration.quality =
+            if is_converged { RegistrationQuality::Converged } else { RegistrationQuality::Refining } as u64;
         self.anchor.move_world(turn, by_m);
         self.identification.reset_stance_offset(at_m2);
         // Their content uses the previous heading.

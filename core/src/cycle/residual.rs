@@ -221,7 +221,11 @@ impl Memory {
         let sigma = self.noise.acceleration_sigma_m_per_s2();
         if complete {
             let acceleration_m_per_s2 = [0, 1].map(|axis| self.body_acceleration_m_per_s2(body, axis));
-            self.identification.update_from_force(&sum, acceleration_m_per_s2, ROWS_PER_INDEPENDENT * sigma * sigma);
+            self.identification.update_from_force(
+                &sum,
+                acceleration_m_per_s2,
+                ROWS_PER_INDEPENDENT * sigma * sigma,
+            );
         }
     }
 }

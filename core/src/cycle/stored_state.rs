@@ -103,7 +103,8 @@ impl Memory {
             return false;
         }
         self.anchor.resume(shift_m);
-        self.registration.resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
+        self.registration
+            .resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
         self.processed_ns = registration.suit_time_ns;
         self.suit_counter = registration.suit_counter;
         self.alignment.expect_suit_period(registration.suit_period_ns);

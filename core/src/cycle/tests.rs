@@ -14,17 +14,17 @@ use crate::body::{Joint, Segment, Side};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
-mod pose_request;
 pub(super) mod bench;
-mod reported_body;
 mod exposure;
-mod stored_state;
-mod latency;
 mod filter_updates;
+mod latency;
 mod model_terms;
 mod not_measured;
 mod planning;
+mod pose_request;
+mod reported_body;
 mod sharing;
+mod stored_state;
 use bench::*;
 
 fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {

@@ -47,7 +47,10 @@ mod tests {
 
     #[test]
     fn control_characters_are_escaped() {
-        assert_eq!(escaped("a\nb\r\u{1b}[31mred\u{9b}\u{202e}", 100), "a\\nb\\r\\u{1b}[31mred\\u{9b}\\u{202e}");
+        assert_eq!(
+            escaped("a\nb\r\u{1b}[31mred\u{9b}\u{202e}", 100),
+            "a\\nb\\r\\u{1b}[31mred\\u{9b}\\u{202e}"
+        );
         assert_eq!(escaped("Plattenmaß 5 µm — gut", 100), "Plattenmaß 5 µm — gut");
     }
 

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 
-use super::history::{CAPACITY, Snapshot, Motion};
+use super::history::{CAPACITY, Motion, Snapshot};
 use super::weights::Weights;
 use crate::body::SEGMENTS;
 
@@ -40,7 +40,9 @@ pub(super) fn apply_suit_accelerations<'a>(
     window: &Window<'_>,
     snapshot: impl Fn(usize) -> &'a Snapshot,
 ) -> bool {
-    if how == Accelerations::Positions || (0..window.count).any(|sample| snapshot(sample).has_acceleration != 1) {
+    if how == Accelerations::Positions
+        || (0..window.count).any(|sample| snapshot(sample).has_acceleration != 1)
+    {
         return false;
     }
     let suit = SuitAccelerations::over(window, snapshot);
@@ -99,7 +101,7 @@ mod tests {
     use super::*;
     use crate::body::{Anthropometry, Sex, Skeleton, gyration_m2};
     use crate::frame::{Pose, SuitWorld};
-    use crate::motion::{MassDistribution, History, Inertia};
+    use crate::motion::{History, Inertia, MassDistribution};
     use nalgebra::UnitQuaternion;
 
     extern crate std;
@@ -127,7 +129,8 @@ mod tests {
             let shake = Vector3::new(AMPLITUDE_M * (omega * time_s).sin(), 0.0, 0.95);
             let arms = skeleton.t_pose_m().map(|origin| turn * Vector3::from(origin));
             let pose = Pose::<SuitWorld>::new(arms.map(|arm| shake + arm), [turn; SEGMENTS]);
-            let mut snapshot = Snapshot::new(index * PERIOD_NS, &pose, &pose.shifted(Vector3::zeros()), &body);
+            let mut snapshot =
+                Snapshot::new(index * PERIOD_NS, &pose, &pose.shifted(Vector3::zeros()), &body);
             if sends {
                 let along = -AMPLITUDE_M * omega * omega * (omega * time_s).sin();
                 let spin = Vector3::z() * turn_rate;

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
 use super::accelerations::{self, Accelerations};
-use super::inertia::{MassDistribution, Inertia, angular};
+use super::inertia::{Inertia, MassDistribution, angular};
 use super::weights::{Weights, weights};
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation, wxyz};
@@ -199,7 +199,13 @@ impl History {
         }
         let window = accelerations::Window { times_s: &times_s, count, weights: &weights };
         let snapshot = |position: usize| self.at(first + position as u64);
-        let is_by_suit = accelerations::apply_suit_accelerations(&mut motion, accelerations, self.at(index), &window, snapshot);
+        let is_by_suit = accelerations::apply_suit_accelerations(
+            &mut motion,
+            accelerations,
+            self.at(index),
+            &window,
+            snapshot,
+        );
         Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, masses) })
     }
 

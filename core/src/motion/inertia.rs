@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, Vector3};
 
-use super::history::{Snapshot, Motion};
+use super::history::{Motion, Snapshot};
 use crate::body::{Anthropometry, SEGMENTS, Segment, Side};
 use crate::frame::rotation;
 
@@ -39,7 +39,12 @@ impl UpperInertia {
     pub const REST: UpperInertia = UpperInertia { force_m_per_s2: [0.0; 3], moment_m2_per_s2: [0.0; 3] };
 
     /// From the rates of each segment's angular momentum about the whole body's centre of mass.
-    fn of(snapshot: &Snapshot, motion: &Motion, masses: &MassDistribution, rates: &[[f64; 3]; SEGMENTS]) -> UpperInertia {
+    fn of(
+        snapshot: &Snapshot,
+        motion: &Motion,
+        masses: &MassDistribution,
+        rates: &[[f64; 3]; SEGMENTS],
+    ) -> UpperInertia {
         let (mut force, mut rate) = (Vector3::zeros(), Vector3::zeros());
         for segment in Segment::ALL.into_iter().filter(|segment| segment.is_distal_to(Segment::L5)) {
             let index = segment.index();
@@ -122,7 +127,11 @@ impl Inertia {
 /// Contribution of each segment to the rate of the angular momentum about the CoM over the body's mass, m²/s²: `μ_i
 /// (c_i − C) × c̈_i + μ_i d/dt(R_i k_i² R_iᵀ ω_i)`, with ω and α from the orientation's quaternion, `ω = 2 q̇ q̄`, `α =
 /// 2 q̈ q̄` (vector parts).
-pub fn momentum_rate_by_segment(snapshot: &Snapshot, motion: &Motion, masses: &MassDistribution) -> [[f64; 3]; SEGMENTS] {
+pub fn momentum_rate_by_segment(
+    snapshot: &Snapshot,
+    motion: &Motion,
+    masses: &MassDistribution,
+) -> [[f64; 3]; SEGMENTS] {
     let mass = &masses.body.mass_fraction;
     let centre = centre_of_mass(snapshot, masses);
     core::array::from_fn(|segment| {
@@ -170,7 +179,7 @@ mod tests {
     use super::*;
     use crate::body::{Sex, Skeleton, gyration_m2};
     use crate::frame::{Pose, SuitWorld};
-    use crate::motion::{Accelerations, MassDistribution, History};
+    use crate::motion::{Accelerations, History, MassDistribution};
     use nalgebra::UnitQuaternion;
 
     extern crate std;
@@ -214,7 +223,8 @@ mod tests {
             // The result must not depend on the anchor's shift.
             let shifted = pose.shifted(Vector3::new(0.4, -0.3, 0.0));
             history.push(Snapshot::new(time_ns, &pose, &shifted, &body));
-            while let Some((snapshot, inertia)) = history.next(40_000_000, Accelerations::Positions, &masses) {
+            while let Some((snapshot, inertia)) = history.next(40_000_000, Accelerations::Positions, &masses)
+            {
                 let Some(Inertia { upper, .. }) = inertia else { continue };
                 let time_s = snapshot.time_ns as f64 * 1e-9;
                 if time_s < 0.05 {

@@ -278,7 +278,12 @@ mod tests {
     fn a_load_that_changes_hands_is_tracked() {
         let mut position = carry(20.0, |_| 0.0, 0.05);
         for _ in 0..30 {
-            position.update(Some(&by_model(0.0, 0.05, 0.0)), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
+            position.update(
+                Some(&by_model(0.0, 0.05, 0.0)),
+                &by_model(0.04, 0.5, 0.0),
+                1.0 / 60.0,
+                first_state,
+            );
         }
         assert!(position.eta()[1] < 0.1, "{:?}", position.eta());
     }

@@ -171,7 +171,8 @@ mod tests {
     #[test]
     fn the_best_is_suggested_and_repeated_only_after_all_others() {
         let mut planner = planner();
-        let suggested: [Option<usize>; 4] = core::array::from_fn(|_| suggest(&mut planner, &[1.0, 3.0, 2.0], &[]));
+        let suggested: [Option<usize>; 4] =
+            core::array::from_fn(|_| suggest(&mut planner, &[1.0, 3.0, 2.0], &[]));
         assert_eq!(suggested, [Some(1), Some(2), Some(0), Some(1)]);
         assert!(planner.is_sound());
     }
@@ -188,7 +189,8 @@ mod tests {
         let mut planner = planner();
         planner.mark_unholdable(1);
         planner.mark_unholdable(u64::MAX);
-        let suggested: [Option<usize>; 3] = core::array::from_fn(|_| suggest(&mut planner, &[1.0, 3.0, 2.0], &[]));
+        let suggested: [Option<usize>; 3] =
+            core::array::from_fn(|_| suggest(&mut planner, &[1.0, 3.0, 2.0], &[]));
         assert_eq!(suggested, [Some(2), Some(0), Some(2)]);
         planner.mark_unholdable(0);
         planner.mark_unholdable(2);

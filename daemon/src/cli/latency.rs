@@ -114,7 +114,7 @@ impl Subscriptions {
     fn update(&mut self) -> Result<(), BusError> {
         self.listener.wait(Duration::from_millis(100))?;
         while let Some(state) = self.states.receive()? {
-            self.own.enter(&state, now_ns());
+            self.own.record(&state, now_ns());
         }
         while let Some(record) = self.records.receive()? {
             if record.publish_start_ns >= self.own.report().since_ns {

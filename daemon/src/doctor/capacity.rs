@@ -84,7 +84,7 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
         None => Check::warn(
             NAME,
             "nothing is heard of it, or it reports a fault",
-            format!("is it on, and is {} right? `equipoise status` says more", config.ground.place()),
+            format!("is it on, and is {} right? `equipoise status` says more", config.ground.location()),
         ),
         Some(newtons) if newtons.abs() >= equipoise_core::cycle::memory::EMPTY_PLATE_N => Check::ok(
             NAME,

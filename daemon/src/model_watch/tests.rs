@@ -105,7 +105,7 @@ fn a_fitting_model_is_not_suspected() {
     let mut session = Session::identified();
     session.poses(3, 40);
     assert_eq!(session.reported, []);
-    assert!(session.watch.segment.len() > 2 * SAMPLES_MIN, "it has looked: {}", session.watch.segment.len());
+    assert!(session.watch.samples.len() > 2 * SAMPLES_MIN, "it has looked: {}", session.watch.samples.len());
 }
 
 /// Below half the detection limit, so that no peak counts as a load: no overload is published, but the model is wrong.
@@ -123,10 +123,10 @@ fn a_hidden_mass_is_reported_with_its_place_once_in_five_minutes() {
     assert_eq!(reported.signal, Signal::Force);
     // The first window that reveals the mass still contains samples from before.
     assert!((0.6..1.1).contains(&(reported.size / (HIDDEN_KG * 9.81))), "{reported:?}");
-    assert!(session.watch.suspected().is_some(), "and the status goes on saying so");
+    assert!(session.watch.suspicion().is_some(), "and the status goes on saying so");
     session.poses(3, 110);
     assert!(session.reported.len() >= 2, "and again later");
-    assert!(session.reported[1].0 - first_ns >= SILENCE_NS);
+    assert!(session.reported[1].0 - first_ns >= REPORT_INTERVAL_NS);
 }
 
 #[test]

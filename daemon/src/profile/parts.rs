@@ -162,7 +162,7 @@ impl ShiftPart {
         for part in &self.lift {
             let is_last = (1..=self.ended).contains(&part.number)
                 && self.ended - part.number < LATEST_LIFTS as u64
-                && part.lift().is_valid();
+                && part.lift().is_sound();
             if !is_last {
                 return Err(format!("its lift {} is out of range", part.number));
             }

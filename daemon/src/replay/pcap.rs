@@ -14,7 +14,7 @@ use equipoise_core::message::GroundSample;
 
 use super::samples::{Sample, SkippedData};
 use crate::config::Config;
-use crate::config::ground::direction::Over;
+use crate::config::ground::transport::Over;
 use crate::config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
 use crate::sensors::{BodyCadence, suit_settings};
 

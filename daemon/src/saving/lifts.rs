@@ -180,7 +180,7 @@ mod tests {
         assert_eq!(log.write(&subjects).unwrap_err().0, state.lifts("a"));
         assert!(!log.is_written());
         fs::remove_dir(state.lifts("a")).unwrap();
-        subjects.forget("a");
+        subjects.delete("a");
         log.write(&subjects).unwrap();
         assert!(log.is_written() && !state.lifts("a").exists());
     }

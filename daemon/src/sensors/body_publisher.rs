@@ -43,7 +43,8 @@ impl BodyCadence {
     pub(crate) fn due(&mut self, body: Option<SuitBody>, now_ns: u64) -> Option<SuitBody> {
         let body = SuitBody { published_ns: now_ns, ..body? };
         let is_recent = self.published.as_ref().is_some_and(|published| {
-            published.has_same_dimensions(&body) && now_ns.saturating_sub(published.published_ns) < INTERVAL_NS
+            published.has_same_dimensions(&body)
+                && now_ns.saturating_sub(published.published_ns) < INTERVAL_NS
         });
         if is_recent {
             return None;

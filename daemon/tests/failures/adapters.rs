@@ -3,9 +3,9 @@
 use equipoise_core::message::Validity;
 use rustix::process::Signal;
 
-use crate::ending::assert_nothing_left;
 use crate::monitor::Monitor;
 use crate::process::{Process, wait_for};
+use crate::shutdown::assert_nothing_left;
 use crate::station::Station;
 
 /// The same station for the daemon: both sources are external.

@@ -91,5 +91,5 @@ fn metrics_for_the_whole_network_or_on_a_used_port_are_refused() {
         message.contains("metrics.listen") && message.contains(&address) && !message.contains("panicked"),
         "{message}"
     );
-    crate::ending::assert_nothing_left(&station);
+    crate::shutdown::assert_nothing_left(&station);
 }

@@ -111,7 +111,7 @@ impl Monitor {
 
     /// Number of times an incident has begun since the daemon's start.
     pub(crate) fn count(&self, kind: Incident) -> u64 {
-        self.board.started_pose[kind as usize]
+        self.board.begun[kind as usize]
     }
 
     pub(crate) fn both_fresh(&self) -> bool {

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use rustix::process::Signal;
 
-use crate::ending::assert_nothing_left;
 use crate::process::{Process, wait_for};
+use crate::shutdown::assert_nothing_left;
 use crate::station::{NAME, Station};
 use equipoise_simulator::ports::free_address;
 

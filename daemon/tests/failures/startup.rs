@@ -4,8 +4,8 @@ use std::net::UdpSocket;
 
 use rustix::process::Signal;
 
-use crate::ending::assert_nothing_left;
 use crate::monitor::Monitor;
+use crate::shutdown::assert_nothing_left;
 use crate::station::Station;
 
 /// An earlier read might miss data that the previous daemon has not written yet.

@@ -10,9 +10,9 @@ use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::adapters::adapter;
-use crate::ending::assert_nothing_left;
 use crate::monitor::Monitor;
 use crate::process::{Process, TIMEOUT, wait_for};
+use crate::shutdown::assert_nothing_left;
 use crate::station::{NAME, Station};
 use crate::streams::{self, FakePlate};
 use equipoise_simulator::ports::free_address;
@@ -132,8 +132,8 @@ fn two_suits_on_one_port_have_separate_stations_and_failures() {
     let _suits = [0, 1, 2].map(|avatar| streams::suit_of(station.suit, avatar));
     let mut daemon = station.daemon(&others);
     let [mut own, mut other] = [NAME, OTHER].map(|name| OnTheBus::of(&station, name));
-    own.expect(60, 0);
-    other.expect(60, 1);
+    own.assert_verdict(60, 0);
+    other.assert_verdict(60, 1);
     let counts = other.health(|health| health.published > 60);
     assert_eq!((counts.lost, counts.refused.iter().sum::<u64>()), (0, 0), "{counts:?}");
     // The third belongs to no station.
@@ -162,8 +162,8 @@ fn two_suits_on_one_port_have_separate_stations_and_failures() {
     let mut second = start();
     fresh();
     second.kill();
-    own.expect(60, 0);
-    other.expect(30, 1);
+    own.assert_verdict(60, 0);
+    other.assert_verdict(30, 1);
     let mut second = start();
     fresh();
     for process in [&mut second, &mut daemon] {
@@ -193,10 +193,10 @@ fn forwarding_to_a_station_with_another_publisher_is_retried_and_the_own_suit_co
         &format!("the suit of station {OTHER} is published by process {} already", rival.id()),
     );
     let [mut own, mut other] = [NAME, OTHER].map(|name| OnTheBus::of(&station, name));
-    own.expect(60, 0);
+    own.assert_verdict(60, 0);
     assert_eq!(rival.stop(Signal::TERM), Some(0), "{}", rival.stderr());
-    other.expect(30, 1);
-    own.expect(30, 0);
+    other.assert_verdict(30, 1);
+    own.assert_verdict(30, 0);
 }
 
 #[test]

@@ -84,7 +84,7 @@ impl Live {
         let options = model.map_or(Vec::new(), |model| vec!["--model", model.to_str().unwrap()]);
         let station = Station::start_with(&config, &options, |state| {
             let mut stored = bytemuck::zeroed_box();
-            worker.keep(&mut stored);
+            worker.store(&mut stored);
             let profile = Profile::of("anon-1", None, &stored, &bytemuck::Zeroable::zeroed(), 0).unwrap();
             std::fs::create_dir_all(state.join("subjects")).unwrap();
             std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml().unwrap()).unwrap();

@@ -43,8 +43,12 @@ fn made(time_s: f64, pelvis_m: [f64; 3], force_n: [f64; 3]) -> Snapshot {
     let pelvis = Vector3::from(pelvis_m);
     let origin = skeleton().t_pose_m().map(|origin| pelvis + Vector3::from(origin));
     let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
-    let mut snapshot =
-        Snapshot::new(BEGIN_NS + (time_s * 1e9) as u64, &pose, &pose.shifted(Vector3::zeros()), &worker().body);
+    let mut snapshot = Snapshot::new(
+        BEGIN_NS + (time_s * 1e9) as u64,
+        &pose,
+        &pose.shifted(Vector3::zeros()),
+        &worker().body,
+    );
     snapshot.both_feet_stand = 1;
     snapshot.has_ground = 1;
     snapshot.ground = GroundSample {

@@ -12,7 +12,7 @@ use crate::frame::{Pose, StationWorld};
 use crate::kalman::STATES;
 use crate::math;
 use crate::sesc::reduction::Rows;
-use crate::sesc::suit_error::{effective_vectors, drift_variance_m2};
+use crate::sesc::suit_error::{drift_variance_m2, effective_vectors};
 use crate::sesc::{PARAMETERS, Phi};
 use crate::static_pose::{PoseStatistics, Window};
 
@@ -67,7 +67,10 @@ impl Identification {
     /// shift, with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
     pub(in crate::cycle) fn widen_stance_offset(&mut self) {
         for axis in 0..2 {
-            self.filter.add_process_noise(self.reduction.count() + axis, REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M);
+            self.filter.add_process_noise(
+                self.reduction.count() + axis,
+                REGISTRATION_SIGMA_M * REGISTRATION_SIGMA_M,
+            );
         }
     }
 

@@ -2,8 +2,8 @@
 //! every cycle, so that no cycle is long.
 
 use super::{Identification, NO_POSE};
-use crate::cycle::settings::{PoseChoice, Settings};
 use crate::cycle::foot_outline;
+use crate::cycle::settings::{PoseChoice, Settings};
 use crate::cycle::support::is_supported;
 use crate::math;
 use crate::message::SuitBody;

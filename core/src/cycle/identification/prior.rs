@@ -64,7 +64,8 @@ impl Identification {
             .iter()
             .map(|&axis| self.filter.projected_variance_m2(&self.without_stance(rows, axis)))
             .sum();
-        let innovation = PoseInnovation { nis, square_m2: x * x + y * y, theta_m2, rest_m2: xx + yy - theta_m2 };
+        let innovation =
+            PoseInnovation { nis, square_m2: x * x + y * y, theta_m2, rest_m2: xx + yy - theta_m2 };
         if !nis.is_finite() {
             return;
         }

@@ -84,7 +84,9 @@ impl Identification {
         }
         let weighing = &mut self.weighing;
         let sigma_in_use_n = GRAVITY_M_PER_S2 * weighing.sigma_kg();
-        if self.mass_kg != weighing.in_use_kg || (self.mass_kg > 0.0 && sigma_in_use_n < settings.force_sigma_n) {
+        if self.mass_kg != weighing.in_use_kg
+            || (self.mass_kg > 0.0 && sigma_in_use_n < settings.force_sigma_n)
+        {
             return;
         }
         let measured_kg = vertical_n / specific_force_m_per_s2;

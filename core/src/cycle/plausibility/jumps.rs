@@ -127,7 +127,13 @@ impl JumpDetector {
         let step_ns = now.time_ns.saturating_sub(last.time_ns);
         if step_ns > JUMP_GAP_MAX_NS {
             let difference_n2 = self.difference_n2;
-            *self = JumpDetector { readings: [now; 2], last: now, level: now, difference_n2, ..Zeroable::zeroed() };
+            *self = JumpDetector {
+                readings: [now; 2],
+                last: now,
+                level: now,
+                difference_n2,
+                ..Zeroable::zeroed()
+            };
             return None;
         }
         let compared = [self.readings[0], last];

@@ -231,7 +231,8 @@ impl Bench {
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
             self.suit_sequence += u64::from(has_suit);
-            let suit_body = self.suit_body.map(|suit_body| SuitBody { published_ns: self.now_ns, ..suit_body });
+            let suit_body =
+                self.suit_body.map(|suit_body| SuitBody { published_ns: self.now_ns, ..suit_body });
             let inputs = Inputs {
                 suit: if has_suit { core::slice::from_ref(&suit) } else { &[] },
                 ground: if self.ground_silent { &[] } else { core::slice::from_ref(&ground) },

@@ -232,7 +232,10 @@ fn levels_follow_table_1_where_sigma_is_small() {
         }
         assert_ne!(level, Level::None);
     }
-    assert!(with_sigma.contains(&Level::Green) && with_sigma.iter().any(|level| *level > Level::Green), "{with_sigma:?}");
+    assert!(
+        with_sigma.contains(&Level::Green) && with_sigma.iter().any(|level| *level > Level::Green),
+        "{with_sigma:?}"
+    );
 }
 
 #[test]

@@ -103,7 +103,11 @@ fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
     swing(bench, shear, |bench| {
         let estimate = &bench.memory.estimate;
         if all.last().is_none_or(|(time, ..)| *time != estimate.suit_sample_time_ns) {
-            all.push((estimate.suit_sample_time_ns, estimate.cop_estimated_m, estimate.delta_f_n[2] + offset_n));
+            all.push((
+                estimate.suit_sample_time_ns,
+                estimate.cop_estimated_m,
+                estimate.delta_f_n[2] + offset_n,
+            ));
         }
         offset_n = bench.memory.force_offset.mean_n();
     });

@@ -54,7 +54,8 @@ fn identify(kind: ReductionKind, choice: PoseChoice, seed: u64) -> Outcome {
         let suggested = suggestion(&mut one, &settings, 1);
         let pose = posture::pose_of(&LIBRARY[suggested], &person.skeleton, [0.0; 3]);
         let variance_m2 = one.drift_variance_m2(&pose, &settings).map(|suit_m2| suit_m2 + 4e-6);
-        let cop_m = simulated_cop_m(&full.reduction.rows(&pose, [0.0; 2]), &theta, off_m, variance_m2, &mut normal);
+        let cop_m =
+            simulated_cop_m(&full.reduction.rows(&pose, [0.0; 2]), &theta, off_m, variance_m2, &mut normal);
         one.update_from_rows(&one.reduction.rows(&pose, [0.0; 2]), cop_m, variance_m2).unwrap();
         one.finish_pose(&pose, &settings);
         if one.identified == 1 {
@@ -146,7 +147,11 @@ fn a_pose_that_was_not_held_for_twenty_seconds_is_replaced() {
         assert_ne!(other, suggested);
         one.withdraw_suggestion();
     }
-    assert_ne!(suggestion(&mut one, &settings, 46 * NS_PER_S), suggested, "nor after all others were suggested");
+    assert_ne!(
+        suggestion(&mut one, &settings, 46 * NS_PER_S),
+        suggested,
+        "nor after all others were suggested"
+    );
 }
 
 #[test]
@@ -184,5 +189,8 @@ fn every_suggested_pose_is_in_balance() {
         one.withdraw_suggestion();
         suggested
     });
-    assert_eq!(suggested[3], 1, "straight legs under a trunk that lies flat, arms stretched out: {suggested:?}");
+    assert_eq!(
+        suggested[3], 1,
+        "straight legs under a trunk that lies flat, arms stretched out: {suggested:?}"
+    );
 }

@@ -21,7 +21,8 @@ fn turned(posture: &Posture, by_deg: i16) -> Posture {
 
 /// An identified subject for whom the model file requests a pose.
 fn identified(turn_rad: f64) -> (Person, Bench) {
-    let mut bench = Bench::new(|settings| settings.pose_request = Some(PoseRequest { pose: WANTED, turn_rad }));
+    let mut bench =
+        Bench::new(|settings| settings.pose_request = Some(PoseRequest { pose: WANTED, turn_rad }));
     let person = Person::real();
     bench.hold(&person, &postures()[0], None, 500);
     assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification suggests its own poses");
@@ -43,10 +44,7 @@ fn a_requested_pose_is_suggested_until_it_was_held() {
     assert_eq!((bench.state().suggested_pose, bench.state().pose_mismatch_rad), (NONE, 0.0));
     bench.hold(&person, &postures()[8], None, 1000);
     assert_eq!(bench.state().suggested_pose, NONE, "once is enough");
-    assert_eq!(
-        bench.memory.identification.poses_used, before,
-        "a requested pose does not update the filter"
-    );
+    assert_eq!(bench.memory.identification.poses_used, before, "a requested pose does not update the filter");
     assert!(bench.memory.is_sound());
 }
 

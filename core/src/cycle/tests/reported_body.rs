@@ -108,7 +108,10 @@ fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
         bench.hold(&person, &upright(), None, 50);
         assert_eq!(body_status(&bench), (BodySource::NullPose, reason));
         let body = bench.memory.reported_body.body().copied();
-        assert!(body.zip(before).is_some_and(|(body, before)| body.has_same_dimensions(&before)), "{reason:?}");
+        assert!(
+            body.zip(before).is_some_and(|(body, before)| body.has_same_dimensions(&before)),
+            "{reason:?}"
+        );
         bench.suit_body = Some(good);
         bench.hold(&person, &upright(), None, 20);
         assert_eq!(body_status(&bench).1, BodyRefusal::None);

@@ -46,7 +46,11 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
             let case = std::format!("{right_share} of {load_kg} kg: {:?} ± {sigma}", state.eta);
             assert!((state.eta[1] - right_share).abs() <= 2.0 * sigma, "{case}");
             assert!(sigma < 0.4, "an informative σ: {case}");
-            assert!(state.load_distance_m <= 2.0 * position_sigma_m(state), "{case} {}", state.load_distance_m);
+            assert!(
+                state.load_distance_m <= 2.0 * position_sigma_m(state),
+                "{case} {}",
+                state.load_distance_m
+            );
         }
     }
 }

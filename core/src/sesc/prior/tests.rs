@@ -69,8 +69,11 @@ fn draw(body: &Anthropometry, normal: &mut Normal) -> Anthropometry {
         let is_paired = segments.iter().all(|segment| !segments.contains(&segment.mirrored()));
         for mirrored in [false, true].into_iter().take(if is_paired { 2 } else { 1 }) {
             let own = normal.next();
-            let deviation =
-                if is_paired { SIDE_CORRELATION.sqrt() * shared + (1.0 - SIDE_CORRELATION).sqrt() * own } else { shared };
+            let deviation = if is_paired {
+                SIDE_CORRELATION.sqrt() * shared + (1.0 - SIDE_CORRELATION).sqrt() * own
+            } else {
+                shared
+            };
             for segment in segments {
                 let segment = if mirrored { segment.mirrored() } else { *segment };
                 person.mass_fraction[segment.index()] *= 1.0 + SPREAD_FACTOR * spread * deviation;
@@ -89,7 +92,8 @@ fn draw(body: &Anthropometry, normal: &mut Normal) -> Anthropometry {
             }
             let shared = normal.next();
             for (of, sign) in [(segment, 1.0), (segment.mirrored(), if axis == 1 { -1.0 } else { 1.0 })] {
-                let deviation = SIDE_CORRELATION.sqrt() * shared + (1.0 - SIDE_CORRELATION).sqrt() * normal.next();
+                let deviation =
+                    SIDE_CORRELATION.sqrt() * shared + (1.0 - SIDE_CORRELATION).sqrt() * normal.next();
                 person.com_m[of.index()][axis] += sign * spread_m * deviation;
             }
         }

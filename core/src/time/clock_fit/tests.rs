@@ -139,7 +139,10 @@ fn a_change_of_the_period_is_tracked_within_seconds() {
                 wrong_since_ns = None;
             } else {
                 let since_ns = *wrong_since_ns.get_or_insert(now_ns);
-                assert!(now_ns - since_ns < 5_000_000_000, "{rate_hz} Hz: σ above 1 ms for 5 s: {estimate:?}");
+                assert!(
+                    now_ns - since_ns < 5_000_000_000,
+                    "{rate_hz} Hz: σ above 1 ms for 5 s: {estimate:?}"
+                );
             }
         }
     }

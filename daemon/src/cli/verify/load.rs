@@ -36,7 +36,7 @@ pub(super) struct Arguments {
     #[arg(long = "mass", value_name = "KG", value_parser = crate::cli::seconds)]
     mass_kg: f64,
     /// A mark on the floor, below the mass, m in the station's world; once for each trial
-    #[arg(long, value_name = "X,Y", value_parser = super::place, allow_hyphen_values = true, required = true)]
+    #[arg(long, value_name = "X,Y", value_parser = super::parse_point, allow_hyphen_values = true, required = true)]
     at: Vec<[f64; 2]>,
     #[command(flatten)]
     station: StationArgument,

@@ -178,7 +178,7 @@ mod tests {
     fn a_plate_with_its_calibration_sheet_round_trips() {
         let config = Config::parse(&plate(), "c.toml").unwrap();
         assert!(config.ground.device().unwrap().is_some() && config.ground.transport().unwrap().is_some());
-        assert_eq!(config.ground.place(), "ground.serial.port = /dev/serial/by-id/plate");
+        assert_eq!(config.ground.location(), "ground.serial.port = /dev/serial/by-id/plate");
         assert_eq!(Config::parse(&config.to_toml(), "written").unwrap(), config);
     }
 

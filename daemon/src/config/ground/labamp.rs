@@ -15,7 +15,7 @@ use crate::config::method::{Checked, between};
 #[serde(deny_unknown_fields)]
 pub struct LabAmpConfig {
     /// Sampling rate of the device, Hz. High rates have short blocks.
-    #[serde(default = "usual_rate_hz")]
+    #[serde(default = "default_rate_hz")]
     pub rate_hz: u32,
     /// Scans per frame; by default the device's minimum at its rate.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::channels::{TowardsX, TowardsY, insole_size};
 use super::description_error::{DescriptionError, nearest};
 use super::numbers::TimeUnit;
-use super::{GroundConfig, way};
+use super::{GroundConfig, transport};
 
 /// `[ground.moticon]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
