@@ -57,7 +57,7 @@ impl<'a> Rig<'a> {
             if started.elapsed() > TIMEOUT {
                 let fault = self.host.fault().unwrap_or_else(|| "no trouble".into());
                 return Err(format!(
-                    "waited in vain for {what}: {} samples, {:?}, {trouble}, device {:?}",
+                    "waited in vain for {what}: {} samples, {:?}, {fault}, device {:?}",
                     self.samples.len(),
                     self.host.refused(),
                     self.device.suffered(),

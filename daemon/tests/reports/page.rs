@@ -85,7 +85,7 @@ impl Page {
     #[track_caller]
     pub(crate) fn rows(&self, heading: &str) -> &[Vec<String>] {
         let found = self.tables.iter().find(|(name, _)| name == heading);
-        let (_, rows) = found.unwrap_or_else(|| panic!("no table under {heading}: {}", self.words));
+        let (_, rows) = found.unwrap_or_else(|| panic!("no table under {heading}: {}", self.text));
         &rows[1..]
     }
 

@@ -137,9 +137,9 @@ fn samples_without_states_are_replayed_to_the_same_numbers() {
     let session = session();
     let (recorded, replayed) =
         (report("recorded.html", &session.states), report("replayed.html", &session.samples));
-    assert!(replayed.words.contains("computed from its samples by a replay"));
-    assert!(!recorded.words.contains("by a replay"));
-    assert!(replayed.words.contains("Equipoise 0.0.9"), "the release that recorded");
+    assert!(replayed.text.contains("computed from its samples by a replay"));
+    assert!(!recorded.text.contains("by a replay"));
+    assert!(replayed.text.contains("Equipoise 0.0.9"), "the release that recorded");
     for heading in
         ["Identification", "Minutes at each level", "Lifts", "Why values were withheld", "Dose and fatigue"]
     {
@@ -250,7 +250,7 @@ fn a_truncated_recording_is_reported_up_to_the_damage() {
     std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
     let ended = equipoise(&["report", text(&cut), "--out", text(&out)]);
     assert_eq!(ended.status.code(), Some(3), "{ended:?}");
-    assert!(Page::read(&out).words.contains("the recording was cut short"));
+    assert!(Page::read(&out).text.contains("the recording was cut short"));
     let itself = equipoise(&["report", text(&session.states), "--out", text(&session.states)]);
     assert_eq!(itself.status.code(), Some(1), "{itself:?}");
     assert_eq!(std::fs::read(&session.states).unwrap(), bytes);

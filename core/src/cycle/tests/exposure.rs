@@ -180,7 +180,7 @@ fn a_lift_counts_when_it_is_put_down_and_a_reset_keeps_the_dose() {
     bench.command(CommandKind::IdentifyReset);
     bench.hold(&person, &carrying_pose(), None, 100);
     assert_eq!(bench.state().lifts, 1, "the same worker");
-    let mut another = bytemuck::zeroed_box::<Worker>();
+    let mut another = bytemuck::zeroed_box::<SubjectState>();
     another.identification = bench.memory.identification;
     bench.memory.replace_subject(&another);
     (bench.suit_silent, bench.ground_silent) = (true, true);

@@ -37,7 +37,7 @@ fn parameters_and_performed_poses_are_restored() {
         "oldest first"
     );
     let mut again = restored_bench(&bench, &stored, NS_PER_S);
-    assert_eq!(*self::stored_state(&again.memory).subject.performed.poses().last().unwrap(), {
+    assert_eq!(*stored_state(&again.memory).subject.performed.poses().last().unwrap(), {
         *stored.subject.performed.poses().last().unwrap()
     });
     let count = stored.subject.filter.count();
