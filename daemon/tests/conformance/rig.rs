@@ -55,7 +55,7 @@ impl<'a> Rig<'a> {
             let received = self.host.receive()?;
             self.samples.extend(received);
             if started.elapsed() > TIMEOUT {
-                let fault = self.host.fault().unwrap_or_else(|| "no trouble".into());
+                let fault = self.host.fault().unwrap_or_else(|| "no fault".into());
                 return Err(format!(
                     "waited in vain for {what}: {} samples, {:?}, {fault}, device {:?}",
                     self.samples.len(),
