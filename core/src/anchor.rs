@@ -97,15 +97,15 @@ impl Anchor {
 
     /// The pose in the station world, with the standing feet held.
     pub fn hold(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
-        self.to_station(pose, true)
+        self.transform(pose, true)
     }
 
     /// Likewise for a suit without drift, such as optical markers in the plate's world: counts steps, shifts nothing.
     pub fn track(&mut self, pose: &Pose<SuitWorld>) -> Pose<StationWorld> {
-        self.to_station(pose, false)
+        self.transform(pose, false)
     }
 
-    fn to_station(&mut self, pose: &Pose<SuitWorld>, suit_drifts: bool) -> Pose<StationWorld> {
+    fn transform(&mut self, pose: &Pose<SuitWorld>, suit_drifts: bool) -> Pose<StationWorld> {
         let foot = Side::BOTH.map(|side| 0.5 * (pose.origin_of(side.foot()) + pose.origin_of(side.toe())));
         if self.started == 0 {
             *self = Anchor {

@@ -33,7 +33,7 @@ pub fn evaluate_suit(config: &Config, facts: &SuitFacts) -> Vec<Check> {
             checks.push(Check::fail("listening", reason.clone(), "fix that, then run this again"));
         }
         SuitObservation::OnTheBus(observation) => {
-            checks.extend(bus::evaluate(config, observation, facts.time))
+            checks.extend(bus::evaluate(config, observation, facts.time));
         }
         SuitObservation::AtThePort(survey) if survey.is_silent() => {
             let found = format!("nothing was heard for {} s", facts.time.as_secs_f64());

@@ -147,7 +147,7 @@ impl fmt::Display for Authenticity {
             Previous::Unnamed => f.write_str("; no previous file")?,
             Previous::Matching(previous) => write!(f, "; previous file {previous} matches")?,
             Previous::Unchecked(previous, reason) => {
-                write!(f, "; previous file {previous} not checked: {reason}")?
+                write!(f, "; previous file {previous} not checked: {reason}")?;
             }
             Previous::Missing(previous) => {
                 write!(f, "; previous file {previous} is missing, though older files are present")?;

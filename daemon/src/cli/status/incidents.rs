@@ -117,7 +117,7 @@ mod tests {
         assert_eq!(text.matches("to do:").count(), 1, "{text}");
         assert_eq!(text.matches(words(Incident::SuitAdapterDown).to_do).count(), 1, "{text}");
         // Without the daemon's sentence only the general advice is printed.
-        assert!(printed(BTreeMap::new()).contains("to do: look at MVN"));
+        assert!(printed(BTreeMap::new()).contains("to do: check in MVN"));
     }
 
     #[test]
