@@ -9,7 +9,8 @@
 //! ([`Loading::swing`]).
 //!
 //! **Covariance**: each source of error changes one input by its 1-σ; the resulting differences of the torques are the
-//! columns of a factor of their covariance. First order, with independent sources.
+//! columns of a factor of their covariance. First order, with independent sources, except: the heading by a three-point
+//! rule ([`LoadingSigma::heading_rad`]), and errors of a hand's position with the largest η that its σ allows.
 
 mod errors;
 pub mod feet;

@@ -16,6 +16,9 @@ use crate::state_directory::{NoStateDirectory, StateDirectory};
 use crate::station_file::StationFile;
 use crate::status::{self, Status};
 
+/// Replaces a subject's pseudonym in flight records, and that of a deleted subject in recordings.
+pub(crate) const ANONYMOUS: &str = "anonymous";
+
 /// Time limit for a daemon to rewrite its station file, and for a recorder to close a file that was removed.
 const TIMEOUT: Duration = Duration::from_secs(5);
 

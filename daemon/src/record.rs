@@ -45,8 +45,6 @@ const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 const SETTLE: Duration = Duration::from_millis(300);
 /// Interval for checking that the file is still at its path.
 const DIRECTORY_CHECK_INTERVAL: Duration = Duration::from_secs(1);
-/// Replaces the pseudonym of a deleted subject.
-const ANONYMOUS: &str = "anonymous";
 /// Minimum interval of checkpoint requests after losses.
 const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 
@@ -213,7 +211,7 @@ fn read_profile(facts: &Status) -> String {
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
     if facts.subject.is_empty() {
-        config.subject.id = ANONYMOUS.to_owned();
+        config.subject.id = crate::deletion::ANONYMOUS.to_owned();
     }
     Ok(config.to_toml())
 }

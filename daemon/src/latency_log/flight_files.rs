@@ -16,9 +16,6 @@ use crate::realtime::now_ns;
 /// Maximum number of records per station; the oldest is removed.
 pub const FILES_MAX: usize = 32;
 
-/// Replaces the subject's pseudonym.
-const ANONYMOUS: &str = "anonymous";
-
 /// The records of one station.
 #[derive(Debug)]
 pub struct FlightFiles {
@@ -32,7 +29,7 @@ impl FlightFiles {
     pub fn new(directory: &Path, config: &Config) -> FlightFiles {
         // Latencies do not depend on the subject: omit the pseudonym, so that none remains when a subject is deleted.
         let mut settled = config.clone().without_paths();
-        ANONYMOUS.clone_into(&mut settled.subject.id);
+        crate::deletion::ANONYMOUS.clone_into(&mut settled.subject.id);
         FlightFiles {
             directory: directory.to_owned(),
             station: config.station.clone(),
