@@ -25,16 +25,16 @@ const MAY_USE: [(&str, &[&str]); 20] = [
     ("studies", &["core", "simulator", "adapters"]),
     ("view", &["core", "bus", "latency"]),
     // Ordinary consumers, which forward what they read.
-    ("outlets", &["core", "client", "files"]),
+    ("gateways", &["core", "client", "files"]),
     // Reads recordings.
     ("export", &["core", "adapters"]),
-    ("outlets/foxglove", &["core", "client", "outlets", "view"]),
-    ("outlets/mqtt", &["core", "client", "files", "outlets", "view"]),
-    ("outlets/opcua", &["core", "client", "files", "outlets"]),
-    ("outlets/zenoh", &["core", "client", "files", "outlets", "view"]),
+    ("gateways/foxglove", &["core", "client", "gateways", "view"]),
+    ("gateways/mqtt", &["core", "client", "files", "gateways", "view"]),
+    ("gateways/opcua", &["core", "client", "files", "gateways"]),
+    ("gateways/zenoh", &["core", "client", "files", "gateways", "view"]),
     (
         "daemon",
-        &["core", "latency", "bus", "files", "adapters", "simulator", "discrepancy", "view", "outlets"],
+        &["core", "latency", "bus", "files", "adapters", "simulator", "discrepancy", "view", "gateways"],
     ),
     ("clients/rust", &["core", "bus"]),
     ("clients/c", &["core", "bus", "client"]),
@@ -133,7 +133,7 @@ const READ_BY_THEMSELVES: [&str; 12] = [
 #[test]
 fn files_are_opened_in_one_place() {
     // Crates that run at the station; studies and the simulator read only their own files.
-    let shipped = ["adapters", "bus", "daemon", "discrepancy", "export", "outlets", "view"];
+    let shipped = ["adapters", "bus", "daemon", "discrepancy", "export", "gateways", "view"];
     for found in crates().filter(|found| shipped.iter().any(|folder| found.folder.starts_with(folder))) {
         for file in
             found.sources().into_iter().filter(|file| file.path.starts_with(found.folder.clone() + "/src"))

@@ -6,12 +6,12 @@ pub(crate) mod client;
 mod demo;
 mod doctor;
 mod export;
+mod gateway;
 mod identify;
 mod import;
 mod install;
 mod latency;
 mod metrics;
-mod outlet;
 mod reconcile;
 mod record;
 mod register;
@@ -80,7 +80,8 @@ enum Command {
     Reconcile(reconcile::Arguments),
     Latency(latency::Arguments),
     Metrics(metrics::Arguments),
-    Outlet(outlet::Arguments),
+    #[command(alias = "outlet")]
+    Gateway(gateway::Arguments),
     Trace(trace::Arguments),
     Simulate(simulate::Arguments),
     Token(token::Arguments),
@@ -132,7 +133,7 @@ pub fn main() -> ExitCode {
         Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Metrics(arguments) => metrics::run(&arguments),
-        Command::Outlet(arguments) => outlet::run(&arguments),
+        Command::Gateway(arguments) => gateway::run(&arguments),
         Command::Trace(arguments) => trace::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Token(arguments) => token::run(&arguments),

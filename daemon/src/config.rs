@@ -7,6 +7,7 @@ mod message;
 pub mod method;
 pub mod overload;
 mod recording;
+mod renamed;
 pub mod sensor_network;
 pub mod suit;
 
@@ -18,7 +19,7 @@ use equipoise_core::cycle::{PriorKind, Settings};
 use equipoise_discrepancy::finding::Ask;
 use equipoise_discrepancy::model_file::ModelFileError;
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
-use equipoise_outlets::OutletsConfig;
+use equipoise_gateways::GatewaysConfig;
 use serde::{Deserialize, Serialize};
 
 use crate::model::LoadedModel;
@@ -29,6 +30,7 @@ pub use ground::{GroundConfig, GroundSourceKind};
 pub use method::{IdentificationConfig, StaticPoseConfig, SubjectConfig};
 pub use overload::OverloadConfig;
 pub use recording::RecordingConfig;
+pub use renamed::renamed_keys;
 pub use suit::{SuitConfig, SuitPosition, SuitSourceKind};
 
 /// A configuration file.
@@ -70,9 +72,9 @@ pub struct Config {
     /// Recordings of `equipoise record --config` and their retention; required for that command.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub recording: Option<RecordingConfig>,
-    /// Data sent to other machines by `equipoise outlet`; nothing without a section.
-    #[serde(default, skip_serializing_if = "OutletsConfig::is_empty")]
-    pub outlets: OutletsConfig,
+    /// Data sent to other machines by `equipoise gateway`; nothing without a section.
+    #[serde(default, alias = "outlets", skip_serializing_if = "GatewaysConfig::is_empty")]
+    pub gateways: GatewaysConfig,
     /// The loaded model file of `[model]`; not a key.
     #[serde(skip)]
     pub loaded_model: Option<LoadedModel>,
@@ -190,7 +192,7 @@ pub enum ConfigError {
 }
 
 impl Config {
-    /// Reads and checks a file and its model file.
+    /// Reads and checks a file and its model file. Logs a warning for each key of the previous release.
     ///
     /// # Errors
     /// [`ConfigError`], with a text for the author of the file.
@@ -198,6 +200,9 @@ impl Config {
         let text = read_text(path, TEXT_BYTES_MAX)
             .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         let mut config = Config::parse(&text, &path.display().to_string())?;
+        for sentence in renamed_keys(&text) {
+            tracing::warn!("{}: {sentence}", path.display());
+        }
         if let Some(model) = &config.model {
             let folder = path.parent().unwrap_or(Path::new(""));
             config.loaded_model = Some(LoadedModel::read(&folder.join(&model.file))?);
@@ -246,7 +251,7 @@ impl Config {
         self.identification.check()?;
         self.static_pose.check()?;
         self.overload.check()?;
-        self.outlets.check()?;
+        self.gateways.check()?;
         self.recording.as_ref().map_or(Ok(()), RecordingConfig::check)?;
         let open = |page: &PageConfig| !page.listen.ip().is_loopback() && page.token_file.is_none();
         if self.page.as_ref().is_some_and(open) {
@@ -326,7 +331,7 @@ impl Config {
             recording.directory = name_of(&recording.directory);
             recording.sign_key = recording.sign_key.as_deref().map(name_of);
         }
-        self.outlets = self.outlets.without_paths();
+        self.gateways = self.gateways.without_paths();
         self
     }
 

@@ -21,7 +21,7 @@ const UNITS: [(&str, &str); 6] = [
     ("equipoise.service", include_str!("../../systemd/equipoise.service")),
     ("equipoise-adapter@.service", include_str!("../../systemd/equipoise-adapter@.service")),
     ("equipoise-metrics.service", include_str!("../../systemd/equipoise-metrics.service")),
-    ("equipoise-outlet@.service", include_str!("../../systemd/equipoise-outlet@.service")),
+    ("equipoise-gateway@.service", include_str!("../../systemd/equipoise-gateway@.service")),
     ("equipoise-record.service", include_str!("../../systemd/equipoise-record.service")),
     ("equipoise-view.service", include_str!("../../systemd/equipoise-view.service")),
 ];
@@ -38,8 +38,12 @@ const WANTED: [(&str, &str, &str); 4] = [
     ("equipoise.service.wants", "equipoise-view.service", "equipoise-view.service"),
 ];
 const CONFIGURATION_FILE: &str = "/etc/equipoise/equipoise.toml";
+/// Unit and data of gateways in the previous release.
+const OLD_GATEWAY_UNIT: &str = "equipoise-outlet@.service";
+const OLD_GATEWAY_DATA: &str = "/var/lib/equipoise-outlets";
 /// User data: never removed.
-const DATA: [&str; 3] = ["/etc/equipoise", "/var/lib/equipoise", "/var/lib/equipoise-outlets"];
+const DATA: [&str; 4] =
+    ["/etc/equipoise", "/var/lib/equipoise", "/var/lib/equipoise-gateways", OLD_GATEWAY_DATA];
 
 /// Destination of the installation.
 #[derive(Debug, Clone)]
@@ -164,6 +168,7 @@ pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyho
     }
     done.extend(others::missing(destination, program));
     done.extend(others::configured(destination));
+    done.extend(old_gateway_unit(destination));
     done.extend(hidden(destination));
     Ok(done)
 }
@@ -176,6 +181,19 @@ fn hidden(destination: &Destination) -> Vec<String> {
         .filter(|path| destination.under_root(path).exists())
         .map(|path| format!("note: {} was put there by hand and is used instead; remove it", path.display()))
         .collect()
+}
+
+/// A note about the unit of gateways of the previous release, which still works until it is replaced.
+fn old_gateway_unit(destination: &Destination) -> Option<String> {
+    let unit = destination.units().join(OLD_GATEWAY_UNIT);
+    destination.under_root(&unit).exists().then(|| {
+        format!(
+            "note: equipoise-gateway@ replaces {}: systemctl disable --now each equipoise-outlet@KIND, enable \
+             equipoise-gateway@KIND, and remove the file. Certificates of OPC UA: move {OLD_GATEWAY_DATA}/opcua to \
+             /var/lib/equipoise-gateways/",
+            unit.display()
+        )
+    })
 }
 
 /// Removes the files that [`install`] created, and nothing else. Returns lines that describe the changes.

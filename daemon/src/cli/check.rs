@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use equipoise_core::cycle::PriorKind;
 
-use super::Outcome;
+use super::{Outcome, log_to_stderr};
 use crate::config::{Config, sensor_network};
 use crate::page_tokens::PageTokens;
 use crate::record::service::signing_key;
@@ -20,6 +20,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    log_to_stderr("warn");
     let config = Config::read(&arguments.file)?;
     let base = arguments.file.parent().unwrap_or(Path::new(""));
     if let Some(page) = &config.page {

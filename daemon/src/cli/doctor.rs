@@ -72,6 +72,7 @@ fn span(text: &str) -> Result<Duration, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    super::log_to_stderr("warn");
     match &arguments.target {
         Some(Target::Suit(suit)) => run_suit(suit),
         None => run_all(&arguments.options),

@@ -20,8 +20,8 @@ struct DestinationArguments {
 
 /// Install this program as a service: units, user, directories, a configuration if there is none
 ///
-/// Outlets that are separate programs (equipoise-outlet-KIND) and equipoise-export are installed too if they are in the
-/// directory of this program. Those that are missing are listed, with the unit to enable for each [outlets.KIND] of the
+/// Gateways that are separate programs (equipoise-gateway-KIND) and equipoise-export are installed too if they are in the
+/// directory of this program. Those that are missing are listed, with the unit to enable for each [gateways.KIND] of the
 /// configuration.
 #[derive(Debug, clap::Args)]
 #[command(
@@ -38,7 +38,7 @@ pub(super) struct Arguments {
 /// Take away what install put there; configuration and workers stay
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example (units of sensors, outlets and recordings: as in systemd/README.md):\n  sudo systemctl disable --now equipoise equipoise-adapter@suit equipoise-adapter@ground equipoise-view && sudo equipoise uninstall"
+    after_help = "Example (units of sensors, gateways and recordings: as in systemd/README.md):\n  sudo systemctl disable --now equipoise equipoise-adapter@suit equipoise-adapter@ground equipoise-view && sudo equipoise uninstall"
 )]
 pub(super) struct UninstallArguments {
     #[command(flatten)]

@@ -8,8 +8,8 @@ use super::Config;
 
 impl Config {
     /// This configuration with the live parts of another one: `[overload]`, `[static_pose]`, `[model]` and the model
-    /// itself, `[latency]`, `subject.tau_max_nm`, and `[outlets]` and `[recording]`, which other processes read.
-    /// the model itself, `[latency]`, `[outlets]` and `[recording]`, which other processes read, `subject.tau_max_nm`.
+    /// itself, `[latency]`, `subject.tau_max_nm`, and `[gateways]` and `[recording]`, which other
+    /// processes read.
     pub fn with_live_settings_of(&self, other: &Config) -> Config {
         let mut live = self.clone();
         live.overload = other.overload.clone();
@@ -17,7 +17,7 @@ impl Config {
         live.model = other.model.clone();
         live.loaded_model = other.loaded_model.clone();
         live.latency = other.latency.clone();
-        live.outlets = other.outlets.clone();
+        live.gateways = other.gateways.clone();
         live.recording = other.recording.clone();
         live.subject.tau_max_nm = other.subject.tau_max_nm.clone();
         live
@@ -26,7 +26,7 @@ impl Config {
     /// The process that reads a key if it is not the daemon.
     pub fn reader_of(key: &str) -> Option<&'static str> {
         match key.split('.').next() {
-            Some("outlets") => Some("its outlet"),
+            Some("gateways") => Some("its gateway"),
             Some("recording") => Some("the recorder"),
             _ => None,
         }

@@ -1,17 +1,17 @@
-//! The additional programs, and the outlets in the configuration.
+//! The additional programs, and the gateways in the configuration.
 
 use std::path::Path;
 
-use equipoise_outlets::StationFile;
+use equipoise_gateways::StationFile;
 
 use super::{ADMIN_UNITS, CONFIGURATION_FILE, Destination};
 
 /// Programs that are built separately and located in the directory of `equipoise`.
 pub const PROGRAMS: [&str; 5] = [
-    "equipoise-outlet-opcua",
-    "equipoise-outlet-mqtt",
-    "equipoise-outlet-zenoh",
-    "equipoise-outlet-foxglove",
+    "equipoise-gateway-opcua",
+    "equipoise-gateway-mqtt",
+    "equipoise-gateway-zenoh",
+    "equipoise-gateway-foxglove",
     "equipoise-export",
 ];
 
@@ -44,21 +44,21 @@ pub(super) fn missing(destination: &Destination, program: &Path) -> Vec<String> 
     message
 }
 
-/// Instructions for each configured outlet that is not enabled yet.
+/// Instructions for each configured gateway that is not enabled yet.
 pub(super) fn configured(destination: &Destination) -> Vec<String> {
     let file = match StationFile::read(&destination.under_root(Path::new(CONFIGURATION_FILE))) {
         Ok(file) => file,
-        Err(reason) => return vec![format!("note: outlets were not looked for: {reason}")],
+        Err(reason) => return vec![format!("note: gateways were not checked: {reason}")],
     };
     let wants = Path::new(ADMIN_UNITS).join("equipoise.service.wants");
     let mut message = Vec::new();
-    for kind in file.outlets.kinds() {
-        let (unit, program) = (format!("equipoise-outlet@{kind}"), format!("equipoise-outlet-{kind}"));
+    for kind in file.gateways.kinds() {
+        let (unit, program) = (format!("equipoise-gateway@{kind}"), format!("equipoise-gateway-{kind}"));
         let needs_program = PROGRAMS.contains(&program.as_str());
         if needs_program && !destination.under_root(&destination.program_named(&program)).is_file() {
-            message.push(format!("[outlets.{kind}] needs {program}, which is not installed: see above"));
+            message.push(format!("[gateways.{kind}] needs {program}, which is not installed: see above"));
         } else if !destination.under_root(&wants.join(format!("{unit}.service"))).is_symlink() {
-            message.push(format!("[outlets.{kind}] is configured: systemctl enable --now {unit}"));
+            message.push(format!("[gateways.{kind}] is configured: systemctl enable --now {unit}"));
         }
     }
     message

@@ -64,7 +64,7 @@ fn all_files_are_installed_once_and_uninstalled() {
     // Foreign files remain: a drop-in, a subject, the configuration.
     let worker = root.join("var/lib/equipoise/subjects/anon-1.toml");
     let drop_in = root.join("etc/systemd/system/equipoise.service.d/serial.conf");
-    let certificate = root.join("var/lib/equipoise-outlets/opcua/own/cert.der");
+    let certificate = root.join("var/lib/equipoise-gateways/opcua/own/cert.der");
     for file in [&worker, &drop_in, &certificate] {
         fs::create_dir_all(file.parent().unwrap()).unwrap();
         fs::write(file, "mine").unwrap();
@@ -83,60 +83,68 @@ fn programs_in_its_folder_are_installed_and_others_are_reported() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
     let destination = at("/opt/equipoise", &root);
-    let outlet = directory.path().join("equipoise-outlet-opcua");
-    fs::write(&outlet, "a server").unwrap();
+    let gateway = directory.path().join("equipoise-gateway-opcua");
+    fs::write(&gateway, "a server").unwrap();
     fs::write(directory.path().join("equipoise-study"), "no part of the service").unwrap();
     let done = install(&destination, &program, false).unwrap();
-    assert!(done.contains(&"installed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
+    assert!(done.contains(&"installed /opt/equipoise/bin/equipoise-gateway-opcua".to_owned()), "{done:?}");
     let absent = done.iter().find(|line| line.starts_with("not installed")).unwrap();
     for name in PROGRAMS {
-        assert_eq!(absent.contains(name), name != "equipoise-outlet-opcua", "{name}: {absent}");
+        assert_eq!(absent.contains(name), name != "equipoise-gateway-opcua", "{name}: {absent}");
     }
     assert!(absent.contains("cargo build --release -p NAME"), "{absent}");
-    let installed = root.join("opt/equipoise/bin/equipoise-outlet-opcua");
+    let installed = root.join("opt/equipoise/bin/equipoise-gateway-opcua");
     assert_eq!(fs::read_to_string(&installed).unwrap(), "a server");
     assert_eq!(installed.metadata().unwrap().permissions().mode() & 0o777, 0o755);
     assert!(!root.join("opt/equipoise/bin/equipoise-study").exists());
 
     // A remaining program may be of another release.
-    fs::remove_file(&outlet).unwrap();
+    fs::remove_file(&gateway).unwrap();
     let done = install(&destination, &program, false).unwrap();
-    assert!(done.iter().any(|line| line.contains("bin/equipoise-outlet-opcua stays")), "{done:?}");
+    assert!(done.iter().any(|line| line.contains("bin/equipoise-gateway-opcua stays")), "{done:?}");
     assert!(installed.exists());
 
     let done = uninstall(&destination).unwrap();
-    assert!(done.contains(&"removed /opt/equipoise/bin/equipoise-outlet-opcua".to_owned()), "{done:?}");
+    assert!(done.contains(&"removed /opt/equipoise/bin/equipoise-gateway-opcua".to_owned()), "{done:?}");
     assert!(all(&root.join("opt")).is_empty(), "{:?}", all(&root.join("opt")));
 }
 
 #[test]
-fn outlets_of_the_configuration_are_named_with_what_starts_them_and_none_is_enabled() {
+fn gateways_of_the_configuration_are_named_with_what_starts_them_and_none_is_enabled() {
     let directory = tempfile::tempdir().unwrap();
     let (program, root) = (program(directory.path()), directory.path().join("root"));
     let destination = at("/usr/local", &root);
-    let of_outlets = |done: Vec<String>| -> Vec<String> {
-        done.into_iter().filter(|line| line.contains("[outlets.") || line.contains("outlets were")).collect()
+    let of_gateways = |done: Vec<String>| -> Vec<String> {
+        done.into_iter()
+            .filter(|line| line.contains("[gateways.") || line.contains("gateways were"))
+            .collect()
     };
-    assert_eq!(of_outlets(install(&destination, &program, true).unwrap()), [""; 0], "the sample has none");
+    assert_eq!(of_gateways(install(&destination, &program, true).unwrap()), [""; 0], "the sample has none");
 
     let configuration = root.join("etc/equipoise/equipoise.toml");
-    let outlets = "[outlets.udp]\nto = [\"127.0.0.1:7411\"]\n[outlets.opcua]\nlisten = \"127.0.0.1:4840\"\n";
-    fs::write(&configuration, format!("{CONFIGURATION}\n{outlets}")).unwrap();
-    let enable_udp = "[outlets.udp] is configured: systemctl enable --now equipoise-outlet@udp";
-    let build_opcua = "[outlets.opcua] needs equipoise-outlet-opcua, which is not installed: see above";
-    assert_eq!(of_outlets(install(&destination, &program, true).unwrap()), [enable_udp, build_opcua]);
+    let gateways =
+        "[gateways.udp]\nto = [\"127.0.0.1:7411\"]\n[gateways.opcua]\nlisten = \"127.0.0.1:4840\"\n";
+    fs::write(&configuration, format!("{CONFIGURATION}\n{gateways}")).unwrap();
+    let enable_udp = "[gateways.udp] is configured: systemctl enable --now equipoise-gateway@udp";
+    let build_opcua = "[gateways.opcua] needs equipoise-gateway-opcua, which is not installed: see above";
+    assert_eq!(of_gateways(install(&destination, &program, true).unwrap()), [enable_udp, build_opcua]);
     let wants = root.join("etc/systemd/system/equipoise.service.wants");
     assert_eq!(all(&wants).len(), 3, "both sensors and the page: {:?}", all(&wants));
 
-    fs::write(directory.path().join("equipoise-outlet-opcua"), "a server").unwrap();
-    let enabled = wants.join("equipoise-outlet@udp.service");
-    std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-outlet@.service", &enabled).unwrap();
-    let enable_opcua = "[outlets.opcua] is configured: systemctl enable --now equipoise-outlet@opcua";
-    assert_eq!(of_outlets(install(&destination, &program, true).unwrap()), [enable_opcua]);
+    fs::write(directory.path().join("equipoise-gateway-opcua"), "a server").unwrap();
+    let enabled = wants.join("equipoise-gateway@udp.service");
+    std::os::unix::fs::symlink("/usr/local/lib/systemd/system/equipoise-gateway@.service", &enabled).unwrap();
+    let enable_opcua = "[gateways.opcua] is configured: systemctl enable --now equipoise-gateway@opcua";
+    assert_eq!(of_gateways(install(&destination, &program, true).unwrap()), [enable_opcua]);
+
+    let old_unit = root.join("usr/local/lib/systemd/system/equipoise-outlet@.service");
+    fs::write(&old_unit, "[Service]\n").unwrap();
+    let done = install(&destination, &program, true).unwrap();
+    assert!(done.iter().any(|line| line.starts_with("note: equipoise-gateway@ replaces")), "{done:?}");
 
     fs::write(&configuration, "station = 1\n").unwrap();
-    let done = of_outlets(install(&destination, &program, true).unwrap());
-    assert!(done.len() == 1 && done[0].starts_with("note: outlets were not looked for"), "{done:?}");
+    let done = of_gateways(install(&destination, &program, true).unwrap());
+    assert!(done.len() == 1 && done[0].starts_with("note: gateways were not checked"), "{done:?}");
     uninstall(&destination).unwrap();
     assert!(!enabled.is_symlink());
 }

@@ -78,7 +78,7 @@ fn live_settings_change_others_are_reported_and_invalid_files_change_nothing() {
     let changed = text.replace("rate_hz = 200", "rate_hz = 500");
     let changed = format!(
         "{changed}[overload]\nthreshold_n = 25.0\n[static_pose]\n[model]\nfile = \"model.toml\"\n\
-            [outlets.udp]\nto = [\"127.0.0.1:9\"]\n"
+            [gateways.udp]\nto = [\"127.0.0.1:9\"]\n"
     );
     station.write("live.toml", &changed);
     daemon.send(Signal::HUP);
@@ -92,7 +92,7 @@ fn live_settings_change_others_are_reported_and_invalid_files_change_nothing() {
         "{message}"
     );
     assert!(!message.contains("overload.threshold_n changed: takes effect"), "{message}");
-    assert!(message.contains("changed: in force once its outlet is restarted"), "{message}");
+    assert!(message.contains("changed: in force once its gateway is restarted"), "{message}");
     let (config, model) = active_configuration(&station);
     assert_eq!(config["overload"]["threshold_n"].as_float(), Some(25.0));
     assert_eq!(config["loop"]["rate_hz"].as_integer(), Some(200));
