@@ -13,13 +13,14 @@ use std::time::{Duration, Instant};
 
 use equipoise_benches::worker::{HEIGHT_M, Worker};
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Publisher};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::{CycleRecord, State, SuitSample};
 use equipoise_daemon::egress::Egress;
 use equipoise_daemon::ingress::Ingress;
 use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
 use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns, sleep_until};
-use equipoise_daemon::rings::{Rings, WaitStrategy};
+use equipoise_daemon::rings::Rings;
 use equipoise_daemon::tick::{Loop, Monotonic, Observer};
 use equipoise_latency::PathHistograms;
 

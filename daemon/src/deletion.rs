@@ -8,16 +8,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recording, RecordingHeader};
+use equipoise_files::atomic_file::{TemporaryFile, process_runs, remove_abandoned_files, write_atomically};
 use equipoise_files::open_regular;
+use equipoise_station::state_directory::{NoStateDirectory, StateDirectory};
+use equipoise_station::status::{self, Status};
 
-use crate::atomic_file::{TemporaryFile, process_runs, remove_abandoned_files, write_atomically};
 use crate::record::signature::{SIGNATURE_ENDING, signature_of};
-use crate::state_directory::{NoStateDirectory, StateDirectory};
 use crate::station_file::StationFile;
-use crate::status::{self, Status};
-
-/// Replaces a subject's pseudonym in flight records, and that of a deleted subject in recordings.
-pub(crate) const ANONYMOUS: &str = "anonymous";
 
 /// Time limit for a daemon to rewrite its station file, and for a recorder to close a file that was removed.
 const TIMEOUT: Duration = Duration::from_secs(5);

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use equipoise_bus::{Bus, BusSettings, Channel, Subscriber};
+use equipoise_config::Config;
 use equipoise_core::message::State;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::ports::free_address;
@@ -20,7 +21,6 @@ use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use equipoise_view::terminal::live_line;
 
-use crate::config::Config;
 use crate::page_feed::ServedPage;
 use crate::pipeline::Pipeline;
 use scene::{Scene, Script};

@@ -20,7 +20,7 @@ pub use station::StationFacts;
 pub use suit::evaluate_suit;
 pub use suit_facts::SuitFacts;
 
-use crate::config::Config;
+use equipoise_config::Config;
 
 /// How a check came out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -4,13 +4,9 @@
 //! [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
 
 pub mod active_configuration;
-pub mod adapter_fault;
-pub mod atomic_file;
-mod bus_directory;
 pub mod calibration;
 pub mod cli;
 pub mod commands;
-pub mod config;
 pub mod deletion;
 pub mod demo;
 pub mod doctor;
@@ -22,12 +18,10 @@ pub mod ingress;
 pub mod install;
 pub mod latency_log;
 pub mod metrics_feed;
-pub mod model;
 pub mod model_watch;
 pub mod page_feed;
 mod page_tokens;
 pub mod pipeline;
-mod process_state;
 pub mod profile;
 mod provenance;
 pub mod realtime;
@@ -42,9 +36,8 @@ pub mod saving;
 pub mod schedule;
 pub mod sensors;
 pub mod similar;
-pub mod state_directory;
 pub mod station_file;
-pub mod status;
+pub mod status_file;
 pub mod stored_file;
 pub mod subjects;
 pub mod supervision;

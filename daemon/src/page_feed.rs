@@ -12,20 +12,20 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use equipoise_bus::{Bus, BusError, BusSettings, Publisher, Subscriber};
+use equipoise_config::method::StopConfig;
+use equipoise_config::model::suggestion;
+use equipoise_config::{Config, PageConfig};
 use equipoise_core::message::{PickUp, State};
 use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_station::bus_directory::BusDirectory;
+use equipoise_station::status::PageFile;
 use equipoise_view::page::{Engineer, Page, PageFrame};
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
 
-use crate::bus_directory::BusDirectory;
-use crate::config::method::StopConfig;
-use crate::config::{Config, PageConfig};
-use crate::model::suggestion;
 use crate::page_tokens::PageTokens;
 use crate::realtime::now_ns;
 use crate::receipt::ReceiptBuilder;
-use crate::status::PageFile;
 
 /// Role of the page on the bus.
 pub const PAGE_ROLE: &str = "page";

@@ -7,7 +7,7 @@ use equipoise_files::secret::{self, Readers};
 use equipoise_view::Token;
 use equipoise_view::page::{TOKEN_CHARS_MAX, TOKEN_CHARS_MIN};
 
-use crate::config::PageConfig;
+use equipoise_config::PageConfig;
 
 /// The tokens of a page.
 #[derive(Debug, Clone, Copy)]

@@ -10,27 +10,31 @@ use std::sync::{Arc, mpsc};
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_config::Config;
+use equipoise_config::WaitStrategy;
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
+use equipoise_station::proc::MemoryUse;
+use equipoise_station::process_state::is_stopped;
+use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status::{self, Status};
 use tracing::info;
 
 use crate::active_configuration::{ActiveConfiguration, SharedConfiguration};
 use crate::commands::Commands;
-use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::metrics_feed;
-use crate::process_state::is_stopped;
 use crate::realtime::{self, RequestedScheduling, ThreadReport};
-use crate::rings::{Rings, WaitStrategy};
+use crate::rings::Rings;
 use crate::saving::{self, Saver};
-use crate::state_directory::StateDirectory;
-use crate::status::{self, Status, StatusFile};
+use crate::similar::settings_among;
+use crate::status_file::StatusFile;
 use crate::subjects::{ProfileDestination, Subjects};
-use crate::thread_registry::{MemoryUse, ThreadRegistry};
+use crate::thread_registry::ThreadRegistry;
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::watchdog;
 
@@ -107,7 +111,7 @@ impl Pipeline {
             Ok(())
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
-        let (settings, similar) = config.settings_among(&state.profiles());
+        let (settings, similar) = settings_among(config, &state.profiles());
         let active_configuration = Arc::new(SharedConfiguration::new(ActiveConfiguration {
             config: config.clone(),
             settings,

@@ -16,11 +16,11 @@ pub mod summary;
 pub mod survey;
 
 use anyhow::bail;
+use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_discrepancy::session::Session;
 use equipoise_discrepancy::spans::{Found, Given};
 
-use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::SkippedData;
 use identify::Identified;

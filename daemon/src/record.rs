@@ -19,21 +19,21 @@ use anyhow::{Context, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
+use equipoise_config::Config;
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
     AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample,
 };
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
+use equipoise_station::bus_directory::BusDirectory;
+use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status::{self, Status};
 
 pub use summary::RecordSummary;
 
 use pictures::Pictures;
 
-use crate::bus_directory::BusDirectory;
-use crate::config::Config;
 use crate::realtime::now_ns;
-use crate::state_directory::StateDirectory;
-use crate::status::{self, Status};
 
 /// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
@@ -195,7 +195,7 @@ fn request_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
     let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
     let reply = commands.ask(&command, REPLY_TIMEOUT)?;
     if reply.refused != 0 {
-        bail!("the daemon gives no checkpoint: {}", crate::commands::parse_text(&reply.text));
+        bail!("the daemon gives no checkpoint: {}", equipoise_bus::parse_text(&reply.text));
     }
     Ok(())
 }
@@ -211,7 +211,7 @@ fn read_profile(facts: &Status) -> String {
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
     if facts.subject.is_empty() {
-        config.subject.id = crate::deletion::ANONYMOUS.to_owned();
+        config.subject.id = equipoise_station::ANONYMOUS.to_owned();
     }
     Ok(config.to_toml())
 }

@@ -27,9 +27,9 @@ use std::path::Path;
 
 use anyhow::bail;
 use equipoise_adapters::recording::RecordingHeader;
+use equipoise_config::Config;
 use equipoise_core::message::State;
 
-use crate::config::Config;
 use input::Input;
 use machine::Machine;
 use output::Output;

@@ -17,18 +17,19 @@ mod common;
 
 use std::collections::HashMap;
 
-use common::{Station, describe_output, human_motion};
 use equipoise_adapters::capture::CsvCapture;
 use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_config::Config;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
 use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
-use equipoise_daemon::config::Config;
 use equipoise_daemon::replay::Replay;
 use equipoise_daemon::replay::input::Input;
 use equipoise_simulator::faults::Faults;
 use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{PlayerSettings, Recorded, play};
 use equipoise_simulator::ports::free_address;
+
+use common::{Station, describe_output, human_motion};
 
 /// Streamed part of the file, s.
 const LENGTH_S: f64 = 25.0;

@@ -5,8 +5,8 @@ use std::net::SocketAddr;
 use std::path::Path;
 
 use equipoise_adapters::capture::PcapWriter;
+use equipoise_config::Config;
 use equipoise_core::body::{SEGMENTS, Segment};
-use equipoise_daemon::config::Config;
 use equipoise_daemon::replay::input::Input;
 use equipoise_daemon::replay::samples::Sample;
 use equipoise_simulator::dynamics::Wrench;

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader, Reloaded};
+use equipoise_config::Config;
 use equipoise_core::body::{SEGMENTS, Skeleton};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
-use equipoise_daemon::config::Config;
 use equipoise_daemon::replay::input::Input;
 use equipoise_daemon::replay::{Replay, Summary};
 

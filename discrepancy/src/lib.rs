@@ -21,7 +21,6 @@ mod gram;
 mod holdout;
 mod linear;
 mod locate;
-pub mod model_file;
 mod noise;
 pub mod options;
 pub mod picture;

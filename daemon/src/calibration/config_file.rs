@@ -8,8 +8,8 @@ use anyhow::{Context, bail};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use toml_edit::{Array, DocumentMut, Item, Table, Value};
 
-use crate::atomic_file::write_atomically;
-use crate::config::Config;
+use equipoise_config::Config;
+use equipoise_files::atomic_file::write_atomically;
 
 /// A dotted key and its new value.
 pub type Change = (String, Value);

@@ -1,6 +1,6 @@
 //! Converts a skew between suit and ground to latencies in the configuration.
 
-use crate::config::{Config, GroundSourceKind, SuitSourceKind};
+use equipoise_config::{Config, GroundSourceKind, SuitSourceKind};
 
 /// Constant latencies, ms.
 #[derive(Debug, Clone, Copy, PartialEq)]

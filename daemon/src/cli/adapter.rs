@@ -6,13 +6,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::bail;
 use clap::ValueEnum;
+use equipoise_config::{Config, GroundSourceKind, SuitSourceKind};
+use equipoise_station::adapter_fault;
 use tracing::{info, warn};
 
 use super::{ConfigArgument, Outcome, log_to_stderr, single_line};
-use crate::config::{Config, GroundSourceKind, SuitSourceKind};
 use crate::realtime::ThreadReport;
 use crate::sensors::AdapterError;
-use crate::{adapter_fault, realtime, sensors};
+use crate::{realtime, sensors};
 
 /// Run one adapter as a process of its own, for a daemon with --sensors-apart or with source = "external"
 ///

@@ -4,14 +4,14 @@ use std::time::Duration;
 
 use anyhow::{anyhow, bail};
 use bytemuck::Zeroable;
+use equipoise_bus::parse_text;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
+use equipoise_station::process_state::is_stopped;
 
-use crate::commands::parse_text;
-use crate::config::{Config, GroundSourceKind};
 use crate::pipeline::DAEMON_ROLE;
-use crate::process_state::is_stopped;
 
 /// Timeout of a daemon's reply, and of its next state.
 const TIMEOUT: Duration = Duration::from_secs(2);
@@ -124,7 +124,7 @@ pub(super) fn own_ground(config: &Config, key: &str) -> anyhow::Result<()> {
 
 /// The active configuration of a station's daemon.
 pub(super) fn active_configuration_of(station: &str) -> anyhow::Result<Config> {
-    let Some(facts) = crate::status::read(station) else {
+    let Some(facts) = equipoise_station::status::read(station) else {
         bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
     };
     Ok(Config::parse(&facts.config_toml, "the daemon's configuration")?)

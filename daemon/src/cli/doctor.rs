@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use equipoise_config::Config;
+use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status;
+
 use super::{Outcome, StationArgument};
-use crate::config::Config;
 use crate::doctor::{Check, Facts, StationFacts, SuitFacts, Verdict, evaluate, evaluate_suit};
-use crate::state_directory::StateDirectory;
-use crate::status;
 
 /// Check this computer and station: limits, kernel, clock, memory, ports, plate, suit; print a fix for each problem
 #[derive(Debug, clap::Args)]

@@ -6,11 +6,11 @@ use std::process::Command;
 
 use anyhow::Context;
 use clap::ValueEnum;
+use equipoise_config::Config;
 use equipoise_gateways::process::ScheduledGateway;
 use equipoise_gateways::{StationFile, process, rtde, udp};
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
-use crate::config::Config;
 
 /// Send the station's states to controllers and other machines, by a gateway of the configuration ([gateways.KIND])
 #[derive(Debug, clap::Args)]

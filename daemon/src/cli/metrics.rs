@@ -6,11 +6,11 @@ use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use equipoise_config::Config;
 use sd_notify::NotifyState;
 use tracing::info;
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
-use crate::config::Config;
 use crate::metrics_feed;
 
 /// How often the watchdog is fed.

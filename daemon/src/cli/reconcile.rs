@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context, bail};
+use equipoise_config::Config;
+use equipoise_config::model::LoadedModel;
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
 use equipoise_discrepancy::spans::Given;
+use equipoise_files::sha256_of;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, span};
-use crate::config::Config;
-use crate::model::{LoadedModel, sha256_of};
 use crate::reconcile::output::{Results, folders};
 use crate::reconcile::summary::Summary;
 use crate::reconcile::{Progress, Reconcile};

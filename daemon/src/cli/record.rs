@@ -5,11 +5,11 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
+use equipoise_config::Config;
 use sd_notify::NotifyState;
 
 use super::run::stop_on_signals;
 use super::{Outcome, StationArgument, log_to_stderr};
-use crate::config::Config;
 use crate::record::signature::{SigningKey, make_key};
 use crate::record::{RecordSummary, record, service};
 

@@ -8,13 +8,13 @@ use anyhow::bail;
 use equipoise_adapters::calibration::register::holds::{Holds, Progress};
 use equipoise_adapters::calibration::register::{Correction, HOLDS_MIN, Hold, register};
 use equipoise_adapters::ground::GroundFrame;
+use equipoise_config::Config;
 use equipoise_core::message::{State, SuitSample};
 
 use super::client::StreamTimeout;
 use super::{Outcome, StationArgument, client};
 use crate::calibration::config_file::{self, Change};
 use crate::calibration::standing::Standing;
-use crate::config::Config;
 
 /// Positions at which the worker stands; the last two separate an offset of the plate from a deviation of the body from
 /// the table.

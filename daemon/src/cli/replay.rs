@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::bail;
+use equipoise_config::model::LoadedModel;
 use equipoise_discrepancy::spans::Span;
 
 use super::Outcome;
-use crate::model::LoadedModel;
 use crate::replay::Replay;
 use crate::replay::cross_validation::cross_validate;
 use crate::replay::input::Input;

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use equipoise_config::Config;
 use equipoise_discrepancy::report::page;
 use minisign::PublicKey;
 
 use super::Outcome;
-use crate::config::Config;
 use crate::record::authenticity::{Authenticity, read_public_key};
 use crate::record::signature::public_key_of;
 use crate::replay::input::Input;

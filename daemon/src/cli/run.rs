@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::bail;
+use equipoise_config::model::LoadedModel;
+use equipoise_config::{Config, ConfigError};
 use tracing::{info, warn};
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
-use crate::config::{Config, ConfigError};
-use crate::model::LoadedModel;
 use crate::pipeline::Pipeline;
 use crate::realtime::now_ns;
 

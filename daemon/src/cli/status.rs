@@ -8,10 +8,13 @@ use std::time::{Duration, Instant};
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, Participant};
+use equipoise_config::Config;
+use equipoise_config::model::suggestion;
+use equipoise_config::model_file::Ask;
+use equipoise_config::model_file::ModelFile;
 use equipoise_core::message::{AdapterHealth, GroundSample, Incidents, State};
 use equipoise_core::time::seconds;
-use equipoise_discrepancy::finding::Ask;
-use equipoise_discrepancy::model_file::ModelFile;
+use equipoise_station::status::{self, PageStatus, Status, ThreadStatus};
 use equipoise_view::state_json::StateJson;
 use equipoise_view::terminal::dashboard;
 use equipoise_view::words;
@@ -19,12 +22,9 @@ use equipoise_view::words;
 use self::incidents::IncidentReport;
 use super::{Outcome, StationArgument, client};
 use crate::calibration::latency::{self, Latencies};
-use crate::config::Config;
-use crate::model::suggestion;
 use crate::page_feed::PAGE_ROLE;
 use crate::provenance::Provenance;
 use crate::realtime::now_ns;
-use crate::status::{self, PageStatus, Status, ThreadStatus};
 
 /// Timeout for adapter health and incidents, which are published once a second.
 const HEALTH_TIMEOUT: Duration = Duration::from_millis(1200);

@@ -9,6 +9,7 @@ use anyhow::bail;
 use equipoise_adapters::calibration::stomp::{
     Force, StompOffset, StompRefusal, StompSettings, estimate, feet_of_heights,
 };
+use equipoise_config::Config;
 use equipoise_core::body::Side;
 use equipoise_core::message::{GroundSample, SuitSample};
 
@@ -16,7 +17,6 @@ use super::client::StreamTimeout;
 use super::{Outcome, StationArgument, client};
 use crate::calibration::config_file::{self, Change};
 use crate::calibration::latency::{self, Latencies};
-use crate::config::Config;
 
 /// Fewer stomps are no measurement: one of them may have been a step.
 const STOMPS_MIN: usize = 3;

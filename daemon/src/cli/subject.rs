@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use clap::Subcommand;
 use equipoise_core::message::command::CommandKind;
+use equipoise_station::state_directory::StateDirectory;
 
 use super::{Outcome, StationArgument, client};
 use crate::deletion::Deletion;
-use crate::profile::{self, Profile};
-use crate::state_directory::StateDirectory;
+use crate::profile::Profile;
 
 /// List, load, save or delete workers' profiles, take a lift back
 #[derive(Debug, clap::Args)]
@@ -126,7 +126,7 @@ fn list_folder(directory: &Path) -> anyhow::Result<Outcome> {
 }
 
 fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow::Result<Outcome> {
-    if !profile::is_plain(id) {
+    if !equipoise_config::is_plain(id) {
         bail!("a subject's id is made of letters, digits, '-' and '_'");
     }
     let mut deletion = Deletion::default();

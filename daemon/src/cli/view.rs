@@ -5,10 +5,10 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use equipoise_config::Config;
 use tracing::info;
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
-use crate::config::Config;
 use crate::page_feed::ServedPage;
 
 /// How often the watchdog is fed.

@@ -9,15 +9,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use equipoise_config::model::suggestion;
 use equipoise_core::message::{Incidents, State};
+use equipoise_station::status;
 use equipoise_view::incident_words;
 use equipoise_view::terminal::live_line;
 
 use super::status::requested_pose;
 use super::{Outcome, StationArgument, client};
-use crate::model::suggestion;
 use crate::realtime::now_ns;
-use crate::status;
 
 /// After this long without a state nothing is shown as if it were new.
 const SILENT_AFTER: Duration = Duration::from_secs(1);

@@ -1,8 +1,9 @@
 //! Checks the data of suit and plate: the stream's types and rate, and the force on the empty plate.
 
+use equipoise_config::{Config, SuitSourceKind};
+
 use super::Check;
 use super::station::{StationFacts, Streamed};
-use crate::config::{Config, SuitSourceKind};
 
 /// Computing accelerations of a working person requires this sampling rate.
 const SUIT_RATE_MIN_HZ: f64 = 55.0;

@@ -99,7 +99,7 @@ fn megabytes(bytes: u64) -> String {
 mod tests {
     use super::super::Verdict::{Fail, Ok, Warn};
     use super::*;
-    use crate::state_directory::NoStateDirectory;
+    use equipoise_station::state_directory::NoStateDirectory;
 
     #[test]
     fn a_root_must_be_local_writable_and_owned() {

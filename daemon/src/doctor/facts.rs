@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::{Access, access, statvfs};
 use rustix::process::{Resource, geteuid, getrlimit};
 
-use crate::state_directory::{NoStateDirectory, StateDirectory};
+use equipoise_station::state_directory::{NoStateDirectory, StateDirectory};
 
 /// Facts about the computer; unavailable ones are `None` or empty.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,8 +1,9 @@
 //! Checks processor, scheduler, limits, user and clock.
 
+use equipoise_config::LoopConfig;
+
 use super::Check;
 use super::facts::{Facts, Preemption};
-use crate::config::LoopConfig;
 
 /// Clock sources with fast reads and a stable rate.
 const GOOD_SOURCES: [&str; 5] =

@@ -1,10 +1,11 @@
 //! Checks socket buffers and ports.
 
+use equipoise_config::{Config, SuitSourceKind};
+
 use super::Check;
 use super::facts::Facts;
 use super::ports::Port;
 use super::station::StationFacts;
-use crate::config::{Config, SuitSourceKind};
 
 /// Buffer size requested by the adapters: four seconds of all streams.
 const BUFFER_WANTED: u64 = 4 << 20;

@@ -7,7 +7,7 @@ use std::net::{SocketAddr, TcpListener, UdpSocket};
 use equipoise_adapters::source::MvnTransport;
 use serde::Serialize;
 
-use crate::config::SuitConfig;
+use equipoise_config::SuitConfig;
 
 /// State of a port.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

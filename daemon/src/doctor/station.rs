@@ -9,16 +9,16 @@ use equipoise_adapters::source::survey;
 use equipoise_adapters::suit::{SuitRefusal, Survey};
 use equipoise_adapters::wire::mvn::DatagramType;
 use equipoise_bus::{Bus, BusError, BusSettings, Participant};
+use equipoise_config::Config;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{AdapterHealth, GroundSample, State, SuitSample, Validity};
 
 use super::ports::{Port, TCP, bind_suit, holds, port_of, sockets_at};
-use crate::config::Config;
 use crate::metrics_feed::METRICS_ROLE;
 use crate::page_feed::PAGE_ROLE;
 use crate::pipeline::DAEMON_ROLE;
 use crate::provenance::Provenance;
-use crate::sensors::{SUIT_ROLE, mvn_settings};
+use crate::sensors::SUIT_ROLE;
 
 /// Observation time, long enough for a message of both adapters, which arrive once a second.
 const LISTEN_TIME: Duration = Duration::from_millis(2500);
@@ -93,7 +93,7 @@ impl StationFacts {
         };
         if facts.daemon.is_some() {
             facts.query(&bus)?;
-        } else if let (Ok(settings), Port::Free) = (mvn_settings(&config.suit), facts.suit_port) {
+        } else if let (Ok(settings), Port::Free) = (config.suit.mvn_settings(), facts.suit_port) {
             let survey = survey(&settings, LISTEN_TIME, &|| false).ok();
             facts.streamed = survey.and_then(|survey| streamed(&survey, config.suit.avatar));
         }

@@ -9,12 +9,12 @@ use equipoise_adapters::source::MvnTransport;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_adapters::suit::survey::{Character, Survey};
 use equipoise_adapters::wire::mvn::DatagramType;
+use equipoise_config::suit::Up;
+use equipoise_config::{Config, SuitConfig};
 
 use super::Check;
 use super::ports::Port;
 use super::suit_facts::{SuitFacts, SuitObservation};
-use crate::config::suit::Up;
-use crate::config::{Config, SuitConfig};
 
 /// Computing accelerations of a working person requires this sampling rate.
 const RATE_MIN_HZ: f64 = 55.0;

@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 use equipoise_adapters::source::survey;
 use equipoise_adapters::suit::Survey;
 use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_config::Config;
 use equipoise_core::message::{AdapterHealth, SuitSample};
 use serde_json::{Value, json};
 
 use super::ports::{Holder, Port, bind_suit, holder_of, holds, port_of, sockets_at};
 use super::station::processes_of;
-use crate::config::Config;
 use crate::pipeline::DAEMON_ROLE;
-use crate::sensors::{SUIT_ROLE, mvn_settings};
+use crate::sensors::SUIT_ROLE;
 
 /// Observations of the suit.
 #[derive(Debug, Clone)]
@@ -56,7 +56,7 @@ impl SuitFacts {
     /// from another process.
     pub fn gather(config: &Config, time: Duration, stopping: &dyn Fn() -> bool) -> SuitFacts {
         let bus = Bus::join(&BusSettings::new(&config.station, "doctor"));
-        let Ok(settings) = mvn_settings(&config.suit) else {
+        let Ok(settings) = config.suit.mvn_settings() else {
             return SuitFacts {
                 port: Port::Free,
                 holder: None,

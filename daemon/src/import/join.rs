@@ -8,13 +8,13 @@ use anyhow::{Context, bail};
 use equipoise_adapters::calibration::stomp::{
     self, Feet, Force, StompOffset, StompSettings, feet_of_heights,
 };
+use equipoise_config::Config;
 use equipoise_core::body::Segment;
 use equipoise_core::message::SuitSample;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::time::NS_PER_S;
 
 use super::plate::{PlateFile, PlateSamples};
-use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::{Sample, Samples, SkippedData};
 

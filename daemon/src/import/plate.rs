@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::{BioWareCapture, BioWareSettings, Units};
+use equipoise_config::Config;
 use equipoise_core::message::GroundSample;
 
-use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::{Sample, Samples, SkippedData};
 

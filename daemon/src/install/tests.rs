@@ -262,5 +262,5 @@ fn overriding_units_are_reported() {
 
 #[test]
 fn the_embedded_configuration_is_valid() {
-    crate::config::Config::parse(CONFIGURATION, "the sample").unwrap();
+    equipoise_config::Config::parse(CONFIGURATION, "the sample").unwrap();
 }

@@ -18,6 +18,7 @@ use equipoise_core::message::{AdapterHealth, Command, CycleRecord, Incident, Inc
 use equipoise_core::time::{NS_PER_S, seconds};
 use equipoise_files::read_text;
 use equipoise_latency::{PathHistograms, Report};
+use equipoise_station::status;
 use equipoise_view::page::{PageCommand, Station};
 use serde_json::{Value, json};
 
@@ -25,7 +26,6 @@ use super::history::{History, Parameters};
 use super::{BusWatch, Newest, PAGE_ROLE};
 use crate::cli::client;
 use crate::realtime::now_ns;
-use crate::status;
 
 /// Data are gathered for this long after the last request.
 const REQUEST_VALID_NS: u64 = 5 * NS_PER_S;

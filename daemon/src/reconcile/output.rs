@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use anyhow::{Context, bail};
+use equipoise_config::model_file::{Fitted, ModelFile, Provenance};
 use equipoise_discrepancy::Outcome;
-use equipoise_discrepancy::model_file::{Fitted, ModelFile, Provenance};
 use equipoise_discrepancy::report::{Origin, Recording, Report};
 
 use super::{Compared, Reconcile, date};

@@ -3,12 +3,12 @@
 
 use anyhow::bail;
 use equipoise_adapters::recording::Entry;
+use equipoise_config::Config;
 use equipoise_core::cycle::{Checkpoint, Memory};
 use equipoise_core::message::{CommandKind, GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::Progress;
-use crate::config::Config;
 use crate::replay::input::Input;
 use crate::replay::samples::Sample;
 

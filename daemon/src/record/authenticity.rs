@@ -6,12 +6,12 @@ use std::path::Path;
 use anyhow::{Context, anyhow, ensure};
 use equipoise_adapters::recording::{Predecessor, Recording};
 use equipoise_core::message::Printable;
+use equipoise_files::sha256_of;
 use equipoise_files::{TEXT_BYTES_MAX, open_regular, read_text};
 use minisign::{ErrorKind, PublicKey, PublicKeyBox, SignatureBox};
 
 use super::signature::{key_id, signature_of};
 use super::storage::RecordingStore;
-use crate::model::sha256_of;
 
 /// Base64 digits of the 64 bytes of a signature.
 const SIGNATURE_DIGITS: usize = 88;

@@ -6,16 +6,16 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::Predecessor;
+use equipoise_config::RecordingConfig;
+use equipoise_files::atomic_file::process_runs;
+use equipoise_files::sha256_with;
+use equipoise_station::status;
 use tracing::{info, warn};
 
 use super::signature::{Signer, SigningKey};
 use super::storage::{Limits, RecordingStore, has_jumped};
 use super::summary::RecordSummary;
 use super::{Progress, Tap};
-use crate::atomic_file::process_runs;
-use crate::config::RecordingConfig;
-use crate::model::sha256_with;
-use crate::status;
 
 /// Polling interval for a daemon.
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
@@ -27,13 +27,11 @@ const RESTART_CHECK_INTERVAL: Duration = Duration::from_millis(50);
 const CLEAR_INTERVAL: Duration = Duration::from_secs(10);
 const MIB: u64 = 1 << 20;
 
-impl RecordingConfig {
-    fn limits(&self) -> Limits {
-        Limits {
-            total_bytes: self.total_max_mib * MIB,
-            age: Some(Duration::from_secs_f64(self.age_max_days * 86_400.0)),
-            free_bytes: self.free_min_mib * MIB,
-        }
+fn limits_of(config: &RecordingConfig) -> Limits {
+    Limits {
+        total_bytes: config.total_max_mib * MIB,
+        age: Some(Duration::from_secs_f64(config.age_max_days * 86_400.0)),
+        free_bytes: config.free_min_mib * MIB,
     }
 }
 
@@ -180,7 +178,7 @@ impl<'a> Retention<'a> {
     }
 
     fn clear(&self) -> anyhow::Result<()> {
-        let (mut limits, now) = (self.config.limits(), SystemTime::now());
+        let (mut limits, now) = (limits_of(self.config), SystemTime::now());
         limits.age = limits.age.filter(|age| !self.is_clock_suspect(now, *age));
         let cleared = self.store.clear(&limits, now).context("clearing old recordings away")?;
         for (path, reason) in &cleared.removed {

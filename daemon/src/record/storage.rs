@@ -7,8 +7,9 @@ use std::time::{Duration, SystemTime};
 
 use rustix::fs::statvfs;
 
+use equipoise_files::atomic_file::remove_abandoned_files;
+
 use super::signature::{SIGNATURE_ENDING, signature_of};
-use crate::atomic_file::remove_abandoned_files;
 
 /// Limits of the stored recordings.
 #[derive(Debug, Clone, Copy)]

@@ -9,6 +9,7 @@
 mod verdict;
 
 use anyhow::bail;
+use equipoise_config::Config;
 use equipoise_core::body::JOINTS;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
 use equipoise_core::static_pose::largest_joint_angle;
@@ -17,7 +18,6 @@ use super::free;
 use super::input::Input;
 use super::samples::Sample;
 use super::score::{SampleSelection, Scored};
-use crate::config::Config;
 use verdict::ErrorSamples;
 pub use verdict::{Block, CrossValidation};
 

@@ -6,14 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::recording::{Entry, Recording, Reloaded};
+use equipoise_config::method::MASS_KG;
+use equipoise_config::model::LoadedModel;
+use equipoise_config::{Config, SuitPosition};
 use equipoise_core::cycle::memory::MEMORY_VERSION;
 use equipoise_core::cycle::{Checkpoint, Settings};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::samples::{Sample, Samples, SkippedData};
-use crate::config::method::MASS_KG;
-use crate::config::{Config, SuitPosition};
-use crate::model::LoadedModel;
 
 /// Default stature, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;

@@ -8,15 +8,14 @@ use equipoise_adapters::capture::{PcapCapture, UdpDatagram};
 use equipoise_adapters::counts::Counts;
 use equipoise_adapters::ground::{GroundBrain, GroundRefusal};
 use equipoise_adapters::source::OneSender;
-use equipoise_adapters::suit::{SuitAssembler, SuitRefusal};
+use equipoise_adapters::suit::{BodyCadence, SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
+use equipoise_config::Config;
+use equipoise_config::ground::transport::Over;
+use equipoise_config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
 use equipoise_core::message::GroundSample;
 
 use super::samples::{Sample, SkippedData};
-use crate::config::Config;
-use crate::config::ground::transport::Over;
-use crate::config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
-use crate::sensors::{BodyCadence, suit_settings};
 
 /// Samples of a capture. The first datagram of suit or plate is at [`TIME_BASE_NS`].
 pub(super) struct PcapSamples {
@@ -87,7 +86,7 @@ impl PcapSamples {
     pub(super) fn open(path: &Path, config: &Config) -> anyhow::Result<PcapSamples> {
         Ok(PcapSamples {
             capture: PcapCapture::open(path)?,
-            suit: SuitAssembler::new(suit_settings(&config.suit)),
+            suit: SuitAssembler::new(config.suit.settings()),
             suit_sender: OneSender::default(),
             body_cadence: BodyCadence::default(),
             ground: Ground::of(&config.ground)?,

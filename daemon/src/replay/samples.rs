@@ -8,13 +8,13 @@ use std::path::Path;
 use anyhow::bail;
 use equipoise_adapters::capture::{CsvCapture, CsvError, MvnxCapture};
 use equipoise_adapters::recording::{Entries, Entry, Recording};
+use equipoise_config::ground::ati_rdt;
+use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
 use super::input::skipped_of;
 use super::pcap::PcapSamples;
-use crate::config::ground::ati_rdt;
-use crate::config::{Config, GroundSourceKind};
 
 /// A recorder writes the pending messages stream by stream, so times in a file step back by less than this, ns.
 const DISORDER_NS: u64 = 2 * NS_PER_S;

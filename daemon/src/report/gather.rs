@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use equipoise_adapters::recording::{Entry, Recording, RecordingHeader};
+use equipoise_config::Config;
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::State;
 use equipoise_latency::{PathHistograms, Report as PathReport};
@@ -13,7 +14,6 @@ use super::identification::Identification;
 use super::lifts::Lifts;
 use super::quality::Quality;
 use super::records::Records;
-use crate::config::Config;
 use crate::replay::Replay;
 use crate::replay::input::{Chosen, Input};
 

@@ -3,6 +3,7 @@
 mod load;
 mod path;
 
+use equipoise_config::method::StopConfig;
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
 use equipoise_discrepancy::report::document::{Figure, Section, Table, Text, code};
@@ -14,7 +15,6 @@ use super::exposure::Peak;
 use super::gather::{Facts, Source};
 use super::series::Series;
 use super::strips::strips;
-use crate::config::method::StopConfig;
 use crate::reconcile::date::rfc_3339;
 
 pub(super) use load::{back, dose, lifts};

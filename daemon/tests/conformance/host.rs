@@ -3,9 +3,9 @@
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::source::SuitSource;
 use equipoise_adapters::suit::SuitRefusal;
+use equipoise_config::Config;
 use equipoise_core::message::{AdapterHealth, Component, FootFrame, GroundSample, SuitSample};
-use equipoise_daemon::config::Config;
-use equipoise_daemon::sensors::{Ground, mvn_settings};
+use equipoise_daemon::sensors::Ground;
 
 use equipoise_simulator::devices::felt::OnFeet;
 use equipoise_simulator::suit_sender::Streams;
@@ -35,7 +35,7 @@ impl Host {
         let text = whole(section);
         let config = Config::parse(&text, "conformance.toml").map_err(|error| format!("{error}\n{text}"))?;
         if section.starts_with("[suit]") {
-            let settings = mvn_settings(&config.suit).map_err(|error| error.to_string())?;
+            let settings = config.suit.mvn_settings().map_err(|error| error.to_string())?;
             let source = SuitSource::open(&settings).map_err(|error| error.to_string())?;
             return Ok(Host::Suit(Box::new(source)));
         }

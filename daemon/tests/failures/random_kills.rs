@@ -9,10 +9,10 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use equipoise_core::message::{Incident, Validity};
-use equipoise_daemon::atomic_file::write_atomically;
 use equipoise_daemon::profile::Profile;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_daemon::station_file::StationFile;
+use equipoise_files::atomic_file::write_atomically;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use rustix::process::Signal;
 

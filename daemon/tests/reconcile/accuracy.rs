@@ -1,9 +1,9 @@
 //! Content of the blocks, compared with the loop's own numbers and with the simulator's truth.
 
+use equipoise_config::Config;
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
 use equipoise_core::message::Validity;
-use equipoise_daemon::config::Config;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
 use equipoise_daemon::replay::input::Input;
 use equipoise_discrepancy::block::{Block, LAGS_S, Phase};

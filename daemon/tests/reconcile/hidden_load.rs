@@ -4,9 +4,9 @@
 use std::path::PathBuf;
 use std::sync::OnceLock;
 
+use equipoise_config::model::LoadedModel;
 use equipoise_core::body::Side;
 use equipoise_core::effect::{Effect, Place};
-use equipoise_daemon::model::LoadedModel;
 use equipoise_simulator::motion::Habits;
 use serde_json::Value;
 

@@ -5,9 +5,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusSettings, Channel, Event};
+use equipoise_config::Config;
 use equipoise_core::cycle::Identification;
 use equipoise_core::message::{State, Validity};
-use equipoise_daemon::config::Config;
 use equipoise_daemon::profile::Profile;
 use equipoise_daemon::reconcile::Reconcile;
 use equipoise_daemon::replay::input::Input;

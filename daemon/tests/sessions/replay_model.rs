@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::process::Output;
 
-use crate::common::{describe_output, equipoise, human_motion, human_motion_config};
 use equipoise_adapters::recording::Recording;
-use equipoise_daemon::model::sha256_of;
+use equipoise_files::sha256_of;
+
+use crate::common::{describe_output, equipoise, human_motion, human_motion_config};
 
 fn run(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
     equipoise().args(arguments.iter().map(AsRef::as_ref)).output().unwrap()

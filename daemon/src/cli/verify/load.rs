@@ -10,12 +10,12 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, bail};
 use equipoise_core::message::State;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_station::state_directory::StateDirectory;
 use serde_json::{Value, json};
 
 use crate::calibration::load_check::{Comparison, Event, GROUPS, LoadCheck, LoadCheckSettings, Trial};
 use crate::cli::client::{self, StreamTimeout};
 use crate::cli::{Outcome, StationArgument, run};
-use crate::state_directory::StateDirectory;
 
 /// Results are appended to this file of the state directory, one JSON object a line.
 const FILE: &str = "load-checks.jsonl";
@@ -76,7 +76,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 fn results_file(station: &str) -> anyhow::Result<PathBuf> {
-    let Some(facts) = crate::status::read(station) else {
+    let Some(facts) = equipoise_station::status::read(station) else {
         bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
     };
     let directory = match StateDirectory::of_daemon(&facts) {

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use equipoise_config::model::suggestion;
 use equipoise_view::banner::Banner;
 use equipoise_view::watch::{Watch, draw};
 use ratatui::DefaultTerminal;
@@ -16,7 +17,6 @@ use signal_hook::iterator::Signals;
 use super::Until;
 use super::keys::{self, Pressed};
 use super::subscriptions::Subscriptions;
-use crate::model::suggestion;
 use crate::realtime::now_ns;
 
 /// Interval at which the screen is drawn and adapts to a new size; a key draws it immediately.

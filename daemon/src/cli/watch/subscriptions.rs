@@ -3,17 +3,17 @@
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Subscriber, Topic};
+use equipoise_config::model_file::Ask;
 use equipoise_core::message::{AdapterHealth, CycleRecord, Incidents, State};
-use equipoise_discrepancy::finding::Ask;
 use equipoise_latency::{PathHistograms, Report};
+use equipoise_station::bus_directory::BusDirectory;
+use equipoise_station::process_state::is_stopped;
+use equipoise_station::status;
 use equipoise_view::watch::Sensor;
 
 use super::SILENT_AFTER;
-use crate::bus_directory::BusDirectory;
 use crate::cli::status::{reasons, refused, requested_pose};
-use crate::process_state::is_stopped;
 use crate::realtime::now_ns;
-use crate::status;
 
 /// Interval at which the bus directory, the daemon's status file and the latency percentiles are checked.
 const STATUS_INTERVAL: Duration = Duration::from_secs(1);

@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_adapters::wire::mvn::DatagramType;
+use equipoise_config::{Config, SuitSourceKind};
 use equipoise_core::message::suit::SuitBlocks;
 
 use super::super::Check;
 use super::super::suit_facts::BusObservation;
 use super::{LOST_SHARE_MAX, RATE_MIN_HZ, no_data_check, refusals, title};
-use crate::config::{Config, SuitSourceKind};
 
 /// Blocks of a sample that reveal a datagram type.
 const BLOCKS: [(SuitBlocks, DatagramType); 4] = [

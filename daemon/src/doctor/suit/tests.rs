@@ -175,7 +175,7 @@ fn silence_foreign_senders_and_invalid_data_are_distinguished() {
     let checks = of_survey("", nonsense);
     assert_eq!(fails(&checks)[0], "readable");
     assert!(!fix(&silent, "sender").contains("switch it off and on"));
-    let tcp = SuitConfig { source: crate::config::SuitSourceKind::MvnTcp, ..config("").suit };
+    let tcp = SuitConfig { source: equipoise_config::SuitSourceKind::MvnTcp, ..config("").suit };
     let tcp = Config { suit: tcp, ..config("") };
     let tcp = checks_of(&tcp, SuitObservation::AtThePort(Box::new(Survey::new(SuitSettings::default()))));
     assert!(fix(&tcp, "sender").contains("switch it off and on"), "{tcp:#?}");
@@ -299,7 +299,7 @@ fn a_used_port_names_its_process_and_a_running_adapter_is_queried() {
     assert_eq!(fails(&asked(&BusObservation::default())), ["samples"]);
     let external = config("").suit;
     let external = Config {
-        suit: SuitConfig { source: crate::config::SuitSourceKind::External, ..external },
+        suit: SuitConfig { source: equipoise_config::SuitSourceKind::External, ..external },
         ..config("")
     };
     let none = evaluate_suit(&external, &facts(Port::Free, None, SuitObservation::OnTheBus(Box::default())));
