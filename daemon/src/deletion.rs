@@ -10,10 +10,10 @@ use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_files::atomic_file::{TemporaryFile, process_runs, remove_abandoned_files, write_atomically};
 use equipoise_files::open_regular;
+use equipoise_recording::record::signature::{SIGNATURE_ENDING, signature_of};
 use equipoise_station::state_directory::{NoStateDirectory, StateDirectory};
 use equipoise_station::status::{self, Status};
 
-use crate::record::signature::{SIGNATURE_ENDING, signature_of};
 use crate::station_file::StationFile;
 
 /// Time limit for a daemon to rewrite its station file, and for a recorder to close a file that was removed.

@@ -20,9 +20,9 @@ use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_discrepancy::session::Session;
 use equipoise_discrepancy::spans::{Found, Given};
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::samples::SkippedData;
 
-use crate::replay::input::Input;
-use crate::replay::samples::SkippedData;
 use identify::Identified;
 use survey::Survey;
 

@@ -12,8 +12,8 @@ use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
-use equipoise_daemon::replay::input::Input;
-use equipoise_daemon::replay::{Replay, Summary};
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::{Replay, Summary};
 
 const CONFIG: &str = r#"
 station = "test"

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use equipoise_config::{Config, sensor_network};
 use equipoise_core::cycle::PriorKind;
+use equipoise_recording::record::service::signing_key;
 use equipoise_station::state_directory::StateDirectory;
 
 use super::{Outcome, log_to_stderr};
 use crate::page_tokens::PageTokens;
-use crate::record::service::signing_key;
 use crate::similar;
 
 /// Check a configuration file, the model that it names, and the files with the page's tokens and the recordings' key

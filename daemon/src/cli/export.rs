@@ -7,10 +7,10 @@ use std::process::Command;
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use equipoise_adapters::recording::Entry;
+use equipoise_recording::replay::Replay;
+use equipoise_recording::replay::input::Input;
 
 use super::Outcome;
-use crate::replay::Replay;
-use crate::replay::input::Input;
 
 /// The program that writes tables.
 const PROGRAM: &str = "equipoise-export";

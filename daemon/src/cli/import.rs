@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use anyhow::bail;
 use equipoise_adapters::capture::Units;
 use equipoise_core::time::NS_PER_S;
+use equipoise_recording::import::{Join, PlateOptions, With, import, unix_time};
 
 use super::{Outcome, seconds};
-use crate::import::{Join, PlateOptions, With, import, unix_time};
 
 /// Turn a capture (.csv, .mvnx, .pcap, .pcapng), or a suit's and a plate's together, into a recording
 ///

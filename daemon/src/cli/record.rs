@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_config::Config;
+use equipoise_recording::record::signature::{SigningKey, make_key};
+use equipoise_recording::record::{RecordSummary, record, service};
 use sd_notify::NotifyState;
 
 use super::run::stop_on_signals;
 use super::{Outcome, StationArgument, log_to_stderr};
-use crate::record::signature::{SigningKey, make_key};
-use crate::record::{RecordSummary, record, service};
 
 /// Record a running station into an MCAP file, until Ctrl-C
 ///

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use anyhow::bail;
 use equipoise_config::model::LoadedModel;
 use equipoise_discrepancy::spans::Span;
+use equipoise_recording::replay::Replay;
+use equipoise_recording::replay::cross_validation::cross_validate;
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::score::SampleSelection;
 
 use super::Outcome;
-use crate::replay::Replay;
-use crate::replay::cross_validation::cross_validate;
-use crate::replay::input::Input;
-use crate::replay::score::SampleSelection;
 
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///

@@ -8,9 +8,9 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::Recording;
+use equipoise_recording::trace::write_trace;
 
 use super::Outcome;
-use crate::trace::write_trace;
 
 /// The owner writes, the group reads, others have no access.
 const MODE: u32 = 0o640;

@@ -6,11 +6,11 @@ use anyhow::bail;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
 use equipoise_core::message::CommandKind;
 use equipoise_discrepancy::spans::Shown;
+use equipoise_recording::replay::free;
+use equipoise_recording::replay::samples::Sample;
 
 use super::survey::Survey;
 use super::{Progress, Reconcile, TICK_NS, memory_at_first};
-use crate::replay::free;
-use crate::replay::samples::Sample;
 
 /// Delay of the identification after the start of its span, s, so that earlier samples have left the loop's window.
 const WINDOW_S: f64 = 0.15;

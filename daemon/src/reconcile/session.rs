@@ -1,18 +1,17 @@
 //! Compares the frozen subject model with the plate over the whole recording.
 
+use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Motion, Tick, step};
 use equipoise_core::message::CommandKind;
 use equipoise_discrepancy::compare::{Comparison, Options, Worker, prior_covariance_m2};
 use equipoise_discrepancy::session::Session;
 use equipoise_discrepancy::spans::Found;
-
-use anyhow::bail;
+use equipoise_recording::replay::free;
+use equipoise_recording::replay::samples::SkippedData;
 
 use super::identify::Identified;
 use super::survey::Survey;
 use super::{Progress, Reconcile, TICK_NS, cutoff, memory_at_first};
-use crate::replay::free;
-use crate::replay::samples::SkippedData;
 
 /// Runs the frozen subject model over the recording.
 pub(super) fn compare(

@@ -7,10 +7,10 @@ use equipoise_config::Config;
 use equipoise_core::cycle::{Checkpoint, Memory};
 use equipoise_core::message::{CommandKind, GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::samples::Sample;
 
 use super::Progress;
-use crate::replay::input::Input;
-use crate::replay::samples::Sample;
 
 /// Minimum number of samples of a stream.
 const SAMPLES_MIN: u64 = 60;

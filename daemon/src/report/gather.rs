@@ -7,6 +7,8 @@ use equipoise_config::Config;
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::State;
 use equipoise_latency::{PathHistograms, Report as PathReport};
+use equipoise_recording::replay::Replay;
+use equipoise_recording::replay::input::{Chosen, Input};
 
 use super::back::Back;
 use super::exposure::Exposure;
@@ -14,8 +16,6 @@ use super::identification::Identification;
 use super::lifts::Lifts;
 use super::quality::Quality;
 use super::records::Records;
-use crate::replay::Replay;
-use crate::replay::input::{Chosen, Input};
 
 /// A recorder writes a cycle's record slightly after its state: this many states are held back until the records of
 /// their cycles are read.

@@ -5,9 +5,9 @@ use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
 use equipoise_core::message::Validity;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
-use equipoise_daemon::replay::input::Input;
 use equipoise_discrepancy::block::{Block, LAGS_S, Phase};
 use equipoise_discrepancy::spans::Given;
+use equipoise_recording::replay::input::Input;
 use equipoise_studies::sensors::{EPOCH_NS, Rig};
 
 use crate::make::{Samples, Script};

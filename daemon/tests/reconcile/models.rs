@@ -7,10 +7,10 @@ use equipoise_config::Config;
 use equipoise_config::model::LoadedModel;
 use equipoise_core::cycle::Memory;
 use equipoise_daemon::reconcile::{Compared, Reconcile};
-use equipoise_daemon::replay::input::Input;
 use equipoise_discrepancy::block::Phase;
 use equipoise_discrepancy::spans::Given;
 use equipoise_files::sha256_of;
+use equipoise_recording::replay::input::Input;
 use equipoise_studies::sensors::EPOCH_NS;
 use serde_json::Value;
 

@@ -2,17 +2,18 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{Station, describe_output, equipoise};
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::Side;
 use equipoise_core::cycle::{BodyRefusal, BodySource};
 use equipoise_core::message::suit_body::FootPoint;
-use equipoise_daemon::replay::Replay;
-use equipoise_daemon::replay::input::Input;
+use equipoise_recording::replay::Replay;
+use equipoise_recording::replay::input::Input;
 use equipoise_simulator::person::Person;
 use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::Simulation;
+
+use crate::common::{Station, describe_output, equipoise};
 
 const CONFIG: &str = r#"
 station = "test"

@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
+use equipoise_recording::replay::Replay;
+use equipoise_recording::replay::input::Input;
+
 use crate::common::{Station, describe_output, equipoise, person, remove_shared_memory};
-use equipoise_daemon::replay::Replay;
-use equipoise_daemon::replay::input::Input;
 
 const MODEL: &str = r#"version = 1
 [[effect]]

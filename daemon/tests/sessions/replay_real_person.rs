@@ -1,9 +1,10 @@
 //! A real person on a real plate: identical bytes in every run, and a model that is valid for held-out data.
 
+use equipoise_recording::replay::cross_validation::{cross_validate, identify_without};
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::score::SampleSelection;
+
 use crate::common::{describe_output, equipoise, human_motion, human_motion_config};
-use equipoise_daemon::replay::cross_validation::{cross_validate, identify_without};
-use equipoise_daemon::replay::input::Input;
-use equipoise_daemon::replay::score::SampleSelection;
 
 #[test]
 fn check_accepts_the_example_configuration() {

@@ -17,7 +17,7 @@ const SILENCE_NS: u64 = 10 * NS_PER_S;
 ///
 /// # Errors
 /// There is no sample, or what `step` returns.
-pub(crate) fn run(
+pub fn run(
     samples: impl Iterator<Item = Sample>,
     period_ns: u64,
     mut step: impl FnMut(Tick, Inputs<'_>) -> anyhow::Result<()>,

@@ -9,11 +9,10 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, ensure};
+use equipoise_files::atomic_file::write_atomically;
 use equipoise_files::{Sha256, open_regular, secret};
 use minisign::{KeyPair, SecretKey, SecretKeyBox};
 use tracing::{info, warn};
-
-use equipoise_files::atomic_file::write_atomically;
 
 /// What the name of a signature adds to that of its recording.
 pub const SIGNATURE_ENDING: &str = ".minisig";

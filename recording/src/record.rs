@@ -17,6 +17,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use bytemuck::Zeroable;
+use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
 use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
 use equipoise_config::Config;
@@ -32,8 +33,6 @@ use equipoise_station::status::{self, Status};
 pub use summary::RecordSummary;
 
 use pictures::Pictures;
-
-use crate::realtime::now_ns;
 
 /// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
@@ -135,7 +134,7 @@ impl Tap {
             config_toml: recorded_config(&facts)?,
             software_version: facts.version,
             started_unix_ns: unix_ns(),
-            started_monotonic_ns: now_ns(),
+            started_monotonic_ns: now_monotonic_ns(),
             model_toml: facts.model_toml,
             previous,
             ..RecordingHeader::default()

@@ -11,7 +11,7 @@
 pub mod cross_validation;
 mod feed;
 pub mod fidelity;
-pub(crate) mod free;
+pub mod free;
 pub mod input;
 mod machine;
 mod output;
@@ -135,7 +135,7 @@ impl Replay<'_> {
 }
 
 /// Unused data in words, for the end of a summary.
-pub(crate) fn skipped_lines(skipped: &SkippedData) -> String {
+pub fn skipped_lines(skipped: &SkippedData) -> String {
     let rejected = skipped.rejected.iter().map(|reason| format!("rejected: {reason}\n"));
     let ignored = skipped.ignored.iter().map(|reason| format!("passed over: {reason}\n"));
     rejected.chain(ignored).collect()
