@@ -48,7 +48,7 @@ const ORDINARY: RequestedScheduling = RequestedScheduling { fifo_priority: 0, cp
 /// Prefix of the message for a refused memory lock.
 const NOT_LOCKED: &str = "not locked";
 /// Role of the daemon on the bus.
-pub(crate) const DAEMON_ROLE: &str = "daemon";
+pub const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
 pub struct Pipeline {

@@ -8,8 +8,8 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use equipoise_cli::page_feed::ServedPage;
 use equipoise_config::Config;
-use equipoise_daemon::page_feed::ServedPage;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_simulator::ports::free_address;
 use equipoise_station::proc::{MemoryUse, TaskFacts};
