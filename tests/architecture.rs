@@ -23,7 +23,7 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("station", &["bus", "files"]),
     // It has its own encoders: an encoder derived from the parser would be no independent check.
     ("simulator", &["core"]),
-    ("discrepancy", &["core", "adapters", "config"]),
+    ("discrepancy", &["core", "latency", "adapters", "config", "recording", "view"]),
     ("studies", &["core", "simulator", "adapters"]),
     ("view", &["core", "bus", "latency"]),
     ("recording", &["core", "latency", "bus", "files", "adapters", "config", "station", "view"]),
@@ -35,7 +35,8 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("gateways/mqtt", &["core", "client", "files", "gateways", "view"]),
     ("gateways/opcua", &["core", "client", "files", "gateways"]),
     ("gateways/zenoh", &["core", "client", "files", "gateways", "view"]),
-    ("daemon", &["core", "latency", "bus", "files", "adapters", "config", "station", "view"]),
+    // The service links no simulator, report, page or gateway.
+    ("daemon", &["core", "latency", "bus", "files", "adapters", "config", "station"]),
     // The program of all commands.
     (
         "cli",

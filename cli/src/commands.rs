@@ -33,6 +33,8 @@ use equipoise_daemon::process::{self, ConfigArgument, log_to_stderr, single_line
 use equipoise_daemon::run;
 use equipoise_discrepancy::spans::Span;
 
+use crate::metrics_feed;
+
 /// Exit status of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Outcome {
@@ -103,7 +105,7 @@ pub fn main() -> ExitCode {
     let outcome = match cli.command {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Doctor(arguments) => doctor::run(&arguments),
-        Command::Run(arguments) => run::run(&arguments).map(|()| Outcome::Done),
+        Command::Run(arguments) => run::run(&arguments, Some(metrics_feed::run)).map(|()| Outcome::Done),
         Command::View(arguments) => view::run(&arguments),
         Command::Adapter(arguments) => adapter::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

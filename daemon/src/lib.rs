@@ -10,7 +10,6 @@ pub mod housekeeping;
 pub mod incidents;
 pub mod ingress;
 pub mod latency_log;
-pub mod metrics_feed;
 pub mod model_watch;
 pub mod pipeline;
 pub mod process;

@@ -14,7 +14,7 @@ struct Program {
 
 fn main() -> ExitCode {
     process::restrict_new_files();
-    match run::run(&Program::parse().arguments) {
+    match run::run(&Program::parse().arguments, None) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("equipoise-daemon: {}", process::single_line(&error));

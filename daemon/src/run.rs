@@ -10,7 +10,7 @@ use equipoise_config::model::LoadedModel;
 use equipoise_config::{Config, ConfigError};
 use tracing::{info, warn};
 
-use crate::pipeline::Pipeline;
+use crate::pipeline::{Pipeline, ServeMetrics};
 use crate::process::{ConfigArgument, log_to_stderr, stop_on_signals};
 use crate::realtime::now_ns;
 
@@ -33,16 +33,22 @@ pub struct Arguments {
 ///
 /// # Errors
 /// The configuration is refused, the pipeline cannot start, or a part of it ended by itself.
-pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+pub fn run(arguments: &Arguments, serve_metrics: Option<ServeMetrics>) -> anyhow::Result<()> {
     log_to_stderr("info");
     let config = arguments.read()?;
     if let Some(model) = &config.loaded_model {
         info!("{}", model.describe());
     }
+    if config.metrics.is_some() && !config.sensors_apart && serve_metrics.is_none() {
+        warn!(
+            "[metrics]: this program does not serve them; start `equipoise metrics --config {}`",
+            arguments.config.config.display()
+        );
+    }
     let stop = stop_on_signals()?;
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
-    let pipeline = Pipeline::start(&config)?;
+    let pipeline = Pipeline::start_serving(&config, serve_metrics)?;
     // Report readiness once cycles run, not once the threads exist.
     while pipeline.last_cycle() == 0 && pipeline.is_running() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(5));

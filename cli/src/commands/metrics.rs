@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use equipoise_config::Config;
-use equipoise_daemon::metrics_feed;
+
+use crate::metrics_feed;
 use sd_notify::NotifyState;
 use tracing::info;
 

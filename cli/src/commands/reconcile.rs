@@ -9,15 +9,15 @@ use equipoise_config::model::LoadedModel;
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
 use equipoise_discrepancy::spans::Given;
+use equipoise_discrepancy::workflow::output::{Results, folders};
+use equipoise_discrepancy::workflow::summary::Summary;
+use equipoise_discrepancy::workflow::{Progress, Reconcile};
 use equipoise_files::sha256_of;
 use equipoise_recording::replay::input::{Chosen, Input};
 use equipoise_recording::replay::skipped_lines;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, span};
-use crate::reconcile::output::{Results, folders};
-use crate::reconcile::summary::Summary;
-use crate::reconcile::{Progress, Reconcile};
 
 /// Find where model and measured data disagree, name the missing effect, add it to the model
 ///

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_discrepancy::report::page;
+use equipoise_discrepancy::session_report::{Facts, Source, document, pdf};
 use equipoise_recording::record::authenticity::{Authenticity, read_public_key};
 use equipoise_recording::record::signature::public_key_of;
 use equipoise_recording::replay::input::Input;
 use minisign::PublicKey;
 
 use super::Outcome;
-use crate::report::{Facts, Source, document, pdf};
 
 /// Report a session as a page: identification, exposure, lifts, dose, low back, latency, data quality
 ///

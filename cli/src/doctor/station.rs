@@ -12,9 +12,10 @@ use equipoise_bus::{Bus, BusError, BusSettings, Participant};
 use equipoise_config::Config;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{AdapterHealth, GroundSample, State, SuitSample, Validity};
-use equipoise_daemon::metrics_feed::METRICS_ROLE;
 use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_daemon::sensors::SUIT_ROLE;
+
+use crate::metrics_feed::METRICS_ROLE;
 
 use super::ports::{Port, TCP, bind_suit, holds, port_of, sockets_at};
 use crate::page_feed::PAGE_ROLE;

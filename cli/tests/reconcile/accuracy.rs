@@ -1,12 +1,12 @@
 //! Content of the blocks, compared with the loop's own numbers and with the simulator's truth.
 
-use equipoise_cli::reconcile::{Compared, Reconcile};
 use equipoise_config::Config;
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
 use equipoise_core::message::Validity;
 use equipoise_discrepancy::block::{Block, LAGS_S, Phase};
 use equipoise_discrepancy::spans::Given;
+use equipoise_discrepancy::workflow::{Compared, Reconcile};
 use equipoise_recording::replay::input::Input;
 use equipoise_studies::sensors::{EPOCH_NS, Rig};
 

@@ -5,12 +5,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusSettings, Channel, Event};
-use equipoise_cli::reconcile::Reconcile;
 use equipoise_config::Config;
 use equipoise_core::cycle::Identification;
 use equipoise_core::message::{State, Validity};
 use equipoise_daemon::profile::Profile;
 use equipoise_discrepancy::spans::Given;
+use equipoise_discrepancy::workflow::Reconcile;
 use equipoise_recording::replay::input::Input;
 use equipoise_simulator::faults::Faults;
 use equipoise_simulator::motion::Habits;

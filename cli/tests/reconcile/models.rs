@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use equipoise_cli::reconcile::{Compared, Reconcile};
 use equipoise_config::Config;
 use equipoise_config::model::LoadedModel;
 use equipoise_core::cycle::Memory;
 use equipoise_discrepancy::block::Phase;
 use equipoise_discrepancy::spans::Given;
+use equipoise_discrepancy::workflow::{Compared, Reconcile};
 use equipoise_files::sha256_of;
 use equipoise_recording::replay::input::Input;
 use equipoise_studies::sensors::EPOCH_NS;

@@ -4,9 +4,10 @@ use std::fmt::Write;
 
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
-use equipoise_discrepancy::report::escaped;
-use equipoise_discrepancy::report::svg::Drawing;
 use equipoise_view::words;
+
+use crate::report::escaped;
+use crate::report::svg::Drawing;
 
 use super::exposure::{COLUMN_S, Exposure, rank};
 

@@ -5,9 +5,10 @@ use std::cell::Cell;
 use anyhow::bail;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
 use equipoise_core::message::CommandKind;
-use equipoise_discrepancy::spans::Shown;
 use equipoise_recording::replay::free;
 use equipoise_recording::replay::samples::Sample;
+
+use crate::spans::Shown;
 
 use super::survey::Survey;
 use super::{Progress, Reconcile, TICK_NS, memory_at_first};

@@ -1,13 +1,14 @@
 //! Sections on lifts, dose and fatigue, and low back.
 
 use equipoise_core::body::Joint;
-use equipoise_discrepancy::report::document::{Section, Table, Text};
 use equipoise_view::words;
+
+use crate::report::document::{Section, Table, Text};
 
 use super::{Facts, length, or_none, over_time, several};
 
 /// All lifts that ended in the recording.
-pub(in crate::report) fn lifts(facts: &Facts) -> Section {
+pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     let mut section = Section::new("Lifts");
     let found = &facts.lifts;
     section.say(match found.lifts.len() {
@@ -50,7 +51,7 @@ pub(in crate::report) fn lifts(facts: &Facts) -> Section {
 }
 
 /// Cumulative dose and fatigue.
-pub(in crate::report) fn dose(facts: &Facts) -> Section {
+pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     let mut section = Section::new("Dose and fatigue");
     if let Some(note) = several(facts) {
         section.say(note);
@@ -105,7 +106,7 @@ pub(in crate::report) fn dose(facts: &Facts) -> Section {
 }
 
 /// Load of the low back.
-pub(in crate::report) fn back(facts: &Facts) -> Section {
+pub(in crate::session_report) fn back(facts: &Facts) -> Section {
     let mut section = Section::new("Low back");
     let found = &facts.back;
     if let Some(note) = several(facts) {

@@ -11,10 +11,9 @@ use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusError, BusSettings, Subscriber};
 use equipoise_core::body::JOINTS;
 use equipoise_core::message::{AdapterHealth, CycleRecord, Incidents, State};
+use equipoise_daemon::realtime::now_ns;
 use equipoise_view::metrics::{Metrics, Snapshot, Stream};
 use rustix::process::setpriority_process;
-
-use crate::realtime::now_ns;
 
 /// Polling interval of the bus.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);

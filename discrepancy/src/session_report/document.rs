@@ -1,7 +1,8 @@
 //! Assembles the report: header, numbers, sections.
 
-use equipoise_discrepancy::report::document::{Document, Text};
 use equipoise_view::words;
+
+use crate::report::document::{Document, Text};
 
 use super::gather::{Facts, Source};
 use super::sections;

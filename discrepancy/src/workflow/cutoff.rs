@@ -1,7 +1,8 @@
 //! Removes the contribution of effects already found.
 
 use equipoise_core::effect::{Effect, Model};
-use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change};
+
+use crate::block::{Block, CUTOFFS_HZ, Change};
 
 /// Subtracts the contribution of the model's terms from the plate's measurements, block by block. A lag of the suit is
 /// excluded: the cycle has already corrected the sample times.

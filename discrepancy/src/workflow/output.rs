@@ -5,8 +5,9 @@ use std::{fs, io};
 
 use anyhow::{Context, bail};
 use equipoise_config::model_file::{Fitted, ModelFile, Provenance};
-use equipoise_discrepancy::Outcome;
-use equipoise_discrepancy::report::{Origin, Recording, Report};
+
+use crate::Outcome;
+use crate::report::{Origin, Recording, Report};
 
 use super::{Compared, Reconcile, date};
 

@@ -2,7 +2,7 @@
 //! determines the missing effects.
 //!
 //! The subject is identified from the identification span only and then frozen; a second pass compares the predictions
-//! of the frozen model with the plate's measurements (`equipoise_discrepancy::compare`). The engine determines effects;
+//! of the frozen model with the plate's measurements ([`crate::compare`]). The engine determines effects;
 //! this module provides files and cycle.
 //!
 //! Layers, lowest first: `date`, [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
@@ -18,10 +18,11 @@ pub mod survey;
 use anyhow::bail;
 use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings};
-use equipoise_discrepancy::session::Session;
-use equipoise_discrepancy::spans::{Found, Given};
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::SkippedData;
+
+use crate::session::Session;
+use crate::spans::{Found, Given};
 
 use identify::Identified;
 use survey::Survey;

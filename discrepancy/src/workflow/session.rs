@@ -3,11 +3,12 @@
 use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Motion, Tick, step};
 use equipoise_core::message::CommandKind;
-use equipoise_discrepancy::compare::{Comparison, Options, Worker, prior_covariance_m2};
-use equipoise_discrepancy::session::Session;
-use equipoise_discrepancy::spans::Found;
 use equipoise_recording::replay::free;
 use equipoise_recording::replay::samples::SkippedData;
+
+use crate::compare::{Comparison, Options, Worker, prior_covariance_m2};
+use crate::session::Session;
+use crate::spans::Found;
 
 use super::identify::Identified;
 use super::survey::Survey;

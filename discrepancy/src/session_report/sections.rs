@@ -6,16 +6,17 @@ mod path;
 use equipoise_config::method::StopConfig;
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
-use equipoise_discrepancy::report::document::{Figure, Section, Table, Text, code};
-use equipoise_discrepancy::report::svg::{Axis, Key, Look, Mark, Plot, Scale};
 use equipoise_view::words;
+
+use crate::report::document::{Figure, Section, Table, Text, code};
+use crate::report::svg::{Axis, Key, Look, Mark, Plot, Scale};
 
 use super::document::{length, subject};
 use super::exposure::Peak;
 use super::gather::{Facts, Source};
 use super::series::Series;
 use super::strips::strips;
-use crate::reconcile::date::rfc_3339;
+use crate::workflow::date::rfc_3339;
 
 pub(super) use load::{back, dose, lifts};
 pub(super) use path::{latency, quality};

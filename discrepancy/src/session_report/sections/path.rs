@@ -3,14 +3,15 @@
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_core::message::state::Phase;
-use equipoise_discrepancy::report::document::{Section, Table, Text, code};
 use equipoise_view::words;
+
+use crate::report::document::{Section, Table, Text, code};
 
 use super::super::document::share_percent;
 use super::{Facts, length};
 
 /// Percentiles of every stage.
-pub(in crate::report) fn latency(facts: &Facts) -> Section {
+pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
     let mut section = Section::new("Latency");
     let Some(report) = &facts.path else {
         section.say("The recording has no cycle records, so nothing is known of how late anything was.");
@@ -39,7 +40,7 @@ pub(in crate::report) fn latency(facts: &Facts) -> Section {
 }
 
 /// Data quality.
-pub(in crate::report) fn quality(facts: &Facts) -> Section {
+pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
     let found = &facts.quality;
     section.say(format!(

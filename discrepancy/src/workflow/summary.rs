@@ -3,7 +3,8 @@
 use std::fmt;
 
 use equipoise_core::effect::Effect;
-use equipoise_discrepancy::finding::{Finding, Generic, Named, Verdict};
+
+use crate::finding::{Finding, Generic, Named, Verdict};
 
 use super::Compared;
 
