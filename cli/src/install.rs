@@ -1,5 +1,5 @@
-//! The files that `equipoise install` installs and `equipoise uninstall` removes: the program itself, and the service
-//! files embedded in it.
+//! The files that `equipoise install` installs and `equipoise uninstall` removes: the program itself, those next to it, and
+//! the service files embedded in it.
 
 mod files;
 mod links;
@@ -13,10 +13,12 @@ use files::{InstallResult, install_file, remove};
 
 pub use others::PROGRAMS;
 
-/// Path of the program in the embedded units; replaced by the path under another prefix.
+/// Path of the program in the embedded units, and begin of those of the others; replaced under another prefix.
 const PROGRAM_IN_UNITS: &str = "/usr/local/bin/equipoise";
 /// Prefixes that systemd searches for units.
 const PREFIXES_OF_SYSTEMD: [&str; 2] = ["/usr", "/usr/local"];
+/// The program of the daemon's unit; located in the directory of `equipoise`.
+const DAEMON: &str = "equipoise-daemon";
 const UNITS: [(&str, &str); 6] = [
     ("equipoise.service", include_str!("../../systemd/equipoise.service")),
     ("equipoise-adapter@.service", include_str!("../../systemd/equipoise-adapter@.service")),
@@ -127,7 +129,7 @@ impl Destination {
     }
 }
 
-/// Installs everything, with those of [`PROGRAMS`] in the directory of `program`. Idempotent. Returns lines that
+/// Installs everything: `program`, the daemon and those of [`PROGRAMS`] in the same directory. Idempotent. Returns lines that
 /// describe the changes.
 ///
 /// # Errors
@@ -135,6 +137,9 @@ impl Destination {
 pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyhow::Result<Vec<String>> {
     let mut done = Vec::new();
     let read = |path: &Path| std::fs::read(path).with_context(|| format!("cannot read {}", path.display()));
+    let daemon = program.with_file_name(DAEMON);
+    let daemon = read(&daemon)
+        .context("the daemon is a program of its own: cargo build --release -p equipoise-daemon")?;
     let mut write = |path: &Path, content: &[u8], mode| -> anyhow::Result<InstallResult> {
         let outcome = install_file(&destination.checked_under_root(path)?, content, mode)?;
         let action = if outcome == InstallResult::Written { "installed" } else { "unchanged" };
@@ -142,6 +147,7 @@ pub fn install(destination: &Destination, program: &Path, enable: bool) -> anyho
         Ok(outcome)
     };
     write(&destination.program(), &read(program)?, 0o755)?;
+    write(&destination.program_named(DAEMON), &daemon, 0o755)?;
     for name in others::next_to(program) {
         write(&destination.program_named(name), &read(&program.with_file_name(name))?, 0o755)?;
     }
@@ -228,6 +234,7 @@ pub fn uninstall(destination: &Destination) -> anyhow::Result<Vec<String>> {
         take(path)?;
     }
     take(&destination.program())?;
+    take(&destination.program_named(DAEMON))?;
     for name in PROGRAMS {
         take(&destination.program_named(name))?;
     }

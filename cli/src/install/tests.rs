@@ -7,10 +7,11 @@ fn at(prefix: &str, root: &Path) -> Destination {
     Destination::new(Path::new(prefix), root).unwrap()
 }
 
-/// A program to install.
+/// A program to install, with the daemon next to it.
 fn program(directory: &Path) -> PathBuf {
     let path = directory.join("program");
     fs::write(&path, "a program").unwrap();
+    fs::write(directory.join(DAEMON), "a daemon").unwrap();
     path
 }
 
@@ -39,9 +40,10 @@ fn all_files_are_installed_once_and_uninstalled() {
     assert!(done.contains(&"installed /usr/local/bin/equipoise".to_owned()), "{done:?}");
     assert!(done.contains(&"enabled equipoise-view.service".to_owned()), "{done:?}");
     let first = all(&root);
-    assert_eq!(first.len(), 14, "{first:?}");
+    assert_eq!(first.len(), 15, "{first:?}");
     for (path, mode) in &first {
-        let expected = if path.ends_with("bin/equipoise") { 0o755 } else { 0o644 };
+        let is_program = path.ends_with("bin/equipoise") || path.ends_with("bin/equipoise-daemon");
+        let expected = if is_program { 0o755 } else { 0o644 };
         assert!(*mode == expected || path.is_symlink(), "{} {mode:o}", path.display());
     }
     let link = root.join("etc/systemd/system/multi-user.target.wants/equipoise.service");
@@ -76,6 +78,16 @@ fn all_files_are_installed_once_and_uninstalled() {
     let remaining: Vec<_> = all(&root).into_iter().map(|(path, _)| path).collect();
     assert_eq!(remaining, [root.join("etc/equipoise/equipoise.toml"), drop_in, worker, certificate]);
     assert!(!uninstall(&destination).unwrap().iter().any(|line| line.starts_with("removed")));
+}
+
+#[test]
+fn nothing_is_installed_without_the_daemon() {
+    let directory = tempfile::tempdir().unwrap();
+    let (program, root) = (program(directory.path()), directory.path().join("root"));
+    fs::remove_file(directory.path().join(DAEMON)).unwrap();
+    let refused = format!("{:#}", install(&at("/usr/local", &root), &program, true).unwrap_err());
+    assert!(refused.contains("cargo build --release -p equipoise-daemon"), "{refused}");
+    assert!(all(&root).is_empty());
 }
 
 #[test]
