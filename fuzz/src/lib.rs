@@ -8,9 +8,7 @@ mod laws;
 use laws::Law;
 
 fn all() -> impl Iterator<Item = &'static Law> {
-    let all = laws::LAWS.iter();
-    let all = all.chain(&config::LAWS);
-    all
+    laws::LAWS.iter().chain(&config::LAWS)
 }
 
 /// Tries one law.
