@@ -1,7 +1,7 @@
 """Judges what the consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
 
 `refusals STATION` asks the Python package for what it must refuse, `arrays STATION` for its arrays and tables; `datagram
-PORT STATION` reads the UDP outlet by the table of the documents; `mark NAME` is a small thing that bash cannot do.
+PORT STATION` reads the UDP gateway by the table of the documents; `mark NAME` is a small thing that bash cannot do.
 """
 
 import pathlib
@@ -160,7 +160,7 @@ def check_udp(folder, name, marks):
     assert states.count("current") >= 10, f"{name}: {states}"
     last_current = len(states) - 1 - states[::-1].index("current")
     assert "silent" in states[:last_current], f"{name} did not hear that the daemon was dead: {states}"
-    assert states[-1] == "network_silent", f"{name} did not notice that the outlet was gone: {states}"
+    assert states[-1] == "network_silent", f"{name} did not notice that the gateway was gone: {states}"
     for line, fields in lines:
         moves = fields["state"] != "current" and fields["speed_percent"] != "0"
         assert not moves, f"{name}: the robot moves: {line}"

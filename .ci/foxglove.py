@@ -1,4 +1,4 @@
-"""A viewer of the live gateway, next to a stuck one: foxglove.py PORT PID-OF-OUTLET PID-OF-STATION.
+"""A viewer of the live gateway, next to a stuck one: foxglove.py PORT PID-OF-GATEWAY PID-OF-STATION.
 
 Speaks foxglove.sdk.v1 by the `websockets` package: text frames announce channels, binary ones carry messages.
 """
@@ -33,7 +33,7 @@ class Viewer:
                 self.socket = connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], max_size=1 << 24)
                 break
             except (OSError, WebSocketException):
-                assert time.monotonic() < deadline, "the outlet does not serve"
+                assert time.monotonic() < deadline, "the gateway does not serve"
                 time.sleep(0.1)
         assert self.socket.subprotocol == "foxglove.sdk.v1"
         self.topics, self.known = {}, {}
@@ -87,19 +87,19 @@ def watch(viewer, seconds):
 
 
 def main():
-    port, outlet, station = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    port, gateway, station = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     stuck = Viewer(port)
     # No code takes this viewer's messages: the library's thread stops reading once a few are queued. Another sends nothing.
     silent_one = socket.create_connection(("127.0.0.1", port))
     time.sleep(SECONDS / 2)
-    before = resident_kib(outlet)
+    before = resident_kib(gateway)
     viewer = Viewer(port)
     count, drawn = watch(viewer, SECONDS)
     for topic in TOPICS:
         # Half the rate is enough: the machine may be busy.
         assert count[topic] >= 0.5 * 60 * SECONDS, f"{topic}: only {count[topic]} in {SECONDS} s"
     assert {"figure", "support polygon", "centre of pressure, measured"} <= drawn, drawn
-    grown = resident_kib(outlet) - before
+    grown = resident_kib(gateway) - before
     assert grown < 16_384, f"the gateway has grown by {grown} KiB with a stuck viewer"
     print("foxglove: " + ", ".join(f"{topic} {count[topic]}" for topic in sorted(count)), f"in {SECONDS} s; {grown} KiB more")
 

@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 
 use equipoise_benches::worker::HEIGHT_M;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::CycleRecord;
 use equipoise_daemon::egress::Egress;
 use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
 use equipoise_daemon::realtime::{self, RequestedScheduling};
-use equipoise_daemon::rings::{Rings, WaitStrategy};
+use equipoise_daemon::rings::Rings;
 use equipoise_daemon::tick::{Loop, Monotonic, NoObserver};
 use equipoise_latency::PathHistograms;
 use equipoise_latency::stage::Stage;

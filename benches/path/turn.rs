@@ -1,7 +1,7 @@
 //! One turn: adapter → ingress → the real loop → egress → consumer, over one carrier, for about a second.
 //!
-//! Both ends of the loop are measured separately, so that a sample's wait for the next cycle is excluded: the inlet
-//! ends when the sample is in the loop's ring, the outlet begins when the loop has computed.
+//! Both ends of the loop are measured separately, so that a sample's wait for the next cycle is excluded: the ingress leg
+//! ends when the sample is in the loop's ring, the egress leg begins when the loop has computed.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -13,13 +13,14 @@ use std::time::{Duration, Instant};
 
 use equipoise_benches::worker::{HEIGHT_M, Worker};
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Publisher};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::{CycleRecord, State, SuitSample};
 use equipoise_daemon::egress::Egress;
 use equipoise_daemon::ingress::Ingress;
 use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
 use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns, sleep_until};
-use equipoise_daemon::rings::{Rings, WaitStrategy};
+use equipoise_daemon::rings::Rings;
 use equipoise_daemon::tick::{Loop, Monotonic, Observer};
 use equipoise_latency::PathHistograms;
 
@@ -44,9 +45,9 @@ pub(crate) struct Plan {
     pub(crate) carrier: Carrier,
     pub(crate) waiting: WaitStrategy,
     /// Whether there are adapter and ingress.
-    pub(crate) inlet: bool,
+    pub(crate) ingress_leg: bool,
     /// Whether there are egress and consumer.
-    pub(crate) outlet: bool,
+    pub(crate) egress_leg: bool,
     pub(crate) cores: Cores,
     pub(crate) length: Duration,
 }
@@ -65,9 +66,9 @@ pub(crate) struct Cores {
 #[derive(Debug, Default)]
 pub(crate) struct Times {
     /// From the sample's arrival until it is in the ring, µs.
-    pub(crate) inlet_us: Vec<f64>,
+    pub(crate) ingress_us: Vec<f64>,
     /// From the state computed until the consumer has read all of it, µs.
-    pub(crate) outlet_us: Vec<f64>,
+    pub(crate) egress_us: Vec<f64>,
     /// From the state computed until it is handed over, in the loop's own thread, µs.
     pub(crate) step_us: Vec<f64>,
     /// Messages sent and arrived, both legs.
@@ -80,13 +81,13 @@ impl Plan {
     pub(crate) fn run(&self, folder: &Path) -> Times {
         let rings = Arc::new(Rings::new().expect("an event file descriptor"));
         let begun = Arc::new(AtomicU64::new(0));
-        let consumer = self.outlet.then(|| {
+        let consumer = self.egress_leg.then(|| {
             let place = folder.join("out").display().to_string();
             Consumer::start(STATION, self.carrier, self.waiting, self.cores.consumer, &place)
         });
         let egress = consumer.as_ref().map(|(_, address)| self.start_egress(&rings, address));
-        let inlet = self.inlet.then(|| self.start_inlet(&rings, &begun, folder));
-        let records = self.outlet.then(RecordReader::open);
+        let ingress_leg = self.ingress_leg.then(|| self.start_ingress(&rings, &begun, folder));
+        let records = self.egress_leg.then(RecordReader::open);
         sleep(SETTLE);
         let looping = self.start_loop(&rings, &begun);
         let records = match (records, self.carrier) {
@@ -100,14 +101,14 @@ impl Plan {
         let pushed = looping.join().expect("the loop ended well");
         let socket_records = egress.map(|thread| thread.join().expect("egress ended well"));
         let mut times = Times::default();
-        if let Some((adapter, ingress)) = inlet {
+        if let Some((adapter, ingress)) = ingress_leg {
             let sent = adapter.join().expect("the adapter ended well");
-            times.note_inlet(&sent, &ingress.join().expect("ingress ended well"));
+            times.note_ingress(&sent, &ingress.join().expect("ingress ended well"));
         }
         if let Some((consumer, _)) = consumer {
             sleep(SETTLE);
             let records = socket_records.flatten().unwrap_or(records);
-            times.note_outlet(&records, &pushed, consumer.finish());
+            times.note_egress(&records, &pushed, consumer.finish());
         }
         times
     }
@@ -170,7 +171,7 @@ impl Plan {
         thread
     }
 
-    fn start_inlet(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
+    fn start_ingress(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
         let (plan, its_rings, place) = (*self, Arc::clone(rings), folder.join("in"));
         let (ready, is_ready) = mpsc::channel();
         let ingress = spawn(move || {
@@ -204,7 +205,7 @@ impl Plan {
         realtime::request("adapter", RequestedScheduling { fifo_priority, cpu: self.cores.adapter });
         let worker = Worker::new();
         let mut sample = worker.suit(&worker.pose(0), 0);
-        let outlet = Outlet::open(self.carrier, address);
+        let sender = SampleSender::open(self.carrier, address);
         let mut sent = Vec::with_capacity(NOTES);
         while begun.load(Ordering::Acquire) == 0 && !rings.is_stopping() {
             sleep(Duration::from_millis(1));
@@ -217,7 +218,7 @@ impl Plan {
             sample.sequence = sent.len() as u64 + 1;
             sample.sample_time_ns = sample.arrival_ns;
             sample.published_ns = now_ns();
-            outlet.send(&sample);
+            sender.send(&sample);
             sent.push((sample.sequence, sample.arrival_ns));
         }
         sent
@@ -235,30 +236,30 @@ struct OnTheBus {
 }
 
 /// The adapter's end.
-enum Outlet {
+enum SampleSender {
     Bus(Box<OnTheBus>),
     Socket(Socket),
 }
 
-impl Outlet {
-    fn open(carrier: Carrier, address: &str) -> Outlet {
+impl SampleSender {
+    fn open(carrier: Carrier, address: &str) -> SampleSender {
         if carrier != Carrier::Bus {
-            return Outlet::Socket(Socket::sender(carrier, address));
+            return SampleSender::Socket(Socket::sender(carrier, address));
         }
         let bus = Bus::join(&BusSettings::new(STATION, "adapter")).expect("the bus is there");
         let (samples, wake) = (bus.publisher(), bus.notifier(Channel::Inputs));
         let (samples, wake) =
             (samples.expect("a place for a publisher"), wake.expect("a place for a notifier"));
-        Outlet::Bus(Box::new(OnTheBus { samples, wake, _bus: bus }))
+        SampleSender::Bus(Box::new(OnTheBus { samples, wake, _bus: bus }))
     }
 
     fn send(&self, sample: &SuitSample) {
         match self {
-            Outlet::Bus(bus) => {
+            SampleSender::Bus(bus) => {
                 bus.samples.send(sample).expect("the bus is whole");
                 bus.wake.notify(Event::NewSuit).expect("the bus is whole");
             }
-            Outlet::Socket(socket) => socket.send(bytemuck::bytes_of(sample)),
+            SampleSender::Socket(socket) => socket.send(bytemuck::bytes_of(sample)),
         }
     }
 }
@@ -338,14 +339,14 @@ impl RecordReader {
 }
 
 impl Times {
-    fn note_inlet(&mut self, sent: &[(u64, u64)], taken: &[(u64, u64)]) {
+    fn note_ingress(&mut self, sent: &[(u64, u64)], taken: &[(u64, u64)]) {
         let sent_ns: HashMap<u64, u64> = sent.iter().copied().collect();
-        self.inlet_us = between(&sent_ns, taken.iter().copied());
+        self.ingress_us = between(&sent_ns, taken.iter().copied());
         self.sent += sent.len();
         self.arrived += taken.len();
     }
 
-    fn note_outlet(
+    fn note_egress(
         &mut self,
         records: &[CycleRecord],
         pushed: &[(u64, u64)],
@@ -354,7 +355,7 @@ impl Times {
         let computed_ns: HashMap<u64, u64> =
             records.iter().map(|record| (record.cycle, record.compute_end_ns)).collect();
         self.step_us = between(&computed_ns, pushed.iter().copied());
-        self.outlet_us = between(&computed_ns, read.iter().copied());
+        self.egress_us = between(&computed_ns, read.iter().copied());
         assert_eq!(
             bytes,
             (read.len() * size_of::<State>()) as u64,

@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use equipoise_benches::worker::HEIGHT_M;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::CycleRecord;
-use equipoise_daemon::config::Config;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::realtime::{self, RequestedScheduling, ThreadReport, now_ns, sleep_until};
 use equipoise_daemon::rings::Rings;

@@ -1,11 +1,11 @@
-/* The datagrams of an Equipoise station's UDP outlet, for any C compiler and any byte order.
+/* The datagrams of an Equipoise station's UDP gateway, for any C compiler and any byte order.
  *
  *     cc -std=c11 -I clients/c your_program.c clients/c/udp_reader.c
  *
  * clients/c/udp_controller.c is a whole program; docs/consumers/udp.md says what to check before a value is used.
- * Written from the table of the outlet: do not edit.
+ * Written from the table of the gateway: do not edit.
  *
- *     EQUIPOISE_WRITE=1 cargo test -p equipoise-outlets --test udp
+ *     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
  */
 #ifndef EQUIPOISE_UDP_H
 #define EQUIPOISE_UDP_H

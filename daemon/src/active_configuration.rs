@@ -4,7 +4,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use equipoise_core::cycle::Settings;
 
-use crate::config::Config;
+use equipoise_config::Config;
 
 /// A configuration and the settings derived from it for the loop.
 #[derive(Debug, Clone)]

@@ -177,12 +177,6 @@ fn reply(cycle: u64, outcome: Answer) -> Reply {
     reply
 }
 
-/// The text of a zero-filled field.
-pub fn parse_text(field: &[u8]) -> String {
-    let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
-    String::from_utf8_lossy(&field[..end]).into_owned()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -4,13 +4,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{CycleRecord, PickUp, State};
 use tracing::debug;
 
 use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
-use crate::rings::{Outcome, Rings, WaitStrategy};
+use crate::rings::{Outcome, Rings};
 
 const WAKE_INTERVAL: Duration = Duration::from_millis(50);
 

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
+use equipoise_config::Config;
 use equipoise_core::message::{Incident, Incidents, State, Validity};
 use tracing::warn;
 
-use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
 use crate::rings::Rings;
-use crate::status::StatusFile;
+use crate::status_file::StatusFile;
 use crate::supervision::Supervision;
 use crate::thread_registry::ThreadRegistry;
 

@@ -4,10 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber};
+use equipoise_config::WaitStrategy;
 use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 
 use crate::realtime::now_ns;
-use crate::rings::{Rings, WaitStrategy};
+use crate::rings::Rings;
 
 /// Maximum sleep, after which the thread checks for a stop request.
 const WAKE_INTERVAL: Duration = Duration::from_millis(50);

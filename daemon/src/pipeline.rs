@@ -6,31 +6,35 @@ mod reload;
 mod restored;
 mod threads;
 
+use std::net::SocketAddr;
 use std::sync::{Arc, mpsc};
 
 use anyhow::{Context, anyhow, bail};
 use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_config::Config;
+use equipoise_config::WaitStrategy;
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
+use equipoise_station::proc::MemoryUse;
+use equipoise_station::process_state::is_stopped;
+use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status::{self, Status};
 use tracing::info;
 
 use crate::active_configuration::{ActiveConfiguration, SharedConfiguration};
 use crate::commands::Commands;
-use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
-use crate::metrics_feed;
-use crate::process_state::is_stopped;
 use crate::realtime::{self, RequestedScheduling, ThreadReport};
-use crate::rings::{Rings, WaitStrategy};
+use crate::rings::Rings;
 use crate::saving::{self, Saver};
-use crate::state_directory::StateDirectory;
-use crate::status::{self, Status, StatusFile};
+use crate::similar::settings_among;
+use crate::status_file::StatusFile;
 use crate::subjects::{ProfileDestination, Subjects};
-use crate::thread_registry::{MemoryUse, ThreadRegistry};
+use crate::thread_registry::ThreadRegistry;
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::watchdog;
 
@@ -44,7 +48,7 @@ const ORDINARY: RequestedScheduling = RequestedScheduling { fifo_priority: 0, cp
 /// Prefix of the message for a refused memory lock.
 const NOT_LOCKED: &str = "not locked";
 /// Role of the daemon on the bus.
-pub(crate) const DAEMON_ROLE: &str = "daemon";
+pub const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
 pub struct Pipeline {
@@ -55,6 +59,11 @@ pub struct Pipeline {
     status: StatusFile,
     thread_registry: Arc<ThreadRegistry>,
 }
+
+/// Serves the metrics of a station at an address until stopped, and sends the actual address. It is an ordinary consumer of
+/// the bus; the caller provides it, because this crate links no HTTP server.
+pub type ServeMetrics =
+    fn(&str, SocketAddr, &mpsc::Sender<SocketAddr>, &dyn Fn() -> bool) -> anyhow::Result<()>;
 
 /// Statistics of a daemon's run.
 #[derive(Debug, Clone)]
@@ -73,7 +82,15 @@ impl Pipeline {
     /// # Errors
     /// Another daemon runs on this station, a port is taken, or real-time scheduling is refused under `strict`.
     pub fn start(config: &Config) -> anyhow::Result<Pipeline> {
-        Pipeline::start_observed(config, Box::new(NoObserver))
+        Pipeline::start_with(config, Box::new(NoObserver), None)
+    }
+
+    /// As [`Pipeline::start`]; `serve` serves the configured metrics, unless they are a process of their own.
+    ///
+    /// # Errors
+    /// As [`Pipeline::start`].
+    pub fn start_serving(config: &Config, serve: Option<ServeMetrics>) -> anyhow::Result<Pipeline> {
+        Pipeline::start_with(config, Box::new(NoObserver), serve)
     }
 
     /// As [`Pipeline::start`], with an observer inside the loop.
@@ -81,6 +98,14 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
+        Pipeline::start_with(config, observer, None)
+    }
+
+    fn start_with(
+        config: &Config,
+        observer: Box<dyn Observer>,
+        serve_metrics: Option<ServeMetrics>,
+    ) -> anyhow::Result<Pipeline> {
         let state = StateDirectory::of_environment()?;
         let station = config.station.clone();
         let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
@@ -107,7 +132,7 @@ impl Pipeline {
             Ok(())
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
-        let (settings, similar) = config.settings_among(&state.profiles());
+        let (settings, similar) = settings_among(config, &state.profiles());
         let active_configuration = Arc::new(SharedConfiguration::new(ActiveConfiguration {
             config: config.clone(),
             settings,
@@ -131,6 +156,7 @@ impl Pipeline {
             restored,
             memory_lock,
             observer,
+            serve_metrics,
         };
         match start.start_remaining(settings, &mut running) {
             Ok(status) => {
@@ -185,6 +211,7 @@ struct Start<'a> {
     restored: Restored,
     memory_lock: String,
     observer: Box<dyn Observer>,
+    serve_metrics: Option<ServeMetrics>,
 }
 
 impl Start<'_> {
@@ -204,10 +231,11 @@ impl Start<'_> {
             WaitStrategy::Polling => RequestedScheduling { fifo_priority: 0, cpu: None },
         };
 
-        if let Some(metrics) = config.metrics.as_ref().filter(|_| !config.sensors_apart) {
+        let metrics = config.metrics.as_ref().filter(|_| !config.sensors_apart);
+        if let (Some(metrics), Some(serve)) = (metrics, self.serve_metrics) {
             let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
             let (thread, address) = start_thread("metrics-feed", ORDINARY, thread_registry, move |ready| {
-                metrics_feed::run(&station, listen, &ready, &|| rings.is_stopping())
+                serve(&station, listen, &ready, &|| rings.is_stopping())
             })?;
             info!("metrics: http://{address}/metrics");
             running.metrics = Some(thread);

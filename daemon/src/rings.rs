@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
 use std::time::Duration;
 
 use bytemuck::Zeroable;
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Checkpoint, Settings, StoredState, SubjectState};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
@@ -60,15 +61,6 @@ pub struct Refused {
     pub ground: u64,
     /// How far in the future the last one was.
     pub ahead_ns: u64,
-}
-
-/// How a thread waits for another thread.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WaitStrategy {
-    /// Sleep until woken.
-    Sleeping,
-    /// Poll, which uses a full core and avoids the wake-up latency.
-    Polling,
 }
 
 /// Result of one cycle.

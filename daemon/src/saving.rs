@@ -13,16 +13,16 @@ use std::time::{Duration, Instant};
 use equipoise_core::cycle::{StoredState, Tare};
 use equipoise_core::message::Incident;
 use equipoise_core::time::NS_PER_S;
+use equipoise_files::atomic_file::write_atomically;
 use tracing::warn;
 
 use crate::active_configuration::SharedConfiguration;
-use crate::atomic_file::write_atomically;
 use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::Rings;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
-use crate::status::StatusFile;
+use crate::status_file::StatusFile;
 use crate::subjects::Subjects;
 
 use lifts::LiftLog;

@@ -1,6 +1,6 @@
-"""The datagrams of the UDP outlet. Written from its table: do not edit.
+"""The datagrams of the UDP gateway. Written from its table: do not edit.
 
-    EQUIPOISE_WRITE=1 cargo test -p equipoise-outlets --test udp
+    EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
 """
 
 from __future__ import annotations

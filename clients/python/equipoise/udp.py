@@ -1,4 +1,4 @@
-"""Takes the datagrams of a station's UDP outlet, on any machine: nothing but the standard library is needed.
+"""Takes the datagrams of a station's UDP gateway, on any machine: nothing but the standard library is needed.
 
     from equipoise import udp
 
@@ -32,7 +32,7 @@ __all__ = [
 
 # After so long without a datagram any session is taken, in case the sender's wall clock was put back.
 FORGET_AFTER_NS = 1_000_000_000
-# Nothing came for so long: the network or the outlet, for the outlet says at its rate if the daemon is silent.
+# No datagram for this long: network or gateway failed, because the gateway reports a silent daemon at its rate.
 NETWORK_SILENT_AFTER_NS = 100_000_000
 # Two machines' clocks may run apart by one part in so many; two that NTP does not hold, by less.
 DRIFT_PARTS = 5000

@@ -1,12 +1,14 @@
 //! Commands that save, load or delete a subject.
 
+use equipoise_bus::parse_text;
+use equipoise_config::is_plain;
 use equipoise_core::cycle::{PriorKind, SubjectState};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 
-use super::{Answer, parse_text, push_command};
+use super::{Answer, push_command};
 use crate::active_configuration::SharedConfiguration;
-use crate::profile::{self, Profile, unix_s};
+use crate::profile::{Profile, unix_s};
 use crate::rings::Rings;
 use crate::subjects::{ProfileDestination, Subjects};
 
@@ -107,7 +109,7 @@ pub(super) fn delete(
 
 fn parse_id(command: &Command) -> Result<String, String> {
     let id = parse_text(&command.subject);
-    if profile::is_plain(&id) {
+    if is_plain(&id) {
         Ok(id)
     } else {
         Err("a subject's id is made of letters, digits, '-' and '_'".to_owned())

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use equipoise_config::Config;
 use equipoise_core::message::Incident;
 
 use super::threads::{NamedThread, start_thread};
-use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::realtime::RequestedScheduling;
 use crate::restart_policy::{Environment, run_with_restarts};

@@ -1,14 +1,14 @@
 //! Reloads the configuration of a running daemon.
 
 use anyhow::{Context, bail};
+use equipoise_config::{Config, ConfigError};
 use equipoise_core::message::Incident;
+use equipoise_station::status::Status;
 use tracing::info;
 
 use super::Pipeline;
 use crate::active_configuration::ActiveConfiguration;
-use crate::config::{Config, ConfigError};
 use crate::realtime::now_ns;
-use crate::status::Status;
 
 impl Pipeline {
     /// Applies the settings of another configuration that can change live; returns one sentence for each key that

@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Notifier, Publisher};
+use equipoise_config::suit::ForwardedSuit;
 use equipoise_core::message::{AdapterHealth, SuitBody, SuitSample};
 use tracing::{info, warn};
 
 use super::{AdapterError, SUIT_ROLE, exclusive_publisher};
-use crate::config::suit::ForwardedSuit;
 
 /// A quarter of a second at 240 Hz: longer than joining a bus takes.
 const QUEUE: usize = 64;
