@@ -11,7 +11,7 @@ use tracing::warn;
 use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
-use crate::rings::Rings;
+use crate::rings::LoopControl;
 use crate::status::StatusFile;
 use crate::supervision::Supervision;
 use crate::thread_registry::ThreadRegistry;
@@ -76,7 +76,7 @@ pub struct Housekeeping {
     incidents: Publisher<Incidents>,
     events: Notifier,
     model: ModelWatch,
-    rings: Arc<Rings>,
+    control: Arc<LoopControl>,
     board: Arc<IncidentBoard>,
     thread_registry: Arc<ThreadRegistry>,
     /// Value of the board's change counter at the last publication.
@@ -97,7 +97,7 @@ impl Housekeeping {
     /// The bus cannot be joined.
     pub fn open(
         config: &Config,
-        rings: Arc<Rings>,
+        control: Arc<LoopControl>,
         board: Arc<IncidentBoard>,
         thread_registry: Arc<ThreadRegistry>,
         status: StatusFile,
@@ -110,7 +110,7 @@ impl Housekeeping {
             incidents: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
             model: ModelWatch::default(),
-            rings,
+            control,
             board,
             thread_registry,
             published_changes: 0,
@@ -124,7 +124,7 @@ impl Housekeeping {
     /// Runs until the loop has ended.
     pub fn run(mut self) {
         let mut updates = 0;
-        while !self.rings.has_ended() {
+        while !self.control.has_ended() {
             std::thread::sleep(POLL_INTERVAL);
             updates += 1;
             self.supervise();
@@ -142,7 +142,7 @@ impl Housekeeping {
             self.newest = Some(state);
         }
         self.check_validity();
-        let result = self.supervision.update(self.newest.as_ref(), self.rings.refused(), &self.board);
+        let result = self.supervision.update(self.newest.as_ref(), self.control.refused(), &self.board);
         if let Err(error) = result
             && !std::mem::replace(&mut self.error_reported, true)
         {
@@ -209,7 +209,7 @@ impl Housekeeping {
             );
         }
         self.check_model();
-        self.status.update_threads(&self.thread_registry, self.rings.last_cycle());
+        self.status.update_threads(&self.thread_registry, self.control.last_cycle());
         self.status.set_incidents(self.board.messages());
         self.write_status();
     }

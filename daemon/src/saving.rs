@@ -20,7 +20,7 @@ use crate::atomic_file::write_atomically;
 use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::rings::Rings;
+use crate::rings::SavingEnds;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
 use crate::status::StatusFile;
 use crate::subjects::Subjects;
@@ -40,7 +40,7 @@ const SUIT_RECENT_NS: u64 = 10 * NS_PER_S;
 #[derive(Debug)]
 pub struct Saver {
     /// Source of the loop's copies.
-    pub rings: Arc<Rings>,
+    pub ends: SavingEnds,
     /// The subjects and their files.
     pub subjects: Arc<Subjects>,
     /// The active configuration.
@@ -69,7 +69,7 @@ pub fn run(saver: Saver) {
         encoding_error: None,
     };
     loop {
-        let ended = writer.saver.rings.has_ended();
+        let ended = writer.saver.ends.control.has_ended();
         writer.drain();
         if ended {
             // Retry what could not be written with the last copy.
@@ -104,7 +104,7 @@ impl Writer {
     /// Ingests all copies; only the last one of each subject counts.
     fn drain(&mut self) {
         let mut newest: Option<(u64, Box<StoredState>)> = None;
-        while let Some((number, copy)) = self.saver.rings.copies.pop() {
+        while let Ok((number, copy)) = self.saver.ends.copies.pop() {
             if let Some((before, copy)) = newest.replace((number, copy)) {
                 if before != number {
                     self.encode_profile(before, &copy);
@@ -119,9 +119,9 @@ impl Writer {
         self.write();
     }
 
-    fn return_copy(&self, copy: Box<StoredState>) {
+    fn return_copy(&mut self, copy: Box<StoredState>) {
         // Cannot fail: the ring has as many slots as there are boxes.
-        let _ = self.saver.rings.free_copies.push(copy);
+        let _ = self.saver.ends.free_copies.push(copy);
     }
 
     fn encode_profile(&mut self, number: u64, copy: &StoredState) {
