@@ -1,10 +1,10 @@
 //! The daemon's side: the real loop and the real egress, whose publishing is timed.
 
 use std::sync::Arc;
-use std::sync::mpsc;
 use std::thread::{sleep, spawn};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::bounded;
 use equipoise_benches::worker::HEIGHT_M;
 use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::cycle::{Memory, Settings};
@@ -42,7 +42,7 @@ pub(crate) fn turn(kind: Kind, count: usize, turn_s: f64) -> Turn {
     let Rings { control, loop_ends, egress: egress_ends, .. } =
         Rings::new().expect("an event file descriptor");
     let consumers = (count > 0).then(|| consumers::start(kind, count));
-    let (ready, is_ready) = mpsc::channel();
+    let (ready, is_ready) = bounded(1);
     let egress_control = Arc::clone(&control);
     let egress = spawn(move || {
         realtime::request("egress", RequestedScheduling { fifo_priority: 60, cpu: Some(CPU) });
@@ -86,7 +86,7 @@ fn run_loop(control: &Arc<LoopControl>, loop_ends: LoopEnds, turn_s: f64) -> (Pa
     let bus = Bus::join(&BusSettings::new(STATION, "records")).expect("the bus is there");
     let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for a subscriber");
     // Egress must observe the loop's start before it may observe its end.
-    let (begun, has_begun) = mpsc::channel();
+    let (begun, has_begun) = bounded(1);
     let looping = spawn(move || {
         let _runs = loop_control.mark_loop_running();
         let _ = begun.send(());

@@ -7,10 +7,10 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc;
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::bounded;
 use equipoise_benches::worker::{HEIGHT_M, Worker};
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Publisher};
 use equipoise_core::cycle::{Memory, Settings};
@@ -133,7 +133,7 @@ impl Plan {
     /// With sockets it returns the cycle records, since there is no bus to read them from.
     fn start_egress(&self, mut ends: EgressEnds, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
         let (plan, address) = (*self, address.to_owned());
-        let (ready, is_ready) = mpsc::channel();
+        let (ready, is_ready) = bounded(1);
         let thread = spawn(move || {
             realtime::request(
                 "egress",
@@ -173,7 +173,7 @@ impl Plan {
     fn start_inlet(&self, ends: IngressEnds, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
         let (plan, place, control) = (*self, folder.join("in"), Arc::clone(&ends.control));
         let its_control = Arc::clone(&control);
-        let (ready, is_ready) = mpsc::channel();
+        let (ready, is_ready) = bounded(1);
         let ingress = spawn(move || {
             realtime::request(
                 "ingress",

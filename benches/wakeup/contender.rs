@@ -1,10 +1,10 @@
 //! Contenders measured next to cyclictest, from a plain sleep up to the whole daemon.
 
 use std::sync::Arc;
-use std::sync::mpsc;
 use std::thread::{sleep, spawn};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::bounded;
 use equipoise_benches::worker::HEIGHT_M;
 use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::cycle::{Memory, Settings};
@@ -94,7 +94,7 @@ fn sleep_only(asked: RequestedScheduling, length: Duration) -> Lateness {
 fn loop_alone(asked: RequestedScheduling, length: Duration) -> Lateness {
     let Rings { control, loop_ends, mut egress, .. } = Rings::new().expect("an event file descriptor");
     let settings = Settings::for_height(HEIGHT_M);
-    let (ready, is_ready) = mpsc::channel();
+    let (ready, is_ready) = bounded(1);
     let thread = spawn(move || {
         let control = Arc::clone(&loop_ends.control);
         let _runs = control.mark_loop_running();

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{select, tick};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
 use equipoise_core::message::{Incident, Incidents, State, Validity};
 use tracing::warn;
@@ -123,9 +124,13 @@ impl Housekeeping {
 
     /// Runs until the loop has ended.
     pub fn run(mut self) {
-        let mut updates = 0;
-        while !self.control.has_ended() {
-            std::thread::sleep(POLL_INTERVAL);
+        let (ticks, mut updates, mut ended) = (tick(POLL_INTERVAL), 0, false);
+        while !ended {
+            select! {
+                recv(ticks) -> _ => {}
+                // What happened since the last tick is published too.
+                recv(self.control.ended()) -> _ => ended = true,
+            }
             updates += 1;
             self.supervise();
             if updates % UPDATES_PER_CLEAN_UP == 0 {

@@ -6,9 +6,10 @@ mod reload;
 mod restored;
 mod threads;
 
-use std::sync::{Arc, mpsc};
+use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail};
+use crossbeam_channel::bounded;
 use equipoise_bus::{Bus, BusError, BusSettings};
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
@@ -98,7 +99,7 @@ impl Pipeline {
 
         // The command server exists once per station, so its owner is the station's daemon. Ports are bound to their
         // thread, so that thread opens it, and this thread waits for the result.
-        let (share, shared) = mpsc::channel::<Shared>();
+        let (share, shared) = bounded::<Shared>(1);
         let (commands, ()) = start_thread("commands", ORDINARY, &thread_registry, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             // Removes nodes left by a previous daemon, for example.

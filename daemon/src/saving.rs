@@ -10,6 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{select, tick};
 use equipoise_core::cycle::{StoredState, Tare};
 use equipoise_core::message::Incident;
 use equipoise_core::time::NS_PER_S;
@@ -27,7 +28,7 @@ use crate::subjects::Subjects;
 
 use lifts::LiftLog;
 
-/// Polling interval for the loop's copies.
+/// Polling interval for the loop's copies: the loop wakes no thread for them.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// The registration changes with every sample; without other changes it is written at this interval.
 const REGISTRATION_INTERVAL: Duration = Duration::from_millis(900);
@@ -68,6 +69,7 @@ pub fn run(saver: Saver) {
         lifts: LiftLog::default(),
         encoding_error: None,
     };
+    let ticks = tick(POLL_INTERVAL);
     loop {
         let ended = writer.saver.ends.control.has_ended();
         writer.drain();
@@ -79,7 +81,10 @@ pub fn run(saver: Saver) {
             }
             return;
         }
-        std::thread::sleep(POLL_INTERVAL);
+        select! {
+            recv(ticks) -> _ => {}
+            recv(writer.saver.ends.control.ended()) -> _ => {}
+        }
     }
 }
 

@@ -3,11 +3,13 @@
 
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{select, tick};
+
 use crate::rings::LoopControl;
 
 /// Interval between notifications; the shipped unit allows five seconds.
 const NOTIFY_EVERY: Duration = Duration::from_secs(1);
-/// Polling interval for completed cycles and the end of the loop.
+/// Polling interval for completed cycles: the loop wakes no thread for them.
 const POLL_EVERY: Duration = Duration::from_millis(50);
 
 /// Runs until the loop has ended.
@@ -20,8 +22,12 @@ pub fn run(control: &LoopControl) {
 fn notify_while_cycles_complete(control: &LoopControl, every: Duration, mut notify: impl FnMut()) {
     let mut last_notified = Instant::now();
     let mut last_cycle = 0;
-    while !control.has_ended() {
-        std::thread::sleep(POLL_EVERY);
+    let ticks = tick(POLL_EVERY);
+    loop {
+        select! {
+            recv(ticks) -> _ => {}
+            recv(control.ended()) -> _ => return,
+        }
         let cycle = control.last_cycle();
         if cycle != last_cycle && last_notified.elapsed() >= every {
             (last_notified, last_cycle) = (Instant::now(), cycle);

@@ -71,7 +71,9 @@ impl SupervisedAdapter {
             let stopping = || control.is_stopping();
             let environment = Environment {
                 now: &|| start_time.elapsed(),
-                sleep: &std::thread::sleep,
+                wait: &|pause| {
+                    let _ = control.stopping().recv_timeout(pause);
+                },
                 stopping: &stopping,
                 down: &|reason| match reason {
                     Some(reason) => board.begin(down, reason),
