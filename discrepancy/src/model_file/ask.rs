@@ -6,10 +6,8 @@ use equipoise_core::cycle::PoseRequest;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 
 use super::text;
+use crate::constants::{FILE_ASK, FILE_NAME_MAX};
 use crate::finding::Ask;
-
-/// Maximum length of a displayed name of an explanation.
-const NAME_MAX: usize = 64;
 
 /// The table as written; absent values are left out.
 pub(super) fn write(file: &mut String, ask: &Ask) {
@@ -37,9 +35,9 @@ pub(super) fn write(file: &mut String, ask: &Ask) {
 pub(super) fn check(ask: &Ask) -> Result<(), (String, String)> {
     let refuse = |key: &str, what: String| Err((key.to_owned(), what));
     let is_shown =
-        |name: &String| (1..=NAME_MAX).contains(&name.len()) && !name.chars().any(char::is_control);
+        |name: &String| (1..=FILE_NAME_MAX).contains(&name.len()) && !name.chars().any(char::is_control);
     if !ask.between.iter().all(is_shown) {
-        return refuse("between", format!("give two names of 1 to {NAME_MAX} characters"));
+        return refuse("between", format!("give two names of 1 to {FILE_NAME_MAX} characters"));
     }
     if let Some(pose) = &ask.pose
         && index_of(pose).is_none()
@@ -48,16 +46,17 @@ pub(super) fn check(ask: &Ask) -> Result<(), (String, String)> {
         let what = format!("`{pose}` is no pose of the library{}", text::hint(pose, &known));
         return refuse("pose", what);
     }
+    let [turn_deg, step_m, still_s, separation_sigma] = FILE_ASK;
     let numbers = [
-        ("turn_deg", ask.turn_deg, [-180.0, 180.0]),
-        ("step_m", ask.step_m[0], [-1.0, 1.0]),
-        ("step_m", ask.step_m[1], [-1.0, 1.0]),
-        ("still_s", ask.still_s, [0.0, 3600.0]),
-        ("separation_sigma", ask.separation_sigma, [0.0, 1e9]),
+        ("turn_deg", ask.turn_deg, [-turn_deg, turn_deg]),
+        ("step_m", ask.step_m[0], [-step_m, step_m]),
+        ("step_m", ask.step_m[1], [-step_m, step_m]),
+        ("still_s", ask.still_s, [0.0, still_s]),
+        ("separation_sigma", ask.separation_sigma, [0.0, separation_sigma]),
     ];
-    for (key, value, [least, most]) in numbers {
-        if !(least..=most).contains(&value) {
-            return refuse(key, format!("{value} is not between {least} and {most}"));
+    for (key, value, [min, max]) in numbers {
+        if !(min..=max).contains(&value) {
+            return refuse(key, format!("{value} is not between {min} and {max}"));
         }
     }
     let things = [ask.pose.is_some(), ask.step_m != [0.0; 2], ask.still_s > 0.0, ask.fast];
