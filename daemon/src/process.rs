@@ -4,6 +4,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
+
 /// Which configuration to use.
 #[derive(Debug, clap::Args)]
 pub struct ConfigArgument {
@@ -44,14 +49,15 @@ pub fn single_line(error: &anyhow::Error) -> String {
 
 /// Logs to standard error: under systemd with the journal's own priorities in mind, without colours and times.
 pub fn log_to_stderr(default: &str) {
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(default));
-    let journal = std::env::var_os("JOURNAL_STREAM").is_some();
-    let builder =
-        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).with_target(false);
-    if journal {
-        builder.without_time().with_ansi(false).init();
+    let requested = std::env::var("RUST_LOG").ok().filter(|text| !text.is_empty());
+    let requested: Option<Targets> = requested.and_then(|text| text.parse().ok());
+    let filter = requested.unwrap_or_else(|| default.parse().expect("a level"));
+    let builder = tracing_subscriber::fmt().with_max_level(LevelFilter::TRACE).with_writer(std::io::stderr);
+    let builder = builder.with_target(false);
+    if std::env::var_os("JOURNAL_STREAM").is_some() {
+        builder.without_time().with_ansi(false).finish().with(filter).init();
     } else {
-        builder.with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr())).init();
+        let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
+        builder.with_ansi(terminal).finish().with(filter).init();
     }
 }

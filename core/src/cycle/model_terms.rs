@@ -10,7 +10,7 @@ use super::memory::Memory;
 use super::settings::{Motion, Settings};
 use crate::body::{SEGMENTS, Side};
 use crate::effect::plate_lowpass::LowPass;
-use crate::effect::{Effect, Model, Observation, suit_lag};
+use crate::effect::{Effect, Model, Observation, without_lag_ns};
 use crate::frame::{Pose, StationWorld};
 use crate::motion::{Inertia, Snapshot};
 use crate::overload::GRAVITY_M_PER_S2;
@@ -71,7 +71,7 @@ impl ModelTerms {
 
     /// Time of the newest sample without the suit's lag, ns.
     pub(super) fn without_lag_ns(&self, model: &Model, time_ns: u64) -> u64 {
-        suit_lag::without_lag_ns(time_ns, self.suit_lag_s(model, time_ns))
+        without_lag_ns(time_ns, self.suit_lag_s(model, time_ns))
     }
 
     /// Cutoff of the plate's filter at a time, Hz.

@@ -4,7 +4,7 @@ use super::super::Report;
 use super::super::document::{Section, Table, Text, code, strong};
 use super::super::figures_by_row;
 use super::super::words::{self, odds};
-use super::alike;
+use super::equivalent_sets;
 use crate::finding::{Named, SetAside, Verdict};
 
 pub(super) fn section(report: &Report) -> Section {
@@ -20,7 +20,7 @@ pub(super) fn section(report: &Report) -> Section {
         .figures(figures_by_row::evidence(finding, report.picture.threshold_log_odds).into_iter().collect());
     section.list(finding.effects.iter().map(runner_up).collect());
     if finding.verdict == Verdict::Ambiguous {
-        for set in alike(report).iter().filter(|set| set.len() > 1) {
+        for set in equivalent_sets(report).iter().filter(|set| set.len() > 1) {
             section.say("These explain the data alike:");
             let in_words = |name: &String| code(name).plain(": ").plain(words::candidate(name));
             section.list(set.iter().map(in_words).collect());

@@ -4,23 +4,23 @@ use super::document::{Figure, Text};
 use super::figures::{sentence, signal};
 use super::svg::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot};
+use crate::constants::AUTOCORRELATION_LAGS;
 use crate::picture::{SurpriseBin, Whiteness};
 
 /// Autocorrelation of the remaining residual.
 pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
-    const LAGS: usize = 60;
     let lag = |n: usize| (n + 1) as f64 * block_s;
-    let count = of.before.len().max(of.after.len()).min(LAGS);
+    let count = of.before.len().max(of.after.len()).min(AUTOCORRELATION_LAGS);
     let x = Scale::exactly(0.0, lag(count.max(1) - 1) + block_s);
     let columns: Vec<[f64; 3]> = of
         .after
         .iter()
-        .take(LAGS)
+        .take(AUTOCORRELATION_LAGS)
         .enumerate()
         .map(|(n, &value)| [lag(n) - 0.35 * block_s, lag(n) + 0.35 * block_s, value])
         .collect();
     let before: Vec<[f64; 2]> =
-        of.before.iter().take(LAGS).enumerate().map(|(n, &value)| [lag(n), value]).collect();
+        of.before.iter().take(AUTOCORRELATION_LAGS).enumerate().map(|(n, &value)| [lag(n), value]).collect();
     let y = Scale::covering(of.before.iter().chain(&of.after).copied().chain([of.bound, -of.bound]));
     let band = vec![[x.from, of.bound], [x.to, of.bound]];
     let mut marks = vec![

@@ -7,12 +7,8 @@ use super::super::figures_by_row;
 use super::super::words::{number, ratio};
 use super::{changed, with_unit};
 use crate::block::Phase;
+use crate::constants::GAP_IN_WORDS;
 use crate::finding::{Finding, Gap, Verdict};
-
-/// Up to this multiple of noise, the remaining residual counts as noise.
-const IS_NOISE: f64 = 1.1;
-/// Up to this multiple, the remaining residual counts as small.
-const IS_LITTLE: f64 = 1.5;
 
 pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
@@ -30,7 +26,7 @@ pub(super) fn section(report: &Report) -> Section {
             .then(with_unit(gap.after_mm, "mm"))
             .plain("; noise alone leaves ")
             .then(with_unit(gap.noise_floor_mm, "mm"))
-            .plain(format!(". {}", judged(finding))),
+            .plain(format!(". {}", remainder_in_words(finding))),
     );
     if let Some(fz) = gap.per_axis.get("fz") {
         section.say(
@@ -62,14 +58,15 @@ pub(super) fn section(report: &Report) -> Section {
     section
 }
 
-fn judged(finding: &Finding) -> &'static str {
+fn remainder_in_words(finding: &Finding) -> &'static str {
     let gap = &finding.gap;
+    let [noise, little_more] = GAP_IN_WORDS;
     match gap.after_mm / gap.noise_floor_mm {
-        rest if rest <= IS_NOISE && finding.verdict == Verdict::Unexplained => {
+        rest if rest <= noise && finding.verdict == Verdict::Unexplained => {
             "What is left is as small as noise, but it is not like noise: see step 6."
         }
-        rest if rest <= IS_NOISE => "What is left is noise.",
-        rest if rest <= IS_LITTLE => "Little more than noise is left.",
+        rest if rest <= noise => "What is left is noise.",
+        rest if rest <= little_more => "Little more than noise is left.",
         rest if rest < gap.before_mm / gap.noise_floor_mm => {
             "Part of the gap is left; step 6 says what is known of it."
         }

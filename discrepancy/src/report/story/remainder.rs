@@ -3,14 +3,12 @@
 use super::super::Report;
 use super::super::document::{Section, Table, Text, strong};
 use super::super::figures;
-use super::super::figures_left;
+use super::super::figures_remainder;
 use super::super::words::{self, number};
 use super::changed;
+use crate::constants::WHITE_OUTSIDE_MAX;
 use crate::finding::Verdict;
 use crate::picture::Whiteness;
-
-/// White noise exceeds its bounds in 5 of 100 lags; up to twice that is negligible.
-const WHITE_UP_TO: f64 = 0.10;
 
 pub(super) fn section(report: &Report) -> Section {
     let picture = report.picture;
@@ -21,9 +19,9 @@ pub(super) fn section(report: &Report) -> Section {
     );
     section.list(picture.whiteness.iter().map(|each| white(each, changed(report.finding))).collect());
     let mut all: Vec<_> = (picture.whiteness.iter())
-        .map(|each| figures_left::whiteness(each, picture.block_s, changed(report.finding)))
+        .map(|each| figures_remainder::whiteness(each, picture.block_s, changed(report.finding)))
         .collect();
-    all.extend(figures_left::surprise(&picture.surprise, changed(report.finding)));
+    all.extend(figures_remainder::surprise(&picture.surprise, changed(report.finding)));
     section.figures(all);
     windows(report, &mut section);
     unexplained(report, &mut section);
@@ -37,7 +35,7 @@ fn white(of: &Whiteness, changed: bool) -> Text {
         out as f64 / lags.len().max(1) as f64
     };
     let (before, after) = (outside(&of.before), outside(&of.after));
-    let verdict = if after <= WHITE_UP_TO { "white" } else { "not white" };
+    let verdict = if after <= WHITE_OUTSIDE_MAX { "white" } else { "not white" };
     let text = Text::from(format!("{}: ", figures::signal(of.signal))).strong(verdict);
     let text = text.plain(format!(", {:.0} % of the lags out of bounds (chance: 5 %)", 100.0 * after));
     text.plain(if changed { format!("; before the change {:.0} %.", 100.0 * before) } else { ".".to_owned() })
