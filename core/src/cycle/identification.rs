@@ -2,6 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::reported_body::BoneUpdate;
 use super::residual::ROWS_PER_INDEPENDENT;
 use super::settings::{Settings, StopRule};
 use crate::anchor::STANCE_SIGMA_M;
@@ -151,6 +152,23 @@ impl Identification {
         } else {
             self.reset_to_prior(settings);
         }
+    }
+
+    /// Updates the bone lengths by one more pose. Returns whether the body model is another one afterwards.
+    pub(super) fn update_bones(
+        &mut self,
+        update: BoneUpdate,
+        pose: &Pose<SuitWorld>,
+        settings: &Settings,
+    ) -> bool {
+        let had_body = self.has_body();
+        match update {
+            BoneUpdate::FromPoses => {}
+            BoneUpdate::Reset => self.reset_bones(),
+            BoneUpdate::Adopt { bones, stays } => self.adopt_bones(&bones, stays, settings),
+        }
+        self.update_skeleton(pose, settings);
+        self.has_body() && (!had_body || matches!(update, BoneUpdate::Adopt { .. }))
     }
 
     /// Resets the bone lengths; the next poses determine them.
