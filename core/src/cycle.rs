@@ -40,7 +40,7 @@ pub mod support;
 mod tare;
 mod validity;
 
-use align::{AlignState, align, ingest};
+use align::{align, ingest};
 use alignment::Aligned;
 use cop_estimate::{estimate_cop, weight_agreement};
 use differentiate::{Instant, differentiate};
@@ -115,13 +115,13 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     }
     let streams = ingest_inputs(settings, m, tick, &inputs);
     // Bounded: the queues hold a fixed number of samples.
-    while let Some(aligned) = align(settings, &mut m.alignment, &m.prediction.terms, &streams, tick) {
+    while let Some(aligned) = align(settings, &mut m.align, &m.prediction.terms, &streams, tick) {
         let snapshot = place(settings, m, &aligned, &streams);
         m.history.push(snapshot);
         while let Some(instant) = differentiate(
             settings,
             &mut m.history,
-            &m.alignment,
+            &m.align,
             &m.placement,
             &m.identification,
             m.reported_body.body(),
@@ -155,7 +155,7 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
     let estimate = estimate_cop(settings, instant, &ground, &prediction, subject);
     if ground.is_implausible() {
         let agrees = weight_agreement(instant, &ground, &prediction, &estimate, subject);
-        m.plausibility.ingest_weight_agreement(agrees, instant.step_s);
+        m.align.plausibility.ingest_weight_agreement(agrees, instant.step_s);
     }
     let subject = update_from_static_pose(
         settings,
@@ -195,7 +195,7 @@ fn update_models(settings: &Settings, m: &mut Memory, outputs: &Outputs<'_>, res
             return;
         }
         m.prediction.noise.update_from_residual(outputs, residual);
-        m.ground.update_from_residual(settings, outputs, residual);
+        m.ground.update_from_residual(settings, outputs.instant, residual);
     }
     let sigma = &m.prediction.noise.sigma();
     let registration = &mut m.placement.registration;
@@ -215,15 +215,9 @@ fn update_models(settings: &Settings, m: &mut Memory, outputs: &Outputs<'_>, res
 /// Ingests the inputs of the cycle.
 fn ingest_inputs(settings: &Settings, m: &mut Memory, tick: Tick, inputs: &Inputs<'_>) -> Streams {
     if let Some(body) = inputs.body {
-        m.reported_body.ingest(body, m.alignment.newest_suit(), tick.due_ns);
+        m.reported_body.ingest(body, m.align.alignment.newest_suit(), tick.due_ns);
     }
-    let state = AlignState {
-        alignment: &mut m.alignment,
-        plausibility: &mut m.plausibility,
-        skew: &mut m.skew,
-        tare: &m.tare,
-    };
-    let (streams, lag) = ingest(settings, state, &m.prediction.terms, &m.identification, tick, inputs);
+    let (streams, lag) = ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, inputs);
     if let LagChange::First { exceeds_window } = lag {
         m.prediction.noise = bytemuck::Zeroable::zeroed();
         m.identification.reset_weighing();
@@ -255,8 +249,8 @@ fn place(settings: &Settings, m: &mut Memory, aligned: &Aligned, streams: &Strea
 /// Publishes the state of the cycle.
 fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: Tick) {
     let (terms, instant_ns) = (&m.prediction.terms, m.history.released_ns());
-    let freshness = Freshness::at(settings, &m.alignment, terms, instant_ns, tick);
-    if let Some(sample) = m.alignment.newest_ground().filter(|_| freshness.has_ground_alone()) {
+    let freshness = Freshness::at(settings, &m.align, terms, streams, instant_ns, tick);
+    if let Some(sample) = m.align.alignment.newest_ground().filter(|_| freshness.has_ground_alone()) {
         let alone = measure_ground_alone(&mut m.ground, sample, &m.identification, streams);
         m.publication.hold_ground_alone(&alone);
     }
@@ -264,7 +258,7 @@ fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: T
         tick,
         freshness,
         streams,
-        skew_s: m.skew.published_s(),
+        skew_s: m.align.skew.published_s(),
         subject: &m.identification,
         reported_body: &m.reported_body,
         suggested: m.pose_request.suggested(settings, &m.identification),
@@ -272,7 +266,7 @@ fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: T
         place_is_lost: m.placement.registration.is_lost(),
         model_changed_ns: m.model_changed_ns,
     };
-    m.publication.publish(settings, &mut m.exposure.levels, &mut m.state, &status);
+    m.publication.publish(settings, &mut m.state, &status);
 }
 
 #[cfg(test)]

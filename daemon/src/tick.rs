@@ -175,7 +175,7 @@ impl Loop {
         record.command = command.map_or(0, |command| command as u32);
         record.input_dropped = self.rings.input_dropped();
         let refused = self.rings.refused();
-        record.input_refused = self.memory.alignment.refused() + refused.suit + refused.ground;
+        record.input_refused = self.memory.rejected_samples() + refused.suit + refused.ground;
         record.output_dropped = self.rings.output_dropped();
         record.suit_taken = suit_taken as u32;
         record.ground_taken = ground_taken as u32;

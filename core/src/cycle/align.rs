@@ -1,8 +1,11 @@
 //! Stage `align`: validates samples on arrival, estimates the skew between the streams, and pairs suit samples with the
 //! wrench at their time.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::alignment::{Aligned, Alignment, WAIT_MAX_NS};
 use super::identification::Identification;
+use super::memory::EMPTY_PLATE_N;
 use super::model_terms::ModelTerms;
 use super::plausibility::{Bones, Plausibility};
 use super::settings::Settings;
@@ -13,21 +16,40 @@ use super::{Inputs, Tick};
 use crate::message::SuitSample;
 
 /// State of the stage.
-pub(super) struct AlignState<'m> {
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct AlignState {
     /// Queues that pair the samples of both streams.
-    pub(super) alignment: &'m mut Alignment,
+    pub(super) alignment: Alignment,
     /// Plausibility checks of samples before alignment.
-    pub(super) plausibility: &'m mut Plausibility,
+    pub(super) plausibility: Plausibility,
     /// Skew between the streams, and the lag used to correct it.
-    pub(super) skew: &'m mut SkewMonitor,
+    pub(super) skew: SkewMonitor,
     /// Readings of the empty plate.
-    pub(super) tare: &'m Tare,
+    pub(super) tare: Tare,
+}
+
+impl AlignState {
+    /// Tares the plate with its present readings; `false` if a person stands on it or it reports a fault.
+    pub(super) fn tare(&mut self) -> bool {
+        let Some(tare) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
+        self.tare.add(&tare);
+        true
+    }
+
+    /// Whether every number is in range; a stored one is checked before use.
+    pub(super) fn is_sound(&self) -> bool {
+        self.alignment.is_sound()
+            && self.plausibility.is_sound()
+            && self.skew.is_sound()
+            && self.tare.is_sound()
+    }
 }
 
 /// Ingests the samples of a cycle.
 pub(super) fn ingest(
     settings: &Settings,
-    state: AlignState<'_>,
+    state: &mut AlignState,
     terms: &ModelTerms,
     subject: &Identification,
     tick: Tick,
@@ -71,6 +93,7 @@ pub(super) fn ingest(
         lag_is_off: skew.is_off(),
         suit_suspect: plausibility.suit,
         ground_suspect: plausibility.ground,
+        ground_late_ns: alignment.ground_late_ns(),
         moved_ns: plausibility.moved_ns,
     };
     (streams, lag_change)
@@ -79,13 +102,12 @@ pub(super) fn ingest(
 /// The next suit sample whose wrench is available, or that has waited long enough.
 pub(super) fn align(
     settings: &Settings,
-    alignment: &mut Alignment,
+    state: &mut AlignState,
     terms: &ModelTerms,
-    _streams: &Streams,
+    streams: &Streams,
     tick: Tick,
 ) -> Option<Aligned> {
-    let wait_max_ns = wait_max_ns(settings, alignment, terms, tick);
-    alignment.next(tick.due_ns, wait_max_ns)
+    state.alignment.next(tick.due_ns, wait_max_ns(settings, terms, streams, tick))
 }
 
 /// Expected age of a suit sample on arrival, ns: latency of the adapter and lag of the model.
@@ -97,7 +119,7 @@ pub(super) fn suit_latency_ns(settings: &Settings, terms: &ModelTerms, tick: Tic
 /// Age after which a suit sample is processed without a ground sample, ns.
 ///
 /// Includes the constant latencies of both streams, which delay samples but are no silence.
-pub(super) fn wait_max_ns(settings: &Settings, alignment: &Alignment, terms: &ModelTerms, tick: Tick) -> u64 {
+pub(super) fn wait_max_ns(settings: &Settings, terms: &ModelTerms, streams: &Streams, tick: Tick) -> u64 {
     let latency_ns = suit_latency_ns(settings, terms, tick).max(settings.ground_latency_ns);
-    WAIT_MAX_NS + latency_ns + alignment.ground_late_ns()
+    WAIT_MAX_NS + latency_ns + streams.ground_late_ns
 }

@@ -2,7 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::outputs::Outputs;
+use super::residual::Residual;
 use crate::math;
+use crate::message::Component;
 use crate::motion::{Confidence, Envelope, Inertia, UpperInertia};
 use crate::overload::GRAVITY_M_PER_S2;
 
@@ -76,6 +79,28 @@ impl MotionNoise {
     /// Whether an external horizontal force acts: persistent shear that no motion explains.
     pub(super) fn has_external_force(&self) -> bool {
         math::hypot(self.external_m_per_s2) > EXTERNAL_M_PER_S2
+    }
+
+    /// Updates the error model of the compensation while the body alone explains the measurement.
+    pub(super) fn update_from_residual(&mut self, outputs: &Outputs<'_>, residual: &Residual) {
+        let Outputs { instant, ground, prediction, estimate, .. } = *outputs;
+        let activity_n = self.vertical_activity_n.height();
+        self.vertical.update(residual.delta_f_n, activity_n, ground.sigma.force_n);
+        let sample = &instant.snapshot.ground;
+        let [force_x_n, force_y_n, _] = sample.force_n;
+        for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
+            // A device that reports exactly zero without declaring shear unavailable does not measure it either.
+            if sample.measures(Component::Shear) && shear_n != 0.0 {
+                let by_suit = prediction.body.suit_acceleration_m_per_s2[axis];
+                let error = residual.body_acceleration_m_per_s2[axis] - by_suit;
+                let activity = self.horizontal_activity_m_per_s2.height();
+                self.horizontal.update(error, activity, ACCELERATION_AT_REST_M_PER_S2);
+            }
+            let activity_m = self.cop_activity_m[axis].height();
+            let [sigma_m, moving_m] = [estimate.cop_sigma_m[axis], self.cop[axis].sigma(activity_m)];
+            let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
+            self.cop[axis].update(residual.cop_error_m[axis], activity_m, at_rest_m);
+        }
     }
 
     /// Ingests the size of the compensation at a snapshot, `step_s` after the previous one.
@@ -231,7 +256,7 @@ impl BodyMotion {
 }
 
 /// 1-σ of a suit's acceleration at rest, m/s².
-pub(super) const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
+const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
 /// Persistent shear that no motion explains counts as an external horizontal force above this, m/s² …
 const EXTERNAL_M_PER_S2: f64 = 0.35;
 /// … averaged over about this time, s, since the noise of accelerations is not persistent.

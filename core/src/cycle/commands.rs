@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::memory::{EMPTY_PLATE_N, Memory};
+use super::memory::Memory;
 use super::settings::Settings;
 use super::{Tick, identification::Identification};
 use crate::message::command::CommandKind;
@@ -24,8 +24,7 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             memory.model_changed_ns = tick.due_ns;
         }
         CommandKind::Tare => {
-            if let Some(tare) = memory.alignment.tare(EMPTY_PLATE_N) {
-                memory.tare.add(&tare);
+            if memory.align.tare() {
                 memory.ground.force_offset.reset();
                 memory.model_changed_ns = tick.due_ns;
             }

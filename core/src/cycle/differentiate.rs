@@ -1,7 +1,7 @@
 //! Stage `differentiate`: releases a snapshot from the history once the samples of half a window after it arrived, with
 //! the accelerations at its time.
 
-use super::alignment::Alignment;
+use super::align::AlignState;
 use super::identification::Identification;
 use super::placement::Placement;
 use super::settings::{Motion, Settings};
@@ -47,7 +47,7 @@ impl Instant {
 pub(super) fn differentiate(
     settings: &Settings,
     history: &mut History,
-    alignment: &Alignment,
+    align: &AlignState,
     placement: &Placement,
     subject: &Identification,
     suit_body: Option<&SuitBody>,
@@ -63,7 +63,7 @@ pub(super) fn differentiate(
     if by_positions
         && settings.motion != Motion::Paper
         && let Some(time_ns) = snapshot.ground().map(|ground| ground.sample_time_ns)
-        && let Some(ground) = alignment.ground_around(time_ns, half_ns)
+        && let Some(ground) = align.alignment.ground_around(time_ns, half_ns)
     {
         let outlines = foot_outline::both(&pose, suit_body, settings.height_m);
         snapshot.ground = insoles::to_world(&ground, &pose, &outlines);

@@ -5,7 +5,8 @@ use bytemuck::{Pod, Zeroable};
 use super::differentiate::Instant;
 use super::identification::Identification;
 use super::insoles::GroundSigma;
-use super::settings::Settings;
+use super::residual::Residual;
+use super::settings::{Motion, Settings};
 use super::streams::Streams;
 use crate::math;
 use crate::message::ground::NoCop;
@@ -192,6 +193,18 @@ impl GroundState {
             lacks_shear: u64::from(!ground.measures(Component::Shear)),
         };
         cop.ok()
+    }
+
+    /// Updates the force offset while no load is carried.
+    pub(super) fn update_from_residual(
+        &mut self,
+        settings: &Settings,
+        instant: &Instant,
+        residual: &Residual,
+    ) {
+        if settings.motion != Motion::Paper && !instant.snapshot.ground.is_by_insoles_alone() {
+            self.force_offset.update(residual.delta_f_n, instant.step_s, residual.sigma);
+        }
     }
 
     fn note_usability(&mut self, invalid: Validity) {

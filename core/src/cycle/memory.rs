@@ -2,21 +2,18 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::alignment::Alignment;
+use super::align::AlignState;
 use super::ground::GroundState;
 use super::identification::Identification;
 use super::identify::MotionUpdates;
 use super::lag_test::LagTest;
 use super::loading::LoadState;
 use super::placement::Placement;
-use super::plausibility::Plausibility;
 use super::pose_request::PoseRequestState;
 use super::prediction::PredictionState;
 use super::publish::Publication;
 use super::reported_body::ReportedBody;
 use super::settings::Settings;
-use super::skew_monitor::SkewMonitor;
-use super::tare::Tare;
 use crate::exposure::{Exposure, Shift};
 use crate::message::State;
 use crate::motion::History;
@@ -31,14 +28,8 @@ pub const MEMORY_VERSION: u64 = 15;
 pub struct Memory {
     /// [`MEMORY_VERSION`] of the writer.
     pub version: u64,
-    /// Queues that pair the samples of both streams.
-    pub alignment: Alignment,
-    /// State of the plausibility checks of samples before alignment.
-    pub(super) plausibility: Plausibility,
-    /// Skew between the streams, and the lag used to correct it.
-    pub skew: SkewMonitor,
-    /// Readings of the empty plate.
-    pub(super) tare: Tare,
+    /// Queues, checks and skew of both streams, and readings of the empty plate.
+    pub(super) align: AlignState,
     /// Position and heading of the body on the plate.
     pub(super) placement: Placement,
     /// Body dimensions reported by the suit.
@@ -95,9 +86,9 @@ impl Memory {
 
     /// Restarts from the streams and keeps only the tare, which stays valid until the next one.
     pub fn restart_keeping_tare(&mut self, settings: &Settings) {
-        let tare = self.tare;
+        let tare = self.align.tare;
         self.start(settings);
-        self.tare = tare;
+        self.align.tare = tare;
     }
 
     /// Replaces the subject as a whole; [`crate::message::CommandKind::SubjectLoad`] informs the cycle.
@@ -105,23 +96,20 @@ impl Memory {
         self.identification = subject.identification;
         self.exposure = subject.exposure;
         // Update the state even if nothing is measured, so that it never shows the previous subject's exposure.
-        self.publication.hold_shift(&self.exposure);
+        self.publication.begin_shift(&self.exposure);
     }
 
     /// Continues the subject's shift after a gap without data.
     pub fn resume_shift(&mut self, shift: &Shift) {
         self.exposure.resume(shift);
-        self.publication.hold_shift(&self.exposure);
+        self.publication.begin_shift(&self.exposure);
     }
 
     /// Whether every index and number is in range. A stored memory is checked before use, so that no file can make the
     /// loop panic.
     pub fn is_sound(&self) -> bool {
         self.version == MEMORY_VERSION
-            && self.alignment.is_sound()
-            && self.plausibility.is_sound()
-            && self.skew.is_sound()
-            && self.tare.is_sound()
+            && self.align.is_sound()
             && self.placement.is_sound()
             && self.reported_body.is_sound()
             && self.history.is_sound()
@@ -133,6 +121,12 @@ impl Memory {
             && self.load.is_sound()
             && self.lag_test.is_sound()
             && self.exposure.is_sound()
+            && self.publication.is_sound()
+    }
+
+    /// Number of samples rejected on arrival: impossible, or their time did not advance.
+    pub fn rejected_samples(&self) -> u64 {
+        self.align.alignment.refused()
     }
 
     /// Clears the samples that wait for a window, the static pose window and the detector of intervals without a load:

@@ -3,8 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
-use super::align::{suit_latency_ns, wait_max_ns};
-use super::alignment::Alignment;
+use super::align::{AlignState, suit_latency_ns, wait_max_ns};
 use super::exposure::InstantExposure;
 use super::ground::{GroundAlone, Reading};
 use super::identification::Identification;
@@ -31,6 +30,8 @@ pub(super) struct Publication {
     invalid: u64,
     /// 1 once both streams and the subject were ready together.
     was_ready: u64,
+    /// The last published levels.
+    levels: Levels,
 }
 
 /// Ages of both streams.
@@ -46,8 +47,9 @@ impl Freshness {
     /// At the tick; `published_ns` is the time of the newest instant.
     pub(super) fn at(
         settings: &Settings,
-        alignment: &Alignment,
+        AlignState { alignment, .. }: &AlignState,
         terms: &ModelTerms,
+        streams: &Streams,
         published_ns: u64,
         tick: Tick,
     ) -> Freshness {
@@ -60,7 +62,7 @@ impl Freshness {
         // The newest samples may still wait for the ground; the results belong to the samples processed so far.
         let published_age_ns = now_ns.saturating_sub(published_ns);
         let suit_period_ns = alignment.suit_period_ns();
-        let waits_ns = wait_max_ns(settings, alignment, terms, tick) + settings.half_window_ns();
+        let waits_ns = wait_max_ns(settings, terms, streams, tick) + settings.half_window_ns();
         let arrives_after_ns = suit_latency_ns(settings, terms, tick);
         Freshness {
             suit_age_ns,
@@ -103,6 +105,17 @@ impl Publication {
     /// Whether a person stands on the plate at the newest instant.
     pub(super) fn stands(&self) -> bool {
         !Validity(self.invalid).any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED))
+    }
+
+    /// Starts with another subject or shift.
+    pub(super) fn begin_shift(&mut self, exposure: &Exposure) {
+        self.levels.reset();
+        self.hold_shift(exposure);
+    }
+
+    /// Whether every number is in range; a stored one is checked before use.
+    pub(super) fn is_sound(&self) -> bool {
+        self.levels.is_sound()
     }
 
     /// Holds the exposure accumulated over the subject's shift.
@@ -159,13 +172,7 @@ impl Publication {
 
     /// Publishes the state of a cycle: values of the newest instant, ages, phase and validity flags; invalid values are
     /// zero.
-    pub(super) fn publish(
-        &mut self,
-        settings: &Settings,
-        levels: &mut Levels,
-        published: &mut State,
-        status: &Status<'_>,
-    ) {
+    pub(super) fn publish(&mut self, settings: &Settings, published: &mut State, status: &Status<'_>) {
         // The plate may have recovered, but the current snapshot predates the recovery.
         let ground_is_stale =
             status.freshness.ground_is_stale || Validity(self.invalid).any_of(Validity::GROUND_STALE);
@@ -196,7 +203,7 @@ impl Publication {
         state.nis = subject.nis;
         state.prior_inflation = subject.prior_inflation();
         *published = *state;
-        mask_invalid(published, settings, levels);
+        mask_invalid(published, settings, &mut self.levels);
     }
 
     /// Validity flags at the tick.

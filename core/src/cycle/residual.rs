@@ -1,14 +1,10 @@
 //! Stage `residual`: the difference between measurement and prediction while no load is carried. It measures the error
 //! of the compensation and the force offset; the registration and the identification are updated with it.
 
-use super::body_motion::{ACCELERATION_AT_REST_M_PER_S2, MotionNoise};
-use super::ground::GroundState;
 use super::identify::Identified;
 use super::loading::LoadState;
 use super::outputs::Outputs;
-use super::settings::{Motion, Settings};
-use crate::math;
-use crate::message::Component;
+use super::settings::Settings;
 use crate::motion::ForceSigma;
 
 /// Minimum interval between motion samples that update the filter, ns …
@@ -22,10 +18,10 @@ const GAP_MAX_S: f64 = 0.2;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Residual {
     /// Vertical external force, N, and its 1-σ.
-    delta_f_n: f64,
-    sigma: ForceSigma,
+    pub(super) delta_f_n: f64,
+    pub(super) sigma: ForceSigma,
     /// Measured minus estimated CoP, m.
-    cop_error_m: [f64; 2],
+    pub(super) cop_error_m: [f64; 2],
     /// The body's own horizontal acceleration in use: without the forces of the model's terms, m/s².
     pub(super) body_acceleration_m_per_s2: [f64; 2],
 }
@@ -61,43 +57,4 @@ pub(super) fn residual(
             prediction.body.acceleration_m_per_s2(axis) - prediction.terms_force_n[axis] / subject.mass_kg
         }),
     })
-}
-
-impl MotionNoise {
-    /// Updates the error model of the compensation while the body alone explains the measurement.
-    pub(super) fn update_from_residual(&mut self, outputs: &Outputs<'_>, residual: &Residual) {
-        let Outputs { instant, ground, prediction, estimate, .. } = *outputs;
-        let activity_n = self.vertical_activity_n.height();
-        self.vertical.update(residual.delta_f_n, activity_n, ground.sigma.force_n);
-        let sample = &instant.snapshot.ground;
-        let [force_x_n, force_y_n, _] = sample.force_n;
-        for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
-            // A device that reports exactly zero without declaring shear unavailable does not measure it either.
-            if sample.measures(Component::Shear) && shear_n != 0.0 {
-                let by_suit = prediction.body.suit_acceleration_m_per_s2[axis];
-                let error = residual.body_acceleration_m_per_s2[axis] - by_suit;
-                let activity = self.horizontal_activity_m_per_s2.height();
-                self.horizontal.update(error, activity, ACCELERATION_AT_REST_M_PER_S2);
-            }
-            let activity_m = self.cop_activity_m[axis].height();
-            let [sigma_m, moving_m] = [estimate.cop_sigma_m[axis], self.cop[axis].sigma(activity_m)];
-            let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
-            self.cop[axis].update(residual.cop_error_m[axis], activity_m, at_rest_m);
-        }
-    }
-}
-
-impl GroundState {
-    /// Updates the force offset while no load is carried.
-    pub(super) fn update_from_residual(
-        &mut self,
-        settings: &Settings,
-        outputs: &Outputs<'_>,
-        residual: &Residual,
-    ) {
-        let instant = outputs.instant;
-        if settings.motion != Motion::Paper && !instant.snapshot.ground.is_by_insoles_alone() {
-            self.force_offset.update(residual.delta_f_n, instant.step_s, residual.sigma);
-        }
-    }
 }

@@ -59,15 +59,15 @@ impl StoredState {
     pub fn copy_from(&mut self, memory: &Memory) {
         memory.identification.store(&mut self.subject);
         self.shift = memory.exposure.shift();
-        self.tare = memory.tare;
+        self.tare = memory.align.tare;
         self.registration = Registration {
             station_from_suit_rad: memory.placement.registration.station_from_suit_rad(),
             station_from_suit_sigma_rad: memory.placement.registration.sigma_rad(),
             station_from_suit_m: memory.placement.anchor.station_from_suit_m(),
             suit_time_ns: memory.placement.suit_time_ns,
             suit_counter: memory.placement.suit_counter,
-            suit_period_ns: memory.alignment.suit_period_ns(),
-            suit_lag_s: memory.skew.lag_s(),
+            suit_period_ns: memory.align.alignment.suit_period_ns(),
+            suit_lag_s: memory.align.skew.lag_s(),
         };
     }
 }
@@ -77,7 +77,7 @@ impl Memory {
     pub fn resume_tare(&mut self, tare: &Tare) -> bool {
         let sound = tare.is_sound();
         if sound {
-            self.tare = *tare;
+            self.align.tare = *tare;
             self.ground.force_offset.reset();
         }
         sound
@@ -98,10 +98,10 @@ impl Memory {
             return false;
         }
         self.placement.resume(registration);
-        self.alignment.expect_suit_period(registration.suit_period_ns);
+        self.align.alignment.expect_suit_period(registration.suit_period_ns);
         // Most of the lag is a property of the devices and survives a restart of the daemon; otherwise the estimator
         // detects the change.
-        self.skew.resume(registration.suit_lag_s);
+        self.align.skew.resume(registration.suit_lag_s);
         true
     }
 

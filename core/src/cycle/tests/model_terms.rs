@@ -44,7 +44,7 @@ fn bench_with(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
 fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
     let person = Person::real();
     let [from_x_nm, from_y_nm, _] =
-        bench.memory.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
+        bench.memory.align.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
     for step in 0..4000_u64 {
         bench.now_ns += TICK_NS;
         bench.cycle += 1;

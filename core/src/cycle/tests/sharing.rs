@@ -139,7 +139,7 @@ fn measured_feet_are_published_and_geometry_returns_without_them() {
     bench.hold(&person, &carrying(), None, 300);
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     let measured = *bench.state();
-    let feet = bench.memory.alignment.newest_ground().unwrap().feet().unwrap();
+    let feet = bench.memory.align.alignment.newest_ground().unwrap().feet().unwrap();
     assert_eq!(measured.sharing_source, SharingSource::Measured as u32);
     assert!((measured.zeta[0] - feet.shares()[0]).abs() < 1e-9, "{:?} {feet:?}", measured.zeta);
     assert!((measured.zeta[0] - by_geometry.zeta[0]).abs() > 0.03, "{:?}", by_geometry.zeta);
