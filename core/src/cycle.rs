@@ -239,11 +239,12 @@ fn place(settings: &Settings, m: &mut Memory, aligned: &Aligned, streams: &Strea
     let subject = &m.identification;
     let has_results = subject.poses_used > 0 || subject.identified > 0 || m.motion_updates.used > 0;
     let bones = validate_body(&mut m.reported_body, &followed, subject, has_results);
-    if m.identification.update_bones(bones, &followed.in_suit_world, settings) {
+    let suit_body = m.reported_body.body();
+    if m.identification.update_bones(bones, suit_body, &followed.in_suit_world, settings) {
         // The change to another body model would otherwise look like a leap of the centre of mass.
         m.history.clear();
     }
-    anchor(settings, &mut m.placement, &followed, &m.identification, m.reported_body.body())
+    anchor(settings, &mut m.placement, &followed, &m.identification, suit_body)
 }
 
 /// Publishes the state of the cycle.

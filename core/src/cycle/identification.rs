@@ -9,6 +9,7 @@ use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
 use crate::kalman::Filter;
+use crate::message::SuitBody;
 use crate::pose_suggestion::{Performed, Planner, coordinates};
 use crate::sesc::Reduction;
 use crate::sesc::reduction::Rows;
@@ -158,14 +159,15 @@ impl Identification {
     pub(super) fn update_bones(
         &mut self,
         update: BoneUpdate,
+        suit_body: Option<&SuitBody>,
         pose: &Pose<SuitWorld>,
         settings: &Settings,
     ) -> bool {
         let had_body = self.has_body();
-        match update {
-            BoneUpdate::FromPoses => {}
-            BoneUpdate::Reset => self.reset_bones(),
-            BoneUpdate::Adopt { bones, stays } => self.adopt_bones(&bones, stays, settings),
+        match (update, suit_body) {
+            (BoneUpdate::Adopt { stays }, Some(body)) => self.adopt_bones(&body.skeleton(), stays, settings),
+            (BoneUpdate::Reset, _) => self.reset_bones(),
+            _ => {}
         }
         self.update_skeleton(pose, settings);
         self.has_body() && (!had_body || matches!(update, BoneUpdate::Adopt { .. }))

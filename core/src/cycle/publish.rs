@@ -301,7 +301,7 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
         (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
     if valid.any_of(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) {
-        state.segment_origin_m = bytemuck::Zeroable::zeroed();
+        state.segment_origin_m = Zeroable::zeroed();
         state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;
     }

@@ -182,7 +182,7 @@ pub(super) enum BoneUpdate {
     /// Those of the null pose are no longer valid; the next poses determine them.
     Reset,
     /// Those of the null pose are adopted; with `stays`, earlier results are kept.
-    Adopt { bones: Skeleton, stays: bool },
+    Adopt { stays: bool },
 }
 
 /// Stage `validate_body`: compares the body with one more pose. Bone lengths measured from poses are replaced by those
@@ -204,15 +204,15 @@ pub(super) fn validate_body(
     if !newly && subject.has_body() {
         return BoneUpdate::FromPoses;
     }
-    let bones = body.skeleton();
     if !subject.has_body() {
-        return BoneUpdate::Adopt { bones, stays: false };
+        return BoneUpdate::Adopt { stays: false };
     }
+    let bones = body.skeleton();
     let differs_by_m = subject.skeleton().differs_by_m(&bones);
     let is_from_suit = subject.body_source() != BodySource::Stored;
     if is_from_suit && (!has_results || differs_by_m <= BONES_REFINED_M) {
         if subject.skeleton() != bones || subject.body_source() != BodySource::NullPose {
-            return BoneUpdate::Adopt { bones, stays: has_results };
+            return BoneUpdate::Adopt { stays: has_results };
         }
     } else if differs_by_m > BONES_AGREE_M {
         state.refuse(BodyRefusal::ContradictsWorker);
