@@ -3,6 +3,12 @@
 //! [`step`] reads no clock and accesses no state other than its arguments: two runs over the same ticks and samples
 //! give byte-identical states. All mutable state is in [`Memory`], which is plain old data, so a checkpoint is a copy
 //! of it.
+//!
+//! Each stage is a module with a function of the settings, its own state and the outputs of the stages before it:
+//! `align` → `placement` (anchor) → `differentiate` → `ground` → `stillness` → `pose_request` → `prediction` →
+//! `identify` (mass) → `cop_estimate` → `identify` (static pose) → `loading` (overload) → `lag_test` → `validity` →
+//! `exposure` → `residual` → `registration`, `identify` (motion) → `publish`. No stage writes the state of another: what
+//! one concludes about another, such as a new registration, is an output that this module hands to its owner.
 
 mod align;
 pub mod alignment;

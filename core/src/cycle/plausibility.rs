@@ -65,7 +65,7 @@ pub(super) struct Span {
 
 impl Span {
     /// Adds an interval; merges it if the gap is at most the time for which a jump stays suspect.
-    fn add(&mut self, from_ns: u64, to_ns: u64) {
+    pub(super) fn add(&mut self, from_ns: u64, to_ns: u64) {
         if self.to_ns > 0 && from_ns <= self.to_ns.saturating_add(JUMP_HOLDS_NS) {
             *self = Span { from_ns: self.from_ns.min(from_ns), to_ns: self.to_ns.max(to_ns) };
         } else {

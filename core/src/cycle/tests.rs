@@ -26,6 +26,7 @@ mod planning;
 mod pose_request;
 mod reported_body;
 mod sharing;
+mod stages;
 mod stored_state;
 use bench::*;
 
