@@ -168,7 +168,7 @@ impl Loop {
         record.command = command.map_or(0, |command| command as u32);
         record.input_dropped = self.ends.control.input_dropped();
         let refused = self.ends.control.refused();
-        record.input_refused = self.memory.alignment.refused() + refused.suit + refused.ground;
+        record.input_refused = self.memory.rejected_samples() + refused.suit + refused.ground;
         record.output_dropped = self.ends.output_dropped();
         record.suit_taken = suit_taken as u32;
         record.ground_taken = ground_taken as u32;
