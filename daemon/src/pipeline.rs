@@ -63,8 +63,7 @@ pub struct Pipeline {
 
 /// Serves the metrics of a station at an address until stopped, and sends the actual address. It is an ordinary consumer of
 /// the bus; the caller provides it, because this crate links no HTTP server.
-pub type ServeMetrics =
-    fn(&str, SocketAddr, &Sender<SocketAddr>, &dyn Fn() -> bool) -> anyhow::Result<()>;
+pub type ServeMetrics = fn(&str, SocketAddr, &Sender<SocketAddr>, &dyn Fn() -> bool) -> anyhow::Result<()>;
 
 /// Statistics of a daemon's run.
 #[derive(Debug, Clone)]
@@ -243,7 +242,8 @@ impl Start<'_> {
 
         let metrics = config.metrics.as_ref().filter(|_| !config.sensors_apart);
         if let (Some(metrics), Some(serve)) = (metrics, self.serve_metrics) {
-            let (control, station, listen) = (Arc::clone(self.control), config.station.clone(), metrics.listen);
+            let (control, station, listen) =
+                (Arc::clone(self.control), config.station.clone(), metrics.listen);
             let (thread, address) = start_thread("metrics-feed", ORDINARY, thread_registry, move |ready| {
                 serve(&station, listen, &ready, &|| control.is_stopping())
             })?;
