@@ -57,9 +57,9 @@ extern "C" {
 #define EQUIPOISE_REASON_COP_NOT_MEASURED (UINT64_C(1) << 12)
 /* The external force is below the detection limit in quick motion, where a load is possible: it is unknown
    whether something is carried. */
-#define EQUIPOISE_REASON_LOAD_MAY_HIDE (UINT64_C(1) << 13)
+#define EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT (UINT64_C(1) << 13)
 /* Where the worker stands on the plate is not known: the suit was restarted, or was silent for long. */
-#define EQUIPOISE_REASON_PLACE_UNKNOWN (UINT64_C(1) << 14)
+#define EQUIPOISE_REASON_POSITION_UNKNOWN (UINT64_C(1) << 14)
 /* What the ground's devices show no body does, or no working device: a reading that leaps, repeats, or pulls. */
 #define EQUIPOISE_REASON_GROUND_IMPLAUSIBLE (UINT64_C(1) << 15)
 /* What the suit shows no body does, or no working suit: poses that repeat, leap, or come apart at the joints. */
@@ -69,59 +69,59 @@ extern "C" {
 #define EQUIPOISE_REASON_WEIGHT_MISSING (UINT64_C(1) << 17)
 
 /* Sets of reasons that invalidate a value: no bit of its set may be raised. An invalid value is 0 and has no meaning. */
-#define EQUIPOISE_SPOILS_GROUND_FORCE \
+#define EQUIPOISE_INVALIDATES_GROUND_FORCE \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_PLATE_FAULT | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_COP_MEASURED \
+#define EQUIPOISE_INVALIDATES_COP_MEASURED \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_FEET_OFF_PLATE | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_COM \
+#define EQUIPOISE_INVALIDATES_COM \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_BODY_UNKNOWN | \
-     EQUIPOISE_REASON_PLACE_UNKNOWN | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_COP_ESTIMATED \
+     EQUIPOISE_REASON_POSITION_UNKNOWN | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
+#define EQUIPOISE_INVALIDATES_COP_ESTIMATED \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_MOVING | \
-     EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLACE_UNKNOWN | \
+     EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_POSITION_UNKNOWN | \
      EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_DELTA_F \
+#define EQUIPOISE_INVALIDATES_DELTA_F \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_RESIDUAL \
+#define EQUIPOISE_INVALIDATES_RESIDUAL \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_PLACE_UNKNOWN | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_POSITION_UNKNOWN | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_LIFTED_MASS \
+#define EQUIPOISE_INVALIDATES_LIFTED_MASS \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE | \
      EQUIPOISE_REASON_WEIGHT_MISSING)
-#define EQUIPOISE_SPOILS_BACK \
+#define EQUIPOISE_INVALIDATES_LOW_BACK \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | \
      EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_BODY_UNKNOWN | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
-     EQUIPOISE_REASON_LOAD_MAY_HIDE | EQUIPOISE_REASON_PLACE_UNKNOWN | \
+     EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT | EQUIPOISE_REASON_POSITION_UNKNOWN | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE | \
      EQUIPOISE_REASON_WEIGHT_MISSING)
-#define EQUIPOISE_SPOILS_TORQUES \
+#define EQUIPOISE_INVALIDATES_TORQUES \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
      EQUIPOISE_REASON_MODEL_CHANGED | EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | \
      EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_LOAD_MAY_HIDE | \
-     EQUIPOISE_REASON_PLACE_UNKNOWN | EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT | \
+     EQUIPOISE_REASON_POSITION_UNKNOWN | EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | \
      EQUIPOISE_REASON_SUIT_IMPLAUSIBLE | EQUIPOISE_REASON_WEIGHT_MISSING)
 
 enum equipoise_phase {
@@ -146,11 +146,11 @@ enum equipoise_sharing {
     EQUIPOISE_SHARING_MEASURED = 1
 };
 
-/* What this station's sensors do not give: bits of equipoise_state.not_given. Those values are 0 and mean nothing. */
+/* What this station's sensors do not give: bits of equipoise_state.unavailable. Those values are 0 and mean nothing. */
 /* suit_com_m: the suit does not send it (MVN type 24). */
-#define EQUIPOISE_NOT_GIVEN_SUIT_COM (UINT32_C(1) << 0)
+#define EQUIPOISE_UNAVAILABLE_SUIT_COM (UINT32_C(1) << 0)
 /* The horizontal part of ground_force_n: insoles feel only what presses on them. */
-#define EQUIPOISE_NOT_GIVEN_SHEAR (UINT32_C(1) << 1)
+#define EQUIPOISE_UNAVAILABLE_SHEAR (UINT32_C(1) << 1)
 
 /* What the ground's sample is made of: bits of equipoise_state.ground_devices. */
 /* The force plate of [ground]. */
@@ -169,18 +169,18 @@ enum equipoise_body_source {
 };
 
 /* Why the suit's null pose is not used. */
-enum equipoise_body_refused {
-    EQUIPOISE_BODY_REFUSED_NONE = 0,
-    EQUIPOISE_BODY_REFUSED_IMPOSSIBLE = 1,
-    EQUIPOISE_BODY_REFUSED_STALE = 2,
-    EQUIPOISE_BODY_REFUSED_OTHER_CHARACTER = 3,
-    EQUIPOISE_BODY_REFUSED_CONTRADICTS_POSES = 4,
-    EQUIPOISE_BODY_REFUSED_CONTRADICTS_WORKER = 5
+enum equipoise_body_rejected {
+    EQUIPOISE_BODY_REJECTED_NONE = 0,
+    EQUIPOISE_BODY_REJECTED_IMPOSSIBLE = 1,
+    EQUIPOISE_BODY_REJECTED_STALE = 2,
+    EQUIPOISE_BODY_REJECTED_OTHER_CHARACTER = 3,
+    EQUIPOISE_BODY_REJECTED_CONTRADICTS_POSES = 4,
+    EQUIPOISE_BODY_REJECTED_CONTRADICTS_WORKER = 5
 };
 
-enum equipoise_sole {
-    EQUIPOISE_SOLE_STATURE = 0,
-    EQUIPOISE_SOLE_SUIT = 1
+enum equipoise_foot_outline {
+    EQUIPOISE_FOOT_OUTLINE_STATURE = 0,
+    EQUIPOISE_FOOT_OUTLINE_SUIT = 1
 };
 
 enum equipoise_acceleration {
@@ -255,13 +255,13 @@ typedef struct equipoise_state {
     uint32_t lifts;
     /* Where the worker's bones come from: an enum equipoise_body_source. */
     uint32_t body_source;
-    /* Where the outline of the soles comes from: an enum equipoise_sole. */
-    uint32_t sole_source;
-    /* Why the body dimensions that the suit sent last are not used: an enum equipoise_body_refused. */
-    uint32_t body_refused;
-    /* What this station's sensors do not give: EQUIPOISE_NOT_GIVEN_…. Those values are zero and mean nothing,
+    /* Where the outline of the soles comes from: an enum equipoise_foot_outline. */
+    uint32_t foot_outline_source;
+    /* Why the body dimensions that the suit sent last are not used: an enum equipoise_body_rejected. */
+    uint32_t body_rejected;
+    /* What this station's sensors do not give: EQUIPOISE_UNAVAILABLE_…. Those values are zero and mean nothing,
        whatever valid says. */
-    uint32_t not_given;
+    uint32_t unavailable;
     /* Where the body's accelerations come from: an enum equipoise_acceleration. */
     uint32_t acceleration_source;
     /* What the ground's sample was made of: EQUIPOISE_GROUND_…. */
@@ -278,9 +278,9 @@ typedef struct equipoise_state {
     double cop_sigma_m[2];
     /* Estimated centre of mass of the unloaded body, m. */
     double com_m[3];
-    /* The suit maker's own centre of mass, held to the floor as the segments are, m; see not_given. */
+    /* The suit maker's own centre of mass, held to the floor as the segments are, m; see unavailable. */
     double suit_com_m[3];
-    /* Ground reaction force on the person, N; see not_given for its horizontal part. */
+    /* Ground reaction force on the person, N; see unavailable for its horizontal part. */
     double ground_force_n[3];
     /* External force carried: measured ground reaction less what the body alone needs in this motion, N. */
     double delta_f_n[3];
@@ -297,7 +297,7 @@ typedef struct equipoise_state {
     /* 1-σ of eta: the two errors are equal and opposite. */
     double eta_sigma;
     /* Horizontal distance from the load to the line between the hands, m. */
-    double load_distance_m;
+    double load_hand_distance_m;
     /* Mass in the hands, kg. */
     double lifted_mass_kg;
     /* 1-σ of lifted_mass_kg, kg. */
@@ -361,11 +361,11 @@ typedef struct equipoise_state {
 typedef struct equipoise_reading {
     equipoise_state state;
     /* When it was picked up, CLOCK_MONOTONIC. */
-    uint64_t picked_up_ns;
+    uint64_t received_ns;
     /* How long ago its cycle was due, when it was handed out. */
     uint64_t age_ns;
     /* How old the moment is that torques, forces and centres are about; UINT64_MAX before the first. */
-    uint64_t moment_age_ns;
+    uint64_t sample_age_ns;
     /* States since the last new one that were not handed out: overwritten before they were read, or too old. */
     uint64_t missed;
     /* 1 if the daemon was restarted between the last new state and this one. */

@@ -64,8 +64,8 @@ enum equipoise_udp_reason {
     EQUIPOISE_UDP_REASON_BODY_UNKNOWN = 1024,
     EQUIPOISE_UDP_REASON_PLATE_FAULT = 2048,
     EQUIPOISE_UDP_REASON_COP_NOT_MEASURED = 4096,
-    EQUIPOISE_UDP_REASON_LOAD_MAY_HIDE = 8192,
-    EQUIPOISE_UDP_REASON_PLACE_UNKNOWN = 16384,
+    EQUIPOISE_UDP_REASON_LOAD_BELOW_DETECTION_LIMIT = 8192,
+    EQUIPOISE_UDP_REASON_POSITION_UNKNOWN = 16384,
     EQUIPOISE_UDP_REASON_GROUND_IMPLAUSIBLE = 32768,
     EQUIPOISE_UDP_REASON_SUIT_IMPLAUSIBLE = 65536,
     EQUIPOISE_UDP_REASON_WEIGHT_MISSING = 131072
@@ -135,11 +135,11 @@ typedef struct equipoise_udp_datagram {
     /* When the cycle was due, the station's CLOCK_MONOTONIC [ns]. */
     uint64_t state_time_ns;
     /* The moment that torques, forces and centres are about, same clock; 0 before the first [ns]. */
-    uint64_t moment_time_ns;
+    uint64_t sample_time_ns;
     /* Age of the state when it was sent; all ones without one [ns]. */
     uint64_t age_ns;
     /* Age of the moment when it was sent; all ones before the first [ns]. */
-    uint64_t moment_age_ns;
+    uint64_t sample_age_ns;
     /* Age of the newest suit sample at state_time_ns; all ones: none came [ns]. */
     uint64_t suit_age_ns;
     /* Age of the newest ground sample at state_time_ns; all ones: none came [ns]. */
@@ -149,7 +149,7 @@ typedef struct equipoise_udp_datagram {
     /* Groups of values that may be used (below); 0 without a state [bits]. */
     uint32_t usable;
     /* What the station's sensors never give: 1 suit_com, 2 shear [bits]. */
-    uint32_t not_given;
+    uint32_t unavailable;
     /* Values, added up: 1 not sent before; 4 the worker holds still; 8 identified [bits]. */
     uint32_t flags;
     /* The joint closest to its limit; all ones while torques are withheld [joint]. */
@@ -175,7 +175,7 @@ typedef struct equipoise_udp_datagram {
     /* 1-σ of it [kg]. Needs LIFTED_MASS */
     float lifted_mass_sigma_kg;
     /* Horizontal, from the load to the line between the hands [m]. Needs TORQUES */
-    float load_distance_m;
+    float load_hand_distance_m;
     /* Horizontal, from the middle of the ankles to the load [m]. Needs TORQUES */
     float reach_m;
     /* Of the load in the left and the right hand [share]. Needs TORQUES */
@@ -188,7 +188,7 @@ typedef struct equipoise_udp_datagram {
     float delta_f_n[3];
     /* 1-σ of its vertical part [N]. Needs DELTA_F */
     float delta_f_sigma_n;
-    /* Ground reaction on the person, world axes; x and y are 0 where not_given has shear [N]. Needs GROUND_FORCE */
+    /* Ground reaction on the person, world axes; x and y are 0 where unavailable has shear [N]. Needs GROUND_FORCE */
     float ground_force_n[3];
     /* Measured centre of pressure, world x and y [m]. Needs COP_MEASURED */
     float cop_measured_m[2];
@@ -225,14 +225,14 @@ typedef struct equipoise_udp_datagram {
     X(u64, status_ns, 1, 64) \
     X(u64, cycle, 1, 72) \
     X(u64, state_time_ns, 1, 80) \
-    X(u64, moment_time_ns, 1, 88) \
+    X(u64, sample_time_ns, 1, 88) \
     X(u64, age_ns, 1, 96) \
-    X(u64, moment_age_ns, 1, 104) \
+    X(u64, sample_age_ns, 1, 104) \
     X(u64, suit_age_ns, 1, 112) \
     X(u64, ground_age_ns, 1, 120) \
     X(u64, valid, 1, 128) \
     X(u32, usable, 1, 136) \
-    X(u32, not_given, 1, 140) \
+    X(u32, unavailable, 1, 140) \
     X(u32, flags, 1, 144) \
     X(u32, worst_joint, 1, 148) \
     X(u32, lifts, 1, 152) \
@@ -245,7 +245,7 @@ typedef struct equipoise_udp_datagram {
     X(f32, fatigue, 22, 708) \
     X(f32, lifted_mass_kg, 1, 796) \
     X(f32, lifted_mass_sigma_kg, 1, 800) \
-    X(f32, load_distance_m, 1, 804) \
+    X(f32, load_hand_distance_m, 1, 804) \
     X(f32, reach_m, 1, 808) \
     X(f32, eta, 2, 812) \
     X(f32, advice_direction, 3, 820) \
@@ -293,7 +293,7 @@ typedef struct equipoise_udp_reader {
     /* Refused, by outcome. */
     uint64_t refused[7];
     /* How much longer than the fastest of the session the last one was under way, the time included that it waited in the
-     * socket. equipoise_udp_age_ns adds it; add it to moment_age_ns, too.
+     * socket. equipoise_udp_age_ns adds it; add it to sample_age_ns, too.
      */
     uint64_t late_ns;
     /* The reader's own: when the socket was empty last, and between what bounds this clock is ahead of the station's. */

@@ -39,7 +39,7 @@ use crate::time::NS_PER_S;
 pub use checkpoint::Checkpoint;
 pub use identification::{BodySource, Identification, NO_POSE};
 pub use memory::{Memory, SubjectState};
-pub use reported_body::{BodyRefusal, ReportedBody};
+pub use reported_body::{BodyRejection, ReportedBody};
 pub use settings::{
     Accelerations, Method, Motion, PoseChoice, PoseRequest, PriorKind, Settings, Similar, StopRule,
 };
@@ -169,7 +169,7 @@ impl Memory {
                 self.publish_exposure();
             }
             // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
-            CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
+            CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectDelete => {}
             CommandKind::Reload => {
                 // Filters and the static pose window contain results of the previous model.
                 self.terms.restart();
@@ -229,7 +229,7 @@ impl Memory {
         let changed =
             self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
         valid.raise(Validity::MODEL_CHANGED, changed);
-        valid.raise(Validity::PLACE_UNKNOWN, self.registration.is_lost());
+        valid.raise(Validity::POSITION_UNKNOWN, self.registration.is_lost());
 
         let ready = !valid.any_of(Validity::BODY_UNKNOWN) && identification.mass_kg > 0.0;
         let phase = match (ready && !suit_stale && !ground_stale, identification) {
@@ -245,8 +245,8 @@ impl Memory {
 
         let state = &mut self.estimate;
         state.body_source = identification.body_source() as u32;
-        state.sole_source = self.reported_body.sole_source() as u32;
-        state.body_refused = self.reported_body.refused();
+        state.foot_outline_source = self.reported_body.foot_outline_source() as u32;
+        state.body_rejected = self.reported_body.refused();
         state.cycle = tick.cycle;
         state.time_ns = now_ns;
         state.suit_age_ns = suit_age_ns;
@@ -272,10 +272,10 @@ impl Memory {
 /// Sets invalid values to zero, so that no consumer can act on values of a stale sensor.
 fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
-    if valid.any_of(Validity::SPOILS_COP_MEASURED) {
+    if valid.any_of(Validity::INVALIDATES_COP_MEASURED) {
         state.cop_measured_m = [0.0; 2];
     }
-    if valid.any_of(Validity::SPOILS_GROUND_FORCE) {
+    if valid.any_of(Validity::INVALIDATES_GROUND_FORCE) {
         (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
     if valid.any_of(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) {
@@ -283,17 +283,17 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
         state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;
     }
-    if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {
+    if valid.any_of(Validity::INVALIDATES_COP_ESTIMATED) {
         state.cop_estimated_m = [0.0; 2];
         state.cop_sigma_m = [0.0; 2];
     }
-    if valid.any_of(Validity::SPOILS_COM) {
+    if valid.any_of(Validity::INVALIDATES_COM) {
         state.com_m = [0.0; 3];
     }
-    if valid.any_of(Validity::SPOILS_DELTA_F) {
+    if valid.any_of(Validity::INVALIDATES_DELTA_F) {
         state.delta_f_n = [0.0; 3];
     }
-    if valid.any_of(Validity::SPOILS_TORQUES) {
+    if valid.any_of(Validity::INVALIDATES_TORQUES) {
         monitoring::mask_torques(state);
         state.torque_limit_nm = *settings.limits.without_torque_nm();
         levels.reset();

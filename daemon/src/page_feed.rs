@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use equipoise_bus::{Bus, BusError, BusSettings, Publisher, Subscriber};
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, State};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_view::page::{Engineer, Page, PageFrame};
 use equipoise_view::suggested_pose::SuggestedPose;
@@ -142,7 +142,7 @@ fn start_feed(
 struct Ports {
     states: Subscriber<State>,
     /// `None` if all publisher slots are taken: the page is served without reports.
-    reports: Option<Publisher<PickUp>>,
+    reports: Option<Publisher<ConsumerReceipt>>,
     reported: Instant,
     _bus: Bus,
 }

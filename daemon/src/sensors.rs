@@ -268,7 +268,7 @@ pub fn mvn_settings(config: &SuitConfig) -> Result<MvnSettings, SourceError> {
         listen: config.listen,
         allow_remote: config.allow_remote,
         suit: suit_settings(config),
-        others: config.others.iter().map(|other| other.avatar).collect(),
+        others: config.forwarded.iter().map(|other| other.avatar).collect(),
         ..MvnSettings::default()
     })
 }

@@ -31,14 +31,14 @@ COUNTS = (
     ("status_ns", 1),
     ("cycle", 1),
     ("state_time_ns", 1),
-    ("moment_time_ns", 1),
+    ("sample_time_ns", 1),
     ("age_ns", 1),
-    ("moment_age_ns", 1),
+    ("sample_age_ns", 1),
     ("suit_age_ns", 1),
     ("ground_age_ns", 1),
     ("valid", 1),
     ("usable", 1),
-    ("not_given", 1),
+    ("unavailable", 1),
     ("flags", 1),
     ("worst_joint", 1),
     ("lifts", 1),
@@ -51,9 +51,9 @@ COUNTS = (
     ("fatigue", 22),
     ("lifted_mass_kg", 1),
     ("lifted_mass_sigma_kg", 1),
-    ("load_distance_m", 1),
+    ("load_hand_distance_m", 1),
     ("reach_m", 1),
-    ("eta", 2),
+    ("hand_load_fraction", 2),
     ("advice_direction", 3),
     ("advice_gain_nm_per_cm", 1),
     ("delta_f_n", 3),
@@ -113,14 +113,14 @@ class Datagram(NamedTuple):
     status_ns: int
     cycle: int
     state_time_ns: int
-    moment_time_ns: int
+    sample_time_ns: int
     age_ns: int
-    moment_age_ns: int
+    sample_age_ns: int
     suit_age_ns: int
     ground_age_ns: int
     valid: int
     usable: int
-    not_given: int
+    unavailable: int
     flags: int
     worst_joint: int
     lifts: int
@@ -133,7 +133,7 @@ class Datagram(NamedTuple):
     fatigue: Tuple[float, ...]
     lifted_mass_kg: float
     lifted_mass_sigma_kg: float
-    load_distance_m: float
+    load_hand_distance_m: float
     reach_m: float
     eta: Tuple[float, ...]
     advice_direction: Tuple[float, ...]

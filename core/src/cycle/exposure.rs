@@ -41,7 +41,7 @@ impl Memory {
             return;
         }
         let loaded = !invalid.any_of(Validity::BELOW_LOAD_THRESHOLD);
-        if !invalid.any_of(Validity::LOAD_MAY_HIDE) {
+        if !invalid.any_of(Validity::LOAD_BELOW_DETECTION_LIMIT) {
             self.update_back(pose, body, settings, loaded);
         }
         if loaded {
@@ -74,7 +74,7 @@ impl Memory {
         let since_change_ns = self.estimate.suit_sample_time_ns.saturating_sub(self.model_changed_ns);
         let changed = self.model_changed_ns > 0 && since_change_ns < MODEL_CHANGED_NS;
         let is_identified = weighed && subject.has_body() && subject.identified == 1 && !changed;
-        if !is_identified || invalid.any_of(Validity::SPOILS_TORQUES) {
+        if !is_identified || invalid.any_of(Validity::INVALIDATES_TORQUES) {
             return Load::Unknown;
         }
         let hips = [Segment::LeftUpperLeg, Segment::RightUpperLeg].map(|leg| pose.origin_of(leg));
@@ -194,7 +194,7 @@ impl Memory {
         let delta_f_n = estimate.delta_f_n[2];
         let Some(worst) = advice::worst_joint(magnitude_nm, &estimate.torque_limit_nm) else { return };
         let index = worst.index();
-        let leverage = leverage(worst, estimate.zeta, estimate.eta);
+        let leverage = leverage(worst, estimate.foot_load_fraction, estimate.hand_load_fraction);
         let (torque_nm, sigma_nm) = (estimate.torque_nm[index], estimate.torque_sigma_nm[index]);
         let advice = Advice::of(leverage, delta_f_n, torque_nm, sigma_nm);
         estimate.worst_joint = index as u32;
@@ -234,13 +234,13 @@ fn mask_back(state: &mut State) {
 /// Sets invalid values to zero.
 pub(super) fn mask_invalid(state: &mut State) {
     let valid = state.validity();
-    if valid.any_of(Validity::SPOILS_LIFTED_MASS) {
+    if valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
         mask_load(state);
     }
-    if valid.any_of(Validity::SPOILS_TORQUES) {
+    if valid.any_of(Validity::INVALIDATES_TORQUES) {
         mask_advice(state);
     }
-    if valid.any_of(Validity::SPOILS_BACK) {
+    if valid.any_of(Validity::INVALIDATES_LOW_BACK) {
         mask_back(state);
     }
 }

@@ -25,7 +25,7 @@ impl PlateReading {
 impl Memory {
     /// Plate measurement at the previous snapshot, `step_s` earlier, if both are close enough in time to give a rate.
     pub(super) fn previous_reading(&self, step_s: f64) -> Option<PlateReading> {
-        let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::IMPLAUSIBLE);
+        let invalid = Validity::INVALIDATES_COP_MEASURED.and(Validity::IMPLAUSIBLE);
         let is_usable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && !self.invalid_reasons().any_of(invalid);
         let State { ground_force_n: [_, _, vertical_n], cop_measured_m: cop_m, .. } = self.estimate;
         is_usable.then_some(PlateReading { vertical_n, cop_m })

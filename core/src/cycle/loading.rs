@@ -75,7 +75,7 @@ impl Memory {
         // In quick motion a load below the raised detection limit cannot be excluded.
         let is_undetectable =
             self.load_limit_n(settings) > settings.load_threshold_n && !self.unloaded.is_quiet();
-        invalid.raise(Validity::LOAD_MAY_HIDE, !loaded && is_undetectable);
+        invalid.raise(Validity::LOAD_BELOW_DETECTION_LIMIT, !loaded && is_undetectable);
         // A negative load is impossible; the paper's equations do not exclude it.
         let is_missing = loaded && delta_f_n < 0.0 && settings.motion != Motion::Paper;
         invalid.raise(Validity::WEIGHT_MISSING, is_missing);
@@ -85,8 +85,9 @@ impl Memory {
         if !loaded
             || is_missing
             || !subject.has_body()
-            || invalid
-                .any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED).and(Validity::PLACE_UNKNOWN))
+            || invalid.any_of(
+                Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED).and(Validity::POSITION_UNKNOWN),
+            )
         {
             return;
         }
@@ -135,14 +136,15 @@ impl Memory {
             hands.distance_m > settings.load_distance_max_m + 2.0 * hands.distance_sigma_m,
         );
         let source = if is_measured { SharingSource::Measured } else { SharingSource::Geometry };
-        self.estimate.zeta = loading.foot_reactions(pose).map(|foot| foot.with_n / vertical_n);
+        self.estimate.foot_load_fraction = loading.foot_reactions(pose).map(|foot| foot.with_n / vertical_n);
         self.estimate.sharing_source = source as u32;
-        self.estimate.zeta_sigma = overload::zeta_sigma(pose, &loading, &sigma);
-        (self.estimate.eta, self.estimate.eta_sigma) = (hands.eta, hands.eta_sigma);
+        self.estimate.foot_load_fraction_sigma = overload::zeta_sigma(pose, &loading, &sigma);
+        (self.estimate.hand_load_fraction, self.estimate.hand_load_fraction_sigma) =
+            (hands.eta, hands.eta_sigma);
         let load_m = hands.grip_m[0] * hands.eta[0] + hands.grip_m[1] * hands.eta[1];
         self.load_point_m = [load_m.x, load_m.y];
         self.load_point_sigma_m = hands.position_sigma_m;
-        self.estimate.load_distance_m = hands.distance_m;
+        self.estimate.load_hand_distance_m = hands.distance_m;
         for (joint, torque) in overload::torques(pose, &loading, &sigma).into_iter().enumerate() {
             self.estimate.torque_nm[joint] = torque.torque_nm.into();
             self.estimate.torque_sigma_nm[joint] = torque.sigma_nm;

@@ -14,7 +14,7 @@ use crate::body::{JOINTS, gyration_m2};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::ground::NoCop;
-use crate::message::state::{AccelerationSource, NotGiven, SharingSource};
+use crate::message::state::{AccelerationSource, SharingSource, Unavailable};
 use crate::message::suit::SuitBlocks;
 use crate::message::{Component, GroundSample, State, SuitSample, Validity};
 use crate::motion::{Inertia, MassDistribution, Snapshot};
@@ -139,13 +139,13 @@ impl Memory {
         self.apply_mass_to_force_offset();
         self.ground_sigma = GroundSigma::of(snapshot.ground(), &self.force_offset, settings);
         let before = self.previous_reading(step_s);
-        self.set_unavailable(NotGiven::SuitCom, snapshot.has_suit_com != 1);
+        self.set_unavailable(Unavailable::SuitCom, snapshot.has_suit_com != 1);
         let mut invalid = Validity::default();
         let unsynchronised = snapshot.time_sigma_ns > CLOCK_SIGMA_MAX_NS || self.skew.is_off();
         invalid.raise(Validity::CLOCK_UNSYNCHRONISED, unsynchronised);
         // The results belong to the snapshot, which may predate the body.
         invalid.raise(Validity::BODY_UNKNOWN, !self.identification.has_body());
-        invalid.raise(Validity::PLACE_UNKNOWN, self.registration.is_lost());
+        invalid.raise(Validity::POSITION_UNKNOWN, self.registration.is_lost());
 
         // A snapshot's time may lie between two samples.
         let period_ns = self.alignment.ground_period_ns();
@@ -309,7 +309,7 @@ impl Memory {
             (centre_of_mass(pose, &self.identification.phi()) + Vector3::new(x, y, 0.0)).into();
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         // Without measured shear, only the suit measures the body's acceleration; the contribution vanishes at rest.
-        let unmeasured_m = if self.estimate.not_given & NotGiven::Shear as u32 == 0 {
+        let unmeasured_m = if self.estimate.unavailable & Unavailable::Shear as u32 == 0 {
             0.0
         } else {
             body.cop_sigma_by_acceleration_m(self.noise.moving_acceleration_sigma_m_per_s2())
@@ -382,16 +382,16 @@ impl Memory {
         invalid.raise(Validity::GROUND_IMPLAUSIBLE, self.plausibility.ground.overlaps(from_ns, to_ns));
         self.estimate.ground_force_n = ground.force_n;
         self.estimate.ground_devices = ground.devices;
-        self.set_unavailable(NotGiven::Shear, !ground.measures(Component::Shear));
+        self.set_unavailable(Unavailable::Shear, !ground.measures(Component::Shear));
         invalid.raise(Validity::COP_NOT_MEASURED, matches!(cop, Err(NoCop::NotMeasured)));
         self.estimate.cop_measured_m = cop.unwrap_or_default();
         cop.ok()
     }
 
     /// Records whether the station's sensors provide a quantity.
-    fn set_unavailable(&mut self, what: NotGiven, missing: bool) {
-        let others = self.estimate.not_given & !(what as u32);
-        self.estimate.not_given = others | if missing { what as u32 } else { 0 };
+    fn set_unavailable(&mut self, what: Unavailable, missing: bool) {
+        let others = self.estimate.unavailable & !(what as u32);
+        self.estimate.unavailable = others | if missing { what as u32 } else { 0 };
     }
 
     /// Reports the ground measurement while the suit is silent.
@@ -408,11 +408,11 @@ impl Memory {
 
 /// Resets torques, load fractions and levels.
 pub(super) fn mask_torques(state: &mut State) {
-    state.zeta = [0.0; 2];
+    state.foot_load_fraction = [0.0; 2];
     state.sharing_source = SharingSource::Geometry as u32;
-    state.eta = [0.0; 2];
-    (state.zeta_sigma, state.eta_sigma) = (0.0, 0.0);
-    state.load_distance_m = 0.0;
+    state.hand_load_fraction = [0.0; 2];
+    (state.foot_load_fraction_sigma, state.hand_load_fraction_sigma) = (0.0, 0.0);
+    state.load_hand_distance_m = 0.0;
     state.torque_nm = [[0.0; 3]; JOINTS];
     state.torque_sigma_nm = [0.0; JOINTS];
     state.torque_covariance_nm2 = [[0.0; 3]; JOINTS];

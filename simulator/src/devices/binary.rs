@@ -74,7 +74,7 @@ impl Device for Binary {
             })
             .collect();
         format!(
-            "[ground]\nsource = \"binary\"\n{keys}{}\n{sections}{baud}\n[ground.binary]\nover = \"{}\"\nendian = \"little\"\n\
+            "[ground]\nsource = \"binary\"\n{keys}{}\n{sections}{baud}\n[ground.binary]\ntransport = \"{}\"\nendian = \"little\"\n\
              sync = \"a5 5a\"\nlength = {FRAME_LEN}\n\
              crc = {{ name = \"CRC-16/CCITT-FALSE\", from = 0, to = -2, at = -2 }}\n\
              sequence = {{ at = 2, type = \"u16\" }}\ntime = {{ at = 4, type = \"u32\", unit = \"us\" }}\n\

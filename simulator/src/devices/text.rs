@@ -69,7 +69,7 @@ impl Device for Text {
             _ => "spaces",
         };
         format!(
-            "[ground]\nsource = \"text\"\n{keys}{}\n{sections}\n[ground.text]\nover = \"{}\"\ndelimiter = \"{delimiter}\"\n\
+            "[ground]\nsource = \"text\"\n{keys}{}\n{sections}\n[ground.text]\ntransport = \"{}\"\ndelimiter = \"{delimiter}\"\n\
              decimal = \"{}\"\nprefix = {:?}\n\
              columns = [\"number\", \"time\", \"fx\", \"fy\", \"fz\", \"mx\", \"my\", \"mz\"]\n\
              time = {{ column = \"time\", unit = \"ms\" }}\nsequence = {{ column = \"number\" }}\n\n\
