@@ -101,7 +101,7 @@ pub fn run_suit(
     let mut health = Health::new(&bus)?;
     let mut body_publisher = BodyPublisher::new(&bus)?;
     let mut source = SuitSource::open(&mvn_settings(config)?)?;
-    let mut forwarders = Forwarders::start(&config.others);
+    let mut forwarders = Forwarders::start(&config.forwarded);
     ready();
     while !stopping() {
         if let Some(mut sample) = source.receive()?.filter(|sample| !forwarders.forward(sample)) {
@@ -249,7 +249,7 @@ fn open_device(config: &GroundConfig, settings: GroundSettings) -> Result<Ground
 pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
     SuitSettings {
         avatar: config.avatar,
-        up: config.up.axis(),
+        up: config.up_axis.axis(),
         latency_ns: config.latency_ns(),
         ..SuitSettings::default()
     }

@@ -150,10 +150,10 @@ fn transport_and_up_axis_reach_the_adapter() {
     use equipoise_adapters::suit::UpAxis;
     let settings = |text: &str| crate::sensors::mvn_settings(&Config::parse(text, "c.toml").unwrap().suit);
     let plain = settings(SMALLEST).unwrap();
-    assert_eq!((plain.transport, plain.suit.up_axis), (MvnTransport::Udp, UpAxis::Z));
+    assert_eq!((plain.transport, plain.suit.up), (MvnTransport::Udp, UpAxis::Z));
     let other = SMALLEST.replace("\"mvn-udp\"", "\"mvn-tcp\"\nup = \"y\"");
     let other = settings(&other).unwrap();
-    assert_eq!((other.transport, other.suit.up_axis), (MvnTransport::Tcp, UpAxis::Y));
+    assert_eq!((other.transport, other.suit.up), (MvnTransport::Tcp, UpAxis::Y));
     assert!(settings(&SMALLEST.replace("mvn-udp", "external")).is_err());
     assert!(refusal(&SMALLEST.replace("mvn-udp", "mvn-tpc")).contains("did you mean `mvn-tcp`?"));
 }

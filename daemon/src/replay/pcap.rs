@@ -14,7 +14,7 @@ use equipoise_core::message::GroundSample;
 
 use super::samples::{Sample, SkippedData};
 use crate::config::Config;
-use crate::config::ground::transport::Over;
+use crate::config::ground::transport::TransportKind;
 use crate::config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
 use crate::sensors::{BodyCadence, suit_settings};
 
@@ -56,11 +56,13 @@ impl Direction {
         match ground.source {
             GroundSourceKind::AtiRdt => Some(Direction::From(ati_rdt::address(ground).port())),
             GroundSourceKind::MoticonUdp => listened,
-            GroundSourceKind::Text if ground.text.as_ref().is_some_and(|text| text.over == Over::Udp) => {
+            GroundSourceKind::Text
+                if ground.text.as_ref().is_some_and(|text| text.transport == TransportKind::Udp) =>
+            {
                 described
             }
             GroundSourceKind::Binary
-                if ground.binary.as_ref().is_some_and(|binary| binary.over == Over::Udp) =>
+                if ground.binary.as_ref().is_some_and(|binary| binary.transport == TransportKind::Udp) =>
             {
                 described
             }

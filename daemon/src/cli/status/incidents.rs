@@ -77,7 +77,8 @@ impl IncidentReport {
 
     pub(super) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
         let as_span = |seconds: f64| span((seconds * 1e9) as u64);
-        for (index, Active { name, duration_s, count, message, remedy, has_remedy }) in self.active.iter().enumerate()
+        for (index, Active { name, duration_s, count, message, remedy, has_remedy }) in
+            self.active.iter().enumerate()
         {
             let times = if *count > 1 { format!(", {count} times so far") } else { String::new() };
             writeln!(out, "  INCIDENT {name} for {}{times}: {message}", as_span(*duration_s))?;
