@@ -1,4 +1,4 @@
-"""What lies in shared memory. Written from the tables of core and bus: do not edit.
+"""Layout of shared memory. Generated from the tables of core and bus: do not edit.
 
     EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module
 """
@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional
 
 
 class Service(NamedTuple):
-    """One row of the table of services: every process must open it with the same settings."""
+    """A service: every process must open it with the same settings."""
 
     suffix: str
     schema: str
@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x8c8fd2698d9633fa",
+    schema="0x74b3848262561db7",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -51,7 +51,7 @@ STATE = Service(
 )
 CONSUMER_RECEIPT = Service(
     suffix="receipt",
-    schema="0x7dc5f2accc4e35a6",
+    schema="0x75f254b0e7fc69ea",
     publishers_max=17,
     subscribers_max=2,
     depth=16,
@@ -62,7 +62,7 @@ CONSUMER_RECEIPT = Service(
 
 
 class State(ctypes.Structure):
-    """Everything the station says, once per cycle; core/src/message/state.rs explains."""
+    """Result of one cycle; see core/src/message/state.rs."""
 
     cycle: int
     time_ns: int
@@ -98,10 +98,10 @@ class State(ctypes.Structure):
     delta_f_n: ctypes.Array[ctypes.c_double]
     delta_f_sigma_n: float
     mass_kg: float
-    zeta: ctypes.Array[ctypes.c_double]
-    eta: ctypes.Array[ctypes.c_double]
-    zeta_sigma: float
-    eta_sigma: float
+    foot_load_fraction: ctypes.Array[ctypes.c_double]
+    hand_load_fraction: ctypes.Array[ctypes.c_double]
+    foot_load_fraction_sigma: float
+    hand_load_fraction_sigma: float
     load_hand_distance_m: float
     lifted_mass_kg: float
     lifted_mass_sigma_kg: float
@@ -208,7 +208,7 @@ assert ctypes.sizeof(State) == 2752
 
 
 class ConsumerReceipt(ctypes.Structure):
-    """How late one consumer picks states up; core/src/message/consumer_receipt.rs explains."""
+    """Latency of the states received by one consumer; see core/src/message/consumer_receipt.rs."""
 
     time_ns: int
     since_ns: int
@@ -248,7 +248,7 @@ assert ctypes.sizeof(ConsumerReceipt) == 12416
 
 
 class Reason(enum.IntFlag):
-    """Why values of a state must not be used: bits of `State.valid`."""
+    """Invalid reasons: bits of `State.valid`."""
 
     SUIT_STALE = 1
     GROUND_STALE = 2
@@ -282,7 +282,7 @@ INVALIDATES_TORQUES = Reason(262143)
 
 
 class Phase(enum.IntEnum):
-    """What the pipeline is doing: `State.phase`."""
+    """Phase of the pipeline: `State.phase`."""
 
     WAITING = 0
     IDENTIFYING = 1
@@ -291,7 +291,7 @@ class Phase(enum.IntEnum):
 
 
 class Level(enum.IntEnum):
-    """How close a torque is to its limit: `State.joint_level`."""
+    """Overload level of a joint: `State.joint_level`."""
 
     NONE = 0
     GREEN = 1
@@ -302,21 +302,21 @@ class Level(enum.IntEnum):
 
 
 class Sharing(enum.IntEnum):
-    """How the feet's shares are known: `State.sharing_source`."""
+    """Source of `State.foot_load_fraction`: `State.sharing_source`."""
 
     GEOMETRY = 0
     MEASURED = 1
 
 
 class Unavailable(enum.IntFlag):
-    """What the station's sensors do not give: bits of `State.unavailable`."""
+    """Quantities that the station's sensors do not provide: bits of `State.unavailable`."""
 
     SUIT_COM = 1
     SHEAR = 2
 
 
 class GroundDevice(enum.IntFlag):
-    """What the ground's sample is made of: bits of `State.ground_devices`."""
+    """Devices in the ground sample: bits of `State.ground_devices`."""
 
     PLATE = 1
     SECOND_PLATE = 2
@@ -324,7 +324,7 @@ class GroundDevice(enum.IntFlag):
 
 
 class BodySource(enum.IntEnum):
-    """Where the worker's bones come from: `State.body_source`."""
+    """Source of the segment lengths: `State.body_source`."""
 
     UNKNOWN = 0
     POSES = 1
@@ -333,7 +333,7 @@ class BodySource(enum.IntEnum):
 
 
 class BodyRejected(enum.IntEnum):
-    """Why the suit's null pose is not used: `State.body_rejected`."""
+    """Reason why the suit's null pose is not used: `State.body_rejected`."""
 
     NONE = 0
     IMPOSSIBLE = 1
@@ -343,15 +343,15 @@ class BodyRejected(enum.IntEnum):
     CONTRADICTS_WORKER = 5
 
 
-class Sole(enum.IntEnum):
-    """Where the outline of the soles comes from: `State.foot_outline_source`."""
+class FootOutline(enum.IntEnum):
+    """Source of the foot outlines: `State.foot_outline_source`."""
 
     STATURE = 0
     SUIT = 1
 
 
 class Acceleration(enum.IntEnum):
-    """Where the body's accelerations come from: `State.acceleration_source`."""
+    """Source of the body's accelerations: `State.acceleration_source`."""
 
     POSITIONS = 0
     SUIT = 1
