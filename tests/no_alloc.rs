@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::Config;
+use equipoise_config::model::LoadedModel;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{Command, State, Validity};
-use equipoise_daemon::config::Config;
-use equipoise_daemon::model::LoadedModel;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::tick::Observer;
 use equipoise_simulator::ports::free_address;

@@ -15,8 +15,8 @@ use equipoise_benches::figures::{self, Figure};
 use equipoise_benches::options::Options;
 use equipoise_benches::peer;
 use equipoise_benches::rounds::{median, quantile};
+use equipoise_config::WaitStrategy;
 use equipoise_daemon::realtime;
-use equipoise_daemon::rings::WaitStrategy;
 
 use carrier::Carrier;
 use turn::{Cores, Plan, Times};

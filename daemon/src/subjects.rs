@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::profile::Build;
-use crate::state_directory::StateDirectory;
+use equipoise_config::method::Build;
+use equipoise_station::state_directory::StateDirectory;
 
 /// Number of the configured subject.
 pub const CONFIGURED: u64 = 0;

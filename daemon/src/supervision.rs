@@ -12,16 +12,16 @@ mod streams;
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusError, Subscriber};
+use equipoise_config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use equipoise_core::message::{AdapterHealth, CycleRecord, Incident, State, Validity};
 use equipoise_core::time::seconds;
+use equipoise_station::adapter_fault;
 
 use self::growth::Growth;
 use self::host_clock::{ClockMonitor, HostClock, StampCheck};
 use self::loop_time::LoopTime;
 use self::page_faults::PageFaults;
 use self::streams::{StreamDescription, StreamMonitor, StreamSample, Verdict};
-use crate::adapter_fault;
-use crate::config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use crate::incidents::IncidentBoard;
 use crate::realtime::now_ns;
 use crate::rings::Refused;

@@ -14,13 +14,13 @@
 //! Modules, lowest layer first: [`config`] → [`gateway`] → [`drive`](mod@drive) → [`process`] → [`udp`], [`rtde`]
 #![forbid(unsafe_code)]
 
-pub mod config;
 pub mod drive;
 pub mod gateway;
 pub mod process;
 pub mod rtde;
 pub mod udp;
 
-pub use config::{GatewaysConfig, StationFile};
 pub use drive::drive;
+pub use equipoise_config::gateways as config;
+pub use equipoise_config::gateways::{GatewaysConfig, StationFile};
 pub use gateway::{Gateway, Latest, Tally};
