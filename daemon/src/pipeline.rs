@@ -145,7 +145,8 @@ impl Pipeline {
             settings_sender,
         ));
         let subject = &config.subject;
-        let configured = ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.remember);
+        let configured =
+            ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.save_profile);
         let subjects = Arc::new(Subjects::new(state, configured));
         let restored = Restored::find(config, &settings, &subjects);
         let _ = share.send((Arc::clone(&active_configuration), Arc::clone(&subjects)));
@@ -304,12 +305,12 @@ impl Start<'_> {
             model_toml: config.model_toml(),
             state_directory: self.subjects.state().path().to_owned(),
             subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
-            remembered: messages,
+            restored: messages,
             reload: 0,
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
             loop_faults: None,
-            model_suspicion: None,
+            model_mismatch: None,
             incidents: self.board.messages(),
             threads: Vec::new(),
         });
