@@ -20,11 +20,8 @@ pub(super) const DEFAULT: [(&str, u8); 12] = [
 ];
 
 /// Names of the previous release, accepted for one release, and their present names.
-const RENAMED: [(&str, &str); 3] = [
-    ("moment_age_s", "sample_age_s"),
-    ("not_given", "unavailable"),
-    ("worst_share", "worst_limit_ratio"),
-];
+const RENAMED: [(&str, &str); 3] =
+    [("moment_age_s", "sample_age_s"), ("not_given", "unavailable"), ("worst_share", "worst_limit_ratio")];
 
 /// A value for a register.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
