@@ -1,9 +1,11 @@
-//! `equipoise-daemon`: the service alone, as systemd starts it. `equipoise run` is the same.
+//! `equipoise-daemon`: the service alone, as systemd starts it. `equipoise run` is the same, with the metrics' server.
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, FromArgMatches, Parser};
 use equipoise_daemon::{process, run};
+
+const EXAMPLE: &str = "Example: equipoise-daemon --sensors-apart --config /etc/equipoise/equipoise.toml";
 
 #[derive(Debug, Parser)]
 #[command(name = "equipoise-daemon", version)]
@@ -14,7 +16,10 @@ struct Program {
 
 fn main() -> ExitCode {
     process::restrict_new_files();
-    match run::run(&Program::parse().arguments, None) {
+    // The help of the flattened arguments has the example of `equipoise run`.
+    let matches = Program::command().after_help(EXAMPLE).get_matches();
+    let program = Program::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    match run::run(&program.arguments, None) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("equipoise-daemon: {}", process::single_line(&error));
