@@ -7,8 +7,9 @@ use anyhow::{Context, bail};
 use equipoise_discrepancy::Outcome;
 use equipoise_discrepancy::model_file::{Fitted, ModelFile, Provenance};
 use equipoise_discrepancy::report::{Origin, Recording, Report};
+use jiff::Timestamp;
 
-use super::{Compared, Reconcile, date};
+use super::{Compared, Reconcile};
 
 /// Name of the model file in the results folder.
 const MODEL: &str = "model.toml";
@@ -38,7 +39,7 @@ impl Results<'_> {
         compared: &Compared,
         outcome: &mut Outcome,
     ) -> anyhow::Result<Vec<PathBuf>> {
-        let date = date::now_utc();
+        let date = format!("{:.0}", Timestamp::now());
         let model = self.model(reconcile, compared, outcome, &date);
         let path = self.folder.join(MODEL);
         let adds = !model.effects.is_empty();
