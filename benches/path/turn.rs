@@ -7,10 +7,10 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc;
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::bounded;
 use equipoise_benches::worker::{HEIGHT_M, Worker};
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Publisher};
 use equipoise_config::WaitStrategy;
@@ -20,7 +20,7 @@ use equipoise_daemon::egress::Egress;
 use equipoise_daemon::ingress::Ingress;
 use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
 use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns, sleep_until};
-use equipoise_daemon::rings::Rings;
+use equipoise_daemon::rings::{EgressEnds, IngressEnds, LoopControl, LoopEnds, Rings};
 use equipoise_daemon::tick::{Loop, Monotonic, Observer};
 use equipoise_latency::PathHistograms;
 
@@ -79,17 +79,18 @@ pub(crate) struct Times {
 impl Plan {
     /// Runs it; `folder` is for sockets.
     pub(crate) fn run(&self, folder: &Path) -> Times {
-        let rings = Arc::new(Rings::new().expect("an event file descriptor"));
+        let Rings { control, loop_ends, ingress: ingress_ends, egress: egress_ends, .. } =
+            Rings::new().expect("an event file descriptor");
         let begun = Arc::new(AtomicU64::new(0));
         let consumer = self.egress_leg.then(|| {
             let place = folder.join("out").display().to_string();
             Consumer::start(STATION, self.carrier, self.waiting, self.cores.consumer, &place)
         });
-        let egress = consumer.as_ref().map(|(_, address)| self.start_egress(&rings, address));
-        let ingress_leg = self.ingress_leg.then(|| self.start_ingress(&rings, &begun, folder));
+        let egress = consumer.as_ref().map(|(_, address)| self.start_egress(egress_ends, address));
+        let ingress_leg = self.ingress_leg.then(|| self.start_ingress(ingress_ends, &begun, folder));
         let records = self.egress_leg.then(RecordReader::open);
         sleep(SETTLE);
-        let looping = self.start_loop(&rings, &begun);
+        let looping = self.start_loop(loop_ends, &begun);
         let records = match (records, self.carrier) {
             (Some(reader), Carrier::Bus) => reader.follow(self.length),
             _ => {
@@ -97,7 +98,7 @@ impl Plan {
                 Vec::new()
             }
         };
-        rings.stop();
+        control.stop();
         let pushed = looping.join().expect("the loop ended well");
         let socket_records = egress.map(|thread| thread.join().expect("egress ended well"));
         let mut times = Times::default();
@@ -113,18 +114,17 @@ impl Plan {
         times
     }
 
-    fn start_loop(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>) -> JoinHandle<Vec<(u64, u64)>> {
-        let (rings, cpu) = (Arc::clone(rings), self.cores.looping);
+    fn start_loop(&self, ends: LoopEnds, begun: &Arc<AtomicU64>) -> JoinHandle<Vec<(u64, u64)>> {
+        let (control, cpu) = (Arc::clone(&ends.control), self.cores.looping);
         let mut stamps = Stamps { pushed: vec![(1, 1); NOTES], used: 0, begun: Arc::clone(begun) };
         let settings = Settings::for_height(HEIGHT_M);
         spawn(move || {
-            let _runs = rings.mark_loop_running();
+            let _runs = control.mark_loop_running();
             realtime::prefault_stack();
             realtime::request("loop", RequestedScheduling { fifo_priority: LOOP, cpu });
             let mut memory = bytemuck::zeroed_box::<Memory>();
             memory.start(&settings);
-            let summary = Loop::new(settings, memory, 0, Arc::clone(&rings), PERIOD_NS)
-                .run(&mut Monotonic, &mut stamps);
+            let summary = Loop::new(settings, memory, 0, ends, PERIOD_NS).run(&mut Monotonic, &mut stamps);
             assert!(summary.adds_up, "the schedule must add up");
             stamps.pushed.truncate(stamps.used);
             stamps.pushed
@@ -132,9 +132,9 @@ impl Plan {
     }
 
     /// With sockets it returns the cycle records, since there is no bus to read them from.
-    fn start_egress(&self, rings: &Arc<Rings>, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
-        let (plan, rings, address) = (*self, Arc::clone(rings), address.to_owned());
-        let (ready, is_ready) = mpsc::channel();
+    fn start_egress(&self, mut ends: EgressEnds, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
+        let (plan, address) = (*self, address.to_owned());
+        let (ready, is_ready) = bounded(1);
         let thread = spawn(move || {
             realtime::request(
                 "egress",
@@ -143,7 +143,7 @@ impl Plan {
             if plan.carrier == Carrier::Bus {
                 // The latency log is not drained; a full feed only counts.
                 let (latency_log, _drain) = feed(CAPACITY);
-                let egress = Egress::open(STATION, rings, plan.waiting, latency_log);
+                let egress = Egress::open(STATION, ends, plan.waiting, latency_log);
                 let _ = ready.send(());
                 egress.and_then(Egress::run).expect("the bus is whole");
                 return None;
@@ -153,9 +153,9 @@ impl Plan {
             let _ = ready.send(());
             // As in egress, with one socket in place of the bus.
             loop {
-                let ended = rings.has_ended();
-                rings.await_outcome(plan.waiting, WAKE_AT_LEAST);
-                while let Some(mut outcome) = rings.outcome.pop() {
+                let ended = ends.control.has_ended();
+                ends.await_outcome(plan.waiting, WAKE_AT_LEAST);
+                while let Ok(mut outcome) = ends.outcome.pop() {
                     outcome.state.published_ns = now_ns();
                     socket.send(bytemuck::bytes_of(&outcome.state));
                     outcome.record.published_ns = now_ns();
@@ -171,9 +171,10 @@ impl Plan {
         thread
     }
 
-    fn start_ingress(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
-        let (plan, its_rings, place) = (*self, Arc::clone(rings), folder.join("in"));
-        let (ready, is_ready) = mpsc::channel();
+    fn start_ingress(&self, ends: IngressEnds, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
+        let (plan, place, control) = (*self, folder.join("in"), Arc::clone(&ends.control));
+        let its_control = Arc::clone(&control);
+        let (ready, is_ready) = bounded(1);
         let ingress = spawn(move || {
             realtime::request(
                 "ingress",
@@ -181,25 +182,24 @@ impl Plan {
             );
             match plan.carrier {
                 Carrier::Bus => {
-                    let ingress = Ingress::open(STATION, Arc::clone(&its_rings), plan.waiting)
-                        .expect("the bus is there");
+                    let ingress = Ingress::open(STATION, ends, plan.waiting).expect("the bus is there");
                     let _ = ready.send(String::new());
-                    take_from_the_bus(ingress, &its_rings)
+                    take_from_the_bus(ingress, &its_control)
                 }
                 carrier => {
                     let (socket, address) = Socket::receiver(carrier, &place, plan.waiting);
                     let _ = ready.send(address);
-                    take_from_a_socket(&socket, &its_rings)
+                    take_from_a_socket(&socket, ends)
                 }
             }
         });
         let address = is_ready.recv().expect("ingress begins");
-        let (rings, begun) = (Arc::clone(rings), Arc::clone(begun));
-        (spawn(move || plan.adapt(&address, &rings, &begun)), ingress)
+        let begun = Arc::clone(begun);
+        (spawn(move || plan.adapt(&address, &control, &begun)), ingress)
     }
 
     /// The adapter: a sample in the middle of each of the loop's periods.
-    fn adapt(&self, address: &str, rings: &Rings, begun: &AtomicU64) -> Vec<(u64, u64)> {
+    fn adapt(&self, address: &str, control: &LoopControl, begun: &AtomicU64) -> Vec<(u64, u64)> {
         // Polling threads would keep an ordinary thread from its core for ever.
         let fifo_priority = if self.waiting == WaitStrategy::Polling { LOOP } else { 0 };
         realtime::request("adapter", RequestedScheduling { fifo_priority, cpu: self.cores.adapter });
@@ -207,11 +207,11 @@ impl Plan {
         let mut sample = worker.suit(&worker.pose(0), 0);
         let sender = SampleSender::open(self.carrier, address);
         let mut sent = Vec::with_capacity(NOTES);
-        while begun.load(Ordering::Acquire) == 0 && !rings.is_stopping() {
+        while begun.load(Ordering::Acquire) == 0 && !control.is_stopping() {
             sleep(Duration::from_millis(1));
         }
         let mut due_ns = begun.load(Ordering::Acquire) + PERIOD_NS / 2;
-        while !rings.is_stopping() {
+        while !control.is_stopping() {
             due_ns += PERIOD_NS * (1 + now_ns().saturating_sub(due_ns) / PERIOD_NS);
             sleep_until(due_ns);
             sample.arrival_ns = now_ns();
@@ -264,9 +264,9 @@ impl SampleSender {
     }
 }
 
-fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
+fn take_from_the_bus(mut ingress: Ingress, control: &LoopControl) -> Vec<(u64, u64)> {
     let (mut taken, mut count) = (Vec::with_capacity(NOTES), 0);
-    while !rings.is_stopping() {
+    while !control.is_stopping() {
         ingress.wait().expect("the bus is whole");
         let several = ingress.forward().expect("the bus is whole") as u64;
         let now_ns = now_ns();
@@ -277,12 +277,12 @@ fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
     taken
 }
 
-fn take_from_a_socket(socket: &Socket, rings: &Rings) -> Vec<(u64, u64)> {
+fn take_from_a_socket(socket: &Socket, mut ends: IngressEnds) -> Vec<(u64, u64)> {
     let mut taken = Vec::with_capacity(NOTES);
     let mut sample: SuitSample = bytemuck::Zeroable::zeroed();
-    while !rings.is_stopping() {
+    while !ends.control.is_stopping() {
         if socket.receive(bytemuck::bytes_of_mut(&mut sample)) {
-            rings.push_suit(sample, now_ns());
+            ends.push_suit(sample, now_ns());
             taken.push((sample.sequence, now_ns()));
         }
     }

@@ -1,11 +1,11 @@
 //! Feeds the metrics: a consumer of the bus that stores the newest message of each kind and counts levels.
 
 use std::net::SocketAddr;
-use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
+use crossbeam_channel::Sender;
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusError, BusSettings, Subscriber};

@@ -110,7 +110,7 @@ fn start_feed(
     receipts: Arc<Receipts>,
 ) -> anyhow::Result<JoinHandle<()>> {
     let settings = BusSettings::new(station, PAGE_ROLE);
-    let (result_sender, first_result) = std::sync::mpsc::channel();
+    let (result_sender, first_result) = crossbeam_channel::bounded(1);
     // Ports of the bus are bound to one thread, so this thread opens them.
     let thread = std::thread::Builder::new().name("page-feed".into()).spawn(move || {
         // A failure of the first join is returned to the caller; later failures are retried.

@@ -1,14 +1,14 @@
-//! The model file: effects that were found, with what they were found from, for people to read and the loop to run.
+//! The model file: named effects and their provenance, readable, and applied by the loop.
 //!
-//! TOML. A file says where it comes from (`[provenance]`), and of every effect where it acts, when, how strong it is and
-//! how sure that is:
+//! TOML, with the recording it was made from (`[provenance]`), and place, time span, parameters and evidence of every
+//! effect:
 //!
 //! ```toml
 //! version = 1
 //!
 //! [[effect]]
 //! name = "worn_mass"
-//! where = { segment = "T8" }       # or { hand = "left" }; nothing for the plate and the suit as a whole
+//! where = { segment = "T8" }       # or { hand = "left" }; absent for the plate and the whole suit
 //! span_s = [120.0, 640.0]          # seconds since the recording's begin
 //! open_ended = true                # it lasted to the recording's end
 //! log_odds = 83.0
@@ -18,11 +18,11 @@
 //! unit = "kg"
 //! ```
 //!
-//! A parameter that is not there is zero. Whatever is read is checked: a file that a person has changed may not make the
-//! loop compute nonsense.
+//! An absent parameter is zero. Every value is validated, since files may be edited by hand.
 
 mod ask;
 mod check;
+mod limits;
 mod text;
 
 use std::path::PathBuf;
@@ -32,50 +32,50 @@ use serde::{Deserialize, Serialize};
 
 pub use ask::{Ask, turn};
 
-/// The version that is written, and the only one that is read.
+/// The version that is written and read.
 pub const VERSION: u32 = 1;
 
-/// Where a model comes from.
+/// Provenance of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// SHA-256 of the recording's bytes, 64 hexadecimal digits.
     pub recording_sha256: String,
-    /// When it was made, UTC: `2026-03-01T08:30:00Z`.
+    /// Time of creation, UTC: `2026-03-01T08:30:00Z`.
     pub date: String,
-    /// The worker's pseudonym.
+    /// Pseudonym of the subject.
     pub subject: String,
     /// The station.
     pub station: String,
     /// Version of the program.
     pub software: String,
-    /// The identification poses, s of the recording.
+    /// Identification poses, s of the recording.
     pub identify_s: [f64; 2],
-    /// Work known to be clean, s.
+    /// Work declared clean, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_s: Option<[f64; 2]>,
-    /// The work in question, s.
+    /// Work in question, s.
     pub work_s: [f64; 2],
 }
 
-/// One effect as it was fitted.
+/// A fitted effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fitted {
-    /// Which.
+    /// The effect.
     pub effect: Effect,
-    /// Where.
+    /// Its place.
     pub place: Place,
-    /// What is not linear ([`Term::shape`]), and its 1-σ.
+    /// The non-linear parameter ([`Term::shape`]).
     pub shape: f64,
     /// 1-σ of the shape.
     pub shape_sigma: f64,
-    /// The parameters, in the order and units of [`Effect::parameters_of`].
+    /// Parameters, in the order and units of [`Effect::parameters_of`].
     pub value: [f64; PARAMETERS_MAX],
     /// 1-σ of each.
     pub sigma: [f64; PARAMETERS_MAX],
-    /// From when to when it was seen, s since the recording's begin.
+    /// Time span, s since the recording's start.
     pub span_s: [f64; 2],
-    /// Whether it lasted to the recording's end.
+    /// Whether it lasted to the end of the recording.
     pub open_ended: bool,
     /// Log Bayes factor of adding it.
     pub log_odds: f64,
@@ -84,49 +84,49 @@ pub struct Fitted {
 /// A whole model file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ModelFile {
-    /// Where it comes from; `None` of one that was written by hand.
+    /// Provenance; `None` if it was written by hand.
     pub provenance: Option<Provenance>,
-    /// The effects, at most [`TERMS_MAX`].
+    /// Effects, at most [`TERMS_MAX`].
     pub effects: Vec<Fitted>,
-    /// What would tell explanations of its recording apart; `None` if nothing needs it.
+    /// Measurement that separates explanations of its recording; `None` if none is needed.
     pub ask: Option<Ask>,
 }
 
-/// What of a model file the loop is to run.
+/// Time spans in which the loop applies the effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Spans {
-    /// The recording that the file was made from: every effect in its span.
+    /// For the recording that the file was made from: every effect in its span.
     Hold,
-    /// Any other, and live: effects that lasted to the end, from the first moment on for ever.
+    /// For any other recording and live: effects that lasted to the end, without limits.
     OpenEndedForEver,
 }
 
 /// Why a model file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelFileError {
-    /// It cannot be read.
+    /// The file cannot be read.
     #[error("cannot read the model {path}: {source}; name an existing file with --model or [model] file")]
     Read {
-        /// Which file.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// It is not what it should be.
+    /// The content is invalid.
     #[error("{place}: {what}")]
     Wrong {
-        /// File, and line, or effect and key, where it is known.
+        /// File, and line, or effect and key, if known.
         place: String,
-        /// What is wrong, and what to do.
+        /// The error and its remedy.
         what: String,
     },
 }
 
 impl ModelFile {
-    /// Checks a text; `name` is what errors call it.
+    /// Parses and validates a text; errors refer to it as `name`.
     ///
     /// # Errors
-    /// [`ModelFileError`], whose text is fit for the person who wrote the file.
+    /// [`ModelFileError`], worded for the author of the file.
     pub fn parse(text: &str, name: &str) -> Result<ModelFile, ModelFileError> {
         let raw: text::Raw = toml::from_str(text).map_err(|error| text::explain(&error, text, name))?;
         check::checked(raw, name)
@@ -137,13 +137,13 @@ impl ModelFile {
         text::of(self)
     }
 
-    /// What the loop runs, and which effects that leaves out.
+    /// The model for the loop, and the effects that it leaves out.
     pub fn model(&self, spans: Spans) -> (Model, Vec<&Fitted>) {
-        let runs = |fitted: &&Fitted| spans == Spans::Hold || fitted.open_ended;
-        let (running, left_out): (Vec<&Fitted>, Vec<&Fitted>) = self.effects.iter().partition(runs);
+        let is_applied = |fitted: &&Fitted| spans == Spans::Hold || fitted.open_ended;
+        let (applied, left_out): (Vec<&Fitted>, Vec<&Fitted>) = self.effects.iter().partition(is_applied);
         let mut terms = [None; TERMS_MAX];
-        for (place, fitted) in terms.iter_mut().zip(running) {
-            *place = Some(fitted.term(spans));
+        for (term, fitted) in terms.iter_mut().zip(applied) {
+            *term = Some(fitted.term(spans));
         }
         (Model { terms }, left_out)
     }
@@ -166,7 +166,7 @@ impl Fitted {
         Term { effect: self.effect, place: self.place, shape: self.shape, value: self.value, span_s }
     }
 
-    /// Name with place, for people: `worn_mass T8`.
+    /// Name with place: `worn_mass T8`.
     pub fn name(&self) -> String {
         match text::place_name(self.place) {
             Some((_, name)) => format!("{} {name}", self.effect.name()),

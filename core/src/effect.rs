@@ -5,39 +5,27 @@
 //! fits them, and the loop adds the same columns, times the fitted parameters, to its prediction ([`Model`]):
 //! measurement = prediction + columns · parameters.
 //!
-//! One file per effect; this file contains the table of all. Two effects are not columns of an instant: [`suit_lag`]
-//! shifts the suit's time, [`plate_lowpass`] filters the prediction; both have their own functions.
+//! One file per subject (`load`, `plate`, `suit`, `body`); this file contains the table of all. Two effects are not
+//! columns of an instant: `suit_lag` shifts the suit's time, [`plate_lowpass`] filters the prediction; both have their
+//! own functions.
 //!
 //! Signs. Worn masses and contacts count as they act on the body. The plate's parameters are the deviation of its
 //! readings from the truth, so their columns are added as they are. The suit's parameters are the deviation of its
 //! output from the truth, so their columns reverse it: for a segment whose measured heading is `ψ` too far left, the
 //! arm is rotated back.
 
+mod body;
 mod catalogue;
 mod families;
-mod force_gain;
 mod geometry;
-mod hand_contact;
-mod hand_load;
-mod inertia;
-mod mass;
-mod periodic_sway;
-mod plate_crosstalk;
-mod plate_drift;
-mod plate_gain;
-mod plate_height;
+mod load;
+mod plate;
 pub mod plate_lowpass;
-mod plate_offset;
-mod plate_yaw;
-mod reoriented;
-mod segment_heading;
-mod segment_misalignment;
-mod suit_heading_drift;
-pub mod suit_lag;
+mod suit;
 #[cfg(test)]
 mod tests;
-mod unbalanced_parameters;
-mod worn_mass;
+
+pub(crate) use suit::without_lag_ns;
 
 use geometry::Column;
 
@@ -211,7 +199,7 @@ impl Columns {
 }
 
 /// Columns of an effect at one instant; zero if nothing stands on the plate, if the effect does not accept the place,
-/// and for the two effects without columns ([`suit_lag`], [`plate_lowpass`]).
+/// and for the two effects without columns (`suit_lag`, [`plate_lowpass`]).
 ///
 /// `shape` is [`Term::shape`]. Effects that grow with time start at `observation.time_s` = 0. Rotations are linearised
 /// for small angles.
@@ -221,7 +209,7 @@ pub fn columns(effect: Effect, place: Place, shape: f64, observation: &Observati
 
 /// Columns of a small misalignment of any segment, including those not in the catalogue, where it counts as noise.
 pub fn misaligned(segment: Segment, observation: &Observation) -> Columns {
-    segment_misalignment::columns(Place::Segment(segment), [0.0; 3], observation)
+    suit::segment_misalignment(Place::Segment(segment), [0.0; 3], observation)
 }
 
 /// Lever arm of a segment's rotation: a small rotation ε, world axes, moves the predicted CoM by `ε × arm`, m.
@@ -244,25 +232,23 @@ fn columns_about(
         return none;
     }
     match effect {
-        Effect::HandLoad => hand_load::columns(place, o),
-        Effect::HandContact => hand_contact::columns(place, o),
-        Effect::WornMass => worn_mass::columns(place, o),
-        Effect::PlateOffset => plate_offset::columns(),
-        Effect::PlateYaw => plate_yaw::columns(o),
-        Effect::PlateGain => plate_gain::columns(o),
-        Effect::PlateCrosstalk => plate_crosstalk::columns(o),
-        Effect::PlateHeight => plate_height::columns(o),
-        Effect::ForceGain => force_gain::columns(o),
-        Effect::PlateDrift => plate_drift::columns(shape, o),
+        Effect::HandLoad => load::hand_load(place, o),
+        Effect::HandContact => load::hand_contact(place, o),
+        Effect::WornMass => load::worn_mass(place, o),
+        Effect::PlateOffset => plate::offset(),
+        Effect::PlateYaw => plate::yaw(o),
+        Effect::PlateGain => plate::cop_gain(o),
+        Effect::PlateCrosstalk => plate::crosstalk(o),
+        Effect::PlateHeight => plate::height(o),
+        Effect::ForceGain => plate::force_gain(o),
+        Effect::PlateDrift => plate::drift(shape, o),
         Effect::PlateLowpass | Effect::SuitLag => none,
-        Effect::SuitHeadingDrift => suit_heading_drift::columns(o),
-        Effect::SegmentHeading => segment_heading::columns(place, about[0], o),
-        Effect::SegmentMisalignment => {
-            segment_misalignment::columns(place, [about[0], about[1], about[2]], o)
-        }
-        Effect::Inertia => inertia::columns(o),
-        Effect::PeriodicSway => periodic_sway::columns(shape, o),
-        Effect::UnbalancedParameters => unbalanced_parameters::columns(place, o),
+        Effect::SuitHeadingDrift => suit::heading_drift(o),
+        Effect::SegmentHeading => suit::segment_heading(place, about[0], o),
+        Effect::SegmentMisalignment => suit::segment_misalignment(place, [about[0], about[1], about[2]], o),
+        Effect::Inertia => body::inertia(o),
+        Effect::PeriodicSway => body::periodic_sway(shape, o),
+        Effect::UnbalancedParameters => body::unbalanced_parameters(place, o),
     }
 }
 

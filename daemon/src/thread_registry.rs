@@ -104,7 +104,7 @@ mod tests {
         let thread_registry = ThreadRegistry::default();
         thread_registry.request("loop", RequestedScheduling::default());
         thread_registry.request("loop", RequestedScheduling::default());
-        let (sender, receiver) = std::sync::mpsc::channel::<()>();
+        let (sender, receiver) = crossbeam_channel::bounded::<()>(0);
         let stranger =
             std::thread::Builder::new().name("stranger".into()).spawn(move || receiver.recv()).unwrap();
         let named = |name: &str| -> Vec<ThreadStatus> {

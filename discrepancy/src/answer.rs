@@ -8,6 +8,7 @@ use serde_json::Value;
 
 use crate::ask::ask;
 use crate::candidate::{Candidate, Scope, place_name};
+use crate::constants::{OPEN_END_BLOCKS, PARAMETER_ERROR};
 use crate::finding::{AxisGap, Estimate, Finding, Gap, Named, Verdict};
 use crate::floor::{Floor, root_mean};
 use crate::generic::Generics;
@@ -17,8 +18,8 @@ use crate::locate::locate;
 use crate::picture::Signal;
 use crate::reconcile::Fitted;
 use crate::refine::shape_sigma;
-use crate::select::{Accepted, Selection, last_of, padded};
-use crate::verdict::{Rest, verdict};
+use crate::select::{Accepted, Selection, estimate_last, padded};
+use crate::verdict::{Remainder, verdict};
 
 /// The finding and the quantities from which it was made.
 pub(crate) struct Answer {
@@ -27,17 +28,17 @@ pub(crate) struct Answer {
     /// The terms of the model.
     pub(crate) terms: Vec<Fitted>,
     /// The remaining residual.
-    pub(crate) rest: Rest,
+    pub(crate) rest: Remainder,
     /// Level of noise alone.
     pub(crate) floor: Floor,
 }
 
-/// The remaining residual, and the level of noise alone.
-pub(crate) struct Left<'a> {
+/// Residuals on held-out blocks, the remaining residual, and the level of noise alone.
+pub(crate) struct Residuals<'a> {
     /// Residuals before and after, on held-out blocks.
     pub(crate) held: &'a HeldOut,
     /// The remaining residual, whitened.
-    pub(crate) rest: Rest,
+    pub(crate) rest: Remainder,
     /// Level of noise alone.
     pub(crate) floor: Floor,
 }
@@ -47,10 +48,10 @@ pub(crate) fn assemble(
     gram: &Gram<'_>,
     selection: &Selection,
     generics: &Generics,
-    left: Left<'_>,
+    residuals: Residuals<'_>,
     threshold: f64,
 ) -> Answer {
-    let Left { held, rest, floor } = left;
+    let Residuals { held, rest, floor } = residuals;
     let accepted = selection.terms();
     let verdict = verdict(selection, generics, &rest, threshold);
     let terms: Vec<Fitted> =
@@ -76,9 +77,9 @@ pub(crate) fn assemble(
 
 fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted> {
     let candidate = gram.terms[one.term].candidate.as_ref()?;
-    let estimate = last_of(gram, accepted, one.term)?;
+    let estimate = estimate_last(gram, accepted, one.term)?;
     let others: Vec<usize> = accepted.iter().copied().filter(|&other| other != one.term).collect();
-    let share = share_of_error(candidate.effect);
+    let error = parameter_error(candidate.effect);
     let is_shaped = matches!(candidate.effect, Effect::PeriodicSway | Effect::SuitLag | Effect::PlateLowpass)
         || (candidate.effect == Effect::PlateDrift && candidate.shape > 0.0);
     let mut term = candidate.term(gram.rows, candidate.parameters(&estimate.value));
@@ -86,27 +87,28 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
     if let Scope::Span([_, to_s]) = candidate.scope {
         let rows = gram.rows;
         let last_s = rows.time_s(rows.len() - 1);
-        let near_s = 2.0 * rows.session.block_s;
+        let near_s = OPEN_END_BLOCKS * rows.session.block_s;
         term.span_s[1] = if to_s >= last_s - near_s { f64::INFINITY } else { to_s };
     }
     let shape_sigma =
-        if is_shaped { shape_sigma(gram, candidate, &others).hypot(share * term.shape) } else { 0.0 };
+        if is_shaped { shape_sigma(gram, candidate, &others).hypot(error * term.shape) } else { 0.0 };
     let mut sigma = padded(&estimate.sigma);
     for (sigma, value) in sigma.iter_mut().zip(term.value) {
-        *sigma = sigma.hypot(share * value);
+        *sigma = sigma.hypot(error * value);
     }
-    if candidate.is_a_share() {
+    if candidate.is_shape_factor() {
         sigma[0] = shape_sigma;
     }
     Some(Fitted { term, sigma, shape_sigma, log_odds: one.log_odds })
 }
 
 /// Model error of an effect's own equation, 1-σ as a fraction of its parameters: bodies are not rigid, filters not of
-/// first order. Determined from simulated sessions of known truth, in addition to the noise.
-fn share_of_error(effect: Effect) -> f64 {
+/// first order. It adds to the noise.
+fn parameter_error(effect: Effect) -> f64 {
+    let [of_inertia_and_filter, of_any] = PARAMETER_ERROR;
     match effect {
-        Effect::Inertia | Effect::PlateLowpass => 0.1,
-        _ => 0.05,
+        Effect::Inertia | Effect::PlateLowpass => of_inertia_and_filter,
+        _ => of_any,
     }
 }
 
@@ -180,9 +182,9 @@ fn gap(gram: &Gram<'_>, floor: &Floor, held: &HeldOut) -> Gap {
         for (part, of) in &parts {
             let root = |list: &[[f64; 3]]| {
                 let some = (0..list.len()).filter(|&block| of(block));
-                scale(axis) * root_mean(some.map(|block| list[block][axis].powi(2)))
+                display_scale(axis) * root_mean(some.map(|block| list[block][axis].powi(2)))
             };
-            let noise_floor = scale(axis) * floor.root_mean_square(axis, of);
+            let noise_floor = display_scale(axis) * floor.root_mean_square(axis, of);
             let one = AxisGap {
                 before: root(&held.before),
                 after: root(&held.after),
@@ -204,6 +206,6 @@ fn gap(gram: &Gram<'_>, floor: &Floor, held: &HeldOut) -> Gap {
 }
 
 /// Factor from metres and newtons to the unit of a signal.
-pub(crate) fn scale(axis: usize) -> f64 {
+pub(crate) fn display_scale(axis: usize) -> f64 {
     if axis < 2 { 1e3 } else { 1.0 }
 }

@@ -9,24 +9,13 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::candidate::Candidate;
+use crate::constants::{FASTER, RELATIVE, SEPARATION_MIN, STANDING_S, STEP_M, TURNS_DEG};
 use crate::evidence::Estimate;
 use crate::floor::Floor;
 use crate::gram::Gram;
-use crate::select::{Selection, last_of};
+use crate::linear::norm;
+use crate::select::{Selection, estimate_last, padded};
 use crate::trials::trials;
-
-/// A declared relative is included if it is within this many log odds, or this fraction of the winner's.
-const RELATIVE: (f64, f64) = (15.0, 0.15);
-/// Candidate turns, degrees to the left.
-const TURNS_DEG: [f64; 3] = [0.0, 90.0, 180.0];
-/// A step aside, m.
-const STEP_M: f64 = 0.15;
-/// Duration of long standing, s.
-const STILL_S: f64 = 180.0;
-/// Factor of fast motion on the fastest observed motion, as far as the effect of a delay is concerned.
-const FASTER: f64 = 2.0;
-/// Separations below this many σ do not justify an additional pose.
-const WORTH_SIGMA: f64 = 0.5;
 
 /// An explanation with its fitted parameters.
 struct Hypothesis {
@@ -45,8 +34,8 @@ pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Opti
     let between = [one.candidate.name(), other.candidate.name()];
     let mut best: Option<Ask> = None;
     let mut consider = |separation_sigma: f64, what: Ask| {
-        let most = best.as_ref().map_or(WORTH_SIGMA, |best| best.separation_sigma);
-        if separation_sigma.is_finite() && separation_sigma > most {
+        let max = best.as_ref().map_or(SEPARATION_MIN, |best| best.separation_sigma);
+        if separation_sigma.is_finite() && separation_sigma > max {
             best = Some(Ask { separation_sigma, between: between.clone(), ..what });
         }
     };
@@ -54,13 +43,13 @@ pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Opti
         consider(separation(one.predicts(gram, &seen), other.predicts(gram, &seen)), what);
     }
     let fast = fastest(gram)?;
-    let what = Ask { fast: true, ..nothing() };
+    let what = Ask { fast: true, ..empty() };
     consider(separation(one.predicts_at(gram, fast), other.predicts_at(gram, fast)), what);
     best
 }
 
 /// An empty request, to be filled in.
-fn nothing() -> Ask {
+fn empty() -> Ask {
     Ask {
         between: Default::default(),
         pose: None,
@@ -84,7 +73,7 @@ impl Hypothesis {
     /// Predicted change at a block if its motion were faster.
     fn predicts_at(&self, gram: &Gram<'_>, block: usize) -> [f64; 3] {
         let columns = self.candidate.columns(gram.rows, block);
-        let value = crate::select::padded(&self.estimate.value);
+        let value = padded(&self.estimate.value);
         let ([x, y], [_, _, z]) = columns.times(&value);
         let is_of_motion =
             matches!(self.candidate.effect, Effect::SuitLag | Effect::PlateLowpass | Effect::Inertia);
@@ -103,15 +92,18 @@ fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
         let near = accepted.log_odds - RELATIVE.0.max(RELATIVE.1 * accepted.log_odds);
         let is_relative =
             |other: &Candidate| candidate.effect.is_family_of(candidate.place, other.effect, other.place);
-        let found = trials(gram, &gram.given(&others)).into_iter().find(|trial| {
+        let alternative = trials(gram, &gram.conditioned_on(&others)).into_iter().find(|trial| {
             let other = gram.terms[trial.term].candidate.as_ref();
             trial.name != accepted.name
                 && (rivals.contains(&trial.name) || (trial.log_odds > near && other.is_some_and(is_relative)))
         });
-        if let Some(trial) = found {
-            let one = Hypothesis { estimate: last_of(gram, &others, accepted.term)?, candidate };
+        if let Some(trial) = alternative {
+            let one = Hypothesis { estimate: estimate_last(gram, &others, accepted.term)?, candidate };
             let candidate = gram.terms[trial.term].candidate.clone()?;
-            return Some([one, Hypothesis { estimate: last_of(gram, &others, trial.term)?, candidate }]);
+            return Some([
+                one,
+                Hypothesis { estimate: estimate_last(gram, &others, trial.term)?, candidate },
+            ]);
         }
     }
     None
@@ -125,24 +117,22 @@ fn activities(gram: &Gram<'_>) -> Vec<(Ask, Observation)> {
     let mut list = Vec::new();
     for posture in LIBRARY {
         for turn_deg in TURNS_DEG {
-            let what = Ask { pose: Some(posture.name.to_owned()), turn_deg, ..nothing() };
+            let what = Ask { pose: Some(posture.name.to_owned()), turn_deg, ..empty() };
             list.push((what, standing(seen, &posture.world_from_segment(), turn_deg, [0.0; 2])));
         }
     }
     let straight = LIBRARY[0].world_from_segment();
     let step_m = [STEP_M, STEP_M];
-    list.push((Ask { step_m, ..nothing() }, standing(seen, &straight, 0.0, step_m)));
+    list.push((Ask { step_m, ..empty() }, standing(seen, &straight, 0.0, step_m)));
     let mut later = standing(seen, &straight, 0.0, [0.0; 2]);
-    later.time_s += STILL_S;
-    list.push((Ask { still_s: STILL_S, ..nothing() }, later));
+    later.time_s += STANDING_S;
+    list.push((Ask { still_s: STANDING_S, ..empty() }, later));
     list
 }
 
 /// The block of the work with the largest acceleration.
 fn fastest(gram: &Gram<'_>) -> Option<usize> {
-    let acceleration = |block: usize| {
-        crate::noise::kernels::norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2)
-    };
+    let acceleration = |block: usize| norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2);
     (gram.rows.work_from..gram.rows.len()).max_by(|&a, &b| acceleration(a).total_cmp(&acceleration(b)))
 }
 
@@ -156,7 +146,7 @@ fn standing(
 ) -> Observation {
     let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * turn_deg.to_radians());
     let rotation = rotation.map(|own| turn * own);
-    let origin = place_on(like, &rotation, step_m);
+    let origin = origins_in_pose(like, &rotation, step_m);
     let com = Segment::ALL
         .iter()
         .map(|segment| rotation[segment.index()] * Vector3::from(like.phi_m[segment.index()]))
@@ -185,7 +175,7 @@ fn standing(
 }
 
 /// Segment origins in a pose, with the middle between the feet in its place, plus a step.
-fn place_on(
+fn origins_in_pose(
     like: &Observation,
     rotation: &[UnitQuaternion<f64>; SEGMENTS],
     step_m: [f64; 2],

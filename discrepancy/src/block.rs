@@ -3,11 +3,7 @@
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 
-/// Lags whose change of the prediction is stored with each block, s; negative where the suit is early.
-pub const LAGS_S: [f64; 13] =
-    [-0.12, -0.08, -0.05, -0.03, -0.02, -0.01, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18];
-/// Cutoff frequencies of a first-order filter whose change of the prediction is stored with each block, Hz.
-pub const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
+pub use crate::constants::{CUTOFFS_HZ, LAGS_S};
 
 /// Change of the prediction by a lag or a filter: centre of pressure, m, and force, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +12,11 @@ pub struct Change {
     pub cop_m: [f64; 2],
     /// Of the force, N.
     pub force_n: [f64; 3],
+}
+
+impl Change {
+    /// No change.
+    pub const NONE: Change = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
 }
 
 /// Phase of the recording to which a block belongs.

@@ -1,9 +1,13 @@
 //! Candidates: every effect of the catalogue, at every place where it can act, with every shape of a coarse grid.
 
-use equipoise_core::body::Side;
+use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
 
-use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S};
+use crate::block::{Block, Change};
+use crate::constants::{
+    CUTOFF_FACTOR_MIN, CUTOFFS_HZ, DRIFTS_S, HEADINGS, LAGS_S, SHAPE_FACTOR_SIGMA, SWAYS_HZ,
+    WORN_PLACE_LOG_PRIOR,
+};
 use crate::rows::Rows;
 
 /// Time span of a candidate.
@@ -39,21 +43,6 @@ pub(crate) struct Candidate {
     pub(crate) log_prior: f64,
 }
 
-/// Time constants of a drift, s; 0 is linear.
-const DRIFTS_S: [f64; 4] = [0.0, 20.0, 40.0, 90.0];
-/// Frequencies of respiration and sway, Hz.
-const SWAYS_HZ: [f64; 7] = [0.17, 0.2, 0.23, 0.26, 0.29, 0.32, 0.36];
-/// Mixture components for the heading of a segment, rad: mean angle, 1-σ, weight. Together they approximate the
-/// effect's own prior, with heavier tails.
-const HEADINGS: [(f64, f64, f64); 7] = [
-    (0.0, 0.12, 0.5),
-    (-0.3, 0.12, 0.13),
-    (0.3, 0.12, 0.13),
-    (-0.6, 0.12, 0.08),
-    (0.6, 0.12, 0.08),
-    (-1.1, 0.25, 0.04),
-    (1.1, 0.25, 0.04),
-];
 impl Candidate {
     /// A candidate with the effect's own prior.
     pub(crate) fn new(effect: Effect, place: Place, shape: f64, scope: Scope) -> Candidate {
@@ -69,23 +58,23 @@ impl Candidate {
             sigma,
             log_prior: 0.0,
         };
-        if candidate.is_a_share() {
+        if candidate.is_shape_factor() {
             candidate.mean = vec![1.0];
-            candidate.sigma = vec![0.3];
+            candidate.sigma = vec![SHAPE_FACTOR_SIGMA[0]];
         }
         candidate
     }
 
     /// Whether its only parameter is a factor near one on what its shape predicts.
-    pub(crate) fn is_a_share(&self) -> bool {
+    pub(crate) fn is_shape_factor(&self) -> bool {
         matches!(self.effect, Effect::SuitLag | Effect::PlateLowpass)
     }
 
     /// The same candidate with a heading prior about an angle, with 1-σ and weight in the mixture.
-    fn heading(&self, (psi_rad, sigma_rad, share): (f64, f64, f64)) -> Candidate {
+    fn heading(&self, (psi_rad, sigma_rad, weight): (f64, f64, f64)) -> Candidate {
         let mut about = self.about;
         about[0] = psi_rad;
-        let log_prior = self.log_prior + share.ln();
+        let log_prior = self.log_prior + weight.ln();
         Candidate { about, mean: vec![psi_rad], sigma: vec![sigma_rad], log_prior, ..self.clone() }
     }
 
@@ -140,6 +129,32 @@ impl Candidate {
             _ => self.term(rows, self.about).columns(&at.observation),
         }
     }
+
+    /// The effect's parameters, where the fitted one may be a factor on the shape.
+    pub(crate) fn parameters(&self, value: &[f64]) -> [f64; PARAMETERS_MAX] {
+        let mut parameters = [0.0; PARAMETERS_MAX];
+        if self.is_shape_factor() {
+            parameters[0] = self.reported_shape(value);
+        } else {
+            parameters.iter_mut().zip(value).for_each(|(parameter, value)| *parameter = *value);
+        }
+        parameters
+    }
+
+    /// The shape, including its fitted factor.
+    pub(crate) fn reported_shape(&self, value: &[f64]) -> f64 {
+        match self.effect {
+            Effect::SuitLag => self.shape * value[0],
+            // Twice the change of a slow filter corresponds to a filter twice as slow, as long as both are small.
+            Effect::PlateLowpass => self.shape / value[0].max(CUTOFF_FACTOR_MIN),
+            _ => self.shape,
+        }
+    }
+
+    /// The size of the effect with these parameters ([`Effect::size`]).
+    pub(crate) fn size(&self, value: &[f64]) -> f64 {
+        self.effect.size(self.reported_shape(value), &self.parameters(value))
+    }
 }
 
 /// `right`, `both`, `T8`; empty for the whole body.
@@ -171,7 +186,8 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
         for &shape in &shapes {
             for &scope in &scopes {
                 let mut candidate = Candidate::new(effect, place, shape, scope);
-                candidate.log_prior = usual(effect, place) - ((shapes.len() * scopes.len()) as f64).ln();
+                candidate.log_prior =
+                    place_log_prior(effect, place) - ((shapes.len() * scopes.len()) as f64).ln();
                 if effect == Effect::SegmentHeading {
                     list.extend(HEADINGS.map(|heading| candidate.heading(heading)));
                 } else {
@@ -185,14 +201,14 @@ fn of_effect(effect: Effect, rows: &Rows<'_>) -> Vec<Candidate> {
 
 /// Log prior of a place: loads are usually worn on back and belt, held in hands, strapped to thighs and forearms, and
 /// rarely on head, upper arms and shins.
-pub(crate) fn usual(effect: Effect, place: Place) -> f64 {
-    use equipoise_core::body::Segment;
+pub(crate) fn place_log_prior(effect: Effect, place: Place) -> f64 {
+    let [limb, elsewhere] = WORN_PLACE_LOG_PRIOR;
     match (effect, place) {
         (Effect::WornMass, Place::Segment(Segment::T8 | Segment::Pelvis)) => 0.0,
         (Effect::WornMass, Place::Segment(segment)) => {
             let thigh = [Segment::RightUpperLeg, Segment::LeftUpperLeg];
             let forearm = [Segment::RightForearm, Segment::LeftForearm];
-            if thigh.contains(&segment) || forearm.contains(&segment) { -1.0 } else { -3.0 }
+            if thigh.contains(&segment) || forearm.contains(&segment) { limb } else { elsewhere }
         }
         _ => 0.0,
     }
@@ -240,27 +256,27 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
     let zero = LAGS_S.iter().take_while(|&&kept_s| kept_s < 0.0).count();
     let at = |i: usize| match i.cmp(&zero) {
         std::cmp::Ordering::Less => (LAGS_S[i], block.by_lag[i]),
-        std::cmp::Ordering::Equal => (0.0, Change { cop_m: [0.0; 2], force_n: [0.0; 3] }),
+        std::cmp::Ordering::Equal => (0.0, Change::NONE),
         std::cmp::Ordering::Greater => (LAGS_S[i - 1], block.by_lag[i - 1]),
     };
-    between(lag_s, LAGS_S.len() + 1, at)
+    interpolated(lag_s, LAGS_S.len() + 1, at)
 }
 
 /// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
 fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
     let last = CUTOFFS_HZ.len();
     let at = |i: usize| match i {
-        0 => (0.0, Change { cop_m: [0.0; 2], force_n: [0.0; 3] }),
+        0 => (0.0, Change::NONE),
         _ => (1.0 / CUTOFFS_HZ[last - i], block.by_cutoff[last - i]),
     };
-    between(1.0 / cutoff_hz, last + 1, at)
+    interpolated(1.0 / cutoff_hz, last + 1, at)
 }
 
 /// Lagrange's cubic through the four knots nearest to a value; knots ascending.
-fn between(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -> Change {
+fn interpolated(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -> Change {
     let above = (0..knots).position(|i| at(i).0 >= value).unwrap_or(knots - 1);
     let first = above.saturating_sub(2).min(knots - PARAMETERS_MAX);
-    let mut sum = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
+    let mut sum = Change::NONE;
     for i in first..first + 4 {
         let (knot, change) = at(i);
         let weight: f64 =
@@ -280,8 +296,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shares_of_the_headings_are_all_there_is() {
-        assert!((HEADINGS.iter().map(|(_, _, share)| share).sum::<f64>() - 1.0).abs() < 1e-12);
+    fn the_weights_of_the_headings_sum_to_one_and_signs_are_symmetric() {
+        assert!((HEADINGS.iter().map(|(_, _, weight)| weight).sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(HEADINGS.iter().all(|(about_rad, ..)| {
             HEADINGS.iter().any(|(other_rad, ..)| (other_rad + about_rad).abs() < 1e-12)
         }));

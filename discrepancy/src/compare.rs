@@ -5,13 +5,13 @@
 //! filtering does not appear as an effect. This module does not read files: snapshots are pushed one by one, in any
 //! number, and memory stays bounded (one second of snapshots and at most [`Options::blocks_max`] blocks).
 //!
-//! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `kept` → this file.
+//! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `store` → this file.
 
 mod changes;
-mod kept;
 mod mean;
 mod options;
 mod point;
+mod store;
 mod window;
 mod worker;
 
@@ -23,18 +23,14 @@ use std::collections::VecDeque;
 use equipoise_core::motion::Snapshot;
 
 use crate::block::Block;
+use crate::constants::{MASK_KEPT_S, POINTS_KEPT_S};
 use changes::Filters;
-use kept::Kept;
-use mean::Mean;
+use mean::BlockMean;
 pub use options::Options;
 use point::Point;
+use store::Store;
 use window::Window;
 pub use worker::{Worker, prior_covariance_m2};
-
-/// Masked intervals are kept for this long, s.
-const MASK_S: f64 = 3.0;
-/// Predictions are kept for this long, s: a block waits for the largest lag and for unmasked samples after it.
-const POINTS_FOR_S: f64 = 1.5;
 
 /// Compares the predictions for a subject with the plate's measurements.
 #[derive(Debug)]
@@ -48,9 +44,9 @@ pub struct Comparison {
     still: VecDeque<(f64, bool)>,
     /// Masked intervals: nothing is compared in them.
     masked_s: VecDeque<[f64; 2]>,
-    filling: Option<Mean>,
-    waiting: VecDeque<Mean>,
-    kept: Kept,
+    filling: Option<BlockMean>,
+    waiting: VecDeque<BlockMean>,
+    store: Store,
     last: Option<Last>,
     shear: bool,
     shear_missing: bool,
@@ -74,7 +70,7 @@ impl Comparison {
             masked_s: VecDeque::new(),
             filling: None,
             waiting: VecDeque::new(),
-            kept: Kept::new(&options),
+            store: Store::new(&options),
             last: None,
             shear: false,
             shear_missing: false,
@@ -105,7 +101,7 @@ impl Comparison {
             self.mask(time_s, self.options.half_window_s);
         }
         while let Some(point) = self.window.next(&self.worker, &self.options) {
-            self.take(point);
+            self.add_point(point);
         }
         self.release(time_s);
     }
@@ -124,29 +120,29 @@ impl Comparison {
     /// All blocks by time, once the last snapshot is pushed.
     pub fn finish(mut self) -> Vec<Block> {
         self.interrupt();
-        self.kept.into_blocks()
+        self.store.into_blocks()
     }
 
-    fn take(&mut self, point: Point) {
+    fn add_point(&mut self, point: Point) {
         self.shear |= point.slope_is_measured;
         self.shear_missing |= !point.slope_is_measured;
         if !point.is_moderate() {
             self.mask(point.time_s, self.options.half_window_s);
         }
-        let by_cutoff = self.filters.follow(&point);
+        let by_cutoff = self.filters.step(&point);
         let number = (point.time_s / self.options.block_s).floor();
         if let Some(full) = self.filling.take_if(|mean| mean.number != number) {
             self.close(full);
         }
-        let filling = self.filling.get_or_insert_with(|| Mean::new(number, &self.options));
+        let filling = self.filling.get_or_insert_with(|| BlockMean::new(number, &self.options));
         filling.add(&point, &by_cutoff);
         self.points.push_back(point);
     }
 
     /// Completes a block while the snapshots that its means require are still in memory.
-    fn close(&mut self, mut full: Mean) {
-        if full.is_whole(&self.options) {
-            full.add_moments(&self.window);
+    fn close(&mut self, mut full: BlockMean) {
+        if full.is_complete(&self.options) {
+            full.add_snapshots(&self.window);
             self.waiting.push_back(full);
         }
     }
@@ -166,7 +162,7 @@ impl Comparison {
             self.close(full);
         }
         while let Some(mean) = self.waiting.pop_front() {
-            self.decide(mean);
+            self.keep_or_drop(mean);
         }
         self.window.clear();
         self.points.clear();
@@ -175,26 +171,26 @@ impl Comparison {
 
     /// Releases blocks whose neighbourhood is complete at `now_s`, and drops data that is no longer required.
     fn release(&mut self, now_s: f64) {
-        let patience_s = self.options.patience_s();
-        while let Some(mean) = self.waiting.pop_front_if(|mean| mean.span_s[1] + patience_s <= now_s) {
-            self.decide(mean);
+        let delay_s = self.options.delay_s();
+        while let Some(mean) = self.waiting.pop_front_if(|mean| mean.span_s[1] + delay_s <= now_s) {
+            self.keep_or_drop(mean);
         }
-        while self.points.pop_front_if(|point| point.time_s < now_s - POINTS_FOR_S).is_some() {}
-        while self.still.pop_front_if(|(time_s, _)| *time_s < now_s - POINTS_FOR_S).is_some() {}
-        while self.masked_s.pop_front_if(|span_s| span_s[1] < now_s - MASK_S).is_some() {}
+        while self.points.pop_front_if(|point| point.time_s < now_s - POINTS_KEPT_S).is_some() {}
+        while self.still.pop_front_if(|(time_s, _)| *time_s < now_s - POINTS_KEPT_S).is_some() {}
+        while self.masked_s.pop_front_if(|span_s| span_s[1] < now_s - MASK_KEPT_S).is_some() {}
     }
 
     /// Keeps a block if no masked interval overlaps its neighbourhood and the predictions cover all lags.
-    fn decide(&mut self, mean: Mean) {
+    fn keep_or_drop(&mut self, mean: BlockMean) {
         let [from_s, to_s] = mean.span_s;
         let overlaps = |span_s: &[f64; 2]| span_s[0] < to_s && span_s[1] > from_s;
         let Some(phase) = self.options.phase_of(mean.span_s) else { return };
-        if self.masked_s.iter().any(overlaps) || !self.kept.wants(phase) {
+        if self.masked_s.iter().any(overlaps) || !self.store.accepts(phase) {
             return;
         }
         let Some(by_lag) = changes::by_lag(&self.points, mean.span_s) else { return };
         let mut held = self.still.iter().filter(|(time_s, _)| (from_s..to_s).contains(time_s)).peekable();
         let still = held.peek().is_some() && held.all(|(_, still)| *still);
-        self.kept.push(mean.block(phase, still, by_lag, &self.worker));
+        self.store.push(mean.block(phase, still, by_lag, &self.worker));
     }
 }

@@ -1,8 +1,9 @@
-//! Fills the plots of the report.
+//! Data of the report's figures.
 
-use crate::answer::{Answer, scale};
+use crate::answer::{Answer, display_scale};
 use crate::block::{Block, Phase};
 use crate::candidate::Candidate;
+use crate::constants::{AUTOCORRELATION_LAGS, INNOVATION_BINS, PIECES, SHOWN_MAX};
 use crate::floor::{Floor, root_mean};
 use crate::gram::Gram;
 use crate::holdout::HeldOut;
@@ -13,19 +14,8 @@ use crate::picture::{
 };
 use crate::select::Selection;
 
-/// Lags of the autocorrelation.
-const LAGS: usize = 20;
-/// Edges of the bins of squared innovations.
-const SURPRISES: [f64; 7] = [0.0, 0.5, 1.0, 2.0, 4.0, 9.0, f64::INFINITY];
-/// Pieces of the work that are ranked as windows.
-const PIECES: usize = 18;
-/// Largest number of reported windows.
-const WINDOWS_MAX: usize = 6;
-/// Features of the pose per signal.
-const FEATURES_MAX: usize = 2;
-
-/// All plots.
-pub(crate) fn draw(
+/// All figures.
+pub(crate) fn picture(
     gram: &Gram<'_>,
     selection: &Selection,
     held: &HeldOut,
@@ -56,9 +46,9 @@ fn time(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> TimePlot
         .map(|block| TimePoint {
             time_s: gram.rows.time_s(gram.rows.work_from + block),
             still: gram.rows.blocks[gram.rows.work_from + block].still,
-            before: scale(axis) * held.before[block][axis],
-            after: scale(axis) * held.after[block][axis],
-            noise_sigma: scale(axis) * floor.sigma[block][axis],
+            before: display_scale(axis) * held.before[block][axis],
+            after: display_scale(axis) * held.after[block][axis],
+            noise_sigma: display_scale(axis) * floor.sigma[block][axis],
         })
         .collect();
     TimePlot { signal: Signal::ALL[axis], points }
@@ -101,22 +91,23 @@ fn pose(gram: &Gram<'_>, held: &HeldOut, floor: &Floor, axis: usize) -> Vec<Pose
         let points = (0..value.len())
             .map(|i| PosePoint {
                 feature: value[i],
-                before: scale(axis) * held.before[i][axis],
-                after: scale(axis) * held.after[i][axis],
+                before: display_scale(axis) * held.before[i][axis],
+                after: display_scale(axis) * held.after[i][axis],
             })
             .collect();
-        let noise_sigma = scale(axis) * floor.root_mean_square(axis, |_| true);
+        let noise_sigma = display_scale(axis) * floor.root_mean_square(axis, |_| true);
         plots.push((
-            alike(&value, &residual),
+            squared_correlation(&value, &residual),
             PosePlot { signal: Signal::ALL[axis], feature, unit, points, noise_sigma },
         ));
     }
     plots.sort_by(|a, b| b.0.total_cmp(&a.0));
-    plots.into_iter().take(FEATURES_MAX).map(|(_, plot)| plot).collect()
+    let [_, features_max, _] = SHOWN_MAX;
+    plots.into_iter().take(features_max).map(|(_, plot)| plot).collect()
 }
 
 /// Squared correlation.
-fn alike(a: &[f64], b: &[f64]) -> f64 {
+fn squared_correlation(a: &[f64], b: &[f64]) -> f64 {
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
     let (middle_a, middle_b) = (mean(a), mean(b));
     let sum = |f: &dyn Fn(f64, f64) -> f64| {
@@ -143,15 +134,15 @@ fn predictor(
     let points = (0..predicted.len())
         .filter(|&block| candidate.acts(gram.rows, gram.rows.work_from + block))
         .map(|block| PredictorPoint {
-            predicted: scale(axis) * predicted[block][axis],
-            residual: scale(axis) * (held.after[block][axis] + predicted[block][axis]),
+            predicted: display_scale(axis) * predicted[block][axis],
+            residual: display_scale(axis) * (held.after[block][axis] + predicted[block][axis]),
         })
         .collect();
     Some(PredictorPlot {
         effect: Candidate::name(candidate),
         signal: Signal::ALL[axis],
         points,
-        noise_sigma: scale(axis) * floor.root_mean_square(axis, |_| true),
+        noise_sigma: display_scale(axis) * floor.root_mean_square(axis, |_| true),
     })
 }
 
@@ -168,7 +159,7 @@ fn whiteness(gram: &Gram<'_>, answer: &Answer, axis: usize) -> Whiteness {
     let of = |rows: &[f64]| {
         let values = whitened(gram, rows, axis);
         let square = dot(&values, &values);
-        (1..=LAGS.min(values.len().saturating_sub(2)))
+        (1..=AUTOCORRELATION_LAGS.min(values.len().saturating_sub(2)))
             .map(|lag| if square > 0.0 { dot(&values[lag..], &values) / square } else { 0.0 })
             .collect()
     };
@@ -189,11 +180,11 @@ fn surprise(gram: &Gram<'_>, answer: &Answer) -> Vec<SurpriseBin> {
     let share = |list: &[f64], from: f64, to: f64| {
         list.iter().filter(|&&value| value >= from && value < to).count() as f64 / list.len().max(1) as f64
     };
-    SURPRISES
+    INNOVATION_BINS
         .windows(2)
         .map(|edge| {
             let [from, to] = [edge[0], edge[1]];
-            let expected = below(to) - below(from);
+            let expected = chi_square_cdf(to) - chi_square_cdf(from);
             SurpriseBin {
                 from,
                 to,
@@ -206,7 +197,7 @@ fn surprise(gram: &Gram<'_>, answer: &Answer) -> Vec<SurpriseBin> {
 }
 
 /// Probability that the square of a standard normal is below a value: `erf(√(x/2))` by Abramowitz and Stegun 7.1.26.
-fn below(value: f64) -> f64 {
+fn chi_square_cdf(value: f64) -> f64 {
     if value.is_infinite() {
         return 1.0;
     }
@@ -239,7 +230,8 @@ fn windows(gram: &Gram<'_>, answer: &Answer) -> Vec<Window> {
         }
     }
     list.sort_by(|a, b| b.times_noise_after.total_cmp(&a.times_noise_after));
-    list.truncate(WINDOWS_MAX);
+    let [windows_max, ..] = SHOWN_MAX;
+    list.truncate(windows_max);
     list
 }
 
@@ -249,9 +241,10 @@ fn phases(gram: &Gram<'_>, held: &HeldOut, floor: &Floor) -> Vec<PhaseGap> {
     for phase in [Phase::Identify, Phase::Reference, Phase::Work] {
         for (axis, signal) in Signal::ALL.into_iter().enumerate() {
             let gap = if phase == Phase::Work {
-                let root =
-                    |list: &[[f64; 3]]| scale(axis) * root_mean(list.iter().map(|value| value[axis].powi(2)));
-                let noise_floor = scale(axis) * floor.root_mean_square(axis, |_| true);
+                let root = |list: &[[f64; 3]]| {
+                    display_scale(axis) * root_mean(list.iter().map(|value| value[axis].powi(2)))
+                };
+                let noise_floor = display_scale(axis) * floor.root_mean_square(axis, |_| true);
                 PhaseGap { phase, signal, before: root(&held.before), after: root(&held.after), noise_floor }
             } else {
                 let blocks = (0..rows.work_from).filter(|&block| rows.blocks[block].phase == phase);
@@ -259,7 +252,8 @@ fn phases(gram: &Gram<'_>, held: &HeldOut, floor: &Floor) -> Vec<PhaseGap> {
                     0 | 1 => rows.cop_residual_m(block)[axis],
                     _ => rows.force_residual_n(block, 2),
                 };
-                let root = scale(axis) * root_mean(blocks.clone().map(|block| residual(block).powi(2)));
+                let root =
+                    display_scale(axis) * root_mean(blocks.clone().map(|block| residual(block).powi(2)));
                 if blocks.count() == 0 {
                     continue;
                 }
@@ -277,7 +271,7 @@ fn unseen(gram: &Gram<'_>) -> Vec<Unseen> {
     for (index, term) in gram.terms.iter().enumerate() {
         let Some(candidate) = term.candidate.as_ref().filter(|_| !term.is_derived) else { continue };
         let effect = candidate.name();
-        if candidate.is_a_share() || list.iter().any(|other| other.effect == effect) {
+        if candidate.is_shape_factor() || list.iter().any(|other| other.effect == effect) {
             continue;
         }
         let Some(estimate) = gram.estimate(&[index]) else { continue };

@@ -27,7 +27,7 @@ impl Gram<'_> {
     /// Log Bayes factor of some terms together against none.
     pub(crate) fn log_odds(&self, terms: &[usize]) -> f64 {
         let columns = self.columns_of(terms);
-        let (mean, sigma) = self.beliefs(terms);
+        let (mean, sigma) = self.priors(terms);
         log_odds(
             &|i, j| self.products[columns[i]][columns[j]],
             &|i| self.with_residual[columns[i]],
@@ -39,7 +39,7 @@ impl Gram<'_> {
     /// Parameters of some terms, fitted together.
     pub(crate) fn estimate(&self, terms: &[usize]) -> Option<Estimate> {
         let columns = self.columns_of(terms);
-        let (mean, sigma) = self.beliefs(terms);
+        let (mean, sigma) = self.priors(terms);
         estimate(
             &|i, j| self.products[columns[i]][columns[j]],
             &|i| self.with_residual[columns[i]],
@@ -49,17 +49,17 @@ impl Gram<'_> {
     }
 
     /// The inner products, conditioned on some terms.
-    pub(crate) fn given(&self, terms: &[usize]) -> Conditioned {
+    pub(crate) fn conditioned_on(&self, terms: &[usize]) -> Conditioned {
         let mut products = self.products.clone();
         let mut with_residual = self.with_residual.clone();
         for &term in terms {
             let term = &self.terms[term];
             for (k, column) in term.columns().enumerate() {
                 let row = products[column].clone();
-                let pull = with_residual[column] - row[column] * term.mean[k];
+                let rest = with_residual[column] - row[column] * term.mean[k];
                 let scale = 1.0 / (1.0 / (term.sigma[k] * term.sigma[k]) + row[column]);
                 for (i, line) in products.iter_mut().enumerate() {
-                    with_residual[i] -= row[i] * (term.mean[k] + pull * scale);
+                    with_residual[i] -= row[i] * (term.mean[k] + rest * scale);
                     let along = row[i] * scale;
                     line.iter_mut().zip(&row).for_each(|(value, other)| *value -= along * other);
                 }
@@ -74,7 +74,7 @@ impl Gram<'_> {
     }
 
     /// Prior means of some terms' parameters, and their 1-σ.
-    pub(crate) fn beliefs(&self, terms: &[usize]) -> (Vec<f64>, Vec<f64>) {
+    pub(crate) fn priors(&self, terms: &[usize]) -> (Vec<f64>, Vec<f64>) {
         let of =
             |pick: fn(&Term) -> &Vec<f64>| terms.iter().flat_map(|&t| pick(&self.terms[t]).clone()).collect();
         (of(|term| &term.mean), of(|term| &term.sigma))
@@ -104,16 +104,16 @@ pub(crate) fn log_odds(
 ) -> f64 {
     let count = mean.len();
     let mut by_mean = 0.0;
-    let mut pull = vec![0.0; count];
+    let mut right = vec![0.0; count];
     for i in 0..count {
-        let pushed: f64 = (0..count).map(|j| products(i, j) * mean[j]).sum();
-        by_mean += mean[i] * (with_residual(i) - 0.5 * pushed);
-        pull[i] = (with_residual(i) - pushed) * sigma[i];
+        let by_prior: f64 = (0..count).map(|j| products(i, j) * mean[j]).sum();
+        by_mean += mean[i] * (with_residual(i) - 0.5 * by_prior);
+        right[i] = (with_residual(i) - by_prior) * sigma[i];
     }
     let scaled = |i: usize, j: usize| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j);
     match small_factor(count, &scaled) {
         Some((lower, half_log_det)) => {
-            let solved = forward(&lower, &pull);
+            let solved = forward_substitution(&lower, &right);
             by_mean - half_log_det + 0.5 * solved.iter().map(|value| value * value).sum::<f64>()
         }
         None => 0.0,
@@ -161,7 +161,7 @@ fn small_factor(count: usize, of: &dyn Fn(usize, usize) -> f64) -> Option<(Vec<V
     Some((lower, half_log_det))
 }
 
-fn forward(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
+fn forward_substitution(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
     let mut solved: Vec<f64> = Vec::with_capacity(right.len());
     for (i, row) in lower.iter().enumerate() {
         let rest = right[i] - row.iter().zip(&solved).map(|(a, b)| a * b).sum::<f64>();
@@ -171,7 +171,7 @@ fn forward(lower: &[Vec<f64>], right: &[f64]) -> Vec<f64> {
 }
 
 /// `ln Σ exp`.
-pub(crate) fn log_sum(values: &[f64]) -> f64 {
+pub(crate) fn log_sum_exp(values: &[f64]) -> f64 {
     let largest = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if largest.is_finite() {
         largest + values.iter().map(|value| (value - largest).exp()).sum::<f64>().ln()

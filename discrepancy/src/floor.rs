@@ -5,7 +5,7 @@ use faer::Mat;
 use crate::block::Phase;
 use crate::gram::Gram;
 use crate::linear::{Factor, product};
-use crate::noise::kernels::features;
+use crate::noise::cop::cop_columns;
 
 /// Expected residual of every block of the work and its 1-σ: centre of pressure x, y (m), vertical force (N).
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ impl Floor {
         let rows = gram.rows;
         let (work, from) = (rows.len() - rows.work_from, rows.work_from);
         let without = &gram.noise.cop_without_stances;
-        let mut residual_m = features(rows, 1, |block, _| {
+        let mut residual_m = cop_columns(rows, 1, |block, _| {
             let residual_m = rows.cop_residual_m(block);
             [0, 1].map(|axis| residual_m[axis] - stances_m[block][axis])
         });
@@ -57,7 +57,7 @@ impl Floor {
 pub(crate) fn stances_m(gram: &Gram<'_>, after: &[f64]) -> Vec<[f64; 2]> {
     let count = gram.cop_rows();
     let mut weighted = Mat::from_fn(count, 1, |row, _| after[row]);
-    gram.noise.cop.back(&mut weighted);
+    gram.noise.cop.solve_transposed(&mut weighted);
     let offset_m = product(gram.noise.stances_m2.as_ref(), weighted.as_ref());
     (0..gram.rows.len()).map(|block| [offset_m[(2 * block, 0)], offset_m[(2 * block + 1, 0)]]).collect()
 }

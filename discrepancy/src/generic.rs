@@ -1,27 +1,16 @@
 //! Residuals that no catalogue effect explains, described in terms of the body: sparse search of a library of generic
 //! terms by the same evidence.
 
-mod forces;
 mod library;
-mod plate;
 mod regions;
 mod search;
 mod shifts;
-mod words;
 
+use crate::constants::{GENERIC_BEYOND_CHANCE, GENERIC_MAX};
 use crate::finding::Generic;
 use crate::gram::Gram;
 use crate::select::Selection;
 use search::Search;
-
-pub(crate) use words::words;
-
-/// Largest number of reported generic terms.
-const REPORTED_MAX: usize = 3;
-
-/// Required gain of a generic term beyond the level reached by chance, log odds: shapes computed from the suit's motion
-/// never match the body's exactly. Clean sessions stay below.
-const SEARCHED: f64 = 2.0;
 
 /// Results of the library search.
 #[derive(Debug, Clone, Default)]
@@ -35,14 +24,14 @@ pub(crate) struct Generics {
 }
 
 /// Searches the library.
-pub(crate) fn look(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Generics {
+pub(crate) fn search(gram: &Gram<'_>, selection: &Selection, threshold: f64) -> Generics {
     let search = Search::of(gram, library::all(gram.rows));
-    let least = threshold.max(search.by_chance()) + SEARCHED;
+    let threshold = threshold.max(search.chance_level()) + GENERIC_BEYOND_CHANCE;
     let terms = selection.terms();
-    let sum = |found: Vec<Generic>| found.iter().map(|generic| generic.log_odds).sum();
+    let sum = |terms: Vec<Generic>| terms.iter().map(|generic| generic.log_odds).sum();
     Generics {
-        alone: sum(search.greedy(gram, &[], least, terms.len().max(1), |_| true)),
-        after: search.greedy(gram, &terms, least, REPORTED_MAX, |_| true),
-        unlike: sum(search.greedy(gram, &[], least, 1, |entry| entry.is_unlike)),
+        alone: sum(search.greedy(gram, &[], threshold, terms.len().max(1), |_| true)),
+        after: search.greedy(gram, &terms, threshold, GENERIC_MAX, |_| true),
+        unlike: sum(search.greedy(gram, &[], threshold, 1, |entry| entry.is_unlike_catalogue)),
     }
 }

@@ -1,7 +1,7 @@
 //! Whitened columns and their inner products; all further inference is small algebra on them.
 //!
 //! Rows are the centre of pressure, then the force channels, each whitened by its own factor. Directions that count as
-//! model error (see [`Gram::forgive`]) are projected out of all inner products.
+//! model error (see [`Gram::marginalise`]) are projected out of all inner products.
 
 use equipoise_core::effect::Columns;
 use faer::Mat;
@@ -32,9 +32,35 @@ pub(crate) struct Term {
 }
 
 impl Term {
+    /// The term of a candidate, whose columns are not placed yet.
+    fn of(candidate: Candidate) -> Term {
+        Term {
+            first: 0,
+            count: candidate.count(),
+            mean: candidate.mean.clone(),
+            sigma: candidate.sigma.clone(),
+            log_prior: candidate.log_prior,
+            candidate: Some(candidate),
+            is_derived: false,
+        }
+    }
+
     /// The range of its columns.
     pub(crate) fn columns(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.count
+    }
+
+    /// Predicted change at a block with these parameters: centre of pressure x, y (m), vertical force (N).
+    pub(crate) fn predicted(&self, rows: &Rows<'_>, block: usize, value: &[f64]) -> [f64; 3] {
+        let Some(candidate) = &self.candidate else { return [0.0; 3] };
+        let columns = candidate.columns(rows, block);
+        let mut sum = [0.0; 3];
+        for (k, value) in value.iter().enumerate() {
+            sum[0] += value * columns.cop_m[k][0];
+            sum[1] += value * columns.cop_m[k][1];
+            sum[2] += value * columns.force_n[k][2];
+        }
+        sum
     }
 }
 
@@ -52,9 +78,9 @@ pub(crate) struct Gram<'a> {
     /// The terms.
     pub(crate) terms: Vec<Term>,
     /// Directions marginalised as model error.
-    pub(crate) forgiven: Vec<Vec<f64>>,
+    pub(crate) marginalised: Vec<Vec<f64>>,
     /// Those of them that are errors of the sensors, independent of the named effects.
-    pub(crate) errors: Vec<Vec<f64>>,
+    pub(crate) sensor_errors: Vec<Vec<f64>>,
     /// Inner products of columns, full symmetric matrix.
     pub(crate) products: Vec<Vec<f64>>,
     /// Inner products of columns with the residual.
@@ -71,22 +97,14 @@ impl<'a> Gram<'a> {
             residual,
             columns: Vec::new(),
             terms: Vec::new(),
-            forgiven: Vec::new(),
-            errors: Vec::new(),
+            marginalised: Vec::new(),
+            sensor_errors: Vec::new(),
             products: Vec::new(),
             with_residual: Vec::new(),
         };
         for candidate in candidates {
             let columns = gram.whitened(candidate.count(), |block| candidate.columns(rows, block));
-            let term = Term {
-                first: gram.columns.len(),
-                count: candidate.count(),
-                mean: candidate.mean.clone(),
-                sigma: candidate.sigma.clone(),
-                log_prior: candidate.log_prior,
-                candidate: Some(candidate),
-                is_derived: false,
-            };
+            let term = Term { first: gram.columns.len(), ..Term::of(candidate) };
             gram.terms.push(term);
             gram.columns.extend(columns);
         }
@@ -105,9 +123,9 @@ impl<'a> Gram<'a> {
         term.is_derived = true;
         for column in columns {
             let mut products: Vec<f64> =
-                self.columns.iter().map(|other| self.metric(other, &column)).collect();
-            products.push(self.metric(&column, &column));
-            self.with_residual.push(self.metric(&column, &self.residual));
+                self.columns.iter().map(|other| self.projected_product(other, &column)).collect();
+            products.push(self.projected_product(&column, &column));
+            self.with_residual.push(self.projected_product(&column, &self.residual));
             for (row, &product) in self.products.iter_mut().zip(&products) {
                 row.push(product);
             }
@@ -121,15 +139,7 @@ impl<'a> Gram<'a> {
     /// Adds a candidate.
     pub(crate) fn add_candidate(&mut self, candidate: Candidate) -> usize {
         let columns = self.whitened(candidate.count(), |block| candidate.columns(self.rows, block));
-        let term = Term {
-            first: 0,
-            count: candidate.count(),
-            mean: candidate.mean.clone(),
-            sigma: candidate.sigma.clone(),
-            log_prior: candidate.log_prior,
-            candidate: Some(candidate),
-            is_derived: true,
-        };
+        let term = Term::of(candidate);
         self.add(term, columns)
     }
 
@@ -146,16 +156,16 @@ impl<'a> Gram<'a> {
     }
 
     /// Marginalises a direction as model error of this 1-σ (per unit of the column): it provides no evidence any more.
-    pub(crate) fn forgive(&mut self, column: &[f64], sigma: f64) {
-        let direction = direction(column, sigma, &self.forgiven);
+    pub(crate) fn marginalise(&mut self, column: &[f64], sigma: f64) {
+        let direction = direction(column, sigma, &self.marginalised);
         self.project_out(direction);
     }
 
     /// The same for an error of the sensors, which belongs to no effect.
-    pub(crate) fn count_as_error(&mut self, column: &[f64], sigma: f64) {
-        let error = direction(column, sigma, &self.errors);
-        self.errors.push(error);
-        self.forgive(column, sigma);
+    pub(crate) fn marginalise_sensor_error(&mut self, column: &[f64], sigma: f64) {
+        let error = direction(column, sigma, &self.sensor_errors);
+        self.sensor_errors.push(error);
+        self.marginalise(column, sigma);
     }
 
     fn project_out(&mut self, direction: Vec<f64>) {
@@ -167,12 +177,12 @@ impl<'a> Gram<'a> {
             }
             self.with_residual[i] -= along[i] * with_residual;
         }
-        self.forgiven.push(direction);
+        self.marginalised.push(direction);
     }
 
     /// Inner product without the marginalised directions.
-    pub(crate) fn metric(&self, a: &[f64], b: &[f64]) -> f64 {
-        self.forgiven.iter().fold(dot(a, b), |sum, known| sum - dot(a, known) * dot(b, known))
+    pub(crate) fn projected_product(&self, a: &[f64], b: &[f64]) -> f64 {
+        self.marginalised.iter().fold(dot(a, b), |sum, other| sum - dot(a, other) * dot(b, other))
     }
 
     /// Number of rows of the centre of pressure; those of the forces follow.
@@ -208,10 +218,10 @@ pub(crate) fn whiten(
     of: impl Fn(usize) -> Columns,
 ) -> Vec<Vec<f64>> {
     let blocks: Vec<Columns> = (0..rows.len()).map(of).collect();
-    let is_something = |columns: &Columns| {
+    let is_nonzero = |columns: &Columns| {
         columns.cop_m.iter().flatten().chain(columns.force_n.iter().flatten()).any(|&v| v != 0.0)
     };
-    let from = blocks.iter().position(is_something).unwrap_or(blocks.len());
+    let from = blocks.iter().position(is_nonzero).unwrap_or(blocks.len());
     let length = rows.len() * (2 + rows.force_axes().len());
     let mut whitened = vec![vec![0.0; length]; count];
     if from == blocks.len() {
@@ -220,16 +230,16 @@ pub(crate) fn whiten(
     let some = &blocks[from..];
     let mut cop = Mat::from_fn(2 * some.len(), count, |row, column| some[row / 2].cop_m[column][row % 2]);
     noise.cop.whiten_from(2 * from, &mut cop);
-    place(&mut whitened, 2 * from, &cop);
+    copy_rows(&mut whitened, 2 * from, &cop);
     for (channel, &axis) in rows.force_axes().iter().enumerate() {
         let mut force = Mat::from_fn(some.len(), count, |row, column| some[row].force_n[column][axis]);
         noise.force[channel].whiten_from(from, &mut force);
-        place(&mut whitened, (2 + channel) * rows.len() + from, &force);
+        copy_rows(&mut whitened, (2 + channel) * rows.len() + from, &force);
     }
     whitened
 }
 
-fn place(whitened: &mut [Vec<f64>], from: usize, columns: &Mat<f64>) {
+fn copy_rows(whitened: &mut [Vec<f64>], from: usize, columns: &Mat<f64>) {
     for (column, into) in whitened.iter_mut().enumerate() {
         into[from..from + columns.nrows()].copy_from_slice(columns.col_as_slice(column));
     }
@@ -239,7 +249,7 @@ impl Gram<'_> {
     /// All directions that are projected out if some terms are accepted as well, and the residual minus their prior
     /// means.
     pub(crate) fn directions_given(&self, accepted: &[usize]) -> (Vec<Vec<f64>>, Vec<f64>) {
-        let mut directions = self.forgiven.clone();
+        let mut directions = self.marginalised.clone();
         let mut residual = self.residual.clone();
         for &index in accepted {
             let term = &self.terms[index];
@@ -252,8 +262,8 @@ impl Gram<'_> {
         (directions, residual)
     }
 
-    /// Log Bayes factor of a candidate outside the terms, with some directions projected out.
-    pub(crate) fn score_alone(
+    /// Log Bayes factor of a candidate that is no term, with some directions projected out.
+    pub(crate) fn score_candidate(
         &self,
         candidate: &Candidate,
         directions: &[Vec<f64>],
@@ -273,42 +283,27 @@ pub(crate) fn score(
     sigma: &[f64],
 ) -> f64 {
     let along: Vec<Vec<f64>> =
-        columns.iter().map(|column| directions.iter().map(|known| dot(column, known)).collect()).collect();
-    let on_residual: Vec<f64> = directions.iter().map(|known| dot(known, residual)).collect();
-    let pull: Vec<f64> = columns
+        columns.iter().map(|column| directions.iter().map(|other| dot(column, other)).collect()).collect();
+    let on_residual: Vec<f64> = directions.iter().map(|other| dot(other, residual)).collect();
+    let with_residual: Vec<f64> = columns
         .iter()
         .zip(&along)
         .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
         .collect();
     let of = |i: usize, j: usize| dot(&columns[i], &columns[j]) - dot(&along[i], &along[j]);
-    crate::evidence::log_odds(&of, &|i| pull[i], mean, sigma)
+    crate::evidence::log_odds(&of, &|i| with_residual[i], mean, sigma)
 }
 
 /// The direction to be projected out for a column whose amplitude has a 1-σ uncertainty, given the other directions.
 pub(crate) fn direction(column: &[f64], sigma: f64, others: &[Vec<f64>]) -> Vec<f64> {
     let mut direction = column.to_vec();
     let mut own = dot(column, column);
-    for known in others {
-        let along = dot(column, known);
+    for other in others {
+        let along = dot(column, other);
         own -= along * along;
-        direction.iter_mut().zip(known).for_each(|(value, known)| *value -= along * known);
+        direction.iter_mut().zip(other).for_each(|(value, other)| *value -= along * other);
     }
     let scale = 1.0 / (1.0 / (sigma * sigma) + own.max(0.0)).sqrt();
     direction.iter_mut().for_each(|value| *value *= scale);
     direction
-}
-
-impl Term {
-    /// Predicted change at a block with these parameters: centre of pressure x, y (m), vertical force (N).
-    pub(crate) fn predicted(&self, rows: &Rows<'_>, block: usize, value: &[f64]) -> [f64; 3] {
-        let Some(candidate) = &self.candidate else { return [0.0; 3] };
-        let columns = candidate.columns(rows, block);
-        let mut sum = [0.0; 3];
-        for (k, value) in value.iter().enumerate() {
-            sum[0] += value * columns.cop_m[k][0];
-            sum[1] += value * columns.cop_m[k][1];
-            sum[2] += value * columns.force_n[k][2];
-        }
-        sum
-    }
 }

@@ -3,15 +3,11 @@
 
 use faer::Mat;
 
+use crate::constants::{FOLDS, INTERVALS_PER_FOLD};
 use crate::evidence::estimate;
 use crate::gram::Gram;
 use crate::linear::{Factor, dot, inner};
 use crate::rows::Rows;
-
-/// Number of folds.
-const FOLDS: usize = 5;
-/// Intervals per fold. Folds consist of intervals, not of samples, since neighbouring samples share their noise.
-const STRETCHES: usize = 6;
 
 /// Residuals of the work, by block: x, y (m), vertical (N); minus the stance offset, and finally minus the expectation
 /// conditioned on the clean rows.
@@ -28,7 +24,7 @@ pub(crate) struct HeldOut {
 impl HeldOut {
     /// Subtracts the expectation, conditioned on the clean rows, of each block of the work: earlier errors of the
     /// subject's parameters and of the pose count on neither side of the gap.
-    pub(crate) fn take_off_expected(&mut self, expected: &[[f64; 3]]) {
+    pub(crate) fn subtract_expected(&mut self, expected: &[[f64; 3]]) {
         for list in [&mut self.before, &mut self.after] {
             for (residual, mean) in list.iter_mut().zip(expected) {
                 residual.iter_mut().zip(mean).for_each(|(residual, mean)| *residual -= mean);
@@ -37,14 +33,14 @@ impl HeldOut {
     }
 }
 
-/// Fold of each block of the work.
+/// Fold of each block of the work. Folds consist of intervals, not of blocks, since neighbours share their noise.
 fn folds(rows: &Rows<'_>) -> Vec<usize> {
     let work = rows.work_from..rows.len();
     let Some(first_s) = work.clone().next().map(|block| rows.time_s(block)) else { return Vec::new() };
     let length_s = rows.time_s(rows.len() - 1) - first_s + 1e-6;
     work.map(|block| {
-        let stretch = (rows.time_s(block) - first_s) / length_s * (FOLDS * STRETCHES) as f64;
-        stretch as usize % FOLDS
+        let interval = (rows.time_s(block) - first_s) / length_s * (FOLDS * INTERVALS_PER_FOLD) as f64;
+        interval as usize % FOLDS
     })
     .collect()
 }
@@ -73,21 +69,21 @@ pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2
         if blocks.is_empty() {
             continue;
         }
-        let value = without(gram, accepted, &blocks)?;
+        let value = estimate_without(gram, accepted, &blocks)?;
         for &block in &blocks {
-            take_off(gram, accepted, &value, block, &mut held);
+            subtract_prediction(gram, accepted, &value, block, &mut held);
         }
     }
     Some(held)
 }
 
 /// Parameters without these blocks: their rows get infinite noise.
-fn without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<f64>> {
+fn estimate_without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<f64>> {
     let columns = gram.columns_of(accepted);
-    let (mean, sigma) = gram.beliefs(accepted);
-    let unseen = unseen_directions(gram, blocks)?;
+    let (mean, sigma) = gram.priors(accepted);
+    let held_out = held_out_directions(gram, blocks)?;
     let along = |column: &[f64]| -> Vec<f64> {
-        unseen
+        held_out
             .iter()
             .flat_map(|(from, part)| {
                 let rows = part.nrows();
@@ -96,17 +92,18 @@ fn without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<
             })
             .collect()
     };
-    let off: Vec<Vec<f64>> = columns.iter().map(|&column| along(&gram.columns[column])).collect();
+    let along_columns: Vec<Vec<f64>> = columns.iter().map(|&column| along(&gram.columns[column])).collect();
     let residual = along(&gram.residual);
     // Without the marginalised directions, which are not orthogonal to those of the left-out blocks.
     let own = |column: usize, with: &[f64]| dot(&gram.columns[columns[column]], with);
-    let products = |i: usize, j: usize| own(i, &gram.columns[columns[j]]) - dot(&off[i], &off[j]);
-    let pull = |i: usize| own(i, &gram.residual) - dot(&off[i], &residual);
-    Some(estimate(&products, &pull, &mean, &sigma)?.value)
+    let products =
+        |i: usize, j: usize| own(i, &gram.columns[columns[j]]) - dot(&along_columns[i], &along_columns[j]);
+    let with_residual = |i: usize| own(i, &gram.residual) - dot(&along_columns[i], &residual);
+    Some(estimate(&products, &with_residual, &mean, &sigma)?.value)
 }
 
 /// Orthonormal directions of the whitened rows that these blocks span, per channel: first row, and directions.
-fn unseen_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Mat<f64>)>> {
+fn held_out_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Mat<f64>)>> {
     let count = gram.rows.len();
     let first = blocks[0];
     let mut parts = Vec::new();
@@ -131,7 +128,8 @@ fn unseen_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Ma
     Some(parts)
 }
 
-fn take_off(gram: &Gram<'_>, accepted: &[usize], value: &[f64], block: usize, held: &mut HeldOut) {
+/// Subtracts the prediction of the accepted terms at a block.
+fn subtract_prediction(gram: &Gram<'_>, accepted: &[usize], value: &[f64], block: usize, held: &mut HeldOut) {
     let mut first = 0;
     for (index, &term) in accepted.iter().enumerate() {
         let term = &gram.terms[term];

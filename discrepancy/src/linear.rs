@@ -33,7 +33,7 @@ impl Factor {
     }
 
     /// `L⁻ᵀ columns`.
-    pub(crate) fn back(&self, columns: &mut Mat<f64>) {
+    pub(crate) fn solve_transposed(&self, columns: &mut Mat<f64>) {
         solve_upper_triangular_in_place(self.lower.as_ref().transpose(), columns.as_mut(), Par::Seq);
     }
 
@@ -96,9 +96,14 @@ pub(crate) fn root(rows: &[f64], size: usize) -> Mat<f64> {
     Mat::from_fn(size, columns.len(), |i, j| columns[j][i])
 }
 
-fn largest_diagonal(matrix: &Mat<f64>, least: f64) -> Option<usize> {
+fn largest_diagonal(matrix: &Mat<f64>, min: f64) -> Option<usize> {
     let largest = (0..matrix.nrows()).max_by(|&a, &b| matrix[(a, a)].total_cmp(&matrix[(b, b)]))?;
-    (matrix[(largest, largest)] > least).then_some(largest)
+    (matrix[(largest, largest)] > min).then_some(largest)
+}
+
+/// Length of a vector.
+pub(crate) fn norm(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|value| value * value).sum::<f64>().sqrt()
 }
 
 /// Scalar product.

@@ -5,16 +5,14 @@
 //! unknown smooth function of the pose, sway, the plate's noise. Without these coloured components effects would be
 //! detected in every session.
 
-pub(crate) mod fit;
-pub(crate) mod force;
-pub(crate) mod kernels;
+pub(crate) mod cop;
+mod force;
 mod likelihood;
-mod minimise;
 
 use faer::Mat;
 
 use crate::linear::Factor;
-use crate::options::ReconcileError;
+use crate::reconcile::ReconcileError;
 use crate::rows::Rows;
 
 /// The noise of all channels, factored for whitening.
@@ -35,7 +33,7 @@ impl Noise {
     pub(crate) fn fit(rows: &Rows<'_>) -> Result<Noise, ReconcileError> {
         let no_noise = |channel| ReconcileError::NoNoise { channel };
         let [cop, cop_without_stances] = Noise::of_cop(rows).ok_or(no_noise("centre of pressure"))?;
-        let stances_m2 = kernels::stance_m2(rows);
+        let stances_m2 = cop::stance_covariance_m2(rows);
         let of_axis = |&axis: &usize| Factor::of(&force::covariance_n2(rows, axis)?);
         let force =
             rows.force_axes().iter().map(of_axis).collect::<Option<Vec<_>>>().ok_or(no_noise("force"))?;
@@ -43,8 +41,8 @@ impl Noise {
     }
 
     fn of_cop(rows: &Rows<'_>) -> Option<[Factor; 2]> {
-        let covariance_m2 = kernels::covariance_m2(rows, &fit::fit(rows)?);
-        let without_m2 = &covariance_m2 - kernels::stance_m2(rows);
+        let covariance_m2 = cop::covariance_m2(rows)?;
+        let without_m2 = &covariance_m2 - cop::stance_covariance_m2(rows);
         Some([Factor::of(&covariance_m2)?, Factor::of(&without_m2)?])
     }
 }

@@ -1,33 +1,90 @@
-//! The sequence of steps from a session to a finding.
+//! The sequence of steps from a session to a finding; its options and errors.
 
 use equipoise_core::effect;
+use thiserror::Error;
 
-use crate::answer::Left;
-use crate::block::Phase;
+use crate::answer::Residuals;
+use crate::block::{Block, Phase};
 use crate::candidate;
+use crate::constants::{CLEAN_BLOCKS_MIN, DRAWS, LOG_ODDS_MIN, WORK_BLOCKS_MIN};
 use crate::finding::Finding;
 use crate::floor::{Floor, stances_m};
 use crate::generic::{self, Generics};
 use crate::gram::Gram;
 use crate::holdout::held_out;
 use crate::noise::Noise;
-use crate::options::{Options, ReconcileError};
 use crate::picture::Picture;
-use crate::refine::tie_moments;
+use crate::refine::scale_moment_priors;
 use crate::rows::Rows;
 use crate::select::select;
 use crate::session::Session;
-use crate::trials::by_chance;
-use crate::verdict::Rest;
+use crate::trials::chance_level;
+use crate::verdict::Remainder;
 use crate::windows::Windows;
 use crate::{answer, drawing};
 
-/// Minimum number of work blocks.
-const WORK_MIN: usize = 30;
-/// Minimum number of blocks outside the work for the noise fit.
-const CLEAN_MIN: usize = 12;
-/// The threshold is the level that chance does not exceed in this many of a hundred clean sessions.
-const CHANCE_OF_100: f64 = 99.0;
+/// Options of a reconciliation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Minimum log Bayes factor of a named effect; the level reached by chance on these data may be higher.
+    pub least_log_odds: f64,
+    /// Number of simulated clean sessions from which the level reached by chance is estimated.
+    pub draws: usize,
+}
+
+impl Default for Options {
+    /// Calibrated on clean sessions (docs/discrepancy.md).
+    fn default() -> Options {
+        Options { least_log_odds: LOG_ODDS_MIN, draws: DRAWS }
+    }
+}
+
+/// Why a session cannot be reconciled.
+#[derive(Debug, Error)]
+pub enum ReconcileError {
+    /// The work phase has too few blocks.
+    #[error(
+        "only {found} usable blocks of {block_s:.1} s lie in the work in question ({from_s:.1} s to {to_s:.1} s), and \
+         {needed} are needed; choose a longer span with --work"
+    )]
+    TooLittleWork {
+        /// Blocks found.
+        found: usize,
+        /// Blocks required.
+        needed: usize,
+        /// Length of a block, s.
+        block_s: f64,
+        /// Start of the work, s.
+        from_s: f64,
+        /// Its end, s.
+        to_s: f64,
+    },
+    /// The recording has too few blocks outside the work.
+    #[error(
+        "only {found} usable blocks lie outside the work in question, and {needed} are needed to know the noise; give \
+         identification poses (--identify) or clean work (--reference)"
+    )]
+    NothingToCompareWith {
+        /// Blocks found.
+        found: usize,
+        /// Blocks required.
+        needed: usize,
+    },
+    /// A block contains a value that is not finite.
+    #[error("a value of the block at {time_s:.1} s is not a number; the recording is damaged there")]
+    NotANumber {
+        /// Middle of the block, s.
+        time_s: f64,
+    },
+    /// Measured values are constant, or the numbers do not permit a fit.
+    #[error(
+        "the noise of the {channel} cannot be fitted: do its values ever change? Check the sensor's wiring and channel"
+    )]
+    NoNoise {
+        /// The channel.
+        channel: &'static str,
+    },
+}
 
 /// Result of a reconciliation.
 #[derive(Debug, Clone)]
@@ -66,23 +123,24 @@ pub fn reconcile(
     let noise = Noise::fit(&rows)?;
     progress(0.4);
     let mut gram = Gram::of(&rows, &noise, candidate::all(&rows));
-    tie_moments(&mut gram);
-    let threshold = options.least_log_odds.max(by_chance(&gram, options.draws, CHANCE_OF_100));
+    scale_moment_priors(&mut gram);
+    let threshold = options.least_log_odds.max(chance_level(&gram, options.draws));
     progress(0.6);
     let windows = Windows::of(&gram);
     progress(0.7);
     let selection = select(&mut gram, &windows, threshold);
     progress(0.8);
-    let generics: Generics = generic::look(&gram, &selection, threshold);
-    let rest = Rest::of(&gram, &selection.terms());
+    let generics: Generics = generic::search(&gram, &selection, threshold);
+    let rest = Remainder::of(&gram, &selection.terms());
     let stances_m = stances_m(&gram, &rest.after);
     let mut held = held_out(&gram, &selection.terms(), &stances_m)
         .ok_or(ReconcileError::NoNoise { channel: "plate" })?;
     progress(0.9);
     let floor = Floor::of(&gram, &stances_m);
-    held.take_off_expected(&floor.mean);
-    let answer = answer::assemble(&gram, &selection, &generics, Left { held: &held, rest, floor }, threshold);
-    let picture = drawing::draw(&gram, &selection, &held, &answer, threshold);
+    held.subtract_expected(&floor.mean);
+    let answer =
+        answer::assemble(&gram, &selection, &generics, Residuals { held: &held, rest, floor }, threshold);
+    let picture = drawing::picture(&gram, &selection, &held, &answer, threshold);
     progress(1.0);
     Ok(Outcome { finding: answer.finding, terms: answer.terms, picture })
 }
@@ -91,31 +149,40 @@ pub fn reconcile(
 fn check(session: &Session) -> Result<(), ReconcileError> {
     let in_work = session.blocks.iter().filter(|block| block.phase == Phase::Work).count();
     let clean = session.blocks.len() - in_work;
-    if in_work < WORK_MIN {
+    if in_work < WORK_BLOCKS_MIN {
         let [from_s, to_s] = session.spans_s.work;
         let block_s = session.block_s;
         return Err(ReconcileError::TooLittleWork {
             found: in_work,
-            needed: WORK_MIN,
+            needed: WORK_BLOCKS_MIN,
             block_s,
             from_s,
             to_s,
         });
     }
-    if clean < CLEAN_MIN {
-        return Err(ReconcileError::NothingToCompareWith { found: clean, needed: CLEAN_MIN });
+    if clean < CLEAN_BLOCKS_MIN {
+        return Err(ReconcileError::NothingToCompareWith { found: clean, needed: CLEAN_BLOCKS_MIN });
     }
     let not_finite = session.blocks.iter().find(|block| !block.is_finite());
     not_finite.map_or(Ok(()), |block| Err(ReconcileError::NotANumber { time_s: block.observation.time_s }))
 }
 
-impl crate::block::Block {
+impl Block {
     /// Whether all values used are finite.
     fn is_finite(&self) -> bool {
-        let seen = &self.observation;
-        let vectors =
-            [seen.com_m, seen.com_acceleration_m_per_s2, seen.force_predicted_n, seen.force_measured_n];
-        let pairs = [seen.cop_predicted_m, seen.cop_measured_m, seen.turning_m, seen.slope];
+        let observation = &self.observation;
+        let vectors = [
+            observation.com_m,
+            observation.com_acceleration_m_per_s2,
+            observation.force_predicted_n,
+            observation.force_measured_n,
+        ];
+        let pairs = [
+            observation.cop_predicted_m,
+            observation.cop_measured_m,
+            observation.turning_m,
+            observation.slope,
+        ];
         vectors.iter().flatten().chain(pairs.iter().flatten()).all(|value| value.is_finite())
     }
 }

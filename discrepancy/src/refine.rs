@@ -3,36 +3,33 @@
 use equipoise_core::effect::Effect;
 
 use crate::candidate::Candidate;
+use crate::constants::{
+    CURVATURE_STEP, CUTOFF_RANGE, DRIFT_RANGE_S, GOLDEN_STEPS, LAG_MIN_S, LAG_RANGE_S, LAGS_S,
+    MOMENT_MASS_MIN_KG, ROTATION_STEPS, SHAPE_FACTOR_SIGMA, SWAY_RANGE_HZ,
+};
 use crate::evidence::estimate;
 use crate::gram::Gram;
-
-/// 1-σ at which the factor of a shape is fixed once the shape is fitted.
-const SHARE_SIGMA: f64 = 0.02;
-/// Steps of the golden section.
-const STEPS: usize = 14;
-/// Number of linearisations of a rotation about the previously fitted angle.
-const TURNS: usize = 4;
 
 /// The refined term, added; or the original one if all its parameters are linear.
 pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> usize {
     let Some(candidate) = gram.terms[term].candidate.clone() else { return term };
     if matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment) {
-        return turned(gram, candidate, accepted);
+        return relinearised(gram, candidate, accepted);
     }
     let Some([from, to]) = range(gram, &candidate, term, accepted) else { return term };
     let (directions, residual) = gram.directions_given(accepted);
-    let score = |shape: f64| gram.score_alone(&with_shape(&candidate, shape), &directions, &residual);
-    let best = golden(from, to, score);
+    let score = |shape: f64| gram.score_candidate(&with_shape(&candidate, shape), &directions, &residual);
+    let best = golden_section(from, to, score);
     gram.add_candidate(with_shape(&candidate, best))
 }
 
 /// Fits a rotation repeatedly, linearised at the last fitted angle, until columns and angle agree.
-pub(crate) fn turned(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -> usize {
+fn relinearised(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -> usize {
     candidate.sigma = Candidate::new(candidate.effect, candidate.place, 0.0, candidate.scope).sigma;
     candidate.mean = vec![0.0; candidate.sigma.len()];
-    for _ in 0..TURNS {
+    for _ in 0..ROTATION_STEPS {
         let term = gram.add_candidate(candidate.clone());
-        let Some(fitted) = crate::select::last_of(gram, accepted, term) else { return term };
+        let Some(fitted) = crate::select::estimate_last(gram, accepted, term) else { return term };
         gram.truncate(term);
         candidate.about = crate::select::padded(&fitted.value);
     }
@@ -40,10 +37,10 @@ pub(crate) fn turned(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[
 }
 
 /// The same with another shape; its factor is then fixed.
-pub(crate) fn with_shape(candidate: &Candidate, shape: f64) -> Candidate {
+fn with_shape(candidate: &Candidate, shape: f64) -> Candidate {
     let mut other = Candidate { shape, ..candidate.clone() };
-    if other.is_a_share() {
-        other.sigma = vec![SHARE_SIGMA];
+    if other.is_shape_factor() {
+        other.sigma = vec![SHAPE_FACTOR_SIGMA[1]];
     }
     other
 }
@@ -54,30 +51,31 @@ fn range(gram: &Gram<'_>, candidate: &Candidate, term: usize, accepted: &[usize]
     match candidate.effect {
         Effect::SuitLag => {
             let all: Vec<usize> = accepted.iter().copied().chain([term]).collect();
-            let share = *gram.estimate(&all)?.value.last()?;
-            let shape_s = (shape * share).clamp(-0.12, 0.18);
-            let [from, to] = [shape_s - 0.03, shape_s + 0.03];
+            let factor = *gram.estimate(&all)?.value.last()?;
+            let [first_s, .., last_s] = LAGS_S;
+            let shape_s = (shape * factor).clamp(first_s, last_s);
+            let [from, to] = [shape_s - LAG_RANGE_S, shape_s + LAG_RANGE_S];
             // A lag of the other sign is a different explanation.
             Some(if shape_s > 0.0 {
-                [from.max(5e-4), to.min(0.18)]
+                [from.max(LAG_MIN_S), to.min(last_s)]
             } else {
-                [from.max(-0.12), to.min(-5e-4)]
+                [from.max(first_s), to.min(-LAG_MIN_S)]
             })
         }
-        Effect::PlateLowpass => Some([shape / 1.6, shape * 1.6]),
-        Effect::PlateDrift if shape > 0.0 => Some([8.0, 150.0]),
-        Effect::PeriodicSway => Some([shape - 0.025, shape + 0.025]),
+        Effect::PlateLowpass => Some([shape / CUTOFF_RANGE, shape * CUTOFF_RANGE]),
+        Effect::PlateDrift if shape > 0.0 => Some(DRIFT_RANGE_S),
+        Effect::PeriodicSway => Some([shape - SWAY_RANGE_HZ, shape + SWAY_RANGE_HZ]),
         _ => None,
     }
 }
 
 /// Argument of the maximum between two bounds, for a unimodal function.
-fn golden(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
+fn golden_section(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let (mut from, mut to) = (from, to);
     let mut inner = [to - ratio * (to - from), from + ratio * (to - from)];
     let mut value = inner.map(&of);
-    for _ in 0..STEPS {
+    for _ in 0..GOLDEN_STEPS {
         if value[0] > value[1] {
             to = inner[1];
             inner = [to - ratio * (to - from), inner[0]];
@@ -94,11 +92,11 @@ fn golden(from: f64, to: f64, of: impl Fn(f64) -> f64) -> f64 {
 /// 1-σ of a refined shape, from the curvature of the evidence.
 pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usize]) -> f64 {
     let (directions, residual) = gram.directions_given(others);
-    let score = |shape: f64| gram.score_alone(&with_shape(candidate, shape), &directions, &residual);
+    let score = |shape: f64| gram.score_candidate(&with_shape(candidate, shape), &directions, &residual);
+    let (step, fraction) = CURVATURE_STEP;
     let step = match candidate.effect {
-        Effect::SuitLag => 0.002,
-        Effect::PeriodicSway => 0.002,
-        _ => 0.05 * candidate.shape.abs(),
+        Effect::SuitLag | Effect::PeriodicSway => step,
+        _ => fraction * candidate.shape.abs(),
     };
     let [below, here, above] = [-step, 0.0, step].map(|off| score(candidate.shape + off));
     let curvature = (2.0 * here - below - above) / (step * step);
@@ -106,16 +104,18 @@ pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usiz
 }
 
 /// Refits a mass's first moment with a prior consistent with the mass: the length of an arm, not a metre.
-pub(crate) fn tie_moments(gram: &mut Gram<'_>) {
+pub(crate) fn scale_moment_priors(gram: &mut Gram<'_>) {
     for index in 0..gram.terms.len() {
         let term = &gram.terms[index];
         let Some(candidate) = &term.candidate else { continue };
         let Some(arm_m) = candidate.effect.arm_sigma_m(candidate.place) else { continue };
         let first = term.first;
         let products = |_: usize, _: usize| gram.products[first][first];
-        let pull = |_: usize| gram.with_residual[first];
-        let Some(mass) = estimate(&products, &pull, &term.mean[..1], &term.sigma[..1]) else { continue };
-        let moment = arm_m * mass.value[0].abs().max(0.02);
+        let with_residual = |_: usize| gram.with_residual[first];
+        let Some(mass) = estimate(&products, &with_residual, &term.mean[..1], &term.sigma[..1]) else {
+            continue;
+        };
+        let moment = arm_m * mass.value[0].abs().max(MOMENT_MASS_MIN_KG);
         gram.terms[index].sigma[1..].fill(moment);
         if let Some(candidate) = &mut gram.terms[index].candidate {
             candidate.sigma[1..].fill(moment);

@@ -8,7 +8,7 @@ pub mod document;
 mod escape;
 mod figures;
 mod figures_by_row;
-mod figures_left;
+mod figures_remainder;
 mod html;
 mod markdown;
 mod story;

@@ -1,4 +1,5 @@
-//! The selected blocks as rows: residuals, and the sensitivity of the rows to the modelled errors.
+//! The selected blocks as rows: residuals, and the sensitivity of the rows to the modelled errors. However long the
+//! recording, at most [`BLOCKS_USED_MAX`] blocks are selected.
 //!
 //! Rows of the centre of pressure alternate x and y, block by block: identification, clean work, work in question.
 //! Effects of the work phase only are therefore zero in all rows before [`Rows::work_from`].
@@ -7,8 +8,8 @@ use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::{Columns, misaligned};
 
 use crate::block::{Block, Phase};
+use crate::constants::{BLOCKS_PER_POSE, BLOCKS_USED_MAX, ONSET_S, SAME_POSE_RAD};
 use crate::session::Session;
-use crate::thin::thin;
 
 /// The rows of a session.
 #[derive(Debug, Clone)]
@@ -20,21 +21,21 @@ pub(crate) struct Rows<'a> {
     /// The first block of the work in question.
     pub(crate) work_from: usize,
     /// Per block and segment: measurement error per rad of orientation error about each of the segment's axes.
-    turned: Vec<[Columns; SEGMENTS]>,
+    per_misalignment: Vec<[Columns; SEGMENTS]>,
 }
 
 impl<'a> Rows<'a> {
-    /// Rows of a whole session, thinned.
+    /// Rows of the selected blocks of a session.
     pub(crate) fn of(session: &'a Session) -> Rows<'a> {
-        Rows::from_blocks(session, thin(session))
+        Rows::from_blocks(session, selected(session))
     }
 
     /// Rows of some blocks, in the order of their phases.
     pub(crate) fn from_blocks(session: &'a Session, blocks: Vec<&'a Block>) -> Rows<'a> {
         let work_from = blocks.iter().position(|block| block.phase == Phase::Work).unwrap_or(blocks.len());
         let of_block = |block: &&Block| Segment::ALL.map(|segment| misaligned(segment, &block.observation));
-        let turned = blocks.iter().map(of_block).collect();
-        Rows { session, blocks, work_from, turned }
+        let per_misalignment = blocks.iter().map(of_block).collect();
+        Rows { session, blocks, work_from, per_misalignment }
     }
 
     /// A subset of the blocks, in order.
@@ -83,17 +84,27 @@ impl<'a> Rows<'a> {
 
     /// Error of the centre of pressure (m) and of the force (N) per rad of a segment's orientation error about one of
     /// its own axes.
-    pub(crate) fn turned(&self, block: usize, segment: usize, axis: usize) -> ([f64; 2], [f64; 3]) {
-        let columns = &self.turned[block][segment];
+    pub(crate) fn effect_of_misalignment(
+        &self,
+        block: usize,
+        segment: usize,
+        axis: usize,
+    ) -> ([f64; 2], [f64; 3]) {
+        let columns = &self.per_misalignment[block][segment];
         (columns.cop_m[axis], columns.force_n[axis])
     }
 
     /// The same for an orientation error given as a rotation vector in world axes, rad.
-    pub(crate) fn turned_by(&self, block: usize, segment: usize, turn_rad: [f64; 3]) -> ([f64; 2], [f64; 3]) {
+    pub(crate) fn effect_of_rotation(
+        &self,
+        block: usize,
+        segment: usize,
+        turn_rad: [f64; 3],
+    ) -> ([f64; 2], [f64; 3]) {
         let rotation = &self.blocks[block].observation.rotation[segment];
         let own_rad = [0, 1, 2].map(|axis| (0..3).map(|k| rotation[k][axis] * turn_rad[k]).sum());
         let [x, y, z] = own_rad;
-        self.turned[block][segment].times(&[x, y, z, 0.0])
+        self.per_misalignment[block][segment].times(&[x, y, z, 0.0])
     }
 
     /// Contribution of a vector (m, or m per unit) added to the centre of mass to the centre of pressure.
@@ -101,4 +112,43 @@ impl<'a> Rows<'a> {
         let slope = self.slope(block);
         [vector[0] - slope[0] * vector[2], vector[1] - slope[1] * vector[2]]
     }
+}
+
+/// The selected blocks: identification, clean work, work in question, each by time.
+fn selected(session: &Session) -> Vec<&Block> {
+    let of =
+        |phase: Phase| session.blocks.iter().filter(move |block| block.phase == phase).collect::<Vec<_>>();
+    let [identify_max, reference_max, work_max] = BLOCKS_USED_MAX;
+    let mut kept = evenly(few_per_pose(&of(Phase::Identify)), identify_max);
+    kept.extend(evenly(of(Phase::Reference), reference_max));
+    let [begin_s, _] = session.spans_s.work;
+    let mut work = of(Phase::Work);
+    work.retain(|block| block.observation.time_s > begin_s + ONSET_S);
+    kept.extend(evenly(work, work_max));
+    kept
+}
+
+/// At most `max` blocks, evenly spaced.
+fn evenly(blocks: Vec<&Block>, max: usize) -> Vec<&Block> {
+    if blocks.len() <= max {
+        return blocks;
+    }
+    (0..max).map(|i| blocks[i * blocks.len() / max]).collect()
+}
+
+/// Keeps a few blocks of every run of static ones; moving blocks are all kept.
+fn few_per_pose<'a>(blocks: &[&'a Block]) -> Vec<&'a Block> {
+    let mut kept = Vec::new();
+    for run in blocks.chunk_by(|a, b| a.still && b.still && a.stance == b.stance && same_pose(a, b)) {
+        kept.extend(evenly(run.to_vec(), if run[0].still { BLOCKS_PER_POSE } else { run.len() }));
+    }
+    kept
+}
+
+/// Whether two blocks have the same pose: no joint rotated by more than a tremor would.
+fn same_pose(a: &Block, b: &Block) -> bool {
+    let turned =
+        |(a, b): (&[f64; 3], &[f64; 3])| a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum::<f64>();
+    let squared: f64 = a.joint_rad.iter().zip(&b.joint_rad).map(turned).sum();
+    squared < SAME_POSE_RAD * SAME_POSE_RAD
 }

@@ -3,18 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::constants::{
+    DEFAULT_REFERENCE_S, IDENTIFY_FRACTION_MAX, INTERVAL_MIN_S, LONG_S, SPAN_EXCESS_S, WORK_MIN_S,
+};
 use crate::session::Spans;
-
-/// A phase shorter than this carries no information, s.
-const SHORTEST_S: f64 = 2.0;
-/// Minimum length of the work, s.
-const WORK_MIN_S: f64 = 10.0;
-/// Fraction of the recording taken as identification if that did not end.
-const IDENTIFY_SHARE: f64 = 0.4;
-/// In a recording that continues for at least this long after identification, s …
-const LONG_S: f64 = 900.0;
-/// … the first part is taken as clean work, s.
-const REFERENCE_S: f64 = 180.0;
 
 /// A span as on the command line: `12:90.5`, seconds since the recording's start.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -137,12 +129,12 @@ impl Given {
         let given: Vec<(&str, Span)> =
             given.into_iter().filter_map(|(option, span)| Some((option, span?))).collect();
         for &(option, span) in &given {
-            if span.from_s >= to_s || span.to_s <= from_s || span.to_s > to_s + 1.0 {
+            if span.from_s >= to_s || span.to_s <= from_s || span.to_s > to_s + SPAN_EXCESS_S {
                 return Err(SpanError::Outside { option, span, from_s, to_s });
             }
             let length_s = span.to_s - span.from_s;
-            if length_s < SHORTEST_S {
-                return Err(SpanError::Short { what: option, length_s, least_s: SHORTEST_S });
+            if length_s < INTERVAL_MIN_S {
+                return Err(SpanError::Short { what: option, length_s, least_s: INTERVAL_MIN_S });
             }
         }
         for (index, (option, span)) in given.iter().enumerate() {
@@ -162,7 +154,7 @@ impl Given {
     pub fn learn_until_s(&self, [from_s, to_s]: [f64; 2]) -> f64 {
         let next =
             [self.reference, self.work].into_iter().flatten().map(|span| span.from_s).fold(to_s, f64::min);
-        next.min(from_s + IDENTIFY_SHARE * (to_s - from_s)).max(from_s)
+        next.min(from_s + IDENTIFY_FRACTION_MAX * (to_s - from_s)).max(from_s)
     }
 
     /// Fills in the spans that were not given.
@@ -192,7 +184,9 @@ impl Given {
         let long = self.work.is_none() && to_s - rest_s >= LONG_S;
         let (reference, reference_how) = match self.reference {
             Some(span) => (Some(span.pair()), "as given"),
-            None if long => (Some([rest_s, rest_s + REFERENCE_S]), "the first minutes of a long recording"),
+            None if long => {
+                (Some([rest_s, rest_s + DEFAULT_REFERENCE_S]), "the first minutes of a long recording")
+            }
             None => (None, "none"),
         };
         let work = match self.work {
@@ -200,7 +194,7 @@ impl Given {
             None => self.longest_rest(identify, reference, shown.samples_s),
         };
         let [length_s, least_s] =
-            [work[1] - work[0], if self.work.is_some() { SHORTEST_S } else { WORK_MIN_S }];
+            [work[1] - work[0], if self.work.is_some() { INTERVAL_MIN_S } else { WORK_MIN_S }];
         if length_s < least_s {
             return Err(SpanError::Short { what: "the work", length_s, least_s });
         }

@@ -1,9 +1,12 @@
 //! Scores of the whole catalogue at once, conditioned on the accepted effects, and the scores reached by chance.
 
-use crate::evidence::{Conditioned, log_odds, log_sum};
+use faer::Mat;
+
+use crate::candidate::Candidate;
+use crate::constants::{CHANCE_QUANTILE, SEEDS};
+use crate::evidence::{Conditioned, log_odds, log_sum_exp};
 use crate::gram::Gram;
 use crate::linear::Factor;
-use faer::Mat;
 
 /// An explanation, over all its shapes and times.
 #[derive(Debug, Clone)]
@@ -17,11 +20,11 @@ pub(crate) struct Trial {
 }
 
 /// All explanations, best first.
-pub(crate) fn trials(gram: &Gram<'_>, given: &Conditioned) -> Vec<Trial> {
+pub(crate) fn trials(gram: &Gram<'_>, conditioned: &Conditioned) -> Vec<Trial> {
     let mut list: Vec<(Trial, Vec<f64>)> = Vec::new();
     for (index, term) in gram.terms.iter().enumerate() {
         let Some(candidate) = term.candidate.as_ref().filter(|_| !term.is_derived) else { continue };
-        let score = given.log_odds(term) + term.log_prior;
+        let score = conditioned.log_odds(term) + term.log_prior;
         let name = candidate.name();
         match list.last_mut().filter(|(trial, _)| trial.name == name) {
             Some((trial, scores)) => {
@@ -34,14 +37,14 @@ pub(crate) fn trials(gram: &Gram<'_>, given: &Conditioned) -> Vec<Trial> {
         }
     }
     let mut trials: Vec<Trial> =
-        list.into_iter().map(|(trial, scores)| Trial { log_odds: log_sum(&scores), ..trial }).collect();
+        list.into_iter().map(|(trial, scores)| Trial { log_odds: log_sum_exp(&scores), ..trial }).collect();
     trials.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
     trials
 }
 
-/// The log odds that the best candidate of the catalogue reaches by chance in the given number of a hundred clean
-/// sessions: the residual is drawn from the noise model itself, in whitened space, where it is white.
-pub(crate) fn by_chance(gram: &Gram<'_>, draws: usize, of_100: f64) -> f64 {
+/// The log odds that the best candidate of the catalogue exceeds by chance in one of a hundred clean sessions
+/// ([`CHANCE_QUANTILE`]): the residual is drawn from the noise model itself, in whitened space, where it is white.
+pub(crate) fn chance_level(gram: &Gram<'_>, draws: usize) -> f64 {
     let count = gram.with_residual.len();
     let trace: f64 = (0..count).map(|i| gram.products[i][i]).sum();
     if count == 0 || trace <= 0.0 {
@@ -49,39 +52,38 @@ pub(crate) fn by_chance(gram: &Gram<'_>, draws: usize, of_100: f64) -> f64 {
     }
     // Columns differ by orders of magnitude, so the correlation matrix is factored.
     let scale: Vec<f64> = (0..count).map(|i| gram.products[i][i].max(1e-12 * trace).sqrt()).collect();
-    let alike = Mat::from_fn(count, count, |i, j| {
+    let correlation = Mat::from_fn(count, count, |i, j| {
         gram.products[i][j] / (scale[i] * scale[j]) + if i == j { 1e-8 } else { 0.0 }
     });
-    let Some(factor) = Factor::of(&alike) else { return 0.0 };
-    let mut random = Random::new(0x5eed);
-    let mut best: Vec<f64> = (0..draws).map(|_| best_of_a_draw(gram, &factor, &scale, &mut random)).collect();
+    let Some(factor) = Factor::of(&correlation) else { return 0.0 };
+    let mut random = Random::new(SEEDS[0]);
+    let mut best: Vec<f64> = (0..draws).map(|_| best_of_draw(gram, &factor, &scale, &mut random)).collect();
     best.sort_by(f64::total_cmp);
-    let index = (draws as f64 * of_100 / 100.0) as usize;
+    let index = (draws as f64 * CHANCE_QUANTILE) as usize;
     best.get(index.min(draws.saturating_sub(1))).copied().unwrap_or(0.0)
 }
 
-fn best_of_a_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut Random) -> f64 {
+fn best_of_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut Random) -> f64 {
     let white: Vec<f64> = scale.iter().map(|_| random.normal()).collect();
     let lower = factor.lower();
-    let mut pull = vec![0.0; scale.len()];
+    let mut with_residual = vec![0.0; scale.len()];
     for (j, &value) in white.iter().enumerate() {
         for i in j..scale.len() {
-            pull[i] += lower[(i, j)] * value * scale[i];
+            with_residual[i] += lower[(i, j)] * value * scale[i];
         }
     }
     let mut by_name: Vec<(Option<String>, Vec<f64>)> = Vec::new();
     for term in gram.terms.iter().filter(|term| !term.is_derived) {
         let first = term.first;
         let of = |i: usize, j: usize| gram.products[first + i][first + j];
-        let score = log_odds(&of, &|i| pull[first + i], &term.mean, &term.sigma) + term.log_prior;
-        let key =
-            term.candidate.as_ref().filter(|_| term.log_prior < 0.0).map(crate::candidate::Candidate::name);
+        let score = log_odds(&of, &|i| with_residual[first + i], &term.mean, &term.sigma) + term.log_prior;
+        let key = term.candidate.as_ref().filter(|_| term.log_prior < 0.0).map(Candidate::name);
         match by_name.last_mut().filter(|(last, _)| key.is_some() && *last == key) {
             Some((_, scores)) => scores.push(score),
             None => by_name.push((key, vec![score])),
         }
     }
-    by_name.iter().map(|(_, scores)| log_sum(scores)).fold(f64::NEG_INFINITY, f64::max)
+    by_name.iter().map(|(_, scores)| log_sum_exp(scores)).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Reproducible pseudo-random numbers (Steele's SplitMix; Box and Muller's normal).

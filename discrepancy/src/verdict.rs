@@ -3,19 +3,19 @@
 use equipoise_core::effect::Effect;
 
 use crate::block::Phase;
+use crate::constants::{
+    BY_CONTACT, CLEAN_BOUNDS, GENERIC_GAIN, GENERIC_LEAD, PIECE_BLOCKS_MIN, PIECES, REMAINDER, RIVAL,
+};
 use crate::finding::Verdict;
 use crate::floor::of_phase;
 use crate::generic::Generics;
 use crate::gram::Gram;
 use crate::linear::dot;
-use crate::select::{RIVAL, Selection};
-
-/// Pieces of the work that are evaluated separately.
-const PIECES: usize = 18;
+use crate::select::Selection;
 
 /// The whitened residual after all accepted effects, and its deviation from white noise.
 #[derive(Debug, Clone)]
-pub(crate) struct Rest {
+pub(crate) struct Remainder {
     /// Whitened residual before any effect.
     pub(crate) before: Vec<f64>,
     /// Whitened residual after the accepted effects.
@@ -28,21 +28,9 @@ pub(crate) struct Rest {
     pub(crate) worst_piece_sigma: f64,
 }
 
-/// Clean sessions stay below these: mean squares, correlation, worst piece.
-const BOUNDS: ([f64; 2], f64, f64) = ([2.0, 3.0], 0.35, 14.0);
-/// A generic term must gain this much beyond the threshold, and this fraction of the explained evidence.
-const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
-/// A large effect always leaves a residual, since equations are not exact: less than this fraction of the explained
-/// evidence is no further effect, even beyond noise.
-const LEFT_SHARE: f64 = 0.04;
-/// The same two fractions next to a push, which is never constant.
-const OF_A_PUSH: [f64; 2] = [0.25, 0.2];
-/// Generic terms alone must beat the catalogue by this much, or this fraction.
-const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
-
-impl Rest {
+impl Remainder {
     /// The residual after some accepted terms.
-    pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize]) -> Rest {
+    pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize]) -> Remainder {
         let (directions, mut after) = gram.directions_given(accepted);
         // Compute all inner products before any subtraction: the directions are not orthogonal.
         let along: Vec<f64> = directions.iter().map(|direction| dot(direction, &after)).collect();
@@ -52,12 +40,12 @@ impl Rest {
         let times_clean = [0, 1].map(|channel| times_clean(gram, &after, channel));
         let correlation = correlation(gram, &after);
         let worst_piece_sigma = worst_piece_sigma(gram, &after);
-        Rest { before: gram.residual.clone(), after, times_clean, correlation, worst_piece_sigma }
+        Remainder { before: gram.residual.clone(), after, times_clean, correlation, worst_piece_sigma }
     }
 
     /// Whether it exceeds the level of clean sessions.
     pub(crate) fn is_beyond_noise(&self) -> bool {
-        let (squares, correlation, worst) = BOUNDS;
+        let (squares, correlation, worst) = CLEAN_BOUNDS;
         self.times_clean.iter().zip(squares).any(|(times, bound)| *times > bound)
             || self.correlation > correlation
             || self.worst_piece_sigma > worst
@@ -101,11 +89,16 @@ fn worst_piece_sigma(gram: &Gram<'_>, after: &[f64]) -> f64 {
         let count = squares.len() as f64;
         (squares.iter().sum::<f64>() - count) / (2.0 * count).sqrt()
     };
-    work.chunks(length).filter(|piece| piece.len() >= 5).map(of_piece).fold(0.0, f64::max)
+    work.chunks(length).filter(|piece| piece.len() >= PIECE_BLOCKS_MIN).map(of_piece).fold(0.0, f64::max)
 }
 
 /// The verdict.
-pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, threshold: f64) -> Verdict {
+pub(crate) fn verdict(
+    selection: &Selection,
+    generics: &Generics,
+    rest: &Remainder,
+    threshold: f64,
+) -> Verdict {
     let explained: f64 = selection.accepted.iter().map(|accepted| accepted.log_odds).sum();
     let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
     let alone = generics.alone;
@@ -114,11 +107,12 @@ pub(crate) fn verdict(selection: &Selection, generics: &Generics, rest: &Rest, t
     // Several terms at once must exceed the threshold again; one unlike every catalogue effect already has.
     let outdone = alone > threshold + lead(explained) || generics.unlike > lead(first);
     let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
-    let push = Effect::HandContact.name();
-    let varies = selection.accepted.iter().any(|accepted| accepted.name.starts_with(push));
-    let [of_more, of_left] = if varies { OF_A_PUSH } else { [GENERIC_GAIN.1, LEFT_SHARE] };
-    let more = left > (threshold + gain).max(of_more * explained);
-    if more || outdone || (rest.is_beyond_noise() && left > threshold.max(of_left * explained)) {
+    let contact = Effect::HandContact.name();
+    let varies = selection.accepted.iter().any(|accepted| accepted.name.starts_with(contact));
+    // A large effect leaves a residual, since its equation is not exact.
+    let [of_gain, of_remainder] = if varies { BY_CONTACT } else { [GENERIC_GAIN.1, REMAINDER] };
+    let gains = left > (threshold + gain).max(of_gain * explained);
+    if gains || outdone || (rest.is_beyond_noise() && left > threshold.max(of_remainder * explained)) {
         return Verdict::Unexplained;
     }
     match selection.accepted.first() {

@@ -4,25 +4,15 @@
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
 
-use crate::candidate::{Candidate, Scope, usual};
-use crate::edges::{edges_s, ends_s, piece_s};
+use crate::candidate::{Candidate, Scope, place_log_prior};
+use crate::constants::{
+    EDGE_PIECES, EDGE_STEP_MIN_S, INTERVAL_MIN_S, PART_CUTOFFS_HZ, PART_LAGS_S, PART_MODEL_ERROR,
+    PART_MODEL_ERROR_OF_SAME, STEP_BLOCKS, STEP_MIN, STEP_REPLACES, STEPS_MAX, TIMING_PART_MIN_S,
+};
 use crate::evidence::log_odds;
 use crate::gram::Gram;
 use crate::linear::dot;
-
-/// Required gain of a part over the whole, in log odds, in addition to the penalty for the number of parts tried.
-pub(crate) const GAIN_OVER_WHOLE: f64 = 3.0;
-/// And this fraction of the explained evidence: with two free edges, a wrong explanation fits a large effect well.
-const MODEL_ERROR: f64 = 0.12;
-/// The same where the effect's name is certain.
-const MODEL_ERROR_OF_EDGES: f64 = 0.02;
-/// Lags and cutoffs tried in parts; their fitted factor covers the values in between.
-const PART_LAGS_S: [f64; 4] = [-0.03, -0.01, 0.01, 0.03];
-const PART_CUTOFFS_HZ: [f64; 3] = [1.0, 2.0, 4.5];
-/// Shortest part of those, s: clocks and filters do not change for an instant.
-const SHORTEST_TIMING_S: f64 = 20.0;
-/// Shortest part, s.
-const SHORTEST_S: f64 = 2.0;
+use crate::rows::Rows;
 
 /// An effect in the best-fitting part of the work.
 #[derive(Debug, Clone)]
@@ -32,12 +22,12 @@ pub(crate) struct Part {
     /// Log Bayes factor, including the penalty for the number of parts.
     pub(crate) log_odds: f64,
     /// The same if the effect is certain and only its time span is in question.
-    pub(crate) same_name: f64,
-    /// Log Bayes factor of the whole work.
-    pub(crate) of_whole: f64,
+    pub(crate) log_odds_of_same: f64,
+    /// Log Bayes factor of the effect in the whole work.
+    pub(crate) log_odds_of_whole: f64,
 }
 
-/// One candidate, cut into pieces and whitened.
+/// One candidate, whitened piece by piece.
 struct Pieces {
     candidate: Candidate,
     columns: Vec<Vec<f64>>,
@@ -52,7 +42,7 @@ pub(crate) struct Windows {
 
 /// Candidates that may act in parts of the work: loads put on or taken up, contacts, knocked sensors and disturbances,
 /// above the legs.
-fn can_come_and_go(candidate: &Candidate) -> bool {
+fn can_be_temporary(candidate: &Candidate) -> bool {
     let is_above_the_legs = match candidate.place {
         Place::Segment(segment) => segment == Segment::Pelvis || segment.is_distal_to(Segment::T8),
         _ => true,
@@ -74,14 +64,14 @@ impl Windows {
             .terms
             .iter()
             .filter_map(|term| term.candidate.as_ref())
-            .filter(|candidate| candidate.scope == Scope::Work && can_come_and_go(candidate))
+            .filter(|candidate| candidate.scope == Scope::Work && can_be_temporary(candidate))
             .filter(|candidate| candidate.about.iter().all(|&about| about == 0.0))
-            .map(|candidate| cut(gram, candidate, &edges_s))
+            .map(|candidate| Pieces::of(gram, candidate, &edges_s))
             .collect();
         Windows { edges_s, pieces }
     }
 
-    /// The best part of each, conditioned on the accepted terms; best first.
+    /// The best part for each candidate, conditioned on the accepted terms; best first.
     pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize]) -> Vec<Part> {
         let (directions, residual) = gram.directions_given(accepted);
         let mut parts: Vec<Part> =
@@ -98,34 +88,35 @@ impl Windows {
             .map(|column| directions.iter().map(|direction| dot(column, direction)).collect())
             .collect();
         let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, residual)).collect();
-        let pull: Vec<f64> = pieces
+        let with_residual: Vec<f64> = pieces
             .columns
             .iter()
             .zip(&along)
             .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
             .collect();
-        let sums = Sums::of(pieces, &along, &pull, count);
+        let sums = Sums::of(pieces, &along, &with_residual, count);
         let (mean, sigma) = (&pieces.candidate.mean, &pieces.candidate.sigma);
         let last = self.edges_s.len() - 1;
         let score = |from: usize, to: usize| {
-            log_odds(&|i, j| sums.product(from, to, i, j), &|i| sums.pull(from, to, i), mean, sigma)
+            log_odds(&|i, j| sums.product(from, to, i, j), &|i| sums.with_residual(from, to, i), mean, sigma)
         };
-        let of_whole = score(0, last);
+        let log_odds_of_whole = score(0, last);
         let is_timing = matches!(pieces.candidate.effect, Effect::SuitLag | Effect::PlateLowpass);
         let length_s = |from: usize, to: usize| self.edges_s[to] - self.edges_s[from];
-        let shortest_s = if is_timing { SHORTEST_TIMING_S } else { SHORTEST_S }.min(length_s(0, last));
+        let shortest_s = if is_timing { TIMING_PART_MIN_S } else { INTERVAL_MIN_S }.min(length_s(0, last));
         let pairs = (0..last)
             .flat_map(|from| (from + 1..=last).map(move |to| (from, to)))
             .filter(|&(from, to)| length_s(from, to) >= shortest_s);
         let (from, to, best) =
             pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
         let parts = (last * (last + 1) / 2) as f64;
-        let paid = parts.ln() + 2.0_f64.ln() - usual(pieces.candidate.effect, pieces.candidate.place);
-        let same_name = best - paid - MODEL_ERROR_OF_EDGES * best.max(0.0);
-        let log_odds = best - paid - MODEL_ERROR * best.max(0.0);
+        let penalty =
+            parts.ln() + 2.0_f64.ln() - place_log_prior(pieces.candidate.effect, pieces.candidate.place);
+        let log_odds_of_same = best - penalty - PART_MODEL_ERROR_OF_SAME * best.max(0.0);
+        let log_odds = best - penalty - PART_MODEL_ERROR * best.max(0.0);
         let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);
         let candidate = Candidate { scope, ..pieces.candidate.clone() };
-        Some(Part { candidate, log_odds, same_name, of_whole })
+        Some(Part { candidate, log_odds, log_odds_of_same, log_odds_of_whole })
     }
 }
 
@@ -133,18 +124,18 @@ impl Windows {
 pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize]) -> Candidate {
     let Scope::Span(mut span_s) = candidate.scope else { return candidate.clone() };
     let (directions, residual) = gram.directions_given(accepted);
-    let [least_s, most_s] = ends_s(gram.rows);
+    let [min_s, max_s] = ends_s(gram.rows);
     let score = |span_s: [f64; 2]| {
         let candidate = Candidate { scope: Scope::Span(span_s), ..candidate.clone() };
-        gram.score_alone(&candidate, &directions, &residual)
+        gram.score_candidate(&candidate, &directions, &residual)
     };
     let mut best = score(span_s);
     let mut step_s = 0.5 * piece_s(gram.rows);
-    while step_s > 0.3 {
+    while step_s > EDGE_STEP_MIN_S {
         let moves = [[step_s, 0.0], [-step_s, 0.0], [0.0, step_s], [0.0, -step_s]];
         let better = moves.into_iter().find_map(|[from, to]| {
-            let moved = [(span_s[0] + from).max(least_s), (span_s[1] + to).min(most_s)];
-            let value = if moved[1] - moved[0] < SHORTEST_S { f64::NEG_INFINITY } else { score(moved) };
+            let moved = [(span_s[0] + from).max(min_s), (span_s[1] + to).min(max_s)];
+            let value = if moved[1] - moved[0] < INTERVAL_MIN_S { f64::NEG_INFINITY } else { score(moved) };
             (value > best + 1e-6).then_some((moved, value))
         });
         match better {
@@ -155,8 +146,8 @@ pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize])
     Candidate { scope: Scope::Span(span_s), ..candidate.clone() }
 }
 
-/// Only the mass without its exact position, since a part is short.
-fn simplified(candidate: &Candidate) -> Candidate {
+/// A mass without its exact position, since a part is short.
+fn without_moment(candidate: &Candidate) -> Candidate {
     let mut simple = candidate.clone();
     let is_trunk = matches!(candidate.place, Place::Segment(Segment::T8 | Segment::Pelvis));
     if candidate.effect == Effect::HandLoad || (candidate.effect == Effect::WornMass && !is_trunk) {
@@ -166,47 +157,49 @@ fn simplified(candidate: &Candidate) -> Candidate {
     simple
 }
 
-fn cut(gram: &Gram<'_>, candidate: &Candidate, edges_s: &[f64]) -> Pieces {
-    let candidate = simplified(candidate);
-    let count = candidate.count();
-    let mut columns = Vec::new();
-    for edge in edges_s.windows(2) {
-        let piece = Candidate { scope: Scope::Work, ..candidate.clone() };
-        columns.extend(gram.whitened(count, |block| {
-            if (edge[0]..edge[1]).contains(&gram.rows.time_s(block)) {
-                piece.columns(gram.rows, block)
-            } else {
-                Columns::zero(count)
-            }
-        }));
+impl Pieces {
+    fn of(gram: &Gram<'_>, candidate: &Candidate, edges_s: &[f64]) -> Pieces {
+        let candidate = without_moment(candidate);
+        let count = candidate.count();
+        let mut columns = Vec::new();
+        for edge in edges_s.windows(2) {
+            let piece = Candidate { scope: Scope::Work, ..candidate.clone() };
+            columns.extend(gram.whitened(count, |block| {
+                if (edge[0]..edge[1]).contains(&gram.rows.time_s(block)) {
+                    piece.columns(gram.rows, block)
+                } else {
+                    Columns::zero(count)
+                }
+            }));
+        }
+        let products = columns
+            .iter()
+            .enumerate()
+            .map(|(i, column)| columns[..=i].iter().map(|other| dot(column, other)).collect())
+            .collect();
+        Pieces { candidate, columns, products }
     }
-    let products = columns
-        .iter()
-        .enumerate()
-        .map(|(i, column)| columns[..=i].iter().map(|other| dot(column, other)).collect())
-        .collect();
-    Pieces { candidate, columns, products }
 }
 
-/// Cumulative sums over pieces, of products of columns and of products with the residual.
+/// Cumulative sums over pieces: products of columns, and products of columns with the residual.
 struct Sums {
     count: usize,
     products: Vec<Vec<f64>>,
-    pulls: Vec<Vec<f64>>,
+    with_residual: Vec<Vec<f64>>,
 }
 
 impl Sums {
-    fn of(pieces: &Pieces, along: &[Vec<f64>], pull: &[f64], count: usize) -> Sums {
+    fn of(pieces: &Pieces, along: &[Vec<f64>], with_residual: &[f64], count: usize) -> Sums {
         let length = pieces.columns.len() / count;
         let reduced = |i: usize, j: usize| {
             let (i, j) = (i.max(j), i.min(j));
             pieces.products[i][j] - dot(&along[i], &along[j])
         };
         let mut products = vec![vec![0.0; (length + 1) * count * count]; length + 1];
-        let mut pulls = vec![vec![0.0; count]; length + 1];
+        let mut residual_sums = vec![vec![0.0; count]; length + 1];
         for a in 0..length {
             for k in 0..count {
-                pulls[a + 1][k] = pulls[a][k] + pull[a * count + k];
+                residual_sums[a + 1][k] = residual_sums[a][k] + with_residual[a * count + k];
             }
             for b in 0..length {
                 for k in 0..count * count {
@@ -217,7 +210,7 @@ impl Sums {
                 }
             }
         }
-        Sums { count, products, pulls }
+        Sums { count, products, with_residual: residual_sums }
     }
 
     fn product(&self, from: usize, to: usize, i: usize, j: usize) -> f64 {
@@ -225,15 +218,91 @@ impl Sums {
         at(to, to) - at(from, to) - at(to, from) + at(from, from)
     }
 
-    fn pull(&self, from: usize, to: usize, i: usize) -> f64 {
-        self.pulls[to][i] - self.pulls[from][i]
+    fn with_residual(&self, from: usize, to: usize, i: usize) -> f64 {
+        self.with_residual[to][i] - self.with_residual[from][i]
     }
+}
+
+/// Length of a piece of the even grid, s.
+fn piece_s(rows: &Rows<'_>) -> f64 {
+    let [from_s, to_s] = ends_s(rows);
+    (to_s - from_s) / EDGE_PIECES as f64
+}
+
+/// Start and end of the present work blocks, s.
+fn ends_s(rows: &Rows<'_>) -> [f64; 2] {
+    let half_s = 0.5 * rows.session.block_s;
+    let from_s = if rows.work_from < rows.len() { rows.time_s(rows.work_from) - half_s } else { 0.0 };
+    let to_s = if rows.len() > 0 { rows.time_s(rows.len() - 1) + half_s } else { 1.0 };
+    [from_s, to_s]
+}
+
+/// Candidate onsets and ends, s, ascending: an even grid, and the steps of the residual, since a large effect fits only
+/// between its own edges.
+fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
+    let [from_s, to_s] = ends_s(rows);
+    let steps_s = steps_s(rows);
+    let is_near_step =
+        |at_s: f64| steps_s.iter().any(|step_s| (step_s - at_s).abs() < STEP_REPLACES * piece_s(rows));
+    let mut edges_s: Vec<f64> = (1..EDGE_PIECES)
+        .map(|piece| from_s + piece_s(rows) * piece as f64)
+        .filter(|&at_s| !is_near_step(at_s))
+        .chain(steps_s.iter().copied())
+        .chain([from_s, to_s])
+        .collect();
+    edges_s.sort_by(f64::total_cmp);
+    edges_s
+}
+
+/// Largest steps of the residual, s; except at a change of stance.
+fn steps_s(rows: &Rows<'_>) -> Vec<f64> {
+    let (side, ignored) = STEP_BLOCKS;
+    let first = rows.work_from + side + ignored;
+    let last = rows.len().saturating_sub(side + ignored);
+    let mut steps: Vec<(f64, usize)> = (first..last.max(first)).map(|at| (step_size(rows, at), at)).collect();
+    steps.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut kept: Vec<usize> = Vec::new();
+    for (size, at) in steps {
+        if size < 1.0 || kept.len() == STEPS_MAX {
+            break;
+        }
+        if kept.iter().all(|&other| at.abs_diff(other) > side) {
+            kept.push(at);
+        }
+    }
+    kept.into_iter().map(|at| 0.5 * (rows.time_s(at - 1) + rows.time_s(at))).collect()
+}
+
+/// Size of the residual's step just before a block, in units of [`STEP_MIN`]: the largest of the channels.
+fn step_size(rows: &Rows<'_>, at: usize) -> f64 {
+    let (side, ignored) = STEP_BLOCKS;
+    let before = at - side - ignored..at - ignored;
+    let after = at + ignored..at + ignored + side;
+    let same_stance = rows.blocks[before.start].stance == rows.blocks[after.end - 1].stance;
+    let value = |block: usize| {
+        let [x, y] = rows.cop_residual_m(block);
+        [x, y, rows.force_residual_n(block, 2)]
+    };
+    (0..3)
+        .filter(|&signal| same_stance || signal == 2)
+        .map(|signal| {
+            let [before, after] =
+                [before.clone(), after.clone()].map(|side| median(side.map(|block| value(block)[signal])));
+            (after - before).abs() / STEP_MIN[signal]
+        })
+        .fold(0.0, f64::max)
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::block::{CUTOFFS_HZ, LAGS_S};
+    use crate::constants::{CUTOFFS_HZ, LAGS_S};
 
     #[test]
     fn what_is_looked_for_in_parts_is_on_the_grids() {

@@ -8,9 +8,9 @@ use std::io::{BufRead as _, BufReader};
 use std::os::unix::net::UnixDatagram;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::AtomicBool;
-use std::sync::mpsc::{Receiver, channel};
 
 use common::{PATIENCE, PERIOD, Root, Station, root};
+use crossbeam_channel::{Receiver, unbounded};
 use equipoise_bus::root::ROOT_VARIABLE;
 use equipoise_gateways::{Gateway, Latest, Tally, drive};
 
@@ -79,7 +79,7 @@ impl Outside {
         command.env(ROOT_VARIABLE, root.path()).envs(environment.iter().copied()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let (to, beats) = channel();
+        let (to, beats) = unbounded();
         std::thread::spawn(move || {
             for line in lines.map_while(Result::ok) {
                 // The first line follows output of the test harness.

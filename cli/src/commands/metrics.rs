@@ -2,10 +2,10 @@
 
 use std::cell::Cell;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use crossbeam_channel::bounded;
 use equipoise_config::Config;
 
 use crate::metrics_feed;
@@ -33,7 +33,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         format!("{} has no [metrics]: add it, with listen = \"127.0.0.1:9187\" for example", path.display())
     })?;
     let stop = super::stop_on_signals()?;
-    let (ready, listens) = mpsc::channel();
+    let (ready, listens) = bounded(1);
     let pinged = Cell::new(None::<Instant>);
     // Evaluated after each read of the bus, so that watchdog pings depend on reads.
     let stopping = || {

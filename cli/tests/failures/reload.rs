@@ -32,7 +32,7 @@ fn live_settings_change_others_are_reported_and_invalid_files_change_nothing() {
     let socket = station.file("notify");
     let notified = UnixDatagram::bind(&socket).expect("a socket");
     // Read at once, as systemd does: the socket holds few datagrams, and a full one blocks the daemon.
-    let (sender, lines) = std::sync::mpsc::channel();
+    let (sender, lines) = crossbeam_channel::unbounded();
     std::thread::spawn(move || {
         let mut bytes = [0; 4096];
         while let Ok(length) = notified.recv(&mut bytes) {

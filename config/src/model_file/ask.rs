@@ -7,45 +7,43 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 
 use serde::{Deserialize, Serialize};
 
+use super::limits::{ASK_MAX, NAME_MAX};
 use super::text;
 
-/// Maximum length of a displayed name of an explanation.
-const NAME_MAX: usize = 64;
-
-/// A pose or motion that would tell two explanations apart.
+/// A pose or motion that separates two explanations.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ask {
     /// The explanations, by name with place.
     pub between: [String; 2],
-    /// Pose of the core's library to hold, by its name; `None` if it is no pose.
+    /// Name of the pose of the core's library to hold; `None` for a step, standing or a motion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pose: Option<String>,
-    /// How far to turn the body first, degrees to the left.
+    /// Rotation of the body before, degrees to the left.
     #[serde(default)]
     pub turn_deg: f64,
-    /// Where to stand instead, from where one stood: forward and to the left, m.
+    /// Displacement of the stance before: forward and to the left, m.
     #[serde(default)]
     pub step_m: [f64; 2],
-    /// How long to stand still, s; 0 for as long as a pose takes.
+    /// Duration of static standing, s; 0: as long as a pose takes.
     #[serde(default)]
     pub still_s: f64,
-    /// Whether to move fast.
+    /// Whether fast motion is requested.
     #[serde(default)]
     pub fast: bool,
-    /// By how many σ of the noise the predictions then differ.
+    /// Difference of the two predictions, 1-σ of the noise.
     pub separation_sigma: f64,
 }
 
 impl Ask {
-    /// The words of [`Finding::ask_next`].
+    /// The sentence of [`Finding::ask_next`].
     pub fn sentence(&self) -> String {
         let [one, other] = &self.between;
         let what = self.what();
         format!("{what}: {one} and {other} then differ by {:.1} times the noise", self.separation_sigma)
     }
 
-    /// What to do, for the person on the plate.
+    /// The instruction for the worker on the plate.
     pub fn what(&self) -> String {
         if self.fast {
             return "squat quickly and stop, a few times".to_owned();
@@ -119,16 +117,17 @@ pub(super) fn check(ask: &Ask) -> Result<(), (String, String)> {
         let what = format!("`{pose}` is no pose of the library{}", text::hint(pose, &known));
         return refuse("pose", what);
     }
+    let [turn_deg, step_m, still_s, separation_sigma] = ASK_MAX;
     let numbers = [
-        ("turn_deg", ask.turn_deg, [-180.0, 180.0]),
-        ("step_m", ask.step_m[0], [-1.0, 1.0]),
-        ("step_m", ask.step_m[1], [-1.0, 1.0]),
-        ("still_s", ask.still_s, [0.0, 3600.0]),
-        ("separation_sigma", ask.separation_sigma, [0.0, 1e9]),
+        ("turn_deg", ask.turn_deg, [-turn_deg, turn_deg]),
+        ("step_m", ask.step_m[0], [-step_m, step_m]),
+        ("step_m", ask.step_m[1], [-step_m, step_m]),
+        ("still_s", ask.still_s, [0.0, still_s]),
+        ("separation_sigma", ask.separation_sigma, [0.0, separation_sigma]),
     ];
-    for (key, value, [least, most]) in numbers {
-        if !(least..=most).contains(&value) {
-            return refuse(key, format!("{value} is not between {least} and {most}"));
+    for (key, value, [min, max]) in numbers {
+        if !(min..=max).contains(&value) {
+            return refuse(key, format!("{value} is not between {min} and {max}"));
         }
     }
     let things = [ask.pose.is_some(), ask.step_m != [0.0; 2], ask.still_s > 0.0, ask.fast];

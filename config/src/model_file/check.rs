@@ -5,9 +5,7 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
 
 use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
-
-/// Maximum length of a recording, s: a year.
-const TIME_MAX_S: f64 = 366.0 * 86_400.0;
+use super::limits::{LARGEST, SHAPES, TIME_MAX_S};
 
 /// The validated file.
 pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError> {
@@ -132,13 +130,14 @@ fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
         };
     };
     check_parameter(name, written, text::shape_unit(effect))?;
-    let [least, most] = match effect {
-        Effect::SuitLag => [-0.5, 0.5],
-        Effect::PlateLowpass => [0.05, 500.0],
-        Effect::PeriodicSway => [0.01, 10.0],
-        _ => [0.1, 100_000.0],
+    let [lag, cutoff, frequency, time_constant] = SHAPES;
+    let [min, max] = match effect {
+        Effect::SuitLag => lag,
+        Effect::PlateLowpass => cutoff,
+        Effect::PeriodicSway => frequency,
+        _ => time_constant,
     };
-    within(name, written.value, least, most)?;
+    within(name, written.value, min, max)?;
     Ok((written.value, written.sigma))
 }
 
@@ -161,8 +160,8 @@ fn values(
     for (index, parameter) in parameters.iter().enumerate() {
         let Some(written) = raw.parameters.get(parameter.name) else { continue };
         check_parameter(parameter.name, written, parameter.unit)?;
-        let most = largest(parameter.unit);
-        within(parameter.name, written.value, -most, most)?;
+        let max = largest(parameter.unit);
+        within(parameter.name, written.value, -max, max)?;
         (value[index], sigma[index]) = (written.value, written.sigma);
     }
     Ok((value, sigma))
@@ -181,24 +180,15 @@ fn check_parameter(name: &str, written: &RawParameter, unit: &str) -> Result<(),
     Ok(())
 }
 
-fn within(name: &str, value: f64, least: f64, most: f64) -> Result<(), Refusal> {
-    if (least..=most).contains(&value) {
+fn within(name: &str, value: f64, min: f64, max: f64) -> Result<(), Refusal> {
+    if (min..=max).contains(&value) {
         return Ok(());
     }
-    refuse(&format!("parameters.{name}.value"), format!("{value} is not between {least} and {most}"))
+    refuse(&format!("parameters.{name}.value"), format!("{value} is not between {min} and {max}"))
 }
 
-/// Larger parameters count as typing errors, in the parameter's unit.
+/// Largest value of a parameter with this unit.
 fn largest(unit: &str) -> f64 {
-    match unit {
-        "kg" => 150.0,
-        "kg m" => 75.0,
-        "N" => 2000.0,
-        "m/s" => 0.01,
-        "rad" => std::f64::consts::PI,
-        "rad/s" => 0.1,
-        "Hz" => 500.0,
-        // Metres, gains and fractions, seconds.
-        _ => 1.5,
-    }
+    let [.., (_, of_others)] = LARGEST;
+    LARGEST.iter().find(|(name, _)| *name == unit).map_or(of_others, |&(_, largest)| largest)
 }

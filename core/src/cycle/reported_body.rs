@@ -5,9 +5,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::identification::BodySource;
-use super::memory::Memory;
-use super::settings::Settings;
+use super::identification::{BodySource, Identification};
+use super::placement::Followed;
 use crate::body::Skeleton;
 use crate::frame::{Pose, SuitWorld};
 use crate::message::state::SoleSource;
@@ -111,7 +110,7 @@ impl ReportedBody {
     }
 
     /// Ingests a body message at `now_ns`; `newest` is the suit's newest sample.
-    fn ingest(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
+    pub(super) fn ingest(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
         if !body.is_plausible() || body.published_ns > now_ns.saturating_add(AHEAD_MAX_NS) {
             return self.refuse(BodyRefusal::Impossible);
         }
@@ -175,51 +174,48 @@ impl ReportedBody {
     }
 }
 
-impl Memory {
-    /// Ingests a body message of the suit.
-    pub(super) fn ingest_body(&mut self, body: &SuitBody, now_ns: u64) {
-        let newest = self.alignment.newest_suit().copied();
-        self.reported_body.ingest(body, newest.as_ref(), now_ns);
-    }
+/// Consequence of a pose for the subject's bone lengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum BoneUpdate {
+    /// The poses determine them, as before.
+    FromPoses,
+    /// Those of the null pose are no longer valid; the next poses determine them.
+    Reset,
+    /// Those of the null pose are adopted; with `stays`, earlier results are kept.
+    Adopt { stays: bool },
+}
 
-    /// Compares the body with one more pose. Bone lengths measured from poses are replaced by those of the null pose;
-    /// the bone lengths of a stored profile are kept.
-    pub(super) fn update_body(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample, settings: &Settings) {
-        let was_accepted = self.reported_body.accepted == 1;
-        let newly = self.reported_body.compare(pose, suit);
-        let no_results = self.has_no_results();
-        let subject = &mut self.identification;
-        if was_accepted && self.reported_body.accepted == 0 {
-            if no_results && subject.body_source() == BodySource::NullPose {
-                subject.reset_bones();
-            }
-            return;
-        }
-        let Some(body) = self.reported_body.body() else { return };
-        if !newly && subject.has_body() {
-            return;
-        }
-        let bones = body.skeleton();
-        if !subject.has_body() {
-            subject.adopt_bones(&bones, false, settings);
-            return;
-        }
-        let differs_by_m = subject.skeleton().differs_by_m(&bones);
-        let is_from_suit = subject.body_source() != BodySource::Stored;
-        if is_from_suit && (no_results || differs_by_m <= BONES_REFINED_M) {
-            if subject.skeleton() != bones || subject.body_source() != BodySource::NullPose {
-                subject.adopt_bones(&bones, !no_results, settings);
-                // The change to another body model would otherwise look like a leap of the centre of mass.
-                self.history.clear();
-            }
-        } else if differs_by_m > BONES_AGREE_M {
-            self.reported_body.refuse(BodyRefusal::ContradictsWorker);
-        }
+/// Stage `validate_body`: compares the body with one more pose. Bone lengths measured from poses are replaced by those
+/// of the null pose; the bone lengths of a stored profile are kept. `has_results`: whether identification results
+/// depend on the bone lengths.
+pub(super) fn validate_body(
+    state: &mut ReportedBody,
+    placed: &Followed,
+    subject: &Identification,
+    has_results: bool,
+) -> BoneUpdate {
+    let was_accepted = state.accepted == 1;
+    let newly = state.compare(&placed.in_suit_world, &placed.suit);
+    if was_accepted && state.accepted == 0 {
+        let is_in_use = !has_results && subject.body_source() == BodySource::NullPose;
+        return if is_in_use { BoneUpdate::Reset } else { BoneUpdate::FromPoses };
     }
-
-    /// Whether no identification result depends on the bone lengths yet.
-    fn has_no_results(&self) -> bool {
-        let subject = &self.identification;
-        subject.poses_used == 0 && subject.identified == 0 && self.estimate.motion_samples_used == 0
+    let Some(body) = state.body() else { return BoneUpdate::FromPoses };
+    if !newly && subject.has_body() {
+        return BoneUpdate::FromPoses;
     }
+    if !subject.has_body() {
+        return BoneUpdate::Adopt { stays: false };
+    }
+    let bones = body.skeleton();
+    let differs_by_m = subject.skeleton().differs_by_m(&bones);
+    let is_from_suit = subject.body_source() != BodySource::Stored;
+    if is_from_suit && (!has_results || differs_by_m <= BONES_REFINED_M) {
+        if subject.skeleton() != bones || subject.body_source() != BodySource::NullPose {
+            return BoneUpdate::Adopt { stays: has_results };
+        }
+    } else if differs_by_m > BONES_AGREE_M {
+        state.refuse(BodyRefusal::ContradictsWorker);
+    }
+    BoneUpdate::FromPoses
 }

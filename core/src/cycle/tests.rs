@@ -11,6 +11,8 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::body::{Joint, Segment, Side};
+use crate::message::Validity;
+use crate::message::state::Phase;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
@@ -24,6 +26,7 @@ mod planning;
 mod pose_request;
 mod reported_body;
 mod sharing;
+mod stages;
 mod stored_state;
 use bench::*;
 
@@ -274,7 +277,7 @@ fn a_damaged_checkpoint_is_refused() {
     assert!(!is_sound(&|memory| memory.version += 1));
     assert!(!is_sound(&|memory| memory.identification.mass_kg = f64::NAN));
     assert!(!is_sound(&|memory| memory.identification.reduction.count = 70));
-    assert!(!is_sound(&|memory| memory.tare.force_n[2] = f64::INFINITY));
+    assert!(!is_sound(&|memory| memory.align.tare.force_n[2] = f64::INFINITY));
     let flat = |memory: &mut Memory| {
         let subject = &mut memory.identification;
         let count = subject.filter.count();
@@ -367,9 +370,9 @@ fn bad_samples_change_nothing() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 500);
     let before = Box::new(*bench.memory);
-    let mut to_come = bench.memory.alignment.newest_ground().copied().unwrap();
+    let mut to_come = bench.memory.align.alignment.newest_ground().copied().unwrap();
     to_come.sample_time_ns = bench.now_ns + 3_600 * NS_PER_S;
-    let mut far_away = *bench.memory.alignment.newest_suit().unwrap();
+    let mut far_away = *bench.memory.align.alignment.newest_suit().unwrap();
     far_away.sample_time_ns = bench.now_ns + 1;
     far_away.position_m[3][0] = 1e30;
     let mut suit: SuitSample = Zeroable::zeroed();
@@ -379,9 +382,9 @@ fn bad_samples_change_nothing() {
     ground.force_n[0] = f64::NAN;
     let inputs = Inputs { suit: &[suit, far_away], ground: &[ground, to_come], body: None, command: None };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle + 1, due_ns: bench.now_ns }, inputs);
-    let after = &bench.memory.alignment;
-    assert_eq!(after.refused(), before.alignment.refused() + 4);
-    assert_eq!(after.newest_suit(), before.alignment.newest_suit());
-    assert_eq!(after.newest_ground(), before.alignment.newest_ground());
+    let after = &bench.memory.align.alignment;
+    assert_eq!(after.refused(), before.align.alignment.refused() + 4);
+    assert_eq!(after.newest_suit(), before.align.alignment.newest_suit());
+    assert_eq!(after.newest_ground(), before.align.alignment.newest_ground());
     assert_eq!(bytemuck::bytes_of(&before.identification), bytemuck::bytes_of(&bench.memory.identification));
 }

@@ -1,10 +1,6 @@
 //! Static properties of each effect: names, parameters, places, and the smallest size of interest.
 
-use super::{
-    Effect, PARAMETERS_MAX, Parameter, Place, force_gain, hand_contact, hand_load, inertia, periodic_sway,
-    plate_crosstalk, plate_drift, plate_gain, plate_height, plate_lowpass, plate_offset, plate_yaw,
-    segment_heading, segment_misalignment, suit_heading_drift, suit_lag, unbalanced_parameters, worn_mass,
-};
+use super::{Effect, PARAMETERS_MAX, Parameter, Place, body, load, plate, plate_lowpass, suit};
 use crate::body::{Segment, Side};
 
 const fn on(segment: Segment) -> Place {
@@ -102,31 +98,31 @@ impl Effect {
     /// Its parameters in the order of columns and [`super::Term::value`]; for a drift, those of a constant drift.
     pub const fn parameters(self) -> &'static [Parameter] {
         match self {
-            Effect::HandLoad => &hand_load::PARAMETERS,
-            Effect::HandContact => &hand_contact::PARAMETERS,
-            Effect::WornMass => &worn_mass::PARAMETERS,
-            Effect::PlateOffset => &plate_offset::PARAMETERS,
-            Effect::PlateYaw => &plate_yaw::PARAMETERS,
-            Effect::PlateGain => &plate_gain::PARAMETERS,
-            Effect::PlateCrosstalk => &plate_crosstalk::PARAMETERS,
-            Effect::PlateHeight => &plate_height::PARAMETERS,
-            Effect::ForceGain => &force_gain::PARAMETERS,
-            Effect::PlateDrift => &plate_drift::PARAMETERS,
+            Effect::HandLoad => &load::HAND_LOAD,
+            Effect::HandContact => &load::HAND_CONTACT,
+            Effect::WornMass => &load::WORN_MASS,
+            Effect::PlateOffset => &plate::OFFSET,
+            Effect::PlateYaw => &plate::YAW,
+            Effect::PlateGain => &plate::GAIN,
+            Effect::PlateCrosstalk => &plate::CROSSTALK,
+            Effect::PlateHeight => &plate::HEIGHT,
+            Effect::ForceGain => &plate::FORCE_GAIN,
+            Effect::PlateDrift => &plate::DRIFT,
             Effect::PlateLowpass => &plate_lowpass::PARAMETERS,
-            Effect::SuitLag => &suit_lag::PARAMETERS,
-            Effect::SuitHeadingDrift => &suit_heading_drift::PARAMETERS,
-            Effect::SegmentHeading => &segment_heading::PARAMETERS,
-            Effect::SegmentMisalignment => &segment_misalignment::PARAMETERS,
-            Effect::Inertia => &inertia::PARAMETERS,
-            Effect::PeriodicSway => &periodic_sway::PARAMETERS,
-            Effect::UnbalancedParameters => &unbalanced_parameters::PARAMETERS,
+            Effect::SuitLag => &suit::LAG,
+            Effect::SuitHeadingDrift => &suit::HEADING_DRIFT,
+            Effect::SegmentHeading => &suit::SEGMENT_HEADING,
+            Effect::SegmentMisalignment => &suit::SEGMENT_MISALIGNMENT,
+            Effect::Inertia => &body::INERTIA,
+            Effect::PeriodicSway => &body::PERIODIC_SWAY,
+            Effect::UnbalancedParameters => &body::UNBALANCED_PARAMETERS,
         }
     }
 
     /// Its parameters for a shape ([`super::Term::shape`]): the parameters of a drift with a time constant are its end
     /// point.
     pub fn parameters_of(self, shape: f64) -> &'static [Parameter] {
-        if self == Effect::PlateDrift && shape > 0.0 { &plate_drift::ENDING } else { self.parameters() }
+        if self == Effect::PlateDrift && shape > 0.0 { &plate::ENDING_DRIFT } else { self.parameters() }
     }
 
     /// Name with unit of the nonlinear parameter ([`super::Term::shape`]); `None` if all parameters are linear. For the
@@ -148,10 +144,10 @@ impl Effect {
             *sigma = parameter.prior_sigma;
         }
         match (self, place) {
-            (Effect::HandLoad, Place::BothHands) => sigma[0] = hand_load::BOTH_HANDS_SIGMA_KG,
+            (Effect::HandLoad, Place::BothHands) => sigma[0] = load::BOTH_HANDS_SIGMA_KG,
             (Effect::WornMass, Place::Segment(segment)) => {
-                let mass_kg = worn_mass::mass_sigma_kg(segment);
-                let moment_kg_m = mass_kg * worn_mass::arm_sigma_m(segment);
+                let mass_kg = load::worn_mass_sigma_kg(segment);
+                let moment_kg_m = mass_kg * load::worn_arm_sigma_m(segment);
                 sigma = [mass_kg, moment_kg_m, moment_kg_m, moment_kg_m];
             }
             _ => {}
@@ -162,8 +158,8 @@ impl Effect {
     /// 1-σ per axis of the distance of a mass's centre from the nominal position, m; `None` if the effect is no mass.
     pub fn arm_sigma_m(self, place: Place) -> Option<f64> {
         match (self, place) {
-            (Effect::HandLoad, _) => Some(hand_load::ARM_SIGMA_M),
-            (Effect::WornMass, Place::Segment(segment)) => Some(worn_mass::arm_sigma_m(segment)),
+            (Effect::HandLoad, _) => Some(load::GRIP_ARM_SIGMA_M),
+            (Effect::WornMass, Place::Segment(segment)) => Some(load::worn_arm_sigma_m(segment)),
             _ => None,
         }
     }

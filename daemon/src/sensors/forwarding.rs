@@ -3,10 +3,10 @@
 //! A station that does not exist, that another process publishes, or whose bus fails is retried without loss for the
 //! other stations: its thread receives copies through a queue that never blocks.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Notifier, Publisher};
 use equipoise_config::suit::ForwardedSuit;
@@ -38,7 +38,7 @@ pub(super) struct Forwarders(Vec<Forwarder>);
 struct Forwarder {
     avatar: u8,
     station: String,
-    queue: Option<SyncSender<Message>>,
+    queue: Option<Sender<Message>>,
     thread: Option<JoinHandle<()>>,
     /// Whether the queue was full at the last message.
     full: bool,
@@ -81,7 +81,7 @@ impl Forwarders {
 
 impl Forwarder {
     fn start(suit: &ForwardedSuit) -> Forwarder {
-        let (queue, message) = sync_channel(QUEUE);
+        let (queue, message) = bounded(QUEUE);
         let station = suit.station.clone();
         // The thread inherits the priority of the adapter. If it cannot be started, its station receives nothing.
         let name = format!("suit {}", suit.avatar);

@@ -7,19 +7,15 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
 use super::point::Point;
-use crate::block::{CUTOFFS_HZ, Change, LAGS_S};
-
-/// No change.
-pub(super) const NONE: Change = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
-/// No interpolation between points farther apart than this, s.
-const APART_MAX_S: f64 = 0.25;
+use crate::block::Change;
+use crate::constants::{CUTOFFS_HZ, INTERPOLATION_GAP_S, LAGS_S};
 
 /// Mean change over a block by each lag: the prediction `tau` later minus the present one. If the suit's stamps are
 /// late by `tau`, its sample at a time shows the state `tau` earlier, so the prediction `tau` later is correct.
 ///
 /// `None` if the points do not cover all lags.
 pub(super) fn by_lag(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Option<[Change; LAGS_S.len()]> {
-    let mut sums = [NONE; LAGS_S.len()];
+    let mut sums = [Change::NONE; LAGS_S.len()];
     let first = points.partition_point(|point| point.time_s < from_s);
     let last = points.partition_point(|point| point.time_s < to_s);
     if first == last {
@@ -29,15 +25,16 @@ pub(super) fn by_lag(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Opti
     for now in points.range(first..last) {
         for (sum, lag_s) in sums.iter_mut().zip(LAGS_S) {
             let (before, after, part) = between(points, now.time_s + lag_s)?;
-            let then = [before, after].map(|point| Sight::of(point, now));
-            let today = Sight::of(now, now);
+            let then = [before, after].map(|point| Prediction::of(point, now));
+            let at_present = Prediction::of(now, now);
             let moved =
                 |earlier: f64, later: f64, now: f64| share * (earlier + part * (later - earlier) - now);
             for axis in 0..2 {
-                sum.cop_m[axis] += moved(then[0].cop_m[axis], then[1].cop_m[axis], today.cop_m[axis]);
+                sum.cop_m[axis] += moved(then[0].cop_m[axis], then[1].cop_m[axis], at_present.cop_m[axis]);
             }
             for axis in 0..3 {
-                sum.force_n[axis] += moved(then[0].force_n[axis], then[1].force_n[axis], today.force_n[axis]);
+                sum.force_n[axis] +=
+                    moved(then[0].force_n[axis], then[1].force_n[axis], at_present.force_n[axis]);
             }
         }
     }
@@ -49,43 +46,43 @@ fn between(points: &VecDeque<Point>, time_s: f64) -> Option<(&Point, &Point, f64
     let after = points.partition_point(|point| point.time_s < time_s);
     let (earlier, later) = (points.get(after.checked_sub(1)?)?, points.get(after)?);
     let apart_s = later.time_s - earlier.time_s;
-    (apart_s < APART_MAX_S).then(|| (earlier, later, (time_s - earlier.time_s) / apart_s))
+    (apart_s < INTERPOLATION_GAP_S).then(|| (earlier, later, (time_s - earlier.time_s) / apart_s))
 }
 
 /// Prediction of the suit at a point; a measured slope is held constant.
 #[derive(Debug, Clone, Copy)]
-struct Sight {
+struct Prediction {
     cop_m: [f64; 2],
     force_n: [f64; 3],
 }
 
-impl Sight {
-    fn of(point: &Point, now: &Point) -> Sight {
+impl Prediction {
+    fn of(point: &Point, now: &Point) -> Prediction {
         let held = now.slope_is_measured.then_some(now.slope);
-        Sight { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n }
+        Prediction { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n }
     }
 }
 
 /// The prediction through a first-order filter of each cutoff.
 #[derive(Debug, Default)]
 pub(super) struct Filters {
-    last: Option<(f64, Sight)>,
-    filtered: [Option<Sight>; CUTOFFS_HZ.len()],
+    last: Option<(f64, Prediction)>,
+    filtered: [Option<Prediction>; CUTOFFS_HZ.len()],
 }
 
 impl Filters {
     /// Ingests the next point and returns the change by each filter. Filters start in steady state.
-    pub(super) fn follow(&mut self, point: &Point) -> [Change; CUTOFFS_HZ.len()] {
+    pub(super) fn step(&mut self, point: &Point) -> [Change; CUTOFFS_HZ.len()] {
         // The slope at which the filter is in steady state is irrelevant: measured shear has passed through the plate's
         // filter.
         let held = point.slope_is_measured.then_some([0.0; 2]);
-        let now = Sight { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n };
-        let mut changes = [NONE; CUTOFFS_HZ.len()];
+        let now = Prediction { cop_m: point.by_suit_m(held), force_n: point.force_predicted_n };
+        let mut changes = [Change::NONE; CUTOFFS_HZ.len()];
         for ((filtered, change), cutoff_hz) in self.filtered.iter_mut().zip(&mut changes).zip(CUTOFFS_HZ) {
             let next = match (*filtered, self.last) {
                 (Some(filtered), Some((before_s, before))) => {
                     let turn = TAU * cutoff_hz * (point.time_s - before_s);
-                    filtered.followed(&before, &now, turn)
+                    filtered.filtered(&before, &now, turn)
                 }
                 _ => now,
             };
@@ -102,14 +99,14 @@ impl Filters {
     }
 }
 
-impl Sight {
+impl Prediction {
     /// One step of `τ ẏ = x − y` over `turn` = Δt/τ, exact for a linearly interpolated input.
-    fn followed(&self, before: &Sight, now: &Sight, turn: f64) -> Sight {
+    fn filtered(&self, before: &Prediction, now: &Prediction, turn: f64) -> Prediction {
         let decay = (-turn).exp();
         let mean = if turn > 1e-9 { (1.0 - decay) / turn } else { 1.0 };
         let step =
             |state: f64, before: f64, now: f64| decay * state + (mean - decay) * before + (1.0 - mean) * now;
-        Sight {
+        Prediction {
             cop_m: std::array::from_fn(|axis| step(self.cop_m[axis], before.cop_m[axis], now.cop_m[axis])),
             force_n: std::array::from_fn(|axis| {
                 step(self.force_n[axis], before.force_n[axis], now.force_n[axis])

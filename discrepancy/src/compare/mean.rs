@@ -4,19 +4,16 @@ use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::Observation;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-use super::changes::NONE;
 use super::options::Options;
 use super::point::Point;
 use super::window::{Window, matrix};
 use super::worker::Worker;
-use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
-
-/// A block is complete if its points cover at least this fraction of it.
-const REACH_SHARE: f64 = 0.5;
+use crate::block::{Block, Change, Phase};
+use crate::constants::{BLOCK_REACH, CUTOFFS_HZ, LAGS_S};
 
 /// A block under construction.
 #[derive(Debug)]
-pub(super) struct Mean {
+pub(super) struct BlockMean {
     /// Number of the block since the recording's start.
     pub(super) number: f64,
     /// Start and end, s.
@@ -29,7 +26,7 @@ pub(super) struct Mean {
     sum: Sum,
     by_cutoff: [Change; CUTOFFS_HZ.len()],
     /// Number of the first contributing snapshot, and the summed weights of each in values and second derivatives.
-    first_moment: usize,
+    first_snapshot: usize,
     weights: Vec<[f64; 2]>,
     bodies: Box<Bodies>,
 }
@@ -62,10 +59,10 @@ struct Bodies {
     quaternion: [[f64; 4]; SEGMENTS],
 }
 
-impl Mean {
-    pub(super) fn new(number: f64, options: &Options) -> Mean {
+impl BlockMean {
+    pub(super) fn new(number: f64, options: &Options) -> BlockMean {
         let from_s = number * options.block_s;
-        Mean {
+        BlockMean {
             number,
             span_s: [from_s, from_s + options.block_s],
             stance: 0,
@@ -73,8 +70,8 @@ impl Mean {
             count: 0.0,
             reach_s: [f64::INFINITY, f64::NEG_INFINITY],
             sum: Sum::default(),
-            by_cutoff: [NONE; CUTOFFS_HZ.len()],
-            first_moment: 0,
+            by_cutoff: [Change::NONE; CUTOFFS_HZ.len()],
+            first_snapshot: 0,
             weights: Vec::new(),
             bodies: Box::new(Bodies {
                 origin_m: [[0.0; 3]; SEGMENTS],
@@ -112,43 +109,47 @@ impl Mean {
             add(&mut sum.cop_m, &change.cop_m);
             add(&mut sum.force_n, &change.force_n);
         }
-        self.weigh_moments(point);
+        self.weigh_snapshots(point);
     }
 
-    fn weigh_moments(&mut self, point: &Point) {
-        let around = &point.around;
+    fn weigh_snapshots(&mut self, point: &Point) {
+        let neighbourhood = &point.neighbourhood;
         if self.weights.is_empty() {
-            self.first_moment = around.first;
+            self.first_snapshot = neighbourhood.first;
         }
-        let offset = around.first.saturating_sub(self.first_moment);
-        self.weights.resize(self.weights.len().max(offset + around.count), [0.0; 2]);
-        for (place, sums) in self.weights[offset..offset + around.count].iter_mut().enumerate() {
-            sums[0] += around.weights.value[place];
-            sums[1] += around.weights.second[place];
+        let offset = neighbourhood.first.saturating_sub(self.first_snapshot);
+        self.weights.resize(self.weights.len().max(offset + neighbourhood.count), [0.0; 2]);
+        for (place, sums) in self.weights[offset..offset + neighbourhood.count].iter_mut().enumerate() {
+            sums[0] += neighbourhood.weights.value[place];
+            sums[1] += neighbourhood.weights.second[place];
         }
     }
 
     /// Whether the points cover most of the block.
-    pub(super) fn is_whole(&self, options: &Options) -> bool {
-        self.reach_s[1] - self.reach_s[0] >= REACH_SHARE * options.block_s
+    pub(super) fn is_complete(&self, options: &Options) -> bool {
+        self.reach_s[1] - self.reach_s[0] >= BLOCK_REACH * options.block_s
     }
 
     /// Sums the snapshots with their weights once all points are added: the mean over points of linearly smoothed or
     /// differentiated quantities is one weighted sum over snapshots.
-    pub(super) fn add_moments(&mut self, window: &Window) {
+    pub(super) fn add_snapshots(&mut self, window: &Window) {
         let bodies = &mut *self.bodies;
         for (place, weights) in self.weights.iter().enumerate() {
-            let Some(seen) = window.get(self.first_moment + place) else { continue };
+            let Some(sample) = window.get(self.first_snapshot + place) else { continue };
             let [value, second] = weights.map(|weight| weight / self.count);
-            let [shift_x, shift_y] = seen.snapshot.station_from_suit_m;
+            let [shift_x, shift_y] = sample.snapshot.station_from_suit_m;
             for segment in 0..SEGMENTS {
-                let [x, y, z] = seen.snapshot.origin_m[segment];
+                let [x, y, z] = sample.snapshot.origin_m[segment];
                 add_scaled(&mut bodies.origin_m[segment], value, &[x, y, z]);
                 // In the suit's own world: the anchor's shift is no motion of the body.
                 let in_suit_world = [x - shift_x, y - shift_y, z];
                 add_scaled(&mut bodies.origin_acceleration_m_per_s2[segment], second, &in_suit_world);
-                add_scaled(&mut bodies.quaternion[segment], value, &seen.snapshot.orientation_wxyz[segment]);
-                for (row, entries) in matrix(&seen.snapshot, segment).iter().enumerate() {
+                add_scaled(
+                    &mut bodies.quaternion[segment],
+                    value,
+                    &sample.snapshot.orientation_wxyz[segment],
+                );
+                for (row, entries) in matrix(&sample.snapshot, segment).iter().enumerate() {
                     add_scaled(&mut bodies.rotation[segment][row], value, entries);
                     add_scaled(&mut bodies.rotation_acceleration_per_s2[segment][row], second, entries);
                 }

@@ -1,6 +1,7 @@
 //! Options of the reduction of snapshots to blocks.
 
-use crate::block::{LAGS_S, Phase};
+use crate::block::Phase;
+use crate::constants::{BLOCK_S, BLOCKS_MAX, HALF_WINDOW_S, LAGS_S, SNAPSHOT_GAP_S, STANCE_MARGIN_S};
 use crate::session::Spans;
 
 /// Options of the reduction of snapshots to blocks.
@@ -25,17 +26,17 @@ pub struct Options {
 }
 
 impl Options {
-    /// The default: 0.2 s, ± 0.1 s, ± 0.4 s, 6000 blocks.
+    /// The default.
     pub fn new(begin_ns: u64, spans_s: Spans, has_inertia: bool) -> Options {
         Options {
             begin_ns,
             spans_s,
-            block_s: 0.2,
-            half_window_s: 0.1,
-            stance_margin_s: 0.4,
-            gap_max_s: 0.12,
+            block_s: BLOCK_S,
+            half_window_s: HALF_WINDOW_S,
+            stance_margin_s: STANCE_MARGIN_S,
+            gap_max_s: SNAPSHOT_GAP_S,
             has_inertia,
-            blocks_max: 6000,
+            blocks_max: BLOCKS_MAX,
         }
     }
 
@@ -45,7 +46,7 @@ impl Options {
     }
 
     /// Time after which all data around a block are available, s.
-    pub(super) fn patience_s(&self) -> f64 {
+    pub(super) fn delay_s(&self) -> f64 {
         let latest_lag_s = LAGS_S[LAGS_S.len() - 1];
         // A point is complete half a window and at most a gap after its time.
         let predicted_s = latest_lag_s + self.half_window_s + self.gap_max_s;

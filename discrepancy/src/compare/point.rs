@@ -7,16 +7,9 @@ use equipoise_core::overload::GRAVITY_M_PER_S2;
 use nalgebra::Vector3;
 
 use super::options::Options;
-use super::window::{Around, Window};
+use super::window::{Neighbourhood, Window};
 use super::worker::Worker;
-
-/// Below this fraction of the weight the body jumps and its centre of pressure is meaningless.
-const SPECIFIC_FORCE_MIN_M_PER_S2: f64 = 0.2 * GRAVITY_M_PER_S2;
-/// Larger accelerations indicate an impact or a jump, which a parabola cannot represent, m/s².
-const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
-/// A larger shift of the centre of pressure by rotation would make the body fall: it indicates a jump of sample times,
-/// m.
-const TURNING_MAX_M: f64 = 0.3;
+use crate::constants::{ACCELERATION_MAX_M_PER_S2, SPECIFIC_FORCE_MIN_M_PER_S2, TURNING_MAX_M};
 
 /// Predictions and measurements at one snapshot.
 #[derive(Debug)]
@@ -28,7 +21,7 @@ pub(super) struct Point {
     /// Whether the model includes the body's inertia.
     pub(super) has_inertia: bool,
     /// Window and weights, for averages over the snapshots themselves.
-    pub(super) around: Box<Around>,
+    pub(super) neighbourhood: Box<Neighbourhood>,
     /// Height of the walking surface, m.
     pub(super) floor_m: f64,
     /// Middle between the standing feet, m.
@@ -68,18 +61,18 @@ impl Point {
     pub(super) fn of(
         window: &Window,
         number: usize,
-        around: Around,
+        neighbourhood: Neighbourhood,
         worker: &Worker,
         options: &Options,
     ) -> Option<Point> {
-        let sums = Sums::over(window, &around)?;
-        let seen = window.at(number);
+        let sums = Sums::over(window, &neighbourhood)?;
+        let sample = window.at(number);
         let [_, _, vertical_n] = sums.force_n;
         let specific_force = GRAVITY_M_PER_S2 + sums.acceleration.z;
         if vertical_n <= 0.0 || specific_force < SPECIFIC_FORCE_MIN_M_PER_S2 {
             return None;
         }
-        let has_shear = sums.has_shear && seen.ground?.has_shear;
+        let has_shear = sums.has_shear && sample.ground?.has_shear;
         let slope_by_suit = [sums.acceleration.x / specific_force, sums.acceleration.y / specific_force];
         // As in the loop: divided by the force that the body requires, so that a load's weight does not reduce the
         // slope.
@@ -91,14 +84,14 @@ impl Point {
             (true, false) => slope_by_suit,
         };
         let masses = MassDistribution { body: &worker.body, gyration_m2: &worker.gyration_m2 };
-        let rates = momentum_rate_by_segment(&seen.snapshot, &sums.motion, &masses);
+        let rates = momentum_rate_by_segment(&sample.snapshot, &sums.motion, &masses);
         let turning_by_group_m = turning_by_group_m(&rates, specific_force);
         let mut point = Point {
-            time_s: seen.time_s,
-            stance: seen.snapshot.stance,
+            time_s: sample.time_s,
+            stance: sample.snapshot.stance,
             has_inertia: options.has_inertia,
-            floor_m: seen.snapshot.ground.surface_z_m,
-            feet_m: feet_m(&seen.snapshot.origin_m),
+            floor_m: sample.snapshot.ground.surface_z_m,
+            feet_m: feet_m(&sample.snapshot.origin_m),
             com_m: sums.com_m,
             com_velocity_m_per_s: sums.velocity,
             com_acceleration_m_per_s2: sums.acceleration,
@@ -110,7 +103,7 @@ impl Point {
             force_predicted_n: [0.0, 0.0, worker.mass_kg * GRAVITY_M_PER_S2],
             cop_measured_m: sums.cop_nm.map(|moment_nm| moment_nm / vertical_n),
             force_measured_n: sums.force_n,
-            around: Box::new(around),
+            neighbourhood: Box::new(neighbourhood),
         };
         if options.has_inertia {
             let [x, y, _] = sums.acceleration.into();
@@ -147,7 +140,7 @@ impl Point {
 }
 
 impl Sums {
-    fn over(window: &Window, around: &Around) -> Option<Sums> {
+    fn over(window: &Window, neighbourhood: &Neighbourhood) -> Option<Sums> {
         let mut sums = Sums {
             com_m: Vector3::zeros(),
             velocity: Vector3::zeros(),
@@ -157,16 +150,16 @@ impl Sums {
             cop_nm: [0.0; 2],
             has_shear: true,
         };
-        let weights = &around.weights;
-        for place in 0..around.count {
-            let seen = window.at(around.first + place);
-            let ground = seen.ground?;
+        let weights = &neighbourhood.weights;
+        for place in 0..neighbourhood.count {
+            let sample = window.at(neighbourhood.first + place);
+            let ground = sample.ground?;
             let (value, first, second) = (weights.value[place], weights.first[place], weights.second[place]);
-            let [x, y] = seen.snapshot.station_from_suit_m;
-            sums.com_m += value * (seen.centre_m + Vector3::new(x, y, 0.0));
-            sums.velocity += first * seen.centre_m;
-            sums.acceleration += second * seen.centre_m;
-            sums.motion.add(&seen.snapshot, first, second);
+            let [x, y] = sample.snapshot.station_from_suit_m;
+            sums.com_m += value * (sample.centre_m + Vector3::new(x, y, 0.0));
+            sums.velocity += first * sample.centre_m;
+            sums.acceleration += second * sample.centre_m;
+            sums.motion.add(&sample.snapshot, first, second);
             sums.has_shear &= ground.has_shear;
             for (sum, force_n) in sums.force_n.iter_mut().zip(ground.force_n) {
                 *sum += value * force_n;

@@ -13,31 +13,26 @@ use nalgebra::Vector3;
 use super::options::Options;
 use super::point::Point;
 use super::worker::Worker;
+use crate::constants::{SNAPSHOT_RESERVE_S, TIME_TOLERANCE_S, WINDOW_REACH, WINDOW_SIDE_MIN};
 
-/// Minimum number of snapshots on each side of a parabola.
-const SIDE_MIN: usize = 2;
 /// Maximum number of snapshots on each side.
 const SIDE_MAX: usize = CAPACITY / 2 - 1;
-/// Each side must cover this fraction of half the window; otherwise value and derivatives belong to another time.
-const REACH_SHARE: f64 = 0.6;
-/// Tolerance of times, s: a sample on the edge of the window belongs to it.
-const TIME_EPSILON_S: f64 = 1e-6;
 
 /// A snapshot and its quantities to be smoothed.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
+pub(super) struct Sample {
     /// Time since the recording's start, s.
     pub(super) time_s: f64,
     pub(super) snapshot: Snapshot,
     /// Centre of mass by the chain in the suit's own world, m: the anchor's shifts are no motion of the body.
     pub(super) centre_m: Vector3<f64>,
     /// Plate data; `None` without a centre of pressure.
-    pub(super) ground: Option<Shown>,
+    pub(super) ground: Option<PlateReading>,
 }
 
 /// Plate data at a snapshot.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Shown {
+pub(super) struct PlateReading {
     pub(super) force_n: [f64; 3],
     /// Whether the horizontal part of it was measured.
     pub(super) has_shear: bool,
@@ -51,15 +46,15 @@ pub(super) struct Window {
     half_s: f64,
     /// Snapshots older than this are dropped, s.
     kept_s: f64,
-    seen: VecDeque<Seen>,
+    samples: VecDeque<Sample>,
     /// Number of dropped snapshots, and number of the next snapshot to be processed.
-    forgotten: usize,
+    dropped: usize,
     next: usize,
 }
 
 /// The window around a snapshot: number of its first snapshot, and the weights of all snapshots in it.
 #[derive(Debug)]
-pub(super) struct Around {
+pub(super) struct Neighbourhood {
     pub(super) first: usize,
     pub(super) count: usize,
     pub(super) weights: Weights,
@@ -68,22 +63,22 @@ pub(super) struct Around {
 impl Window {
     pub(super) fn new(half_s: f64, block_s: f64) -> Window {
         // A block, half a window on both sides of it, and a gap.
-        let kept_s = block_s + 2.0 * half_s + 0.3;
-        Window { half_s, kept_s, seen: VecDeque::new(), forgotten: 0, next: 0 }
+        let kept_s = block_s + 2.0 * half_s + SNAPSHOT_RESERVE_S;
+        Window { half_s, kept_s, samples: VecDeque::new(), dropped: 0, next: 0 }
     }
 
     pub(super) fn clear(&mut self) {
-        self.forgotten += self.seen.len();
-        self.next = self.forgotten;
-        self.seen.clear();
+        self.dropped += self.samples.len();
+        self.next = self.dropped;
+        self.samples.clear();
     }
 
     /// Ingests a snapshot; returns whether the plate has a centre of pressure.
     pub(super) fn push(&mut self, time_s: f64, snapshot: &Snapshot, worker: &Worker) -> bool {
         let oldest_s = time_s - self.kept_s;
-        let old = |seen: &mut Seen| seen.time_s < oldest_s;
-        while self.next > self.forgotten && self.seen.pop_front_if(old).is_some() {
-            self.forgotten += 1;
+        let old = |sample: &mut Sample| sample.time_s < oldest_s;
+        while self.next > self.dropped && self.samples.pop_front_if(old).is_some() {
+            self.dropped += 1;
         }
         let [x, y] = snapshot.station_from_suit_m;
         let centre_m = chain(&snapshot.pose(), worker) - Vector3::new(x, y, 0.0);
@@ -92,24 +87,28 @@ impl Window {
             let vertical_n = ground.force_n[2];
             // A device that does not declare shear as unmeasured but reports exactly zero does not measure it either.
             let has_shear = ground.measures(Component::Shear) && ground.force_n[..2] != [0.0; 2];
-            Some(Shown { force_n: ground.force_n, has_shear, cop_nm: [x * vertical_n, y * vertical_n] })
+            Some(PlateReading {
+                force_n: ground.force_n,
+                has_shear,
+                cop_nm: [x * vertical_n, y * vertical_n],
+            })
         });
         let has_cop = ground.is_some();
-        self.seen.push_back(Seen { time_s, snapshot: *snapshot, centre_m, ground });
+        self.samples.push_back(Sample { time_s, snapshot: *snapshot, centre_m, ground });
         has_cop
     }
 
     /// Compares the next snapshot whose following samples have arrived; skips snapshots with an incomplete window.
     pub(super) fn next(&mut self, worker: &Worker, options: &Options) -> Option<Point> {
-        let newest_s = self.seen.back()?.time_s;
-        while self.next < self.forgotten + self.seen.len() {
+        let newest_s = self.samples.back()?.time_s;
+        while self.next < self.dropped + self.samples.len() {
             let number = self.next;
-            if self.at(number).time_s + self.half_s > newest_s + TIME_EPSILON_S {
+            if self.at(number).time_s + self.half_s > newest_s + TIME_TOLERANCE_S {
                 return None;
             }
             self.next += 1;
             let point =
-                self.around(number).and_then(|around| Point::of(self, number, around, worker, options));
+                self.neighbourhood(number).and_then(|near| Point::of(self, number, near, worker, options));
             if point.is_some() {
                 return point;
             }
@@ -118,22 +117,23 @@ impl Window {
     }
 
     /// The snapshot of a number.
-    pub(super) fn at(&self, number: usize) -> &Seen {
-        &self.seen[number - self.forgotten]
+    pub(super) fn at(&self, number: usize) -> &Sample {
+        &self.samples[number - self.dropped]
     }
 
     /// The snapshot of a number, unless it has been dropped.
-    pub(super) fn get(&self, number: usize) -> Option<&Seen> {
-        self.seen.get(number.checked_sub(self.forgotten)?)
+    pub(super) fn get(&self, number: usize) -> Option<&Sample> {
+        self.samples.get(number.checked_sub(self.dropped)?)
     }
 
-    fn around(&self, number: usize) -> Option<Around> {
+    fn neighbourhood(&self, number: usize) -> Option<Neighbourhood> {
         let centre_s = self.at(number).time_s;
         let near = |other: usize| {
-            self.get(other).is_some_and(|seen| (seen.time_s - centre_s).abs() <= self.half_s + TIME_EPSILON_S)
+            self.get(other)
+                .is_some_and(|sample| (sample.time_s - centre_s).abs() <= self.half_s + TIME_TOLERANCE_S)
         };
         let (mut first, mut last) = (number, number);
-        while first > self.forgotten && number - first < SIDE_MAX && near(first - 1) {
+        while first > self.dropped && number - first < SIDE_MAX && near(first - 1) {
             first -= 1;
         }
         while last - number < SIDE_MAX && near(last + 1) {
@@ -141,8 +141,8 @@ impl Window {
         }
         let reach_s = [centre_s - self.at(first).time_s, self.at(last).time_s - centre_s];
         let counts = [number - first, last - number];
-        let cut_short = |side: usize| counts[side] < SIDE_MAX && reach_s[side] < REACH_SHARE * self.half_s;
-        if counts.iter().any(|count| *count < SIDE_MIN) || cut_short(0) || cut_short(1) {
+        let cut_short = |side: usize| counts[side] < SIDE_MAX && reach_s[side] < WINDOW_REACH * self.half_s;
+        if counts.iter().any(|count| *count < WINDOW_SIDE_MIN) || cut_short(0) || cut_short(1) {
             return None;
         }
         let mut times_s = [0.0; CAPACITY];
@@ -150,7 +150,7 @@ impl Window {
         for (time_s, other) in times_s.iter_mut().zip(first..=last) {
             *time_s = self.at(other).time_s - centre_s;
         }
-        Some(Around { first, count, weights: weights(&times_s[..count])? })
+        Some(Neighbourhood { first, count, weights: weights(&times_s[..count])? })
     }
 }
 

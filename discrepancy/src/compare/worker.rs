@@ -4,11 +4,8 @@ use equipoise_core::body::{Anthropometry, SEGMENTS, Side, gyration_m2};
 use equipoise_core::cycle::{Identification, Settings};
 use equipoise_core::sesc::{Phi, ReductionKind};
 
+use crate::constants::CHAIN_ERROR_M;
 use crate::session::PARAMETERS;
-
-/// Model error of the chain on every parameter (joints that glide, a spine that bends between its sensors), in addition
-/// to the spread of the table: 1-σ, m.
-const LEFT_OUT_SIGMA_M: f64 = 0.002;
 
 /// An identified subject.
 #[derive(Debug, Clone, Copy)]
@@ -52,16 +49,16 @@ impl Worker {
 /// Prior covariance of all 69 parameters before any pose, m², row by row: the table's spread, the soft constraints, the
 /// suit's misalignment, inflated as the first poses require, and the chain's model error.
 pub fn prior_covariance_m2(learnt: &Identification, settings: &Settings) -> Vec<f64> {
-    let mut believed = Box::new(*learnt);
+    let mut prior = Box::new(*learnt);
     let inflation = learnt.prior_inflation();
-    believed.reset_to_prior(&Settings { reduction: ReductionKind::Full, ..*settings });
+    prior.reset_to_prior(&Settings { reduction: ReductionKind::Full, ..*settings });
     let mut covariance_m2 = vec![0.0; PARAMETERS * PARAMETERS];
     for (row, values) in covariance_m2.chunks_exact_mut(PARAMETERS).enumerate() {
-        let prior_m2 = believed.filter.covariance_row_m2(row);
+        let prior_m2 = prior.filter.covariance_row_m2(row);
         for (value, prior_m2) in values.iter_mut().zip(prior_m2) {
             *value = inflation * prior_m2;
         }
-        values[row] += LEFT_OUT_SIGMA_M * LEFT_OUT_SIGMA_M;
+        values[row] += CHAIN_ERROR_M * CHAIN_ERROR_M;
     }
     covariance_m2
 }

@@ -1,8 +1,11 @@
-//! The library: terms by their columns at every block of the work.
+//! The library: terms by their columns at every block of the work, and those that are forces on the body or errors of
+//! the plate.
 
-use equipoise_core::effect::Columns;
+use equipoise_core::body::Segment;
+use equipoise_core::effect::{Columns, Effect, Place};
 
-use super::{forces, plate, regions, shifts};
+use super::{regions, shifts};
+use crate::constants::{COP_MAP, FORCE_MAP, GENERIC_FORCE_N, GENERIC_STIFFNESS_N_PER_M, HYSTERESIS};
 use crate::rows::Rows;
 
 /// A term of the library.
@@ -11,10 +14,10 @@ pub(crate) struct Entry {
     /// Description.
     pub(crate) what: String,
     /// Whether no catalogue effect is a part of it.
-    pub(crate) is_unlike: bool,
+    pub(crate) is_unlike_catalogue: bool,
     /// Whether it is an error of the suit: evidence must then come from the centre of pressure, since accelerations
     /// alone are weak evidence.
-    pub(crate) is_of_the_suit: bool,
+    pub(crate) is_suit_error: bool,
     /// Prior size of each parameter, 1-σ.
     pub(crate) sigma: Vec<f64>,
     /// Its columns, one for each block of the work.
@@ -25,27 +28,151 @@ impl Entry {
     /// An entry defined block by block.
     pub(crate) fn of(rows: &Rows<'_>, what: String, sigma: &[f64], of: impl Fn(usize) -> Columns) -> Entry {
         let columns = (rows.work_from..rows.len()).map(of).collect();
-        Entry { what, is_unlike: true, is_of_the_suit: false, sigma: sigma.to_vec(), columns }
+        Entry { what, is_unlike_catalogue: true, is_suit_error: false, sigma: sigma.to_vec(), columns }
     }
 
     /// The same entry, marked as partly in the catalogue.
-    pub(crate) fn like_the_catalogue(self) -> Entry {
-        Entry { is_unlike: false, ..self }
+    pub(crate) fn partly_in_catalogue(self) -> Entry {
+        Entry { is_unlike_catalogue: false, ..self }
     }
 
     /// The same entry, marked as an error of the suit.
-    pub(crate) fn of_the_suit(self) -> Entry {
-        Entry { is_of_the_suit: true, ..self }
+    pub(crate) fn as_suit_error(self) -> Entry {
+        Entry { is_suit_error: true, ..self }
     }
 }
 
 /// All generic terms, in the work.
 pub(crate) fn all(rows: &Rows<'_>) -> Vec<Entry> {
-    let around = shifts::Around::of(rows);
-    let mut list = forces::all(rows);
-    list.extend(shifts::joints(&around));
-    list.extend(shifts::slips(&around).into_iter().map(Entry::of_the_suit));
-    list.extend(regions::all(&around).into_iter().map(Entry::of_the_suit));
-    list.extend(plate::all(rows));
+    let neighbours = shifts::Neighbours::of(rows);
+    let mut list = forces(rows);
+    list.extend(shifts::joints(&neighbours));
+    list.extend(shifts::slips(&neighbours).into_iter().map(Entry::as_suit_error));
+    list.extend(regions::all(&neighbours).into_iter().map(Entry::as_suit_error));
+    list.extend(plate_errors(rows));
     list
+}
+
+/// A force, and a spring to an arbitrary point, at every segment.
+fn forces(rows: &Rows<'_>) -> Vec<Entry> {
+    let mut list = Vec::new();
+    for place in Effect::SegmentHeading.places() {
+        let Place::Segment(segment) = *place else { continue };
+        let name = display_name(segment);
+        let at = |block: usize| rows.blocks[block].observation.origin_m[segment.index()];
+        let what = format!("a force on the {name}");
+        list.push(Entry::of(rows, what, &[GENERIC_FORCE_N; 3], |block| force(rows, block, at(block))));
+        let what = format!("a spring that pulls at the {name}");
+        let sigma = [GENERIC_FORCE_N, GENERIC_FORCE_N, GENERIC_FORCE_N, GENERIC_STIFFNESS_N_PER_M];
+        list.push(Entry::of(rows, what, &sigma, |block| spring(rows, block, at(block))));
+    }
+    list.into_iter().map(Entry::partly_in_catalogue).collect()
+}
+
+/// A force in the world's axes at a point of the body, N.
+fn force(rows: &Rows<'_>, block: usize, at_m: [f64; 3]) -> Columns {
+    let seen = &rows.blocks[block].observation;
+    let under_m = if seen.slope_is_measured { seen.com_m[2] } else { seen.floor_m };
+    let weight_n = seen.force_predicted_n[2];
+    let mut columns = Columns::zero(3);
+    columns.cop_m[0] = [(at_m[2] - under_m) / weight_n, 0.0];
+    columns.cop_m[1] = [0.0, (at_m[2] - under_m) / weight_n];
+    columns.cop_m[2] = [0, 1].map(|axis| -(at_m[axis] - seen.cop_predicted_m[axis]) / weight_n);
+    for axis in 0..3 {
+        columns.force_n[axis][axis] = -1.0;
+    }
+    columns
+}
+
+/// A force and a stiffness, N/m, towards the world's origin: together a spring to an arbitrary point.
+fn spring(rows: &Rows<'_>, block: usize, at_m: [f64; 3]) -> Columns {
+    let mut columns = force(rows, block, at_m);
+    columns.count = 4;
+    let (cop_m, force_n) = columns.times(&[-at_m[0], -at_m[1], -at_m[2], 0.0]);
+    (columns.cop_m[3], columns.force_n[3]) = (cop_m, force_n);
+    columns
+}
+
+/// Errors of a plate or an insole that the catalogue lacks: hysteresis, and errors that depend on the position.
+fn plate_errors(rows: &Rows<'_>) -> Vec<Entry> {
+    let [hysteresis_m, speed_s, linear, quadratic_per_m] = COP_MAP;
+    let seen = |block: usize| &rows.blocks[block].observation;
+    let entry = |what: &str, sigma: &[f64], of: &dyn Fn(usize) -> Columns| {
+        Entry::of(rows, what.to_owned(), sigma, of)
+    };
+    let mut list = vec![
+        entry("the centre of pressure lags behind its own motion", &[hysteresis_m; 2], &|block| {
+            let [x, y] = cop_direction(rows, block);
+            pair([x, 0.0], [0.0, y])
+        }),
+        entry("the centre of pressure is off in proportion to the body's speed", &[speed_s; 2], &|block| {
+            let [x, y, _] = rows.blocks[block].com_velocity_m_per_s;
+            pair([x, 0.0], [0.0, y])
+        })
+        .partly_in_catalogue(),
+        entry("the centre of pressure goes through a linear map", &[linear; 4], &|block| {
+            let [x, y] = seen(block).cop_predicted_m;
+            let mut columns = Columns::zero(4);
+            (columns.cop_m[0], columns.cop_m[1]) = ([x, 0.0], [y, 0.0]);
+            (columns.cop_m[2], columns.cop_m[3]) = ([0.0, x], [0.0, y]);
+            columns
+        })
+        .partly_in_catalogue(),
+        entry("the vertical force depends on where the person stands", &FORCE_MAP, &|block| {
+            let [x, y] = seen(block).cop_predicted_m;
+            let force_n = seen(block).force_predicted_n[2];
+            let mut columns = Columns::zero(3);
+            columns.force_n[0][2] = force_n;
+            columns.force_n[1][2] = force_n * x;
+            columns.force_n[2][2] = force_n * y;
+            columns
+        })
+        .partly_in_catalogue(),
+    ];
+    for (a, b, what) in [(0, 0, "forward squared"), (0, 1, "forward times left"), (1, 1, "left squared")] {
+        let what = format!("the centre of pressure is bent: {what}");
+        list.push(entry(&what, &[quadratic_per_m; 2], &|block| {
+            let cop_m = seen(block).cop_predicted_m;
+            let square = cop_m[a] * cop_m[b];
+            pair([square, 0.0], [0.0, square])
+        }));
+    }
+    list
+}
+
+fn pair(x: [f64; 2], y: [f64; 2]) -> Columns {
+    let mut columns = Columns::zero(2);
+    (columns.cop_m[0], columns.cop_m[1]) = (x, y);
+    columns
+}
+
+/// Recent direction of motion of the centre of pressure at a block, per axis in \[−1, 1\]: hysteresis depends on it.
+fn cop_direction(rows: &Rows<'_>, block: usize) -> [f64; 2] {
+    let seen = |block: usize| rows.blocks[block].observation.cop_predicted_m;
+    let (blocks, decay, saturation_m) = HYSTERESIS;
+    [0, 1].map(|axis| {
+        let (mut moved_m, mut weight) = (0.0, 1.0);
+        for earlier in (rows.work_from + 1..=block).rev().take(blocks) {
+            moved_m += weight * (seen(earlier)[axis] - seen(earlier - 1)[axis]);
+            weight *= decay;
+        }
+        (moved_m / saturation_m).tanh()
+    })
+}
+
+/// Display name of a segment: "right forearm".
+pub(super) fn display_name(segment: Segment) -> String {
+    let name = segment.name();
+    let mut text = String::new();
+    for (index, letter) in name.char_indices() {
+        if letter.is_uppercase() && index > 0 && text.len() > 2 {
+            text.push(' ');
+        }
+        text.push(letter.to_ascii_lowercase());
+    }
+    match segment {
+        Segment::T8 => "upper trunk".to_owned(),
+        Segment::L5 | Segment::L3 | Segment::T12 => "lower trunk".to_owned(),
+        _ => text,
+    }
 }

@@ -3,26 +3,17 @@
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{Effect, Place};
 
-use super::library::Entry;
-use super::shifts::{Around, Seen};
-use super::words;
-
-/// Reach of a disturbance, m: for arms, which move anywhere, and for segments that stay in place.
-const REACH_M: [&[f64]; 2] = [&[0.15, 0.25, 0.4], &[0.25]];
-/// Numbers of centres, in the same order.
-const PLACES: [usize; 2] = [8, 5];
-/// Prior heading error, 1-σ, rad.
-const OFF_RAD: f64 = 0.4;
-/// Length over which a field changes by its own magnitude, m.
-const FIELD_M: f64 = 0.3;
+use super::library::{Entry, display_name};
+use super::shifts::{Neighbours, Posture};
+use crate::constants::{FIELD_M, REGION_CENTRES, REGION_HEADING_RAD, REGION_REACH_M};
 
 /// Every segment on its own, and each arm as a whole.
-pub(super) fn all(around: &Around<'_>) -> Vec<Entry> {
+pub(super) fn all(neighbours: &Neighbours<'_>) -> Vec<Entry> {
     let mut list = Vec::new();
     for place in Effect::SegmentHeading.places() {
         if let Place::Segment(segment) = *place {
             let is_of_an_arm = segment.is_distal_to(Segment::T8) && segment.mirrored() != segment;
-            list.extend(of(around, &words(segment), &[segment], is_of_an_arm));
+            list.extend(of(neighbours, &display_name(segment), &[segment], is_of_an_arm));
         }
     }
     for side in Side::BOTH {
@@ -32,35 +23,39 @@ pub(super) fn all(around: &Around<'_>) -> Vec<Entry> {
             [Segment::RightUpperArm, Segment::RightForearm, Segment::RightHand]
         };
         let name = if side == Side::Left { "left arm" } else { "right arm" };
-        list.extend(of(around, name, &arm, true));
+        list.extend(of(neighbours, name, &arm, true));
     }
     list
 }
 
 /// Some segments, each disturbed at its own position; centres are among the positions of the middle one.
-fn of(around: &Around<'_>, name: &str, segments: &[Segment], is_of_an_arm: bool) -> Vec<Entry> {
+fn of(neighbours: &Neighbours<'_>, name: &str, segments: &[Segment], is_of_an_arm: bool) -> Vec<Entry> {
     let kind = usize::from(!is_of_an_arm);
     let middle = segments[segments.len() / 2];
-    let points: Vec<[f64; 3]> = around.work().map(|seen| at(seen, middle)).collect();
+    let points: Vec<[f64; 3]> = neighbours.work().map(|posture| at(posture, middle)).collect();
     let mut list = Vec::new();
-    let centres = centres(&points, PLACES[kind]);
+    let (counts, _) = REGION_CENTRES;
+    let centres = centres(&points, counts[kind]);
     for &centre in &centres {
-        for &reach_m in REACH_M[kind] {
+        for &reach_m in REGION_REACH_M[kind] {
             let [x, y, z] = centre;
             let what = format!("heading of the {name}, near ({x:.1}, {y:.1}, {z:.1}) m");
-            list.push(around.entry(middle, what, [OFF_RAD], |seen| {
-                let near = |segment| (-0.5 * apart2(at(seen, segment), centre) / (reach_m * reach_m)).exp();
-                [sum(segments.iter().map(|&segment| seen.turned_back(segment, [0.0, 0.0, near(segment)])))]
+            list.push(neighbours.entry(middle, what, [REGION_HEADING_RAD], |posture| {
+                let near =
+                    |segment| (-0.5 * apart2(at(posture, segment), centre) / (reach_m * reach_m)).exp();
+                [sum(segments
+                    .iter()
+                    .map(|&segment| posture.rotated_back(segment, [0.0, 0.0, near(segment)])))]
             }));
         }
     }
     if let Some(origin) = mean(&points) {
         let what = format!("heading of the {name}, by where it is");
-        list.push(around.entry(middle, what, [OFF_RAD; 4], |seen| {
+        list.push(neighbours.entry(middle, what, [REGION_HEADING_RAD; 4], |posture| {
             std::array::from_fn(|k| {
                 sum(segments.iter().map(|&segment| {
-                    let by = if k == 3 { 1.0 } else { (at(seen, segment)[k] - origin[k]) / FIELD_M };
-                    seen.turned_back(segment, [0.0, 0.0, by])
+                    let by = if k == 3 { 1.0 } else { (at(posture, segment)[k] - origin[k]) / FIELD_M };
+                    posture.rotated_back(segment, [0.0, 0.0, by])
                 }))
             })
         }));
@@ -68,8 +63,8 @@ fn of(around: &Around<'_>, name: &str, segments: &[Segment], is_of_an_arm: bool)
     list
 }
 
-fn at(seen: &Seen<'_>, segment: Segment) -> [f64; 3] {
-    seen.block.observation.origin_m[segment.index()]
+fn at(posture: &Posture<'_>, segment: Segment) -> [f64; 3] {
+    posture.block.observation.origin_m[segment.index()]
 }
 
 /// A few centres among the positions of a point of the body: initially far from each other, then each moved to the
@@ -81,7 +76,8 @@ fn centres(points: &[[f64; 3]], count: usize) -> Vec<[f64; 3]> {
         let farthest = points.iter().max_by(|a, b| lonely(a).total_cmp(&lonely(b))).copied();
         centres.extend(farthest);
     }
-    for _ in 0..4 {
+    let (_, iterations) = REGION_CENTRES;
+    for _ in 0..iterations {
         let nearest = |point: [f64; 3]| {
             let near =
                 |a: &usize, b: &usize| apart2(point, centres[*a]).total_cmp(&apart2(point, centres[*b]));

@@ -3,16 +3,12 @@
 use faer::Mat;
 
 use super::library::Entry;
+use crate::constants::{CLEAR_LEAD, DRAWS, SEEDS};
 use crate::evidence::log_odds;
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
 use crate::linear::{dot, inner};
 use crate::trials::Random;
-
-/// Number of simulated clean sessions; the best score among all is the level reached by chance.
-const DRAWS: usize = 100;
-/// Minimum evidence by the centre of pressure alone for an error of the suit, log odds.
-const FROM_COP_ALONE: f64 = 3.0;
 
 /// A library, whitened.
 #[derive(Debug, Clone)]
@@ -25,9 +21,9 @@ pub(super) struct Search {
 
 /// Quantities of every entry once some directions are projected out: products of its columns, products with the
 /// residual.
-struct Asked {
+struct Projected {
     products: Vec<Vec<f64>>,
-    pulls: Vec<f64>,
+    with_residual: Vec<f64>,
 }
 
 impl Search {
@@ -43,21 +39,21 @@ impl Search {
         Search { entries, first, columns }
     }
 
-    /// The best log odds that any entry reaches in white noise.
-    pub(super) fn by_chance(&self) -> f64 {
-        let mut random = Random::new(0x0dd5);
+    /// The best log odds that any entry reaches in [`DRAWS`] draws of white noise.
+    pub(super) fn chance_level(&self) -> f64 {
+        let mut random = Random::new(SEEDS[1]);
         let mut noise = Mat::zeros(self.columns.nrows(), DRAWS);
         for draw in 0..DRAWS {
             for value in noise.col_as_slice_mut(draw) {
                 *value = random.normal();
             }
         }
-        let pulls = inner(self.columns.as_ref(), noise.as_ref());
-        let mut asked = self.asked(&[], &[]);
+        let with_noise = inner(self.columns.as_ref(), noise.as_ref());
+        let mut projected = self.projected(&[], &[]);
         let mut best = f64::NEG_INFINITY;
         for draw in 0..DRAWS {
-            asked.pulls.copy_from_slice(pulls.col_as_slice(draw));
-            best = (0..self.entries.len()).map(|entry| self.score(&asked, entry)).fold(best, f64::max);
+            projected.with_residual.copy_from_slice(with_noise.col_as_slice(draw));
+            best = (0..self.entries.len()).map(|entry| self.score(&projected, entry)).fold(best, f64::max);
         }
         best
     }
@@ -68,49 +64,62 @@ impl Search {
         &self,
         gram: &Gram<'_>,
         accepted: &[usize],
-        least: f64,
-        most: usize,
-        is_asked: impl Fn(&Entry) -> bool,
+        threshold: f64,
+        max: usize,
+        is_tested: impl Fn(&Entry) -> bool,
     ) -> Vec<Generic> {
         let (mut directions, residual) = if accepted.is_empty() {
-            (gram.errors.clone(), gram.residual.clone())
+            (gram.sensor_errors.clone(), gram.residual.clone())
         } else {
             gram.directions_given(accepted)
         };
-        let mut asked = self.asked(&directions, &residual);
-        let mut found = Vec::new();
-        while found.len() < most {
+        let mut projected = self.projected(&directions, &residual);
+        let mut accepted_terms = Vec::new();
+        while accepted_terms.len() < max {
             let mut scores: Vec<(f64, usize)> = (0..self.entries.len())
-                .filter(|&entry| is_asked(&self.entries[entry]))
-                .map(|entry| (self.score(&asked, entry), entry))
-                .filter(|(log_odds, _)| *log_odds > least)
+                .filter(|&entry| is_tested(&self.entries[entry]))
+                .map(|entry| (self.score(&projected, entry), entry))
+                .filter(|(log_odds, _)| *log_odds > threshold)
                 .collect();
             scores.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let stands = |index: usize| {
-                !self.entries[index].is_of_the_suit
-                    || self.by_cop_alone(gram, index, &directions, &residual) > FROM_COP_ALONE
+            let is_supported = |index: usize| {
+                !self.entries[index].is_suit_error
+                    || self.log_odds_by_cop(gram, index, &directions, &residual) > CLEAR_LEAD
             };
-            let Some((log_odds, index)) = scores.into_iter().find(|&(_, index)| stands(index)) else { break };
+            let Some((log_odds, index)) = scores.into_iter().find(|&(_, index)| is_supported(index)) else {
+                break;
+            };
             let entry = &self.entries[index];
-            found.push(Generic { what: entry.what.clone(), log_odds });
+            accepted_terms.push(Generic { what: entry.what.clone(), log_odds });
             for (k, &sigma) in entry.sigma.iter().enumerate() {
                 let column = self.columns.col_as_slice(self.first[index] + k);
                 directions.push(direction(column, sigma, &directions));
-                self.take_out(&mut asked, &directions[directions.len() - 1..], &residual);
+                self.project_out(&mut projected, &directions[directions.len() - 1..], &residual);
             }
         }
-        found
+        accepted_terms
     }
 
-    fn score(&self, asked: &Asked, entry: usize) -> f64 {
+    fn score(&self, projected: &Projected, entry: usize) -> f64 {
         let (first, sigma) = (self.first[entry], &self.entries[entry].sigma);
-        let (products, count) = (&asked.products[entry], sigma.len());
+        let (products, count) = (&projected.products[entry], sigma.len());
         let mean = [0.0; equipoise_core::effect::PARAMETERS_MAX];
-        log_odds(&|i, j| products[i * count + j], &|i| asked.pulls[first + i], &mean[..count], sigma)
+        log_odds(
+            &|i, j| products[i * count + j],
+            &|i| projected.with_residual[first + i],
+            &mean[..count],
+            sigma,
+        )
     }
 
     /// Log odds of an entry from the rows of the centre of pressure.
-    fn by_cop_alone(&self, gram: &Gram<'_>, entry: usize, directions: &[Vec<f64>], residual: &[f64]) -> f64 {
+    fn log_odds_by_cop(
+        &self,
+        gram: &Gram<'_>,
+        entry: usize,
+        directions: &[Vec<f64>],
+        residual: &[f64],
+    ) -> f64 {
         let (rows, sigma) = (gram.cop_rows(), &self.entries[entry].sigma);
         let part = |column: &[f64]| column[..rows].to_vec();
         let columns: Vec<Vec<f64>> =
@@ -119,31 +128,32 @@ impl Search {
         score(&columns, &directions, &residual[..rows], &vec![0.0; sigma.len()], sigma)
     }
 
-    fn asked(&self, directions: &[Vec<f64>], residual: &[f64]) -> Asked {
+    fn projected(&self, directions: &[Vec<f64>], residual: &[f64]) -> Projected {
         let column = |index: usize| self.columns.col_as_slice(index);
         let products = self.entries.iter().zip(&self.first).map(|(entry, &first)| {
             let count = entry.sigma.len();
             (0..count * count).map(|k| dot(column(first + k / count), column(first + k % count))).collect()
         });
-        let pulls = (0..self.columns.ncols()).map(|index| dot(column(index), residual));
-        let mut asked = Asked { products: products.collect(), pulls: pulls.collect() };
-        self.take_out(&mut asked, directions, residual);
-        asked
+        let with_residual = (0..self.columns.ncols()).map(|index| dot(column(index), residual));
+        let mut projected =
+            Projected { products: products.collect(), with_residual: with_residual.collect() };
+        self.project_out(&mut projected, directions, residual);
+        projected
     }
 
-    fn take_out(&self, asked: &mut Asked, directions: &[Vec<f64>], residual: &[f64]) {
-        let known = Mat::from_fn(self.columns.nrows(), directions.len(), |i, j| directions[j][i]);
-        let along = inner(known.as_ref(), self.columns.as_ref());
+    fn project_out(&self, projected: &mut Projected, directions: &[Vec<f64>], residual: &[f64]) {
+        let matrix = Mat::from_fn(self.columns.nrows(), directions.len(), |i, j| directions[j][i]);
+        let along = inner(matrix.as_ref(), self.columns.as_ref());
         let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, residual)).collect();
-        for (entry, products) in asked.products.iter_mut().enumerate() {
+        for (entry, products) in projected.products.iter_mut().enumerate() {
             let (first, count) = (self.first[entry], self.entries[entry].sigma.len());
             for (k, product) in products.iter_mut().enumerate() {
                 let [i, j] = [first + k / count, first + k % count];
                 *product -= dot(along.col_as_slice(i), along.col_as_slice(j));
             }
         }
-        for (index, pull) in asked.pulls.iter_mut().enumerate() {
-            *pull -= dot(along.col_as_slice(index), &on_residual);
+        for (index, product) in projected.with_residual.iter_mut().enumerate() {
+            *product -= dot(along.col_as_slice(index), &on_residual);
         }
     }
 }

@@ -4,26 +4,26 @@
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::{Columns, Effect, Place, arm_m};
 
-use super::library::Entry;
-use super::words;
+use super::library::{Entry, display_name};
 use crate::block::Block;
-use crate::noise::kernels::norm;
+use crate::constants::{JOINT_GLIDE_M, SLIP};
+use crate::linear::norm;
 use crate::rows::Rows;
 
 /// A block, and the contribution of its segments to the centre of mass.
 #[derive(Debug, Clone)]
-pub(super) struct Seen<'a> {
+pub(super) struct Posture<'a> {
     pub(super) block: &'a Block,
     lever_m: [[f64; 3]; SEGMENTS],
 }
 
-impl<'a> Seen<'a> {
-    fn of(block: &'a Block) -> Seen<'a> {
-        Seen { block, lever_m: Segment::ALL.map(|segment| arm_m(segment, &block.observation)) }
+impl<'a> Posture<'a> {
+    fn of(block: &'a Block) -> Posture<'a> {
+        Posture { block, lever_m: Segment::ALL.map(|segment| arm_m(segment, &block.observation)) }
     }
 
     /// True centre of mass if the suit measures a segment rotated by this, rad, world axes.
-    pub(super) fn turned_back(&self, segment: Segment, turn: [f64; 3]) -> [f64; 3] {
+    pub(super) fn rotated_back(&self, segment: Segment, turn: [f64; 3]) -> [f64; 3] {
         let [x, y, z] = self.lever_m[segment.index()];
         let [u, v, w] = turn;
         [w * y - v * z, u * z - w * x, v * x - u * y]
@@ -41,13 +41,13 @@ impl<'a> Seen<'a> {
 
 /// Every block of the work with its predecessor and successor.
 #[derive(Debug, Clone)]
-pub(super) struct Around<'a> {
+pub(super) struct Neighbours<'a> {
     pub(super) rows: &'a Rows<'a>,
-    blocks: Vec<(Seen<'a>, Option<[Seen<'a>; 2]>)>,
+    blocks: Vec<(Posture<'a>, Option<[Posture<'a>; 2]>)>,
 }
 
-impl<'a> Around<'a> {
-    pub(super) fn of(rows: &'a Rows<'a>) -> Around<'a> {
+impl<'a> Neighbours<'a> {
+    pub(super) fn of(rows: &'a Rows<'a>) -> Neighbours<'a> {
         let all = &rows.session.blocks;
         let follows = |a: &Block, b: &Block| {
             let apart_s = b.observation.time_s - a.observation.time_s;
@@ -64,15 +64,15 @@ impl<'a> Around<'a> {
                 let both = before
                     .zip(after)
                     .filter(|(before, after)| follows(before, block) && follows(block, after));
-                (Seen::of(block), both.map(|(before, after)| [Seen::of(before), Seen::of(after)]))
+                (Posture::of(block), both.map(|(before, after)| [Posture::of(before), Posture::of(after)]))
             })
             .collect();
-        Around { rows, blocks }
+        Neighbours { rows, blocks }
     }
 
     /// The blocks of the work.
-    pub(super) fn work(&self) -> impl Iterator<Item = &Seen<'a>> {
-        self.blocks.iter().map(|(seen, _)| seen)
+    pub(super) fn work(&self) -> impl Iterator<Item = &Posture<'a>> {
+        self.blocks.iter().map(|(posture, _)| posture)
     }
 
     /// A term that shifts the centre of mass by vectors in the world's axes, m per unit, because of an error of some
@@ -82,19 +82,19 @@ impl<'a> Around<'a> {
         of: Segment,
         what: String,
         sigma: [f64; N],
-        shift_m: impl Fn(&Seen<'_>) -> [[f64; 3]; N],
+        shift_m: impl Fn(&Posture<'_>) -> [[f64; 3]; N],
     ) -> Entry {
         let step2_s2 = self.rows.session.block_s.powi(2);
         Entry::of(self.rows, what, &sigma, |block| {
-            let (seen, both) = &self.blocks[block - self.rows.work_from];
-            let here = shift_m(seen);
-            let around = both
+            let (posture, both) = &self.blocks[block - self.rows.work_from];
+            let here = shift_m(posture);
+            let both_shifts = both
                 .as_ref()
                 .filter(|_| of.is_distal_to(Segment::T8))
                 .map(|both| both.each_ref().map(&shift_m));
             let mut columns = Columns::zero(N);
             for k in 0..N {
-                let acceleration = around.map_or([0.0; 3], |[before, after]| {
+                let acceleration = both_shifts.map_or([0.0; 3], |[before, after]| {
                     [0, 1, 2].map(|axis| (before[k][axis] - 2.0 * here[k][axis] + after[k][axis]) / step2_s2)
                 });
                 (columns.cop_m[k], columns.force_n[k]) = of_shift(self.rows, block, here[k], acceleration);
@@ -107,44 +107,48 @@ impl<'a> Around<'a> {
 /// Contribution of a shift of the centre of mass (m) that accelerates (m/s²) to centre of pressure and force, as in the
 /// catalogue's effects.
 fn of_shift(rows: &Rows<'_>, block: usize, at: [f64; 3], acceleration: [f64; 3]) -> ([f64; 2], [f64; 3]) {
-    let seen = &rows.blocks[block].observation;
+    let observation = &rows.blocks[block].observation;
     let leant = rows.on_cop(block, at);
     if !rows.session.has_inertia {
-        return (leant, acceleration.map(|part| seen.mass_kg * part));
+        return (leant, acceleration.map(|part| observation.mass_kg * part));
     }
-    let (height_m, specific) = (seen.com_m[2] - seen.floor_m, seen.force_predicted_n[2] / seen.mass_kg);
+    let (height_m, specific) =
+        (observation.com_m[2] - observation.floor_m, observation.force_predicted_n[2] / observation.mass_kg);
     let cop_m = [0, 1].map(|axis| {
-        let lightened = (seen.slope[axis] * height_m - seen.turning_m[axis]) * acceleration[2] / specific;
+        let lightened =
+            (observation.slope[axis] * height_m - observation.turning_m[axis]) * acceleration[2] / specific;
         // Measured shear already contains it.
-        let pushed = if seen.slope_is_measured { 0.0 } else { height_m * acceleration[axis] / specific };
+        let pushed =
+            if observation.slope_is_measured { 0.0 } else { height_m * acceleration[axis] / specific };
         leant[axis] + lightened - pushed
     });
-    (cop_m, acceleration.map(|part| seen.mass_kg * part))
+    (cop_m, acceleration.map(|part| observation.mass_kg * part))
 }
 
 /// Joints that translate as they bend: a suit's bones meet in points, a body's joints glide.
-pub(super) fn joints(around: &Around<'_>) -> Vec<Entry> {
+pub(super) fn joints(neighbours: &Neighbours<'_>) -> Vec<Entry> {
+    let [shoulder_m, spine_m] = JOINT_GLIDE_M;
     let mut list = Vec::new();
     for side in Side::BOTH {
-        let what = format!("the {} leaves its joint as the arm is raised", words(upper_arm(side)));
-        list.push(
-            around.entry(Segment::T8, what, [0.002; 3], |seen| along_trunk(seen, raised(seen, side), 1.0)),
-        );
+        let what = format!("the {} leaves its joint as the arm is raised", display_name(upper_arm(side)));
+        list.push(neighbours.entry(Segment::T8, what, [shoulder_m; 3], |posture| {
+            along_trunk(posture, raised(posture, side))
+        }));
     }
     let what = "both arms leave their joints as they are raised".to_owned();
-    list.push(around.entry(Segment::T8, what, [0.002; 3], |seen| {
-        let [left, right] = Side::BOTH.map(|side| raised(seen, side));
+    list.push(neighbours.entry(Segment::T8, what, [shoulder_m; 3], |posture| {
+        let [left, right] = Side::BOTH.map(|side| raised(posture, side));
         let apart = if Side::BOTH[0] == Side::Left { left - right } else { right - left };
-        let mut all = along_trunk(seen, left + right, 1.0);
-        all[1] = along_trunk(seen, apart, 1.0)[1];
+        let mut all = along_trunk(posture, left + right);
+        all[1] = along_trunk(posture, apart)[1];
         all
     }));
     for (axis, how) in ["to the side", "forward", "about the upright"].into_iter().enumerate() {
         let what = format!("the spine bends elsewhere than the suit thinks: {how}");
-        list.push(around.entry(Segment::T8, what, [0.015; 3], |seen| {
+        list.push(neighbours.entry(Segment::T8, what, [spine_m; 3], |posture| {
             let trunk = [Segment::L5, Segment::L3, Segment::T12, Segment::T8];
-            let bend: f64 = trunk.iter().map(|part| seen.block.joint_rad[part.index()][axis]).sum();
-            [0, 1, 2].map(|along| seen.axis(Segment::Pelvis, along).map(|part| bend * part))
+            let bend: f64 = trunk.iter().map(|part| posture.block.joint_rad[part.index()][axis]).sum();
+            [0, 1, 2].map(|along| posture.axis(Segment::Pelvis, along).map(|part| bend * part))
         }));
     }
     list
@@ -155,50 +159,55 @@ fn upper_arm(side: Side) -> Segment {
 }
 
 /// Elevation of an arm: 0 hanging down the trunk, 1 at a right angle, 2 upwards.
-fn raised(seen: &Seen<'_>, side: Side) -> f64 {
+fn raised(posture: &Posture<'_>, side: Side) -> f64 {
     // In the T-pose an arm points along the Y axis of its segment, to the left or to the right.
     let outwards = if side == Side::Left { 1.0 } else { -1.0 };
-    let (arm, trunk) = (seen.axis(upper_arm(side), 1), seen.axis(Segment::T8, 2));
+    let (arm, trunk) = (posture.axis(upper_arm(side), 1), posture.axis(Segment::T8, 2));
     1.0 + outwards * (0..3).map(|k| arm[k] * trunk[k]).sum::<f64>()
 }
 
-fn along_trunk(seen: &Seen<'_>, size: f64, scale: f64) -> [[f64; 3]; 3] {
-    [0, 1, 2].map(|along| seen.axis(Segment::T8, along).map(|part| scale * size * part))
+/// Vectors of this length along each axis of the trunk.
+fn along_trunk(posture: &Posture<'_>, size: f64) -> [[f64; 3]; 3] {
+    [0, 1, 2].map(|along| posture.axis(Segment::T8, along).map(|part| size * part))
 }
 
 /// Sensors that slip on a segment.
-pub(super) fn slips(around: &Around<'_>) -> Vec<Entry> {
+pub(super) fn slips(neighbours: &Neighbours<'_>) -> Vec<Entry> {
     let segments = Effect::SegmentHeading.places().iter();
     segments
         .filter_map(|place| if let Place::Segment(segment) = *place { Some(segment) } else { None })
-        .flat_map(|segment| slips_of(around, segment))
+        .flat_map(|segment| slips_of(neighbours, segment))
         .collect()
 }
 
-fn slips_of(around: &Around<'_>, segment: Segment) -> Vec<Entry> {
-    let rows = around.rows;
-    let name = words(segment);
-    let bent = move |seen: &Seen<'_>| seen.block.joint_rad[segment.index()];
-    let aside = move |seen: &Seen<'_>, size: f64| {
-        [0, 1, 2].map(|along| seen.turned_back(segment, seen.axis(segment, along).map(|part| size * part)))
+fn slips_of(neighbours: &Neighbours<'_>, segment: Segment) -> Vec<Entry> {
+    let rows = neighbours.rows;
+    let name = display_name(segment);
+    let bent = move |posture: &Posture<'_>| posture.block.joint_rad[segment.index()];
+    let aside = move |posture: &Posture<'_>, size: f64| {
+        [0, 1, 2]
+            .map(|along| posture.rotated_back(segment, posture.axis(segment, along).map(|part| size * part)))
     };
+    let [per_joint, following, per_minute] = SLIP;
     let mut list = Vec::new();
     for (joint, axis) in ["x", "y", "z"].into_iter().enumerate() {
         let what = format!("the sensor on the {name} slips as its joint turns about {axis}");
-        list.push(around.entry(segment, what, [0.15; 3], |seen| aside(seen, bent(seen)[joint])));
+        list.push(
+            neighbours.entry(segment, what, [per_joint; 3], |posture| aside(posture, bent(posture)[joint])),
+        );
     }
     let what = format!("the sensor on the {name} slips the more its joint is bent");
-    list.push(around.entry(segment, what, [0.15; 3], |seen| aside(seen, norm(bent(seen)))));
+    list.push(neighbours.entry(segment, what, [per_joint; 3], |posture| aside(posture, norm(bent(posture)))));
     let what = format!("the sensor on the {name} follows its joint only in part");
-    list.push(around.entry(segment, what, [0.2], |seen| {
-        let rotation = seen.rotation(segment);
-        let turn = rotation.map(|row| (0..3).map(|k| row[k] * bent(seen)[k]).sum());
-        [seen.turned_back(segment, turn)]
+    list.push(neighbours.entry(segment, what, [following], |posture| {
+        let rotation = posture.rotation(segment);
+        let turn = rotation.map(|row| (0..3).map(|k| row[k] * bent(posture)[k]).sum());
+        [posture.rotated_back(segment, turn)]
     }));
     let what = format!("heading of the {name}, growing with time");
-    list.push(around.entry(segment, what, [0.1], |seen| {
-        let minutes = (seen.block.observation.time_s - rows.session.spans_s.work[0]) / 60.0;
-        [seen.turned_back(segment, [0.0, 0.0, minutes])]
+    list.push(neighbours.entry(segment, what, [per_minute], |posture| {
+        let minutes = (posture.block.observation.time_s - rows.session.spans_s.work[0]) / 60.0;
+        [posture.rotated_back(segment, [0.0, 0.0, minutes])]
     }));
     list
 }

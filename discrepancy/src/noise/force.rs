@@ -1,38 +1,32 @@
 //! Noise of the force channels: the suit's accelerations have a relative error, its orientations rotate them, the plate
-//! adds its own noise. All sizes have lower bounds; otherwise the posterior is overconfident in the newton range.
+//! adds its own noise.
 
 use equipoise_core::body::SEGMENTS;
 use faer::Mat;
 
-use super::kernels::{looseness, norm};
-use super::likelihood::{Belief, Question, chosen};
-use crate::linear::{outer, product, root};
+use super::cop::soft_tissue_scale;
+use super::likelihood::{ChannelLikelihood, SizePrior, blocks_of_fit};
+use crate::constants::{
+    FORCE_GAIN_KERNEL, FORCE_HEADING_FACTOR, FORCE_ORIENTATION, FORCE_ORIENTATION_KERNEL,
+    FORCE_ORIENTATION_MAX, FORCE_SIZE_EXCESS, FORCE_SIZES, FORCE_SIZES_MIN, FORCE_SIZES_SIGMA, FORCE_SLOW_S,
+    FORCE_ZERO_N, HEADING_S, MOTION_S,
+};
+use crate::linear::{norm, outer, product, root};
 use crate::rows::Rows;
 
-/// Sizes: slow noise of the plate (N), white (N), fraction of the acceleration, fast fraction of it, orientation drift
-/// (unit).
-const COUNT: usize = 5;
+/// Number of fitted sizes, in the order of [`FORCE_SIZES`].
+const COUNT: usize = FORCE_SIZES_SIGMA.len();
 /// Index of the white part.
 const WHITE: usize = 1;
-/// Prior of shear and of the vertical force.
-const BELIEVED: [[f64; COUNT]; 2] = [[1.0, 0.5, 0.08, 0.05, 1.0], [1.0, 0.5, 0.05, 0.05, 1.0]];
-/// Prior 1-σ of the logarithms.
-const BELIEF_SIGMA: [f64; COUNT] = [0.8, 0.8, 0.7, 0.7, 0.25];
-/// Lower bounds, shear and vertical.
-const LEAST: [[f64; COUNT]; 2] = [[0.3, 0.2, 0.06, 0.05, 0.7], [0.3, 0.2, 0.03, 0.03, 0.7]];
-/// Error of the channel's zero and of the weight, 1-σ, N.
-const ZERO_N: f64 = 1.5;
-/// Correlation time of the plate's slow noise, s.
-const SLOW_S: f64 = 20.0;
-/// Orientation drift, rad, and soft tissue, rad per rad.
-const ORIENTATION: (f64, f64) = (0.0122, 0.035);
+/// Index of the orientations.
+const ORIENTATION: usize = 4;
 
 /// Covariance of one force channel over all rows, N².
 pub(crate) fn covariance_n2(rows: &Rows<'_>, axis: usize) -> Option<Mat<f64>> {
     let sizes = fit(rows, axis)?;
-    let mut sum = fixed_n2(rows, axis);
+    let mut sum = fixed_covariance_n2(rows, axis);
     for part in (0..COUNT).filter(|&part| part != WHITE) {
-        sum += faer::Scale((2.0 * sizes[part]).exp()) * unit_part(rows, axis, part);
+        sum += faer::Scale((2.0 * sizes[part]).exp()) * unit_kernel(rows, axis, part);
     }
     add_white(&mut sum, &sizes);
     Some(sum)
@@ -46,28 +40,31 @@ fn add_white(sum: &mut Mat<f64>, sizes: &[f64; COUNT]) {
 
 fn fit(rows: &Rows<'_>, axis: usize) -> Option<[f64; COUNT]> {
     let vertical = usize::from(axis == 2);
-    let believed = BELIEVED[vertical].map(f64::ln);
-    let some = rows.subset(&chosen(rows));
+    let mean = FORCE_SIZES[vertical].map(f64::ln);
+    let some = rows.subset(&blocks_of_fit(rows));
     if some.len() == 0 {
-        return Some(believed);
+        return Some(mean);
     }
-    let question = Question {
-        fixed: fixed_n2(&some, axis),
-        parts: std::array::from_fn(|part| (part != WHITE).then(|| unit_part(&some, axis, part))),
+    let likelihood = ChannelLikelihood {
+        fixed: fixed_covariance_n2(&some, axis),
+        parts: std::array::from_fn(|part| (part != WHITE).then(|| unit_kernel(&some, axis, part))),
         residual: Mat::from_fn(some.len(), 1, |block, _| some.force_residual_n(block, axis)),
         add_white,
     };
-    question.likeliest(&Belief {
-        mean: believed,
-        sigma: BELIEF_SIGMA,
-        least: LEAST[vertical].map(f64::ln),
-        most: std::array::from_fn(|i| if i == 4 { 2.5_f64.ln() } else { believed[i] + 3.0 }),
+    likelihood.most_probable(&SizePrior {
+        mean,
+        sigma: FORCE_SIZES_SIGMA,
+        min: FORCE_SIZES_MIN[vertical].map(f64::ln),
+        max: std::array::from_fn(|i| match i {
+            ORIENTATION => FORCE_ORIENTATION_MAX.ln(),
+            _ => mean[i] + FORCE_SIZE_EXCESS,
+        }),
     })
 }
 
 /// A zero that all rows share, and the error of the identified parameters: each channel has an independent copy of it,
 /// so that errors of differentiated motion carry no information about the parameters.
-fn fixed_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
+fn fixed_covariance_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     let size = 3 * SEGMENTS;
     let root = root(&rows.session.prior_covariance_m2, size);
     let on_force = Mat::from_fn(rows.len(), size, |block, column| {
@@ -78,43 +75,48 @@ fn fixed_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     let mut sum = outer(columns.as_ref(), columns.as_ref());
     for j in 0..rows.len() {
         for i in 0..rows.len() {
-            sum[(i, j)] += ZERO_N * ZERO_N;
+            sum[(i, j)] += FORCE_ZERO_N * FORCE_ZERO_N;
         }
     }
     sum
 }
 
-fn unit_part(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
+fn unit_kernel(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
     let mass_kg = rows.session.mass_kg;
     let force_n = |i: usize| rows.blocks[i].observation.com_acceleration_m_per_s2.map(|a| mass_kg * a);
     match part {
-        0 => by_pairs(rows, |_, _, apart_s| (-apart_s / SLOW_S).exp()),
+        0 => by_pairs(rows, |_, _, apart_s| (-apart_s / FORCE_SLOW_S).exp()),
         2 => by_pairs(rows, |i, j, apart_s| {
             let (a, b) = (force_n(i), force_n(j));
-            (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]) * (0.5 + 0.5 * (-apart_s / 10.0).exp())
+            let (constant, time_s) = FORCE_GAIN_KERNEL;
+            (a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+                * (constant + (1.0 - constant) * (-apart_s / time_s).exp())
         }),
-        3 => by_pairs(rows, |i, j, apart_s| norm(force_n(i)) * norm(force_n(j)) * (-apart_s / 0.35).exp()),
+        3 => {
+            by_pairs(rows, |i, j, apart_s| norm(force_n(i)) * norm(force_n(j)) * (-apart_s / MOTION_S).exp())
+        }
         _ => orientation(rows, axis),
     }
 }
 
 /// Effect of orientation errors on the accelerations of the segments' masses.
 fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
-    let (wander_rad, soft) = ORIENTATION;
+    let (walk_rad, soft_tissue) = FORCE_ORIENTATION;
     let columns = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
         let mut turn = [0.0; 3];
-        turn[column % 3] = if column % 3 == 2 { 1.5 * wander_rad } else { wander_rad };
-        rows.turned_by(block, column / 3, turn).1[axis]
+        turn[column % 3] = if column % 3 == 2 { FORCE_HEADING_FACTOR * walk_rad } else { walk_rad };
+        rows.effect_of_rotation(block, column / 3, turn).1[axis]
     });
     let slow = outer(columns.as_ref(), columns.as_ref());
     let mut sum = by_pairs(rows, |i, j, apart_s| {
-        let apart = 3.0_f64.sqrt() * apart_s / 40.0;
-        slow[(i, j)] * (0.8 + 0.8 * (1.0 + apart) * (-apart).exp() + 0.2 * (-apart_s / 3.0).exp())
+        let apart = 3.0_f64.sqrt() * apart_s / HEADING_S;
+        let (constant, matern, fast, fast_s) = FORCE_ORIENTATION_KERNEL;
+        slow[(i, j)] * (constant + matern * (1.0 + apart) * (-apart).exp() + fast * (-apart_s / fast_s).exp())
     });
     let skin = Mat::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
         let (segment, along, joint) = (column / 9, column / 3 % 3, column % 3);
-        let size = soft * looseness(segment) * rows.blocks[block].joint_rad[segment][joint];
-        size * rows.turned(block, segment, along).1[axis]
+        let size = soft_tissue * soft_tissue_scale(segment) * rows.blocks[block].joint_rad[segment][joint];
+        size * rows.effect_of_misalignment(block, segment, along).1[axis]
     });
     sum += outer(skin.as_ref(), skin.as_ref());
     sum

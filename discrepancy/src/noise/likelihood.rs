@@ -1,17 +1,17 @@
-//! Likelihood of residuals given the sizes of kernels, and the sizes that maximise it; for every channel alike.
+//! Likelihood of a channel's residuals given the sizes of its kernels, and the most probable sizes: a small
+//! quasi-Newton search between bounds, with a gradient and a good initial curvature.
 
 use faer::Mat;
 
-use super::minimise::minimise;
 use crate::block::Phase;
+use crate::constants::{
+    FIT_BLOCKS_MAX, INITIAL_CURVATURE, MINIMISER_GAIN_MIN, MINIMISER_STEP, MINIMISER_STEPS,
+};
 use crate::linear::{Factor, dot, outer};
 use crate::rows::Rows;
 
-/// Maximum numbers of blocks in a fit: of poses and of clean work.
-const FIT_MAX: [usize; 2] = [70, 150];
-
 /// The parts of a channel's likelihood that do not depend on the sizes.
-pub(super) struct Question<const N: usize> {
+pub(super) struct ChannelLikelihood<const N: usize> {
     /// Covariance of the parts without a fitted size.
     pub(super) fixed: Mat<f64>,
     /// Parts of unit size; `None` for the white one, which `add_white` adds.
@@ -24,19 +24,19 @@ pub(super) struct Question<const N: usize> {
 
 /// Prior of the logarithms of the sizes, and their bounds.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Belief<const N: usize> {
+pub(super) struct SizePrior<const N: usize> {
     pub(super) mean: [f64; N],
     pub(super) sigma: [f64; N],
-    pub(super) least: [f64; N],
-    pub(super) most: [f64; N],
+    pub(super) min: [f64; N],
+    pub(super) max: [f64; N],
 }
 
-impl<const N: usize> Question<N> {
-    /// Logarithms of the most likely sizes. `None` if the residuals are not finite.
-    pub(super) fn likeliest(&self, belief: &Belief<N>) -> Option<[f64; N]> {
-        let Belief { mean, sigma, least, most } = *belief;
-        let curvature = sigma.map(|sigma| 1.0 / (sigma * sigma) + 10.0);
-        minimise(mean, least, most, curvature, |sizes| {
+impl<const N: usize> ChannelLikelihood<N> {
+    /// Logarithms of the sizes of largest posterior density. `None` if the residuals are not finite.
+    pub(super) fn most_probable(&self, prior: &SizePrior<N>) -> Option<[f64; N]> {
+        let SizePrior { mean, sigma, min, max } = *prior;
+        let curvature = sigma.map(|sigma| 1.0 / (sigma * sigma) + INITIAL_CURVATURE);
+        minimise(mean, min, max, curvature, |sizes| {
             let (mut value, mut slope) = self.minus_log_likelihood(sizes)?;
             for i in 0..N {
                 let off = (sizes[i] - mean[i]) / sigma[i];
@@ -60,12 +60,12 @@ impl<const N: usize> Question<N> {
         let mut weighted = self.residual.clone();
         factor.whiten_from(0, &mut weighted);
         let value = 0.5 * weighted.squared_norm_l2() + factor.half_log_det();
-        factor.back(&mut weighted);
+        factor.solve_transposed(&mut weighted);
         let mut inverse = Factor::inverse(&covariance)?;
         inverse -= outer(weighted.as_ref(), weighted.as_ref());
         let slope = std::array::from_fn(|part| {
             let trace = match &self.parts[part] {
-                Some(shape) => all_products(&inverse, shape),
+                Some(shape) => elementwise_product_sum(&inverse, shape),
                 None => (0..inverse.nrows()).map(|i| inverse[(i, i)]).sum(),
             };
             (2.0 * sizes[part]).exp() * trace
@@ -75,17 +75,108 @@ impl<const N: usize> Question<N> {
 }
 
 /// Evenly spaced blocks of poses and clean work: indices.
-pub(super) fn chosen(rows: &Rows<'_>) -> Vec<usize> {
+pub(super) fn blocks_of_fit(rows: &Rows<'_>) -> Vec<usize> {
     let mut chosen = Vec::new();
-    for (phase, most) in [Phase::Identify, Phase::Reference].into_iter().zip(FIT_MAX) {
+    for (phase, max) in [Phase::Identify, Phase::Reference].into_iter().zip(FIT_BLOCKS_MAX) {
         let all: Vec<usize> = (0..rows.len()).filter(|&i| rows.blocks[i].phase == phase).collect();
-        let count = all.len().min(most);
+        let count = all.len().min(max);
         chosen.extend((0..count).map(|i| all[i * all.len() / count]));
     }
     chosen
 }
 
 /// Sum of the elementwise products.
-fn all_products(a: &Mat<f64>, b: &Mat<f64>) -> f64 {
+fn elementwise_product_sum(a: &Mat<f64>, b: &Mat<f64>) -> f64 {
     (0..a.ncols()).map(|j| dot(a.col_as_slice(j), b.col_as_slice(j))).sum()
+}
+
+/// Minimises `of` (value and gradient; `None` where it is undefined) from `start`, within `min` and `max`.
+/// `curvature` is the diagonal of an approximate second derivative.
+fn minimise<const N: usize>(
+    start: [f64; N],
+    min: [f64; N],
+    max: [f64; N],
+    curvature: [f64; N],
+    of: impl Fn(&[f64; N]) -> Option<(f64, [f64; N])>,
+) -> Option<[f64; N]> {
+    let mut at = start;
+    let (mut value, mut slope) = of(&at)?;
+    let mut inverse: [[f64; N]; N] =
+        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { 1.0 / curvature[i] } else { 0.0 }));
+    let (steps, _) = MINIMISER_STEPS;
+    for _ in 0..steps {
+        let direction: [f64; N] =
+            std::array::from_fn(|i| -(0..N).map(|j| inverse[i][j] * slope[j]).sum::<f64>());
+        let Some((next, next_value, next_slope)) = search(&at, value, &direction, &min, &max, &of) else {
+            break;
+        };
+        let step: [f64; N] = std::array::from_fn(|i| next[i] - at[i]);
+        let change: [f64; N] = std::array::from_fn(|i| next_slope[i] - slope[i]);
+        update(&mut inverse, &step, &change);
+        let gained = value - next_value;
+        (at, value, slope) = (next, next_value, next_slope);
+        if gained < MINIMISER_GAIN_MIN {
+            break;
+        }
+    }
+    Some(at)
+}
+
+/// Position, value and gradient.
+type Point<const N: usize> = ([f64; N], f64, [f64; N]);
+
+/// Shortens the step until the value decreases.
+fn search<const N: usize>(
+    at: &[f64; N],
+    value: f64,
+    direction: &[f64; N],
+    min: &[f64; N],
+    max: &[f64; N],
+    of: impl Fn(&[f64; N]) -> Option<(f64, [f64; N])>,
+) -> Option<Point<N>> {
+    let longest = direction.iter().fold(0.0_f64, |longest, step| longest.max(step.abs()));
+    let ((step_max, shortening), (_, tries)) = (MINIMISER_STEP, MINIMISER_STEPS);
+    let mut share = if longest > step_max { step_max / longest } else { 1.0 };
+    for _ in 0..tries {
+        let next: [f64; N] = std::array::from_fn(|i| (at[i] + share * direction[i]).clamp(min[i], max[i]));
+        if let Some((next_value, slope)) = of(&next)
+            && next_value < value
+        {
+            return Some((next, next_value, slope));
+        }
+        share *= shortening;
+    }
+    None
+}
+
+/// The update of Broyden, Fletcher, Goldfarb and Shanno of an inverse curvature.
+fn update<const N: usize>(inverse: &mut [[f64; N]; N], step: &[f64; N], change: &[f64; N]) {
+    let along: f64 = (0..N).map(|i| step[i] * change[i]).sum();
+    if along <= 1e-10 {
+        return;
+    }
+    let moved: [f64; N] = std::array::from_fn(|i| (0..N).map(|j| inverse[i][j] * change[j]).sum());
+    let scale = (1.0 + (0..N).map(|i| change[i] * moved[i]).sum::<f64>() / along) / along;
+    for i in 0..N {
+        for j in 0..N {
+            inverse[i][j] += scale * step[i] * step[j] - (moved[i] * step[j] + step[i] * moved[j]) / along;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_the_bottom_of_a_bent_valley_and_keeps_its_bounds() {
+        let valley = |at: &[f64; 2]| {
+            let (a, b) = (1.0 - at[0], at[1] - at[0] * at[0]);
+            Some((20.0 * (a * a + 5.0 * b * b), [-40.0 * a - 400.0 * b * at[0], 200.0 * b]))
+        };
+        let free = minimise([-0.5, 1.0], [-9.0; 2], [9.0; 2], [40.0, 200.0], valley).unwrap();
+        assert!((free[0] - 1.0).abs() < 0.1, "{free:?}");
+        let bound = minimise([-0.5, 1.0], [-9.0; 2], [0.5, 9.0], [40.0, 200.0], valley).unwrap();
+        assert!(bound[0] <= 0.5 && bound[0] > 0.4, "{bound:?}");
+    }
 }

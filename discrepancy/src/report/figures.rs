@@ -5,6 +5,7 @@ use super::svg;
 use super::svg::Scale;
 use super::svg::{Axis, Key, Look, Mark, Plot, thin};
 use super::words;
+use crate::constants::{DRAWN_POSES, TREND};
 use crate::finding::Suspicion;
 use crate::picture::{Picture, PosePlot, PosePoint, PredictorPlot, Signal, TimePlot, TimePoint};
 
@@ -94,19 +95,21 @@ pub(super) fn over_time(
     let from = times().fold(from, f64::min);
     let to = times().fold(to, f64::max);
     let (second, time_name) = time_unit(to - from);
-    let gap = 3.0 * picture.block_s.max(0.1) / second;
-    let series = |value: fn(&TimePoint) -> f64| -> Vec<[f64; 2]> {
-        of.points.iter().map(|point| [point.time_s / second, value(point)]).collect()
-    };
-    let shown = series(match when {
-        When::Before => |point| point.before,
-        When::After => |point| point.after,
-    });
     let y =
         Scale::covering(of.points.iter().flat_map(|point| {
             [point.before, point.after, 2.0 * point.noise_sigma, -2.0 * point.noise_sigma]
         }));
-
+    let held = held_poses(of, picture.block_s, second);
+    let mut legend = vec![
+        (Key::Line, when.look(), "measured − predicted".to_owned()),
+        (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
+    ];
+    if !spans.is_empty() {
+        legend.push((Key::Area, Look::Suspect, "suspicious".to_owned()));
+    }
+    if !held.is_empty() {
+        legend.push((Key::Area, Look::Still, "held pose".to_owned()));
+    }
     let mut marks: Vec<Mark> = spans
         .iter()
         .enumerate()
@@ -118,20 +121,7 @@ pub(super) fn over_time(
             letter: letter(n),
         })
         .collect();
-    marks.push(Mark::Band { look: Look::Noise, points: series(|point| 2.0 * point.noise_sigma), gap });
-    let held = held_poses(of, picture.block_s, second);
-    let mut legend = vec![
-        (Key::Line, when.look(), "measured − predicted".to_owned()),
-        (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
-    ];
-    if !spans.is_empty() {
-        legend.push((Key::Area, Look::Suspect, "suspicious".to_owned()));
-    }
-    if !held.is_empty() {
-        legend.push((Key::Area, Look::Still, "held pose".to_owned()));
-        marks.push(Mark::Strip { look: Look::Still, stretches: held });
-    }
-    marks.push(Mark::Line { look: when.look(), points: shown, gap });
+    marks.extend(residual_marks(of, picture.block_s, second, held, when));
 
     let what = sentence(signal(of.signal));
     let plot = Plot {
@@ -158,6 +148,28 @@ pub(super) fn over_time(
     }
 }
 
+/// The band of noise, the static poses and the residual itself.
+fn residual_marks(
+    of: &TimePlot,
+    block_s: f64,
+    second: f64,
+    held: Vec<[f64; 2]>,
+    when: When,
+) -> impl Iterator<Item = Mark> {
+    let gap = 3.0 * block_s.max(0.1) / second;
+    let series = |value: fn(&TimePoint) -> f64| -> Vec<[f64; 2]> {
+        of.points.iter().map(|point| [point.time_s / second, value(point)]).collect()
+    };
+    let residual = series(match when {
+        When::Before => |point| point.before,
+        When::After => |point| point.after,
+    });
+    let band = Mark::Band { look: Look::Noise, points: series(|point| 2.0 * point.noise_sigma), gap };
+    let strip = (!held.is_empty()).then_some(Mark::Strip { look: Look::Still, stretches: held });
+    let line = Mark::Line { look: when.look(), points: residual, gap };
+    [Some(band), strip, Some(line)].into_iter().flatten()
+}
+
 /// Only the step that shows both figures requires a suffix to distinguish them.
 fn suffix(section: &str, when: &str) -> String {
     if section == AGAIN { format!(": {when}") } else { String::new() }
@@ -165,15 +177,14 @@ fn suffix(section: &str, when: &str) -> String {
 
 /// Intervals of static poses, adjacent ones merged; none in a recording too long to resolve them.
 fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
-    const MOST: usize = 300;
-    const JOIN_MAX_S: f64 = 5.0;
+    let (intervals_max, join_max_s) = DRAWN_POSES;
     let length_s = match of.points[..] {
         [first, .., last] => last.time_s - first.time_s,
         _ => block_s,
     };
-    let join_s = (length_s / MOST as f64).max(1.1 * block_s);
+    let join_s = (length_s / intervals_max as f64).max(1.1 * block_s);
     let mut held: Vec<[f64; 2]> = Vec::new();
-    if join_s > JOIN_MAX_S.max(1.1 * block_s) {
+    if join_s > join_max_s.max(1.1 * block_s) {
         return held;
     }
     for point in of.points.iter().filter(|point| point.still) {
@@ -188,7 +199,7 @@ fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
 
 /// The residual of one signal over a feature of the pose.
 pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When) -> Figure {
-    const PARTS: usize = 12;
+    let (parts, _) = TREND;
     let points = |when: When| -> Vec<[f64; 2]> {
         let value = |point: &PosePoint| match when {
             When::Before => point.before,
@@ -202,7 +213,7 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
     let all = both.map(|point| point[1]).chain(noise);
     let y = Scale::covering(all);
     let shown = points(when);
-    let mean = thin::means(&shown, x, PARTS);
+    let mean = thin::means(&shown, x, parts);
     let what = sentence(signal(of.signal));
     let plot = Plot {
         name: format!("{section}-pose-{number}-{}", when.name()),

@@ -4,6 +4,7 @@ use super::document::{Figure, Text};
 use super::svg::{Key, Look};
 use super::svg::{Row, Rows};
 use super::words;
+use crate::constants::SHOWN_MAX;
 use crate::finding::{AxisGap, Finding, Gap};
 use crate::picture::Signal;
 
@@ -70,13 +71,13 @@ pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
 
 /// The evidence of the best candidates.
 pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
-    const MOST: usize = 12;
+    let [.., candidates_max] = SHOWN_MAX;
     let named: Vec<String> = finding.effects.iter().map(words::full_name).collect();
     let rows: Vec<Row> = finding
         .candidates
         .iter()
         .filter(|candidate| candidate.log_odds.is_finite())
-        .take(MOST)
+        .take(candidates_max)
         .map(|candidate| {
             let look = if named.contains(&candidate.name) { Look::After } else { Look::Noise };
             let caption = words::odds(candidate.log_odds);

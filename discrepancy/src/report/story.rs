@@ -1,15 +1,13 @@
 //! The sections of a report, step by step.
 
-mod again;
 mod change;
-mod left;
-mod origin;
-mod set_aside;
-mod shape;
-mod suspicion;
+mod discrepancy;
+mod held_out;
+mod rejected;
+mod remainder;
 
 use super::Report;
-use super::document::{Document, Text, strong};
+use super::document::{Document, Section, Table, Text, code, strong};
 use super::words::{self, number, ratio};
 use crate::finding::{Estimate, Finding, Named, Verdict};
 
@@ -27,25 +25,25 @@ pub(super) fn document(report: &Report) -> Document {
         headline: headline(report),
         numbers: numbers(report.finding),
         sections: vec![
-            shape::section(report),
-            suspicion::section(report),
-            set_aside::section(report),
+            discrepancy::size(report),
+            discrepancy::spans(report),
+            rejected::section(report),
             change::section(report),
-            again::section(report),
-            left::section(report),
-            origin::section(report),
+            held_out::section(report),
+            remainder::section(report),
+            origin(report),
         ],
     }
 }
 
 fn headline(report: &Report) -> Text {
     let finding = report.finding;
-    let found = enumeration(&finding.effects.iter().map(in_a_phrase).collect::<Vec<_>>());
+    let effects = enumeration(&finding.effects.iter().map(in_a_phrase).collect::<Vec<_>>());
     match finding.verdict {
         Verdict::None => "Nothing is missing in the model that these data could show.".into(),
-        Verdict::Named => Text::from("The model lacks ").strong(found).plain("."),
+        Verdict::Named => Text::from("The model lacks ").strong(effects).plain("."),
         Verdict::Ambiguous => {
-            let sets = alike(report).into_iter().map(|set| {
+            let sets = equivalent_sets(report).into_iter().map(|set| {
                 enumeration_with(&set.iter().map(|name| words::candidate(name)).collect::<Vec<_>>(), "or")
             });
             Text::from("Something is missing in the model, but these data cannot tell for sure what: ")
@@ -55,10 +53,10 @@ fn headline(report: &Report) -> Text {
         Verdict::Unexplained if finding.effects.is_empty() => unexplained(finding),
         Verdict::Unexplained if mostly_unexplained(finding) => unexplained(finding)
             .plain(" Also named is ")
-            .strong(found)
+            .strong(effects)
             .plain(": it may be no more than the shadow of the same cause."),
         Verdict::Unexplained => Text::from("The model lacks ")
-            .strong(found)
+            .strong(effects)
             .plain(", and something more that nothing in the catalogue explains."),
     }
 }
@@ -82,14 +80,14 @@ fn mostly_unexplained(finding: &Finding) -> bool {
 /// A named effect with its most significant parameter.
 fn in_a_phrase(named: &Named) -> String {
     let words = words::candidate(&words::full_name(named));
-    match surest(named) {
+    match most_significant(named) {
         Some((_, estimate)) => format!("{words} ({})", everyday(estimate)),
         None => words,
     }
 }
 
 /// The parameter farthest from zero in σ.
-fn surest(named: &Named) -> Option<(&str, &Estimate)> {
+fn most_significant(named: &Named) -> Option<(&str, &Estimate)> {
     let sigmas = |estimate: &Estimate| estimate.value.abs() / estimate.sigma.max(f64::MIN_POSITIVE);
     let parameters = named.parameters.iter().map(|(name, estimate)| (name.as_str(), estimate));
     parameters.max_by(|a, b| sigmas(a.1).total_cmp(&sigmas(b.1)))
@@ -119,7 +117,7 @@ fn changed(finding: &Finding) -> bool {
 
 /// Sets of effects that explain the data equally well: each named effect with its indistinguishable alternatives; if
 /// none was accepted, the close rivals of the first candidate.
-fn alike(report: &Report) -> Vec<Vec<String>> {
+fn equivalent_sets(report: &Report) -> Vec<Vec<String>> {
     let with_family = |named: &Named| -> Vec<String> {
         std::iter::once(words::full_name(named)).chain(named.family.iter().cloned()).collect()
     };
@@ -148,4 +146,36 @@ fn enumeration_with(parts: &[String], word: &str) -> String {
 /// A value in mm or N.
 fn with_unit(value: f64, unit: &str) -> Text {
     strong(format!("{} {unit}", number(value)))
+}
+
+/// Provenance of the finding, sufficient to reproduce it.
+fn origin(report: &Report) -> Section {
+    let origin = report.origin;
+    let mut section = Section::new("Where this comes from");
+    let mut table = Table::new(&["what", "is"]);
+    let mut row = |what: &str, is: Text| table.rows.push(vec![what.into(), is]);
+    for recording in &origin.recordings {
+        row("recording", code(&recording.name));
+        row("SHA-256", code(&recording.sha256));
+    }
+    row("length", words::seconds(report.picture.length_s).into());
+    row("subject", origin.subject.as_str().into());
+    row("station", origin.station.as_str().into());
+    row("made", origin.date.as_str().into());
+    row("by", origin.software.as_str().into());
+    let spans = &report.picture.spans_s;
+    let how = if spans.found { "found in the data" } else { "given" };
+    let span =
+        |option: &str, span_s| code(format!("{option} {}", words::span(span_s))).plain(format!(" s, {how}"));
+    row("identification", span("--identify", spans.identify));
+    match spans.reference {
+        Some(reference) => row("reference", span("--reference", reference)),
+        None => row("reference", "none".into()),
+    }
+    row("work in question", span("--work", spans.work));
+    row("blocks", format!("means over {:.2} s", report.picture.block_s).into());
+    section.table(table);
+    section.say("Made by:");
+    section.code("sh", origin.command.as_str());
+    section
 }

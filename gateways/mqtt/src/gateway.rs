@@ -1,25 +1,24 @@
 //! The gateway: each tick puts a message into the mailbox, and a thread maintains the connection and sends it.
 
+use std::convert::Infallible;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
+use crossbeam_channel::{Receiver, bounded};
 use equipoise_core::message::Printable;
 use equipoise_gateways::config::MqttConfig;
 use equipoise_gateways::{Gateway, Latest, Tally};
 use tracing::{info, warn};
 
 use crate::document::{self, Summary};
-use crate::mailbox::{Mailbox, Taken};
+use crate::mailbox::{Mailbox, Sending, mailbox};
 use crate::session::{PATIENCE, Session, Target, Trouble};
 
 /// Longest error text in the log.
 const TROUBLE_CHARS_MAX: usize = 500;
 const BACKOFF_MIN: Duration = Duration::from_millis(500);
 const BACKOFF_MAX: Duration = Duration::from_secs(30);
-/// Wake-up interval of the thread while there is nothing to send.
-const IDLE_WAIT: Duration = Duration::from_secs(60);
 
 /// Payloads of one tick.
 struct Message {
@@ -29,7 +28,6 @@ struct Message {
 
 #[derive(Default)]
 struct Shared {
-    mailbox: Mailbox<Message>,
     sent: AtomicU64,
     failed: AtomicU64,
     connected: AtomicBool,
@@ -39,8 +37,11 @@ struct Shared {
 pub struct Mqtt {
     station: String,
     motion: bool,
+    /// `None` while the gateway ends.
+    messages: Option<Sending<Message>>,
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
+    /// Disconnected once the connection thread has ended.
+    ended: Receiver<Infallible>,
 }
 
 impl Mqtt {
@@ -51,9 +52,15 @@ impl Mqtt {
     pub fn new(station: &str, config: &MqttConfig) -> anyhow::Result<Mqtt> {
         let target = Target::new(station, config)?;
         let shared = Arc::new(Shared::default());
-        let connection = Connection { shared: Arc::clone(&shared), target, station: station.to_owned() };
-        let thread = std::thread::Builder::new().name("mqtt".to_owned()).spawn(move || connection.run())?;
-        Ok(Mqtt { station: station.to_owned(), motion: config.motion, shared, thread: Some(thread) })
+        let (messages, mailbox) = mailbox();
+        let connection = Connection { shared: Arc::clone(&shared), mailbox, target, station: station.to_owned() };
+        let (running, ended) = bounded(0);
+        std::thread::Builder::new().name("mqtt".to_owned()).spawn(move || {
+            let _running = running;
+            connection.run();
+        })?;
+        let messages = Some(messages);
+        Ok(Mqtt { station: station.to_owned(), motion: config.motion, messages, shared, ended })
     }
 }
 
@@ -62,14 +69,17 @@ impl Gateway for Mqtt {
         let utc_s = document::now_utc_s();
         let summary = Summary::new(&self.station, latest, utc_s).to_bytes();
         let state = self.motion.then(|| document::state(latest, utc_s)).flatten();
-        self.shared.mailbox.put(Message { summary, state });
+        if let Some(messages) = &mut self.messages {
+            messages.put(Message { summary, state });
+        }
     }
 
     /// `sent`: ticks that the broker has acknowledged. `lost`: ticks replaced by a newer one or whose connection broke.
     fn tally(&self) -> Tally {
         Tally {
             sent: self.shared.sent.load(Ordering::Relaxed),
-            lost: self.shared.mailbox.replaced() + self.shared.failed.load(Ordering::Relaxed),
+            lost: self.messages.as_ref().map_or(0, Sending::replaced)
+                + self.shared.failed.load(Ordering::Relaxed),
             peers: u64::from(self.shared.connected.load(Ordering::Relaxed)),
         }
     }
@@ -78,17 +88,15 @@ impl Gateway for Mqtt {
 impl Drop for Mqtt {
     /// Waits for a limited time until the broker has acknowledged `offline`; otherwise the last will publishes it.
     fn drop(&mut self) {
-        self.shared.mailbox.close();
-        let end = Instant::now() + PATIENCE;
-        while self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) && Instant::now() < end {
-            std::thread::sleep(PATIENCE / 500);
-        }
+        self.messages = None;
+        let _ = self.ended.recv_timeout(PATIENCE);
     }
 }
 
 /// Maintains the connection.
 struct Connection {
     shared: Arc<Shared>,
+    mailbox: Mailbox<Message>,
     target: Target,
     station: String,
 }
@@ -114,7 +122,7 @@ impl Connection {
                 warn!("{text}; retrying, at intervals of up to {} s", BACKOFF_MAX.as_secs());
                 logged = Some(text);
             }
-            if !self.shared.mailbox.pause(with_jitter(backoff)) {
+            if !self.mailbox.pause(with_jitter(backoff)) {
                 return;
             }
             backoff = (2 * backoff).min(BACKOFF_MAX);
@@ -125,11 +133,7 @@ impl Connection {
     fn serve(&self, mut session: Session, acknowledged: &mut u64) -> Result<(), Trouble> {
         self.shared.connected.store(true, Ordering::Relaxed);
         loop {
-            let message = match self.shared.mailbox.take(IDLE_WAIT) {
-                Taken::Nothing => continue,
-                Taken::Closed => return session.close(),
-                Taken::Message(message) => message,
-            };
+            let Some(message) = self.mailbox.take() else { return session.close() };
             if let Err(trouble) = self.publish(&mut session, message) {
                 self.shared.failed.fetch_add(1, Ordering::Relaxed);
                 return Err(trouble);

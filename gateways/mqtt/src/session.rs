@@ -8,10 +8,10 @@ use std::io::{self, Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpStream, ToSocketAddrs};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use bytes::BytesMut;
+use crossbeam_channel::bounded;
 use equipoise_files::secret::{self, Login, SecretError};
 use equipoise_gateways::config::MqttConfig;
 use rumqttc::{Connect, ConnectReturnCode, LastWill, Packet, PubAck, Publish, QoS};
@@ -292,7 +292,7 @@ fn answer_until<T: Send + 'static>(
     deadline: Instant,
     ask: impl FnOnce() -> io::Result<T> + Send + 'static,
 ) -> io::Result<T> {
-    let (sender, receiver) = channel();
+    let (sender, receiver) = bounded(1);
     std::thread::Builder::new().name("mqtt name".to_owned()).spawn(move || {
         // Sending fails if the caller has timed out.
         let _ = sender.send(ask());
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn an_unanswered_name_lookup_ends_at_the_deadline() {
-        let (_never, asked) = channel::<io::Result<()>>();
+        let (_never, asked) = bounded::<io::Result<()>>(0);
         let deadline = Instant::now() + Duration::from_millis(50);
         let error = answer_until(deadline, move || asked.recv().map_err(io::Error::other)).unwrap_err();
         assert_eq!(error.kind(), io::ErrorKind::TimedOut);

@@ -1,9 +1,10 @@
 //! The gateway: each tick updates all nodes, and a watchdog invalidates them if ticks cease.
 
+use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::Receiver;
 use equipoise_client::NoReading;
 use equipoise_files::secret::logins;
 use equipoise_gateways::config::OpcUaConfig;
@@ -37,7 +38,8 @@ const SERVICE_LEVELS: [u8; 2] = [255, 1];
 pub struct OpcUa {
     board: Arc<Board>,
     server: Server,
-    thread: JoinHandle<()>,
+    /// Disconnected once the server's thread has ended.
+    ended: Receiver<Infallible>,
     ticks: u64,
 }
 
@@ -91,8 +93,8 @@ impl OpcUa {
         });
         board.show(&Err(NoReading::Silent { silent: Duration::ZERO }));
         let silence_max = Duration::from_secs_f64(TICKS_MISSED_MAX / config.rate_hz).max(SILENCE_MIN);
-        let thread = server.serve(watch(Arc::clone(&board), silence_max, pki), on_end)?;
-        Ok(OpcUa { board, server, thread, ticks: 0 })
+        let ended = server.serve(watch(Arc::clone(&board), silence_max, pki), on_end)?;
+        Ok(OpcUa { board, server, ended, ticks: 0 })
     }
 
     /// Address of the listening socket.
@@ -122,10 +124,7 @@ impl Drop for OpcUa {
     /// Notifies clients of the shutdown, but waits at most 2 s for them.
     fn drop(&mut self) {
         self.server.handle.cancel();
-        let end = Instant::now() + FAREWELL;
-        while !self.thread.is_finished() && Instant::now() < end {
-            std::thread::sleep(FAREWELL / 100);
-        }
+        let _ = self.ended.recv_timeout(FAREWELL);
     }
 }
 

@@ -1,12 +1,13 @@
 //! The server in its own thread: address, security, limits.
 
+use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
+use crossbeam_channel::{Receiver, bounded};
 use equipoise_gateways::config::OpcUaConfig;
 use opcua::crypto::SecurityPolicy;
 use opcua::server::{ServerBuilder, ServerEndpoint, ServerHandle};
@@ -74,7 +75,8 @@ impl Server {
     }
 
     /// Serves in a thread of its own until the handle is cancelled; `on_end` is called if the server ends otherwise.
-    /// The future `monitor` runs concurrently and ends the server when it returns a reason.
+    /// The future `monitor` runs concurrently and ends the server when it returns a reason. The returned channel is
+    /// disconnected once the thread has ended.
     ///
     /// # Errors
     /// The thread cannot be started, or the server already runs.
@@ -82,9 +84,12 @@ impl Server {
         &mut self,
         monitor: impl Future<Output = String> + Send + 'static,
         on_end: impl FnOnce(String) + Send + 'static,
-    ) -> anyhow::Result<JoinHandle<()>> {
+    ) -> anyhow::Result<Receiver<Infallible>> {
         let (runtime, inner, listener) = self.inner.take().context("it serves already")?;
+        let (running, ended) = bounded(0);
         let serve = move || {
+            // Dropped in reverse order: the end is visible once the runtime has closed its sockets.
+            let (_running, runtime) = (running, runtime);
             let outcome = runtime.block_on(async {
                 let listener =
                     tokio::net::TcpListener::from_std(listener).map_err(|error| error.to_string())?;
@@ -97,7 +102,8 @@ impl Server {
                 on_end(what);
             }
         };
-        Ok(std::thread::Builder::new().name("opcua".to_owned()).spawn(serve)?)
+        std::thread::Builder::new().name("opcua".to_owned()).spawn(serve)?;
+        Ok(ended)
     }
 }
 

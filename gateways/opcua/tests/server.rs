@@ -292,7 +292,7 @@ async fn come_and_go(station: &Station, items: usize, deletes: bool) {
 
 #[test]
 fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden_and_what_lives_does_not() {
-    let (send, ended) = std::sync::mpsc::channel();
+    let (send, ended) = crossbeam_channel::bounded(1);
     let mut station = Station::with("", move |what| send.send(what).unwrap());
     run(async {
         let living = station.plain().await.unwrap();

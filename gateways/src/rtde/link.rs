@@ -2,9 +2,9 @@
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{Receiver, TryRecvError, bounded};
 use equipoise_core::message::Printable;
 use socket2::SockRef;
 use tracing::{info, warn};
@@ -366,7 +366,7 @@ impl Dialling {
     }
 
     fn dial(&mut self) {
-        let (sender, receiver) = channel();
+        let (sender, receiver) = bounded(1);
         let (robot, recipe) = (self.robot, self.recipe.clone());
         let thread = std::thread::Builder::new().name("rtde dialling".to_owned());
         let begun = thread.spawn(move || {

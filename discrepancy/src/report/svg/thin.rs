@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::scale::Scale;
+use crate::constants::TREND;
 
 /// Values within one column of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,9 +94,9 @@ fn by_column(points: &[[f64; 2]], x: Scale, columns: usize) -> Vec<Column> {
     all.into_iter().map(|(_, column)| column).collect()
 }
 
-/// At most about `most` dots that cover the same area as all of them: one per cell of a grid, which is coarsened until
+/// At most about `max` dots that cover the same area as all of them: one per cell of a grid, which is coarsened until
 /// they are few enough. The extremes of both axes are always kept.
-pub(in crate::report) fn dots(points: &[[f64; 2]], x: Scale, y: Scale, most: usize) -> Vec<[f64; 2]> {
+pub(in crate::report) fn dots(points: &[[f64; 2]], x: Scale, y: Scale, max: usize) -> Vec<[f64; 2]> {
     let finite: Vec<[f64; 2]> =
         points.iter().copied().filter(|point| point.iter().all(|value| value.is_finite())).collect();
     let mut cells = 160.0;
@@ -106,7 +107,7 @@ pub(in crate::report) fn dots(points: &[[f64; 2]], x: Scale, y: Scale, most: usi
             let cell = ((x.share(point[0]) * 2.0 * cells) as u32, (y.share(point[1]) * cells) as u32);
             taken.insert(cell)
         }));
-        if taken.len() <= most || cells < 8.0 {
+        if taken.len() <= max || cells < 8.0 {
             return kept;
         }
         cells *= 0.8;
@@ -126,7 +127,7 @@ fn extremes(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 /// Means of y over equal parts of the x range that hold enough points: a trend line of the scatter plot.
 pub(in crate::report) fn means(points: &[[f64; 2]], x: Scale, parts: usize) -> Vec<[f64; 2]> {
-    const ENOUGH: f64 = 3.0;
+    let (_, points_min) = TREND;
     let mut sums = vec![[0.0; 3]; parts];
     for point in points.iter().filter(|point| point.iter().all(|value| value.is_finite())) {
         let part = ((x.share(point[0]) * parts as f64) as usize).min(parts - 1);
@@ -134,7 +135,7 @@ pub(in crate::report) fn means(points: &[[f64; 2]], x: Scale, parts: usize) -> V
             *sum += value;
         }
     }
-    sums.iter().filter(|sum| sum[0] >= ENOUGH).map(|sum| [sum[1] / sum[0], sum[2] / sum[0]]).collect()
+    sums.iter().filter(|sum| sum[0] >= points_min).map(|sum| [sum[1] / sum[0], sum[2] / sum[0]]).collect()
 }
 
 #[cfg(test)]

@@ -1,0 +1,115 @@
+//! Step 5: the same figure on held-out data.
+
+use super::super::Report;
+use super::super::document::{Section, Table, Text};
+use super::super::figures::{self, AGAIN, When};
+use super::super::figures_by_row;
+use super::super::words::{number, ratio};
+use super::{changed, with_unit};
+use crate::block::Phase;
+use crate::constants::GAP_IN_WORDS;
+use crate::finding::{Finding, Gap, Verdict};
+
+pub(super) fn section(report: &Report) -> Section {
+    let finding = report.finding;
+    let gap = &finding.gap;
+    let mut section = Section::new("5. The same picture again");
+    if !changed(finding) {
+        section.say("Nothing was added, so the picture is that of step 1.");
+        section.table(phases(report));
+        return section;
+    }
+    section.say(
+        Text::from("On blocks of time that had no part in fitting the change, the gap goes from ")
+            .then(with_unit(gap.before_mm, "mm"))
+            .plain(" to ")
+            .then(with_unit(gap.after_mm, "mm"))
+            .plain("; noise alone leaves ")
+            .then(with_unit(gap.noise_floor_mm, "mm"))
+            .plain(format!(". {}", remainder_in_words(finding))),
+    );
+    if let Some(fz) = gap.per_axis.get("fz") {
+        section.say(
+            Text::from("In the vertical force it goes from ")
+                .then(with_unit(fz.before, fz.unit))
+                .plain(" to ")
+                .then(with_unit(fz.after, fz.unit))
+                .plain("; noise alone leaves ")
+                .then(with_unit(fz.noise_floor, fz.unit))
+                .plain("."),
+        );
+    }
+    let picture = report.picture;
+    let mut pairs = Vec::new();
+    for plot in &picture.time {
+        for when in [When::Before, When::After] {
+            pairs.push(figures::over_time(AGAIN, picture, plot, &finding.spans, when));
+        }
+    }
+    for (n, plot) in picture.pose.iter().enumerate() {
+        for when in [When::Before, When::After] {
+            pairs.push(figures::over_pose(AGAIN, n + 1, plot, when));
+        }
+    }
+    section.figures(pairs);
+    section.figures(figures_by_row::gap(AGAIN, gap, true).into_iter().collect());
+    section.table(axes(gap));
+    section.table(phases(report));
+    section
+}
+
+fn remainder_in_words(finding: &Finding) -> &'static str {
+    let gap = &finding.gap;
+    let [noise, little_more] = GAP_IN_WORDS;
+    match gap.after_mm / gap.noise_floor_mm {
+        rest if rest <= noise && finding.verdict == Verdict::Unexplained => {
+            "What is left is as small as noise, but it is not like noise: see step 6."
+        }
+        rest if rest <= noise => "What is left is noise.",
+        rest if rest <= little_more => "Little more than noise is left.",
+        rest if rest < gap.before_mm / gap.noise_floor_mm => {
+            "Part of the gap is left; step 6 says what is known of it."
+        }
+        _ => "The change did not make it smaller.",
+    }
+}
+
+fn axes(gap: &Gap) -> Table {
+    let mut table =
+        Table::new(&["axis", ">before", ">after, held out", ">noise alone", ">times noise before", ">after"]);
+    for (name, axis) in figures_by_row::axes(gap) {
+        let value = |value: f64| format!("{} {}", number(value), axis.unit).into();
+        let times = |value: f64| ratio(value, axis.noise_floor).trim_end_matches(" times").to_owned().into();
+        table.rows.push(vec![
+            figures_by_row::axis(name).into(),
+            value(axis.before),
+            value(axis.after),
+            value(axis.noise_floor),
+            times(axis.before),
+            times(axis.after),
+        ]);
+    }
+    table
+}
+
+fn phases(report: &Report) -> Table {
+    let changed = changed(report.finding);
+    let mut table = if changed {
+        Table::new(&["phase", "signal", ">before", ">after, held out", ">noise alone"])
+    } else {
+        Table::new(&["phase", "signal", ">gap", ">noise alone"])
+    };
+    for each in &report.picture.phases {
+        let phase = match each.phase {
+            Phase::Identify => "identification",
+            Phase::Reference => "reference, known to be clean",
+            Phase::Work => "work in question",
+        };
+        let value = |value: f64| Text::from(format!("{} {}", number(value), each.signal.unit()));
+        let mut row = vec![phase.into(), figures::signal(each.signal).into(), value(each.before)];
+        row.extend(changed.then(|| value(each.after)));
+        row.push(value(each.noise_floor));
+        table.rows.push(row);
+    }
+    table
+}
