@@ -16,8 +16,8 @@ from websockets.sync.client import connect
 
 import scene
 
-BEAT = "/equipoise/beat"
-TOPICS = {scene.SCENE, scene.STATE, BEAT}
+HEARTBEAT = "/equipoise/heartbeat"
+TOPICS = {scene.SCENE, scene.STATE, HEARTBEAT}
 SECONDS = 6
 # Ages on a machine that may be busy: they must be published, and be recent.
 AGE_MAX_NS = 1_000_000_000
@@ -65,8 +65,8 @@ def resident_kib(process):
 
 
 def watch(viewer, seconds):
-    """Scenes, states and beats for a while: counts, and what was drawn."""
-    count, drawn, cycle, beat_before = dict.fromkeys(TOPICS, 0), set(), 0, 0
+    """Scenes, states and heartbeats for a while: counts, and what was drawn."""
+    count, drawn, cycle, sequence_before = dict.fromkeys(TOPICS, 0), set(), 0, 0
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         topic, stamp, message = viewer.message()
@@ -79,10 +79,10 @@ def watch(viewer, seconds):
             assert message["cycle"] > cycle, "a cycle twice, or backwards"
             cycle = message["cycle"]
         else:
-            assert message["beat"] > beat_before, "beats run backwards"
-            beat_before = message["beat"]
+            assert message["sequence"] > sequence_before, "heartbeats run backwards"
+            sequence_before = message["sequence"]
             if message["fresh"]:
-                assert message["age_ns"] < AGE_MAX_NS and "missing" not in message, message
+                assert message["age_ns"] < AGE_MAX_NS and "no_state_reason" not in message, message
     return count, drawn
 
 
@@ -109,8 +109,8 @@ def main():
     while not (silent and cleared):
         assert time.monotonic() < deadline, "no message reports that the station is silent"
         topic, _, message = viewer.message()
-        if topic == BEAT and not message["fresh"]:
-            assert message["missing"] == "silent" and "age_ns" not in message, message
+        if topic == HEARTBEAT and not message["fresh"]:
+            assert message["no_state_reason"] == "silent" and "age_ns" not in message, message
             silent = True
         if silent and topic == scene.SCENE:
             cleared = scene.check_scene(message) == {"words"}

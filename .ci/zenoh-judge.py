@@ -250,9 +250,9 @@ def judge_bad_link(reader, namespace):
 def judge_ends(opened, reader, daemon, gateway):
     os.kill(daemon, signal.SIGKILL)
     await_that("the word that north's daemon is silent",
-               lambda: reader.json["north"].messages[-1].get("silence") == "silent", 30)
+               lambda: reader.json["north"].messages[-1].get("no_state_reason") == "silent", 30)
     last = reader.ros["north"].messages[-1]
-    if last.current or last.silence != "silent" or len(last.fatigue) or len(last.mass_kg):
+    if last.current or last.no_state_reason != "silent" or len(last.fatigue) or len(last.mass_kg):
         fail(f"a silent station's ROS message holds values: {last}")
     changes = []
     watch = opened.liveliness().declare_subscriber(

@@ -135,7 +135,7 @@ impl Seen {
         self.poses = self.poses.max(state.poses_used);
         self.motion_samples = self.motion_samples.max(state.motion_samples_used);
         self.asked += u64::from(state.converged == 1 && state.suggested_pose != u32::MAX);
-        self.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
+        self.torques += u64::from(!state.validity().any_of(Validity::INVALIDATES_TORQUES));
         self.fatigue = state.fatigue.iter().copied().fold(self.fatigue, f64::max);
     }
 

@@ -297,7 +297,10 @@ fn holds(header: &RecordingHeader, id: &str) -> bool {
 /// Whether a daemon writes profiles, which is the default.
 fn stores_profiles(facts: &Status) -> bool {
     let table = facts.config_toml.parse::<toml::Table>().unwrap_or_default();
-    let found = table.get("subject").and_then(|subject| subject.get("remember"));
+    let subject = table.get("subject");
+    // A daemon of the previous release uses the old name.
+    let found =
+        ["save_profile", "remember"].into_iter().find_map(|key| subject.and_then(|keys| keys.get(key)));
     found.and_then(toml::Value::as_bool).unwrap_or(true)
 }
 

@@ -145,7 +145,7 @@ id = "demo"
 height_m = 1.77
 mass_kg = 72.0
 sex = "male"
-remember = false
+save_profile = false
 [latency]
 flight_cycles = 0
 {page}"#,

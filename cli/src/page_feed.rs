@@ -15,7 +15,7 @@ use equipoise_bus::{Bus, BusError, BusSettings, Publisher, Subscriber};
 use equipoise_config::method::StopConfig;
 use equipoise_config::model::suggestion;
 use equipoise_config::{Config, PageConfig};
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, State};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_station::bus_directory::BusDirectory;
@@ -142,7 +142,7 @@ fn start_feed(
 struct Ports {
     states: Subscriber<State>,
     /// `None` if all publisher slots are taken: the page is served without reports.
-    reports: Option<Publisher<PickUp>>,
+    reports: Option<Publisher<ConsumerReceipt>>,
     reported: Instant,
     _bus: Bus,
 }

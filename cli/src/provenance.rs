@@ -29,7 +29,7 @@ pub(crate) struct Provenance {
 
 impl Provenance {
     pub(crate) fn of(sample: &GroundSample) -> Provenance {
-        let frame = if sample.foot_frame == FootFrame::Sole as u32 { "sole" } else { "world" };
+        let frame = if sample.foot_frame == FootFrame::Insole as u32 { "sole" } else { "world" };
         let devices = DEVICES.iter().filter(|(device, _)| sample.devices & *device as u32 != 0);
         let missing = COMPONENTS.iter().filter(|(component, _)| !sample.measures(*component));
         Provenance {
@@ -78,7 +78,7 @@ mod tests {
         let sample = GroundSample {
             devices: GroundDevice::Insoles as u32,
             per_foot: 1,
-            foot_frame: FootFrame::Sole as u32,
+            foot_frame: FootFrame::Insole as u32,
             not_measured: Component::Shear as u32 | Component::FreeMoment as u32,
             ..Zeroable::zeroed()
         };

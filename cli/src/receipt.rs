@@ -1,6 +1,6 @@
 //! Receipts of the consumers in this crate: how late states arrive.
 
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, State};
 
 /// Data of the previous state, to detect gaps and new suit samples.
 #[derive(Debug, Clone, Copy)]
@@ -12,14 +12,14 @@ struct Last {
 /// The receipt of one consumer, and the last state received.
 #[derive(Debug)]
 pub struct ReceiptBuilder {
-    report: Box<PickUp>,
+    report: Box<ConsumerReceipt>,
     last: Option<Last>,
 }
 
 impl ReceiptBuilder {
     /// An empty receipt; `name` is truncated to the message's field.
     pub fn new(name: &str, now_ns: u64) -> ReceiptBuilder {
-        let mut report: Box<PickUp> = bytemuck::zeroed_box();
+        let mut report: Box<ConsumerReceipt> = bytemuck::zeroed_box();
         let bytes = name.len().min(report.consumer.len());
         report.consumer[..bytes].copy_from_slice(&name.as_bytes()[..bytes]);
         (report.process_id, report.since_ns) = (std::process::id(), now_ns);
@@ -49,12 +49,12 @@ impl ReceiptBuilder {
     }
 
     /// The receipt so far.
-    pub fn report(&self) -> &PickUp {
+    pub fn report(&self) -> &ConsumerReceipt {
         &self.report
     }
 
     /// The receipt with its time stamp, for publication.
-    pub fn stamped(&mut self, now_ns: u64) -> &PickUp {
+    pub fn stamped(&mut self, now_ns: u64) -> &ConsumerReceipt {
         self.report.time_ns = now_ns;
         &self.report
     }

@@ -354,8 +354,11 @@ impl GroundConfig {
         }
         let over_serial = match self.source {
             AmtiSerial | BotaSerial | TecGihan => true,
-            Text => self.text.as_ref().is_some_and(|text| text.over == transport::Over::Serial),
-            Binary => self.binary.as_ref().is_some_and(|binary| binary.over == transport::Over::Serial),
+            Text => self.text.as_ref().is_some_and(|text| text.transport == transport::TransportKind::Serial),
+            Binary => self
+                .binary
+                .as_ref()
+                .is_some_and(|binary| binary.transport == transport::TransportKind::Serial),
             _ => false,
         };
         let described = matches!(self.source, Text | Binary);

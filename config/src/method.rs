@@ -32,7 +32,8 @@ pub struct SubjectConfig {
     pub sex: SexConfig,
     /// Save the identification in a profile and restore it after a restart.
     #[serde(default = "default_true")]
-    pub remember: bool,
+    #[serde(alias = "remember")]
+    pub save_profile: bool,
     /// Torque limit per joint, N m, by MVN's joint name; a fraction of published strengths for the others.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub tau_max_nm: BTreeMap<String, f64>,
@@ -283,14 +284,15 @@ pub struct StaticPoseConfig {
     /// Maximum standard deviation of the CoP, mm.
     pub cop_mm: f64,
     /// Minimum change of a joint angle before the next pose counts, degrees.
-    pub leave_deg: f64,
+    #[serde(alias = "leave_deg")]
+    pub new_pose_deg: f64,
     /// Maximum difference of the vertical force from the body weight, per cent.
     pub weight_percent: f64,
 }
 
 impl Default for StaticPoseConfig {
     fn default() -> Self {
-        StaticPoseConfig { joint_deg: 1.0, cop_mm: 4.0, leave_deg: 7.0, weight_percent: 4.0 }
+        StaticPoseConfig { joint_deg: 1.0, cop_mm: 4.0, new_pose_deg: 7.0, weight_percent: 4.0 }
     }
 }
 
@@ -298,14 +300,14 @@ impl StaticPoseConfig {
     pub(super) fn check(&self) -> Checked {
         between("static_pose.joint_deg", self.joint_deg, 0.05, 45.0)?;
         between("static_pose.cop_mm", self.cop_mm, 0.1, 100.0)?;
-        between("static_pose.leave_deg", self.leave_deg, 0.1, 90.0)?;
+        between("static_pose.new_pose_deg", self.new_pose_deg, 0.1, 90.0)?;
         between("static_pose.weight_percent", self.weight_percent, 0.1, 50.0)
     }
 
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.static_pose.joint_rad = self.joint_deg.to_radians();
         settings.static_pose.cop_m = self.cop_mm * 1e-3;
-        settings.static_pose.leave_rad = self.leave_deg.to_radians();
+        settings.static_pose.leave_rad = self.new_pose_deg.to_radians();
         settings.static_pose.weight_share = self.weight_percent * 1e-2;
     }
 }

@@ -12,7 +12,8 @@ pub struct OverloadConfig {
     /// Load threshold of the external force, N.
     pub threshold_n: f64,
     /// Maximum distance of a load from the line between the hands, m.
-    pub load_distance_max_m: f64,
+    #[serde(alias = "load_distance_max_m")]
+    pub load_hand_distance_max_m: f64,
     /// Overload reporting during motion.
     pub motion: MotionConfig,
     /// Half the window of the accelerations, ms: the delay of the results behind the newest sample.
@@ -35,7 +36,7 @@ impl Default for OverloadConfig {
     fn default() -> Self {
         OverloadConfig {
             threshold_n: 15.0,
-            load_distance_max_m: 0.35,
+            load_hand_distance_max_m: 0.35,
             motion: MotionConfig::Compensated,
             motion_window_ms: 70.0,
             accelerations: AccelerationsConfig::Blend,
@@ -74,7 +75,7 @@ impl OverloadConfig {
     pub(super) fn check(&self) -> Checked {
         between("overload.motion_window_ms", self.motion_window_ms, 40.0, 250.0)?;
         between("overload.threshold_n", self.threshold_n, 1.0, 500.0)?;
-        between("overload.load_distance_max_m", self.load_distance_max_m, 0.01, 5.0)?;
+        between("overload.load_hand_distance_max_m", self.load_hand_distance_max_m, 0.01, 5.0)?;
         between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.0, 100.0)?;
         between("overload.force_sigma_n", self.force_sigma_n, 0.0, 100.0)?;
         between("overload.insole_cop_sigma_mm", self.insole_cop_sigma_mm, 0.0, 100.0)?;
@@ -84,7 +85,7 @@ impl OverloadConfig {
 
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.load_threshold_n = self.threshold_n;
-        settings.load_distance_max_m = self.load_distance_max_m;
+        settings.load_distance_max_m = self.load_hand_distance_max_m;
         settings.motion = match self.motion {
             MotionConfig::Compensated => {
                 Motion::Compensated { half_window_ns: (self.motion_window_ms * 1e6) as u64 }

@@ -29,8 +29,9 @@ pub struct SuitConfig {
     #[serde(default = "misalignment_default")]
     pub misalignment_deg: f64,
     /// 1-σ per axis of the drift of each segment's orientation over minutes, degrees.
-    #[serde(default = "wander_default")]
-    pub wander_deg: f64,
+    #[serde(default = "orientation_drift_default")]
+    #[serde(alias = "wander_deg")]
+    pub orientation_drift_deg: f64,
     /// Constant delay from a pose to its datagram (fusion, radio), ms: subtracted from every sample time.
     #[serde(default)]
     pub latency_ms: f64,
@@ -39,13 +40,15 @@ pub struct SuitConfig {
     pub allow_remote: bool,
     /// Upward axis of MVN's pose quaternions (type 02).
     #[serde(default)]
-    pub up: Up,
+    #[serde(alias = "up")]
+    pub up_axis: Up,
     /// Other suits on the same port, each for another station of this computer with `suit.source = "external"`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub others: Vec<ForwardedSuit>,
+    #[serde(alias = "others")]
+    pub forwarded: Vec<ForwardedSuit>,
 }
 
-/// One of `suit.others`.
+/// One of `suit.forwarded`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ForwardedSuit {
@@ -113,7 +116,7 @@ fn misalignment_default() -> f64 {
     0.6
 }
 
-fn wander_default() -> f64 {
+fn orientation_drift_default() -> f64 {
     0.3
 }
 
@@ -122,7 +125,7 @@ impl SuitConfig {
     pub fn settings(&self) -> SuitSettings {
         SuitSettings {
             avatar: self.avatar,
-            up: self.up.axis(),
+            up: self.up_axis.axis(),
             latency_ns: self.latency_ns(),
             ..SuitSettings::default()
         }
@@ -141,14 +144,14 @@ impl SuitConfig {
             listen: self.listen,
             allow_remote: self.allow_remote,
             suit: self.settings(),
-            others: self.others.iter().map(|other| other.avatar).collect(),
+            others: self.forwarded.iter().map(|other| other.avatar).collect(),
             ..MvnSettings::default()
         })
     }
 
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.suit_misalignment_rad = self.misalignment_deg.to_radians();
-        settings.suit_drift_rad = self.wander_deg.to_radians();
+        settings.suit_drift_rad = self.orientation_drift_deg.to_radians();
         settings.suit_latency_ns = self.latency_ns();
     }
 
@@ -160,19 +163,19 @@ impl SuitConfig {
     pub(super) fn check(&self) -> Checked {
         between("suit.latency_ms", self.latency_ms, 0.0, LATENCY_MAX_MS)?;
         between("suit.misalignment_deg", self.misalignment_deg, 0.0, 45.0)?;
-        between("suit.wander_deg", self.wander_deg, 0.0, 45.0)
+        between("suit.orientation_drift_deg", self.orientation_drift_deg, 0.0, 45.0)
     }
 
     /// Checks the forwarded suits.
     pub(super) fn check_others(&self, station: &str) -> Checked {
-        let wrong = |what: String| Err(("suit.others", what));
-        if !self.others.is_empty() && self.source == SuitSourceKind::External {
+        let wrong = |what: String| Err(("suit.forwarded", what));
+        if !self.forwarded.is_empty() && self.source == SuitSourceKind::External {
             return wrong(
                 "with source = \"external\" no datagrams come here; give it to the adapter's file".to_owned(),
             );
         }
         let (mut avatars, mut stations) = (vec![self.avatar], vec![station]);
-        for ForwardedSuit { avatar, station } in &self.others {
+        for ForwardedSuit { avatar, station } in &self.forwarded {
             if !super::name_is_plain(station) {
                 return wrong(format!("station {station:?}: use 1 to 32 letters, digits, '-' or '_'"));
             }

@@ -78,7 +78,7 @@ fn a_value_of_another_type_is_named_with_its_key_and_line() {
         (
             "[ground]",
             "others = [{ avatar = 1.5, station = \"b\" }]\n[ground]",
-            "c.toml, line 5: suit.others.avatar: floating point",
+            "c.toml, line 5: suit.forwarded.avatar: floating point",
         ),
         (
             "\"ati-rdt\"",
@@ -126,18 +126,22 @@ fn several_suits_share_a_port_with_separate_stations() {
     let settings = config.suit.mvn_settings().unwrap();
     assert_eq!((settings.suit.avatar, settings.others), (0, vec![1, 4]));
     assert_eq!(Config::parse(&config.to_toml(), "written").unwrap(), config);
-    let tables = format!("{SMALLEST}[[suit.others]]\navatar = 1\nstation = \"b\"\n");
-    assert_eq!(Config::parse(&tables, "c.toml").unwrap().suit.others.len(), 1);
+    let tables = format!("{SMALLEST}[[suit.forwarded]]\navatar = 1\nstation = \"b\"\n");
+    assert_eq!(Config::parse(&tables, "c.toml").unwrap().suit.forwarded.len(), 1);
 
     let twice = refusal(&with(&others.replace("avatar = 4", "avatar = 1")));
-    assert!(twice.starts_with("c.toml, line 5: suit.others: avatar 1 is named twice"), "{twice}");
+    assert!(twice.starts_with("c.toml, line 5: suit.forwarded: avatar 1 is named twice"), "{twice}");
     assert!(refusal(&with(&others.replace("avatar = 4", "avatar = 0"))).contains("avatar 0 is named twice"));
     assert!(refusal(&with(&others.replace("\"c\"", "\"station-2\""))).contains("gets two workers"));
     assert!(refusal(&with(&others.replace("\"c\"", "\"station-1\""))).contains("gets two workers"));
     assert!(refusal(&with(&others.replace("\"c\"", "\"../etc\""))).contains("letters, digits"));
     assert!(refusal(&with(&others.replace("station =", "stations ="))).contains("did you mean `station`?"));
     let external = with(others).replace("mvn-udp", "external");
-    assert!(refusal(&external).contains("suit.others: with source = \"external\""), "{}", refusal(&external));
+    assert!(
+        refusal(&external).contains("suit.forwarded: with source = \"external\""),
+        "{}",
+        refusal(&external)
+    );
 }
 
 #[test]

@@ -76,7 +76,7 @@ use crate::time::NS_PER_S;
 pub use checkpoint::Checkpoint;
 pub use identification::{BodySource, Identification, NO_POSE};
 pub use memory::{Memory, SubjectState};
-pub use reported_body::{BodyRefusal, ReportedBody};
+pub use reported_body::{BodyRejection, ReportedBody};
 pub use settings::{
     Accelerations, Method, Motion, PoseChoice, PoseRequest, PriorKind, Settings, Similar, StopRule,
 };

@@ -98,7 +98,7 @@ fn answer(
                 format!("the last of {lifts} lifts is taken back, if it is among the last 16 that ended")
             }),
         },
-        Some(CommandKind::SubjectForget) => subjects::delete(command, ends, active_configuration, subjects),
+        Some(CommandKind::SubjectDelete) => subjects::delete(command, ends, active_configuration, subjects),
         Some(CommandKind::Reload) => {
             Err("send the daemon SIGHUP (`systemctl reload`): it reads its own configuration".to_owned())
         }
@@ -152,7 +152,8 @@ fn describe_stop(latest: Option<&State>, settings: &Settings) -> String {
 
 /// `empty_ns`: how long the plate has been empty.
 fn tare(ends: &mut CommandEnds, latest: Option<&State>, empty_ns: u64) -> Answer {
-    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::SPOILS_GROUND_FORCE)) else {
+    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::INVALIDATES_GROUND_FORCE))
+    else {
         return Err("the plate is silent or faulty; nothing to tare".to_owned());
     };
     if state.ground_force_n[2].abs() > EMPTY_PLATE_N {

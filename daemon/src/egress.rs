@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
 use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{CycleRecord, PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, CycleRecord, State};
 use tracing::debug;
 
 use crate::latency_log::feed::Feed;
@@ -26,7 +26,7 @@ pub struct Egress {
     deadlines_missed: u64,
     latency_log: Feed,
     /// Kept open because the processes that write and read it may start and be killed at any time.
-    _pick_up: Kept<PickUp>,
+    _receipt: Kept<ConsumerReceipt>,
     last_checkpoint_service: Instant,
     // Ports must be dropped before the node that they depend on.
     _bus: Bus,
@@ -54,7 +54,7 @@ impl Egress {
             phase: u32::MAX,
             deadlines_missed: 0,
             latency_log,
-            _pick_up: bus.keep()?,
+            _receipt: bus.keep()?,
             last_checkpoint_service: Instant::now(),
             _bus: bus,
         })

@@ -33,8 +33,8 @@ struct ValidityIncident {
 
 const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
     ValidityIncident {
-        reason: Validity::PLACE_UNKNOWN,
-        incident: Incident::PlaceUnknown,
+        reason: Validity::POSITION_UNKNOWN,
+        incident: Incident::PositionUnknown,
         after: Duration::ZERO,
         message: "the suit was restarted or was silent for long; the worker's position on the plate is estimated again \
                    while they move without a load",
@@ -61,7 +61,7 @@ const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
     },
     ValidityIncident {
         reason: Validity::LOAD_NOT_AT_HANDS,
-        incident: Incident::LoadElsewhere,
+        incident: Incident::LoadNotAtHands,
         after: Duration::from_secs(10),
         message: "the ground carries more than the worker weighs, and not where the hands are: something lies on the plate \
                    or is worn, or the plate's zero or gain, its place, or the worker's identification is wrong",
@@ -175,15 +175,15 @@ impl Housekeeping {
     fn check_model(&mut self) {
         let Some(state) = self.newest else { return };
         if let Some(suspicion) = self.model.update(&state) {
-            self.board.begin(Incident::ModelNoLongerExplains, &suspicion.to_string());
+            self.board.begin(Incident::ModelMismatch, &suspicion.to_string());
             // A failed bus is reported by its other users.
-            let _ = self.events.notify(Event::ModelNoLongerExplains);
+            let _ = self.events.notify(Event::ModelMismatch);
         }
         let suspicion = self.model.suspicion().map(|suspicion| suspicion.to_string());
         if suspicion.is_none() {
-            self.board.end(Incident::ModelNoLongerExplains);
+            self.board.end(Incident::ModelMismatch);
         }
-        self.status.set_model_suspicion(suspicion);
+        self.status.set_model_mismatch(suspicion);
     }
 
     /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.

@@ -66,34 +66,34 @@ impl Ingress {
     pub fn forward(&mut self) -> Result<usize, BusError> {
         let mut forwarded = 0;
         let ends = &mut self.ends;
-        let ground = |sample: &GroundSample| {
+        let mut ground = |sample: &GroundSample| {
             let now_ns = now_ns();
             match Stamps::of_ground(sample).ahead_ns(now_ns) {
                 0 => ends.push_ground(*sample, now_ns),
                 ahead_ns => ends.control.refuse_ground(ahead_ns),
             }
         };
-        while self.ground.receive_with(ground)?.is_some() {
+        while self.ground.receive_with(&mut ground)?.is_some() {
             forwarded += 1;
         }
-        let body = |body: &SuitBody| {
+        let mut body = |body: &SuitBody| {
             let now_ns = now_ns();
             match Stamps::of_body(body).ahead_ns(now_ns) {
                 0 => ends.push_body(*body, now_ns),
                 ahead_ns => ends.control.refuse_suit(ahead_ns),
             }
         };
-        while self.body.receive_with(body)?.is_some() {
+        while self.body.receive_with(&mut body)?.is_some() {
             forwarded += 1;
         }
-        let suit = |sample: &SuitSample| {
+        let mut suit = |sample: &SuitSample| {
             let now_ns = now_ns();
             match Stamps::of_suit(sample).ahead_ns(now_ns) {
                 0 => ends.push_suit(*sample, now_ns),
                 ahead_ns => ends.control.refuse_suit(ahead_ns),
             }
         };
-        while self.suit.receive_with(suit)?.is_some() {
+        while self.suit.receive_with(&mut suit)?.is_some() {
             forwarded += 1;
         }
         Ok(forwarded)

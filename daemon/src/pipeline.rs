@@ -63,8 +63,7 @@ pub struct Pipeline {
 
 /// Serves the metrics of a station at an address until stopped, and sends the actual address. It is an ordinary consumer of
 /// the bus; the caller provides it, because this crate links no HTTP server.
-pub type ServeMetrics =
-    fn(&str, SocketAddr, &Sender<SocketAddr>, &dyn Fn() -> bool) -> anyhow::Result<()>;
+pub type ServeMetrics = fn(&str, SocketAddr, &Sender<SocketAddr>, &dyn Fn() -> bool) -> anyhow::Result<()>;
 
 /// Statistics of a daemon's run.
 #[derive(Debug, Clone)]
@@ -146,7 +145,8 @@ impl Pipeline {
             settings_sender,
         ));
         let subject = &config.subject;
-        let configured = ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.remember);
+        let configured =
+            ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.save_profile);
         let subjects = Arc::new(Subjects::new(state, configured));
         let restored = Restored::find(config, &settings, &subjects);
         let _ = share.send((Arc::clone(&active_configuration), Arc::clone(&subjects)));
@@ -243,7 +243,8 @@ impl Start<'_> {
 
         let metrics = config.metrics.as_ref().filter(|_| !config.sensors_apart);
         if let (Some(metrics), Some(serve)) = (metrics, self.serve_metrics) {
-            let (control, station, listen) = (Arc::clone(self.control), config.station.clone(), metrics.listen);
+            let (control, station, listen) =
+                (Arc::clone(self.control), config.station.clone(), metrics.listen);
             let (thread, address) = start_thread("metrics-feed", ORDINARY, thread_registry, move |ready| {
                 serve(&station, listen, &ready, &|| control.is_stopping())
             })?;
@@ -304,12 +305,12 @@ impl Start<'_> {
             model_toml: config.model_toml(),
             state_directory: self.subjects.state().path().to_owned(),
             subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
-            remembered: messages,
+            restored: messages,
             reload: 0,
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
             loop_faults: None,
-            model_suspicion: None,
+            model_mismatch: None,
             incidents: self.board.messages(),
             threads: Vec::new(),
         });

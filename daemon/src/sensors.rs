@@ -99,7 +99,7 @@ pub fn run_suit(
     let mut health = Health::new(&bus)?;
     let mut body_publisher = BodyPublisher::new(&bus)?;
     let mut source = SuitSource::open(&config.mvn_settings()?)?;
-    let mut forwarders = Forwarders::start(&config.others);
+    let mut forwarders = Forwarders::start(&config.forwarded);
     ready();
     while !stopping() {
         if let Some(mut sample) = source.receive()?.filter(|sample| !forwarders.forward(sample)) {

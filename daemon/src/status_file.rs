@@ -31,8 +31,8 @@ impl StatusFile {
     }
 
     /// Sets the discrepancy between model and measurement; written with the next [`StatusFile::write`].
-    pub fn set_model_suspicion(&self, suspicion: Option<String>) {
-        self.change(|status| status.model_suspicion = suspicion);
+    pub fn set_model_mismatch(&self, suspicion: Option<String>) {
+        self.change(|status| status.model_mismatch = suspicion);
     }
 
     /// Sets the active subject; written with the next [`StatusFile::write`].

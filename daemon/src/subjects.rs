@@ -39,7 +39,7 @@ impl ProfileDestination {
         remember: bool,
     ) -> ProfileDestination {
         let refusal = (!remember)
-            .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
+            .then(|| "subject.save_profile is false in the configuration, so no profile is kept".to_owned());
         let (path, lifts) = (state.profile(subject), state.lifts(subject));
         ProfileDestination { subject: subject.to_owned(), path, lifts, build, remember, refusal }
     }

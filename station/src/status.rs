@@ -38,7 +38,7 @@ pub struct Status {
     pub subject: String,
     /// Messages on stored data of earlier runs: what is restored, and what is not.
     #[serde(default)]
-    pub remembered: Vec<String>,
+    pub restored: Vec<String>,
     /// Number of the reload that set `config_toml` and `model_toml`; 0 for the start.
     #[serde(default)]
     pub reload: u64,
@@ -52,7 +52,7 @@ pub struct Status {
     pub loop_faults: Option<[u64; 2]>,
     /// Current discrepancy between model and measurement; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub model_suspicion: Option<String>,
+    pub model_mismatch: Option<String>,
     /// Active incidents: the daemon's message by name.
     #[serde(default)]
     pub incidents: BTreeMap<String, String>,

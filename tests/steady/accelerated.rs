@@ -114,7 +114,7 @@ impl Accelerated<'_> {
             let state = &outcome.state;
             self.seen.outcomes += 1;
             self.seen.poses = self.seen.poses.max(u64::from(state.poses_used));
-            self.seen.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
+            self.seen.torques += u64::from(!state.validity().any_of(Validity::INVALIDATES_TORQUES));
             self.seen.monitoring += u64::from(state.phase == Phase::Monitoring as u32);
         }
         while let Ok(checkpoint) = self.egress.checkpoints.pop() {

@@ -190,7 +190,7 @@ impl LoadCheck {
                 Some(Event::Ready(self.trials.len()))
             }
             Phase::Held { for_s } => {
-                let is_held = !valid.any_of(Validity::SPOILS_TORQUES)
+                let is_held = !valid.any_of(Validity::INVALIDATES_TORQUES)
                     && state.lifted_mass_kg > LIFTED_SHARE * self.settings.mass_kg
                     && !is_gap;
                 if !is_held {

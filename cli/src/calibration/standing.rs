@@ -75,7 +75,7 @@ impl Standing {
             .min_by_key(difference_ns)
             .filter(|body| difference_ns(body) <= TIME_DIFFERENCE_MAX_NS)?;
         self.returned_ns = time_ns;
-        let invalid = state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SUIT_STALE));
+        let invalid = state.validity().any_of(Validity::INVALIDATES_COP_MEASURED.and(Validity::SUIT_STALE));
         Some(Moment {
             time_ns,
             stance: state.stance,

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
 use equipoise_bus::{Bus, BusError, Channel, Listener, Subscriber, Topic};
-use equipoise_core::message::{CycleRecord, PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, CycleRecord, State};
 use equipoise_daemon::realtime::now_ns;
-use equipoise_latency::pick_up::{since_its_start, tell_apart};
-use equipoise_latency::{ConsumerTimes, HlogWriter, PathHistograms, PickUps, Report};
+use equipoise_latency::receipt::{since_its_start, tell_apart};
+use equipoise_latency::{ConsumerReceipts, ConsumerTimes, HlogWriter, PathHistograms, Report};
 
 use super::{Outcome, StationArgument};
 use crate::client;
@@ -25,7 +25,7 @@ const MODE: u32 = 0o640;
 
 /// Measure the path from sensor to consumer and print percentiles per stage
 ///
-/// Stages up to the published state come from the cycles' own stamps; pick_up, from_due and from_suit of every consumer
+/// Stages up to the published state come from the cycles' own stamps; receipt, from_due and from_suit of every consumer
 /// that reports its pick-up follow, and of this command as `self`. Consumers report once a second, so of theirs the
 /// last second or less is missing. docs/realtime.md explains the figures.
 #[derive(Debug, clap::Args)]
@@ -87,15 +87,15 @@ struct Subscriptions {
     listener: Listener,
     records: Subscriber<CycleRecord>,
     states: Subscriber<State>,
-    reports: Option<Subscriber<PickUp>>,
+    reports: Option<Subscriber<ConsumerReceipt>>,
     path: PathHistograms,
-    others: PickUps,
+    others: ConsumerReceipts,
     own: ReceiptBuilder,
 }
 
 impl Subscriptions {
     fn open(bus: &Bus) -> anyhow::Result<Subscriptions> {
-        let reports = match bus.subscriber(PickUp::SERVICE.depth_max) {
+        let reports = match bus.subscriber(ConsumerReceipt::SERVICE.depth_max) {
             Ok(reports) => Some(reports),
             Err(full @ BusError::Full { .. }) => {
                 eprintln!("equipoise: what consumers report is not shown: {full}");
@@ -107,7 +107,7 @@ impl Subscriptions {
         let listener = bus.listener(Channel::Results)?;
         let since_ns = now_ns();
         let own = ReceiptBuilder::new(OWN_NAME, since_ns);
-        let (path, others) = (PathHistograms::new(), PickUps::new(since_ns));
+        let (path, others) = (PathHistograms::new(), ConsumerReceipts::new(since_ns));
         Ok(Subscriptions { listener, records, states, reports, path, others, own })
     }
 

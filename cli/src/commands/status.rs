@@ -219,7 +219,7 @@ fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     if let Some([minor, major]) = facts.loop_faults {
         writeln!(out, "  loop    {minor} minor and {major} major page faults since its warm-up")?;
     }
-    if let Some(suspicion) = &facts.model_suspicion {
+    if let Some(suspicion) = &facts.model_mismatch {
         writeln!(out, "  model   {suspicion}")?;
     }
     Ok(())

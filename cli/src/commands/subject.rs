@@ -132,7 +132,7 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     }
     let mut deletion = Deletion::default();
     // Daemons first, so that none of them writes deleted files again.
-    deletion.request_from_daemons(|station| client::request(station, CommandKind::SubjectForget, id))?;
+    deletion.request_from_daemons(|station| client::request(station, CommandKind::SubjectDelete, id))?;
     deletion.clear_state(id, StateDirectory::of_environment())?;
     if let Some(folder) = recordings {
         deletion.search_recordings(id, folder, with_recordings)?;

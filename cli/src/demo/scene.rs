@@ -161,7 +161,7 @@ impl Script {
         let fresh = state.suit_sample_time_ns != self.last_sample_ns;
         self.last_sample_ns = state.suit_sample_time_ns;
         self.poses_used = state.poses_used;
-        if fresh && !state.validity().any_of(Validity::SPOILS_COP_MEASURED) {
+        if fresh && !state.validity().any_of(Validity::INVALIDATES_COP_MEASURED) {
             self.cop_range.add(state.cop_measured_m);
         }
         match self.scene {
@@ -217,8 +217,9 @@ impl Script {
     }
 
     fn check(&mut self, state: &State, person: &SimulationHandle, now_s: f64, fresh: bool) {
-        let invalid =
-            state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED));
+        let invalid = state
+            .validity()
+            .any_of(Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED));
         if fresh && state.static_pose == 1 && !invalid {
             self.unloaded.add(state);
         }
@@ -234,7 +235,7 @@ impl Script {
     }
 
     fn lift(&mut self, state: &State, person: &SimulationHandle, now_s: f64, fresh: bool) {
-        if fresh && !state.validity().any_of(Validity::SPOILS_TORQUES) {
+        if fresh && !state.validity().any_of(Validity::INVALIDATES_TORQUES) {
             let time_s = (state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9;
             let truth = person.truth_at(time_s);
             self.loaded_samples += 1.0;

@@ -120,7 +120,7 @@ impl StationFacts {
                 self.ground = format!(" ({}{})", provenance.devices(), provenance.missing());
             }
             if let Some(state) = states.latest()? {
-                let force_n = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
+                let force_n = state.unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n[2]);
                 self.plate_force_n = force_n.or(self.plate_force_n);
             }
             std::thread::sleep(Duration::from_millis(20));

@@ -194,11 +194,11 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
         found.push_str(&format!("; objects, which are not used: {}", objects.join(", ")));
     }
     let required: Vec<u8> =
-        [suit.avatar].into_iter().chain(suit.others.iter().map(|other| other.avatar)).collect();
+        [suit.avatar].into_iter().chain(suit.forwarded.iter().map(|other| other.avatar)).collect();
     let is_present = |avatar: &u8| survey.characters.get(avatar).is_some_and(|one| !one.is_object());
     let first = survey.characters.iter().find(|(_, one)| !one.is_object());
     if let Some(missing) = required.iter().find(|avatar| !is_present(avatar)) {
-        let key = if *missing == suit.avatar { "suit.avatar" } else { "suit.others" };
+        let key = if *missing == suit.avatar { "suit.avatar" } else { "suit.forwarded" };
         let fix = match first {
             Some((avatar, _)) if key == "suit.avatar" => {
                 format!("suit.avatar = {avatar}, or another Avatar in the Network Streamer")
@@ -219,7 +219,7 @@ fn characters(suit: &SuitConfig, survey: &Survey) -> Check {
     Check::warn(
         NAME,
         format!("{found}; {} belongs to no station", unused.join(", ")),
-        "give each a station with suit.others (docs/sensors/mvn.md), or do not send it",
+        "give each a station with suit.forwarded (docs/sensors/mvn.md), or do not send it",
     )
 }
 
@@ -267,23 +267,23 @@ fn up(suit: &SuitConfig, character: &Character) -> Option<Check> {
     if z + y + neither == 0 {
         return None;
     }
-    Some(match (z >= y, suit.up) {
+    Some(match (z >= y, suit.up_axis) {
         _ if z + y == 0 => Check::warn(
             NAME,
             "the body stands along no axis: head and pelvis are not above the feet",
             "let the worker stand; such poses are refused (upside_down)",
         ),
         (true, Up::Z) => Check::ok(NAME, of("Z", z)),
-        (false, Up::Y) => Check::ok(NAME, format!("{}, as suit.up says", of("Y", y))),
+        (false, Up::Y) => Check::ok(NAME, format!("{}, as suit.up_axis says", of("Y", y))),
         (false, Up::Z) => Check::fail(
             NAME,
             format!("{}: all are refused (upside_down)", of("Y", y)),
-            "suit.up = \"y\", or let MVN send with Z up",
+            "suit.up_axis = \"y\", or let MVN send with Z up",
         ),
         (true, Up::Y) => Check::fail(
             NAME,
             format!("{}: all are refused (upside_down)", of("Z", z)),
-            "suit.up = \"z\", or without that line: MVN sends with Z up",
+            "suit.up_axis = \"z\", or without that line: MVN sends with Z up",
         ),
     })
 }

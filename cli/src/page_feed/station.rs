@@ -95,7 +95,7 @@ impl Station for StationData {
             "station": self.station,
             "daemon": facts.as_ref().filter(|_| incidents.is_some()).map(|facts| json!({
                 "version": facts.version, "process_id": facts.process_id, "subject": facts.subject,
-                "model_suspicion": facts.model_suspicion, "loop_faults": facts.loop_faults,
+                "model_mismatch": facts.model_mismatch, "loop_faults": facts.loop_faults,
             })),
             "incidents": incidents,
             "adapters": collected.adapters.iter().flatten().map(adapter).collect::<Vec<_>>(),
@@ -132,9 +132,9 @@ fn incident(all: &Incidents, kind: Incident, what: Option<&String>) -> Value {
     let since_s = |then_ns: u64| seconds(now_ns.saturating_sub(then_ns));
     let active = all.active().any(|active| active == kind);
     json!({
-        "name": kind.name(), "active": active, "begun": all.begun[index], "what": what,
-        "for_s": active.then(|| since_s(all.last_begun_ns[index])),
-        "ended_s_ago": (!active).then(|| since_s(all.last_ended_ns[index])),
+        "name": kind.name(), "active": active, "count": all.begun[index], "message": what,
+        "duration_s": active.then(|| since_s(all.last_begun_ns[index])),
+        "ended_ago_s": (!active).then(|| since_s(all.last_ended_ns[index])),
     })
 }
 

@@ -201,7 +201,7 @@ fn ground_wrong(
 fn feet_wrong(sample: &GroundSample, truth: &OnFeet, tolerance: &Tolerance) -> Option<String> {
     for (k, sole) in truth.soles.iter().enumerate() {
         let wrench = &truth.wrench[k];
-        let is_m = if sample.foot_frame == FootFrame::Sole as u32 { sole.cop_m } else { wrench.cop_m() };
+        let is_m = if sample.foot_frame == FootFrame::Insole as u32 { sole.cop_m } else { wrench.cop_m() };
         let (force_n, cop_m) = (sample.foot_vertical_n[k], sample.foot_cop_m[k]);
         let deviation_m = (nalgebra::Vector2::from(cop_m) - is_m).norm();
         if (force_n - wrench.force_n.z).abs() > tolerance.force_n || deviation_m > tolerance.cop_m {

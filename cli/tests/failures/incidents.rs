@@ -47,11 +47,11 @@ fn silence_is_reported_by_all_interfaces_with_its_remedy_and_ends_with_the_next_
         };
         let status = station.status().expect("the daemon answers");
         let active = listed(&status, "active").expect("it goes on");
-        assert!(active["what"].as_str().is_some_and(|what| what.contains("sends nothing")), "{active}");
+        assert!(active["message"].as_str().is_some_and(|what| what.contains("sends nothing")), "{active}");
         silence(false);
         monitor.until("its end", |monitor| !monitor.is_active(kind));
         let status = station.status().expect("the daemon answers");
-        assert_eq!(listed(&status, "past").expect("it was")["begun"], monitor.count(kind), "{status}");
+        assert_eq!(listed(&status, "past").expect("it was")["count"], monitor.count(kind), "{status}");
         assert!(listed(&status, "active").is_none(), "{status}");
     }
     assert!(!daemon.stderr().contains("phase="), "phases are none: {}", daemon.stderr());
@@ -196,11 +196,11 @@ fn samples_of_another_clock_and_an_overflow_are_reported() {
     };
     monitor.until("another clock's stamps to be named", |monitor| {
         send(100_000_000_000);
-        monitor.is_active(Incident::ClockTrouble) && monitor.is_active(Incident::GroundStampsStale)
+        monitor.is_active(Incident::ClockFault) && monitor.is_active(Incident::GroundStampsStale)
     });
     monitor.until("both ends", |monitor| {
         send(0);
-        !monitor.is_active(Incident::ClockTrouble) && !monitor.is_active(Incident::GroundStampsStale)
+        !monitor.is_active(Incident::ClockFault) && !monitor.is_active(Incident::GroundStampsStale)
     });
     assert_eq!(monitor.count(Incident::InputOverflow), 0);
     monitor.until("the flood", |monitor| {

@@ -64,10 +64,10 @@ fn a_subject_is_identified_with_insoles_and_unavailable_quantities_are_reported(
     let station = Station::start(&config);
 
     let state = until(&station, "the suit's soles", |state| {
-        state["sole_source"] == "suit" && state.get("cop_measured").is_some()
+        state["foot_outline_source"] == "suit" && state.get("cop_measured").is_some()
     });
     assert_eq!(names(&state, "ground_devices"), ["insoles"], "{state}");
-    assert_eq!(names(&state, "not_given"), ["shear"], "{state}");
+    assert_eq!(names(&state, "unavailable"), ["shear"], "{state}");
     assert!(state.get("ground_force_n").is_none(), "no device measures the horizontal force: {state}");
     let weight_n = 9.81 * 72.0;
     assert!((state["vertical_force_n"].as_f64().unwrap() - weight_n).abs() < 0.05 * weight_n, "{state}");

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusSettings, Publisher};
-use equipoise_core::message::PickUp;
+use equipoise_core::message::ConsumerReceipt;
 use equipoise_latency::Stage;
 use rustix::process::Signal;
 use serde_json::Value;
@@ -17,8 +17,8 @@ use crate::station::{NAME, Station};
 /// A consumer inside the test that receives states and reports receipts.
 struct Consumer {
     monitor: Monitor,
-    reports: Publisher<PickUp>,
-    report: Box<PickUp>,
+    reports: Publisher<ConsumerReceipt>,
+    report: Box<ConsumerReceipt>,
     // Field order: ports are dropped before the node they belong to.
     _bus: Bus,
 }
@@ -27,7 +27,7 @@ impl Consumer {
     fn join(station: &Station, name: &str) -> Consumer {
         let settings = BusSettings { station: NAME.to_owned(), role: name.to_owned(), root: station.root() };
         let bus = Bus::join(&settings).expect("the bus");
-        let mut report: Box<PickUp> = Box::new(PickUp::zeroed());
+        let mut report: Box<ConsumerReceipt> = Box::new(ConsumerReceipt::zeroed());
         report.consumer[..name.len()].copy_from_slice(name.as_bytes());
         (report.process_id, report.since_ns) = (std::process::id(), equipoise_daemon::realtime::now_ns());
         Consumer {
@@ -89,7 +89,7 @@ fn the_path_is_reported_to_the_last_consumer() {
         assert!(row["count"].as_u64() > Some(0), "{row}");
         assert_eq!(row["missing"], 0, "{row}");
     }
-    for name in ["self.pick_up", "self.from_due", "self.from_suit", "controller-1.pick_up"] {
+    for name in ["self.receipt", "self.from_due", "self.from_suit", "controller-1.receipt"] {
         let row = row(&report, name);
         assert!(row["count"].as_u64() > Some(0), "{row}");
         let percentiles = ["p50_ns", "p90_ns", "p99_ns", "p99_9_ns", "p99_99_ns", "max_ns"];
@@ -97,7 +97,7 @@ fn the_path_is_reported_to_the_last_consumer() {
         assert!(values.is_sorted(), "{row}");
     }
     let own = row(&report, "self.from_due")["p50_ns"].as_u64();
-    assert!(own >= row(&report, "self.pick_up")["p50_ns"].as_u64(), "a part is longer than its whole");
+    assert!(own >= row(&report, "self.receipt")["p50_ns"].as_u64(), "a part is longer than its whole");
     let consumers = report["consumers"].as_array().expect("consumers");
     assert_eq!(consumers[0]["consumer"], "controller-1");
     assert_eq!(consumers[0]["process_id"], std::process::id());
@@ -108,7 +108,7 @@ fn the_path_is_reported_to_the_last_consumer() {
 
     let log = std::fs::read_to_string(&file).expect("the log");
     let tags = |name: &str| log.lines().filter(|line| line.starts_with(&format!("Tag={name},"))).count();
-    for name in ["controller-1.pick_up", "self.from_suit", "ground.ingress", "egress.publish"] {
+    for name in ["controller-1.receipt", "self.from_suit", "ground.ingress", "egress.publish"] {
         assert_eq!(tags(name), 1, "{name}");
     }
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
@@ -122,11 +122,11 @@ fn a_measurement_without_receipts_reports_the_other_stages() {
     let mut readers = [0, 1].map(|_| station.spawn(&["latency", "--for", "600"]));
     let settings = BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");
-    wait_for("both readers", || bus.subscriber::<PickUp>(1).is_err().then_some(()));
+    wait_for("both readers", || bus.subscriber::<ConsumerReceipt>(1).is_err().then_some(()));
     let ended = station.run(&["latency", "--for", "1"]);
     assert!(matches!(ended.code, Some(0 | 3)), "{}", ended.stderr);
     assert!(ended.stderr.contains("what consumers report is not shown"), "{}", ended.stderr);
-    assert!(ended.stdout.contains("self.pick_up"), "{}", ended.stdout);
+    assert!(ended.stdout.contains("self.receipt"), "{}", ended.stdout);
     for reader in &mut readers {
         assert!(matches!(reader.stop(Signal::TERM), Some(0 | 3)), "{}", reader.stderr());
     }

@@ -97,9 +97,9 @@ impl Live {
     /// Residuals of every state of an identified worker between two times in seconds after the first: centre of
     /// pressure (m), force (N).
     fn residuals(&self, from_s: f64, to_s: f64) -> Vec<[f64; 2]> {
-        const WITHOUT: Validity = Validity::SPOILS_COP_MEASURED
-            .and(Validity::SPOILS_COP_ESTIMATED)
-            .and(Validity::SPOILS_DELTA_F)
+        const WITHOUT: Validity = Validity::INVALIDATES_COP_MEASURED
+            .and(Validity::INVALIDATES_COP_ESTIMATED)
+            .and(Validity::INVALIDATES_DELTA_F)
             .and(Validity::NOT_IDENTIFIED)
             .and(Validity::MODEL_CHANGED);
         let mut states = self.bus.subscriber::<State>(256).unwrap();
@@ -131,12 +131,12 @@ impl Live {
         let started = Instant::now();
         while started.elapsed().as_secs_f64() < seconds {
             let events = listener.wait(Duration::from_millis(200)).unwrap();
-            if events.contains(Event::ModelNoLongerExplains) {
+            if events.contains(Event::ModelMismatch) {
                 // The status is written shortly after.
                 std::thread::sleep(Duration::from_millis(1500));
                 let output = self.station.command("status").arg("--json").output().unwrap();
                 let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-                return Some(report["daemon"]["model_suspicion"].as_str().unwrap_or_default().to_owned());
+                return Some(report["daemon"]["model_mismatch"].as_str().unwrap_or_default().to_owned());
             }
         }
         None

@@ -156,10 +156,10 @@ impl Monitor {
 fn numbers(state: &State) -> impl Iterator<Item = f64> {
     let plane = state.cop_measured_m.into_iter().chain(state.cop_estimated_m).chain(state.cop_sigma_m);
     let space = state.com_m.into_iter().chain(state.ground_force_n).chain(state.delta_f_n);
-    let shares = state.zeta.into_iter().chain(state.eta);
+    let shares = state.foot_load_fraction.into_iter().chain(state.hand_load_fraction);
     let single = [
         state.mass_kg,
-        state.load_distance_m,
+        state.load_hand_distance_m,
         state.variance_max_m2,
         state.predicted_cop_sigma_m,
         state.nis,

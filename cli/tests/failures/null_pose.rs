@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::Side;
-use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
 use equipoise_core::message::suit_body::FootPoint;
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::Input;
@@ -40,7 +40,7 @@ fn state_of(station: &Station) -> serde_json::Value {
         let output = station.command("status").arg("--json").output().unwrap();
         if let Ok(status) = serde_json::from_slice::<serde_json::Value>(&output.stdout)
             && status["state"]["body_source"] == "null_pose"
-            && status["state"].get("com_suit").is_some()
+            && status["state"].get("suit_com").is_some()
         {
             return status["state"].clone();
         }
@@ -61,8 +61,8 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
         CONFIG.replace("SUIT", &suit.to_string()).replace("PLATE", &simulation.plate_address().to_string());
     let station = Station::start(&config);
     let state = state_of(&station);
-    assert_eq!(state["sole_source"], "suit", "{state}");
-    assert!(state.get("body_refused").is_none(), "{state}");
+    assert_eq!(state["foot_outline_source"], "suit", "{state}");
+    assert!(state.get("body_rejected").is_none(), "{state}");
     let output = station.command("status").output().unwrap();
     assert!(
         describe_output(&output).contains("body    from the suit's null pose; soles from the suit's"),
@@ -101,8 +101,9 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
             })
             .unwrap();
         let last = last.unwrap();
-        let body = (BodySource::from_number(last.body_source), BodyRefusal::from_number(last.body_refused));
-        assert_eq!(body, (Some(BodySource::NullPose), Some(BodyRefusal::None)), "{summary}");
+        let body =
+            (BodySource::from_number(last.body_source), BodyRejection::from_number(last.body_rejected));
+        assert_eq!(body, (Some(BodySource::NullPose), Some(BodyRejection::None)), "{summary}");
         if as_recorded {
             let fidelity = summary.fidelity.clone().unwrap();
             assert_eq!((fidelity.states_differing, fidelity.memories_differing), (0, 0), "{summary}");
@@ -113,5 +114,5 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
     let output = equipoise().arg("replay").arg(&out).arg("--out").arg(&lines).output().unwrap();
     assert!(matches!(output.status.code(), Some(0 | 3)), "{}", describe_output(&output));
     let lines = std::fs::read_to_string(lines).unwrap();
-    assert!(lines.lines().last().unwrap().contains(r#""com_suit":["#), "the suit's own centre is published");
+    assert!(lines.lines().last().unwrap().contains(r#""suit_com":["#), "the suit's own centre is published");
 }

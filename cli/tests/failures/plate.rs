@@ -20,7 +20,7 @@ fn a_faulty_sensor_has_no_centre_of_pressure_until_it_recovers() {
     let person = station.person();
     let _daemon = station.daemon(&station.configuration());
     let mut monitor = Monitor::open(&station);
-    let invalid = |monitor: &Monitor| monitor.has(Validity::SPOILS_COP_MEASURED);
+    let invalid = |monitor: &Monitor| monitor.has(Validity::INVALIDATES_COP_MEASURED);
     monitor.until("a centre of pressure", |monitor| monitor.both_fresh() && !invalid(monitor));
 
     person.set_plate_status(0x8000_0000);

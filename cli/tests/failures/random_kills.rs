@@ -215,7 +215,7 @@ impl Fixture<'_> {
         let bound = self.poses_seen.before(&self.in_use, killed - loss);
         // A force that may not be used is published as zero, which says nothing about the tare.
         let state = self.monitor.until("states of the new daemon", |monitor| {
-            let measured = monitor.both_fresh() && !monitor.has(Validity::SPOILS_GROUND_FORCE);
+            let measured = monitor.both_fresh() && !monitor.has(Validity::INVALIDATES_GROUND_FORCE);
             monitor.state.time_ns > killed_ns && measured
         });
         assert!(state.poses_used >= bound, "{} of {bound} poses of {}", state.poses_used, self.in_use);

@@ -139,7 +139,7 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
 
 /// The valid results of a state with a new suit sample.
 fn cops_of(state: &State) -> Option<[[f64; 2]; 2]> {
-    let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+    let invalid = Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
     // Without segment lengths there is no estimate.
     (state.cop_sigma_m[0] > 0.0 && !state.validity().any_of(invalid))
         .then_some([state.cop_measured_m, state.cop_estimated_m])

@@ -31,7 +31,7 @@ impl Recorded {
     fn start() -> Recorded {
         let (simulation, config) = person();
         let config = config.replace("[loop]", "[loop]\nrate_hz = 200")
-            + "remember = false\n[recording]\ndirectory = \"kept\"\nfree_min_mib = 1\n";
+            + "save_profile = false\n[recording]\ndirectory = \"kept\"\nfree_min_mib = 1\n";
         let station = Station::start(&config);
         std::fs::write(station.file("record.toml"), &config).unwrap();
         let mut command = station.command("record");

@@ -89,7 +89,7 @@ fn start(station: &Station) -> Child {
 #[test]
 fn alterations_of_signed_recordings_are_reported() {
     let (_simulation, config) = person();
-    let station = Station::start(&(config.clone() + "remember = false\n"));
+    let station = Station::start(&(config.clone() + "save_profile = false\n"));
     let (key, recordings) = (station.file("recording.key"), station.file("kept"));
     new_key(&key);
     let recording = "[recording]\ndirectory = \"kept\"\nfile_max_mib = 1\nfree_min_mib = 1\npictures_hz = 100\nsign_key = \

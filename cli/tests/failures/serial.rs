@@ -75,7 +75,7 @@ fn a_daemon_runs_without_its_sensor_and_uses_it_once_plugged_in() {
         monitor.until("both sensors", |monitor| {
             monitor.both_fresh() && !monitor.is_active(Incident::GroundAdapterDown)
         });
-        monitor.until("a centre of pressure", |monitor| !monitor.has(Validity::SPOILS_COP_MEASURED));
+        monitor.until("a centre of pressure", |monitor| !monitor.has(Validity::INVALIDATES_COP_MEASURED));
         sensor.plug(false);
         monitor.until("its absence", |monitor| {
             monitor.has(Validity::GROUND_STALE) && monitor.is_active(Incident::GroundAdapterDown)

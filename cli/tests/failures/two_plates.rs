@@ -90,7 +90,7 @@ fn legs_error_nm(
     let (mut square_nm2, mut samples, mut as_expected) = (0.0, 0.0, 0.0);
     while started.elapsed() < Duration::from_secs(14) {
         let state = *monitor.update();
-        if state.suit_sample_time_ns != before_ns && !state.validity().any_of(Validity::SPOILS_TORQUES) {
+        if state.suit_sample_time_ns != before_ns && !state.validity().any_of(Validity::INVALIDATES_TORQUES) {
             as_expected += f64::from(u8::from(state.sharing_source == source as u32));
             let time_s = (state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9;
             let truth = person.truth_at(time_s);
@@ -181,7 +181,7 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
         "the plate's: {:?}",
         state.ground_force_n
     );
-    let ([left, _], [_, [true_left, _]]) = (state.zeta, truth.foot_share);
+    let ([left, _], [_, [true_left, _]]) = (state.foot_load_fraction, truth.foot_share);
     assert!((left - true_left).abs() < 0.03, "{left} {true_left}");
     let status = station.status().expect("the daemon answers");
     let expected = serde_json::json!({
@@ -191,12 +191,12 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
 
     insoles.silence(true);
     monitor.until("geometry", |monitor| {
-        monitor.both_fresh() && monitor.state.sharing_source == 0 && monitor.state.zeta[0] > 0.0
+        monitor.both_fresh() && monitor.state.sharing_source == 0 && monitor.state.foot_load_fraction[0] > 0.0
     });
     monitor.until("the reason", |monitor| monitor.is_active(Incident::GroundAdapterDown));
     monitor.during(Duration::from_millis(500), |monitor| {
         assert!(
-            !monitor.has(Validity::SPOILS_COP_MEASURED),
+            !monitor.has(Validity::INVALIDATES_COP_MEASURED),
             "the plate is whole without them: {:?}",
             monitor.reasons()
         );

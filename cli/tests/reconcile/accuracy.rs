@@ -62,7 +62,7 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
         }
         let inputs = Inputs { suit: &inputs.0, ground: &inputs.1, body: None, command: None };
         let state = *step(&settings, &mut memory, Tick { cycle, due_ns }, inputs);
-        let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+        let invalid = Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
         if state.suit_sample_time_ns != sample_ns
             && state.static_pose == 1
             && !state.validity().any_of(invalid)

@@ -26,7 +26,7 @@ pub(crate) struct Session {
     pub(crate) lines: Vec<serde_json::Value>,
 }
 
-/// Made once for all tests of this program.
+/// ScheduledGateway once for all tests of this program.
 pub(crate) fn session() -> &'static Session {
     static SESSION: OnceLock<Session> = OnceLock::new();
     SESSION.get_or_init(|| {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::numbers::{Hex, LengthConfig, ModulusConfig, TimeUnit};
-use super::transport::{self, Over};
+use super::transport::{self, TransportKind};
 use super::{DescriptionError, GroundConfig};
 use build::settings;
 
@@ -20,7 +20,8 @@ use build::settings;
 #[serde(deny_unknown_fields)]
 pub struct BinaryConfig {
     /// Transport of the frames. A datagram contains complete frames only; otherwise frames are searched in a stream.
-    pub over: Over,
+    #[serde(alias = "over")]
+    pub transport: TransportKind,
     /// Byte order of its numbers.
     pub endian: EndianConfig,
     /// First bytes of every frame, in hexadecimal digits; none by default.
@@ -222,15 +223,15 @@ fn section(ground: &GroundConfig) -> Result<&BinaryConfig, DescriptionError> {
 
 pub(super) fn check(ground: &GroundConfig) -> Result<(), DescriptionError> {
     let config = section(ground)?;
-    transport::check(ground, config.over)?;
+    transport::check(ground, config.transport)?;
     let has_commands = !config.send_on_open.is_empty() || !config.send_on_close.is_empty();
     let key = if config.send_on_open.is_empty() { "send_on_close" } else { "send_on_open" };
-    match config.over {
-        Over::Udp if has_commands && ground.address.is_none() => Err(DescriptionError::new(
+    match config.transport {
+        TransportKind::Udp if has_commands && ground.address.is_none() => Err(DescriptionError::new(
             format!("ground.binary.{key}"),
             "a device that receives commands has an address: ground.address",
         )),
-        Over::File if has_commands => Err(DescriptionError::new(
+        TransportKind::File if has_commands => Err(DescriptionError::new(
             format!("ground.binary.{key}"),
             "a file takes no commands; leave it out",
         )),
@@ -243,5 +244,5 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    transport::transport(ground, section(ground)?.over)
+    transport::transport(ground, section(ground)?.transport)
 }

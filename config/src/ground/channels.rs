@@ -8,7 +8,7 @@ mod units;
 
 pub(super) use names::Names;
 pub(super) use soles::size as insole_size;
-pub use soles::{CopUnit, SolesConfig, TowardsX, TowardsY};
+pub use soles::{CopUnit, InsolesConfig, TowardsX, TowardsY};
 pub use units::{ForceConfig, LengthConfig, MomentConfig};
 
 use equipoise_adapters::ground::Channels;
@@ -34,7 +34,8 @@ pub enum ChannelsConfig {
     /// Forces and the centre of pressure.
     Centre(CentreConfig),
     /// A pair of insoles.
-    Soles(SolesConfig),
+    #[serde(alias = "soles")]
+    Insoles(InsolesConfig),
 }
 
 /// `[ground.channels.wrench]`: channels `fx`, `fy`, `fz`, `mx`, `my`, `mz`; `fz` is required, missing ones are not
@@ -147,7 +148,7 @@ pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<C
         ChannelsConfig::Kistler(config) => kistler(config, ground, names),
         ChannelsConfig::Cells(config) => cells(config, ground, names),
         ChannelsConfig::Centre(config) => centre(config, ground, names),
-        ChannelsConfig::Soles(config) => soles::channels(config, names),
+        ChannelsConfig::Insoles(config) => soles::channels(config, names),
     }
 }
 

@@ -55,7 +55,8 @@ impl GroundConfig {
 
     /// Whether the device moves with the feet.
     pub fn is_insoles(&self) -> bool {
-        self.source == GroundSourceKind::MoticonUdp || matches!(self.channels, Some(ChannelsConfig::Soles(_)))
+        self.source == GroundSourceKind::MoticonUdp
+            || matches!(self.channels, Some(ChannelsConfig::Insoles(_)))
     }
 
     /// Checks the second device and its combination with the first.

@@ -135,8 +135,14 @@ fn errors_in_a_text_format_are_reported_with_key_and_line() {
         refusal(TEXT, "delimiter = \"semicolon\"", "delimiter = \"comma\"\ndecimal = \",\"")
             .contains("as well")
     );
-    assert!(refusal(TEXT, "over = \"udp\"", "over = \"tcp\"").starts_with("ground.address: must be given"));
-    assert!(refusal(TEXT, "over = \"udp\"", "over = \"serial\"").starts_with("ground.serial: must be given"));
+    assert!(
+        refusal(TEXT, "transport = \"udp\"", "transport = \"tcp\"")
+            .starts_with("ground.address: must be given")
+    );
+    assert!(
+        refusal(TEXT, "transport = \"udp\"", "transport = \"serial\"")
+            .starts_with("ground.serial: must be given")
+    );
     assert!(refusal(TEXT, "moment = \"N m\"", "moment = \"Nm\"").contains("did you mean `N m"));
     assert!(
         refusal(TEXT, "moment = \"N m\"", "").starts_with("ground.channels.wrench.moment: must be given")
@@ -203,7 +209,7 @@ fn errors_in_a_binary_format_are_reported_with_key_and_line() {
     );
     assert!(refusal(BOTA, "sync = \"aa\"", "sync = \"a\"").contains("two hexadecimal digits"));
     assert!(
-        refusal(BOTA, "over = \"serial\"", "over = \"serial\"\nsend_on_open = \"xx\"")
+        refusal(BOTA, "transport = \"serial\"", "transport = \"serial\"\nsend_on_open = \"xx\"")
             .contains("two hexadecimal digits")
     );
     assert!(refusal(BOTA, "type = \"u32\", unit", "type = \"i32\", unit").contains("no sign"));

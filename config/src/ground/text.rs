@@ -13,14 +13,15 @@ use super::GroundConfig;
 use super::channels::{self, Names};
 use super::description_error::{DescriptionError, nearest};
 use super::numbers::{FACTORS, ModulusConfig, NamedNumber, SUMMANDS, TimeUnit, is_factor, is_summand};
-use super::transport::{self, BeginConfig, Over};
+use super::transport::{self, BeginConfig, TransportKind};
 
 /// `[ground.text]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextConfig {
     /// Transport of the lines.
-    pub over: Over,
+    #[serde(alias = "over")]
+    pub transport: TransportKind,
     /// Separator of fields.
     pub delimiter: DelimiterConfig,
     /// Decimal separator.
@@ -230,7 +231,7 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, DescriptionError> {
     };
     Ok(TextSettings {
         form,
-        framing: framing(ground, config.over),
+        framing: framing(ground, config.transport),
         header_lines: config.header_lines,
         longest: config.line_bytes_max,
         columns: fields.into_iter().map(column).collect(),
@@ -242,12 +243,12 @@ fn settings(ground: &GroundConfig) -> Result<TextSettings, DescriptionError> {
 
 /// Framing of the stream. A serial device sends without a listener, and a file's end may be incomplete, so reading may
 /// start in the middle of a line.
-fn framing(ground: &GroundConfig, over: Over) -> Framing {
+fn framing(ground: &GroundConfig, over: TransportKind) -> Framing {
     match over {
-        Over::Udp => Framing::Datagrams,
-        Over::Tcp => Framing::Stream,
-        Over::Serial => Framing::Joined,
-        Over::File => match ground.file.as_ref().map(|file| file.begin) {
+        TransportKind::Udp => Framing::Datagrams,
+        TransportKind::Tcp => Framing::Stream,
+        TransportKind::Serial => Framing::Joined,
+        TransportKind::File => match ground.file.as_ref().map(|file| file.begin) {
             Some(BeginConfig::Start) => Framing::Stream,
             _ => Framing::Joined,
         },
@@ -255,7 +256,7 @@ fn framing(ground: &GroundConfig, over: Over) -> Framing {
 }
 
 pub(super) fn check(ground: &GroundConfig) -> Result<(), DescriptionError> {
-    transport::check(ground, section(ground)?.over)?;
+    transport::check(ground, section(ground)?.transport)?;
     settings(ground).map(drop)
 }
 
@@ -264,5 +265,5 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
 }
 
 pub(super) fn transport(ground: &GroundConfig) -> Result<Box<dyn Transport>, SourceError> {
-    transport::transport(ground, section(ground)?.over)
+    transport::transport(ground, section(ground)?.transport)
 }

@@ -1,4 +1,4 @@
-//! Transport of a described device: `over` of `[ground.text]` and `[ground.binary]`.
+//! Transport of a described device: `transport` of `[ground.text]` and `[ground.binary]`.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ use super::{GroundConfig, GroundSourceKind};
 /// Transport of the bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Over {
+pub enum TransportKind {
     /// Datagrams: to `listen`, or from `address` on request.
     Udp,
     /// A TCP connection to `address`.
@@ -50,12 +50,12 @@ pub enum BeginConfig {
 /// Default speed of a serial port: that of most small boards.
 const DEFAULTS: SerialDefaults = SerialDefaults { baud: 115_200, flow: Flow::Free };
 
-pub(super) fn check(ground: &GroundConfig, over: Over) -> Result<(), DescriptionError> {
+pub(super) fn check(ground: &GroundConfig, over: TransportKind) -> Result<(), DescriptionError> {
     let must = |key: &str, example: &str| {
-        DescriptionError::new(key, format!("must be given for this `over`, for example {example}"))
+        DescriptionError::new(key, format!("must be given for this `transport`, for example {example}"))
     };
     match over {
-        Over::Udp => match (ground.address, ground.listen) {
+        TransportKind::Udp => match (ground.address, ground.listen) {
             (None, None) => Err(must(
                 "ground.listen",
                 "listen = \"0.0.0.0:8888\" (or `address`, for a device that receives send_on_open)",
@@ -73,30 +73,33 @@ pub(super) fn check(ground: &GroundConfig, over: Over) -> Result<(), Description
             }
             _ => Ok(()),
         },
-        Over::Tcp if ground.address.is_none() => {
+        TransportKind::Tcp if ground.address.is_none() => {
             Err(must("ground.address", "address = \"192.168.1.20:4000\""))
         }
-        Over::Tcp => Ok(()),
-        Over::Serial => Ok(serial::check(ground)?),
-        Over::File if ground.file.is_none() => {
+        TransportKind::Tcp => Ok(()),
+        TransportKind::Serial => Ok(serial::check(ground)?),
+        TransportKind::File if ground.file.is_none() => {
             Err(must("ground.file", "[ground.file] with path = \"export.txt\""))
         }
-        Over::File => Ok(()),
+        TransportKind::File => Ok(()),
     }
 }
 
-pub(super) fn transport(ground: &GroundConfig, over: Over) -> Result<Box<dyn Transport>, SourceError> {
+pub(super) fn transport(
+    ground: &GroundConfig,
+    over: TransportKind,
+) -> Result<Box<dyn Transport>, SourceError> {
     check(ground, over)?;
     let device = match ground.source {
         GroundSourceKind::Text => "the device of ground.text",
         _ => "the device of ground.binary",
     };
     Ok(match (over, ground.address, ground.listen, &ground.file) {
-        (Over::Udp, Some(address), _, _) => Box::new(UdpLine::to(address, "ground.address")),
-        (Over::Udp, None, Some(_), _) => listening(ground)?,
-        (Over::Tcp, Some(address), _, _) => Box::new(TcpLine::to(address, device, "ground.address")),
-        (Over::Serial, ..) => serial::line(ground, DEFAULTS)?,
-        (Over::File, _, _, Some(file)) => {
+        (TransportKind::Udp, Some(address), _, _) => Box::new(UdpLine::to(address, "ground.address")),
+        (TransportKind::Udp, None, Some(_), _) => listening(ground)?,
+        (TransportKind::Tcp, Some(address), _, _) => Box::new(TcpLine::to(address, device, "ground.address")),
+        (TransportKind::Serial, ..) => serial::line(ground, DEFAULTS)?,
+        (TransportKind::File, _, _, Some(file)) => {
             let begin = match file.begin {
                 BeginConfig::End => Begin::End,
                 BeginConfig::Start => Begin::Start,

@@ -3,9 +3,9 @@
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
 
+use super::limits::{LARGEST, SHAPES, TIME_MAX_S};
 use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
-use super::limits::{LARGEST, SHAPES, TIME_MAX_S};
 
 /// The validated file.
 pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError> {

@@ -39,7 +39,7 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             memory.publication.hold_shift(&memory.exposure);
         }
         // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
-        CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
+        CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectDelete => {}
         CommandKind::Reload => {
             // Filters and the static pose window contain results of the previous model.
             memory.clear_windows();

@@ -74,7 +74,7 @@ pub(super) fn update_exposure(
         return values;
     }
     let loaded = !invalid.any_of(Validity::BELOW_LOAD_THRESHOLD);
-    if !invalid.any_of(Validity::LOAD_MAY_HIDE) && (load.is_some() || !loaded) {
+    if !invalid.any_of(Validity::LOAD_BELOW_DETECTION_LIMIT) && (load.is_some() || !loaded) {
         values.back = Some(input.back(settings));
     }
     if let Some(overload) = outputs.overload.filter(|_| loaded) {
@@ -94,7 +94,7 @@ impl Input<'_> {
         }
         let is_identified = weighed && subject.has_body() && subject.identified == 1 && !self.is_changed;
         let (Some(overload), Some(load)) = (self.outputs.overload, self.load) else { return Load::Unknown };
-        if !is_identified || invalid.any_of(Validity::SPOILS_TORQUES) {
+        if !is_identified || invalid.any_of(Validity::INVALIDATES_TORQUES) {
             return Load::Unknown;
         }
         let pose = &self.outputs.estimate.on_plate;

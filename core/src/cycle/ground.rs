@@ -208,7 +208,7 @@ impl GroundState {
     }
 
     fn note_usability(&mut self, invalid: Validity) {
-        let unusable = Validity::SPOILS_COP_MEASURED.and(Validity::IMPLAUSIBLE);
+        let unusable = Validity::INVALIDATES_COP_MEASURED.and(Validity::IMPLAUSIBLE);
         self.last_is_usable = u64::from(!invalid.any_of(unusable));
     }
 

@@ -57,7 +57,7 @@ pub(super) fn to_world(
     pose: &Pose<StationWorld>,
     outlines: &[FootOutline; 2],
 ) -> GroundSample {
-    if ground.foot_frame != FootFrame::Sole as u32 || !ground.has_feet() {
+    if ground.foot_frame != FootFrame::Insole as u32 || !ground.has_feet() {
         return *ground;
     }
     let foot_cop_m = Side::BOTH
@@ -110,7 +110,7 @@ mod tests {
             force_n: [0.0, 0.0, vertical_n[0] + vertical_n[1]],
             foot_vertical_n: vertical_n,
             foot_cop_m: cop_m,
-            foot_frame: FootFrame::Sole as u32,
+            foot_frame: FootFrame::Insole as u32,
             not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
             devices: GroundDevice::Insoles as u32,
             surface_z_m: 0.1,

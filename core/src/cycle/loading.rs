@@ -124,7 +124,7 @@ pub(super) fn overload(
     invalid.raise(Validity::BELOW_LOAD_THRESHOLD, !loaded);
     // In quick motion a load below the raised detection limit cannot be excluded.
     let is_undetectable = prediction.load_limit_n > settings.load_threshold_n && !state.unloaded.is_quiet();
-    invalid.raise(Validity::LOAD_MAY_HIDE, !loaded && is_undetectable);
+    invalid.raise(Validity::LOAD_BELOW_DETECTION_LIMIT, !loaded && is_undetectable);
     // A negative load is impossible; the paper's equations do not exclude it.
     let is_missing = loaded && delta_f_n < 0.0 && settings.motion != Motion::Paper;
     invalid.raise(Validity::WEIGHT_MISSING, is_missing);

@@ -16,7 +16,7 @@ use super::streams::Streams;
 use super::{MODEL_CHANGED_NS, NO_JOINT, STALE_TOLERANCE_NS, Tick};
 use crate::body::JOINTS;
 use crate::exposure::{Exposure, dose};
-use crate::message::state::{NotGiven, Phase, SharingSource};
+use crate::message::state::{Phase, SharingSource, Unavailable};
 use crate::message::{State, Validity};
 use crate::overload::{Level, Levels};
 
@@ -137,7 +137,7 @@ impl Publication {
         let Outputs { instant, ground, stillness, estimate, overload, .. } = outputs;
         let (snapshot, state) = (&instant.snapshot, &mut self.estimate);
         hold_reading(state, &ground.reading);
-        set_unavailable(state, NotGiven::SuitCom, snapshot.has_suit_com != 1);
+        set_unavailable(state, Unavailable::SuitCom, snapshot.has_suit_com != 1);
         state.suit_sample_time_ns = snapshot.time_ns;
         state.group_delay_ns = newest_suit_ns.saturating_sub(snapshot.time_ns);
         state.stance = snapshot.stance as u32;
@@ -191,8 +191,8 @@ impl Publication {
         state.ground_age_ns = status.freshness.ground_age_ns;
         [state.suit_skew_s, state.suit_skew_sigma_s] = status.skew_s;
         state.body_source = subject.body_source() as u32;
-        state.sole_source = status.reported_body.sole_source() as u32;
-        state.body_refused = status.reported_body.refused();
+        state.foot_outline_source = status.reported_body.foot_outline_source() as u32;
+        state.body_rejected = status.reported_body.refused();
         state.converged = subject.identified as u32;
         state.poses_used = subject.poses_used.min(u64::from(u32::MAX)) as u32;
         state.motion_samples_used = status.motion_samples_used.min(u64::from(u32::MAX)) as u32;
@@ -220,7 +220,7 @@ impl Publication {
         valid.raise(Validity::BODY_UNKNOWN, !subject.has_body());
         let changed = model_changed_ns > 0 && tick.due_ns.saturating_sub(model_changed_ns) < MODEL_CHANGED_NS;
         valid.raise(Validity::MODEL_CHANGED, changed);
-        valid.raise(Validity::PLACE_UNKNOWN, status.place_is_lost);
+        valid.raise(Validity::POSITION_UNKNOWN, status.place_is_lost);
         valid
     }
 
@@ -246,20 +246,20 @@ fn hold_reading(state: &mut State, reading: &Reading) {
     state.ground_force_n = reading.force_n;
     state.ground_devices = reading.devices as u32;
     state.cop_measured_m = reading.cop_m;
-    set_unavailable(state, NotGiven::Shear, !reading.measures_shear());
+    set_unavailable(state, Unavailable::Shear, !reading.measures_shear());
 }
 
 /// Records whether the station's sensors provide a quantity.
-fn set_unavailable(state: &mut State, what: NotGiven, missing: bool) {
-    let others = state.not_given & !(what as u32);
-    state.not_given = others | if missing { what as u32 } else { 0 };
+fn set_unavailable(state: &mut State, what: Unavailable, missing: bool) {
+    let others = state.unavailable & !(what as u32);
+    state.unavailable = others | if missing { what as u32 } else { 0 };
 }
 
 fn hold_load(state: &mut State, load: &CarriedLoad) {
-    (state.zeta, state.zeta_sigma) = (load.zeta, load.zeta_sigma);
+    (state.foot_load_fraction, state.foot_load_fraction_sigma) = (load.zeta, load.zeta_sigma);
     state.sharing_source = load.sharing_source as u32;
-    (state.eta, state.eta_sigma) = (load.eta, load.eta_sigma);
-    state.load_distance_m = load.distance_m;
+    (state.hand_load_fraction, state.hand_load_fraction_sigma) = (load.eta, load.eta_sigma);
+    state.load_hand_distance_m = load.distance_m;
     for (joint, torque) in load.torques.iter().enumerate() {
         state.torque_nm[joint] = torque.torque_nm.into();
         state.torque_sigma_nm[joint] = torque.sigma_nm;
@@ -294,10 +294,10 @@ fn hold_exposure(state: &mut State, exposure: &InstantExposure) {
 /// Sets invalid values to zero, so that no consumer can act on values of a stale sensor.
 fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
-    if valid.any_of(Validity::SPOILS_COP_MEASURED) {
+    if valid.any_of(Validity::INVALIDATES_COP_MEASURED) {
         state.cop_measured_m = [0.0; 2];
     }
-    if valid.any_of(Validity::SPOILS_GROUND_FORCE) {
+    if valid.any_of(Validity::INVALIDATES_GROUND_FORCE) {
         (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
     if valid.any_of(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) {
@@ -305,23 +305,23 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
         state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;
     }
-    if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {
+    if valid.any_of(Validity::INVALIDATES_COP_ESTIMATED) {
         state.cop_estimated_m = [0.0; 2];
         state.cop_sigma_m = [0.0; 2];
     }
-    if valid.any_of(Validity::SPOILS_COM) {
+    if valid.any_of(Validity::INVALIDATES_COM) {
         state.com_m = [0.0; 3];
     }
-    if valid.any_of(Validity::SPOILS_DELTA_F) {
+    if valid.any_of(Validity::INVALIDATES_DELTA_F) {
         state.delta_f_n = [0.0; 3];
     }
-    if valid.any_of(Validity::SPOILS_LIFTED_MASS) {
+    if valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
         mask_mass(state);
     }
-    if valid.any_of(Validity::SPOILS_BACK) {
+    if valid.any_of(Validity::INVALIDATES_LOW_BACK) {
         mask_back(state);
     }
-    if valid.any_of(Validity::SPOILS_TORQUES) {
+    if valid.any_of(Validity::INVALIDATES_TORQUES) {
         mask_torques(state);
         mask_advice(state);
         state.torque_limit_nm = *settings.limits.without_torque_nm();
@@ -333,11 +333,11 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
 
 /// Resets torques, load fractions and levels.
 fn mask_torques(state: &mut State) {
-    state.zeta = [0.0; 2];
+    state.foot_load_fraction = [0.0; 2];
     state.sharing_source = SharingSource::Geometry as u32;
-    state.eta = [0.0; 2];
-    (state.zeta_sigma, state.eta_sigma) = (0.0, 0.0);
-    state.load_distance_m = 0.0;
+    state.hand_load_fraction = [0.0; 2];
+    (state.foot_load_fraction_sigma, state.hand_load_fraction_sigma) = (0.0, 0.0);
+    state.load_hand_distance_m = 0.0;
     state.torque_nm = [[0.0; 3]; JOINTS];
     state.torque_sigma_nm = [0.0; JOINTS];
     state.torque_covariance_nm2 = [[0.0; 3]; JOINTS];

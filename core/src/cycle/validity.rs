@@ -44,6 +44,6 @@ pub(super) fn validate(
     invalid.raise(Validity::CLOCK_UNSYNCHRONISED, time_is_uncertain || streams.lag_is_off || lag.is_off);
     // The results belong to the snapshot, which may predate the body.
     invalid.raise(Validity::BODY_UNKNOWN, !subject.has_body());
-    invalid.raise(Validity::PLACE_UNKNOWN, instant.place_is_lost);
+    invalid.raise(Validity::POSITION_UNKNOWN, instant.place_is_lost);
     Withheld(invalid)
 }

@@ -42,9 +42,9 @@ pub(super) fn load(
     let mut worker = bytemuck::zeroed_box::<SubjectState>();
     worker.identification =
         *profile.worker(&settings).map_err(|reason| format!("the profile {id} is not used: {reason}"))?;
-    // `subject.remember` applies to every subject; the configured mass applies to the configured subject only.
-    let (configured, remember) =
-        active_configuration.with(|active| (active.config.subject.id == id, active.config.subject.remember));
+    // `subject.save_profile` applies to every subject; the configured mass applies to the configured subject only.
+    let (configured, remember) = active_configuration
+        .with(|active| (active.config.subject.id == id, active.config.subject.save_profile));
     if let (true, Some(mass_kg)) = (configured, settings.mass_kg) {
         worker.identification.mass_kg = mass_kg;
     }

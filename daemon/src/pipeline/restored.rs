@@ -35,7 +35,7 @@ impl Restored {
             station_refused: true,
             messages: Vec::new(),
         };
-        if config.subject.remember {
+        if config.subject.save_profile {
             for folder in [subjects.state().profiles(), subjects.state().stations()] {
                 remove_abandoned_files(&folder, |_| true);
             }

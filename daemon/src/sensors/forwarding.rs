@@ -87,7 +87,7 @@ impl Forwarder {
         let name = format!("suit {}", suit.avatar);
         let thread = std::thread::Builder::new().name(name).spawn(move || publish(&station, &message));
         if let Err(error) = &thread {
-            warn!("suit.others: station {} gets nothing: no thread can be had: {error}", suit.station);
+            warn!("suit.forwarded: station {} gets nothing: no thread can be had: {error}", suit.station);
         }
         Forwarder {
             avatar: suit.avatar,
@@ -103,7 +103,7 @@ impl Forwarder {
         let was_full = self.full;
         self.full = self.queue.as_ref().is_some_and(|queue| queue.try_send(message).is_err());
         if self.full && !was_full {
-            warn!("suit.others: station {} is behind and loses samples of its suit", self.station);
+            warn!("suit.forwarded: station {} is behind and loses samples of its suit", self.station);
         }
     }
 }
@@ -133,7 +133,7 @@ fn publish(station: &str, message: &Receiver<Message>) {
             Some(ports) => message.map_or(Ok(()), |message| Ports::send(ports, message)),
             None if Instant::now() < retry_at => continue,
             None => Ports::open(station).map(|opened| {
-                info!("the suit of station {station} is published here too (suit.others)");
+                info!("the suit of station {station} is published here too (suit.forwarded)");
                 logged = None;
                 ports = Some(opened);
             }),
@@ -144,7 +144,7 @@ fn publish(station: &str, message: &Receiver<Message>) {
             let reason = error.to_string();
             if logged.as_ref() != Some(&reason) {
                 warn!(
-                    "suit.others: station {station} gets no samples of its suit: {reason}; it is tried again"
+                    "suit.forwarded: station {station} gets no samples of its suit: {reason}; it is tried again"
                 );
                 logged = Some(reason);
             }

@@ -30,7 +30,7 @@ pub struct Back {
 impl Back {
     /// Adds one state, which represents `step_s`.
     pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
-        if let Some(newtons) = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n) {
+        if let Some(newtons) = state.unless(Validity::INVALIDATES_LOW_BACK, state.l5s1_compression_n) {
             self.compression_n.push(time_s, newtons);
             self.moment_nm.push(time_s, state.l5s1_moment_nm);
             self.valid_s += step_s;
@@ -40,7 +40,7 @@ impl Back {
                 self.peak = Some([newtons, state.l5s1_compression_sigma_n, time_s]);
             }
         }
-        if let Some(mass_kg) = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg) {
+        if let Some(mass_kg) = state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg) {
             self.lifted_kg.push(time_s, mass_kg);
         }
         self.damage.push(time_s, state.dose_damage);

@@ -65,7 +65,7 @@ impl Exposure {
             joint.fatigue = fatigue;
             joint.fatigue_max = joint.fatigue_max.max(fatigue);
         }
-        let Some(worst) = state.unless(Validity::SPOILS_TORQUES, state.worst_joint) else { return };
+        let Some(worst) = state.unless(Validity::INVALIDATES_TORQUES, state.worst_joint) else { return };
         self.valid_s += step_s;
         let number = (time_s / COLUMN_S).floor() as i64;
         if self.columns.last().is_none_or(|(last, _)| *last != number) {

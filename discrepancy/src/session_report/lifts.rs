@@ -75,7 +75,7 @@ impl Lifts {
 
 impl Episode {
     fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
-        let valid_kg = state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg);
+        let valid_kg = state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg);
         // A negative mass indicates leaning on something: no load, as in the loop.
         if let Some(mass_kg) = valid_kg.filter(|mass_kg| *mass_kg > 0.0) {
             let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
@@ -87,7 +87,7 @@ impl Episode {
         } else if valid_kg.is_some() || state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
             self.empty_s += step_s;
         }
-        if let Some(reach_m) = state.unless(Validity::SPOILS_TORQUES, state.reach_m) {
+        if let Some(reach_m) = state.unless(Validity::INVALIDATES_TORQUES, state.reach_m) {
             self.reaches += 1.0;
             self.reach_sum_m += reach_m;
             self.reach_max_m = self.reach_max_m.max(reach_m);

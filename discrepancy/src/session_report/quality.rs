@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use equipoise_core::message::state::NotGiven;
+use equipoise_core::message::state::Unavailable;
 use equipoise_core::message::{AdapterHealth, State, Validity};
 
 /// Number of phases.
@@ -20,7 +20,7 @@ pub struct Quality {
     /// Duration without any validity flag, s.
     pub all_valid_s: f64,
     /// Quantities that the station's sensors do not provide, by name.
-    pub not_given: Vec<&'static str>,
+    pub unavailable: Vec<&'static str>,
     /// Missing states between the first and the last.
     pub states_missing: u64,
     /// Number of daemon restarts.
@@ -49,9 +49,9 @@ impl Quality {
         if state.valid == 0 {
             self.all_valid_s += step_s;
         }
-        for (what, name) in NotGiven::NAMES {
-            if !state.gives(what) && !self.not_given.contains(&name) {
-                self.not_given.push(name);
+        for (what, name) in Unavailable::NAMES {
+            if !state.provides(what) && !self.unavailable.contains(&name) {
+                self.unavailable.push(name);
             }
         }
         match self.last_cycle.replace(state.cycle) {

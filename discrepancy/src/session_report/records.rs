@@ -17,7 +17,7 @@ impl Records {
     pub fn ingest(&mut self, record: &CycleRecord) {
         let command = CommandKind::from_number(record.command);
         // Deleting the active subject also changes the subject: an unnamed one replaces it.
-        if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectForget)) {
+        if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectDelete)) {
             self.loads_ns.push(record.due_ns);
         }
         if command == Some(CommandKind::IdentifyStop) {

@@ -10,7 +10,7 @@ use equipoise_view::foxglove::{Channel, MESSAGE_ENCODING, SCHEMA_ENCODING, scene
 use foxglove::{Context, PartialMetadata, RawChannel, Schema, WebSocketServerHandle};
 use tracing::{error, info};
 
-use crate::beat::{self, Beat};
+use crate::heartbeat::{self, Heartbeat};
 
 /// Longest queue of one viewer; beyond it the oldest messages are dropped. 0.1 s of all channels at 60 Hz.
 pub const BACKLOG: usize = 18;
@@ -22,10 +22,10 @@ const LOOK_EVERY: Duration = Duration::from_secs(2);
 pub struct FoxgloveGateway {
     scene: Arc<RawChannel>,
     state: Arc<RawChannel>,
-    beat: Arc<RawChannel>,
+    heartbeat: Arc<RawChannel>,
     address: SocketAddr,
     server: WebSocketServerHandle,
-    beats: u64,
+    ticks: u64,
     tally: Tally,
     looked: Instant,
     /// Called once when the server has ended.
@@ -49,7 +49,8 @@ impl FoxgloveGateway {
         let context = Context::new();
         let [scene, state] = [Channel::SCENE, Channel::STATE]
             .map(|channel| open(&context, channel.topic, channel.schema_name, channel.schema_text()));
-        let beat = open(&context, beat::TOPIC, beat::SCHEMA_NAME, beat::schema().to_string());
+        let heartbeat =
+            open(&context, heartbeat::TOPIC, heartbeat::SCHEMA_NAME, heartbeat::schema().to_string());
         // One thread is enough for viewers, and leaves the other cores to the loop.
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .worker_threads(1)
@@ -66,15 +67,15 @@ impl FoxgloveGateway {
             format!("gateways.foxglove.listen: cannot serve at {listen}; is another program there?")
         })?;
         info!("Foxglove and Lichtblick: open a connection to ws://{}:{}", listen.ip(), server.port());
-        let (beats, tally) = (0, Tally::default());
-        let (scene, state, beat) = (scene?, state?, beat?);
+        let (ticks, tally) = (0, Tally::default());
+        let (scene, state, heartbeat) = (scene?, state?, heartbeat?);
         Ok(FoxgloveGateway {
             scene,
             state,
-            beat,
+            heartbeat,
             address: SocketAddr::new(listen.ip(), server.port()),
             server,
-            beats,
+            ticks,
             tally,
             looked: Instant::now(),
             on_end: Some(Box::new(on_end)),
@@ -141,9 +142,9 @@ impl Gateway for FoxgloveGateway {
     /// state's cycle, or now if there is no state.
     fn send(&mut self, latest: &Latest) {
         self.look_after_the_server();
-        self.beats += 1;
+        self.ticks += 1;
         let now_ns = unix_ns();
-        let beat = Beat::of(self.beats, latest);
+        let heartbeat = Heartbeat::of(self.ticks, latest);
         let tally = &mut self.tally;
         match latest {
             Ok(reading) => {
@@ -157,11 +158,11 @@ impl Gateway for FoxgloveGateway {
                 Self::show(tally, &self.scene, now_ns, || scene::nothing(&why, now_ns).to_text());
             }
         }
-        Self::show(tally, &self.beat, now_ns, || serde_json::to_string(&beat));
+        Self::show(tally, &self.heartbeat, now_ns, || serde_json::to_string(&heartbeat));
     }
 
     /// `sent` counts each message once, regardless of the number of viewers. The library does not report the messages
-    /// that a slow viewer loses; gaps in `beat` reveal them.
+    /// that a slow viewer loses; gaps in `sequence` reveal them.
     fn tally(&self) -> Tally {
         Tally { peers: self.server.client_count() as u64, ..self.tally }
     }

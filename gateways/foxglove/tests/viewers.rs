@@ -26,9 +26,9 @@ fn latest(cycle: u64) -> Latest {
     state.segment_origin_m = Skeleton::nominal(1.77).t_pose_m();
     Ok(Reading {
         state,
-        picked_up_ns: 0,
+        received_ns: 0,
         age_ns: 700_000,
-        moment_age_ns: Some(90_000_000),
+        sample_age_ns: Some(90_000_000),
         missed: 0,
         restarted: false,
         daemon_life: 1,
@@ -142,7 +142,7 @@ fn resident() -> usize {
 }
 
 #[test]
-fn a_viewer_sees_scene_state_and_beat_and_then_the_reason_why_there_is_none() {
+fn a_viewer_sees_scene_state_and_heartbeat_and_then_the_reason_why_there_is_none() {
     let mut gateway = gateway();
     let mut viewer = Viewer::connect(gateway.port());
     let topics = viewer.subscribe_to_all();
@@ -161,21 +161,21 @@ fn a_viewer_sees_scene_state_and_beat_and_then_the_reason_why_there_is_none() {
     }
     assert!(found["/equipoise/scene"]["entities"].as_array().is_some_and(|entities| !entities.is_empty()));
     assert!(found["/equipoise/state_json"]["cycle"].as_u64() <= Some(cycle));
-    let beat = &found["/equipoise/beat"];
-    assert_eq!((&beat["fresh"], &beat["age_ns"]), (&true.into(), &700_000.into()));
+    let heartbeat = &found["/equipoise/heartbeat"];
+    assert_eq!((&heartbeat["fresh"], &heartbeat["age_ns"]), (&true.into(), &700_000.into()));
 
     gateway.send(&Err(NoReading::Silent { silent: Duration::from_millis(99) }));
     let mut newest = 0;
     loop {
         let (topic, object) = viewer.message(&topics);
-        if topic != "/equipoise/beat" {
+        if topic != "/equipoise/heartbeat" {
             continue;
         }
-        let beat = object["beat"].as_u64().unwrap();
-        assert!(beat > newest, "beats go forward");
-        newest = beat;
+        let sequence = object["sequence"].as_u64().unwrap();
+        assert!(sequence > newest, "heartbeats increase");
+        newest = sequence;
         if object["fresh"] == false {
-            assert_eq!(object["missing"], "silent");
+            assert_eq!(object["no_state_reason"], "silent");
             assert!(object.get("age_ns").is_none());
             break;
         }
@@ -211,20 +211,23 @@ fn a_viewer_that_reads_nothing_costs_no_memory_and_delays_no_other() {
     let mut viewer = Viewer::connect(gateway.port());
     let topics = viewer.subscribe_to_all();
     let known = cycle;
-    let beat = loop {
+    let heartbeat = loop {
         cycle += 1;
         gateway.send(&latest(cycle));
         viewer.0.set_read_timeout(Some(PATIENCE)).unwrap();
         if gateway.tally().peers == 2 && cycle > known + 10 {
             let (topic, object) = viewer.message(&topics);
-            if topic == "/equipoise/beat" {
+            if topic == "/equipoise/heartbeat" {
                 break object;
             }
         }
         // The server's own thread must first read the subscriptions.
         std::thread::sleep(Duration::from_millis(1));
     };
-    assert!(beat["cycle"].as_u64() > Some(known), "the newest, not what the stuck one left: {beat}");
+    assert!(
+        heartbeat["cycle"].as_u64() > Some(known),
+        "the newest, not what the stuck one left: {heartbeat}"
+    );
 }
 
 /// Kills the program when the test ends, also on panic.

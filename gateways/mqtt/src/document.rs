@@ -61,7 +61,7 @@ impl Serialize for Levels {
 
 impl Levels {
     fn of(state: &State) -> Option<Levels> {
-        let numbers = state.unless(Validity::SPOILS_TORQUES, state.joint_level)?;
+        let numbers = state.unless(Validity::INVALIDATES_TORQUES, state.joint_level)?;
         Some(Levels(numbers.map(|number| Level::from_number(number).filter(|level| *level != Level::None))))
     }
 
@@ -103,7 +103,7 @@ impl<'a> Summary<'a> {
 
     fn of_state(station: &'a str, state: &State, utc_s: f64) -> Summary<'a> {
         let levels = Levels::of(state);
-        let worst = state.unless(Validity::SPOILS_TORQUES, state.worst_joint);
+        let worst = state.unless(Validity::INVALIDATES_TORQUES, state.worst_joint);
         Summary {
             v: VERSION,
             station,

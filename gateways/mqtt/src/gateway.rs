@@ -53,7 +53,8 @@ impl Mqtt {
         let target = Target::new(station, config)?;
         let shared = Arc::new(Shared::default());
         let (messages, mailbox) = mailbox();
-        let connection = Connection { shared: Arc::clone(&shared), mailbox, target, station: station.to_owned() };
+        let connection =
+            Connection { shared: Arc::clone(&shared), mailbox, target, station: station.to_owned() };
         let (running, ended) = bounded(0);
         std::thread::Builder::new().name("mqtt".to_owned()).spawn(move || {
             let _running = running;

@@ -33,9 +33,9 @@ fn reading(valid: Validity) -> Latest {
     state.joint_level[ELBOW] = 3;
     Ok(Reading {
         state,
-        picked_up_ns: 1,
+        received_ns: 1,
         age_ns: 1,
-        moment_age_ns: None,
+        sample_age_ns: None,
         missed: 0,
         restarted: false,
         daemon_life: 1,

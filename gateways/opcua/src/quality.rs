@@ -38,7 +38,7 @@ const GROUPS: [(Validity, StatusCode); 4] = [
             .and(Validity::BODY_UNKNOWN)
             .and(Validity::MASS_UNKNOWN)
             .and(Validity::NOT_IDENTIFIED)
-            .and(Validity::PLACE_UNKNOWN)
+            .and(Validity::POSITION_UNKNOWN)
             .and(Validity::MODEL_CHANGED),
         StatusCode::BadWaitingForInitialData,
     ),
@@ -46,7 +46,7 @@ const GROUPS: [(Validity, StatusCode); 4] = [
         Validity::MOVING
             .and(Validity::FEET_OFF_PLATE)
             .and(Validity::LOAD_NOT_AT_HANDS)
-            .and(Validity::LOAD_MAY_HIDE)
+            .and(Validity::LOAD_BELOW_DETECTION_LIMIT)
             .and(Validity::WEIGHT_MISSING)
             .and(Validity::COP_NOT_MEASURED),
         StatusCode::BadInvalidState,

@@ -14,7 +14,7 @@ pub enum About {
     /// The cycle of the state (`State::time_ns`).
     Cycle,
     /// The sample time of the results (`State::suit_sample_time_ns`), tens of milliseconds before the cycle.
-    Moment,
+    Sample,
 }
 
 /// Type of a variable.
@@ -83,7 +83,7 @@ pub struct Row {
     /// Time that the value refers to.
     pub about: About,
     /// Validity flags that invalidate the value.
-    pub spoilers: Validity,
+    pub invalidating: Validity,
     /// Description.
     pub meaning: &'static str,
     /// The value, if no flag invalidates it; rows of the station ignore the joint.
@@ -91,9 +91,9 @@ pub struct Row {
 }
 
 const NEVER: Validity = Validity(0);
-const TORQUES: Validity = Validity::SPOILS_TORQUES;
-const LIFTED: Validity = Validity::SPOILS_LIFTED_MASS;
-const BACK: Validity = Validity::SPOILS_BACK;
+const TORQUES: Validity = Validity::INVALIDATES_TORQUES;
+const LIFTED: Validity = Validity::INVALIDATES_LIFTED_MASS;
+const BACK: Validity = Validity::INVALIDATES_LOW_BACK;
 
 /// Names of the phases, by number.
 pub const PHASES: [&str; 4] = ["waiting", "identifying", "monitoring", "degraded"];
@@ -102,66 +102,62 @@ pub const LEVELS: [&str; 6] = ["none", "green", "orange", "red", "above_max", "u
 
 /// The station's own variables.
 pub const STATION: [Row; 18] = [
-    cycle("Phase", Type::State(&PHASES), None, "What the station does", |reading, _| {
+    cycle("Phase", Type::State(&PHASES), None, "Phase of the station", |reading, _| {
         Phase::from_number(reading.state.phase).map(|phase| Variant::from(phase as u32))
     }),
-    cycle(
-        "Valid",
-        Type::UInt64,
-        None,
-        "Reasons why values are withheld, as bits; 0: all may be used",
-        |reading, _| Some(Variant::from(reading.state.valid)),
-    ),
-    cycle("Reasons", Type::Texts, None, "The same as names", |reading, _| {
+    cycle("Valid", Type::UInt64, None, "Invalid reasons, as bits; 0: all values are valid", |reading, _| {
+        Some(Variant::from(reading.state.valid))
+    }),
+    cycle("Reasons", Type::Texts, None, "Invalid reasons, as names", |reading, _| {
         Some(Variant::from(reading.validity().names().map(str::to_owned).collect::<Vec<String>>()))
     }),
-    cycle("TorquesUsable", Type::Boolean, None, "Whether nothing spoils torques and levels", |reading, _| {
+    cycle("TorquesUsable", Type::Boolean, None, "Whether torques and levels are valid", |reading, _| {
         Some(Variant::from(!reading.validity().any_of(TORQUES)))
     }),
-    cycle("LiftedMassUsable", Type::Boolean, None, "Whether nothing spoils the lifted mass", |reading, _| {
+    cycle("LiftedMassUsable", Type::Boolean, None, "Whether the lifted mass is valid", |reading, _| {
         Some(Variant::from(!reading.validity().any_of(LIFTED)))
     }),
     cycle(
         "LowBackUsable",
         Type::Boolean,
         None,
-        "Whether nothing spoils the low back's values",
+        "Whether the values of the low back are valid",
         |reading, _| Some(Variant::from(!reading.validity().any_of(BACK))),
     ),
     cycle(
         "SequenceNumber",
         Type::UInt64,
         None,
-        "The cycle's number in the daemon's life, from 1",
+        "Number of the cycle since the daemon's start, from 1",
         |reading, _| Some(Variant::from(reading.state.cycle)),
     ),
     cycle(
         "AgeNs",
         Type::UInt64,
         Some(NANOSECOND),
-        "How long before ServerTimestamp the state's cycle was due",
+        "Time from the due time of the state's cycle to ServerTimestamp",
         |reading, _| Some(Variant::from(reading.age_ns)),
     ),
     cycle(
-        "MomentAgeNs",
+        "SampleAgeNs",
         Type::UInt64,
         Some(NANOSECOND),
-        "How long before ServerTimestamp the moment was that torques and masses are about",
-        |reading, _| reading.moment_age_ns.map(Variant::from),
+        "Time from the sample time of torques and masses to ServerTimestamp",
+        |reading, _| reading.sample_age_ns.map(Variant::from),
     ),
-    moment("WorstJoint", Type::Text, None, TORQUES, "The joint closest to its limit", |reading, _| {
+    sample("WorstJoint", Type::Text, None, TORQUES, "The joint closest to its limit", |reading, _| {
         Joint::ALL.get(reading.state.worst_joint as usize).map(|joint| Variant::from(joint.name()))
     }),
-    moment("LiftedMass", Type::Double, Some(KILOGRAM), LIFTED, "Mass in the hands", |reading, _| {
+    sample("LiftedMass", Type::Double, Some(KILOGRAM), LIFTED, "Mass in the hands", |reading, _| {
         number(reading.state.lifted_mass_kg)
     }),
-    moment("LiftedMassSigma", Type::Double, Some(KILOGRAM), LIFTED, "1-σ of LiftedMass", |reading, _| {
+    sample("LiftedMassSigma", Type::Double, Some(KILOGRAM), LIFTED, "1-σ of LiftedMass", |reading, _| {
         number(reading.state.lifted_mass_sigma_kg)
     }),
-    moment("LowBackMoment", Type::Double, Some(NEWTON_METRE), BACK, "Net moment at L5/S1", |reading, _| {
+    sample("LowBackMoment", Type::Double, Some(NEWTON_METRE), BACK, "Net moment at L5/S1", |reading, _| {
         number(reading.state.l5s1_moment_nm)
     }),
-    moment(
+    sample(
         "LowBackMomentSigma",
         Type::Double,
         Some(NEWTON_METRE),
@@ -169,7 +165,7 @@ pub const STATION: [Row; 18] = [
         "1-σ of LowBackMoment",
         |reading, _| number(reading.state.l5s1_moment_sigma_nm),
     ),
-    moment(
+    sample(
         "LowBackCompression",
         Type::Double,
         Some(NEWTON),
@@ -177,32 +173,32 @@ pub const STATION: [Row; 18] = [
         "Compression of the L5/S1 disc",
         |reading, _| number(reading.state.l5s1_compression_n),
     ),
-    cycle("Lifts", Type::UInt64, None, "Lifts that entered the dose", |reading, _| {
+    cycle("Lifts", Type::UInt64, None, "Number of lifts in the dose", |reading, _| {
         Some(Variant::from(u64::from(reading.state.lifts)))
     }),
     cycle(
         "DoseDamage",
         Type::Double,
         None,
-        "Cumulative damage of the low back, 1 being failure",
+        "Cumulative damage of the low back, 1 at failure",
         |reading, _| number(reading.state.dose_damage),
     ),
     cycle(
         "DoseProbability",
         Type::Double,
         None,
-        "Probability of a high-risk job by that dose, 0 to 1",
+        "Probability of a high-risk job at this dose, 0 to 1",
         |reading, _| number(reading.state.dose_probability),
     ),
 ];
 
 /// The variables of each joint.
 pub const JOINT: [Row; 6] = [
-    moment("Level", Type::State(&LEVELS), None, TORQUES, "Overload level of the joint", |reading, joint| {
+    sample("Level", Type::State(&LEVELS), None, TORQUES, "Overload level of the joint", |reading, joint| {
         let level = Level::from_number(per_joint(reading, joint, |state| &state.joint_level))?;
         (level != Level::None).then(|| Variant::from(level as u32))
     }),
-    moment(
+    sample(
         "Torque",
         Type::Doubles(3),
         Some(NEWTON_METRE),
@@ -213,18 +209,18 @@ pub const JOINT: [Row; 6] = [
             torque_nm.iter().all(|nm| nm.is_finite()).then(|| Variant::from(torque_nm.to_vec()))
         },
     ),
-    moment(
+    sample(
         "TorqueMagnitude",
         Type::Double,
         Some(NEWTON_METRE),
         TORQUES,
-        "Length of Torque",
+        "Magnitude of Torque",
         |reading, joint| {
             let torque_nm = per_joint(reading, joint, |state| &state.torque_nm);
             number(torque_nm.iter().map(|nm| nm * nm).sum::<f64>().sqrt())
         },
     ),
-    moment(
+    sample(
         "Sigma",
         Type::Double,
         Some(NEWTON_METRE),
@@ -232,10 +228,17 @@ pub const JOINT: [Row; 6] = [
         "1-σ of TorqueMagnitude",
         |reading, joint| number(per_joint(reading, joint, |state| &state.torque_sigma_nm)),
     ),
-    moment("Limit", Type::Double, Some(NEWTON_METRE), TORQUES, "τ_max of this worker", |reading, joint| {
-        number(per_joint(reading, joint, |state| &state.torque_limit_nm))
-            .filter(|_| per_joint(reading, joint, |state| &state.torque_limit_nm) > 0.0)
-    }),
+    sample(
+        "Limit",
+        Type::Double,
+        Some(NEWTON_METRE),
+        TORQUES,
+        "Torque limit τ_max of this subject",
+        |reading, joint| {
+            number(per_joint(reading, joint, |state| &state.torque_limit_nm))
+                .filter(|_| per_joint(reading, joint, |state| &state.torque_limit_nm) > 0.0)
+        },
+    ),
     cycle("Fatigue", Type::Double, None, "Overloading fatigue, 0 to 1", |reading, joint| {
         number(per_joint(reading, joint, |state| &state.fatigue))
     }),
@@ -245,19 +248,19 @@ type Value = fn(&Reading, Joint) -> Option<Variant>;
 
 /// A row that no flag invalidates.
 const fn cycle(name: &'static str, of: Type, unit: Option<Unit>, meaning: &'static str, value: Value) -> Row {
-    Row { name, of, unit, about: About::Cycle, spoilers: NEVER, meaning, value }
+    Row { name, of, unit, about: About::Cycle, invalidating: NEVER, meaning, value }
 }
 
 /// A row that refers to the sample time of the results and that flags may invalidate.
-const fn moment(
+const fn sample(
     name: &'static str,
     of: Type,
     unit: Option<Unit>,
-    spoilers: Validity,
+    invalidating: Validity,
     meaning: &'static str,
     value: Value,
 ) -> Row {
-    Row { name, of, unit, about: About::Moment, spoilers, meaning, value }
+    Row { name, of, unit, about: About::Sample, invalidating, meaning, value }
 }
 
 fn per_joint<T: Copy, const N: usize>(

@@ -71,15 +71,15 @@ pub fn of_no_reading(reason: &NoReading, ever: bool, clocks: Clocks) -> Vec<Data
 
 fn of_row(row: &Row, joint: Option<Joint>, reading: &Reading, clocks: Clocks) -> DataValue {
     let (state, server) = (&reading.state, clocks.utc(clocks.monotonic_ns));
-    if state.unless(row.spoilers, ()).is_none() {
-        return nothing(quality::of_withheld(Validity(state.valid & row.spoilers.0)), server);
+    if state.unless(row.invalidating, ()).is_none() {
+        return nothing(quality::of_withheld(Validity(state.valid & row.invalidating.0)), server);
     }
     let Some(value) = (row.value)(reading, joint.unwrap_or(Joint::ALL[0])) else {
         // The flags allow a value, but none exists.
         return nothing(StatusCode::BadNoData, server);
     };
     let about_ns = match row.about {
-        About::Moment if state.suit_sample_time_ns > 0 => state.suit_sample_time_ns,
+        About::Sample if state.suit_sample_time_ns > 0 => state.suit_sample_time_ns,
         _ => state.time_ns,
     };
     DataValue {

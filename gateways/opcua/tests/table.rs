@@ -28,35 +28,36 @@ fn type_name(of: Type) -> String {
     }
 }
 
-fn spoilers_name(spoilers: Validity) -> &'static str {
-    Validity::SPOILERS.iter().find(|(set, _)| *set == spoilers).map_or("", |(_, name)| name)
+fn set_name(invalidating: Validity) -> &'static str {
+    Validity::FLAG_SETS.iter().find(|(set, _)| *set == invalidating).map_or("", |(_, name)| name)
 }
 
 fn of_rows(rows: &[Row], of: &str) -> String {
     let mut text = format!(
-        "| {of} | type | unit | bad while `Valid` has a bit of | SourceTimestamp | says |\n|---|---|---|---|---|---|\n"
+        "| {of} | type | unit | bad while `Valid` has a bit of | SourceTimestamp | meaning |\n|---|---|---|---|---|---|\n"
     );
     for row in rows {
         let unit = row.unit.map_or("", |unit| unit.symbol);
         let about = match row.about {
             About::Cycle => "cycle",
-            About::Moment => "moment",
+            About::Sample => "sample",
         };
-        let (name, of, spoilers, says) =
-            (row.name, type_name(row.of), spoilers_name(row.spoilers), row.meaning);
-        writeln!(text, "| `{name}` | {of} | {unit} | {spoilers} | {about} | {says} |").unwrap();
+        let (name, of, invalidating, says) =
+            (row.name, type_name(row.of), set_name(row.invalidating), row.meaning);
+        writeln!(text, "| `{name}` | {of} | {unit} | {invalidating} | {about} | {says} |").unwrap();
     }
     text
 }
 
 fn reasons() -> String {
     let mut text =
-        "| bit of `Valid` | reason | spoils | status of what it spoils |\n|---:|---|---|---|\n".to_owned();
+        "| bit of `Valid` | reason | invalidates | status of invalid values |\n|---:|---|---|---|\n"
+            .to_owned();
     for (reason, name) in Validity::NAMES {
         let invalidated: Vec<_> = ["torques", "lifted_mass", "back"]
             .into_iter()
             .filter(|wanted| {
-                Validity::SPOILERS.iter().any(|(set, name)| name == wanted && set.any_of(*reason))
+                Validity::FLAG_SETS.iter().any(|(set, name)| name == wanted && set.any_of(*reason))
             })
             .collect();
         let bit = reason.0.trailing_zeros();

@@ -36,7 +36,7 @@ fn each_reason_withholds_what_it_spoils_and_nothing_else() {
     for (raised, name) in Validity::NAMES {
         let values = of_latest(&Ok(reading(*raised)), true, Clocks::now());
         for ((row, _), value) in rows().zip(&values) {
-            assert_eq!(is_good(value), !raised.any_of(row.spoilers), "{} under {name}", row.name);
+            assert_eq!(is_good(value), !raised.any_of(row.invalidating), "{} under {name}", row.name);
         }
     }
 }
@@ -56,7 +56,7 @@ fn source_times_are_those_of_the_moment_by_the_wall_clock() {
     for ((row, _), value) in rows().zip(of_latest(&Ok(reading), true, clocks)) {
         let behind_ms = match row.about {
             About::Cycle => 2,
-            About::Moment => 72,
+            About::Sample => 72,
         };
         let source: DateTimeUtc = value.source_timestamp.unwrap().into();
         assert_eq!(source.timestamp_millis(), 1_700_000_000_000 - behind_ms, "{}", row.name);

@@ -24,7 +24,7 @@ pub(super) fn word(value: Value, counts: Counts, latest: &Latest) -> Word {
         Value::DaemonLife => Word::Int(i32::try_from(counts.daemon_life).unwrap_or(i32::MAX)),
         Value::State => Word::Int(state_number(latest)),
         value => match latest {
-            Ok(reading) => word_of_state(value, &reading.state, reading.age_ns, reading.moment_age_ns),
+            Ok(reading) => word_of_state(value, &reading.state, reading.age_ns, reading.sample_age_ns),
             Err(_) => nothing(value),
         },
     }
@@ -45,7 +45,7 @@ fn state_number(latest: &Latest) -> i32 {
 fn nothing(value: Value) -> Word {
     match value {
         Value::Valid | Value::Phase | Value::WorstJoint => Word::Int(-1),
-        Value::AgeS | Value::MomentAgeS => Word::Double(-1.0),
+        Value::AgeS | Value::SampleAgeS => Word::Double(-1.0),
         other => zero(other),
     }
 }
@@ -55,12 +55,12 @@ fn zero(value: Value) -> Word {
 }
 
 /// Register value with a state; zero if the state's value is invalid.
-fn word_of_state(value: Value, state: &State, age_ns: u64, moment_age_ns: Option<u64>) -> Word {
-    if value.needs().is_some_and(|spoilers| state.validity().any_of(spoilers)) {
+fn word_of_state(value: Value, state: &State, age_ns: u64, sample_age_ns: Option<u64>) -> Word {
+    if value.needs().is_some_and(|invalidating| state.validity().any_of(invalidating)) {
         return zero(value);
     }
     let worst = state
-        .unless(Validity::SPOILS_TORQUES, state.worst_joint as usize)
+        .unless(Validity::INVALIDATES_TORQUES, state.worst_joint as usize)
         .filter(|at| *at < Joint::ALL.len());
     let magnitude_nm = |at: usize| state.torque_nm[at].iter().map(|nm| nm * nm).sum::<f64>().sqrt();
     let of_worst = |number: &dyn Fn(usize) -> f64| Word::Double(worst.map_or(0.0, number));
@@ -69,15 +69,15 @@ fn word_of_state(value: Value, state: &State, age_ns: u64, moment_age_ns: Option
         Value::Sequence | Value::State | Value::DaemonLife => zero(value),
         Value::Valid => whole(state.valid),
         Value::Usable => whole(usable(state)),
-        Value::NotGiven => whole(u64::from(state.not_given)),
+        Value::Unavailable => whole(u64::from(state.unavailable)),
         Value::Phase => whole(u64::from(state.phase)),
         Value::WorstLevel => whole(u64::from(state.joint_level.into_iter().max().unwrap_or(0))),
         Value::WorstJoint => Word::Int(worst.map_or(-1, |at| at as i32)),
         Value::AgeS => Word::Double(1e-9 * age_ns as f64),
-        Value::MomentAgeS => Word::Double(moment_age_ns.map_or(-1.0, |age_ns| 1e-9 * age_ns as f64)),
+        Value::SampleAgeS => Word::Double(sample_age_ns.map_or(-1.0, |age_ns| 1e-9 * age_ns as f64)),
         Value::WorstTorqueNm => of_worst(&magnitude_nm),
         Value::WorstSigmaNm => of_worst(&|at| state.torque_sigma_nm[at]),
-        Value::WorstShare => of_worst(&|at| magnitude_nm(at) / state.torque_limit_nm[at]),
+        Value::WorstLimitRatio => of_worst(&|at| magnitude_nm(at) / state.torque_limit_nm[at]),
         Value::LiftedMassKg => Word::Double(state.lifted_mass_kg),
         Value::LiftedMassSigmaKg => Word::Double(state.lifted_mass_sigma_kg),
         Value::ReachM => Word::Double(state.reach_m),
@@ -93,6 +93,9 @@ fn word_of_state(value: Value, state: &State, age_ns: u64, moment_age_ns: Option
 }
 
 fn usable(state: &State) -> u64 {
-    let groups = Validity::SPOILERS.iter().enumerate();
-    groups.filter(|(_, (spoilers, _))| !state.validity().any_of(*spoilers)).map(|(bit, _)| 1 << bit).sum()
+    let groups = Validity::FLAG_SETS.iter().enumerate();
+    groups
+        .filter(|(_, (invalidating, _))| !state.validity().any_of(*invalidating))
+        .map(|(bit, _)| 1 << bit)
+        .sum()
 }

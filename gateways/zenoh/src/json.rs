@@ -6,7 +6,7 @@ use equipoise_view::state_json::StateJson;
 use serde::Serialize;
 
 /// The public names of the reasons why there is no state.
-pub fn silence_name(reason: &NoReading) -> &'static str {
+pub fn reason_name(reason: &NoReading) -> &'static str {
     match reason {
         NoReading::Silent { .. } => "silent",
         NoReading::Stale { .. } => "stale",
@@ -40,11 +40,11 @@ struct Message<'a> {
     sent_unix_ns: u64,
     current: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
-    silence: Option<&'static str>,
+    no_state_reason: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     age_ns: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    moment_age_ns: Option<u64>,
+    sample_age_ns: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     state: Option<StateJson<'a>>,
 }
@@ -62,9 +62,9 @@ impl JsonMessage<'_> {
             sequence: self.sequence,
             sent_unix_ns: self.sent_unix_ns,
             current: reading.is_some(),
-            silence: self.latest.as_ref().err().map(silence_name),
+            no_state_reason: self.latest.as_ref().err().map(reason_name),
             age_ns: reading.map(|reading| reading.age_ns),
-            moment_age_ns: reading.and_then(|reading| reading.moment_age_ns),
+            sample_age_ns: reading.and_then(|reading| reading.sample_age_ns),
             state: reading.map(|reading| {
                 let state = StateJson::new(&reading.state, reading.state.time_ns as f64 * 1e-9);
                 if self.with_body { state } else { state.without_body() }

@@ -12,7 +12,7 @@ pub use names::RosNames;
 pub const TYPE_NAME: &str = "equipoise_msgs::msg::dds_::State_";
 /// SHA-256 of the type description (REP 2016); it changes with any message definition that the type contains.
 /// `tests/type_hash.rs` computes it from `clients/ros2/equipoise_msgs/msg`.
-pub const TYPE_HASH: &str = "RIHS01_79eedb78768fc291d31ff82aa164bf0d7ca3a3a33714b4488a51a88094a8ec7d";
+pub const TYPE_HASH: &str = "RIHS01_57edcd79bd52c8cf1a38dcf6212c651d707f01f8a2e977dd8097d2a1c52ff8b9";
 
 /// Attachment that `rmw_zenoh` requires with every message: sequence number and source time as little-endian 64-bit
 /// integers, then the length and the bytes of the publisher's GID.

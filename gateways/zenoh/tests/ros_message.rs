@@ -100,7 +100,7 @@ fn full_state() -> State {
     state.torque_limit_nm = std::array::from_fn(|joint| 100.0 + joint as f64);
     state.joint_level = std::array::from_fn(|joint| joint as u32 % 6);
     state.fatigue = std::array::from_fn(|joint| joint as f64 / 100.0);
-    state.eta = [0.4, 0.6];
+    state.hand_load_fraction = [0.4, 0.6];
     state.reach_m = 0.45;
     state.advice_direction = [0.6, 0.0, -0.8];
     state.advice_gain_nm_per_cm = 1.75;
@@ -123,9 +123,9 @@ fn full_state() -> State {
 fn latest(state: State) -> Latest {
     Ok(Reading {
         state,
-        picked_up_ns: 0,
+        received_ns: 0,
         age_ns: 2_000_000,
-        moment_age_ns: Some(40_000_000),
+        sample_age_ns: Some(40_000_000),
         missed: 0,
         restarted: false,
         daemon_life: 1,
@@ -147,10 +147,10 @@ fn every_value_arrives_in_the_field_that_the_definition_gives_it() {
     assert_eq!(message["header"]["stamp"], json!({"sec": 1_699_999_999, "nanosec": 999_000_000}));
     assert_eq!(message["header"]["frame_id"], "equipoise/station_1");
     assert_eq!((&message["station"], &message["sequence"]), (&json!("station-1"), &json!(9)));
-    assert_eq!((&message["current"], &message["silence"]), (&json!(true), &json!("")));
+    assert_eq!((&message["current"], &message["no_state_reason"]), (&json!(true), &json!("")));
     assert_eq!(message["cycle"], json!([71]));
     assert_eq!(message["age_ns"], json!([2_000_000]));
-    assert_eq!(message["moment_age_ns"], json!([40_000_000]));
+    assert_eq!(message["sample_age_ns"], json!([40_000_000]));
     assert_eq!((&message["phase"], &message["reasons"]), (&json["phase"], &json!([])));
     let overload = &message["overload"][0];
     for joint in overload["joints"].as_array().unwrap() {
@@ -163,11 +163,11 @@ fn every_value_arrives_in_the_field_that_the_definition_gives_it() {
     }
     assert_eq!(overload["joints"].as_array().unwrap().len(), Joint::ALL.len());
     assert_eq!(overload["worst_joint"], json["worst_joint"]);
-    assert_eq!(overload["hand_shares"], json["eta"]);
+    assert_eq!(overload["hand_load_fraction"], json["hand_load_fraction"]);
     assert_eq!(overload["reach_m"], json["reach_m"]);
     assert_eq!(overload["advice"], json!([{"direction": [0.6, 0.0, -0.8], "gain_nm_per_cm": 1.75}]));
     for key in ["l5s1_moment_nm", "l5s1_moment_sigma_nm", "l5s1_compression_n", "l5s1_compression_sigma_n"] {
-        assert_eq!(message["back"][0][key], json[key], "{key}");
+        assert_eq!(message["low_back"][0][key], json[key], "{key}");
     }
     assert_eq!(message["load"], json!([{"mass_kg": 8.25, "sigma_kg": 0.125}]));
     assert_eq!(message["external_force"], json!([{"force_n": json["delta_f_n"], "vertical_sigma_n": [1.5]}]));
@@ -206,7 +206,7 @@ fn each_reason_empties_what_it_spoils_and_nothing_else() {
 #[test]
 fn silence_has_its_reason_and_no_value_at_all() {
     let message = written(&Err(NoReading::Silent { silent: Duration::from_secs(1) }));
-    assert_eq!((&message["current"], &message["silence"]), (&json!(false), &json!("silent")));
+    assert_eq!((&message["current"], &message["no_state_reason"]), (&json!(false), &json!("silent")));
     assert_eq!((&message["phase"], &message["sequence"]), (&json!(""), &json!(9)));
     for (name, value) in message.as_object().unwrap() {
         assert!(value.as_array().is_none_or(Vec::is_empty), "{name} is {value}");
@@ -221,5 +221,5 @@ fn what_is_no_number_is_not_there() {
     state.l5s1_moment_nm = f64::INFINITY;
     let message = written(&latest(state));
     assert_eq!(message["overload"][0]["joints"].as_array().unwrap().len(), Joint::ALL.len() - 1);
-    assert_eq!((&message["cop_measured"], &message["back"]), (&json!([]), &json!([])));
+    assert_eq!((&message["cop_measured"], &message["low_back"]), (&json!([]), &json!([])));
 }

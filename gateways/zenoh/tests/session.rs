@@ -46,12 +46,12 @@ fn subscriber_session(port: u16) -> Session {
 
 fn latest(cycle: u64) -> Latest {
     let state = State { cycle, mass_kg: 72.5, ..State::zeroed() };
-    let moment_age_ns = Some(2);
+    let sample_age_ns = Some(2);
     Ok(Reading {
         state,
-        picked_up_ns: 0,
+        received_ns: 0,
         age_ns: 1,
-        moment_age_ns,
+        sample_age_ns,
         missed: 0,
         restarted: false,
         daemon_life: 1,
@@ -95,12 +95,15 @@ fn a_dashboard_reads_states_by_wildcard_in_their_order_and_hears_of_silence() {
         assert!(sequence > last, "{sequence} after {last}");
         last = sequence;
         assert_eq!((&message["current"], &message["state"]["cycle"]), (&Value::from(true), &Value::from(71)));
-        assert_eq!((&message["age_ns"], &message["moment_age_ns"]), (&Value::from(1), &Value::from(2)));
+        assert_eq!((&message["age_ns"], &message["sample_age_ns"]), (&Value::from(1), &Value::from(2)));
     }
     let silent = Err(NoReading::Silent { silent: Duration::from_secs(1) });
     let messages = send_until(&mut gateway, &silent, &states, 10);
     let message = json(messages.last().unwrap());
-    assert_eq!((&message["current"], &message["silence"]), (&Value::from(false), &Value::from("silent")));
+    assert_eq!(
+        (&message["current"], &message["no_state_reason"]),
+        (&Value::from(false), &Value::from("silent"))
+    );
     assert!(message.get("state").is_none() && message.get("age_ns").is_none());
     assert!(message["sequence"].as_u64().unwrap() > last);
 }
@@ -113,7 +116,7 @@ fn mass_and_centre_of_mass_are_published_only_if_configured() {
         let session = subscriber_session(port);
         let states = session.declare_subscriber("equipoise/*/state").wait().unwrap();
         let state = &json(&send_until(&mut gateway, &latest(1), &states, 1)[0])["state"];
-        for key in ["mass_kg", "com", "com_suit"] {
+        for key in ["mass_kg", "com", "suit_com"] {
             assert_eq!(state.get(key).is_some(), body, "{key}: {state}");
         }
         assert!(state.get("fatigue").is_some(), "{state}");

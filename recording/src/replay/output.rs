@@ -9,8 +9,8 @@
 //! | `static_pose`, `converged` (0 or 1), `poses_used`, `stance` | |
 //! | `suit_sample_t_s`: the instant that the values belong to | s, as `t_s` |
 //! | `cop_measured_x_m`, `_y_m`, `cop_estimated_x_m`, `_y_m`, `cop_sigma_x_m`, `_y_m` | m |
-//! | `com_x_m`, `_y_m`, `_z_m`; the suit maker's own `com_suit_x_m`, `_y_m`, `_z_m` | m |
-//! | `mass_kg`, `ground_force_z_n`, `delta_f_z_n`, `load_distance_m` | kg, N, N, m |
+//! | `com_x_m`, `_y_m`, `_z_m`; the suit maker's own `suit_com_x_m`, `_y_m`, `_z_m` | m |
+//! | `mass_kg`, `ground_force_z_n`, `delta_f_z_n`, `load_hand_distance_m` | kg, N, N, m |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg`, `reach_m` | kg, kg, m |
 //! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm`, `l5s1_compression_n`, `l5s1_compression_sigma_n` | N m, N m, N, N |
 //! | `lifts`, `dose_damage`, `dose_probability`: always present | count, 1, 1 |
@@ -124,7 +124,7 @@ pub(super) fn seconds_since(started_ns: u64, time_ns: u64) -> f64 {
 fn csv_head() -> String {
     let mut head = "t_s,cycle,phase,valid,static_pose,converged,poses_used,stance,suit_sample_t_s,cop_measured_x_m,\
                     cop_measured_y_m,cop_estimated_x_m,cop_estimated_y_m,cop_sigma_x_m,cop_sigma_y_m,com_x_m,com_y_m,\
-                    com_z_m,com_suit_x_m,com_suit_y_m,com_suit_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_distance_m,lifted_mass_kg,lifted_mass_sigma_kg,\
+                    com_z_m,suit_com_x_m,suit_com_y_m,suit_com_z_m,mass_kg,ground_force_z_n,delta_f_z_n,load_hand_distance_m,lifted_mass_kg,lifted_mass_sigma_kg,\
                     reach_m,l5s1_moment_nm,l5s1_moment_sigma_nm,l5s1_compression_n,l5s1_compression_sigma_n,lifts,\
                     dose_damage,dose_probability,worst_joint,advice_x,advice_y,advice_gain_nm_per_cm"
         .to_owned();
@@ -152,8 +152,8 @@ fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Resu
         let [x, y, z] = state.torque_nm[index];
         let magnitude_nm = (x * x + y * y + z * z).sqrt();
         let torque = [magnitude_nm, state.torque_sigma_nm[index]];
-        fields(line, state, Validity::SPOILS_TORQUES, &torque)?;
-        let level = state.unless(Validity::SPOILS_TORQUES, level_name(state.joint_level[index]));
+        fields(line, state, Validity::INVALIDATES_TORQUES, &torque)?;
+        let level = state.unless(Validity::INVALIDATES_TORQUES, level_name(state.joint_level[index]));
         write!(line, ",{}", level.unwrap_or_default())?;
         fields(line, state, Validity::default(), &[state.fatigue[index]])?;
     }
@@ -162,10 +162,10 @@ fn csv_line(line: &mut String, state: &State, started_ns: u64) -> std::fmt::Resu
 }
 
 /// Writes each value after a comma; invalid values are empty.
-fn fields(line: &mut String, state: &State, spoilers: Validity, values: &[f64]) -> std::fmt::Result {
+fn fields(line: &mut String, state: &State, invalidating: Validity, values: &[f64]) -> std::fmt::Result {
     for value in values {
         line.push(',');
-        if !state.validity().any_of(spoilers) && value.is_finite() {
+        if !state.validity().any_of(invalidating) && value.is_finite() {
             write!(line, "{value}")?;
         }
     }
@@ -173,29 +173,29 @@ fn fields(line: &mut String, state: &State, spoilers: Validity, values: &[f64]) 
 }
 
 fn measured(line: &mut String, state: &State) -> std::fmt::Result {
-    let mut fields = |spoilers: Validity, values: &[f64]| fields(line, state, spoilers, values);
-    fields(Validity::SPOILS_COP_MEASURED, &state.cop_measured_m)?;
-    fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_estimated_m)?;
-    fields(Validity::SPOILS_COP_ESTIMATED, &state.cop_sigma_m)?;
-    fields(Validity::SPOILS_COP_ESTIMATED, &state.com_m)?;
+    let mut fields = |invalidating: Validity, values: &[f64]| fields(line, state, invalidating, values);
+    fields(Validity::INVALIDATES_COP_MEASURED, &state.cop_measured_m)?;
+    fields(Validity::INVALIDATES_COP_ESTIMATED, &state.cop_estimated_m)?;
+    fields(Validity::INVALIDATES_COP_ESTIMATED, &state.cop_sigma_m)?;
+    fields(Validity::INVALIDATES_COP_ESTIMATED, &state.com_m)?;
     match state.suit_com_m() {
         Some(com_m) => fields(Validity::default(), &com_m)?,
         None => fields(Validity(u64::MAX), &[0.0; 3])?,
     }
     fields(Validity::MASS_UNKNOWN, &[state.mass_kg])?;
-    fields(Validity::SPOILS_GROUND_FORCE, &state.ground_force_n[2..])?;
-    fields(Validity::SPOILS_DELTA_F, &state.delta_f_n[2..])?;
-    fields(Validity::SPOILS_TORQUES, &[state.load_distance_m])
+    fields(Validity::INVALIDATES_GROUND_FORCE, &state.ground_force_n[2..])?;
+    fields(Validity::INVALIDATES_DELTA_F, &state.delta_f_n[2..])?;
+    fields(Validity::INVALIDATES_TORQUES, &[state.load_hand_distance_m])
 }
 
 fn exposure(line: &mut String, state: &State) -> std::fmt::Result {
     let lifted = [state.lifted_mass_kg, state.lifted_mass_sigma_kg];
-    fields(line, state, Validity::SPOILS_LIFTED_MASS, &lifted)?;
-    fields(line, state, Validity::SPOILS_TORQUES, &[state.reach_m])?;
+    fields(line, state, Validity::INVALIDATES_LIFTED_MASS, &lifted)?;
+    fields(line, state, Validity::INVALIDATES_TORQUES, &[state.reach_m])?;
     let moment = [state.l5s1_moment_nm, state.l5s1_moment_sigma_nm];
-    fields(line, state, Validity::SPOILS_BACK, &moment)?;
+    fields(line, state, Validity::INVALIDATES_LOW_BACK, &moment)?;
     let compression = [state.l5s1_compression_n, state.l5s1_compression_sigma_n];
-    fields(line, state, Validity::SPOILS_BACK, &compression)?;
+    fields(line, state, Validity::INVALIDATES_LOW_BACK, &compression)?;
     write!(line, ",{}", state.lifts)?;
     fields(line, state, Validity::default(), &[state.dose_damage, state.dose_probability])?;
     write!(line, ",{}", words::worst_joint(state).map_or("", Joint::name))?;
@@ -205,7 +205,7 @@ fn exposure(line: &mut String, state: &State) -> std::fmt::Result {
         line.push_str(",,,");
         return Ok(());
     }
-    fields(line, state, Validity::SPOILS_TORQUES, &[x, y, state.advice_gain_nm_per_cm])
+    fields(line, state, Validity::INVALIDATES_TORQUES, &[x, y, state.advice_gain_nm_per_cm])
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@ use equipoise_adapters::source::OneSender;
 use equipoise_adapters::suit::{BodyCadence, SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
 use equipoise_config::Config;
-use equipoise_config::ground::transport::Over;
+use equipoise_config::ground::transport::TransportKind;
 use equipoise_config::ground::{GroundConfig, GroundSourceKind, ati_rdt};
 use equipoise_core::message::GroundSample;
 
@@ -55,11 +55,13 @@ impl Direction {
         match ground.source {
             GroundSourceKind::AtiRdt => Some(Direction::From(ati_rdt::address(ground).port())),
             GroundSourceKind::MoticonUdp => listened,
-            GroundSourceKind::Text if ground.text.as_ref().is_some_and(|text| text.over == Over::Udp) => {
+            GroundSourceKind::Text
+                if ground.text.as_ref().is_some_and(|text| text.transport == TransportKind::Udp) =>
+            {
                 described
             }
             GroundSourceKind::Binary
-                if ground.binary.as_ref().is_some_and(|binary| binary.over == Over::Udp) =>
+                if ground.binary.as_ref().is_some_and(|binary| binary.transport == TransportKind::Udp) =>
             {
                 described
             }

@@ -57,7 +57,7 @@ impl Residual {
         let estimated = state.phase == Phase::Monitoring as u32 && state.cop_sigma_m[0] > 0.0;
         let time_s = (state.suit_sample_time_ns as f64 - self.started_ns as f64) * 1e-9;
         let is_in_span = self.span_s.is_none_or(|[from_s, to_s]| (from_s..to_s).contains(&time_s));
-        if !is_new || !estimated || !is_in_span || state.validity().any_of(Validity::SPOILS_RESIDUAL) {
+        if !is_new || !estimated || !is_in_span || state.validity().any_of(Validity::INVALIDATES_RESIDUAL) {
             return;
         }
         self.last_ns = state.suit_sample_time_ns;

@@ -43,8 +43,8 @@ impl Scored {
     ///
     /// `table` is the state of the same cycle computed with the table's model.
     pub fn of(state: &State, table: &State, selection: SampleSelection) -> Option<Scored> {
-        const INVALIDATING: Validity = Validity::SPOILS_COP_MEASURED
-            .and(Validity::SPOILS_COP_ESTIMATED)
+        const INVALIDATING: Validity = Validity::INVALIDATES_COP_MEASURED
+            .and(Validity::INVALIDATES_COP_ESTIMATED)
             .and(Validity::MASS_UNKNOWN)
             .and(Validity::CLOCK_UNSYNCHRONISED);
         let valid = state.validity();

@@ -178,7 +178,7 @@ fn command_name(kind: CommandKind) -> &'static str {
         CommandKind::SubjectLoad => "subject load",
         CommandKind::Tare => "tare",
         CommandKind::PoseSkip => "identify skip",
-        CommandKind::SubjectForget => "subject delete",
+        CommandKind::SubjectDelete => "subject delete",
         CommandKind::Reload => "reload",
     }
 }

@@ -52,7 +52,7 @@ impl Protocol for Binary {
             })
             .collect();
         format!(
-            "{}\n[ground.binary]\nover = \"{}\"\nendian = \"little\"\nsync = \"a5 5a\"\nlength = {FRAME_LEN}\n\
+            "{}\n[ground.binary]\ntransport = \"{}\"\nendian = \"little\"\nsync = \"a5 5a\"\nlength = {FRAME_LEN}\n\
              crc = {{ name = \"CRC-16/CCITT-FALSE\", from = 0, to = -2, at = -2 }}\n\
              sequence = {{ at = 2, type = \"u16\" }}\ntime = {{ at = 4, type = \"u32\", unit = \"us\" }}\n\
              fields = [\n{fields}]\n\n[ground.channels.wrench]\nforce = \"N\"\nmoment = \"N m\"\n",

@@ -45,7 +45,7 @@ impl Protocol for Text {
             _ => "spaces",
         };
         format!(
-            "{}\n[ground.text]\nover = \"{}\"\ndelimiter = \"{delimiter}\"\ndecimal = \"{}\"\nprefix = {:?}\n\
+            "{}\n[ground.text]\ntransport = \"{}\"\ndelimiter = \"{delimiter}\"\ndecimal = \"{}\"\nprefix = {:?}\n\
              columns = [\"number\", \"time\", \"fx\", \"fy\", \"fz\", \"mx\", \"my\", \"mz\"]\n\
              time = {{ column = \"time\", unit = \"ms\" }}\nsequence = {{ column = \"number\" }}\n\n\
              [ground.channels.wrench]\nforce = \"N\"\nmoment = \"N m\"\n",

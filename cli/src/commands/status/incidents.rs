@@ -19,12 +19,12 @@ pub(super) struct IncidentReport {
 struct Active {
     name: &'static str,
     /// How long it has gone on, s.
-    for_s: f64,
+    duration_s: f64,
     /// How often it has begun since the daemon's start.
-    begun: u64,
+    count: u64,
     /// Where, and why, as the journal has it.
-    what: String,
-    to_do: &'static str,
+    message: String,
+    remedy: &'static str,
     /// `what` ends with what to do, more exactly than `to_do`.
     #[serde(skip)]
     has_remedy: bool,
@@ -44,9 +44,9 @@ const WITH_REMEDY: [Incident; 7] = [
 #[derive(Debug, Serialize)]
 struct Past {
     name: &'static str,
-    begun: u64,
+    count: u64,
     /// How long ago it last ended, s.
-    ended_s_ago: f64,
+    ended_ago_s: f64,
 }
 
 impl IncidentReport {
@@ -60,36 +60,37 @@ impl IncidentReport {
         let is_active = |kind: Incident| incidents.active().any(|active| active == kind);
         let active = incidents.active().map(|kind| Active {
             name: kind.name(),
-            for_s: since_s(incidents.last_begun_ns[kind as usize]),
-            begun: incidents.begun[kind as usize],
-            what: sentences.get(kind.name()).cloned().unwrap_or_else(|| words(kind).meaning.to_owned()),
-            to_do: words(kind).to_do,
+            duration_s: since_s(incidents.last_begun_ns[kind as usize]),
+            count: incidents.begun[kind as usize],
+            message: sentences.get(kind.name()).cloned().unwrap_or_else(|| words(kind).meaning.to_owned()),
+            remedy: words(kind).to_do,
             has_remedy: WITH_REMEDY.contains(&kind) && sentences.contains_key(kind.name()),
         });
         let was = |kind: &Incident| incidents.begun[*kind as usize] > 0 && !is_active(*kind);
         let past = Incident::ALL.iter().copied().filter(was).map(|kind| Past {
             name: kind.name(),
-            begun: incidents.begun[kind as usize],
-            ended_s_ago: since_s(incidents.last_ended_ns[kind as usize]),
+            count: incidents.begun[kind as usize],
+            ended_ago_s: since_s(incidents.last_ended_ns[kind as usize]),
         });
         IncidentReport { active: active.collect(), past: past.collect() }
     }
 
     pub(super) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
         let as_span = |seconds: f64| span((seconds * 1e9) as u64);
-        for (index, Active { name, for_s, begun, what, to_do, has_remedy }) in self.active.iter().enumerate()
+        for (index, Active { name, duration_s, count, message, remedy, has_remedy }) in
+            self.active.iter().enumerate()
         {
-            let times = if *begun > 1 { format!(", {begun} times so far") } else { String::new() };
-            writeln!(out, "  INCIDENT {name} for {}{times}: {what}", as_span(*for_s))?;
+            let times = if *count > 1 { format!(", {count} times so far") } else { String::new() };
+            writeln!(out, "  INCIDENT {name} for {}{times}: {message}", as_span(*duration_s))?;
             let is_printed =
-                self.active[..index].iter().any(|before| !before.has_remedy && before.to_do == *to_do);
+                self.active[..index].iter().any(|before| !before.has_remedy && before.remedy == *remedy);
             if !has_remedy && !is_printed {
-                writeln!(out, "           to do: {to_do}")?;
+                writeln!(out, "           to do: {remedy}")?;
             }
         }
         if !self.past.is_empty() {
-            let past = self.past.iter().map(|Past { name, begun, ended_s_ago }| {
-                format!("{name} {begun} times, last {} ago", as_span(*ended_s_ago))
+            let past = self.past.iter().map(|Past { name, count, ended_ago_s }| {
+                format!("{name} {count} times, last {} ago", as_span(*ended_ago_s))
             });
             writeln!(out, "  past incidents: {}", past.collect::<Vec<_>>().join("; "))?;
         }
@@ -140,7 +141,7 @@ mod tests {
         assert!(text.ends_with("past incidents: participant_died 5 times, last 20 s ago\n"), "{text}");
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(
-            (&json["active"][0]["begun"], &json["past"][0]["name"]),
+            (&json["active"][0]["count"], &json["past"][0]["name"]),
             (&2.into(), &"participant_died".into())
         );
     }

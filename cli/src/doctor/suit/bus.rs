@@ -47,7 +47,7 @@ fn samples(config: &Config, observation: &BusObservation, time: Duration) -> Che
     else {
         let fix = match (config.suit.source, observation.health) {
             (SuitSourceKind::External, None) => {
-                "start `equipoise adapter suit`, or the daemon that has this station in its suit.others"
+                "start `equipoise adapter suit`, or the daemon that has this station in its suit.forwarded"
                     .to_owned()
             }
             (SuitSourceKind::External, Some(_)) => {

@@ -237,13 +237,13 @@ fn the_up_axis_check_names_the_setting() {
         vec![encoded(|out| pose_quaternion::encode(header, &poses, out).unwrap())]
     };
     let wrong = of_survey("", received(0, &y_up));
-    assert!(fails(&wrong) == ["up axis"] && fix(&wrong, "up axis").contains("suit.up = \"y\""));
+    assert!(fails(&wrong) == ["up axis"] && fix(&wrong, "up axis").contains("suit.up_axis = \"y\""));
     assert!(fix(&wrong, "refused").contains("up axis"));
     let mut survey = Survey::new(SuitSettings { up: Up::Y.axis(), ..SuitSettings::default() });
     receive(&mut survey, 0, &y_up);
     assert_eq!(verdict(&of_survey("up = \"y\"", survey), "up axis"), Ok);
     let z_up = of_survey("up = \"y\"", received(0, &|header| vec![pose(header)]));
-    assert!(fails(&z_up) == ["up axis"] && fix(&z_up, "up axis").contains("suit.up = \"z\""));
+    assert!(fails(&z_up) == ["up axis"] && fix(&z_up, "up axis").contains("suit.up_axis = \"z\""));
 }
 
 #[test]
@@ -303,5 +303,5 @@ fn a_used_port_names_its_process_and_a_running_adapter_is_queried() {
         ..config("")
     };
     let none = evaluate_suit(&external, &facts(Port::Free, None, SuitObservation::OnTheBus(Box::default())));
-    assert!(fails(&none) == ["samples"] && fix(&none, "samples").contains("suit.others"));
+    assert!(fails(&none) == ["samples"] && fix(&none, "samples").contains("suit.forwarded"));
 }

@@ -12,7 +12,7 @@ use super::{
 use crate::ground::channels::{self, Names};
 use crate::ground::description_error::nearest;
 use crate::ground::numbers::{FACTORS, LengthConfig, ModulusConfig, SUMMANDS, is_factor, is_summand};
-use crate::ground::transport::Over;
+use crate::ground::transport::TransportKind;
 use crate::ground::{DescriptionError, GroundConfig};
 
 /// Maximum plausible number of scans in a frame.
@@ -25,7 +25,7 @@ fn key(name: &str) -> String {
 
 pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, DescriptionError> {
     let config = section(ground)?;
-    let datagrams = config.over == Over::Udp;
+    let datagrams = config.transport == TransportKind::Udp;
     let form = form(config, datagrams)?;
     check_numbering(config)?;
     let within = |name: &str, place: Place| {

@@ -1,4 +1,4 @@
-//! `[ground.channels.soles]`: insoles of any make.
+//! `[ground.channels.insoles]`: insoles of any make.
 
 use equipoise_adapters::ground::Channels;
 use equipoise_adapters::ground::channels::Sole;
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use super::{ForceConfig, Names};
 use crate::ground::description_error::DescriptionError;
 
-/// `[ground.channels.soles]`: channels `left_force`, `left_cop_x`, `left_cop_y`, `right_force`, `right_cop_x`,
+/// `[ground.channels.insoles]`: channels `left_force`, `left_cop_x`, `left_cop_y`, `right_force`, `right_cop_x`,
 /// `right_cop_y`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct SolesConfig {
+pub struct InsolesConfig {
     /// Unit of the forces.
     pub force: ForceConfig,
     /// Unit of the centre of pressure, from the middle of the sole.
@@ -78,22 +78,22 @@ impl From<TowardsY> for Sideways {
     }
 }
 
-pub(super) fn channels(config: &SolesConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
-    let key = "ground.channels.soles";
+pub(super) fn channels(config: &InsolesConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
+    let key = "ground.channels.insoles";
     let [length_m, width_m] = match (config.cop, config.length_m, config.width_m) {
         (CopUnit::Share, Some(length_m), Some(width_m)) => {
-            size("ground.channels.soles", length_m, width_m)?;
+            size("ground.channels.insoles", length_m, width_m)?;
             [length_m, width_m]
         }
         (CopUnit::Metre, None, None) => [1.0; 2],
         (CopUnit::Millimetre, None, None) => [1e-3; 2],
         (CopUnit::Share, ..) => {
             let what = "must be given where the centre of pressure is a share of the insole, and width_m too";
-            return Err(DescriptionError::new("ground.channels.soles.length_m", what));
+            return Err(DescriptionError::new("ground.channels.insoles.length_m", what));
         }
         _ => {
             let what = "length_m and width_m are for a centre of pressure given as a share: cop = \"share\"";
-            return Err(DescriptionError::new("ground.channels.soles.cop", what));
+            return Err(DescriptionError::new("ground.channels.insoles.cop", what));
         }
     };
     let left_is_up = Sideways::from(config.y_to).left_is_up();

@@ -112,8 +112,8 @@ fn gaps(facts: &Facts, section: &mut Section) {
     if found.restarts > 0 {
         items.push(format!("Another daemon went on {} times.", found.restarts).into());
     }
-    if !found.not_given.is_empty() {
-        items.push(format!("The sensors do not give: {}.", found.not_given.join(", ")).into());
+    if !found.unavailable.is_empty() {
+        items.push(format!("The sensors do not give: {}.", found.unavailable.join(", ")).into());
     }
     items.extend(facts.rejected.iter().map(|reason| Text::from(format!("Not used: {reason}"))));
     section.list(items);

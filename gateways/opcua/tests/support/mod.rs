@@ -37,9 +37,9 @@ pub(crate) fn reading(valid: Validity) -> Reading {
     }
     Reading {
         state,
-        picked_up_ns: now_ns,
+        received_ns: now_ns,
         age_ns: 2_000_000,
-        moment_age_ns: Some(72_000_000),
+        sample_age_ns: Some(72_000_000),
         missed: 0,
         restarted: false,
         daemon_life: 1,

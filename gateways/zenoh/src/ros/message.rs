@@ -3,13 +3,13 @@
 
 use equipoise_client::Reading;
 use equipoise_core::body::Joint;
-use equipoise_core::message::state::NotGiven;
+use equipoise_core::message::state::Unavailable;
 use equipoise_core::message::{State, Validity};
 use equipoise_gateways::Latest;
 
 use super::names::ros_name;
 use crate::cdr::Cdr;
-use crate::json::silence_name;
+use crate::json::reason_name;
 
 const NS_PER_S: u64 = 1_000_000_000;
 
@@ -29,19 +29,21 @@ pub fn state_message(
     cdr.string(station);
     cdr.u64(sequence);
     cdr.bool(reading.is_some());
-    cdr.string(latest.as_ref().err().map_or("", silence_name));
+    cdr.string(latest.as_ref().err().map_or("", reason_name));
     times(&mut cdr, reading);
     let state = reading.map(|reading| &reading.state);
     cdr.string(state.map_or("", State::phase_name));
     reasons(&mut cdr, state);
-    let whole = |state: &&State| all_finite([state.eta[0], state.eta[1], state.reach_m]).is_some();
-    let of_torques = state.and_then(|state| state.unless(Validity::SPOILS_TORQUES, state));
+    let whole = |state: &&State| {
+        all_finite([state.hand_load_fraction[0], state.hand_load_fraction[1], state.reach_m]).is_some()
+    };
+    let of_torques = state.and_then(|state| state.unless(Validity::INVALIDATES_TORQUES, state));
     cdr.optional(of_torques.filter(whole), overload);
     cdr.optional(state.and_then(back), Cdr::array);
     cdr.optional(state.and_then(load), Cdr::array);
     external_force(&mut cdr, state);
     centres_of_pressure(&mut cdr, state);
-    let vertical = |state: &State| state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
+    let vertical = |state: &State| state.unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n[2]);
     cdr.optional(state.and_then(vertical).and_then(finite), Cdr::f64);
     let mass = |state: &State| state.unless(Validity::MASS_UNKNOWN, state.mass_kg);
     cdr.optional(state.filter(|_| with_body).and_then(mass).and_then(finite), Cdr::f64);
@@ -57,13 +59,14 @@ fn stamp(cdr: &mut Cdr, unix_ns: u64) {
 fn times(cdr: &mut Cdr, reading: Option<&Reading>) {
     cdr.optional(reading.map(|reading| reading.state.cycle), Cdr::u64);
     cdr.optional(reading.map(|reading| reading.age_ns), Cdr::u64);
-    cdr.optional(reading.and_then(|reading| reading.moment_age_ns), Cdr::u64);
+    cdr.optional(reading.and_then(|reading| reading.sample_age_ns), Cdr::u64);
 }
 
 fn reasons(cdr: &mut Cdr, state: Option<&State>) {
     let raised: Vec<&str> = state.into_iter().flat_map(|state| state.validity().names()).collect();
     cdr.sequence(raised.into_iter(), Cdr::string);
-    let missing = |state| NotGiven::NAMES.into_iter().filter(move |(what, _)| !State::gives(state, *what));
+    let missing =
+        |state| Unavailable::NAMES.into_iter().filter(move |(what, _)| !State::provides(state, *what));
     let missing: Vec<&str> = state.into_iter().flat_map(missing).map(|(_, name)| name).collect();
     cdr.sequence(missing.into_iter(), Cdr::string);
 }
@@ -80,7 +83,7 @@ fn overload(cdr: &mut Cdr, state: &State) {
         cdr.optional(positive(state.torque_limit_nm[at]), Cdr::f64);
     });
     cdr.string(Joint::ALL.get(state.worst_joint as usize).map_or("", |joint| joint.name()));
-    cdr.array(state.eta);
+    cdr.array(state.hand_load_fraction);
     cdr.f64(state.reach_m);
     let [x, y, z] = state.advice_direction;
     let advised = state.advice_direction != [0.0; 3];
@@ -100,17 +103,17 @@ fn back(state: &State) -> Option<[f64; 4]> {
         state.l5s1_compression_n,
         state.l5s1_compression_sigma_n,
     ];
-    state.unless(Validity::SPOILS_BACK, back).and_then(all_finite)
+    state.unless(Validity::INVALIDATES_LOW_BACK, back).and_then(all_finite)
 }
 
 fn load(state: &State) -> Option<[f64; 2]> {
     let load = [state.lifted_mass_kg, state.lifted_mass_sigma_kg];
-    state.unless(Validity::SPOILS_LIFTED_MASS, load).and_then(all_finite)
+    state.unless(Validity::INVALIDATES_LIFTED_MASS, load).and_then(all_finite)
 }
 
 fn external_force(cdr: &mut Cdr, state: Option<&State>) {
     let force = |state: &State| {
-        let force_n = state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n).and_then(all_finite)?;
+        let force_n = state.unless(Validity::INVALIDATES_DELTA_F, state.delta_f_n).and_then(all_finite)?;
         Some((force_n, positive(state.delta_f_sigma_n)))
     };
     cdr.optional(state.and_then(force), |cdr, (force_n, sigma_n)| {
@@ -121,10 +124,10 @@ fn external_force(cdr: &mut Cdr, state: Option<&State>) {
 
 fn centres_of_pressure(cdr: &mut Cdr, state: Option<&State>) {
     let measured = |state: &State| {
-        state.unless(Validity::SPOILS_COP_MEASURED, (state.cop_measured_m, state.cop_measured_sigma_m))
+        state.unless(Validity::INVALIDATES_COP_MEASURED, (state.cop_measured_m, state.cop_measured_sigma_m))
     };
     let estimated = |state: &State| {
-        state.unless(Validity::SPOILS_COP_ESTIMATED, (state.cop_estimated_m, state.cop_sigma_m))
+        state.unless(Validity::INVALIDATES_COP_ESTIMATED, (state.cop_estimated_m, state.cop_sigma_m))
     };
     for centre in [state.and_then(measured), state.and_then(estimated)] {
         let centre = centre.filter(|(position_m, _)| all_finite(*position_m).is_some());

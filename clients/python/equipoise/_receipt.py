@@ -1,4 +1,4 @@
-"""Latency of received states, published once a second; core/src/message/pick_up.rs explains the buckets."""
+"""Latency of received states, published once a second; core/src/message/consumer_receipt.rs explains the buckets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, Optional
 
 from . import _messages as table
 from ._bus import Bus, BusError
-from ._messages import PickUp, State
+from ._messages import ConsumerReceipt, State
 
 PUBLISH_EVERY_NS = 1_000_000_000
 # A refused report is tried again this often: somebody else may have gone.
@@ -30,7 +30,7 @@ class Reporting:
     """Keeps the report of one consumer, and publishes it if asked to."""
 
     def __init__(self, name: str, wanted: bool) -> None:
-        self.report = PickUp()
+        self.report = ConsumerReceipt()
         self.refusal: Optional[BusError] = None
         for at, byte in enumerate(name.encode()):
             self.report.consumer[at] = byte
@@ -61,7 +61,7 @@ class Reporting:
         if not self._wanted:
             return
         try:
-            self._publisher, self.refusal = bus.publisher(PickUp, table.PICK_UP), None
+            self._publisher, self.refusal = bus.publisher(ConsumerReceipt, table.CONSUMER_RECEIPT), None
         except BusError as error:
             self._publisher, self.refusal = None, error
             self._due_ns = time.monotonic_ns() + TRY_AGAIN_AFTER_NS

@@ -2,11 +2,11 @@
 //! output.
 //!
 //! ```sh
-//! cargo run --release -p equipoise-client --example pick_ups -- station-1
+//! cargo run --release -p equipoise-client --example receipts -- station-1
 //! ```
 use equipoise_bus::{Bus, BusSettings, Channel};
-use equipoise_core::message::pick_up::{BUCKETS, shortest_ns};
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::consumer_receipt::{BUCKETS, shortest_ns};
+use equipoise_core::message::{ConsumerReceipt, State};
 use std::error::Error;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -25,7 +25,7 @@ fn p50_bucket(histogram: &[u64; BUCKETS]) -> usize {
         .unwrap_or(0)
 }
 
-fn line(report: &PickUp, cycle: u64) -> String {
+fn line(report: &ConsumerReceipt, cycle: u64) -> String {
     let end = report.consumer.iter().position(|byte| *byte == 0).unwrap_or(report.consumer.len());
     let entries = |histogram: &[u64; BUCKETS]| histogram.iter().sum::<u64>();
     let p50 = p50_bucket(&report.published_to_consumer);
@@ -48,13 +48,13 @@ fn line(report: &PickUp, cycle: u64) -> String {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let station = std::env::args().nth(1).ok_or("usage: pick_ups STATION")?;
+    let station = std::env::args().nth(1).ok_or("usage: receipts STATION")?;
     let stop = Arc::new(AtomicBool::new(false));
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(&stop))?;
     }
     let bus = Bus::join(&BusSettings::new(&station, "pick-ups"))?;
-    let (mut reports, mut states) = (bus.subscriber::<PickUp>(32)?, bus.subscriber::<State>(1)?);
+    let (mut reports, mut states) = (bus.subscriber::<ConsumerReceipt>(32)?, bus.subscriber::<State>(1)?);
     let listener = bus.listener(Channel::Results)?;
     let mut cycle = 0;
     // Read once more after the signal, to include the final reports of consumers that have ended.

@@ -3,15 +3,15 @@
 //! Reports are cumulative since the consumer's start. The difference of two reports covers the time between them; a
 //! restarted consumer starts at 0 again.
 
-use equipoise_core::message::PickUp;
-use equipoise_core::message::pick_up::{BUCKETS, shortest_ns};
+use equipoise_core::message::ConsumerReceipt;
+use equipoise_core::message::consumer_receipt::{BUCKETS, shortest_ns};
 use hdrhistogram::Histogram;
 
 use crate::histograms::{DIGITS, HIGHEST_NS, LOWEST_NS};
 
-/// Names and definitions of a consumer's three histograms, in the order of `PickUp::max_ns`.
-pub const PICK_UP_STAGES: [(&str, &str); 3] = [
-    ("pick_up", "publish_start_ns -> consumer"),
+/// Names and definitions of a consumer's three histograms, in the order of `ConsumerReceipt::max_ns`.
+pub const RECEIPT_STAGES: [(&str, &str); 3] = [
+    ("receipt", "publish_start_ns -> consumer"),
     ("from_due", "due_ns -> consumer"),
     ("from_suit", "newest suit_sample_time_ns -> consumer"),
 ];
@@ -27,7 +27,7 @@ pub struct ConsumerTimes {
     pub states: u64,
     /// States missed.
     pub states_missed: u64,
-    /// Times of each of [`PICK_UP_STAGES`], ns.
+    /// Times of each of [`RECEIPT_STAGES`], ns.
     pub times_ns: [Histogram<u64>; 3],
 }
 
@@ -38,13 +38,13 @@ type Life = (u32, u64, [u8; 32]);
 #[derive(Debug)]
 struct Reports {
     life: Life,
-    before: Option<Box<PickUp>>,
-    newest: Box<PickUp>,
+    before: Option<Box<ConsumerReceipt>>,
+    newest: Box<ConsumerReceipt>,
 }
 
 /// Collects reports and computes the values since its construction.
 #[derive(Debug)]
-pub struct PickUps {
+pub struct ConsumerReceipts {
     since_ns: u64,
     reports: Vec<Reports>,
 }
@@ -52,14 +52,14 @@ pub struct PickUps {
 /// Limit of the consumers stored, as many as a station's bus allows.
 const CONSUMERS_MAX: usize = 64;
 
-impl PickUps {
+impl ConsumerReceipts {
     /// Observes from `since_ns` on, CLOCK_MONOTONIC.
-    pub fn new(since_ns: u64) -> PickUps {
-        PickUps { since_ns, reports: Vec::new() }
+    pub fn new(since_ns: u64) -> ConsumerReceipts {
+        ConsumerReceipts { since_ns, reports: Vec::new() }
     }
 
     /// Adds one report. Ignores reports from before the start, which may refer to an earlier time.
-    pub fn see(&mut self, report: &PickUp) {
+    pub fn see(&mut self, report: &ConsumerReceipt) {
         if report.time_ns < self.since_ns {
             return;
         }
@@ -103,7 +103,7 @@ impl Reports {
 }
 
 /// Values of a consumer since its own start.
-pub fn since_its_start(report: &PickUp) -> ConsumerTimes {
+pub fn since_its_start(report: &ConsumerReceipt) -> ConsumerTimes {
     ConsumerTimes {
         name: name_of(&report.consumer),
         process_id: report.process_id,
@@ -114,21 +114,21 @@ pub fn since_its_start(report: &PickUp) -> ConsumerTimes {
 }
 
 /// Whether every count of `later` is at least that of `earlier`: a decrease means another run.
-fn has_grown(earlier: &PickUp, later: &PickUp) -> bool {
+fn has_grown(earlier: &ConsumerReceipt, later: &ConsumerReceipt) -> bool {
     let grown = |which: usize| {
         let pairs = buckets(later, which).iter().zip(buckets(earlier, which));
         pairs.into_iter().all(|(later, earlier)| later >= earlier)
     };
-    later.states >= earlier.states && (0..PICK_UP_STAGES.len()).all(grown)
+    later.states >= earlier.states && (0..RECEIPT_STAGES.len()).all(grown)
 }
 
-fn buckets(report: &PickUp, which: usize) -> &[u64; BUCKETS] {
+fn buckets(report: &ConsumerReceipt, which: usize) -> &[u64; BUCKETS] {
     [&report.published_to_consumer, &report.due_to_consumer, &report.suit_to_consumer][which]
 }
 
 /// The times between two reports. Each is placed at the middle of its bucket, an error of at most 3.2 %; the longest is
 /// exact if available, or else at its bucket's upper end.
-fn histogram(newest: &PickUp, before: Option<&PickUp>, which: usize) -> Histogram<u64> {
+fn histogram(newest: &ConsumerReceipt, before: Option<&ConsumerReceipt>, which: usize) -> Histogram<u64> {
     let mut times_ns = Histogram::new_with_bounds(LOWEST_NS, HIGHEST_NS, DIGITS)
         .expect("the bounds are constants that hdrhistogram accepts");
     let count_of = |bucket: usize| {

@@ -6,14 +6,14 @@ use super::*;
 const S: u64 = 1_000_000_000;
 
 /// A report of a consumer that started at `since_ns`.
-fn report(name: &str, process_id: u32, since_ns: u64) -> PickUp {
-    let mut report = PickUp { process_id, since_ns, time_ns: since_ns, ..PickUp::zeroed() };
+fn report(name: &str, process_id: u32, since_ns: u64) -> ConsumerReceipt {
+    let mut report = ConsumerReceipt { process_id, since_ns, time_ns: since_ns, ..ConsumerReceipt::zeroed() };
     report.consumer[..name.len()].copy_from_slice(name.as_bytes());
     report
 }
 
 /// Adds states that were received this many ns after they were published.
-fn enter(report: &mut PickUp, times_ns: &[u64]) {
+fn enter(report: &mut ConsumerReceipt, times_ns: &[u64]) {
     for time_ns in times_ns {
         let state = State { published_ns: S, time_ns: S / 2, ..State::zeroed() };
         report.enter(S + time_ns, &state, 0, None);
@@ -58,18 +58,18 @@ fn only_times_since_the_start_are_reported() {
     let mut quantile_ns = report("a", 1, 5 * S);
     enter(&mut quantile_ns, &[4 * S; 100]);
     quantile_ns.states_missed = 7;
-    let mut pick_ups = PickUps::new(100 * S);
+    let mut receipts = ConsumerReceipts::new(100 * S);
     // The last report before the start, which a late subscriber receives from the history.
     quantile_ns.time_ns = 100 * S - 1;
-    pick_ups.see(&quantile_ns);
-    assert!(pick_ups.reports.is_empty());
+    receipts.see(&quantile_ns);
+    assert!(receipts.reports.is_empty());
     for second in 100..110 {
         quantile_ns.time_ns = second * S;
-        pick_ups.see(&quantile_ns);
+        receipts.see(&quantile_ns);
         enter(&mut quantile_ns, &[1_000, 2_000]);
         quantile_ns.states_missed += 1;
     }
-    let consumers = pick_ups.consumers();
+    let consumers = receipts.consumers();
     let [consumer] = &consumers[..] else { panic!("{consumers:?}") };
     assert_eq!((consumer.name.as_str(), consumer.states, consumer.states_missed), ("a", 18, 9));
     let histogram = &consumer.times_ns[0];
@@ -80,35 +80,35 @@ fn only_times_since_the_start_are_reported() {
 
 #[test]
 fn a_restarted_consumer_begins_with_empty_statistics() {
-    let mut pick_ups = PickUps::new(100 * S);
+    let mut receipts = ConsumerReceipts::new(100 * S);
     let mut first = report("a", 1, 5 * S);
     enter(&mut first, &[50; 10]);
     first.time_ns = 101 * S;
-    pick_ups.see(&first);
+    receipts.see(&first);
     enter(&mut first, &[50; 10]);
     first.time_ns = 102 * S;
-    pick_ups.see(&first);
+    receipts.see(&first);
     // Restarted: fewer states than before, all within the interval.
     let mut second = report("a", 2, 103 * S);
     enter(&mut second, &[70; 3]);
     second.time_ns = 104 * S;
-    pick_ups.see(&second);
-    let quantile_ns: Vec<_> = pick_ups.consumers().iter().map(|one| (one.name.clone(), one.states)).collect();
+    receipts.see(&second);
+    let quantile_ns: Vec<_> = receipts.consumers().iter().map(|one| (one.name.clone(), one.states)).collect();
     assert_eq!(quantile_ns, [("a-1".to_owned(), 10), ("a-2".to_owned(), 3)]);
 }
 
 #[test]
 fn what_shrinks_or_has_a_strange_name_does_no_harm() {
-    let mut pick_ups = PickUps::new(1);
+    let mut receipts = ConsumerReceipts::new(1);
     let mut strange = report("a,b c\n", 9, 2);
     enter(&mut strange, &[40; 4]);
     strange.time_ns = 10;
-    pick_ups.see(&strange);
+    receipts.see(&strange);
     let mut shrunk = strange;
     shrunk.published_to_consumer = [0; BUCKETS];
     shrunk.time_ns = 11;
-    pick_ups.see(&shrunk);
-    let consumers = pick_ups.consumers();
+    receipts.see(&shrunk);
+    let consumers = receipts.consumers();
     assert_eq!((consumers[0].name.as_str(), consumers[0].times_ns[0].len()), ("abc", 4));
     assert_eq!(name_of(&[0xff; 32]), "unnamed");
 }
@@ -130,7 +130,7 @@ fn consumers_stand_in_report_and_log_under_their_own_names() {
     let consumers = [since_its_start(&quantile_ns)];
     let report = crate::Report::of(&crate::PathHistograms::new()).with_consumers(&consumers);
     let rows = &report.consumers[0].stages;
-    assert_eq!((rows[0].stage.as_ref(), rows[0].count), ("controller-1.pick_up", 100));
+    assert_eq!((rows[0].stage.as_ref(), rows[0].count), ("controller-1.receipt", 100));
     let table = report.to_string();
     assert!(table.contains("controller-1.from_due") && !table.contains("from_suit"), "{table}");
     assert!(table.contains("controller-1 (process 7): 100 states picked up, 3 missed"), "{table}");
@@ -140,5 +140,5 @@ fn consumers_stand_in_report_and_log_under_their_own_names() {
     let text = String::from_utf8(log.into_inner()).unwrap();
     let lines: Vec<_> = text.lines().filter(|line| line.starts_with("Tag=")).collect();
     assert_eq!(lines.len(), 2, "{text}");
-    assert!(lines[0].starts_with("Tag=controller-1.pick_up,0.000,1.000,"), "{text}");
+    assert!(lines[0].starts_with("Tag=controller-1.receipt,0.000,1.000,"), "{text}");
 }

@@ -1,4 +1,4 @@
-//! What is said at every beat, with a state and without.
+//! The heartbeat: published at every tick, with or without a state.
 
 use equipoise_client::NoReading;
 use equipoise_gateways::Latest;
@@ -6,47 +6,48 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 /// The topic.
-pub const TOPIC: &str = "/equipoise/beat";
+pub const TOPIC: &str = "/equipoise/heartbeat";
 /// The name of its schema.
-pub const SCHEMA_NAME: &str = "equipoise.Beat";
+pub const SCHEMA_NAME: &str = "equipoise.Heartbeat";
 
 /// Whether there is a current state, and how old it is.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Beat {
-    /// The beat's number since the gateway's start, from 1: a gap is what the viewer did not take in time.
-    pub beat: u64,
-    /// Whether there is a current state. If not, scene and state of before are over.
+pub struct Heartbeat {
+    /// Number of the heartbeat since the gateway's start, from 1; a gap: messages that the viewer did not receive in
+    /// time.
+    pub sequence: u64,
+    /// Whether there is a current state. If not, earlier scenes and states are outdated.
     pub fresh: bool,
-    /// The state's cycle.
+    /// Cycle of the state.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cycle: Option<u64>,
-    /// Since the state's cycle was due, ns.
+    /// Age of the state since its cycle's due time, ns.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub age_ns: Option<u64>,
-    /// How old the moment is that forces and torques are about, ns.
+    /// Age of the sample time that forces and torques refer to, ns.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub moment_age_ns: Option<u64>,
-    /// Why there is no state: `silent`, `stale`, `other_clock`, `bus`.
+    pub sample_age_ns: Option<u64>,
+    /// Reason why there is no state: `silent`, `stale`, `other_clock`, `bus`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub missing: Option<&'static str>,
-    /// The same for people.
+    pub no_state_reason: Option<&'static str>,
+    /// The reason as a sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub why: Option<String>,
+    pub message: Option<String>,
 }
 
-impl Beat {
-    /// What is known at a beat.
-    pub fn of(beat: u64, latest: &Latest) -> Beat {
+impl Heartbeat {
+    /// The heartbeat of a tick.
+    pub fn of(sequence: u64, latest: &Latest) -> Heartbeat {
         let reading = latest.as_ref().ok();
         let reason = latest.as_ref().err();
-        Beat {
-            beat,
+        Heartbeat {
+            sequence,
             fresh: reading.is_some(),
             cycle: reading.map(|reading| reading.state.cycle),
             age_ns: reading.map(|reading| reading.age_ns),
-            moment_age_ns: reading.and_then(|reading| reading.moment_age_ns),
-            missing: reason.map(name),
-            why: reason.map(ToString::to_string),
+            sample_age_ns: reading.and_then(|reading| reading.sample_age_ns),
+            no_state_reason: reason.map(name),
+            message: reason.map(ToString::to_string),
         }
     }
 }
@@ -60,7 +61,7 @@ fn name(reason: &NoReading) -> &'static str {
     }
 }
 
-/// The JSON schema of a beat.
+/// JSON schema of a heartbeat.
 pub fn schema() -> Value {
     let count = |what: &str| json!({"type": "integer", "minimum": 0, "description": what});
     json!({
@@ -69,15 +70,15 @@ pub fn schema() -> Value {
         "description": "Whether there is a current state, and how old it is.",
         "type": "object",
         "properties": {
-            "beat": count("number of the beat since the gateway's start; a gap is what was not taken in time"),
+            "sequence": count("number of the heartbeat since the gateway's start, from 1; a gap is loss"),
             "fresh": {"type": "boolean", "description": "whether there is a current state"},
             "cycle": count("the state's cycle"),
-            "age_ns": count("since the state's cycle was due, ns"),
-            "moment_age_ns": count("age of the moment that forces and torques are about, ns"),
-            "missing": {"type": "string", "enum": ["silent", "stale", "other_clock", "bus"]},
-            "why": {"type": "string", "description": "why there is no state, and what to do"},
+            "age_ns": count("age of the state since its cycle's due time, ns"),
+            "sample_age_ns": count("age of the sample time that forces and torques refer to, ns"),
+            "no_state_reason": {"type": "string", "enum": ["silent", "stale", "other_clock", "bus"]},
+            "message": {"type": "string", "description": "reason why there is no state, and remedy"},
         },
-        "required": ["beat", "fresh"],
+        "required": ["sequence", "fresh"],
         "additionalProperties": false,
     })
 }
@@ -90,12 +91,12 @@ mod tests {
     #[test]
     fn without_a_state_there_is_a_reason_and_no_age() {
         let silent = Err(NoReading::Silent { silent: Duration::from_millis(80) });
-        let json = serde_json::to_value(Beat::of(3, &silent)).expect("a beat is JSON");
+        let json = serde_json::to_value(Heartbeat::of(3, &silent)).expect("a heartbeat is JSON");
         assert_eq!(
-            (&json["beat"], &json["fresh"], &json["missing"]),
+            (&json["sequence"], &json["fresh"], &json["no_state_reason"]),
             (&3.into(), &false.into(), &"silent".into())
         );
-        assert!(json["why"].as_str().is_some_and(|why| why.contains("80 ms")), "{json}");
+        assert!(json["message"].as_str().is_some_and(|message| message.contains("80 ms")), "{json}");
         assert!(json.get("age_ns").is_none() && json.get("cycle").is_none());
         let known = schema();
         for key in json.as_object().into_iter().flat_map(|object| object.keys()) {

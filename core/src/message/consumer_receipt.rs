@@ -1,47 +1,48 @@
-//! When a consumer had the state in hand: what it reports back, so that the path is measured to its end.
+//! Receipt of states by a consumer, which it reports so that the path is measured to its end.
 
 use super::layout::{ZeroCopySend, message};
 
-/// Sub-buckets of one octave: times are resolved to 6 %.
+/// Sub-buckets per octave: times are resolved to 6 %.
 pub const SUB_BUCKETS: u64 = 16;
-/// Buckets of a histogram; the last takes in everything from 2³⁴ ns (17 s) on.
+/// Buckets of a histogram; the last contains all times from 2³⁴ ns (17 s) on.
 pub const BUCKETS: usize = 512;
 
 message! {
-    /// How late one consumer picks states up: three histograms of ns since its start, published once a second.
+    /// Latency of the states received by one consumer: three histograms of ns since its start, published once per
+    /// second.
     ///
-    /// Every consumer may report, none must. Bucket of a time t: t itself below 16 ns; else, with e = ⌊log₂ t⌋,
-    /// `16 (e − 3) + (t >> (e − 4)) mod 16` ([`bucket`]). Cumulative, so a reader that misses a report loses nothing.
-    as "equipoise/PickUp/1", 12416 bytes,
-    pub struct PickUp {
-        /// When it was published, CLOCK_MONOTONIC.
+    /// Reports are optional. Bucket of a time t: t itself below 16 ns; otherwise, with e = ⌊log₂ t⌋, `16 (e − 3) + (t
+    /// >> (e − 4)) mod 16` ([`bucket`]). Counts are cumulative, so a reader that misses a report loses nothing.
+    as "equipoise/ConsumerReceipt/1", 12416 bytes,
+    pub struct ConsumerReceipt {
+        /// Time of publication, CLOCK_MONOTONIC ns.
         pub time_ns: u64,
-        /// When the consumer began to count, CLOCK_MONOTONIC.
+        /// Start of counting, CLOCK_MONOTONIC ns.
         pub since_ns: u64,
-        /// The consumer's name, UTF-8, zero-filled: letters, digits, '-' and '_'.
+        /// Name of the consumer, UTF-8, padded with zeros: letters, digits, '-' and '_'.
         pub consumer: [u8; 32],
-        /// Its process.
+        /// Process ID of the consumer.
         pub process_id: u32,
         /// Always zero.
         pub reserved: u32,
-        /// States picked up.
+        /// States received.
         pub states: u64,
-        /// States that it never saw, by the gaps in `State::cycle`.
+        /// States not received, by the gaps in `State::cycle`.
         pub states_missed: u64,
-        /// Largest time of each of the three histograms, ns.
+        /// Maximum of each histogram, ns.
         pub max_ns: [u64; 3],
         /// Always zero; aligns the histograms to 64 bytes.
         pub reserved_head: [u64; 4],
-        /// From `State::published_ns` to the consumer: the bus and the consumer's own awakening.
+        /// From `State::published_ns` to receipt: the bus, and the consumer's wake-up.
         pub published_to_consumer: [u64; BUCKETS],
-        /// From `State::time_ns`, when the cycle was due, to the consumer.
+        /// From `State::time_ns`, the cycle's due time, to receipt.
         pub due_to_consumer: [u64; BUCKETS],
-        /// From the newest suit sample's own time to the consumer; one value for each new suit sample.
+        /// From the sample time of the newest suit sample to receipt; one value per new suit sample.
         pub suit_to_consumer: [u64; BUCKETS],
     }
 }
 
-/// The bucket of a time.
+/// Bucket of a time.
 pub const fn bucket(time_ns: u64) -> usize {
     if time_ns < SUB_BUCKETS {
         return time_ns as usize;
@@ -51,7 +52,7 @@ pub const fn bucket(time_ns: u64) -> usize {
     if index < BUCKETS { index } else { BUCKETS - 1 }
 }
 
-/// The shortest time of a bucket, ns.
+/// Shortest time of a bucket, ns.
 pub const fn shortest_ns(bucket: usize) -> u64 {
     let (bucket, sub_buckets) = (bucket as u64, SUB_BUCKETS);
     if bucket < sub_buckets {
@@ -61,10 +62,10 @@ pub const fn shortest_ns(bucket: usize) -> u64 {
     (sub_buckets + bucket % sub_buckets) << (octave - 4)
 }
 
-impl PickUp {
-    /// Enters one state that was picked up at `now_ns`; `missed` states before it were not seen.
+impl ConsumerReceipt {
+    /// Counts one state received at `now_ns`, after `missed` states that were not received.
     ///
-    /// `suit_sample_time_ns` is the newest suit sample's own time, if this state is the first with it.
+    /// `suit_sample_time_ns`: sample time of the newest suit sample, if this is the first state with it.
     pub fn enter(
         &mut self,
         now_ns: u64,
@@ -106,7 +107,7 @@ mod tests {
 
     #[test]
     fn missing_and_future_stamps_are_not_counted() {
-        let mut report: PickUp = bytemuck::Zeroable::zeroed();
+        let mut report: ConsumerReceipt = bytemuck::Zeroable::zeroed();
         let mut state: super::super::State = bytemuck::Zeroable::zeroed();
         (state.time_ns, state.published_ns) = (1_000, 0);
         report.enter(1_500, &state, 2, Some(2_000));
