@@ -1,6 +1,5 @@
 //! Real MVN datagrams, and real values of a recording in MVN's framing. The files may not be redistributed: where they
 //! are absent, these tests print a note and pass.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use equipoise_adapters::suit::{SuitAssembler, SuitSettings, TypeSet};
 use equipoise_adapters::wire::mvn::{Cut, Datagram, DatagramType, Layout, StreamCutter};
