@@ -1,7 +1,6 @@
 //! Converts a parser's error to a sentence with file, line, field, and the nearest existing key.
 
-use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml_edit::{Item, TableLike, Value};
 
 use super::ConfigError;
 use super::ground::DescriptionError;
@@ -46,27 +45,30 @@ fn invalid_type(message: &str) -> String {
 
 /// The dotted key of the value at a byte offset of the text.
 fn key_at(text: &str, byte: usize) -> Option<String> {
-    in_table(DeTable::parse(text).ok()?.get_ref(), "", text, byte)
+    let document = toml_edit::Document::parse(text).ok()?;
+    in_table(document.as_table(), "", byte)
 }
 
-fn in_table(table: &DeTable<'_>, path: &str, text: &str, byte: usize) -> Option<String> {
-    table.iter().find_map(|(name, value)| {
-        let name = name.get_ref();
-        let path = if path.is_empty() { name.to_string() } else { format!("{path}.{name}") };
-        in_value(value, path, text, byte)
+fn in_table(table: &dyn TableLike, path: &str, byte: usize) -> Option<String> {
+    table.iter().find_map(|(name, item)| {
+        let path = if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+        match item {
+            Item::Value(value) => in_value(value, path, byte),
+            Item::Table(table) => in_table(table, &path, byte),
+            Item::ArrayOfTables(tables) => tables.iter().find_map(|table| in_table(table, &path, byte)),
+            Item::None => None,
+        }
     })
 }
 
 /// Entries of lists have no key of their own: the line number distinguishes them.
-fn in_value(value: &Spanned<DeValue<'_>>, path: String, text: &str, byte: usize) -> Option<String> {
-    let inner = match value.get_ref() {
-        DeValue::Table(table) => in_table(table, &path, text, byte),
-        DeValue::Array(entries) => entries.iter().find_map(|entry| in_value(entry, path.clone(), text, byte)),
-        _ => None,
-    };
-    // The span of a table that is not inline is its header, which is no value.
-    let is_header = || value.get_ref().is_table() && !text[value.span().start..].starts_with('{');
-    inner.or_else(|| (value.span().contains(&byte) && !is_header()).then_some(path))
+fn in_value(value: &Value, path: String, byte: usize) -> Option<String> {
+    if !value.span()?.contains(&byte) {
+        return None;
+    }
+    let inner = value.as_inline_table().and_then(|table| in_table(table, &path, byte));
+    let entry = || value.as_array()?.iter().find_map(|entry| in_value(entry, path.clone(), byte));
+    inner.or_else(entry).or(Some(path))
 }
 
 /// Splits serde's "unknown field `a`, expected one of `b`, `c`" (or variant) into its names.
