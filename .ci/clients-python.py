@@ -13,7 +13,7 @@ import sys
 import time
 
 import equipoise
-from equipoise import NotGiven, PickUp, Reason, State, Why, _arrays, _bus, _messages
+from equipoise import Unavailable, ConsumerReceipt, Reason, State, NoStateReason, _arrays, _bus, _messages
 
 STATION = "alone"
 # As old as no state here becomes, so that a machine that stands still changes nothing.
@@ -24,7 +24,7 @@ HANGS_AFTER_S = 30
 # Fields that no reason withholds and that are available in every state.
 ALWAYS_VALID = {
     "cycle", "time_ns", "group_delay_ns", "valid", "phase", "static_pose", "converged", "poses_used", "stance",
-    "motion_samples_used", "lifts", "body_source", "sole_source", "body_refused", "not_given", "dose_damage",
+    "motion_samples_used", "lifts", "body_source", "foot_outline_source", "body_rejected", "unavailable", "dose_damage",
     "dose_probability", "fatigue", "published_ns",
 }
 
@@ -61,7 +61,7 @@ def joined(root, name, **settings):
 def a_polling_consumer_reports(root, publisher):
     """Each finds a state at once, ten periods after the one before."""
     bus = _bus.Bus(STATION, "reports", root)
-    reports = bus.subscriber(PickUp, _messages.PICK_UP, 16)
+    reports = bus.subscriber(ConsumerReceipt, _messages.CONSUMER_RECEIPT, 16)
     ways = {"slow-next": lambda consumer: consumer.next(0.0), "slow-latest": lambda consumer: consumer.latest()}
     for name, read in ways.items():
         with joined(root, name) as consumer:
@@ -116,14 +116,14 @@ def a_clock_ahead_blocks_no_consumer(root, publisher):
     with joined(root, "ahead") as consumer:
         publisher.publish()
         assert consumer.latest()
-        states = consumer.pick_up_report.states
+        states = consumer.receipt_report.states
         publisher.publish(ahead_s=3600)
         refused = consumer.next(1.0)
-        assert not refused and refused.why is Why.OTHER_CLOCK, refused
+        assert not refused and refused.reason is NoStateReason.OTHER_CLOCK, refused
         publisher.publish()
         reading = consumer.next(1.0)
         assert reading, f"after one state from a clock ahead: {reading}"
-        assert consumer.pick_up_report.states == states + 1, "a state from ahead was counted"
+        assert consumer.receipt_report.states == states + 1, "a state from ahead was counted"
 
 
 def a_stale_state_is_reported(root, publisher):
@@ -132,12 +132,12 @@ def a_stale_state_is_reported(root, publisher):
         for read in (lambda: consumer.next(0.0), consumer.latest):
             publisher.publish()
             refused = read()
-            assert not refused and refused.why is Why.STALE, refused
+            assert not refused and refused.reason is NoStateReason.STALE, refused
         # States arrive, so the consumer must not rejoin.
         ports = consumer._ports
         time.sleep(LONGER_THAN_REJOIN_S)
         publisher.publish()
-        assert consumer.next(0.0).why is Why.STALE and consumer._ports is ports, "it rejoined although states arrive"
+        assert consumer.next(0.0).reason is NoStateReason.STALE and consumer._ports is ports, "it rejoined although states arrive"
 
 
 def closed_consumers_stay_closed(root, publisher):
@@ -222,22 +222,22 @@ def reading_of(**fields):
     return equipoise.Reading(state, 1, 0, None, 0, False, True)
 
 
-def what_is_not_given_is_no_number():
+def what_is_unavailable_is_no_number():
     whole, names = reading_of(), [name for name, _ in State._fields_]
-    assert set(_arrays.SPOILERS) | set(_arrays.SAID_WHERE) | ALWAYS_VALID == set(names), "a field without a validity rule"
+    assert set(_arrays.INVALIDATED_BY) | set(_arrays.AVAILABLE_IF) | ALWAYS_VALID == set(names), "a field without a validity rule"
     for name in names:
         assert whole.array(name) is not None, f"{name} is withheld from a state that says all"
     invalid = reading_of(valid=2**64 - 1)
-    for name in set(_arrays.SPOILERS):
+    for name in set(_arrays.INVALIDATED_BY):
         assert invalid.array(name) is None, f"{name} under every reason"
     silent = equipoise.Reading(
         State(suit_age_ns=2**64 - 1, ground_age_ns=2**64 - 1, suggested_pose=2**32 - 1), 1, 0, None, 0, False, True
     )
-    for name in set(_arrays.SAID_WHERE) - {"suit_com_m", "ground_force_n"}:
+    for name in set(_arrays.AVAILABLE_IF) - {"suit_com_m", "ground_force_n"}:
         assert silent.array(name) is None, f"{name}, which the state does not say: {silent.array(name)}"
     for name, reason in {"sharing_source": Reason.GROUND_STALE, "acceleration_source": Reason.BODY_UNKNOWN}.items():
         assert reading_of(valid=int(reason)).array(name) is None, name
-    no_com, no_shear = reading_of(not_given=int(NotGiven.SUIT_COM)), reading_of(not_given=int(NotGiven.SHEAR))
+    no_com, no_shear = reading_of(unavailable=int(Unavailable.SUIT_COM)), reading_of(unavailable=int(Unavailable.SHEAR))
     assert no_com.array("suit_com_m") is None and no_shear.array("suit_com_m") is not None
     assert no_shear.array("ground_force_n") is None and no_com.array("ground_force_n") is not None
     no_shear.state.ground_force_n[2] = 700.0
@@ -266,7 +266,7 @@ def clear(root):
 
 
 def all_of(root):
-    what_is_not_given_is_no_number()
+    what_is_unavailable_is_no_number()
     publisher = Publisher(root)
     for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_clock_ahead_blocks_no_consumer,
                  a_stale_state_is_reported, closed_consumers_stay_closed, leftovers_hang_no_consumer,

@@ -1,7 +1,7 @@
 """Judges what the consumers printed against what they reported: clients.py judge FOLDER NAME=PROCESS...
 
 `refusals STATION` asks the Python package for what it must refuse, `arrays STATION` for its arrays and tables; `datagram
-PORT STATION` reads the UDP outlet by the table of the documents; `mark NAME` is a small thing that bash cannot do.
+PORT STATION` reads the UDP gateway by the table of the documents; `mark NAME` is a small thing that bash cannot do.
 """
 
 import pathlib
@@ -160,7 +160,7 @@ def check_udp(folder, name, marks):
     assert states.count("current") >= 10, f"{name}: {states}"
     last_current = len(states) - 1 - states[::-1].index("current")
     assert "silent" in states[:last_current], f"{name} did not hear that the daemon was dead: {states}"
-    assert states[-1] == "network_silent", f"{name} did not notice that the outlet was gone: {states}"
+    assert states[-1] == "network_silent", f"{name} did not notice that the gateway was gone: {states}"
     for line, fields in lines:
         moves = fields["state"] != "current" and fields["speed_percent"] != "0"
         assert not moves, f"{name}: the robot moves: {line}"
@@ -226,7 +226,7 @@ def arrays(station):
     for reading in states:
         fatigue, level = reading.array("fatigue"), reading.array("joint_level")
         assert list(fatigue) == list(reading.state.fatigue) and fatigue.dtype == numpy.float64
-        assert (level is None) == reading.invalidated_by(equipoise.SPOILS_TORQUES) == (reading.array("torque_nm") is None)
+        assert (level is None) == reading.invalidated_by(equipoise.INVALIDATES_TORQUES) == (reading.array("torque_nm") is None)
         origins = reading.array("segment_origin_m")
         if origins is not None:
             with_origins += 1
@@ -240,7 +240,7 @@ def arrays(station):
     assert with_origins, "the suit was never there"
     frame = equipoise.to_pandas(readings)
     assert list(frame["cycle"]) == [reading.state.cycle for reading in states]
-    withheld = [reading.invalidated_by(equipoise.SPOILS_TORQUES) for reading in states]
+    withheld = [reading.invalidated_by(equipoise.INVALIDATES_TORQUES) for reading in states]
     assert list(frame["torque_l5s1_nm"].isna()) == withheld
     one = equipoise.latest(station, name="once")
     assert one and one.state.cycle > states[-1].state.cycle
@@ -250,7 +250,7 @@ def arrays(station):
 def refusals(station):
     """Calls that a consumer refuses and accepts. With the package installed, next to the other consumers."""
     import equipoise
-    from equipoise import _bus, _messages, _pick_up
+    from equipoise import _bus, _messages, _receipt
 
     def refused(part, attempt):
         try:
@@ -269,12 +269,12 @@ def refusals(station):
     bus.close()
 
     # Law of the buckets: each begins where the one before ends, 16 in an octave.
-    begins = [time_ns for time_ns in range(1, 5000) if _pick_up.bucket(time_ns) != _pick_up.bucket(time_ns - 1)]
-    assert [_pick_up.bucket(time_ns) for time_ns in begins] == list(range(1, len(begins) + 1)), "buckets follow each other"
+    begins = [time_ns for time_ns in range(1, 5000) if _receipt.bucket(time_ns) != _receipt.bucket(time_ns - 1)]
+    assert [_receipt.bucket(time_ns) for time_ns in begins] == list(range(1, len(begins) + 1)), "buckets follow each other"
     assert all(after - before <= max(1, before // 16) for before, after in zip(begins, begins[1:])), "16 in an octave"
-    assert _pick_up.bucket(2**64 - 1) == _messages.BUCKETS - 1
+    assert _receipt.bucket(2**64 - 1) == _messages.BUCKETS - 1
 
-    places, crowd = _messages.PICK_UP.publishers_max, []
+    places, crowd = _messages.CONSUMER_RECEIPT.publishers_max, []
     while not crowd or crowd[-1].report_refusal is None:
         crowd.append(equipoise.subscribe(station, name=f"crowd-{len(crowd)}"))
         assert len(crowd) <= places, f"more than {places} places for a report"

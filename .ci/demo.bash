@@ -65,7 +65,7 @@ PY
 # The program of a gateway that depends on a big library, as built by `cargo test --workspace`: there is nothing to build
 # after that stage. The test is one of the gateway's own, whose build includes the program; `cargo build -p` would rebuild
 # third-party crates with other features.
-outlet_program() { # KIND, TEST
+gateway_program() { # KIND, TEST
     cargo test --quiet --workspace --test "$2" --no-run >&2
-    echo "${CARGO_TARGET_DIR:-target}/debug/equipoise-outlet-$1"
+    echo "${CARGO_TARGET_DIR:-target}/debug/equipoise-gateway-$1"
 }

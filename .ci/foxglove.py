@@ -1,4 +1,4 @@
-"""A viewer of the live gateway, next to a stuck one: foxglove.py PORT PID-OF-OUTLET PID-OF-STATION.
+"""A viewer of the live gateway, next to a stuck one: foxglove.py PORT PID-OF-GATEWAY PID-OF-STATION.
 
 Speaks foxglove.sdk.v1 by the `websockets` package: text frames announce channels, binary ones carry messages.
 """
@@ -16,8 +16,8 @@ from websockets.sync.client import connect
 
 import scene
 
-BEAT = "/equipoise/beat"
-TOPICS = {scene.SCENE, scene.STATE, BEAT}
+HEARTBEAT = "/equipoise/heartbeat"
+TOPICS = {scene.SCENE, scene.STATE, HEARTBEAT}
 SECONDS = 6
 # Ages on a machine that may be busy: they must be published, and be recent.
 AGE_MAX_NS = 1_000_000_000
@@ -33,7 +33,7 @@ class Viewer:
                 self.socket = connect(f"ws://127.0.0.1:{port}", subprotocols=["foxglove.sdk.v1"], max_size=1 << 24)
                 break
             except (OSError, WebSocketException):
-                assert time.monotonic() < deadline, "the outlet does not serve"
+                assert time.monotonic() < deadline, "the gateway does not serve"
                 time.sleep(0.1)
         assert self.socket.subprotocol == "foxglove.sdk.v1"
         self.topics, self.known = {}, {}
@@ -65,8 +65,8 @@ def resident_kib(process):
 
 
 def watch(viewer, seconds):
-    """Scenes, states and beats for a while: counts, and what was drawn."""
-    count, drawn, cycle, beat_before = dict.fromkeys(TOPICS, 0), set(), 0, 0
+    """Scenes, states and heartbeats for a while: counts, and what was drawn."""
+    count, drawn, cycle, sequence_before = dict.fromkeys(TOPICS, 0), set(), 0, 0
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         topic, stamp, message = viewer.message()
@@ -79,27 +79,27 @@ def watch(viewer, seconds):
             assert message["cycle"] > cycle, "a cycle twice, or backwards"
             cycle = message["cycle"]
         else:
-            assert message["beat"] > beat_before, "beats run backwards"
-            beat_before = message["beat"]
+            assert message["sequence"] > sequence_before, "heartbeats run backwards"
+            sequence_before = message["sequence"]
             if message["fresh"]:
-                assert message["age_ns"] < AGE_MAX_NS and "missing" not in message, message
+                assert message["age_ns"] < AGE_MAX_NS and "no_state_reason" not in message, message
     return count, drawn
 
 
 def main():
-    port, outlet, station = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    port, gateway, station = int(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     stuck = Viewer(port)
     # No code takes this viewer's messages: the library's thread stops reading once a few are queued. Another sends nothing.
     silent_one = socket.create_connection(("127.0.0.1", port))
     time.sleep(SECONDS / 2)
-    before = resident_kib(outlet)
+    before = resident_kib(gateway)
     viewer = Viewer(port)
     count, drawn = watch(viewer, SECONDS)
     for topic in TOPICS:
         # Half the rate is enough: the machine may be busy.
         assert count[topic] >= 0.5 * 60 * SECONDS, f"{topic}: only {count[topic]} in {SECONDS} s"
     assert {"figure", "support polygon", "centre of pressure, measured"} <= drawn, drawn
-    grown = resident_kib(outlet) - before
+    grown = resident_kib(gateway) - before
     assert grown < 16_384, f"the gateway has grown by {grown} KiB with a stuck viewer"
     print("foxglove: " + ", ".join(f"{topic} {count[topic]}" for topic in sorted(count)), f"in {SECONDS} s; {grown} KiB more")
 
@@ -109,8 +109,8 @@ def main():
     while not (silent and cleared):
         assert time.monotonic() < deadline, "no message reports that the station is silent"
         topic, _, message = viewer.message()
-        if topic == BEAT and not message["fresh"]:
-            assert message["missing"] == "silent" and "age_ns" not in message, message
+        if topic == HEARTBEAT and not message["fresh"]:
+            assert message["no_state_reason"] == "silent" and "age_ns" not in message, message
             silent = True
         if silent and topic == scene.SCENE:
             cleared = scene.check_scene(message) == {"words"}

@@ -12,7 +12,7 @@ PERCENTILES = ("p50_ns", "p90_ns", "p99_ns", "p99_9_ns", "p99_99_ns", "max_ns")
 STAGES = {f"{side}.{stage}" for side in ("suit", "ground")
           for stage in ("transport", "adapter", "ingress", "wait", "to_state")}
 STAGES |= {"loop.wake", "loop.intake", "loop.compute", "egress.wake", "egress.publish", "loop.to_state"}
-OWN = {"self.pick_up", "self.from_due", "self.from_suit"}
+OWN = {"self.receipt", "self.from_due", "self.from_suit"}
 
 
 def read_by_java(log, tag):

@@ -1,6 +1,6 @@
-"""Watches what the MQTT outlet publishes to a mosquitto, with paho-mqtt; kills the outlet and stops the broker.
+"""Watches what the MQTT gateway publishes to a mosquitto, with paho-mqtt; kills the gateway and stops the broker.
 
-mqtt.py PORT SCRATCH MOSQUITTO OUTLET DEMO...: configurations are SCRATCH/*.toml, DEMO is the command of a real daemon with
+mqtt.py PORT SCRATCH MOSQUITTO GATEWAY DEMO...: configurations are SCRATCH/*.toml, DEMO is the command of a real daemon with
 a simulated person, whose station is "demo".
 """
 
@@ -153,13 +153,13 @@ def resident_mib(process):
         return next(int(line.split()[1]) for line in file if line.startswith("VmRSS")) / 1024
 
 
-def judge(port, scratch, mosquitto, outlet, demo, start):
+def judge(port, scratch, mosquitto, gateway, demo, start):
     judge_page()
     broker = start("mosquitto", [mosquitto, "-c", str(scratch / "mosquitto.conf")])
     watcher = Watcher(port, scratch)
 
     def serve(name):
-        return start(name, [outlet, "--config", str(scratch / f"{name}.toml")])
+        return start(name, [gateway, "--config", str(scratch / f"{name}.toml")])
 
     # Who must not get in.
     refused = {
@@ -205,7 +205,7 @@ def judge(port, scratch, mosquitto, outlet, demo, start):
     assert {"identifying", "monitoring"} <= phases, phases
     print(f"mqtt: {received} summaries of levels and counts only, then {summary['counts']}, worst {summary['worst_joint']}")
 
-    # The outlet dies.
+    # The gateway dies.
     right.kill()
     right.wait()
     watcher.until("the last will", "offline".__eq__)
@@ -223,7 +223,7 @@ def judge(port, scratch, mosquitto, outlet, demo, start):
     broker.send_signal(signal.SIGCONT)
     watcher.forget()
     watcher.until("a summary after the standstill", lambda message: isinstance(message, dict))
-    assert grown_mib < 5, f"the outlet grew by {grown_mib:.1f} MiB"
+    assert grown_mib < 5, f"the gateway grew by {grown_mib:.1f} MiB"
     print(f"mqtt: {grown_mib:.1f} MiB more after 20 s of a broker that hangs; summaries came again by themselves")
 
     right.terminate()
@@ -235,7 +235,7 @@ def judge(port, scratch, mosquitto, outlet, demo, start):
     print(f"mqtt: {lost.split('ended: ')[1]}")
 
 
-def main(port, scratch, mosquitto, outlet, *demo):
+def main(port, scratch, mosquitto, gateway, *demo):
     started = []
 
     def start(name, command):
@@ -246,7 +246,7 @@ def main(port, scratch, mosquitto, outlet, *demo):
         return process
 
     try:
-        judge(int(port), pathlib.Path(scratch), mosquitto, outlet, demo, start)
+        judge(int(port), pathlib.Path(scratch), mosquitto, gateway, demo, start)
     finally:
         for process in started:
             if process.poll() is None:

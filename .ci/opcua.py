@@ -1,6 +1,6 @@
-"""Reads the OPC UA outlet with asyncua, kills the daemon under it, and stops a client that has subscribed.
+"""Reads the OPC UA gateway with asyncua, kills the daemon under it, and stops a client that has subscribed.
 
-opcua.py PORT SCRATCH OUTLET DEMO...: the outlet's configuration is SCRATCH/station.toml, DEMO is the command of a real
+opcua.py PORT SCRATCH GATEWAY DEMO...: the gateway's configuration is SCRATCH/station.toml, DEMO is the command of a real
 daemon with a simulated person, whose station is "demo".
 """
 
@@ -170,7 +170,7 @@ async def glutton(port):
         del pending
 
 
-async def main(port, scratch, outlet, demo):
+async def main(port, scratch, gateway, demo):
     started = []
 
     def start(name, command):
@@ -180,7 +180,7 @@ async def main(port, scratch, outlet, demo):
         return process
 
     try:
-        await judge(port, scratch, outlet, demo, start)
+        await judge(port, scratch, gateway, demo, start)
     finally:
         for process in started:
             if process.poll() is None:
@@ -194,8 +194,8 @@ async def main(port, scratch, outlet, demo):
                 process.wait()
 
 
-async def judge(port, scratch, outlet, demo, start):
-    served = start("outlet", [outlet, "--config", str(scratch / "station.toml")])
+async def judge(port, scratch, gateway, demo, start):
+    served = start("gateway", [gateway, "--config", str(scratch / "station.toml")])
 
     async def connected():
         client = plain(port)
@@ -278,7 +278,7 @@ async def judge(port, scratch, outlet, demo, start):
         await asyncio.sleep(0.15)
     assert good > 0, "no values with stuck clients"
     assert len(beats) > 50, f"only {len(beats)} beats in 100 readings with stuck clients"
-    assert largest_mib - before_mib < 100, f"the outlet grew from {before_mib:.0f} to {largest_mib:.0f} MiB"
+    assert largest_mib - before_mib < 100, f"the gateway grew from {before_mib:.0f} to {largest_mib:.0f} MiB"
     print(f"opcua: with a stopped subscriber and one that reads no answer, {good} of 100 readings had values,"
           f" of {len(beats)} beats; {before_mib:.0f} to {largest_mib:.0f} MiB")
     eater.kill()
@@ -314,7 +314,7 @@ async def judge(port, scratch, outlet, demo, start):
     await client.disconnect()
     await watcher.disconnect()
     served.terminate()
-    assert served.wait(20) == 0, f"the outlet ended with {served.returncode}"
+    assert served.wait(20) == 0, f"the gateway ended with {served.returncode}"
 
 
 async def said(path, word):

@@ -128,7 +128,7 @@ def main():
         until(f"{rest[0]} is written", lambda: rest[0] in last(path))
     elif what == "refused":
         needle = f"{rest[0]} is written by another client"
-        until("the outlet is refused", lambda: needle in pathlib.Path(path).read_text())
+        until("the gateway is refused", lambda: needle in pathlib.Path(path).read_text())
         print(f"rtde: refused while ur_rtde was there: {needle}")
     elif what == "written":
         until("a current state is written", lambda: last(path).get(STATE) == 1)
@@ -145,7 +145,7 @@ def main():
         # What it sent last may be read a moment after it has gone.
         until("no process writes any more", lambda: stands(path))
         assert last(path)[STATE] == 2, last(path)
-        print("rtde: without the outlet the sequence stands still")
+        print("rtde: without the gateway the sequence stands still")
 
 
 if __name__ == "__main__":

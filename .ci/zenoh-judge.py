@@ -205,27 +205,27 @@ def resident_kib(process):
     return int(status.split("VmRSS:")[1].split()[0])
 
 
-def judge_stuck(reader, direct, outlet):
+def judge_stuck(reader, direct, gateway):
     stuck = subprocess.Popen([sys.executable, __file__, "hang", direct], stdout=subprocess.PIPE, text=True)
     try:
         if stuck.stdout.readline().strip() != "reads":
             fail("the subscriber that is to hang reads nothing")
-        before, kib = counted(reader, 8)["demo"], resident_kib(outlet)
+        before, kib = counted(reader, 8)["demo"], resident_kib(gateway)
         stuck.send_signal(signal.SIGSTOP)
         # Past Zenoh's lease of 10 s, at whose end the link is closed.
-        while_stuck, growth = counted(reader, 8)["demo"], resident_kib(outlet) - kib
+        while_stuck, growth = counted(reader, 8)["demo"], resident_kib(gateway) - kib
         counted(reader, 6)
     finally:
         stuck.kill()
         stuck.wait()
     print(f"zenoh: with a hanging subscriber another one got {while_stuck} messages, {before} without it; "
-          f"the outlet grew by {growth} KiB")
+          f"the gateway grew by {growth} KiB")
     if before == 0:
         fail("nothing came before anybody hung")
     if while_stuck < 0.7 * before:
         fail("a subscriber that hangs slows another")
     if growth > 4096:
-        fail("a subscriber that hangs makes the outlet grow")
+        fail("a subscriber that hangs makes the gateway grow")
 
 
 def judge_bad_link(reader, namespace):
@@ -247,18 +247,18 @@ def judge_bad_link(reader, namespace):
             fail(f"{name}: nothing came over the bad link")
 
 
-def judge_ends(opened, reader, daemon, outlet):
+def judge_ends(opened, reader, daemon, gateway):
     os.kill(daemon, signal.SIGKILL)
     await_that("the word that north's daemon is silent",
-               lambda: reader.json["north"].messages[-1].get("silence") == "silent", 30)
+               lambda: reader.json["north"].messages[-1].get("no_state_reason") == "silent", 30)
     last = reader.ros["north"].messages[-1]
-    if last.current or last.silence != "silent" or len(last.fatigue) or len(last.mass_kg):
+    if last.current or last.no_state_reason != "silent" or len(last.fatigue) or len(last.mass_kg):
         fail(f"a silent station's ROS message holds values: {last}")
     changes = []
     watch = opened.liveliness().declare_subscriber(
         "equipoise/*/alive", lambda sample: changes.append((str(sample.kind), str(sample.key_expr))), history=True)
     await_that("south's token", lambda: any("south" in key for _, key in changes), 30)
-    os.kill(outlet, signal.SIGKILL)
+    os.kill(gateway, signal.SIGKILL)
     await_that("the end of south's token",
                lambda: any("DELETE" in kind and "south" in key for kind, key in changes), 30)
     watch.undeclare()
@@ -317,13 +317,13 @@ def judge(arguments):
     await_that("states of three stations", lambda: len(reader.json) >= 3 and len(reader.ros) >= 3)
     judge_tokens(opened, reader, store.hash_rihs01(TYPE))
     judge_values(reader)
-    judge_stuck(reader, arguments.direct, arguments.demo_outlet)
+    judge_stuck(reader, arguments.direct, arguments.demo_gateway)
     judge_bad_link(reader, arguments.stations)
     dashboard = load_dashboard()
     stations = {}
     with dashboard.subscribe(arguments.router, stations):
         await_that("three stations on the dashboard", lambda: len(stations) == 3, 30)
-        judge_ends(opened, reader, arguments.north, arguments.south_outlet)
+        judge_ends(opened, reader, arguments.north, arguments.south_gateway)
         time.sleep(1.5)
         lines = {name: station.line(name, time.monotonic(), 0.5) for name, station in stations.items()}
     for name, (text, colour) in sorted(lines.items()):
@@ -357,7 +357,7 @@ def main():
     judging = verbs.add_parser("judge")
     for name in ("router", "direct", "definitions", "stations", "simulated"):
         judging.add_argument(f"--{name}", required=True)
-    for name in ("demo-outlet", "north", "south-outlet", "router-process"):
+    for name in ("demo-gateway", "north", "south-gateway", "router-process"):
         judging.add_argument(f"--{name}", type=int, required=True)
     arguments = parser.parse_args()
     if arguments.verb == "router":

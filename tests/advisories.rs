@@ -16,7 +16,7 @@ const ACCEPTED: [(&str, &str); 5] = [
     (
         "RUSTSEC-2023-0071",
         "rsa leaks its key by timing, in every version; OPC UA's policies are RSA, and only \
-         equipoise-outlet-opcua has it (docs/consumers/opcua.md)",
+         equipoise-gateway-opcua has it (docs/consumers/opcua.md)",
     ),
     (
         "RUSTSEC-2023-0089",

@@ -14,11 +14,11 @@ use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::Config;
+use equipoise_config::model::LoadedModel;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{Command, State, Validity};
-use equipoise_daemon::config::Config;
-use equipoise_daemon::model::LoadedModel;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::tick::Observer;
 use equipoise_simulator::ports::free_address;
@@ -135,7 +135,7 @@ impl Seen {
         self.poses = self.poses.max(state.poses_used);
         self.motion_samples = self.motion_samples.max(state.motion_samples_used);
         self.asked += u64::from(state.converged == 1 && state.suggested_pose != u32::MAX);
-        self.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
+        self.torques += u64::from(!state.validity().any_of(Validity::INVALIDATES_TORQUES));
         self.fatigue = state.fatigue.iter().copied().fold(self.fatigue, f64::max);
     }
 

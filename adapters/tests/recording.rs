@@ -229,6 +229,11 @@ fn foreign_and_newer_files_are_named() {
     let fields = refusal(&foreign(State::TOPIC, "equipoise/State_5", &metadata));
     assert!(fields.contains("deadbeef") && fields.contains("other fields"), "{fields}");
 
+    // The previous names of the same fields.
+    metadata.insert("equipoise.schema_hash".to_owned(), "658ecef3bc98916a".to_owned());
+    let renamed = Recording::from_bytes(foreign(State::TOPIC, "equipoise/State_5", &metadata));
+    assert!(renamed.map_or_else(|error| !error.to_string().contains("other fields"), |_| true));
+
     let pcap = refusal(&[0xd4, 0xc3, 0xb2, 0xa1, 2, 0, 4, 0]);
     assert!(pcap.contains(".pcap"), "{pcap}");
     assert!(refusal(b"").contains("empty"));

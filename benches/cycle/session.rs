@@ -94,7 +94,8 @@ impl Session {
         let (learnt, state) = (self.memory.identification.poses_used, &self.memory.state);
         // Adjacent poses in the library may be too similar to count twice.
         assert!(learnt >= POSES_LEARNT / 2, "only {learnt} poses were learnt");
-        let torques = !state.validity().any_of(Validity::SPOILS_TORQUES) && state.load_distance_m > 0.0;
+        let torques =
+            !state.validity().any_of(Validity::INVALIDATES_TORQUES) && state.load_hand_distance_m > 0.0;
         assert!(torques, "no torques at the end: {:?}", state.validity());
     }
 

@@ -1,11 +1,12 @@
 //! Consumers: threads of another process, each with its own place on the bus.
 
 use std::hint::black_box;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, mpsc};
 use std::thread::{sleep, spawn};
 use std::time::Duration;
 
+use crossbeam_channel::{Sender, bounded};
 use equipoise_benches::peer::{self, Peer};
 use equipoise_bus::{Bus, BusSettings, Channel};
 use equipoise_core::message::State;
@@ -49,8 +50,8 @@ pub(crate) fn run(arguments: &[String]) {
     let [kind, count] = arguments else { panic!("consumers have a kind and a number") };
     let listens = kind == Kind::Listeners.name();
     let ends = peer::asked_to_end();
-    let (ready, are_ready) = mpsc::channel();
     let count: usize = count.parse().expect("a number");
+    let (ready, are_ready) = bounded(count);
     let threads: Vec<_> = (0..count)
         .map(|_| {
             let (ends, ready) = (Arc::clone(&ends), ready.clone());
@@ -66,7 +67,7 @@ pub(crate) fn run(arguments: &[String]) {
     std::io::Write::write_all(&mut out, bytemuck::bytes_of(&taken)).expect("the parent process reads");
 }
 
-fn consume(listens: bool, ends: &AtomicBool, ready: &mpsc::Sender<()>) -> u64 {
+fn consume(listens: bool, ends: &AtomicBool, ready: &Sender<()>) -> u64 {
     realtime::request("consumer", RequestedScheduling { fifo_priority: PRIORITY, cpu: None });
     let bus = Bus::join(&BusSettings::new(STATION, "consumer")).expect("the bus is there");
     let mut states = bus.subscriber::<State>(8).expect("a place for a subscriber");

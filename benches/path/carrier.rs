@@ -5,7 +5,7 @@ use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use equipoise_daemon::rings::WaitStrategy;
+use equipoise_config::WaitStrategy;
 
 /// As in [`equipoise_daemon::ingress`].
 pub(crate) const WAKE_AT_LEAST: Duration = Duration::from_millis(50);

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use equipoise_benches::peer::{self, Peer};
 use equipoise_bus::{Bus, BusSettings, Channel};
+use equipoise_config::WaitStrategy;
 use equipoise_core::message::State;
 use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns};
-use equipoise_daemon::rings::WaitStrategy;
 
 use crate::carrier::{Carrier, Socket, WAKE_AT_LEAST};
 

@@ -15,8 +15,8 @@ use equipoise_benches::figures::{self, Figure};
 use equipoise_benches::options::Options;
 use equipoise_benches::peer;
 use equipoise_benches::rounds::{median, quantile};
+use equipoise_config::WaitStrategy;
 use equipoise_daemon::realtime;
-use equipoise_daemon::rings::WaitStrategy;
 
 use carrier::Carrier;
 use turn::{Cores, Plan, Times};
@@ -25,7 +25,7 @@ use turn::{Cores, Plan, Times};
 struct Arrangement {
     name: &'static str,
     waiting: WaitStrategy,
-    /// The inlet's and the outlet's cores in one turn, or each in its own turn.
+    /// The cores of the ingress leg and of the egress leg in one turn, or each in its own turn.
     turns: &'static [(bool, bool, Cores)],
 }
 
@@ -37,13 +37,13 @@ const CPU_1: Cores =
 const APART: Cores =
     Cores { adapter: Some(0), ingress: Some(0), looping: Some(1), egress: Some(0), consumer: Some(0) };
 /// Two cores have room for one polling thread in addition to the threads that it waits for, hence one leg per turn.
-const POLLED_INLET: Cores =
+const POLLED_INGRESS: Cores =
     Cores { adapter: Some(0), ingress: Some(1), looping: Some(0), egress: None, consumer: None };
-const POLLED_OUTLET: Cores =
+const POLLED_EGRESS: Cores =
     Cores { adapter: None, ingress: None, looping: Some(0), egress: Some(1), consumer: Some(0) };
 
 /// The consumer alone on its core; egress polls in the loop's idle time on the other.
-const POLLED_OUTLET_ALONE: Cores =
+const POLLED_EGRESS_ALONE: Cores =
     Cores { adapter: None, ingress: None, looping: Some(1), egress: Some(1), consumer: Some(0) };
 
 const ARRANGEMENTS: [Arrangement; 5] = [
@@ -61,12 +61,12 @@ const ARRANGEMENTS: [Arrangement; 5] = [
     Arrangement {
         name: "polling",
         waiting: WaitStrategy::Polling,
-        turns: &[(true, false, POLLED_INLET), (false, true, POLLED_OUTLET)],
+        turns: &[(true, false, POLLED_INGRESS), (false, true, POLLED_EGRESS)],
     },
     Arrangement {
         name: "polling, consumer alone",
         waiting: WaitStrategy::Polling,
-        turns: &[(true, false, POLLED_INLET), (false, true, POLLED_OUTLET_ALONE)],
+        turns: &[(true, false, POLLED_INGRESS), (false, true, POLLED_EGRESS_ALONE)],
     },
 ];
 
@@ -95,12 +95,19 @@ fn measure(options: &Options) {
             for turn in 0..3 {
                 let index = (round + turn) % 3;
                 let carrier = Carrier::ALL[index];
-                for &(inlet, outlet, cores) in arrangement.turns {
+                for &(ingress_leg, egress_leg, cores) in arrangement.turns {
                     let length = Duration::from_secs_f64(match arrangement.waiting {
                         WaitStrategy::Sleeping => options.turn_s,
                         WaitStrategy::Polling => options.turn_s.min(POLLED_S),
                     });
-                    let plan = Plan { carrier, waiting: arrangement.waiting, inlet, outlet, cores, length };
+                    let plan = Plan {
+                        carrier,
+                        waiting: arrangement.waiting,
+                        ingress_leg,
+                        egress_leg,
+                        cores,
+                        length,
+                    };
                     times[index].add(plan.run(folder.path()));
                 }
             }
@@ -113,8 +120,8 @@ fn measure(options: &Options) {
 
 impl Times {
     fn add(&mut self, other: Times) {
-        self.inlet_us.extend(other.inlet_us);
-        self.outlet_us.extend(other.outlet_us);
+        self.ingress_us.extend(other.ingress_us);
+        self.egress_us.extend(other.egress_us);
         self.step_us.extend(other.step_us);
         self.sent += other.sent;
         self.arrived += other.arrived;
@@ -139,8 +146,8 @@ fn report(name: &str, rounds: &[[Times; 3]]) -> Vec<Figure> {
         });
         assert!(arrived > 0 && arrived <= sent, "{name}: {arrived} of {sent} messages arrived");
         let values = [
-            ("in_p50_us", at(0.5, |times| &times.inlet_us)),
-            ("out_p50_us", at(0.5, |times| &times.outlet_us)),
+            ("in_p50_us", at(0.5, |times| &times.ingress_us)),
+            ("out_p50_us", at(0.5, |times| &times.egress_us)),
             ("sum_p50_us", over(&sum(0.5, index))),
             ("sum_p99_us", over(&sum(0.99, index))),
             ("ratio_unix", ratio(1)),
@@ -161,7 +168,7 @@ fn report(name: &str, rounds: &[[Times; 3]]) -> Vec<Figure> {
 }
 
 fn sum_at(share: f64, times: &Times) -> f64 {
-    at(share, &times.inlet_us) + at(share, &times.outlet_us)
+    at(share, &times.ingress_us) + at(share, &times.egress_us)
 }
 
 fn at(share: f64, values: &[f64]) -> f64 {

@@ -1,25 +1,26 @@
 //! One turn: adapter → ingress → the real loop → egress → consumer, over one carrier, for about a second.
 //!
-//! Both ends of the loop are measured separately, so that a sample's wait for the next cycle is excluded: the inlet
-//! ends when the sample is in the loop's ring, the outlet begins when the loop has computed.
+//! Both ends of the loop are measured separately, so that a sample's wait for the next cycle is excluded: the ingress leg
+//! ends when the sample is in the loop's ring, the egress leg begins when the loop has computed.
 
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc;
 use std::thread::{JoinHandle, sleep, spawn};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::bounded;
 use equipoise_benches::worker::{HEIGHT_M, Worker};
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Publisher};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::{CycleRecord, State, SuitSample};
 use equipoise_daemon::egress::Egress;
 use equipoise_daemon::ingress::Ingress;
 use equipoise_daemon::latency_log::feed::{CAPACITY, feed};
 use equipoise_daemon::realtime::{self, RequestedScheduling, now_ns, sleep_until};
-use equipoise_daemon::rings::{Rings, WaitStrategy};
+use equipoise_daemon::rings::{EgressEnds, IngressEnds, LoopControl, LoopEnds, Rings};
 use equipoise_daemon::tick::{Loop, Monotonic, Observer};
 use equipoise_latency::PathHistograms;
 
@@ -44,9 +45,9 @@ pub(crate) struct Plan {
     pub(crate) carrier: Carrier,
     pub(crate) waiting: WaitStrategy,
     /// Whether there are adapter and ingress.
-    pub(crate) inlet: bool,
+    pub(crate) ingress_leg: bool,
     /// Whether there are egress and consumer.
-    pub(crate) outlet: bool,
+    pub(crate) egress_leg: bool,
     pub(crate) cores: Cores,
     pub(crate) length: Duration,
 }
@@ -65,9 +66,9 @@ pub(crate) struct Cores {
 #[derive(Debug, Default)]
 pub(crate) struct Times {
     /// From the sample's arrival until it is in the ring, µs.
-    pub(crate) inlet_us: Vec<f64>,
+    pub(crate) ingress_us: Vec<f64>,
     /// From the state computed until the consumer has read all of it, µs.
-    pub(crate) outlet_us: Vec<f64>,
+    pub(crate) egress_us: Vec<f64>,
     /// From the state computed until it is handed over, in the loop's own thread, µs.
     pub(crate) step_us: Vec<f64>,
     /// Messages sent and arrived, both legs.
@@ -78,17 +79,18 @@ pub(crate) struct Times {
 impl Plan {
     /// Runs it; `folder` is for sockets.
     pub(crate) fn run(&self, folder: &Path) -> Times {
-        let rings = Arc::new(Rings::new().expect("an event file descriptor"));
+        let Rings { control, loop_ends, ingress: ingress_ends, egress: egress_ends, .. } =
+            Rings::new().expect("an event file descriptor");
         let begun = Arc::new(AtomicU64::new(0));
-        let consumer = self.outlet.then(|| {
+        let consumer = self.egress_leg.then(|| {
             let place = folder.join("out").display().to_string();
             Consumer::start(STATION, self.carrier, self.waiting, self.cores.consumer, &place)
         });
-        let egress = consumer.as_ref().map(|(_, address)| self.start_egress(&rings, address));
-        let inlet = self.inlet.then(|| self.start_inlet(&rings, &begun, folder));
-        let records = self.outlet.then(RecordReader::open);
+        let egress = consumer.as_ref().map(|(_, address)| self.start_egress(egress_ends, address));
+        let ingress_leg = self.ingress_leg.then(|| self.start_ingress(ingress_ends, &begun, folder));
+        let records = self.egress_leg.then(RecordReader::open);
         sleep(SETTLE);
-        let looping = self.start_loop(&rings, &begun);
+        let looping = self.start_loop(loop_ends, &begun);
         let records = match (records, self.carrier) {
             (Some(reader), Carrier::Bus) => reader.follow(self.length),
             _ => {
@@ -96,34 +98,33 @@ impl Plan {
                 Vec::new()
             }
         };
-        rings.stop();
+        control.stop();
         let pushed = looping.join().expect("the loop ended well");
         let socket_records = egress.map(|thread| thread.join().expect("egress ended well"));
         let mut times = Times::default();
-        if let Some((adapter, ingress)) = inlet {
+        if let Some((adapter, ingress)) = ingress_leg {
             let sent = adapter.join().expect("the adapter ended well");
-            times.note_inlet(&sent, &ingress.join().expect("ingress ended well"));
+            times.note_ingress(&sent, &ingress.join().expect("ingress ended well"));
         }
         if let Some((consumer, _)) = consumer {
             sleep(SETTLE);
             let records = socket_records.flatten().unwrap_or(records);
-            times.note_outlet(&records, &pushed, consumer.finish());
+            times.note_egress(&records, &pushed, consumer.finish());
         }
         times
     }
 
-    fn start_loop(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>) -> JoinHandle<Vec<(u64, u64)>> {
-        let (rings, cpu) = (Arc::clone(rings), self.cores.looping);
+    fn start_loop(&self, ends: LoopEnds, begun: &Arc<AtomicU64>) -> JoinHandle<Vec<(u64, u64)>> {
+        let (control, cpu) = (Arc::clone(&ends.control), self.cores.looping);
         let mut stamps = Stamps { pushed: vec![(1, 1); NOTES], used: 0, begun: Arc::clone(begun) };
         let settings = Settings::for_height(HEIGHT_M);
         spawn(move || {
-            let _runs = rings.mark_loop_running();
+            let _runs = control.mark_loop_running();
             realtime::prefault_stack();
             realtime::request("loop", RequestedScheduling { fifo_priority: LOOP, cpu });
             let mut memory = bytemuck::zeroed_box::<Memory>();
             memory.start(&settings);
-            let summary = Loop::new(settings, memory, 0, Arc::clone(&rings), PERIOD_NS)
-                .run(&mut Monotonic, &mut stamps);
+            let summary = Loop::new(settings, memory, 0, ends, PERIOD_NS).run(&mut Monotonic, &mut stamps);
             assert!(summary.adds_up, "the schedule must add up");
             stamps.pushed.truncate(stamps.used);
             stamps.pushed
@@ -131,9 +132,9 @@ impl Plan {
     }
 
     /// With sockets it returns the cycle records, since there is no bus to read them from.
-    fn start_egress(&self, rings: &Arc<Rings>, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
-        let (plan, rings, address) = (*self, Arc::clone(rings), address.to_owned());
-        let (ready, is_ready) = mpsc::channel();
+    fn start_egress(&self, mut ends: EgressEnds, address: &str) -> JoinHandle<Option<Vec<CycleRecord>>> {
+        let (plan, address) = (*self, address.to_owned());
+        let (ready, is_ready) = bounded(1);
         let thread = spawn(move || {
             realtime::request(
                 "egress",
@@ -142,7 +143,7 @@ impl Plan {
             if plan.carrier == Carrier::Bus {
                 // The latency log is not drained; a full feed only counts.
                 let (latency_log, _drain) = feed(CAPACITY);
-                let egress = Egress::open(STATION, rings, plan.waiting, latency_log);
+                let egress = Egress::open(STATION, ends, plan.waiting, latency_log);
                 let _ = ready.send(());
                 egress.and_then(Egress::run).expect("the bus is whole");
                 return None;
@@ -152,9 +153,9 @@ impl Plan {
             let _ = ready.send(());
             // As in egress, with one socket in place of the bus.
             loop {
-                let ended = rings.has_ended();
-                rings.await_outcome(plan.waiting, WAKE_AT_LEAST);
-                while let Some(mut outcome) = rings.outcome.pop() {
+                let ended = ends.control.has_ended();
+                ends.await_outcome(plan.waiting, WAKE_AT_LEAST);
+                while let Ok(mut outcome) = ends.outcome.pop() {
                     outcome.state.published_ns = now_ns();
                     socket.send(bytemuck::bytes_of(&outcome.state));
                     outcome.record.published_ns = now_ns();
@@ -170,9 +171,10 @@ impl Plan {
         thread
     }
 
-    fn start_inlet(&self, rings: &Arc<Rings>, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
-        let (plan, its_rings, place) = (*self, Arc::clone(rings), folder.join("in"));
-        let (ready, is_ready) = mpsc::channel();
+    fn start_ingress(&self, ends: IngressEnds, begun: &Arc<AtomicU64>, folder: &Path) -> (Noting, Noting) {
+        let (plan, place, control) = (*self, folder.join("in"), Arc::clone(&ends.control));
+        let its_control = Arc::clone(&control);
+        let (ready, is_ready) = bounded(1);
         let ingress = spawn(move || {
             realtime::request(
                 "ingress",
@@ -180,44 +182,43 @@ impl Plan {
             );
             match plan.carrier {
                 Carrier::Bus => {
-                    let ingress = Ingress::open(STATION, Arc::clone(&its_rings), plan.waiting)
-                        .expect("the bus is there");
+                    let ingress = Ingress::open(STATION, ends, plan.waiting).expect("the bus is there");
                     let _ = ready.send(String::new());
-                    take_from_the_bus(ingress, &its_rings)
+                    take_from_the_bus(ingress, &its_control)
                 }
                 carrier => {
                     let (socket, address) = Socket::receiver(carrier, &place, plan.waiting);
                     let _ = ready.send(address);
-                    take_from_a_socket(&socket, &its_rings)
+                    take_from_a_socket(&socket, ends)
                 }
             }
         });
         let address = is_ready.recv().expect("ingress begins");
-        let (rings, begun) = (Arc::clone(rings), Arc::clone(begun));
-        (spawn(move || plan.adapt(&address, &rings, &begun)), ingress)
+        let begun = Arc::clone(begun);
+        (spawn(move || plan.adapt(&address, &control, &begun)), ingress)
     }
 
     /// The adapter: a sample in the middle of each of the loop's periods.
-    fn adapt(&self, address: &str, rings: &Rings, begun: &AtomicU64) -> Vec<(u64, u64)> {
+    fn adapt(&self, address: &str, control: &LoopControl, begun: &AtomicU64) -> Vec<(u64, u64)> {
         // Polling threads would keep an ordinary thread from its core for ever.
         let fifo_priority = if self.waiting == WaitStrategy::Polling { LOOP } else { 0 };
         realtime::request("adapter", RequestedScheduling { fifo_priority, cpu: self.cores.adapter });
         let worker = Worker::new();
         let mut sample = worker.suit(&worker.pose(0), 0);
-        let outlet = Outlet::open(self.carrier, address);
+        let sender = SampleSender::open(self.carrier, address);
         let mut sent = Vec::with_capacity(NOTES);
-        while begun.load(Ordering::Acquire) == 0 && !rings.is_stopping() {
+        while begun.load(Ordering::Acquire) == 0 && !control.is_stopping() {
             sleep(Duration::from_millis(1));
         }
         let mut due_ns = begun.load(Ordering::Acquire) + PERIOD_NS / 2;
-        while !rings.is_stopping() {
+        while !control.is_stopping() {
             due_ns += PERIOD_NS * (1 + now_ns().saturating_sub(due_ns) / PERIOD_NS);
             sleep_until(due_ns);
             sample.arrival_ns = now_ns();
             sample.sequence = sent.len() as u64 + 1;
             sample.sample_time_ns = sample.arrival_ns;
             sample.published_ns = now_ns();
-            outlet.send(&sample);
+            sender.send(&sample);
             sent.push((sample.sequence, sample.arrival_ns));
         }
         sent
@@ -235,37 +236,37 @@ struct OnTheBus {
 }
 
 /// The adapter's end.
-enum Outlet {
+enum SampleSender {
     Bus(Box<OnTheBus>),
     Socket(Socket),
 }
 
-impl Outlet {
-    fn open(carrier: Carrier, address: &str) -> Outlet {
+impl SampleSender {
+    fn open(carrier: Carrier, address: &str) -> SampleSender {
         if carrier != Carrier::Bus {
-            return Outlet::Socket(Socket::sender(carrier, address));
+            return SampleSender::Socket(Socket::sender(carrier, address));
         }
         let bus = Bus::join(&BusSettings::new(STATION, "adapter")).expect("the bus is there");
         let (samples, wake) = (bus.publisher(), bus.notifier(Channel::Inputs));
         let (samples, wake) =
             (samples.expect("a place for a publisher"), wake.expect("a place for a notifier"));
-        Outlet::Bus(Box::new(OnTheBus { samples, wake, _bus: bus }))
+        SampleSender::Bus(Box::new(OnTheBus { samples, wake, _bus: bus }))
     }
 
     fn send(&self, sample: &SuitSample) {
         match self {
-            Outlet::Bus(bus) => {
+            SampleSender::Bus(bus) => {
                 bus.samples.send(sample).expect("the bus is whole");
                 bus.wake.notify(Event::NewSuit).expect("the bus is whole");
             }
-            Outlet::Socket(socket) => socket.send(bytemuck::bytes_of(sample)),
+            SampleSender::Socket(socket) => socket.send(bytemuck::bytes_of(sample)),
         }
     }
 }
 
-fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
+fn take_from_the_bus(mut ingress: Ingress, control: &LoopControl) -> Vec<(u64, u64)> {
     let (mut taken, mut count) = (Vec::with_capacity(NOTES), 0);
-    while !rings.is_stopping() {
+    while !control.is_stopping() {
         ingress.wait().expect("the bus is whole");
         let several = ingress.forward().expect("the bus is whole") as u64;
         let now_ns = now_ns();
@@ -276,12 +277,12 @@ fn take_from_the_bus(mut ingress: Ingress, rings: &Rings) -> Vec<(u64, u64)> {
     taken
 }
 
-fn take_from_a_socket(socket: &Socket, rings: &Rings) -> Vec<(u64, u64)> {
+fn take_from_a_socket(socket: &Socket, mut ends: IngressEnds) -> Vec<(u64, u64)> {
     let mut taken = Vec::with_capacity(NOTES);
     let mut sample: SuitSample = bytemuck::Zeroable::zeroed();
-    while !rings.is_stopping() {
+    while !ends.control.is_stopping() {
         if socket.receive(bytemuck::bytes_of_mut(&mut sample)) {
-            rings.push_suit(sample, now_ns());
+            ends.push_suit(sample, now_ns());
             taken.push((sample.sequence, now_ns()));
         }
     }
@@ -338,14 +339,14 @@ impl RecordReader {
 }
 
 impl Times {
-    fn note_inlet(&mut self, sent: &[(u64, u64)], taken: &[(u64, u64)]) {
+    fn note_ingress(&mut self, sent: &[(u64, u64)], taken: &[(u64, u64)]) {
         let sent_ns: HashMap<u64, u64> = sent.iter().copied().collect();
-        self.inlet_us = between(&sent_ns, taken.iter().copied());
+        self.ingress_us = between(&sent_ns, taken.iter().copied());
         self.sent += sent.len();
         self.arrived += taken.len();
     }
 
-    fn note_outlet(
+    fn note_egress(
         &mut self,
         records: &[CycleRecord],
         pushed: &[(u64, u64)],
@@ -354,7 +355,7 @@ impl Times {
         let computed_ns: HashMap<u64, u64> =
             records.iter().map(|record| (record.cycle, record.compute_end_ns)).collect();
         self.step_us = between(&computed_ns, pushed.iter().copied());
-        self.outlet_us = between(&computed_ns, read.iter().copied());
+        self.egress_us = between(&computed_ns, read.iter().copied());
         assert_eq!(
             bytes,
             (read.len() * size_of::<State>()) as u64,

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use equipoise_benches::peer;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::Config;
 use equipoise_core::message::CycleRecord;
-use equipoise_daemon::config::Config;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_latency::PathHistograms;
 use equipoise_latency::stage::Stage;

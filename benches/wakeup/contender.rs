@@ -1,15 +1,15 @@
 //! Contenders measured next to cyclictest, from a plain sleep up to the whole daemon.
 
 use std::sync::Arc;
-use std::sync::mpsc;
 use std::thread::{sleep, spawn};
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::bounded;
 use equipoise_benches::worker::HEIGHT_M;
 use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings};
 use equipoise_core::message::CycleRecord;
-use equipoise_daemon::config::Config;
 use equipoise_daemon::pipeline::Pipeline;
 use equipoise_daemon::realtime::{self, RequestedScheduling, ThreadReport, now_ns, sleep_until};
 use equipoise_daemon::rings::Rings;
@@ -92,20 +92,21 @@ fn sleep_only(asked: RequestedScheduling, length: Duration) -> Lateness {
 }
 
 fn loop_alone(asked: RequestedScheduling, length: Duration) -> Lateness {
-    let rings = Arc::new(Rings::new().expect("an event file descriptor"));
-    let (its_rings, settings) = (Arc::clone(&rings), Settings::for_height(HEIGHT_M));
-    let (ready, is_ready) = mpsc::channel();
+    let Rings { control, loop_ends, mut egress, .. } = Rings::new().expect("an event file descriptor");
+    let settings = Settings::for_height(HEIGHT_M);
+    let (ready, is_ready) = bounded(1);
     let thread = spawn(move || {
-        let _runs = its_rings.mark_loop_running();
+        let control = Arc::clone(&loop_ends.control);
+        let _runs = control.mark_loop_running();
         realtime::prefault_stack();
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
         let _ = ready.send(realtime::request("loop", asked).missing());
-        Loop::new(settings, memory, 0, Arc::clone(&its_rings), PERIOD_NS).run(&mut Monotonic, &mut NoObserver)
+        Loop::new(settings, memory, 0, loop_ends, PERIOD_NS).run(&mut Monotonic, &mut NoObserver)
     });
     let missing = is_ready.recv().expect("the loop begins");
-    let records = follow(length, || rings.outcome.pop().map(|outcome| outcome.record));
-    rings.stop();
+    let records = follow(length, || egress.outcome.pop().ok().map(|outcome| outcome.record));
+    control.stop();
     assert!(thread.join().expect("the loop ended well").adds_up, "the schedule must add up");
     Lateness { missing, ..lateness(&records) }
 }

@@ -1,11 +1,12 @@
 //! Command requests to the daemon and its replies.
 
+use equipoise_core::message::{Command, Message, Reply};
+
 use crate::error::BusError;
 use crate::event::{Channel, Event, Notifier};
 use crate::node::Bus;
 use crate::open::{Place, open_or_create, take};
 use crate::service::{CLIENTS_MAX, NODES_MAX, full_name};
-use equipoise_core::message::{Command, Message, Reply};
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
 use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern, ipc};
@@ -143,4 +144,10 @@ impl CommandServer {
         }
         Ok(true)
     }
+}
+
+/// The text of a zero-filled field.
+pub fn parse_text(field: &[u8]) -> String {
+    let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
+    String::from_utf8_lossy(&field[..end]).into_owned()
 }

@@ -82,7 +82,7 @@ events! {
     /// A notifier was killed and has been cleaned up; no process sends this one.
     NotifierDied = 8,
     /// What is measured is no longer what the model predicts of this worker; the status says where.
-    ModelNoLongerExplains = 9,
+    ModelMismatch = 9,
     /// An incident began or ended: the service `incidents` says which.
     IncidentsChanged = 10,
 }

@@ -41,7 +41,7 @@ pub mod service;
 pub mod subscriber;
 pub mod words;
 
-pub use command::{CommandClient, CommandServer};
+pub use command::{CommandClient, CommandServer, parse_text};
 pub use error::BusError;
 pub use event::{Channel, Event, Events, Listener, Notifier};
 pub use node::{Bus, BusSettings, Participant};

@@ -1,70 +1,70 @@
-//! The table of services: what is shared on a station, how often, how deep, and who writes it.
+//! Table of the services of a station: payload, writers, rate, and queue lengths.
 //!
-//! The first process that opens a service fixes its limits, so all of them are defined here.
+//! The first process that opens a service sets its limits, so all limits are defined here.
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Incidents, Message, PickUp, Reply, State, SuitBody,
-    SuitSample,
+    AdapterHealth, Command, ConsumerReceipt, CycleRecord, GroundSample, Incidents, Message, Reply, State,
+    SuitBody, SuitSample,
 };
 use std::fmt;
 use std::time::Duration;
 
 use crate::words::{self, Each, folded};
 
-/// Processes and threads that may take part in one service.
+/// Maximum number of processes and threads per service.
 pub const NODES_MAX: usize = 64;
-/// Places for writers beyond a row's own: one, while a process replaces another. An exclusive service has none.
+/// Additional publishers of a service: one, while a process replaces another. An exclusive service has none.
 pub const HAND_OVER: usize = 1;
-/// Messages that a subscriber may hold while it reads.
+/// Maximum number of messages that a subscriber borrows at the same time.
 pub const BORROWED_MAX: usize = 2;
-/// Clients of the command service.
+/// Maximum number of clients of the command service.
 pub const CLIENTS_MAX: usize = 16;
-/// Notifiers of one event service: every client is one, and the adapters.
+/// Maximum number of notifiers of an event service: each client and each adapter is one.
 pub const NOTIFIERS_MAX: usize = 32;
-/// Listeners of one event service; each costs a notifier 4 to 10 µs while it sleeps.
+/// Maximum number of listeners of an event service; each sleeping listener costs a notifier 4 to 10 µs.
 pub const LISTENERS_MAX: usize = 24;
-/// The service attribute that holds the schema. iceoryx2 itself compares type names and sizes only.
+/// Service attribute with the schema; iceoryx2 itself compares type names and sizes only.
 pub const SCHEMA_KEY: &str = "equipoise.schema";
-/// Bytes that iceoryx2 may put before each payload, with alignment; generous.
+/// Upper bound of iceoryx2's header before each payload, with alignment, bytes.
 const HEADER_BYTES: usize = 64;
 
-/// One row of the table.
+/// A service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Service {
-    /// Last part of the name: `equipoise/<station>/<suffix>`.
+    /// Last part of the name `equipoise/<station>/<suffix>`.
     pub suffix: &'static str,
     /// Type name of the payload.
     pub payload: &'static str,
-    /// Bytes of one payload.
+    /// Size of the payload, bytes.
     pub payload_bytes: usize,
-    /// Who writes it.
+    /// Component that publishes it.
     pub writer: &'static str,
-    /// How many write at once, hand-over apart.
+    /// Number of simultaneous publishers, except during a hand-over.
     pub writers: usize,
-    /// Whether more are refused even for a hand-over: while one lives, no other process may publish the same data.
+    /// Whether additional publishers are refused even for a hand-over, so that no two processes publish the same data.
     pub exclusive: bool,
-    /// How often, in words.
+    /// Rate, in words.
     pub rate: &'static str,
-    /// Silence after which a reader must call the stream stale; `None`: it may be silent for ever.
+    /// Silence after which the stream is stale; `None`: never.
     pub deadline: Option<Duration>,
-    /// A subscriber's buffer where nothing else is asked for, messages.
+    /// Default queue length of a subscriber, messages.
     pub depth: usize,
-    /// The deepest buffer that a subscriber may ask for, messages.
+    /// Maximum queue length of a subscriber, messages.
     pub depth_max: usize,
-    /// How many subscribers there may be.
+    /// Maximum number of subscribers.
     pub subscribers_max: usize,
-    /// How many messages a late subscriber gets at once.
+    /// Number of past messages that a new subscriber receives.
     pub history: usize,
 }
 
 impl Service {
-    /// The service's full name on a station.
+    /// Full name of the service on a station.
     pub fn name(&self, station: &str) -> String {
         full_name(station, self.suffix)
     }
 
-    /// How many publishers it takes: its writers, and one more that replaces one of them.
+    /// Maximum number of publishers: the writers, and one that replaces one of them.
     pub const fn publishers_max(&self) -> usize {
         if self.exclusive { self.writers } else { self.writers + HAND_OVER }
     }
@@ -81,15 +81,15 @@ pub(crate) fn full_name(station: &str, suffix: &str) -> String {
     format!("equipoise/{station}/{suffix}")
 }
 
-/// A message that is published: it knows its row of the table.
+/// A published message and its service.
 pub trait Topic: Message {
-    /// Its row.
+    /// Its service.
     const SERVICE: Service;
 
-    /// Each word in it that readers take for granted: what it is a word of, its name, its number ([`crate::words`]).
+    /// Passes each name with a number in the message: its kind, name and number ([`crate::words`]).
     fn words(_each: Each<'_>) {}
 
-    /// What writers and readers must have in common: the hash of its fields, and of its words if it has any.
+    /// Schema that writers and readers must share: the hash of the fields and of the names with numbers.
     fn schema() -> u64
     where
         Self: Sized,
@@ -123,7 +123,7 @@ macro_rules! topics {
             })?
         })*
 
-        /// Every publish-subscribe service of a station.
+        /// All publish-subscribe services of a station.
         pub const TABLE: &[Service] = &[$(<$Message as Topic>::SERVICE),*];
     };
     (@ exclusive) => { true };
@@ -143,10 +143,10 @@ topics! {
     Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;
     Incidents => "incidents", by 1 "daemon", "1 Hz and on change", deadline ms(2500), depth 1 of 8, 16 subscribers;
-    PickUp => "pickup", by 16 "consumers", "1 Hz", deadline None, depth 16 of 32, 2 subscribers;
+    ConsumerReceipt => "receipt", by 16 "consumers", "1 Hz", deadline None, depth 16 of 32, 2 subscribers;
 }
 
-/// A station's shared memory stays below this with one writer per service, bytes.
+/// Upper bound of a station's shared memory with the regular writers, bytes.
 pub const STATION_MEMORY_MAX: usize = 125_000_000;
 const _: () = assert!(station_memory_bytes() < STATION_MEMORY_MAX);
 
@@ -160,7 +160,7 @@ pub const fn station_memory_bytes() -> usize {
     sum
 }
 
-/// The table as Markdown, for the documentation.
+/// The table in Markdown, for the documentation.
 #[derive(Debug, Clone, Copy)]
 pub struct Table;
 

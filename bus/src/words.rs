@@ -6,9 +6,11 @@
 //! recordings unreadable.
 
 use equipoise_core::body::{Joint, Segment};
-use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
 use equipoise_core::message::layout::fnv1a;
-use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::message::state::{
+    AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
+};
 use equipoise_core::message::{GroundDevice, Validity};
 use equipoise_core::overload::Level;
 
@@ -32,11 +34,11 @@ pub(crate) fn of_state(each: Each<'_>) {
     for (reason, name) in Validity::NAMES {
         each("reason", name, reason.0);
     }
-    for (set, name) in Validity::SPOILERS {
-        each("spoils", name, set.0);
+    for (set, name) in Validity::FLAG_SETS {
+        each("invalidates", name, set.0);
     }
-    for (what, name) in NotGiven::NAMES {
-        each("not_given", name, what as u64);
+    for (what, name) in Unavailable::NAMES {
+        each("unavailable", name, what as u64);
     }
     for (device, name) in GroundDevice::NAMES {
         each("ground", name, device as u64);
@@ -50,12 +52,14 @@ pub(crate) fn of_state(each: Each<'_>) {
     numbered(each, "phase", |number| Phase::from_number(number).map(Phase::name));
     numbered(each, "level", |number| Level::from_number(number).map(Level::name));
     numbered(each, "sharing", |number| SharingSource::from_number(number).map(SharingSource::name));
-    numbered(each, "sole", |number| SoleSource::from_number(number).map(SoleSource::name));
+    numbered(each, "foot_outline", |number| {
+        FootOutlineSource::from_number(number).map(FootOutlineSource::name)
+    });
     numbered(each, "acceleration", |number| {
         AccelerationSource::from_number(number).map(AccelerationSource::name)
     });
     numbered(each, "body_source", |number| BodySource::from_number(number).map(BodySource::name));
-    numbered(each, "body_refused", |number| BodyRefusal::from_number(number).map(BodyRefusal::name));
+    numbered(each, "body_rejected", |number| BodyRejection::from_number(number).map(BodyRejection::name));
 }
 
 fn numbered(each: Each<'_>, of: &str, name_of: impl Fn(u32) -> Option<&'static str>) {
@@ -91,7 +95,7 @@ mod tests {
         assert_eq!(SuitSample::schema(), SuitSample::SCHEMA_HASH, "it has none");
         let mut count = 0;
         of_state(&mut |_, _, _| count += 1);
-        let sets = Validity::NAMES.len() + Validity::SPOILERS.len();
+        let sets = Validity::NAMES.len() + Validity::FLAG_SETS.len();
         assert!(count > sets + Joint::ALL.len() + Segment::ALL.len() + 20, "{count} words");
     }
 }

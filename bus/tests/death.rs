@@ -122,7 +122,7 @@ fn an_unfinished_connection_does_not_prevent_cleanup() {
     let empty = std::path::Path::new("/dev/shm").join(format!("{writer}7_{reader}"));
     std::fs::write(&empty, "").unwrap();
     kill(child);
-    let (done, is_done) = std::sync::mpsc::channel();
+    let (done, is_done) = crossbeam_channel::bounded(1);
     let path = root.path().to_owned();
     std::thread::spawn(move || {
         let cleaner = join(&path, "cleaner");

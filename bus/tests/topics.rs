@@ -9,7 +9,7 @@ use equipoise_bus::root::shared_memory_prefix;
 use equipoise_bus::service::{STATION_MEMORY_MAX, TABLE, Table, station_memory_bytes};
 use equipoise_bus::{BusError, Topic};
 use equipoise_core::message::{
-    AdapterHealth, CycleRecord, GroundSample, Incidents, PickUp, State, SuitBody, SuitSample,
+    AdapterHealth, ConsumerReceipt, CycleRecord, GroundSample, Incidents, State, SuitBody, SuitSample,
 };
 
 /// A message in which the value of each byte depends on its position.
@@ -45,7 +45,7 @@ fn every_message_comes_through_unchanged() {
     comes_through::<CycleRecord>();
     comes_through::<AdapterHealth>();
     comes_through::<Incidents>();
-    comes_through::<PickUp>();
+    comes_through::<ConsumerReceipt>();
 }
 
 fn cycle(number: u64) -> CycleRecord {
@@ -159,15 +159,15 @@ fn the_table_does_not_understate_the_memory() {
 fn every_service_has_one_slot_more_than_writers_and_names_the_writer() {
     let root = root();
     let bus = join(root.path(), "both");
-    let mut reader = bus.subscriber::<PickUp>(32).unwrap();
+    let mut reader = bus.subscriber::<ConsumerReceipt>(32).unwrap();
     assert_eq!(reader.writer(), 0);
-    let most = PickUp::SERVICE.publishers_max();
-    assert_eq!(most, PickUp::SERVICE.writers + 1);
-    let writers: Vec<_> = (0..most).map(|_| bus.publisher::<PickUp>().unwrap()).collect();
-    let error = bus.publisher::<PickUp>().unwrap_err();
+    let most = ConsumerReceipt::SERVICE.publishers_max();
+    assert_eq!(most, ConsumerReceipt::SERVICE.writers + 1);
+    let writers: Vec<_> = (0..most).map(|_| bus.publisher::<ConsumerReceipt>().unwrap()).collect();
+    let error = bus.publisher::<ConsumerReceipt>().unwrap_err();
     assert_eq!(
         error,
-        BusError::Full { service: "equipoise/test/pickup".to_owned(), what: "publisher", most }
+        BusError::Full { service: "equipoise/test/receipt".to_owned(), what: "publisher", most }
     );
     let mut reported = std::collections::BTreeSet::new();
     for writer in &writers {

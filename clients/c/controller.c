@@ -38,7 +38,7 @@ static unsigned speed_percent(const equipoise_state *state) {
     if (state->valid == EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD) {
         return 100; /* Nothing is carried: that is knowledge, not the lack of it. */
     }
-    if (state->valid & EQUIPOISE_SPOILS_TORQUES) {
+    if (state->valid & EQUIPOISE_INVALIDATES_TORQUES) {
         return 25; /* Torques are withheld: careful. */
     }
     /* An undecided joint counts as its worst: its number is the highest. */
@@ -64,7 +64,7 @@ static int enter(const equipoise_reading *reading) {
     tally.missed += reading->missed;
     tally.restarts += reading->restarted;
     if (tally.latencies < LATENCIES_MAX) {
-        const uint64_t from_ns = reading->state.published_ns, to_ns = reading->picked_up_ns;
+        const uint64_t from_ns = reading->state.published_ns, to_ns = reading->received_ns;
         tally.latency_ns[tally.latencies++] = to_ns > from_ns ? to_ns - from_ns : 0;
     }
     return is_later;

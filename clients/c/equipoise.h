@@ -3,12 +3,12 @@
  *     cargo build --release -p equipoise-c
  *     cc -I clients/c controller.c -L target/release -lequipoise_c
  *
- * clients/c/controller.c is a whole program; docs/consumers/c.md says what to check before a value is used.
+ * clients/c/controller.c is a complete program; docs/consumers/c.md lists the checks before a value is used.
  *
  * Library and daemon must be of one release, and run as the same user. The directory of the bus is that of
  * EQUIPOISE_BUS_ROOT, as for the daemon.
  *
- * Written from clients/c/equipoise.h.in and the declarations in Rust: do not edit.
+ * Generated from clients/c/equipoise.h.in and the declarations in Rust: do not edit.
  *
  *     EQUIPOISE_WRITE=1 cargo test -p equipoise-c --test generated
  */
@@ -24,104 +24,103 @@ extern "C" {
 #define EQUIPOISE_JOINTS 22
 #define EQUIPOISE_SEGMENTS 23
 
-/* What a program is compiled with: fields of all structs, and all names and numbers. See equipoise_options. */
+/* Hash of the fields of all structs and of all names and numbers. See equipoise_options. */
 #define EQUIPOISE_STATE_TYPE "equipoise/State/5"
-#define EQUIPOISE_LAYOUT UINT64_C(0xfa570fec8d8aa0d6)
+#define EQUIPOISE_LAYOUT UINT64_C(0x41d3f146ca8493c8)
 
-/* Reasons why values of a state must not be used: bits of equipoise_state.valid. */
+/* Invalid reasons: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
 #define EQUIPOISE_REASON_SUIT_STALE (UINT64_C(1) << 0)
 /* No ground sample for more than two sample periods. */
 #define EQUIPOISE_REASON_GROUND_STALE (UINT64_C(1) << 1)
-/* The worker's mass distribution is not identified yet. */
+/* The subject's mass distribution is not identified. */
 #define EQUIPOISE_REASON_NOT_IDENTIFIED (UINT64_C(1) << 2)
-/* The worker moves faster than the equations in use allow. */
+/* The motion exceeds what the equations in use cover. */
 #define EQUIPOISE_REASON_MOVING (UINT64_C(1) << 3)
-/* Too little force on the ground, or the feet are off the plate. */
+/* The vertical force is too small, or the feet are beyond the plate. */
 #define EQUIPOISE_REASON_FEET_OFF_PLATE (UINT64_C(1) << 4)
-/* The external force is too small to tell where it acts. */
+/* The external force is below the load threshold: no load is assumed. */
 #define EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD (UINT64_C(1) << 5)
-/* The model was changed within the last second. */
+/* The model changed within the last second. */
 #define EQUIPOISE_REASON_MODEL_CHANGED (UINT64_C(1) << 6)
-/* Device time is not yet tied to host time. */
+/* Device time is not tied to host time, or the lag between the streams contradicts the data. */
 #define EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED (UINT64_C(1) << 7)
-/* The load found from the two centres of pressure is far from the hands. */
+/* The load's position, by the two centres of pressure, is far from the hands. */
 #define EQUIPOISE_REASON_LOAD_NOT_AT_HANDS (UINT64_C(1) << 8)
-/* The worker's mass is neither configured nor measured yet. */
+/* The subject's mass is neither configured nor measured. */
 #define EQUIPOISE_REASON_MASS_UNKNOWN (UINT64_C(1) << 9)
-/* The worker's bones are not known yet, and so no centre of mass. */
+/* The segment lengths are unavailable, and with them the centre of mass. */
 #define EQUIPOISE_REASON_BODY_UNKNOWN (UINT64_C(1) << 10)
 /* The plate reports a fault. */
 #define EQUIPOISE_REASON_PLATE_FAULT (UINT64_C(1) << 11)
-/* The ground's devices tell no centre of pressure in the world, and where the feet stand is not known either. */
+/* The ground devices provide no centre of pressure in the world, and the position of the feet is unavailable. */
 #define EQUIPOISE_REASON_COP_NOT_MEASURED (UINT64_C(1) << 12)
-/* The external force is below the detection limit in quick motion, where a load is possible: it is unknown
-   whether something is carried. */
-#define EQUIPOISE_REASON_LOAD_MAY_HIDE (UINT64_C(1) << 13)
-/* Where the worker stands on the plate is not known: the suit was restarted, or was silent for long. */
-#define EQUIPOISE_REASON_PLACE_UNKNOWN (UINT64_C(1) << 14)
-/* What the ground's devices show no body does, or no working device: a reading that leaps, repeats, or pulls. */
+/* Quick motion raised the detection limit: the external force is below it, but a load cannot be excluded. */
+#define EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT (UINT64_C(1) << 13)
+/* The subject's position on the plate is unavailable: the suit was restarted, or silent for long. */
+#define EQUIPOISE_REASON_POSITION_UNKNOWN (UINT64_C(1) << 14)
+/* The ground's readings are implausible for a body or a working device: jumps, repetitions, or traction. */
 #define EQUIPOISE_REASON_GROUND_IMPLAUSIBLE (UINT64_C(1) << 15)
-/* What the suit shows no body does, or no working suit: poses that repeat, leap, or come apart at the joints. */
+/* The suit's poses are implausible for a body or a working suit: repetitions, jumps, or separated joints. */
 #define EQUIPOISE_REASON_SUIT_IMPLAUSIBLE (UINT64_C(1) << 16)
-/* The ground carries less than the body weighs: a foot off the plate, a hand that leans on something, or a
-   device whose gain is another than before. */
+/* The ground force is less than the body weight: a foot off the plate, a supporting hand, or a changed gain of a
+   device. */
 #define EQUIPOISE_REASON_WEIGHT_MISSING (UINT64_C(1) << 17)
 
-/* Sets of reasons that invalidate a value: no bit of its set may be raised. An invalid value is 0 and has no meaning. */
-#define EQUIPOISE_SPOILS_GROUND_FORCE \
+/* Sets of reasons that invalidate a value: it is valid if no bit of its set is raised. Invalid values are 0. */
+#define EQUIPOISE_INVALIDATES_GROUND_FORCE \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_PLATE_FAULT | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_COP_MEASURED \
+#define EQUIPOISE_INVALIDATES_COP_MEASURED \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_FEET_OFF_PLATE | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_COM \
+#define EQUIPOISE_INVALIDATES_COM \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_BODY_UNKNOWN | \
-     EQUIPOISE_REASON_PLACE_UNKNOWN | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_COP_ESTIMATED \
+     EQUIPOISE_REASON_POSITION_UNKNOWN | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
+#define EQUIPOISE_INVALIDATES_COP_ESTIMATED \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_MOVING | \
-     EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLACE_UNKNOWN | \
+     EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_POSITION_UNKNOWN | \
      EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_DELTA_F \
+#define EQUIPOISE_INVALIDATES_DELTA_F \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_RESIDUAL \
+#define EQUIPOISE_INVALIDATES_RESIDUAL \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_PLACE_UNKNOWN | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_POSITION_UNKNOWN | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
-#define EQUIPOISE_SPOILS_LIFTED_MASS \
+#define EQUIPOISE_INVALIDATES_LIFTED_MASS \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE | \
      EQUIPOISE_REASON_WEIGHT_MISSING)
-#define EQUIPOISE_SPOILS_BACK \
+#define EQUIPOISE_INVALIDATES_LOW_BACK \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_MODEL_CHANGED | \
      EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | \
      EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_BODY_UNKNOWN | \
      EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
-     EQUIPOISE_REASON_LOAD_MAY_HIDE | EQUIPOISE_REASON_PLACE_UNKNOWN | \
+     EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT | EQUIPOISE_REASON_POSITION_UNKNOWN | \
      EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE | \
      EQUIPOISE_REASON_WEIGHT_MISSING)
-#define EQUIPOISE_SPOILS_TORQUES \
+#define EQUIPOISE_INVALIDATES_TORQUES \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD | \
      EQUIPOISE_REASON_MODEL_CHANGED | EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | \
      EQUIPOISE_REASON_LOAD_NOT_AT_HANDS | EQUIPOISE_REASON_MASS_UNKNOWN | \
      EQUIPOISE_REASON_BODY_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_LOAD_MAY_HIDE | \
-     EQUIPOISE_REASON_PLACE_UNKNOWN | EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | \
+     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT | \
+     EQUIPOISE_REASON_POSITION_UNKNOWN | EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | \
      EQUIPOISE_REASON_SUIT_IMPLAUSIBLE | EQUIPOISE_REASON_WEIGHT_MISSING)
 
 enum equipoise_phase {
@@ -131,7 +130,7 @@ enum equipoise_phase {
     EQUIPOISE_PHASE_DEGRADED = 3
 };
 
-/* How close a torque is to the joint's limit. UNDECIDED: the torque's uncertainty covers two levels. */
+/* Overload level of a joint. UNDECIDED: the uncertainty of the torque covers two levels. */
 enum equipoise_level {
     EQUIPOISE_LEVEL_NONE = 0,
     EQUIPOISE_LEVEL_GREEN = 1,
@@ -146,21 +145,21 @@ enum equipoise_sharing {
     EQUIPOISE_SHARING_MEASURED = 1
 };
 
-/* What this station's sensors do not give: bits of equipoise_state.not_given. Those values are 0 and mean nothing. */
+/* Quantities that the station's sensors do not provide: bits of equipoise_state.unavailable. They are 0 and invalid. */
 /* suit_com_m: the suit does not send it (MVN type 24). */
-#define EQUIPOISE_NOT_GIVEN_SUIT_COM (UINT32_C(1) << 0)
-/* The horizontal part of ground_force_n: insoles feel only what presses on them. */
-#define EQUIPOISE_NOT_GIVEN_SHEAR (UINT32_C(1) << 1)
+#define EQUIPOISE_UNAVAILABLE_SUIT_COM (UINT32_C(1) << 0)
+/* Horizontal components of ground_force_n: insoles measure only normal forces. */
+#define EQUIPOISE_UNAVAILABLE_SHEAR (UINT32_C(1) << 1)
 
-/* What the ground's sample is made of: bits of equipoise_state.ground_devices. */
+/* Devices in the ground sample: bits of equipoise_state.ground_devices. */
 /* The force plate of [ground]. */
 #define EQUIPOISE_GROUND_PLATE (UINT32_C(1) << 0)
-/* The one of [ground.second]. */
+/* The force plate of [ground.second]. */
 #define EQUIPOISE_GROUND_SECOND_PLATE (UINT32_C(1) << 1)
 /* Insoles. */
 #define EQUIPOISE_GROUND_INSOLES (UINT32_C(1) << 2)
 
-/* Where the worker's bones come from. */
+/* Source of the segment lengths. */
 enum equipoise_body_source {
     EQUIPOISE_BODY_SOURCE_UNKNOWN = 0,
     EQUIPOISE_BODY_SOURCE_POSES = 1,
@@ -168,19 +167,19 @@ enum equipoise_body_source {
     EQUIPOISE_BODY_SOURCE_STORED = 3
 };
 
-/* Why the suit's null pose is not used. */
-enum equipoise_body_refused {
-    EQUIPOISE_BODY_REFUSED_NONE = 0,
-    EQUIPOISE_BODY_REFUSED_IMPOSSIBLE = 1,
-    EQUIPOISE_BODY_REFUSED_STALE = 2,
-    EQUIPOISE_BODY_REFUSED_OTHER_CHARACTER = 3,
-    EQUIPOISE_BODY_REFUSED_CONTRADICTS_POSES = 4,
-    EQUIPOISE_BODY_REFUSED_CONTRADICTS_WORKER = 5
+/* Reason why the suit's null pose is not used. */
+enum equipoise_body_rejected {
+    EQUIPOISE_BODY_REJECTED_NONE = 0,
+    EQUIPOISE_BODY_REJECTED_IMPOSSIBLE = 1,
+    EQUIPOISE_BODY_REJECTED_STALE = 2,
+    EQUIPOISE_BODY_REJECTED_OTHER_CHARACTER = 3,
+    EQUIPOISE_BODY_REJECTED_CONTRADICTS_POSES = 4,
+    EQUIPOISE_BODY_REJECTED_CONTRADICTS_WORKER = 5
 };
 
-enum equipoise_sole {
-    EQUIPOISE_SOLE_STATURE = 0,
-    EQUIPOISE_SOLE_SUIT = 1
+enum equipoise_foot_outline {
+    EQUIPOISE_FOOT_OUTLINE_STATURE = 0,
+    EQUIPOISE_FOOT_OUTLINE_SUIT = 1
 };
 
 enum equipoise_acceleration {
@@ -214,114 +213,116 @@ enum equipoise_joint {
     EQUIPOISE_JOINT_LEFT_BALL_FOOT = 21
 };
 
-/* Everything the station says, once per cycle. World: X forward, Y left, Z up, the station's origin.
+/* Result of one cycle. World: X forward, Y left, Z up, origin of the station.
  *
- * A value may be used only if no reason that spoils it is raised in valid. Nothing is ever NaN.
+ * A value is valid only if no reason that invalidates it is raised in valid. No value is NaN.
  */
 typedef struct equipoise_state {
-    /* The cycle's number in this daemon's life, from 1. */
+    /* Number of the cycle since the daemon's start, from 1. */
     uint64_t cycle;
-    /* When the cycle was due, CLOCK_MONOTONIC. */
+    /* Due time of the cycle, CLOCK_MONOTONIC ns. */
     uint64_t time_ns;
-    /* The suit sample that the values below belong to; 0 before the first. */
+    /* Sample time that the results refer to, CLOCK_MONOTONIC ns; 0 before the first sample. */
     uint64_t suit_sample_time_ns;
-    /* Age of the newest suit sample at time_ns. */
+    /* Age of the newest suit sample at time_ns, ns. */
     uint64_t suit_age_ns;
-    /* Age of the newest ground sample at time_ns. */
+    /* Age of the newest ground sample at time_ns, ns; u64::MAX before the first. */
     uint64_t ground_age_ns;
-    /* How far suit_sample_time_ns lies behind the newest suit sample that was worked through. */
+    /* Delay of suit_sample_time_ns behind the newest processed suit sample, ns. */
     uint64_t group_delay_ns;
-    /* Reasons why values must not be used: EQUIPOISE_REASON_…. */
+    /* Invalid reasons: EQUIPOISE_REASON_…; 0 if all values are valid. */
     uint64_t valid;
     /* An enum equipoise_phase. */
     uint32_t phase;
-    /* 1 while the worker holds still (20-sample window). */
+    /* 1 while the pose is static (window of 20 samples). */
     uint32_t static_pose;
-    /* 1 once the stop rule of the identification is met. */
+    /* 1 after the stop criterion of the identification is met. */
     uint32_t converged;
-    /* Held poses that entered the filter. */
+    /* Number of static poses that updated the filter. */
     uint32_t poses_used;
-    /* Grows by one with every step of the feet. */
+    /* Number of the stance: increments at every step of the feet. */
     uint32_t stance;
-    /* Index of the suggested pose in the library of poses; UINT32_MAX when none is asked for. */
+    /* Index of the suggested pose in the library of poses; UINT32_MAX if none is suggested. */
     uint32_t suggested_pose;
-    /* Suit samples in motion that entered the filter (method = "static+dynamic"). */
+    /* Number of motion samples that updated the filter (method = "static+dynamic"). */
     uint32_t motion_samples_used;
-    /* Where zeta comes from: an enum equipoise_sharing. */
+    /* Source of foot_load_fraction: an enum equipoise_sharing. */
     uint32_t sharing_source;
-    /* Index of the joint that comes closest to its limit; UINT32_MAX while no torque is published. */
+    /* Index of the joint closest to its torque limit; UINT32_MAX while no torque is valid. */
     uint32_t worst_joint;
-    /* Lifts that entered the cumulative dose. */
+    /* Number of lifts in the cumulative dose. */
     uint32_t lifts;
-    /* Where the worker's bones come from: an enum equipoise_body_source. */
+    /* Source of the segment lengths: an enum equipoise_body_source. */
     uint32_t body_source;
-    /* Where the outline of the soles comes from: an enum equipoise_sole. */
-    uint32_t sole_source;
-    /* Why the body dimensions that the suit sent last are not used: an enum equipoise_body_refused. */
-    uint32_t body_refused;
-    /* What this station's sensors do not give: EQUIPOISE_NOT_GIVEN_…. Those values are zero and mean nothing,
-       whatever valid says. */
-    uint32_t not_given;
-    /* Where the body's accelerations come from: an enum equipoise_acceleration. */
+    /* Source of the foot outlines: an enum equipoise_foot_outline. */
+    uint32_t foot_outline_source;
+    /* Reason why the last body dimensions from the suit are not used: an enum equipoise_body_rejected. */
+    uint32_t body_rejected;
+    /* Quantities that this station's sensors do not provide: EQUIPOISE_UNAVAILABLE_…. They are zero and invalid,
+       regardless of valid. */
+    uint32_t unavailable;
+    /* Source of the body's accelerations: an enum equipoise_acceleration. */
     uint32_t acceleration_source;
-    /* What the ground's sample was made of: EQUIPOISE_GROUND_…. */
+    /* Devices in the ground sample: EQUIPOISE_GROUND_…. */
     uint32_t ground_devices;
-    /* Overload level per joint: an enum equipoise_level. */
+    /* Overload level of each joint: an enum equipoise_level. */
     uint32_t joint_level[EQUIPOISE_JOINTS];
-    /* Measured centre of pressure, m. */
+    /* Measured centre of pressure, world x and y, m. */
     double cop_measured_m[2];
-    /* 1-σ of cop_measured_m, m. */
+    /* 1-σ of cop_measured_m per axis, m. */
     double cop_measured_sigma_m[2];
-    /* Centre of pressure that the unloaded body would have in this motion, by the identified model, m. */
+    /* Centre of pressure of the same motion without the load, by the identified model, world x and y, m. */
     double cop_estimated_m[2];
-    /* 1-σ of cop_estimated_m, m. */
+    /* 1-σ of cop_estimated_m per axis, m. */
     double cop_sigma_m[2];
-    /* Estimated centre of mass of the unloaded body, m. */
+    /* Estimated centre of mass of the unloaded body, world, m. */
     double com_m[3];
-    /* The suit maker's own centre of mass, held to the floor as the segments are, m; see not_given. */
+    /* Centre of mass computed by the suit's software, anchored to the floor as the segments are, world, m; see
+       unavailable. */
     double suit_com_m[3];
-    /* Ground reaction force on the person, N; see not_given for its horizontal part. */
+    /* Ground reaction force on the person, world axes, N; see unavailable for its horizontal part. */
     double ground_force_n[3];
-    /* External force carried: measured ground reaction less what the body alone needs in this motion, N. */
+    /* External force: measured ground reaction minus that of the unloaded body in the same motion, world axes,
+       N. */
     double delta_f_n[3];
-    /* 1-σ of the vertical delta_f_n, N. */
+    /* 1-σ of the vertical component of delta_f_n, N. */
     double delta_f_sigma_n;
     /* Body mass in use, kg. */
     double mass_kg;
-    /* Share of the ground reaction under the left and the right foot. */
-    double zeta[2];
-    /* Share of the load in the left and the right hand. */
-    double eta[2];
-    /* 1-σ of zeta: the two errors are equal and opposite. */
-    double zeta_sigma;
-    /* 1-σ of eta: the two errors are equal and opposite. */
-    double eta_sigma;
-    /* Horizontal distance from the load to the line between the hands, m. */
-    double load_distance_m;
-    /* Mass in the hands, kg. */
+    /* ζ: fraction of the ground reaction under the left and the right foot, 0 to 1. */
+    double foot_load_fraction[2];
+    /* η: fraction of the load in the left and the right hand, 0 to 1. */
+    double hand_load_fraction[2];
+    /* 1-σ of foot_load_fraction; the errors of the two feet are equal and opposite. */
+    double foot_load_fraction_sigma;
+    /* 1-σ of hand_load_fraction; the errors of the two hands are equal and opposite. */
+    double hand_load_fraction_sigma;
+    /* Horizontal distance of the load from the line between the hands, m. */
+    double load_hand_distance_m;
+    /* Mass of the load in the hands, kg. */
     double lifted_mass_kg;
     /* 1-σ of lifted_mass_kg, kg. */
     double lifted_mass_sigma_kg;
-    /* Horizontal distance from the middle of the ankles to the load, m. */
+    /* Horizontal distance of the load from the midpoint of the ankles, m. */
     double reach_m;
     /* 1-σ of reach_m, m. */
     double reach_sigma_m;
-    /* Largest variance of an identified parameter, m² (the paper's P_jj). */
+    /* Largest variance of an identified parameter, m² (P_jj in the paper). */
     double variance_max_m2;
-    /* Predicted 1-σ of the CoP over the poses of the library, m. */
+    /* Predicted 1-σ of the centre of pressure over the pose library, m. */
     double predicted_cop_sigma_m;
-    /* Normalised innovation squared of the last pose (2 degrees of freedom); 0 before the first. */
+    /* Normalised innovation squared of the last static pose, 2 degrees of freedom; 0 before the first. */
     double nis;
-    /* How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all. */
+    /* Factor on the prior's covariance after a conflict with the first poses, ≥ 1; 1 without a conflict, 0
+       before the filter's start. */
     double prior_inflation;
-    /* How far the worker is from the suggested pose: RMS joint angle, or the turn of the body that is still to
-       be made, rad. */
+    /* Difference from the suggested pose: RMS joint angle, or the remaining rotation of the whole body, rad. */
     double pose_mismatch_rad;
-    /* How much later than the ground's the suit's sample times are than they should be, s. */
+    /* Skew: estimated delay of the suit's sample times relative to the ground's, s. */
     double suit_skew_s;
-    /* 1-σ of suit_skew_s, s; 0 while the motion has not shown the skew. */
+    /* 1-σ of suit_skew_s, s; 0 until unloaded motion has determined the skew. */
     double suit_skew_sigma_s;
-    /* Net moment at L5/S1 of upper body and load about the horizontal axes, N m. */
+    /* Net moment of upper body and load at L5/S1 about the horizontal axes, N m. */
     double l5s1_moment_nm;
     /* 1-σ of l5s1_moment_nm, N m. */
     double l5s1_moment_sigma_nm;
@@ -329,84 +330,86 @@ typedef struct equipoise_state {
     double l5s1_compression_n;
     /* 1-σ of l5s1_compression_n, N. */
     double l5s1_compression_sigma_n;
-    /* Cumulative damage of the low back after LiFFT (Gallagher 2017), 1 being failure. */
+    /* Cumulative damage of the low back, 1 at failure (LiFFT, Gallagher et al. 2017). */
     double dose_damage;
-    /* Probability of a high-risk job by that dose, in [0, 1]. */
+    /* Probability of a high-risk job at this dose, 0 to 1. */
     double dose_probability;
-    /* Unit vector, world: where the load should move to relieve the worst joint; zero if nowhere. */
+    /* Direction in which a motion of the load relieves the worst joint: unit vector, world axes; zero if no
+       motion does. */
     double advice_direction[3];
-    /* By how much that relieves it, N m per centimetre. */
+    /* Reduction of the worst joint's torque by a motion in that direction, N m per cm. */
     double advice_gain_nm_per_cm;
-    /* Segment origins in the station's world, m. */
+    /* Segment origins (proximal joint centres) in MVN order, world, m. */
     double segment_origin_m[EQUIPOISE_SEGMENTS][3];
-    /* Overload torque per joint (Eq. 15), world axes, N m. */
+    /* Overload torque of each joint (Eq. 15), world axes, N m. */
     double torque_nm[EQUIPOISE_JOINTS][3];
-    /* 1-σ of each torque's magnitude, N m. */
+    /* 1-σ of the magnitude of each overload torque, N m. */
     double torque_sigma_nm[EQUIPOISE_JOINTS];
-    /* Covariance of the horizontal components of each torque, (N m)²: xx, xy, yy. The vertical component has no
-       σ. */
+    /* Covariance of the horizontal components of each overload torque: xx, xy, yy, (N m)². The vertical
+       component has none. */
     double torque_covariance_nm2[EQUIPOISE_JOINTS][3];
-    /* τ_max of each joint for this worker, N m. */
+    /* Torque limit τ_max of each joint of this subject, N m. */
     double torque_limit_nm[EQUIPOISE_JOINTS];
-    /* Overloading fatigue of each joint, in [0, 1] (Lorenzini et al. 2019). */
+    /* Overloading fatigue of each joint, 0 to 1 (Lorenzini et al. 2019). */
     double fatigue[EQUIPOISE_JOINTS];
-    /* When egress handed the state to the bus, CLOCK_MONOTONIC; 0 while the loop has it. The one field that a
-       replay does not repeat. */
+    /* Time at which egress passed the state to the bus, CLOCK_MONOTONIC ns; 0 within the loop. The only field
+       that differs in a replay. */
     uint64_t published_ns;
 } equipoise_state;
 
-/* A state that is current, with what a controller must know about it. Without one (any outcome but EQUIPOISE_OK) every
- * reason is raised in state.valid, and ages are UINT64_MAX: nothing of an earlier reading is left.
+/* A current state, with its age. With any outcome other than EQUIPOISE_OK, all reasons are raised in state.valid, ages
+ * are UINT64_MAX, and nothing of an earlier reading remains.
  */
 typedef struct equipoise_reading {
     equipoise_state state;
-    /* When it was picked up, CLOCK_MONOTONIC. */
-    uint64_t picked_up_ns;
-    /* How long ago its cycle was due, when it was handed out. */
+    /* Time of receipt, CLOCK_MONOTONIC ns. */
+    uint64_t received_ns;
+    /* Time from the cycle's due time to the return of this reading, ns. */
     uint64_t age_ns;
-    /* How old the moment is that torques, forces and centres are about; UINT64_MAX before the first. */
-    uint64_t moment_age_ns;
-    /* States since the last new one that were not handed out: overwritten before they were read, or too old. */
+    /* Time from state.suit_sample_time_ns, which torques, forces and centres refer to, to the return of this reading,
+       ns; UINT64_MAX before the first sample. */
+    uint64_t sample_age_ns;
+    /* States since the last new one that were not returned: overwritten before they were read, or too old. */
     uint64_t missed;
     /* 1 if the daemon was restarted between the last new state and this one. */
     uint32_t restarted;
-    /* 1 if it was not handed out before; equipoise_latest hands one out again. */
+    /* 1 if it was not returned before; equipoise_latest may return a state again. */
     uint32_t is_new;
 } equipoise_reading;
 
 enum equipoise_outcome {
-    /* It was done. */
+    /* Done. */
     EQUIPOISE_OK = 0,
-    /* No new state came in time: the daemon is not running, or hangs. */
+    /* No new state arrived in time: the daemon is not running, or hangs. */
     EQUIPOISE_SILENT = 1,
-    /* States came, but all too old to be handed out. */
+    /* States arrived, but all were too old to be returned. */
     EQUIPOISE_STALE = 2,
-    /* The daemon's CLOCK_MONOTONIC is another one: both must run in one time namespace. */
+    /* The daemon has another CLOCK_MONOTONIC: both must run in one time namespace. */
     EQUIPOISE_OTHER_CLOCK = 3,
     /* The bus cannot be joined or read. An open consumer rejoins by itself. */
     EQUIPOISE_BUS = 4,
-    /* The call itself is wrong: a null pointer, another thread's consumer, another header. */
+    /* The call is invalid: a null pointer, another thread's consumer, another header. */
     EQUIPOISE_WRONG_USE = 5,
     /* A defect of this library. */
     EQUIPOISE_DEFECT = 6
 };
 
-/* How to read. Begin with EQUIPOISE_OPTIONS_DEFAULT: it says which header the program was compiled with, and another
- * one than the library's is refused.
+/* Initialise with EQUIPOISE_OPTIONS_DEFAULT: it contains the hash of the header that the program was compiled with, and
+ * the library rejects another one.
  */
 typedef struct equipoise_options {
     uint64_t layout;
-    /* A state is handed out only while it is younger than this, counted from when its cycle was due; 0: 25 ms. */
+    /* Maximum age of returned states, from the cycle's due time, ns; 0: 25 ms. */
     uint64_t stale_after_ns;
-    /* States that wait while the program is busy; 0: 8. 1 for who only wants the newest. */
+    /* Number of states that are queued while the program is busy; 0: 8. 1 if only the newest is needed. */
     uint32_t depth;
-    /* 1: publish nothing about how late states come. */
+    /* 1: do not publish the latency of received states. */
     uint32_t no_report;
 } equipoise_options;
 
 #define EQUIPOISE_OPTIONS_DEFAULT {EQUIPOISE_LAYOUT, 0, 0, 0}
 
-/* Reads one station. Belongs to the thread that opened it. */
+/* Reader of one station. Only the thread that opened it may use it. */
 typedef struct equipoise_consumer equipoise_consumer;
 
 /* Joins a station as name (1 to 32 letters, digits, '-', '_'). The daemon need not run yet. *consumer is NULL unless
@@ -415,29 +418,31 @@ typedef struct equipoise_consumer equipoise_consumer;
 int equipoise_open(const char *station, const char *name, const equipoise_options *options,
                    equipoise_consumer **consumer);
 
-/* The next state not yet handed out, oldest first; sleeps until one comes or timeout_ns has passed, a few milliseconds
- * late at a 250 Hz kernel tick. 0 does not sleep.
+/* The oldest state not yet returned; sleeps until one arrives or timeout_ns has passed (a few milliseconds late at a
+ * 250 Hz kernel tick). 0 does not sleep.
  */
 int equipoise_next(equipoise_consumer *consumer, uint64_t timeout_ns, equipoise_reading *reading);
 
-/* The newest state there is, without sleeping: for who has a rhythm of its own. It may have been handed out before
- * (is_new), but is never older than stale_after_ns.
+/* The newest state, without sleeping: for a program with its own cycle. It may have been returned before (is_new), but
+ * is never older than stale_after_ns.
  */
 int equipoise_latest(equipoise_consumer *consumer, equipoise_reading *reading);
 
-/* Leaves the station. NULL is nothing to do; the consumer must not be used again. */
+/* Leaves the station. The consumer must not be used again. NULL has no effect. */
 int equipoise_close(equipoise_consumer *consumer);
 
-/* Why nothing is published about how late states come, though it should be: all places may be taken. Reading does not
- * suffer. "" if it is published, or was not asked for. Until the next call for this consumer. Of NULL or another thread's
- * consumer it is the sentence that says so, as equipoise_error() has it.
+/* Reason why the latency of received states is not published, for example because all publishers are in use; reading is
+ * not affected. "" if it is published or disabled. Valid until the next call for this consumer. For NULL or another
+ * thread's consumer: the message of equipoise_error().
  */
 const char *equipoise_report_refusal(equipoise_consumer *consumer);
 
-/* The sentence of this thread's last outcome but EQUIPOISE_OK; "" before the first. Until the thread's next call. */
+/* Message of this thread's last outcome other than EQUIPOISE_OK; "" before the first. Valid until the thread's next
+ * call.
+ */
 const char *equipoise_error(void);
 
-/* The public name of a bit of valid, such as "suit_stale" for bit 0; NULL for a bit that has none. */
+/* Public name of a bit of valid, such as "suit_stale" for bit 0; NULL for an undefined bit. */
 const char *equipoise_reason_name(uint32_t bit);
 
 #ifdef __cplusplus

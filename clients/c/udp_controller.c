@@ -55,7 +55,7 @@ static unsigned speed_percent(const equipoise_udp_reader *reader, const equipois
 static const char *situation(const equipoise_udp_reader *reader, const equipoise_udp_datagram *last) {
     static const char *const STATUSES[] = {"current", "silent", "stale", "other_clock", "bus"};
     if (reader->taken == 0 || now_ns() - reader->taken_at_ns > NETWORK_SILENT_AFTER_NS) {
-        return "network_silent"; /* Not the daemon: its outlet says so at its rate, if it has no state. */
+        return "network_silent"; /* Not the daemon: the gateway reports a silent daemon at its rate. */
     }
     return last->status < 5 ? STATUSES[last->status] : "unknown";
 }

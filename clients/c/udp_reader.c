@@ -1,4 +1,4 @@
-/* Takes the datagrams of the UDP outlet; see equipoise_udp.h. Standard C, nothing of the system. */
+/* Takes the datagrams of the UDP gateway; see equipoise_udp.h. Standard C, nothing of the system. */
 #include "equipoise_udp.h"
 
 #include <string.h>

@@ -63,7 +63,7 @@ struct Tally {
         missed += reading->missed();
         restarts += reading->restarted() ? 1 : 0;
         if (latencies_ns.size() < LATENCIES_MAX) {
-            const auto from_ns = raw.state.published_ns, to_ns = raw.picked_up_ns;
+            const auto from_ns = raw.state.published_ns, to_ns = raw.received_ns;
             latencies_ns.push_back(to_ns > from_ns ? to_ns - from_ns : 0);
         }
         return is_later;
@@ -80,7 +80,7 @@ struct Tally {
 
 void print_line(const Reading &reading) {
     const auto at_ns = now_ns();
-    std::cout << "at_ns=" << at_ns << " state=" << (reading ? "current" : equipoise::name(reading.why()));
+    std::cout << "at_ns=" << at_ns << " state=" << (reading ? "current" : equipoise::name(reading.reason()));
     if (reading) {
         const auto due_ns = reading->raw().state.time_ns;
         std::cout << " cycle=" << reading->cycle() << " due_ns=" << due_ns << " age_us=" << (at_ns - due_ns) / 1000;
@@ -109,7 +109,7 @@ int run(const std::string &station, const std::string &name, std::uint64_t end_n
         const Reading reading = consumer.next(TIMEOUT);
         if (!reading) {
             tally.silences++;
-            if (reading.why() >= equipoise::Why::bus) {
+            if (reading.reason() >= equipoise::NoStateReason::bus) {
                 std::cerr << Consumer::last_error() << "\n";
             }
         } else if (!tally.enter(reading)) {

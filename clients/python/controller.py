@@ -25,7 +25,7 @@ def speed_percent(reading: Reading) -> int:
     """The robot's speed for this state, percent."""
     if reading.reasons == Reason.BELOW_LOAD_THRESHOLD:
         return 100  # Nothing is carried: that is knowledge, not the lack of it.
-    if reading.invalidated_by(equipoise.SPOILS_TORQUES):
+    if reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
         return 25  # Torques are withheld: careful.
     # An undecided joint counts as its worst: its number is the highest.
     worst = max(reading.state.joint_level)
@@ -50,7 +50,7 @@ class Tally:
         self.missed += reading.missed
         self.restarts += reading.restarted
         if len(self.latencies_ns) < LATENCIES_MAX:
-            self.latencies_ns.append(max(reading.picked_up_ns - state.published_ns, 0))
+            self.latencies_ns.append(max(reading.received_ns - state.published_ns, 0))
 
     def __str__(self) -> str:
         self.latencies_ns.sort()
@@ -66,7 +66,7 @@ def line(reading: Reading | NoReading, tally: Tally) -> str:
     """The line of a second."""
     at_ns = time.monotonic_ns()
     if isinstance(reading, NoReading):
-        return f"at_ns={at_ns} state={reading.why.value} speed_percent=0 {tally}"
+        return f"at_ns={at_ns} state={reading.reason.value} speed_percent=0 {tally}"
     state = reading.state
     return (
         f"at_ns={at_ns} state=current cycle={state.cycle} due_ns={state.time_ns} "
@@ -91,7 +91,7 @@ def main() -> None:
                 tally.enter(reading)
             else:
                 tally.silences += 1
-                if reading.why is equipoise.Why.BUS:
+                if reading.reason is equipoise.NoStateReason.BUS:
                     print(reading, file=sys.stderr)
             # Command the robot's speed here: speed_percent, or 0 without a reading.
             if time.monotonic_ns() >= print_ns:

@@ -36,7 +36,7 @@ def line(receiver: udp.Receiver) -> str:
     cycle, daemon_life = (reader.last.cycle, reader.last.daemon_life) if reader.last else (0, 0)
     age_ms = -1 if receiver.age_ns() == udp.NEVER else receiver.age_ns() // 1_000_000
     return (
-        f"state={receiver.why()} cycle={cycle} speed_percent={speed_percent(receiver)} taken={reader.taken} "
+        f"state={receiver.status_name()} cycle={cycle} speed_percent={speed_percent(receiver)} taken={reader.taken} "
         f"missed={reader.missed} refused={sum(reader.refused.values())} daemon_life={daemon_life} age_ms={age_ms}"
     )
 

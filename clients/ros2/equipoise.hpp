@@ -22,7 +22,7 @@ public:
   // nullptr: no usable value. Valid until the next message.
   const equipoise_msgs::msg::Overload * overload()
   {
-    if (!last_ || !last_->current || last_->age_ns.empty()) {return nullptr;}         // see last_->silence
+    if (!last_ || !last_->current || last_->age_ns.empty()) {return nullptr;}         // see last_->no_state_reason
     const auto waited = (steady_.now() - came_).nanoseconds();    // since the callback, not since the arrival
     if (static_cast<int64_t>(last_->age_ns[0]) + waited > 100'000'000) {return nullptr;}
     const auto old = (wall_.now() - rclcpp::Time(last_->header.stamp, RCL_SYSTEM_TIME)).nanoseconds();

@@ -37,7 +37,7 @@ class Station:
         if silent_s > stale_s:
             return f"{name:16} nothing for {silent_s:.1f} s; {count}", GREY
         if not self.message["current"]:
-            return f"{name:16} no state: {self.message['silence']}; {count}", GREY
+            return f"{name:16} no state: {self.message['no_state_reason']}; {count}", GREY
         state = self.message["state"]
         age_ms = self.message["age_ns"] / 1e6 + silent_s * 1e3
         start = f"{name:16} {state['phase']:12} age {age_ms:6.1f} ms"

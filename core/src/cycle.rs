@@ -3,43 +3,80 @@
 //! [`step`] reads no clock and accesses no state other than its arguments: two runs over the same ticks and samples
 //! give byte-identical states. All mutable state is in [`Memory`], which is plain old data, so a checkpoint is a copy
 //! of it.
+//!
+//! Each stage is a module with a function of the settings, its own state and the outputs of the stages before it:
+//! `align` → `placement` (anchor) → `differentiate` → `ground` → `stillness` → `pose_request` → `prediction` →
+//! `identify` (mass) → `cop_estimate` → `identify` (static pose) → `loading` (overload) → `lag_test` → `validity` →
+//! `exposure` → `residual` → `registration`, `identify` (motion) → `publish`. No stage writes the state of another: what
+//! one concludes about another, such as a new registration, is an output that this module hands to its owner.
 
+mod align;
 pub mod alignment;
 pub mod body_motion;
 pub mod checkpoint;
+mod commands;
+mod cop_estimate;
+mod differentiate;
 mod exposure;
 pub mod foot_outline;
-mod ground_rates;
+mod ground;
 pub mod identification;
+mod identify;
 mod insoles;
 mod lag_test;
+mod load_in_hands;
 mod loading;
 pub mod memory;
 mod model_terms;
-pub mod monitoring;
+mod outputs;
+mod placement;
 mod plausibility;
 mod pose_request;
+mod prediction;
+mod publish;
 mod registration;
 pub mod reported_body;
 mod residual;
 pub mod settings;
 pub mod skew_monitor;
+mod stillness;
 pub mod stored_state;
+mod streams;
 pub mod support;
 mod tare;
+mod validity;
 
-use alignment::WAIT_MAX_NS;
+use align::{align, ingest};
+use alignment::Aligned;
+use cop_estimate::{estimate_cop, weight_agreement};
+use differentiate::{Instant, differentiate};
+use exposure::update_exposure;
+use ground::{measure_ground, measure_ground_alone};
+use identify::{MotionInput, update_from_motion, update_from_static_pose, weigh};
+use lag_test::test_lag;
+use loading::overload;
+use outputs::Outputs;
+use placement::{Continuity, anchor, follow};
+use pose_request::compare_with_suggestion;
+use prediction::predict_unloaded;
+use publish::{Freshness, Status};
+use registration::register;
+use reported_body::validate_body;
+use residual::{Residual, residual};
+use skew_monitor::LagChange;
+use stillness::detect_static;
+use streams::Streams;
+use validity::validate;
 
 use crate::message::command::CommandKind;
-use crate::message::state::Phase;
-use crate::message::{GroundSample, State, SuitBody, SuitSample, Validity};
-use crate::overload::Levels;
+use crate::message::{GroundSample, State, SuitBody, SuitSample};
+use crate::motion::Snapshot;
 use crate::time::NS_PER_S;
 
 pub use checkpoint::Checkpoint;
 pub use identification::{BodySource, Identification, NO_POSE};
 pub use memory::{Memory, SubjectState};
-pub use reported_body::{BodyRefusal, ReportedBody};
+pub use reported_body::{BodyRejection, ReportedBody};
 pub use settings::{
     Accelerations, Method, Motion, PoseChoice, PoseRequest, PriorKind, Settings, Similar, StopRule,
 };
@@ -54,9 +91,6 @@ const MODEL_CHANGED_NS: u64 = NS_PER_S;
 const NO_JOINT: u32 = u32::MAX;
 /// The subject is in the suggested pose if the RMS difference of the joint angles is below this, rad.
 pub const POSE_REACHED_RAD: f64 = 0.20;
-/// Device time with a larger σ counts as not tied to host time, ns.
-const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
-
 /// Number and due time of a cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tick {
@@ -81,226 +115,165 @@ pub struct Inputs<'a> {
 
 /// Runs one cycle. The state is written in place and stays valid until the next step.
 pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs: Inputs<'_>) -> &'m State {
+    let m = memory;
     if let Some(command) = inputs.command {
-        memory.apply_command(settings, command, tick);
+        commands::apply(settings, m, command, tick);
     }
+    let streams = ingest_inputs(settings, m, tick, &inputs);
+    // Bounded: the queues hold a fixed number of samples.
+    while let Some(aligned) = align(settings, &mut m.align, &m.prediction.terms, &streams, tick) {
+        let snapshot = place(settings, m, &aligned, &streams);
+        m.history.push(snapshot);
+        while let Some(instant) = differentiate(
+            settings,
+            &mut m.history,
+            &m.align,
+            &m.placement,
+            &m.identification,
+            m.reported_body.body(),
+        ) {
+            process(settings, m, &instant, &streams);
+        }
+    }
+    let (suit_body, instant_ns) = (m.reported_body.body(), m.history.released_ns());
+    m.identification.plan_step(instant_ns, m.publication.stands(), suit_body, settings);
+    publish_cycle(settings, m, &streams, tick);
+    &m.state
+}
+
+/// Processes one instant. Each stage has its own state and needs the outputs of the stages before it as arguments, so
+/// that another order does not compile.
+fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Streams) {
+    let ground = measure_ground(settings, &mut m.ground, instant, &m.identification, streams);
+    let stillness = detect_static(settings, &mut m.window, instant, &ground, streams);
+    let pose_mismatch_rad =
+        compare_with_suggestion(settings, &mut m.pose_request, instant, &stillness, &m.identification);
+    let prediction = predict_unloaded(
+        settings,
+        &mut m.prediction,
+        instant,
+        &ground,
+        &stillness,
+        &m.identification,
+        &m.history,
+    );
+    let subject = weigh(settings, &mut m.identification, instant, &ground, &prediction);
+    let estimate = estimate_cop(settings, instant, &ground, &prediction, subject);
+    if ground.is_implausible() {
+        let agrees = weight_agreement(instant, &ground, &prediction, &estimate, subject);
+        m.align.plausibility.ingest_weight_agreement(agrees, instant.step_s);
+    }
+    let subject = update_from_static_pose(
+        settings,
+        &mut m.identification,
+        &m.window,
+        instant,
+        &ground,
+        &prediction,
+        &estimate,
+    );
+    let overload = overload(settings, &mut m.load, instant, &ground, &prediction, &estimate, subject);
+    let lag = test_lag(settings, &mut m.lag_test, instant, &ground, &prediction, overload.as_ref(), subject);
+    let withheld = validate(instant, &ground, &stillness, overload.as_ref(), lag, subject, streams);
+    let outputs = Outputs {
+        instant,
+        ground: &ground,
+        stillness: &stillness,
+        prediction: &prediction,
+        estimate: &estimate,
+        overload: overload.as_ref(),
+        withheld: &withheld,
+    };
+    let exposure = update_exposure(settings, &mut m.exposure, &outputs, subject, m.model_changed_ns);
+    let residual = residual(settings, &mut m.load, &outputs, subject);
+    m.publication.hold(&outputs, &exposure, pose_mismatch_rad, m.placement.suit_time_ns);
+    m.publication.hold_shift(&m.exposure);
+    if let Some(residual) = residual {
+        update_models(settings, m, &outputs, &residual);
+    }
+}
+
+/// Updates error models, registration and identification by the residual of an instant without a load.
+fn update_models(settings: &Settings, m: &mut Memory, outputs: &Outputs<'_>, residual: &Residual) {
+    let place_is_lost = outputs.instant.place_is_lost;
+    if !place_is_lost {
+        if outputs.prediction.sigma.may_have_external_force {
+            return;
+        }
+        m.prediction.noise.update_from_residual(outputs, residual);
+        m.ground.update_from_residual(settings, outputs.instant, residual);
+    }
+    let sigma = &m.prediction.noise.sigma();
+    let registration = &mut m.placement.registration;
+    if let Some(new) = register(settings, registration, outputs, sigma, &m.identification) {
+        m.placement.apply(&new);
+        m.identification.reset_stance_offset(new.at_m2);
+        // Their content uses the previous heading.
+        m.history.clear();
+        m.window.clear();
+    }
+    if !place_is_lost {
+        let input = MotionInput { outputs, residual, sigma, history: &m.history };
+        update_from_motion(settings, &mut m.identification, &mut m.motion_updates, &input);
+    }
+}
+
+/// Ingests the inputs of the cycle.
+fn ingest_inputs(settings: &Settings, m: &mut Memory, tick: Tick, inputs: &Inputs<'_>) -> Streams {
     if let Some(body) = inputs.body {
-        memory.ingest_body(body, tick.due_ns);
+        m.reported_body.ingest(body, m.align.alignment.newest_suit(), tick.due_ns);
     }
-    for sample in inputs.ground {
-        // Subtract the tare first: it may contain components that this device does not measure.
-        let sample = memory.tare.subtract_from(sample).mask_unmeasured();
-        if memory.alignment.admits_ground(&sample, tick.due_ns) {
-            if memory.validate_ground(&sample) {
-                memory.skew.ingest_ground(&sample);
-            }
-            memory.alignment.push_ground(&sample);
+    let (streams, lag) = ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, inputs);
+    if let LagChange::First { exceeds_window } = lag {
+        m.prediction.noise = bytemuck::Zeroable::zeroed();
+        m.identification.reset_weighing();
+        if m.identification.identified == 0 && exceeds_window {
+            m.identification.reset_to_prior(settings);
+            m.motion_updates.used = 0;
         }
     }
-    for sample in inputs.suit {
-        let sample_time_ns = memory.terms.without_lag_ns(&settings.model, sample.sample_time_ns);
-        let sample = SuitSample { sample_time_ns, ..*sample };
-        if memory.alignment.admits_suit(&sample, tick.due_ns) && memory.validate_suit(&sample, settings) {
-            memory.alignment.push_suit(&sample);
-            memory.update_skew(&sample, settings);
-        }
-    }
-    // Bounded: the queue holds a fixed number of samples.
-    while let Some(aligned) = memory.alignment.next(tick.due_ns, memory.wait_max_ns(settings, tick)) {
-        memory.ingest_aligned(settings, &aligned);
-    }
-    let stands = !memory.invalid_reasons().any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED));
-    let published_ns = memory.estimate.suit_sample_time_ns;
-    memory.identification.plan_step(published_ns, stands, memory.reported_body.body(), settings);
-    memory.update_state(settings, tick);
-    &memory.state
+    streams
 }
 
-impl Memory {
-    /// Expected age of a suit sample on arrival, ns: latency of the adapter and lag of the model.
-    fn suit_latency_ns(&self, settings: &Settings, tick: Tick) -> u64 {
-        let lag_s = self.terms.suit_lag_s(&settings.model, tick.due_ns);
-        settings.suit_latency_ns + (lag_s.max(0.0) * 1e9) as u64
+/// Places an aligned sample on the plate; after a gap, samples from before it are dropped.
+fn place(settings: &Settings, m: &mut Memory, aligned: &Aligned, streams: &Streams) -> Snapshot {
+    let followed = follow(settings, &mut m.placement, aligned, streams);
+    if followed.continuity != Continuity::Continuous {
+        m.clear_windows();
+        m.identification.follow(followed.continuity, settings);
     }
-
-    /// Age after which a suit sample is processed without a ground sample, ns.
-    ///
-    /// Includes the constant latencies of both streams, which delay samples but are no silence.
-    fn wait_max_ns(&self, settings: &Settings, tick: Tick) -> u64 {
-        let latency_ns = self.suit_latency_ns(settings, tick).max(settings.ground_latency_ns);
-        WAIT_MAX_NS + latency_ns + self.alignment.ground_late_ns()
+    let subject = &m.identification;
+    let has_results = subject.poses_used > 0 || subject.identified > 0 || m.motion_updates.used > 0;
+    let bones = validate_body(&mut m.reported_body, &followed, subject, has_results);
+    let suit_body = m.reported_body.body();
+    if m.identification.update_bones(bones, suit_body, &followed.in_suit_world, settings) {
+        // The change to another body model would otherwise look like a leap of the centre of mass.
+        m.history.clear();
     }
-
-    fn apply_command(&mut self, settings: &Settings, command: CommandKind, tick: Tick) {
-        match command {
-            CommandKind::IdentifyStart => self.identification.continue_identification(),
-            CommandKind::IdentifyStop => {
-                self.identification.identifying = 0;
-                self.identification.identified = u64::from(self.identification.has_body());
-                self.model_changed_ns = tick.due_ns;
-            }
-            CommandKind::IdentifyReset => {
-                if self.identification.has_body() {
-                    self.identification.reset_to_prior(settings);
-                }
-                // Samples from before the command must not update the filter again.
-                self.window.clear();
-                self.history.clear();
-                self.unloaded.clear();
-                self.pose_request.restart();
-                // The measured mass may have been wrong.
-                self.identification.mass_kg = settings.mass_kg.unwrap_or(0.0);
-                self.identification.identifying = 1;
-                self.estimate.motion_samples_used = 0;
-                self.model_changed_ns = tick.due_ns;
-            }
-            CommandKind::Tare => {
-                if self.tare() {
-                    self.model_changed_ns = tick.due_ns;
-                }
-            }
-            CommandKind::PoseSkip => {
-                if !self.skip_requested_pose(settings) {
-                    self.identification.skip_pose();
-                }
-            }
-            CommandKind::UndoLift => {
-                self.exposure.dose.undo_lift();
-                self.publish_exposure();
-            }
-            // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
-            CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectForget => {}
-            CommandKind::Reload => {
-                // Filters and the static pose window contain results of the previous model.
-                self.terms.restart();
-                self.pose_request.restart();
-                self.window.clear();
-                self.history.clear();
-                self.unloaded.clear();
-                self.model_changed_ns = tick.due_ns;
-            }
-            CommandKind::SubjectLoad => {
-                self.pose_request.restart();
-                // The window contains poses of the previous subject.
-                self.window.clear();
-                self.history.clear();
-                self.unloaded.clear();
-                self.noise = bytemuck::Zeroable::zeroed();
-                self.estimate.motion_samples_used = 0;
-                self.model_changed_ns = tick.due_ns;
-            }
-        }
-    }
-
-    /// Updates the state to the tick: ages, phase, validity flags; resets values that must not be used.
-    fn update_state(&mut self, settings: &Settings, tick: Tick) {
-        let now_ns = tick.due_ns;
-        let age = |time: Option<u64>| time.map_or(u64::MAX, |time_ns| now_ns.saturating_sub(time_ns));
-        let stale = |age_ns: u64, period_ns: u64| age_ns > 2 * period_ns + STALE_TOLERANCE_NS;
-        let suit_age_ns = age(self.alignment.newest_suit().map(|suit| suit.sample_time_ns));
-        let ground_age_ns = age(self.alignment.newest_ground().map(|ground| ground.sample_time_ns));
-        // The newest samples may still wait for the ground; the results belong to the samples processed so far.
-        let published_age_ns = now_ns.saturating_sub(self.estimate.suit_sample_time_ns);
-        let beyond = |age_ns: u64, expected_ns: u64| age_ns.saturating_sub(expected_ns);
-        let suit_period_ns = self.alignment.suit_period_ns();
-        let wait_max_ns = self.wait_max_ns(settings, tick);
-        let suit_stale = stale(beyond(suit_age_ns, self.suit_latency_ns(settings, tick)), suit_period_ns)
-            || stale(beyond(published_age_ns, wait_max_ns + settings.half_window_ns()), suit_period_ns);
-        let ground_stale =
-            stale(beyond(ground_age_ns, settings.ground_latency_ns), self.alignment.ground_period_ns());
-        if suit_stale && !ground_stale {
-            self.apply_ground_alone();
-        }
-        // The plate may have recovered, but the current snapshot predates the recovery.
-        let ground_stale = ground_stale || self.invalid_reasons().any_of(Validity::GROUND_STALE);
-
-        // Rejected samples reach no snapshot, but the published results predate them.
-        let suit_suspect = self.plausibility.suit.overlaps(self.estimate.suit_sample_time_ns, u64::MAX);
-
-        let suggested = self.suggested(settings);
-        let identification = &self.identification;
-        let mut valid = self.invalid_reasons();
-        valid.raise(Validity::SUIT_STALE, suit_stale);
-        valid.raise(Validity::GROUND_STALE, ground_stale);
-        valid.raise(Validity::SUIT_IMPLAUSIBLE, suit_suspect);
-        valid.raise(Validity::NOT_IDENTIFIED, identification.identified == 0);
-        valid.raise(Validity::MASS_UNKNOWN, identification.mass_kg <= 0.0);
-        valid.raise(Validity::BODY_UNKNOWN, !identification.has_body());
-        let changed =
-            self.model_changed_ns > 0 && now_ns.saturating_sub(self.model_changed_ns) < MODEL_CHANGED_NS;
-        valid.raise(Validity::MODEL_CHANGED, changed);
-        valid.raise(Validity::PLACE_UNKNOWN, self.registration.is_lost());
-
-        let ready = !valid.any_of(Validity::BODY_UNKNOWN) && identification.mass_kg > 0.0;
-        let phase = match (ready && !suit_stale && !ground_stale, identification) {
-            (true, subject) if subject.identified == 1 => Phase::Monitoring,
-            (true, subject) if subject.identifying == 1 => Phase::Identifying,
-            // If no stream is silent, the subject itself is not ready, for example after a reset.
-            (false, _) if self.was_ready == 1 && (suit_stale || ground_stale) => Phase::Degraded,
-            _ => Phase::Waiting,
-        };
-        if matches!(phase, Phase::Monitoring | Phase::Identifying) {
-            self.was_ready = 1;
-        }
-
-        let state = &mut self.estimate;
-        state.body_source = identification.body_source() as u32;
-        state.sole_source = self.reported_body.sole_source() as u32;
-        state.body_refused = self.reported_body.refused();
-        state.cycle = tick.cycle;
-        state.time_ns = now_ns;
-        state.suit_age_ns = suit_age_ns;
-        state.ground_age_ns = ground_age_ns;
-        state.valid = valid.0;
-        state.phase = phase as u32;
-        state.converged = identification.identified as u32;
-        state.poses_used = identification.poses_used.min(u64::from(u32::MAX)) as u32;
-        state.suggested_pose = u32::try_from(suggested).unwrap_or(u32::MAX);
-        state.mass_kg = identification.mass_kg;
-        state.variance_max_m2 = identification.filter.variance_max_m2();
-        state.predicted_cop_sigma_m = identification.predicted_cop_sigma_m;
-        state.nis = identification.nis;
-        state.prior_inflation = identification.prior_inflation();
-        if suit_stale || ground_stale {
-            state.static_pose = 0;
-        }
-        self.state = self.estimate;
-        mask_invalid(&mut self.state, settings, &mut self.exposure.levels);
-    }
+    anchor(settings, &mut m.placement, &followed, &m.identification, suit_body)
 }
 
-/// Sets invalid values to zero, so that no consumer can act on values of a stale sensor.
-fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
-    let valid = state.validity();
-    if valid.any_of(Validity::SPOILS_COP_MEASURED) {
-        state.cop_measured_m = [0.0; 2];
+/// Publishes the state of the cycle.
+fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: Tick) {
+    let (terms, instant_ns) = (&m.prediction.terms, m.history.released_ns());
+    let freshness = Freshness::at(settings, &m.align, terms, streams, instant_ns, tick);
+    if let Some(sample) = m.align.alignment.newest_ground().filter(|_| freshness.has_ground_alone()) {
+        let alone = measure_ground_alone(&mut m.ground, sample, &m.identification, streams);
+        m.publication.hold_ground_alone(&alone);
     }
-    if valid.any_of(Validity::SPOILS_GROUND_FORCE) {
-        (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
-    }
-    if valid.any_of(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) {
-        state.segment_origin_m = bytemuck::Zeroable::zeroed();
-        state.suit_com_m = [0.0; 3];
-        state.pose_mismatch_rad = 0.0;
-    }
-    if valid.any_of(Validity::SPOILS_COP_ESTIMATED) {
-        state.cop_estimated_m = [0.0; 2];
-        state.cop_sigma_m = [0.0; 2];
-    }
-    if valid.any_of(Validity::SPOILS_COM) {
-        state.com_m = [0.0; 3];
-    }
-    if valid.any_of(Validity::SPOILS_DELTA_F) {
-        state.delta_f_n = [0.0; 3];
-    }
-    if valid.any_of(Validity::SPOILS_TORQUES) {
-        monitoring::mask_torques(state);
-        state.torque_limit_nm = *settings.limits.without_torque_nm();
-        levels.reset();
-    } else {
-        monitoring::set_levels(state, settings, levels);
-    }
-    exposure::mask_invalid(state);
+    let status = Status {
+        tick,
+        freshness,
+        streams,
+        skew_s: m.align.skew.published_s(),
+        subject: &m.identification,
+        reported_body: &m.reported_body,
+        suggested: m.pose_request.suggested(settings, &m.identification),
+        motion_samples_used: m.motion_updates.used,
+        place_is_lost: m.placement.registration.is_lost(),
+        model_changed_ns: m.model_changed_ns,
+    };
+    m.publication.publish(settings, &mut m.state, &status);
 }
 
 #[cfg(test)]

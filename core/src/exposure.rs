@@ -14,7 +14,7 @@ pub mod lift;
 use bytemuck::{Pod, Zeroable};
 
 use crate::body::JOINTS;
-use crate::overload::{GRAVITY_M_PER_S2, Levels};
+use crate::overload::GRAVITY_M_PER_S2;
 use crate::time::{NS_PER_S, seconds};
 
 pub use advice::Advice;
@@ -61,8 +61,6 @@ impl Carried {
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Exposure {
-    /// The last published levels.
-    pub levels: Levels,
     /// Of each joint.
     pub fatigue: Fatigue,
     /// Of the low back.
@@ -128,7 +126,7 @@ impl Exposure {
 
     /// Whether every number is in range.
     pub fn is_sound(&self) -> bool {
-        self.levels.is_sound() && self.fatigue.is_sound() && self.dose.is_sound()
+        self.fatigue.is_sound() && self.dose.is_sound()
     }
 }
 

@@ -5,12 +5,12 @@
 //! agree with them (schema hash, recording schema, client headers) is generated from that table.
 
 pub mod command;
+pub mod consumer_receipt;
 pub mod cycle_record;
 pub mod ground;
 pub mod health;
 pub mod incident;
 pub mod layout;
-pub mod pick_up;
 pub mod printable;
 pub mod state;
 pub mod suit;
@@ -18,12 +18,12 @@ pub mod suit_body;
 pub mod validity;
 
 pub use command::{Command, CommandKind, Reply};
+pub use consumer_receipt::ConsumerReceipt;
 pub use cycle_record::CycleRecord;
 pub use ground::{Component, FootFrame, GroundDevice, GroundSample};
 pub use health::AdapterHealth;
 pub use incident::{Incident, Incidents};
 pub use layout::Message;
-pub use pick_up::PickUp;
 pub use printable::Printable;
 pub use state::State;
 pub use suit::SuitSample;

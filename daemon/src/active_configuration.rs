@@ -4,7 +4,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use equipoise_core::cycle::Settings;
 
-use crate::config::Config;
+use equipoise_config::Config;
+
+use crate::rings::SettingsSender;
 
 /// A configuration and the settings derived from it for the loop.
 #[derive(Debug, Clone)]
@@ -21,13 +23,14 @@ pub struct ActiveConfiguration {
 #[derive(Debug)]
 pub struct SharedConfiguration {
     active: Mutex<ActiveConfiguration>,
-    change_lock: Mutex<()>,
+    /// Held during a change, which may send settings to the loop.
+    change_lock: Mutex<SettingsSender>,
 }
 
 impl SharedConfiguration {
     /// Begins with the configuration of the start.
-    pub fn new(active: ActiveConfiguration) -> SharedConfiguration {
-        SharedConfiguration { active: Mutex::new(active), change_lock: Mutex::new(()) }
+    pub fn new(active: ActiveConfiguration, settings: SettingsSender) -> SharedConfiguration {
+        SharedConfiguration { active: Mutex::new(active), change_lock: Mutex::new(settings) }
     }
 
     /// A copy of the active configuration.
@@ -40,9 +43,16 @@ impl SharedConfiguration {
         access(&self.active.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Serialises read-modify-replace operations for as long as the guard is held.
-    pub fn lock_changes(&self) -> MutexGuard<'_, ()> {
+    /// Serialises read-modify-replace operations for as long as the guard is held; the guard sends settings to the loop.
+    pub fn lock_changes(&self) -> MutexGuard<'_, SettingsSender> {
         self.change_lock.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Frees the settings that the loop has replaced, unless a change is in progress, which frees them itself.
+    pub fn free_returned_settings(&self) {
+        if let Ok(mut sender) = self.change_lock.try_lock() {
+            sender.free_returned();
+        }
     }
 
     /// Replaces the active configuration.

@@ -2,7 +2,6 @@
 
 mod subjects;
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use bytemuck::Zeroable;
@@ -13,7 +12,7 @@ use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, Reply, State, Validity};
 
 use crate::active_configuration::SharedConfiguration;
-use crate::rings::Rings;
+use crate::rings::CommandEnds;
 use crate::subjects::Subjects;
 
 /// Polling interval for commands.
@@ -28,7 +27,7 @@ const EMPTY_MIN_NS: u64 = 500_000_000;
 pub struct Commands {
     server: CommandServer,
     state: Subscriber<State>,
-    rings: Arc<Rings>,
+    ends: CommandEnds,
     latest: Option<State>,
     /// When a state last showed a load on the plate, CLOCK_MONOTONIC; 0 for never.
     occupied_ns: u64,
@@ -44,9 +43,9 @@ impl Commands {
     ///
     /// # Errors
     /// Another daemon runs on this station, or the bus fails.
-    pub fn open(bus: Bus, server: CommandServer, rings: Arc<Rings>) -> Result<Commands, BusError> {
+    pub fn open(bus: Bus, server: CommandServer, ends: CommandEnds) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        Ok(Commands { server, state, rings, latest: None, occupied_ns: 0, _bus: bus })
+        Ok(Commands { server, state, ends, latest: None, occupied_ns: 0, _bus: bus })
     }
 
     /// Answers commands until stopped. The command server stays open until this value is dropped.
@@ -58,22 +57,22 @@ impl Commands {
         active_configuration: &SharedConfiguration,
         subjects: &Subjects,
     ) -> Result<(), BusError> {
-        while !self.rings.is_stopping() {
+        while !self.ends.control.is_stopping() {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
                 if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
                     self.occupied_ns = state.time_ns;
                 }
             }
-            let (rings, latest) = (&self.rings, self.latest.as_ref());
+            let (ends, latest) = (&mut self.ends, self.latest.as_ref());
             let empty_ns = latest.map_or(0, |state| state.time_ns.saturating_sub(self.occupied_ns));
             while self
                 .server
-                .poll(|command| answer(command, rings, active_configuration, subjects, latest, empty_ns))?
+                .poll(|command| answer(command, ends, active_configuration, subjects, latest, empty_ns))?
             {
             }
-            while self.rings.returned_workers.pop().is_some() {}
-            while self.rings.returned_settings.pop().is_some() {}
+            while self.ends.returned_workers.pop().is_ok() {}
+            active_configuration.free_returned_settings();
             std::thread::sleep(POLL_INTERVAL);
         }
         Ok(())
@@ -82,7 +81,7 @@ impl Commands {
 
 fn answer(
     command: &Command,
-    rings: &Rings,
+    ends: &mut CommandEnds,
     active_configuration: &SharedConfiguration,
     subjects: &Subjects,
     latest: Option<&State>,
@@ -90,43 +89,43 @@ fn answer(
 ) -> Reply {
     let outcome = match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
-        Some(CommandKind::Tare) => tare(rings, latest, empty_ns),
-        Some(CommandKind::SubjectLoad) => subjects::load(command, rings, active_configuration, subjects),
-        Some(CommandKind::SubjectSave) => subjects::save(rings, subjects, latest),
+        Some(CommandKind::Tare) => tare(ends, latest, empty_ns),
+        Some(CommandKind::SubjectLoad) => subjects::load(command, ends, active_configuration, subjects),
+        Some(CommandKind::SubjectSave) => subjects::save(ends, subjects, latest),
         Some(kind @ CommandKind::UndoLift) => match latest.map_or(0, |state| state.lifts) {
             0 => Err("no lift of this shift counts".to_owned()),
-            lifts => push_command(rings, kind).map(|()| {
+            lifts => push_command(ends, kind).map(|()| {
                 format!("the last of {lifts} lifts is taken back, if it is among the last 16 that ended")
             }),
         },
-        Some(CommandKind::SubjectForget) => subjects::delete(command, rings, active_configuration, subjects),
+        Some(CommandKind::SubjectDelete) => subjects::delete(command, ends, active_configuration, subjects),
         Some(CommandKind::Reload) => {
             Err("send the daemon SIGHUP (`systemctl reload`): it reads its own configuration".to_owned())
         }
         Some(kind @ CommandKind::IdentifyStart) => {
-            push_command(rings, kind).map(|()| "held poses are learnt from now on".to_owned())
+            push_command(ends, kind).map(|()| "held poses are learnt from now on".to_owned())
         }
-        Some(kind @ CommandKind::IdentifyStop) => push_command(rings, kind)
+        Some(kind @ CommandKind::IdentifyStop) => push_command(ends, kind)
             .map(|()| active_configuration.with(|active| describe_stop(latest, &active.settings))),
         Some(kind @ CommandKind::PoseSkip) => match latest.filter(|state| state.suggested_pose != u32::MAX) {
             Some(state) => {
                 let continuation = if state.converged == 1 { "" } else { "; another follows" };
-                push_command(rings, kind).map(|()| format!("this pose is not asked for again{continuation}"))
+                push_command(ends, kind).map(|()| format!("this pose is not asked for again{continuation}"))
             }
             None => Err("no pose is asked for now".to_owned()),
         },
         Some(kind @ CommandKind::IdentifyReset) => {
-            push_command(rings, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
+            push_command(ends, kind).map(|()| "all poses are discarded; learning starts again".to_owned())
         }
         Some(kind @ CommandKind::Checkpoint) => {
-            push_command(rings, kind).map(|()| "a checkpoint is being published".to_owned())
+            push_command(ends, kind).map(|()| "a checkpoint is being published".to_owned())
         }
     };
-    reply(rings.last_cycle() + 1, outcome)
+    reply(ends.control.last_cycle() + 1, outcome)
 }
 
-fn push_command(rings: &Rings, kind: CommandKind) -> Result<(), String> {
-    rings.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
+fn push_command(ends: &mut CommandEnds, kind: CommandKind) -> Result<(), String> {
+    ends.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
 }
 
 /// The accuracy reached by an identification that was stopped.
@@ -152,8 +151,9 @@ fn describe_stop(latest: Option<&State>, settings: &Settings) -> String {
 }
 
 /// `empty_ns`: how long the plate has been empty.
-fn tare(rings: &Rings, latest: Option<&State>, empty_ns: u64) -> Answer {
-    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::SPOILS_GROUND_FORCE)) else {
+fn tare(ends: &mut CommandEnds, latest: Option<&State>, empty_ns: u64) -> Answer {
+    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::INVALIDATES_GROUND_FORCE))
+    else {
         return Err("the plate is silent or faulty; nothing to tare".to_owned());
     };
     if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
@@ -162,7 +162,7 @@ fn tare(rings: &Rings, latest: Option<&State>, empty_ns: u64) -> Answer {
     if empty_ns < EMPTY_MIN_NS {
         return Err("somebody stood on the plate a moment ago; ask again".to_owned());
     }
-    push_command(rings, CommandKind::Tare)
+    push_command(ends, CommandKind::Tare)
         .map(|()| "what the empty plate shows is zero from now on".to_owned())
 }
 
@@ -175,12 +175,6 @@ fn reply(cycle: u64, outcome: Answer) -> Reply {
     }
     reply.text[..length].copy_from_slice(&text.as_bytes()[..length]);
     reply
-}
-
-/// The text of a zero-filled field.
-pub fn parse_text(field: &[u8]) -> String {
-    let end = field.iter().position(|byte| *byte == 0).unwrap_or(field.len());
-    String::from_utf8_lossy(&field[..end]).into_owned()
 }
 
 #[cfg(test)]

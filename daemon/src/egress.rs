@@ -1,22 +1,22 @@
 //! Publishes the loop's outcomes on the bus, stamps them, wakes consumers, and passes every outcome to the latency log.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{CycleRecord, PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, CycleRecord, State};
 use tracing::debug;
 
 use crate::latency_log::feed::Feed;
 use crate::realtime::now_ns;
-use crate::rings::{Outcome, Rings, WaitStrategy};
+use crate::rings::{EgressEnds, Outcome};
 
 const WAKE_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Egress with its open ports.
 pub struct Egress {
-    rings: Arc<Rings>,
+    ends: EgressEnds,
     wait_strategy: WaitStrategy,
     state: Publisher<State>,
     cycle: Publisher<CycleRecord>,
@@ -26,7 +26,7 @@ pub struct Egress {
     deadlines_missed: u64,
     latency_log: Feed,
     /// Kept open because the processes that write and read it may start and be killed at any time.
-    _pick_up: Kept<PickUp>,
+    _receipt: Kept<ConsumerReceipt>,
     last_checkpoint_service: Instant,
     // Ports must be dropped before the node that they depend on.
     _bus: Bus,
@@ -39,13 +39,13 @@ impl Egress {
     /// The bus cannot be joined.
     pub fn open(
         station: &str,
-        rings: Arc<Rings>,
+        ends: EgressEnds,
         wait_strategy: WaitStrategy,
         latency_log: Feed,
     ) -> Result<Egress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "egress"))?;
         Ok(Egress {
-            rings,
+            ends,
             wait_strategy,
             state: bus.publisher()?,
             cycle: bus.publisher()?,
@@ -54,7 +54,7 @@ impl Egress {
             phase: u32::MAX,
             deadlines_missed: 0,
             latency_log,
-            _pick_up: bus.keep()?,
+            _receipt: bus.keep()?,
             last_checkpoint_service: Instant::now(),
             _bus: bus,
         })
@@ -67,10 +67,10 @@ impl Egress {
     pub fn run(mut self) -> Result<(), BusError> {
         loop {
             // Checked before the rings are emptied, so that they contain the loop's last outcome.
-            let ended = self.rings.has_ended();
-            self.rings.await_outcome(self.wait_strategy, WAKE_INTERVAL);
+            let ended = self.ends.control.has_ended();
+            self.wait();
             self.publish_outcomes()?;
-            while let Some(checkpoint) = self.rings.checkpoints.pop() {
+            while let Ok(checkpoint) = self.ends.checkpoints.pop() {
                 self.publish_checkpoint(checkpoint)?;
             }
             if self.last_checkpoint_service.elapsed() > Duration::from_secs(1) {
@@ -83,13 +83,18 @@ impl Egress {
         }
     }
 
+    /// Waits for an outcome or until a short time passes.
+    pub fn wait(&self) {
+        self.ends.await_outcome(self.wait_strategy, WAKE_INTERVAL);
+    }
+
     /// Publishes the loop's outcomes so far; returns the number of cycles.
     ///
     /// # Errors
     /// The bus fails.
     pub fn publish_outcomes(&mut self) -> Result<usize, BusError> {
         let mut published = 0;
-        while let Some(outcome) = self.rings.outcome.pop() {
+        while let Ok(outcome) = self.ends.outcome.pop() {
             self.publish(outcome)?;
             published += 1;
         }
@@ -123,7 +128,7 @@ impl Egress {
         self.checkpoint.send(&checkpoint)?;
         self.events.notify(Event::NewCheckpoint)?;
         // Cannot fail: the ring has as many slots as there are boxes.
-        let _ = self.rings.free_checkpoints.push(checkpoint);
+        let _ = self.ends.free_checkpoints.push(checkpoint);
         Ok(())
     }
 }

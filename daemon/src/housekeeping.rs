@@ -4,15 +4,16 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{select, tick};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Notifier, Publisher, Subscriber};
+use equipoise_config::Config;
 use equipoise_core::message::{Incident, Incidents, State, Validity};
 use tracing::warn;
 
-use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::model_watch::ModelWatch;
-use crate::rings::Rings;
-use crate::status::StatusFile;
+use crate::rings::LoopControl;
+use crate::status_file::StatusFile;
 use crate::supervision::Supervision;
 use crate::thread_registry::ThreadRegistry;
 
@@ -32,8 +33,8 @@ struct ValidityIncident {
 
 const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
     ValidityIncident {
-        reason: Validity::PLACE_UNKNOWN,
-        incident: Incident::PlaceUnknown,
+        reason: Validity::POSITION_UNKNOWN,
+        incident: Incident::PositionUnknown,
         after: Duration::ZERO,
         message: "the suit was restarted or was silent for long; the worker's position on the plate is estimated again \
                    while they move without a load",
@@ -60,7 +61,7 @@ const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
     },
     ValidityIncident {
         reason: Validity::LOAD_NOT_AT_HANDS,
-        incident: Incident::LoadElsewhere,
+        incident: Incident::LoadNotAtHands,
         after: Duration::from_secs(10),
         message: "the ground carries more than the worker weighs, and not where the hands are: something lies on the plate \
                    or is worn, or the plate's zero or gain, its place, or the worker's identification is wrong",
@@ -76,7 +77,7 @@ pub struct Housekeeping {
     incidents: Publisher<Incidents>,
     events: Notifier,
     model: ModelWatch,
-    rings: Arc<Rings>,
+    control: Arc<LoopControl>,
     board: Arc<IncidentBoard>,
     thread_registry: Arc<ThreadRegistry>,
     /// Value of the board's change counter at the last publication.
@@ -97,7 +98,7 @@ impl Housekeeping {
     /// The bus cannot be joined.
     pub fn open(
         config: &Config,
-        rings: Arc<Rings>,
+        control: Arc<LoopControl>,
         board: Arc<IncidentBoard>,
         thread_registry: Arc<ThreadRegistry>,
         status: StatusFile,
@@ -110,7 +111,7 @@ impl Housekeeping {
             incidents: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
             model: ModelWatch::default(),
-            rings,
+            control,
             board,
             thread_registry,
             published_changes: 0,
@@ -123,9 +124,13 @@ impl Housekeeping {
 
     /// Runs until the loop has ended.
     pub fn run(mut self) {
-        let mut updates = 0;
-        while !self.rings.has_ended() {
-            std::thread::sleep(POLL_INTERVAL);
+        let (ticks, mut updates, mut ended) = (tick(POLL_INTERVAL), 0, false);
+        while !ended {
+            select! {
+                recv(ticks) -> _ => {}
+                // What happened since the last tick is published too.
+                recv(self.control.ended()) -> _ => ended = true,
+            }
             updates += 1;
             self.supervise();
             if updates % UPDATES_PER_CLEAN_UP == 0 {
@@ -142,7 +147,7 @@ impl Housekeeping {
             self.newest = Some(state);
         }
         self.check_validity();
-        let result = self.supervision.update(self.newest.as_ref(), self.rings.refused(), &self.board);
+        let result = self.supervision.update(self.newest.as_ref(), self.control.refused(), &self.board);
         if let Err(error) = result
             && !std::mem::replace(&mut self.error_reported, true)
         {
@@ -170,15 +175,15 @@ impl Housekeeping {
     fn check_model(&mut self) {
         let Some(state) = self.newest else { return };
         if let Some(suspicion) = self.model.update(&state) {
-            self.board.begin(Incident::ModelNoLongerExplains, &suspicion.to_string());
+            self.board.begin(Incident::ModelMismatch, &suspicion.to_string());
             // A failed bus is reported by its other users.
-            let _ = self.events.notify(Event::ModelNoLongerExplains);
+            let _ = self.events.notify(Event::ModelMismatch);
         }
         let suspicion = self.model.suspicion().map(|suspicion| suspicion.to_string());
         if suspicion.is_none() {
-            self.board.end(Incident::ModelNoLongerExplains);
+            self.board.end(Incident::ModelMismatch);
         }
-        self.status.set_model_suspicion(suspicion);
+        self.status.set_model_mismatch(suspicion);
     }
 
     /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.
@@ -209,7 +214,7 @@ impl Housekeeping {
             );
         }
         self.check_model();
-        self.status.update_threads(&self.thread_registry, self.rings.last_cycle());
+        self.status.update_threads(&self.thread_registry, self.control.last_cycle());
         self.status.set_incidents(self.board.messages());
         self.write_status();
     }

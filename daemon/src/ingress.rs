@@ -1,13 +1,13 @@
 //! Moves samples from the bus into the loop's rings, so that the loop owns no subscribers.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber};
+use equipoise_config::WaitStrategy;
 use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 
 use crate::realtime::now_ns;
-use crate::rings::{Rings, WaitStrategy};
+use crate::rings::IngressEnds;
 
 /// Maximum sleep, after which the thread checks for a stop request.
 const WAKE_INTERVAL: Duration = Duration::from_millis(50);
@@ -19,7 +19,7 @@ const BODY_DEPTH: usize = 4;
 /// Ingress with its open ports.
 #[derive(Debug)]
 pub struct Ingress {
-    rings: Arc<Rings>,
+    ends: IngressEnds,
     wait_strategy: WaitStrategy,
     suit: Subscriber<SuitSample>,
     ground: Subscriber<GroundSample>,
@@ -34,10 +34,10 @@ impl Ingress {
     ///
     /// # Errors
     /// The bus cannot be joined.
-    pub fn open(station: &str, rings: Arc<Rings>, wait_strategy: WaitStrategy) -> Result<Ingress, BusError> {
+    pub fn open(station: &str, ends: IngressEnds, wait_strategy: WaitStrategy) -> Result<Ingress, BusError> {
         let bus = Bus::join(&BusSettings::new(station, "ingress"))?;
         Ok(Ingress {
-            rings,
+            ends,
             wait_strategy,
             suit: bus.subscriber(SUIT_DEPTH)?,
             ground: bus.subscriber(GROUND_DEPTH)?,
@@ -52,7 +52,7 @@ impl Ingress {
     /// # Errors
     /// The bus fails.
     pub fn run(mut self) -> Result<(), BusError> {
-        while !self.rings.is_stopping() {
+        while !self.ends.control.is_stopping() {
             self.wait()?;
             self.forward()?;
         }
@@ -65,35 +65,35 @@ impl Ingress {
     /// The bus fails.
     pub fn forward(&mut self) -> Result<usize, BusError> {
         let mut forwarded = 0;
-        let rings = &self.rings;
-        let ground = |sample: &GroundSample| {
+        let ends = &mut self.ends;
+        let mut ground = |sample: &GroundSample| {
             let now_ns = now_ns();
             match Stamps::of_ground(sample).ahead_ns(now_ns) {
-                0 => rings.push_ground(*sample, now_ns),
-                ahead_ns => rings.refuse_ground(ahead_ns),
+                0 => ends.push_ground(*sample, now_ns),
+                ahead_ns => ends.control.refuse_ground(ahead_ns),
             }
         };
-        while self.ground.receive_with(ground)?.is_some() {
+        while self.ground.receive_with(&mut ground)?.is_some() {
             forwarded += 1;
         }
-        let body = |body: &SuitBody| {
+        let mut body = |body: &SuitBody| {
             let now_ns = now_ns();
             match Stamps::of_body(body).ahead_ns(now_ns) {
-                0 => rings.push_body(*body, now_ns),
-                ahead_ns => rings.refuse_suit(ahead_ns),
+                0 => ends.push_body(*body, now_ns),
+                ahead_ns => ends.control.refuse_suit(ahead_ns),
             }
         };
-        while self.body.receive_with(body)?.is_some() {
+        while self.body.receive_with(&mut body)?.is_some() {
             forwarded += 1;
         }
-        let suit = |sample: &SuitSample| {
+        let mut suit = |sample: &SuitSample| {
             let now_ns = now_ns();
             match Stamps::of_suit(sample).ahead_ns(now_ns) {
-                0 => rings.push_suit(*sample, now_ns),
-                ahead_ns => rings.refuse_suit(ahead_ns),
+                0 => ends.push_suit(*sample, now_ns),
+                ahead_ns => ends.control.refuse_suit(ahead_ns),
             }
         };
-        while self.suit.receive_with(suit)?.is_some() {
+        while self.suit.receive_with(&mut suit)?.is_some() {
             forwarded += 1;
         }
         Ok(forwarded)

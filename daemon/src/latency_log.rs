@@ -13,8 +13,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use equipoise_config::Config;
 use equipoise_core::message::Incident;
 use equipoise_latency::{PathHistograms, Report};
+use equipoise_station::state_directory::StateDirectory;
 use tracing::{info, warn};
 
 use self::feed::Drain;
@@ -22,10 +24,8 @@ use self::flight::{Flight, FlightRecorder};
 use self::flight_files::FlightFiles;
 use self::hlog_file::HlogFile;
 use crate::active_configuration::SharedConfiguration;
-use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::rings::Outcome;
-use crate::state_directory::StateDirectory;
 
 /// Polling interval of the ring, short compared to its capacity. Polling saves egress a system call for a wake-up.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);

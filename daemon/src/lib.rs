@@ -1,54 +1,32 @@
-//! The real-time loop and its threads, commands, configuration, and the command line.
+//! The service: the real-time loop, its threads, their supervision and the state on disk.
 //!
 //! `adapters → bus → ingress → ring → LOOP → ring → egress → bus → consumers`; one file each: [`sensors`], [`ingress`],
-//! [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them.
+//! [`rings`], [`tick`], [`egress`]; [`pipeline`] starts and ends them, [`run`](mod@run) is the program.
 
 pub mod active_configuration;
-pub mod adapter_fault;
-pub mod atomic_file;
-mod bus_directory;
-pub mod calibration;
-pub mod cli;
 pub mod commands;
-pub mod config;
-pub mod deletion;
-pub mod demo;
-pub mod doctor;
 pub mod egress;
 pub mod housekeeping;
-pub mod import;
 pub mod incidents;
 pub mod ingress;
-pub mod install;
 pub mod latency_log;
-pub mod metrics_feed;
-pub mod model;
 pub mod model_watch;
-pub mod page_feed;
-mod page_tokens;
 pub mod pipeline;
-mod process_state;
+pub mod process;
 pub mod profile;
-mod provenance;
 pub mod realtime;
-pub mod receipt;
-pub mod reconcile;
-pub mod record;
-pub mod replay;
-pub mod report;
 pub mod restart_policy;
 pub mod rings;
+pub mod run;
 pub mod saving;
 pub mod schedule;
 pub mod sensors;
 pub mod similar;
-pub mod state_directory;
 pub mod station_file;
-pub mod status;
+pub mod status_file;
 pub mod stored_file;
 pub mod subjects;
 pub mod supervision;
 pub mod thread_registry;
 pub mod tick;
-pub mod trace;
 pub mod watchdog;

@@ -1,5 +1,24 @@
-//! Calls the library and returns its exit code.
+//! `equipoise-daemon`: the service alone, as systemd starts it. `equipoise run` is the same.
 
-fn main() -> std::process::ExitCode {
-    equipoise_daemon::cli::main()
+use std::process::ExitCode;
+
+use clap::Parser;
+use equipoise_daemon::{process, run};
+
+#[derive(Debug, Parser)]
+#[command(name = "equipoise-daemon", version)]
+struct Program {
+    #[command(flatten)]
+    arguments: run::Arguments,
+}
+
+fn main() -> ExitCode {
+    process::restrict_new_files();
+    match run::run(&Program::parse().arguments, None) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("equipoise-daemon: {}", process::single_line(&error));
+            ExitCode::FAILURE
+        }
+    }
 }

@@ -174,7 +174,7 @@ impl ResidualSample {
     /// `None` with a load, or if a quantity is unavailable.
     fn of(state: &State) -> Option<ResidualSample> {
         let valid = state.validity();
-        if !valid.any_of(Validity::BELOW_LOAD_THRESHOLD) || valid.any_of(Validity::SPOILS_RESIDUAL) {
+        if !valid.any_of(Validity::BELOW_LOAD_THRESHOLD) || valid.any_of(Validity::INVALIDATES_RESIDUAL) {
             return None;
         }
         let cop = |axis: usize| state.cop_measured_m[axis] - state.cop_estimated_m[axis];

@@ -6,31 +6,36 @@ mod reload;
 mod restored;
 mod threads;
 
-use std::sync::{Arc, mpsc};
+use std::net::SocketAddr;
+use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail};
+use crossbeam_channel::{Sender, bounded};
 use equipoise_bus::{Bus, BusError, BusSettings};
+use equipoise_config::Config;
+use equipoise_config::WaitStrategy;
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
+use equipoise_station::proc::MemoryUse;
+use equipoise_station::process_state::is_stopped;
+use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status::{self, Status};
 use tracing::info;
 
 use crate::active_configuration::{ActiveConfiguration, SharedConfiguration};
 use crate::commands::Commands;
-use crate::config::Config;
 use crate::egress::Egress;
 use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
-use crate::metrics_feed;
-use crate::process_state::is_stopped;
 use crate::realtime::{self, RequestedScheduling, ThreadReport};
-use crate::rings::{Rings, WaitStrategy};
+use crate::rings::{EgressEnds, IngressEnds, LoopControl, LoopEnds, Rings, SavingEnds};
 use crate::saving::{self, Saver};
-use crate::state_directory::StateDirectory;
-use crate::status::{self, Status, StatusFile};
+use crate::similar::settings_among;
+use crate::status_file::StatusFile;
 use crate::subjects::{ProfileDestination, Subjects};
-use crate::thread_registry::{MemoryUse, ThreadRegistry};
+use crate::thread_registry::ThreadRegistry;
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::watchdog;
 
@@ -44,17 +49,21 @@ const ORDINARY: RequestedScheduling = RequestedScheduling { fifo_priority: 0, cp
 /// Prefix of the message for a refused memory lock.
 const NOT_LOCKED: &str = "not locked";
 /// Role of the daemon on the bus.
-pub(crate) const DAEMON_ROLE: &str = "daemon";
+pub const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
 pub struct Pipeline {
-    rings: Arc<Rings>,
+    control: Arc<LoopControl>,
     active_configuration: Arc<SharedConfiguration>,
     board: Arc<IncidentBoard>,
     running: Running,
     status: StatusFile,
     thread_registry: Arc<ThreadRegistry>,
 }
+
+/// Serves the metrics of a station at an address until stopped, and sends the actual address. It is an ordinary consumer of
+/// the bus; the caller provides it, because this crate links no HTTP server.
+pub type ServeMetrics = fn(&str, SocketAddr, &Sender<SocketAddr>, &dyn Fn() -> bool) -> anyhow::Result<()>;
 
 /// Statistics of a daemon's run.
 #[derive(Debug, Clone)]
@@ -73,7 +82,15 @@ impl Pipeline {
     /// # Errors
     /// Another daemon runs on this station, a port is taken, or real-time scheduling is refused under `strict`.
     pub fn start(config: &Config) -> anyhow::Result<Pipeline> {
-        Pipeline::start_observed(config, Box::new(NoObserver))
+        Pipeline::start_with(config, Box::new(NoObserver), None)
+    }
+
+    /// As [`Pipeline::start`]; `serve` serves the configured metrics, unless they are a process of their own.
+    ///
+    /// # Errors
+    /// As [`Pipeline::start`].
+    pub fn start_serving(config: &Config, serve: Option<ServeMetrics>) -> anyhow::Result<Pipeline> {
+        Pipeline::start_with(config, Box::new(NoObserver), serve)
     }
 
     /// As [`Pipeline::start`], with an observer inside the loop.
@@ -81,23 +98,38 @@ impl Pipeline {
     /// # Errors
     /// As [`Pipeline::start`].
     pub fn start_observed(config: &Config, observer: Box<dyn Observer>) -> anyhow::Result<Pipeline> {
+        Pipeline::start_with(config, observer, None)
+    }
+
+    fn start_with(
+        config: &Config,
+        observer: Box<dyn Observer>,
+        serve_metrics: Option<ServeMetrics>,
+    ) -> anyhow::Result<Pipeline> {
         let state = StateDirectory::of_environment()?;
         let station = config.station.clone();
-        let rings = Arc::new(Rings::new().context("no event file descriptor is to be had")?);
+        let Rings {
+            control,
+            loop_ends,
+            ingress,
+            egress,
+            saving,
+            commands: command_ends,
+            settings: settings_sender,
+        } = Rings::new().context("no event file descriptor is to be had")?;
         let memory_lock = lock_memory(config)?;
         let thread_registry = Arc::new(ThreadRegistry::default());
         thread_registry.request("main", ORDINARY);
 
         // The command server exists once per station, so its owner is the station's daemon. Ports are bound to their
         // thread, so that thread opens it, and this thread waits for the result.
-        let commands_rings = Arc::clone(&rings);
-        let (share, shared) = mpsc::channel::<Shared>();
+        let (share, shared) = bounded::<Shared>(1);
         let (commands, ()) = start_thread("commands", ORDINARY, &thread_registry, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             // Removes nodes left by a previous daemon, for example.
             bus.clean_up_dead_nodes();
             let server = bus.command_server().map_err(|error| second_daemon(&bus, error))?;
-            let mut commands = Commands::open(bus, server, commands_rings)?;
+            let mut commands = Commands::open(bus, server, command_ends)?;
             let _ = ready.send(());
             // No command is answered before the state is read.
             let Ok((active_configuration, subjects)) = shared.recv() else { return Ok(()) };
@@ -107,14 +139,14 @@ impl Pipeline {
             Ok(())
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
-        let (settings, similar) = config.settings_among(&state.profiles());
-        let active_configuration = Arc::new(SharedConfiguration::new(ActiveConfiguration {
-            config: config.clone(),
-            settings,
-            similar,
-        }));
+        let (settings, similar) = settings_among(config, &state.profiles());
+        let active_configuration = Arc::new(SharedConfiguration::new(
+            ActiveConfiguration { config: config.clone(), settings, similar },
+            settings_sender,
+        ));
         let subject = &config.subject;
-        let configured = ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.remember);
+        let configured =
+            ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.save_profile);
         let subjects = Arc::new(Subjects::new(state, configured));
         let restored = Restored::find(config, &settings, &subjects);
         let _ = share.send((Arc::clone(&active_configuration), Arc::clone(&subjects)));
@@ -123,7 +155,8 @@ impl Pipeline {
         let board = Arc::new(IncidentBoard::default());
         let start = Start {
             config,
-            rings: &rings,
+            control: &control,
+            ends: (loop_ends, ingress, egress, saving),
             thread_registry: &thread_registry,
             active_configuration: &active_configuration,
             board: &board,
@@ -131,13 +164,14 @@ impl Pipeline {
             restored,
             memory_lock,
             observer,
+            serve_metrics,
         };
         match start.start_remaining(settings, &mut running) {
             Ok(status) => {
-                Ok(Pipeline { rings, active_configuration, board, running, status, thread_registry })
+                Ok(Pipeline { control, active_configuration, board, running, status, thread_registry })
             }
             Err(error) => {
-                rings.stop();
+                control.stop();
                 // Return the first error.
                 let _ = running.join(|| {});
                 // Housekeeping may have written the file again.
@@ -154,7 +188,7 @@ impl Pipeline {
 
     /// Number of the newest cycle.
     pub fn last_cycle(&self) -> u64 {
-        self.rings.last_cycle()
+        self.control.last_cycle()
     }
 
     /// Whether every thread is running.
@@ -167,7 +201,7 @@ impl Pipeline {
     /// # Errors
     /// The error that ended a thread, if any.
     pub fn stop(self) -> anyhow::Result<Summary> {
-        self.rings.stop();
+        self.control.stop();
         // Housekeeping, which rewrites the file, has ended by then, and the next daemon has not written its own yet.
         let (cycles, latency) = self.running.join(|| self.status.remove())?;
         Ok(Summary { cycles, latency, threads: self.thread_registry.reports() })
@@ -177,7 +211,8 @@ impl Pipeline {
 /// Everything that the later threads need.
 struct Start<'a> {
     config: &'a Config,
-    rings: &'a Arc<Rings>,
+    control: &'a Arc<LoopControl>,
+    ends: (LoopEnds, IngressEnds, EgressEnds, SavingEnds),
     thread_registry: &'a Arc<ThreadRegistry>,
     active_configuration: &'a Arc<SharedConfiguration>,
     board: &'a Arc<IncidentBoard>,
@@ -185,6 +220,7 @@ struct Start<'a> {
     restored: Restored,
     memory_lock: String,
     observer: Box<dyn Observer>,
+    serve_metrics: Option<ServeMetrics>,
 }
 
 impl Start<'_> {
@@ -194,6 +230,7 @@ impl Start<'_> {
         running: &mut Running,
     ) -> anyhow::Result<StatusFile> {
         let (config, thread_registry) = (self.config, self.thread_registry);
+        let (loop_ends, ingress_ends, egress_ends, saving_ends) = self.ends;
         let wait_strategy = config.wait_strategy();
         let requested = |below: u32, cpu: Option<usize>| match wait_strategy {
             WaitStrategy::Sleeping => {
@@ -204,10 +241,12 @@ impl Start<'_> {
             WaitStrategy::Polling => RequestedScheduling { fifo_priority: 0, cpu: None },
         };
 
-        if let Some(metrics) = config.metrics.as_ref().filter(|_| !config.sensors_apart) {
-            let (rings, station, listen) = (Arc::clone(self.rings), config.station.clone(), metrics.listen);
+        let metrics = config.metrics.as_ref().filter(|_| !config.sensors_apart);
+        if let (Some(metrics), Some(serve)) = (metrics, self.serve_metrics) {
+            let (control, station, listen) =
+                (Arc::clone(self.control), config.station.clone(), metrics.listen);
             let (thread, address) = start_thread("metrics-feed", ORDINARY, thread_registry, move |ready| {
-                metrics_feed::run(&station, listen, &ready, &|| rings.is_stopping())
+                serve(&station, listen, &ready, &|| control.is_stopping())
             })?;
             info!("metrics: http://{address}/metrics");
             running.metrics = Some(thread);
@@ -225,39 +264,39 @@ impl Start<'_> {
             Ok(log.run())
         })?;
         running.latency_log = Some(latency_log);
-        let (rings, station) = (Arc::clone(self.rings), config.station.clone());
+        let station = config.station.clone();
         // On the loop's core, waking egress needs no signal between cores, and egress runs as soon as the loop sleeps.
         let requested_egress = requested(BELOW_LOOP[1].1, config.tick.cpu);
         let (egress, ()) = start_thread("egress", requested_egress, thread_registry, move |ready| {
-            let egress = Egress::open(&station, rings, wait_strategy, latency_feed)?;
+            let egress = Egress::open(&station, egress_ends, wait_strategy, latency_feed)?;
             let _ = ready.send(());
             Ok(egress.run()?)
         })?;
         running.threads.push(("egress", egress));
 
         let Restored { memory, worker, tare, station_refused, messages } = self.restored;
-        let (rings, period_ns) = (Arc::clone(self.rings), config.period_ns());
+        let (control, period_ns) = (Arc::clone(self.control), config.period_ns());
         let requested_loop =
             RequestedScheduling { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
         let mut observer = self.observer;
         let (loop_thread, ()) = start_thread("loop", requested_loop, thread_registry, move |ready| {
-            let _runs = rings.mark_loop_running();
+            let _runs = control.mark_loop_running();
             realtime::prefault_stack();
             let _ = ready.send(());
-            let the_loop = Loop::new(settings, memory, worker, Arc::clone(&rings), period_ns);
+            let the_loop = Loop::new(settings, memory, worker, loop_ends, period_ns);
             Ok(the_loop.run(&mut Monotonic, &mut *observer))
         })?;
         running.loop_thread = Some(loop_thread);
 
-        let (rings, station) = (Arc::clone(self.rings), config.station.clone());
+        let station = config.station.clone();
         let (ingress, ()) =
             start_thread("ingress", requested(BELOW_LOOP[0].1, None), thread_registry, move |ready| {
-                let ingress = Ingress::open(&station, rings, wait_strategy)?;
+                let ingress = Ingress::open(&station, ingress_ends, wait_strategy)?;
                 let _ = ready.send(());
                 Ok(ingress.run()?)
             })?;
         running.threads.push(("ingress", ingress));
-        adapters::start(config, self.rings, thread_registry, self.board, &mut running.threads)?;
+        adapters::start(config, self.control, thread_registry, self.board, &mut running.threads)?;
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
@@ -266,17 +305,17 @@ impl Start<'_> {
             model_toml: config.model_toml(),
             state_directory: self.subjects.state().path().to_owned(),
             subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
-            remembered: messages,
+            restored: messages,
             reload: 0,
             memory_lock: self.memory_lock.clone(),
             memory: MemoryUse::default(),
             loop_faults: None,
-            model_suspicion: None,
+            model_mismatch: None,
             incidents: self.board.messages(),
             threads: Vec::new(),
         });
         let saver = Saver {
-            rings: Arc::clone(self.rings),
+            ends: saving_ends,
             subjects: self.subjects,
             active_configuration: Arc::clone(self.active_configuration),
             board: Arc::clone(self.board),
@@ -290,22 +329,22 @@ impl Start<'_> {
             Ok(())
         })?;
         running.threads.push(("saving", saver));
-        let rings = Arc::clone(self.rings);
+        let control = Arc::clone(self.control);
         // Real time, so that a load that leaves the loop its core does not delay the notification.
         let (watchdog, ()) =
             start_thread("watchdog", requested(BELOW_LOOP[2].1, None), thread_registry, move |ready| {
                 let _ = ready.send(());
-                watchdog::run(&rings);
+                watchdog::run(&control);
                 Ok(())
             })?;
         running.threads.push(("watchdog", watchdog));
-        let (rings, board, registry) =
-            (Arc::clone(self.rings), Arc::clone(self.board), Arc::clone(thread_registry));
+        let (control, board, registry) =
+            (Arc::clone(self.control), Arc::clone(self.board), Arc::clone(thread_registry));
         let (configuration, file) = (config.clone(), status.clone());
         let (housekeeping, ()) = start_thread("housekeeping", ORDINARY, thread_registry, move |ready| {
             file.update_threads(&registry, 0);
             file.write().with_context(|| format!("cannot write {}", file.path.display()))?;
-            let housekeeping = Housekeeping::open(&configuration, rings, board, registry, file)?;
+            let housekeeping = Housekeeping::open(&configuration, control, board, registry, file)?;
             let _ = ready.send(());
             housekeeping.run();
             Ok(())

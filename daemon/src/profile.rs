@@ -8,6 +8,7 @@ mod parts;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
+use equipoise_config::method::{Build, HEIGHT_M, MASS_KG, SexConfig};
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::identification::{Consistency, StoredSubject};
 use equipoise_core::cycle::{Identification, NO_POSE, Settings};
@@ -17,7 +18,6 @@ use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
-use crate::config::method::{HEIGHT_M, MASS_KG, SexConfig};
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
 use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
@@ -30,15 +30,6 @@ const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 
 /// Maximum number of characters of another subject's name in a message.
 const ID_CHARS_MAX: usize = 64;
-
-/// Body dimensions of a worker other than the mass.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Build {
-    /// Stature, m.
-    pub height_m: f64,
-    /// Sex, which selects the anthropometric table.
-    pub sex: SexConfig,
-}
 
 /// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -297,20 +288,16 @@ pub fn unix_s() -> u64 {
     since.map_or(0, |since| since.as_secs())
 }
 
-/// Whether a name consists of letters, digits, '-' and '_', so that it is a valid file name and not a path.
-pub fn is_plain(name: &str) -> bool {
-    !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_')
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
 
     use bytemuck::Zeroable;
 
-    use super::*;
     use equipoise_core::body::Skeleton;
     use equipoise_core::frame::{Pose, rotation};
+
+    use super::*;
 
     #[test]
     fn a_broken_profile_is_refused_and_unchanged() {

@@ -13,15 +13,13 @@ const PAUSE_MIN: Duration = Duration::from_millis(250);
 const PAUSE_MAX: Duration = Duration::from_secs(8);
 /// Reset the back-off after this much uptime.
 const RESET_UPTIME: Duration = Duration::from_secs(30);
-/// Interval at which a pause checks for a stop request.
-const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// The environment of [`run_with_restarts`]; replaced in tests.
 pub struct Environment<'a> {
     /// Time since a fixed instant.
     pub now: &'a dyn Fn() -> Duration,
-    /// Sleeps.
-    pub sleep: &'a dyn Fn(Duration),
+    /// Waits until the time has passed or a stop is requested.
+    pub wait: &'a dyn Fn(Duration),
     /// Whether a stop was requested.
     pub stopping: &'a dyn Fn() -> bool,
     /// Called with reason and next step when the adapter fails, and with `None` once it works again.
@@ -66,21 +64,10 @@ pub fn run_with_restarts<E: Display>(
         let message = format!("the {name} adapter is down: {reason}; it is started again in {pause:?}");
         info!("{message}");
         (environment.down)(Some(&message));
-        wait(environment, pause);
+        (environment.wait)(pause);
         pause = (2 * pause).min(PAUSE_MAX);
     }
     Ok(())
-}
-
-fn wait(environment: &Environment<'_>, pause: Duration) {
-    let started = (environment.now)();
-    while !(environment.stopping)() {
-        let remaining = (started + pause).saturating_sub((environment.now)());
-        if remaining.is_zero() {
-            return;
-        }
-        (environment.sleep)(remaining.min(POLL_INTERVAL));
-    }
 }
 
 fn panic_message(panic: &(dyn Any + Send)) -> &str {
@@ -93,7 +80,7 @@ mod tests {
     use super::*;
     use std::cell::{Cell, RefCell};
 
-    /// An environment whose time advances only through its `sleep`.
+    /// An environment whose time advances only through its `wait`.
     struct SimulatedAdapter {
         now: Cell<Duration>,
         ends_at: Duration,
@@ -118,7 +105,7 @@ mod tests {
         ) -> Result<(), String> {
             let environment = Environment {
                 now: &|| self.now.get(),
-                sleep: &|time| self.now.set(self.now.get() + time),
+                wait: &|time| self.now.set((self.now.get() + time).min(self.ends_at)),
                 stopping: &|| self.now.get() >= self.ends_at,
                 down: &|reason| self.reported.borrow_mut().push(reason.map(str::to_owned)),
             };
@@ -207,6 +194,6 @@ mod tests {
             Ok(())
         );
         assert_eq!(adapter.starts.borrow().len(), 2);
-        assert!(adapter.now.get() < Duration::from_millis(760), "{:?}", adapter.now.get());
+        assert_eq!(adapter.now.get(), Duration::from_millis(700));
     }
 }

@@ -1,22 +1,38 @@
 //! Rings of fixed size between the loop and the other threads, used without waiting or allocation.
 //!
-//! A full ring rejects and counts new entries; no thread ever waits. Boxes circulate: the loop copies into a blank one
-//! and passes it on, and a thread that may allocate returns it.
+//! **Which queue, and why.** Rings from and to the loop, and from egress to the latency log, are `rtrb`: one producer,
+//! one consumer, and neither end ever waits. In a queue for several producers or consumers, one thread can spin until
+//! another, preempted in the middle of a push or pop, continues; the loop has the highest priority and would spin
+//! forever for a thread that it has displaced from the core. Threads that are not real-time use `crossbeam-channel`
+//! among themselves: it may lock, allocate and sleep, and wakes the receiver.
+//!
+//! **Ownership.** Each end is a value that one thread owns: [`Rings::new`] returns the ends of each thread as one
+//! struct, which `pipeline` moves into the thread, so that no end needs a lock. Only [`SettingsSender`] belongs to two
+//! threads, neither of which is real-time: it is in the lock that serialises changes of the configuration.
+//!
+//! **End of a thread.** No thread that owns ends is restarted: its end stops the daemon. The adapters, which are
+//! restarted, publish on the bus and own no end. An end that is dropped takes nothing from the other one: the ring
+//! stays empty, or fills up and rejects, and the loop continues to its last cycle without waiting.
+//!
+//! A full ring rejects and counts new entries. Boxes circulate: the loop copies into a blank one and passes it on, and
+//! a thread that may allocate returns it.
 
-mod ring;
+mod control;
+mod wake_up;
 
-use std::os::fd::{AsFd, OwnedFd};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering, fence};
+use std::sync::Arc;
 use std::time::Duration;
 
-use bytemuck::Zeroable;
+use bytemuck::{Pod, Zeroable};
+use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Checkpoint, Settings, StoredState, SubjectState};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
-use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 use crate::realtime::prefault;
 
-pub use ring::Ring;
+pub use control::{LoopControl, Refused};
+use wake_up::WakeUp;
 
 /// A quarter of a second of the fastest suit.
 const SUIT_RING: usize = 64;
@@ -51,26 +67,6 @@ pub struct Ingested<S> {
     pub ingress_ns: u64,
 }
 
-/// Samples that ingress refused because their stamps are in the future, which indicates another clock.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Refused {
-    /// Suit samples.
-    pub suit: u64,
-    /// Ground samples.
-    pub ground: u64,
-    /// How far in the future the last one was.
-    pub ahead_ns: u64,
-}
-
-/// How a thread waits for another thread.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WaitStrategy {
-    /// Sleep until woken.
-    Sleeping,
-    /// Poll, which uses a full core and avoids the wake-up latency.
-    Polling,
-}
-
 /// Result of one cycle.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome {
@@ -80,180 +76,260 @@ pub struct Outcome {
     pub record: CycleRecord,
 }
 
-/// Rings and counters between the loop and the other threads.
-#[derive(Debug)]
+/// All ends of the rings, grouped by the thread that owns them, and what these threads share.
 pub struct Rings {
-    /// Ingress to loop.
-    pub suit: Ring<Ingested<SuitSample>>,
-    /// Ingress to loop.
-    pub ground: Ring<Ingested<GroundSample>>,
-    /// Ingress to loop, one a cycle.
-    pub body: Ring<Ingested<SuitBody>>,
-    /// Commands to the loop, one a cycle.
-    pub command: Ring<CommandKind>,
+    /// Flags and counters, for all threads.
+    pub control: Arc<LoopControl>,
+    /// Ends of the loop.
+    pub loop_ends: LoopEnds,
+    /// Ends of ingress.
+    pub ingress: IngressEnds,
+    /// Ends of egress.
+    pub egress: EgressEnds,
+    /// Ends of the saving thread.
+    pub saving: SavingEnds,
+    /// Ends of the command thread.
+    pub commands: CommandEnds,
+    /// Ends of the thread that holds the lock of changes.
+    pub settings: SettingsSender,
+}
+
+/// Ends owned by the loop.
+pub struct LoopEnds {
+    /// Flags and counters.
+    pub control: Arc<LoopControl>,
+    /// Suit samples.
+    pub suit: Consumer<Ingested<SuitSample>>,
+    /// Ground samples.
+    pub ground: Consumer<Ingested<GroundSample>>,
+    /// Body dimensions, one a cycle.
+    pub body: Consumer<Ingested<SuitBody>>,
+    /// Commands, one a cycle.
+    pub command: Consumer<CommandKind>,
     /// The next worker and its number, with the command that loads it.
-    pub worker: Ring<(u64, Box<SubjectState>)>,
-    /// Empty boxes of workers, returned by the loop.
-    pub returned_workers: Ring<Box<SubjectState>>,
-    /// New settings for the loop, and the number of their reload.
-    pub settings: Ring<(u64, Box<Settings>)>,
-    /// Previous settings, returned to a thread that may free them.
-    pub returned_settings: Ring<Box<Settings>>,
+    pub worker: Consumer<(u64, Box<SubjectState>)>,
+    /// Boxes of workers that were copied.
+    pub returned_workers: Producer<Box<SubjectState>>,
+    /// New settings, and the number of their reload.
+    pub settings: Consumer<(u64, Box<Settings>)>,
+    /// Previous settings.
+    pub returned_settings: Producer<Box<Settings>>,
     /// Blank boxes for copies of the persistent state.
-    pub free_copies: Ring<Box<StoredState>>,
-    /// Copies of the persistent state for saving, with the number of their worker.
-    pub copies: Ring<(u64, Box<StoredState>)>,
-    /// Blank checkpoints for the loop.
-    pub free_checkpoints: Ring<Box<Checkpoint>>,
-    /// Completed checkpoints for egress.
-    pub checkpoints: Ring<Box<Checkpoint>>,
-    /// Loop to egress.
-    pub outcome: Ring<Outcome>,
-    outcome_ready: OwnedFd,
-    /// Set while egress sleeps or is about to: the thread that clears it must wake egress.
-    egress_sleeping: AtomicBool,
-    input_dropped: AtomicU64,
-    refused: [AtomicU64; 2],
-    ahead_ns: AtomicU64,
-    output_dropped: AtomicU64,
-    last_cycle: AtomicU64,
-    stop: AtomicBool,
-    loop_running: AtomicBool,
+    pub free_copies: Consumer<Box<StoredState>>,
+    /// Copies of the persistent state, with the number of their worker.
+    pub copies: Producer<(u64, Box<StoredState>)>,
+    /// Blank checkpoints.
+    pub free_checkpoints: Consumer<Box<Checkpoint>>,
+    /// Completed checkpoints.
+    pub checkpoints: Producer<Box<Checkpoint>>,
+    outcome: Producer<Outcome>,
+    output_dropped: u64,
+    wake_up: Arc<WakeUp>,
+}
+
+/// Ends owned by ingress.
+#[derive(Debug)]
+pub struct IngressEnds {
+    /// Flags and counters.
+    pub control: Arc<LoopControl>,
+    suit: Producer<Ingested<SuitSample>>,
+    ground: Producer<Ingested<GroundSample>>,
+    body: Producer<Ingested<SuitBody>>,
+}
+
+/// Ends owned by egress.
+pub struct EgressEnds {
+    /// Flags and counters.
+    pub control: Arc<LoopControl>,
+    /// Results of cycles.
+    pub outcome: Consumer<Outcome>,
+    /// Completed checkpoints.
+    pub checkpoints: Consumer<Box<Checkpoint>>,
+    /// Returns blank checkpoints to the loop.
+    pub free_checkpoints: Producer<Box<Checkpoint>>,
+    wake_up: Arc<WakeUp>,
+}
+
+/// Ends owned by the saving thread.
+#[derive(Debug)]
+pub struct SavingEnds {
+    /// Flags and counters.
+    pub control: Arc<LoopControl>,
+    /// Copies of the persistent state, with the number of their worker.
+    pub copies: Consumer<(u64, Box<StoredState>)>,
+    /// Returns blank boxes to the loop.
+    pub free_copies: Producer<Box<StoredState>>,
+}
+
+/// Ends owned by the command thread.
+#[derive(Debug)]
+pub struct CommandEnds {
+    /// Flags and counters.
+    pub control: Arc<LoopControl>,
+    /// Commands to the loop.
+    pub command: Producer<CommandKind>,
+    /// The next worker and its number, with the command that loads it.
+    pub worker: Producer<(u64, Box<SubjectState>)>,
+    /// Boxes of workers, returned by the loop, to be freed here.
+    pub returned_workers: Consumer<Box<SubjectState>>,
+}
+
+/// Passes settings to the loop; owned by the thread that changes the configuration.
+#[derive(Debug)]
+pub struct SettingsSender {
+    /// New settings, and the number of their reload.
+    pub settings: Producer<(u64, Box<Settings>)>,
+    /// Previous settings, returned by the loop, to be freed here.
+    pub returned: Consumer<Box<Settings>>,
 }
 
 impl Rings {
-    /// Creates empty rings and blank checkpoints.
+    /// Creates empty rings and blank boxes.
     ///
     /// # Errors
     /// The kernel provides no event file descriptor.
     pub fn new() -> std::io::Result<Rings> {
-        let free_checkpoints = Ring::new(CHECKPOINTS);
-        for _ in 0..CHECKPOINTS {
-            let mut checkpoint = bytemuck::zeroed_box();
-            // The loop copies into it, so its pages must be resident.
-            prefault(&mut *checkpoint);
-            let _ = free_checkpoints.push(checkpoint);
-        }
-        let free_copies = Ring::new(STORED_COPIES);
-        for _ in 0..STORED_COPIES {
-            let mut copy = bytemuck::zeroed_box();
-            prefault(&mut *copy);
-            let _ = free_copies.push(copy);
-        }
+        let control = Arc::new(LoopControl::default());
+        let wake_up = Arc::new(WakeUp::new()?);
+        let (suit_in, suit) = ingested(SUIT_RING);
+        let (ground_in, ground) = ingested(GROUND_RING);
+        let (body_in, body) = ingested(BODY_RING);
+        let (command_in, command) = RingBuffer::new(COMMAND_RING);
+        let (worker_in, worker) = RingBuffer::new(1);
+        let (returned_workers, returned_workers_out) = RingBuffer::new(RETURNED_WORKERS);
+        let (settings_in, settings) = RingBuffer::new(1);
+        let (returned_settings, returned_settings_out) = RingBuffer::new(RETURNED_SETTINGS);
+        let (free_copies_in, free_copies) = blank_boxes(STORED_COPIES);
+        // One more slot than boxes: the loop's final copy fits even if the disk is slow.
+        let (copies, copies_out) = RingBuffer::new(STORED_COPIES + 1);
+        let (free_checkpoints_in, free_checkpoints) = blank_boxes(CHECKPOINTS);
+        let (checkpoints, checkpoints_out) = RingBuffer::new(CHECKPOINTS);
+        let (outcome, outcome_out) =
+            prefaulted(OUTCOME_RING, Outcome { state: State::zeroed(), record: CycleRecord::zeroed() });
         Ok(Rings {
-            suit: Ring::prefaulted(SUIT_RING, Ingested { sample: SuitSample::zeroed(), ingress_ns: 0 }),
-            ground: Ring::prefaulted(GROUND_RING, Ingested { sample: GroundSample::zeroed(), ingress_ns: 0 }),
-            body: Ring::prefaulted(BODY_RING, Ingested { sample: SuitBody::zeroed(), ingress_ns: 0 }),
-            command: Ring::new(COMMAND_RING),
-            worker: Ring::new(1),
-            returned_workers: Ring::new(RETURNED_WORKERS),
-            settings: Ring::new(1),
-            returned_settings: Ring::new(RETURNED_SETTINGS),
-            free_copies,
-            // One more slot than boxes: the loop's final copy fits even if the disk is slow.
-            copies: Ring::new(STORED_COPIES + 1),
-            free_checkpoints,
-            checkpoints: Ring::new(CHECKPOINTS),
-            outcome: Ring::prefaulted(
-                OUTCOME_RING,
-                Outcome { state: State::zeroed(), record: CycleRecord::zeroed() },
-            ),
-            outcome_ready: eventfd(0, EventfdFlags::NONBLOCK | EventfdFlags::CLOEXEC)?,
-            egress_sleeping: AtomicBool::new(false),
-            input_dropped: AtomicU64::new(0),
-            refused: Default::default(),
-            ahead_ns: AtomicU64::new(0),
-            output_dropped: AtomicU64::new(0),
-            last_cycle: AtomicU64::new(0),
-            stop: AtomicBool::new(false),
-            loop_running: AtomicBool::new(false),
+            loop_ends: LoopEnds {
+                control: Arc::clone(&control),
+                suit,
+                ground,
+                body,
+                command,
+                worker,
+                returned_workers,
+                settings,
+                returned_settings,
+                free_copies,
+                copies,
+                free_checkpoints,
+                checkpoints,
+                outcome,
+                output_dropped: 0,
+                wake_up: Arc::clone(&wake_up),
+            },
+            ingress: IngressEnds {
+                control: Arc::clone(&control),
+                suit: suit_in,
+                ground: ground_in,
+                body: body_in,
+            },
+            egress: EgressEnds {
+                control: Arc::clone(&control),
+                outcome: outcome_out,
+                checkpoints: checkpoints_out,
+                free_checkpoints: free_checkpoints_in,
+                wake_up,
+            },
+            saving: SavingEnds {
+                control: Arc::clone(&control),
+                copies: copies_out,
+                free_copies: free_copies_in,
+            },
+            commands: CommandEnds {
+                control: Arc::clone(&control),
+                command: command_in,
+                worker: worker_in,
+                returned_workers: returned_workers_out,
+            },
+            settings: SettingsSender { settings: settings_in, returned: returned_settings_out },
+            control,
         })
     }
+}
 
+/// An empty ring of samples.
+fn ingested<S: Pod>(capacity: usize) -> (Producer<Ingested<S>>, Consumer<Ingested<S>>) {
+    prefaulted(capacity, Ingested { sample: S::zeroed(), ingress_ns: 0 })
+}
+
+/// An empty ring whose memory was touched completely, so that its first use causes no page faults.
+fn prefaulted<T: Copy>(capacity: usize, example: T) -> (Producer<T>, Consumer<T>) {
+    let (mut producer, mut consumer) = RingBuffer::new(capacity);
+    while producer.push(example).is_ok() {}
+    while consumer.pop().is_ok() {}
+    (producer, consumer)
+}
+
+/// A ring full of blank boxes. The loop copies into them, so their pages must be resident.
+fn blank_boxes<T: Pod>(capacity: usize) -> (Producer<Box<T>>, Consumer<Box<T>>) {
+    let (mut producer, consumer) = RingBuffer::new(capacity);
+    while !producer.is_full() {
+        let mut blank = bytemuck::zeroed_box();
+        prefault(&mut *blank);
+        let _ = producer.push(blank);
+    }
+    (producer, consumer)
+}
+
+impl LoopEnds {
+    /// Passes a cycle's outcome to egress and wakes it if it sleeps; a full ring rejects it. No allocation, and a
+    /// system call only if egress sleeps.
+    pub fn push_outcome(&mut self, outcome: Outcome) {
+        self.control.set_last_cycle(outcome.state.cycle);
+        if self.outcome.push(outcome).is_err() {
+            self.output_dropped += 1;
+        }
+        self.wake_up.wake();
+    }
+
+    /// Number of outcomes rejected by a full ring.
+    pub fn output_dropped(&self) -> u64 {
+        self.output_dropped
+    }
+}
+
+impl IngressEnds {
     /// Passes a suit sample to the loop; a full ring rejects it.
-    pub fn push_suit(&self, sample: SuitSample, ingress_ns: u64) {
+    pub fn push_suit(&mut self, sample: SuitSample, ingress_ns: u64) {
         if self.suit.push(Ingested { sample, ingress_ns }).is_err() {
-            self.input_dropped.fetch_add(1, Ordering::Relaxed);
+            self.control.count_dropped_input();
         }
     }
 
     /// Passes a ground sample to the loop; a full ring rejects it.
-    pub fn push_ground(&self, sample: GroundSample, ingress_ns: u64) {
+    pub fn push_ground(&mut self, sample: GroundSample, ingress_ns: u64) {
         if self.ground.push(Ingested { sample, ingress_ns }).is_err() {
-            self.input_dropped.fetch_add(1, Ordering::Relaxed);
+            self.control.count_dropped_input();
         }
     }
 
     /// Passes the wearer's body dimensions to the loop; a full ring rejects them.
-    pub fn push_body(&self, sample: SuitBody, ingress_ns: u64) {
+    pub fn push_body(&mut self, sample: SuitBody, ingress_ns: u64) {
         if self.body.push(Ingested { sample, ingress_ns }).is_err() {
-            self.input_dropped.fetch_add(1, Ordering::Relaxed);
+            self.control.count_dropped_input();
         }
     }
+}
 
-    /// Passes a cycle's outcome to egress and wakes it if it sleeps; a full ring rejects it. No allocation, and a
-    /// system call only if egress sleeps.
-    pub fn push_outcome(&self, outcome: Outcome) {
-        self.last_cycle.store(outcome.state.cycle, Ordering::Relaxed);
-        if self.outcome.push(outcome).is_err() {
-            self.output_dropped.fetch_add(1, Ordering::Relaxed);
-        }
-        // Pairs with the fence in [`Self::wait_for_outcome`]: either this thread reads that egress sleeps, or egress
-        // reads the outcome.
-        fence(Ordering::SeqCst);
-        if self.egress_sleeping.swap(false, Ordering::Relaxed) {
-            // Writing fails only if the counter is full; egress is woken in that case too.
-            let _ = rustix::io::write(&self.outcome_ready, &1_u64.to_ne_bytes());
-        }
-    }
-
-    /// Passes new settings to the loop and takes back the previous ones; returns whether they were queued. For ordinary
-    /// threads: waits until the loop has applied the settings queued before. A running loop applies them within a
-    /// cycle.
-    pub fn push_settings(&self, number: u64, settings: Box<Settings>) -> bool {
-        let mut update = (number, settings);
-        for _ in 0..SETTINGS_ATTEMPTS {
-            while self.returned_settings.pop().is_some() {}
-            match self.settings.push(update) {
-                Ok(()) => return true,
-                Err(returned) => update = returned,
-            }
-            std::thread::sleep(SETTINGS_RETRY_DELAY);
-        }
-        false
-    }
-
+impl EgressEnds {
     /// Waits for an outcome or until the timeout.
     pub fn await_outcome(&self, wait_strategy: WaitStrategy, timeout: Duration) {
         match wait_strategy {
-            WaitStrategy::Sleeping => self.wait_for_outcome(timeout),
+            WaitStrategy::Sleeping => self.wake_up.sleep(|| !self.outcome.is_empty(), timeout),
             WaitStrategy::Polling => self.poll_for_outcome(timeout),
         }
     }
 
-    /// Sleeps until an outcome is available or until the timeout.
-    pub fn wait_for_outcome(&self, timeout: Duration) {
-        self.egress_sleeping.store(true, Ordering::Relaxed);
-        fence(Ordering::SeqCst);
-        if self.outcome.is_empty() {
-            self.sleep_for_outcome(timeout);
-        }
-        self.egress_sleeping.store(false, Ordering::Relaxed);
-    }
-
-    fn sleep_for_outcome(&self, timeout: Duration) {
-        let timeout = rustix::time::Timespec {
-            tv_sec: timeout.as_secs() as i64,
-            tv_nsec: i64::from(timeout.subsec_nanos()),
-        };
-        let mut descriptors = [PollFd::from_borrowed_fd(self.outcome_ready.as_fd(), PollFlags::IN)];
-        if poll(&mut descriptors, Some(&timeout)).is_ok_and(|ready| ready > 0) {
-            let _ = rustix::io::read(&self.outcome_ready, &mut [0_u8; 8]);
-        }
-    }
-
-    /// Polls for an outcome without sleeping until the timeout. Uses a full core.
-    pub fn poll_for_outcome(&self, timeout: Duration) {
+    /// Uses a full core.
+    fn poll_for_outcome(&self, timeout: Duration) {
         let started = std::time::Instant::now();
         // Reading the clock costs more than checking the ring.
         while started.elapsed() < timeout {
@@ -265,141 +341,30 @@ impl Rings {
             }
         }
     }
+}
 
-    /// Number of input samples rejected by a full ring.
-    pub fn input_dropped(&self) -> u64 {
-        self.input_dropped.load(Ordering::Relaxed)
-    }
-
-    /// Counts a suit sample that is withheld from the loop because its stamps are in the future.
-    pub fn refuse_suit(&self, ahead_ns: u64) {
-        self.refuse(0, ahead_ns);
-    }
-
-    /// Counts such a ground sample.
-    pub fn refuse_ground(&self, ahead_ns: u64) {
-        self.refuse(1, ahead_ns);
-    }
-
-    fn refuse(&self, stream: usize, ahead_ns: u64) {
-        self.refused[stream].fetch_add(1, Ordering::Relaxed);
-        self.ahead_ns.store(ahead_ns, Ordering::Relaxed);
-    }
-
-    /// Samples refused before the loop, since the start.
-    pub fn refused(&self) -> Refused {
-        let [suit, ground] = [0, 1].map(|stream: usize| self.refused[stream].load(Ordering::Relaxed));
-        Refused { suit, ground, ahead_ns: self.ahead_ns.load(Ordering::Relaxed) }
-    }
-
-    /// Number of outcomes rejected by a full ring.
-    pub fn output_dropped(&self) -> u64 {
-        self.output_dropped.load(Ordering::Relaxed)
-    }
-
-    /// Number of the newest cycle.
-    pub fn last_cycle(&self) -> u64 {
-        self.last_cycle.load(Ordering::Relaxed)
-    }
-
-    /// Requests all threads to end.
-    pub fn stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
-    }
-
-    /// Marks the loop as running until the returned value is dropped, also by a panic; egress runs until then.
-    pub fn mark_loop_running(&self) -> impl Drop + use<'_> {
-        struct RunningGuard<'a>(&'a AtomicBool);
-        impl Drop for RunningGuard<'_> {
-            fn drop(&mut self) {
-                self.0.store(false, Ordering::Release);
+impl SettingsSender {
+    /// Passes new settings to the loop and frees the previous ones; returns whether they were queued. Waits until the
+    /// loop has applied the settings queued before; a running loop applies them within a cycle.
+    pub fn send(&mut self, number: u64, settings: Box<Settings>) -> bool {
+        let mut update = (number, settings);
+        for _ in 0..SETTINGS_ATTEMPTS {
+            self.free_returned();
+            match self.settings.push(update) {
+                Ok(()) => return true,
+                Err(PushError::Full(returned)) => update = returned,
             }
+            // The loop makes no system call to report a free slot.
+            std::thread::sleep(SETTINGS_RETRY_DELAY);
         }
-        self.loop_running.store(true, Ordering::Release);
-        RunningGuard(&self.loop_running)
+        false
     }
 
-    /// Whether the loop will produce no more outcomes: a stop was requested, and the loop has ended or never started.
-    pub fn has_ended(&self) -> bool {
-        self.is_stopping() && !self.loop_running.load(Ordering::Acquire)
-    }
-
-    /// Whether a stop was requested.
-    pub fn is_stopping(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
+    /// Frees the settings that the loop has replaced.
+    pub fn free_returned(&mut self) {
+        while self.returned.pop().is_ok() {}
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use bytemuck::Zeroable;
-
-    fn outcome(cycle: u64) -> Outcome {
-        Outcome { state: State { cycle, ..State::zeroed() }, record: CycleRecord::zeroed() }
-    }
-
-    #[test]
-    fn no_wakeup_is_lost_and_an_awake_egress_gets_none() {
-        let rings = std::sync::Arc::new(Rings::new().unwrap());
-        let pending = || {
-            let mut descriptors = [PollFd::from_borrowed_fd(rings.outcome_ready.as_fd(), PollFlags::IN)];
-            poll(&mut descriptors, Some(&rustix::time::Timespec { tv_sec: 0, tv_nsec: 0 })).unwrap()
-        };
-        rings.push_outcome(outcome(1));
-        assert_eq!(pending(), 0, "egress was awake");
-        assert!(rings.outcome.pop().is_some());
-
-        const CYCLES: u64 = 20_000;
-        let egress = std::thread::spawn({
-            let rings = std::sync::Arc::clone(&rings);
-            move || {
-                let mut received = 0;
-                while received < CYCLES {
-                    // A lost wake-up would make this sleep last for an hour.
-                    rings.wait_for_outcome(Duration::from_secs(3600));
-                    while rings.outcome.pop().is_some() {
-                        received += 1;
-                    }
-                }
-            }
-        });
-        for cycle in 1..=CYCLES {
-            while rings.outcome.is_full() {
-                std::thread::yield_now();
-            }
-            rings.push_outcome(outcome(cycle));
-            if cycle % 7 == 0 {
-                std::thread::yield_now();
-            }
-        }
-        egress.join().unwrap();
-        assert_eq!(rings.output_dropped(), 0);
-    }
-
-    #[test]
-    fn a_polling_egress_receives_every_outcome_without_wakeups() {
-        const CYCLES: u64 = 2_000;
-        let rings = std::sync::Arc::new(Rings::new().unwrap());
-        let egress = std::thread::spawn({
-            let rings = std::sync::Arc::clone(&rings);
-            move || {
-                let mut received = 0;
-                while received < CYCLES {
-                    rings.await_outcome(WaitStrategy::Polling, Duration::from_millis(50));
-                    received += std::iter::from_fn(|| rings.outcome.pop()).count() as u64;
-                }
-            }
-        });
-        for cycle in 1..=CYCLES {
-            while rings.outcome.is_full() {
-                std::thread::yield_now();
-            }
-            rings.push_outcome(outcome(cycle));
-        }
-        egress.join().unwrap();
-        let mut descriptors = [PollFd::from_borrowed_fd(rings.outcome_ready.as_fd(), PollFlags::IN)];
-        let now = rustix::time::Timespec { tv_sec: 0, tv_nsec: 0 };
-        assert_eq!(poll(&mut descriptors, Some(&now)).unwrap(), 0, "an awakening was paid for");
-    }
-}
+mod tests;

@@ -10,24 +10,25 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{select, tick};
 use equipoise_core::cycle::{StoredState, Tare};
 use equipoise_core::message::Incident;
 use equipoise_core::time::NS_PER_S;
+use equipoise_files::atomic_file::write_atomically;
 use tracing::warn;
 
 use crate::active_configuration::SharedConfiguration;
-use crate::atomic_file::write_atomically;
 use crate::incidents::IncidentBoard;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::rings::Rings;
+use crate::rings::SavingEnds;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
-use crate::status::StatusFile;
+use crate::status_file::StatusFile;
 use crate::subjects::Subjects;
 
 use lifts::LiftLog;
 
-/// Polling interval for the loop's copies.
+/// Polling interval for the loop's copies: the loop wakes no thread for them.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// The registration changes with every sample; without other changes it is written at this interval.
 const REGISTRATION_INTERVAL: Duration = Duration::from_millis(900);
@@ -40,7 +41,7 @@ const SUIT_RECENT_NS: u64 = 10 * NS_PER_S;
 #[derive(Debug)]
 pub struct Saver {
     /// Source of the loop's copies.
-    pub rings: Arc<Rings>,
+    pub ends: SavingEnds,
     /// The subjects and their files.
     pub subjects: Arc<Subjects>,
     /// The active configuration.
@@ -68,8 +69,9 @@ pub fn run(saver: Saver) {
         lifts: LiftLog::default(),
         encoding_error: None,
     };
+    let ticks = tick(POLL_INTERVAL);
     loop {
-        let ended = writer.saver.rings.has_ended();
+        let ended = writer.saver.ends.control.has_ended();
         writer.drain();
         if ended {
             // Retry what could not be written with the last copy.
@@ -79,7 +81,10 @@ pub fn run(saver: Saver) {
             }
             return;
         }
-        std::thread::sleep(POLL_INTERVAL);
+        select! {
+            recv(ticks) -> _ => {}
+            recv(writer.saver.ends.control.ended()) -> _ => {}
+        }
     }
 }
 
@@ -104,7 +109,7 @@ impl Writer {
     /// Ingests all copies; only the last one of each subject counts.
     fn drain(&mut self) {
         let mut newest: Option<(u64, Box<StoredState>)> = None;
-        while let Some((number, copy)) = self.saver.rings.copies.pop() {
+        while let Ok((number, copy)) = self.saver.ends.copies.pop() {
             if let Some((before, copy)) = newest.replace((number, copy)) {
                 if before != number {
                     self.encode_profile(before, &copy);
@@ -119,9 +124,9 @@ impl Writer {
         self.write();
     }
 
-    fn return_copy(&self, copy: Box<StoredState>) {
+    fn return_copy(&mut self, copy: Box<StoredState>) {
         // Cannot fail: the ring has as many slots as there are boxes.
-        let _ = self.saver.rings.free_copies.push(copy);
+        let _ = self.saver.ends.free_copies.push(copy);
     }
 
     fn encode_profile(&mut self, number: u64, copy: &StoredState) {

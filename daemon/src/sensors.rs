@@ -9,16 +9,14 @@ use std::time::{Duration, Instant};
 
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::ground::GroundSettings;
-use equipoise_adapters::source::{FusedSource, GroundSource, MvnSettings, SourceError, SuitSource};
-use equipoise_adapters::suit::SuitSettings;
+use equipoise_adapters::source::{FusedSource, GroundSource, SourceError, SuitSource};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Publisher, Topic};
+use equipoise_config::ground::second::{error_of_second, in_second};
+use equipoise_config::{Config, GroundConfig, SuitConfig};
 use equipoise_core::message::{AdapterHealth, GroundSample, SuitSample};
 
-pub(crate) use self::body_publisher::BodyCadence;
 use self::body_publisher::BodyPublisher;
 use self::forwarding::Forwarders;
-use crate::config::ground::second::{error_of_second, in_second};
-use crate::config::{Config, GroundConfig, SuitConfig};
 use crate::realtime::RequestedScheduling;
 
 /// Publication interval of an adapter's health.
@@ -100,8 +98,8 @@ pub fn run_suit(
     let wake = bus.notifier(Channel::Inputs)?;
     let mut health = Health::new(&bus)?;
     let mut body_publisher = BodyPublisher::new(&bus)?;
-    let mut source = SuitSource::open(&mvn_settings(config)?)?;
-    let mut forwarders = Forwarders::start(&config.others);
+    let mut source = SuitSource::open(&config.mvn_settings()?)?;
+    let mut forwarders = Forwarders::start(&config.forwarded);
     ready();
     while !stopping() {
         if let Some(mut sample) = source.receive()?.filter(|sample| !forwarders.forward(sample)) {
@@ -243,34 +241,6 @@ fn open_device(config: &GroundConfig, settings: GroundSettings) -> Result<Ground
     let transport = config.transport()?.ok_or_else(elsewhere)?;
     let device = config.device()?.ok_or_else(elsewhere)?;
     GroundSource::open(transport, device, settings)
-}
-
-/// Character, vertical axis and constant delay according to the configuration.
-pub fn suit_settings(config: &SuitConfig) -> SuitSettings {
-    SuitSettings {
-        avatar: config.avatar,
-        up: config.up.axis(),
-        latency_ns: config.latency_ns(),
-        ..SuitSettings::default()
-    }
-}
-
-/// Transport, address and character according to the configuration.
-///
-/// # Errors
-/// The samples come from another process.
-pub fn mvn_settings(config: &SuitConfig) -> Result<MvnSettings, SourceError> {
-    let transport = config.source.transport().ok_or_else(|| {
-        SourceError::Unusable("suit.source is \"external\": another process publishes it".to_owned())
-    })?;
-    Ok(MvnSettings {
-        transport,
-        listen: config.listen,
-        allow_remote: config.allow_remote,
-        suit: suit_settings(config),
-        others: config.others.iter().map(|other| other.avatar).collect(),
-        ..MvnSettings::default()
-    })
 }
 
 /// Publishes an adapter's counts once a second.

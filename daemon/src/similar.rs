@@ -5,6 +5,7 @@
 
 use std::path::Path;
 
+use equipoise_config::Config;
 use equipoise_core::body::{Anthropometry, SEGMENTS, Skeleton};
 use equipoise_core::cycle::{PriorKind, Settings, Similar};
 use equipoise_core::sesc::{PARAMETERS, Phi, Reduction, ReductionKind};
@@ -29,6 +30,19 @@ pub struct Chosen {
     pub subject: String,
     /// Its contribution to the prior.
     pub similar: Similar,
+}
+
+/// The settings of a configuration with the parameters of the similar subject for `prior = "similar-subject"`, and its
+/// pseudonym.
+pub fn settings_among(config: &Config, profiles: &Path) -> (Settings, Option<String>) {
+    let mut settings = config.settings();
+    if settings.prior != PriorKind::SimilarSubject {
+        return (settings, None);
+    }
+    let chosen = choose(&config.subject.id, &settings, profiles);
+    tracing::info!("{}", describe(chosen.as_ref()));
+    settings.similar = chosen.as_ref().map(|chosen| chosen.similar);
+    (settings, chosen.map(|chosen| chosen.subject))
 }
 
 /// The most similar of the profiles in a folder for the subject of these settings, excluding that subject's own.
@@ -105,8 +119,8 @@ fn deviation(profile: &Profile) -> Option<([f64; PARAMETERS], [f64; PARAMETERS])
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::method::SexConfig;
-    use crate::profile::Build;
+    use equipoise_config::method::Build;
+    use equipoise_config::method::SexConfig;
     use equipoise_core::body::Segment;
     use equipoise_core::cycle::Identification;
     use equipoise_core::frame::{Pose, SuitWorld};

@@ -7,13 +7,13 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use equipoise_config::Config;
 use equipoise_core::cycle::stored_state::SHIFT_VALID_NS;
 use equipoise_core::cycle::{Registration, StoredState, Tare};
 use equipoise_core::message::Printable;
+use equipoise_files::Sha256;
 use serde::{Deserialize, Serialize};
 
-use crate::config::Config;
-use crate::model::sha256_of_text;
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
 /// Increments with every change of the file's layout or meaning.
@@ -67,7 +67,7 @@ impl SubjectPart {
 }
 
 fn fingerprint(config: &Config) -> String {
-    let mut hash = sha256_of_text(&format!("{}/{}", config.station, config.subject.id));
+    let mut hash = Sha256::of(format!("{}/{}", config.station, config.subject.id).as_bytes());
     hash.truncate(16);
     hash
 }
@@ -205,7 +205,7 @@ impl ModelPart {
     /// The model of a configuration.
     pub fn of(config: &Config) -> Option<ModelPart> {
         let model = config.loaded_model.as_ref()?;
-        Some(ModelPart { file: model.name.clone(), sha256: sha256_of_text(&model.text) })
+        Some(ModelPart { file: model.name.clone(), sha256: Sha256::of(model.text.as_bytes()) })
     }
 }
 
@@ -313,13 +313,13 @@ fn is_empty(levers_nm: &[[f64; 2]; 2]) -> bool {
 }
 
 fn plate_of(config: &Config) -> String {
-    sha256_of_text(&toml::to_string(&config.ground).unwrap_or_default())
+    Sha256::of(toml::to_string(&config.ground).unwrap_or_default().as_bytes())
 }
 
 fn frames_of(config: &Config) -> String {
     let frames = [Some(&config.ground), config.ground.second.as_deref()];
     let texts = frames.map(|ground| ground.and_then(|ground| toml::to_string(&ground.frame).ok()));
-    sha256_of_text(&texts.map(Option::unwrap_or_default).join("and"))
+    Sha256::of(texts.map(Option::unwrap_or_default).join("and").as_bytes())
 }
 
 /// Boot id of the machine; `None` if unavailable.

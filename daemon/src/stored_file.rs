@@ -8,7 +8,7 @@ use std::path::Path;
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use serde::de::DeserializeOwned;
 
-use crate::model::sha256_of_text;
+use equipoise_files::Sha256;
 
 /// Prefix of the last line, which is a TOML comment.
 const CHECKSUM_PREFIX: &str = "# sha256 of all above: ";
@@ -38,7 +38,7 @@ pub fn sealed(mut text: String) -> String {
     if !text.ends_with('\n') {
         text.push('\n');
     }
-    let seal = format!("{CHECKSUM_PREFIX}{}\n", sha256_of_text(&text));
+    let seal = format!("{CHECKSUM_PREFIX}{}\n", Sha256::of(text.as_bytes()));
     text + &seal
 }
 
@@ -75,7 +75,7 @@ fn parse<T: DeserializeOwned>(text: &str, formats: &Formats) -> Result<T, String
 
 fn is_checksum_valid(text: &str) -> bool {
     text.rfind(CHECKSUM_PREFIX)
-        .is_some_and(|at| text[at + CHECKSUM_PREFIX.len()..].trim_end() == sha256_of_text(&text[..at]))
+        .is_some_and(|at| text[at + CHECKSUM_PREFIX.len()..].trim_end() == Sha256::of(&text.as_bytes()[..at]))
 }
 
 #[cfg(test)]

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use crate::profile::Build;
-use crate::state_directory::StateDirectory;
+use equipoise_config::method::Build;
+use equipoise_station::state_directory::StateDirectory;
 
 /// Number of the configured subject.
 pub const CONFIGURED: u64 = 0;
@@ -39,7 +39,7 @@ impl ProfileDestination {
         remember: bool,
     ) -> ProfileDestination {
         let refusal = (!remember)
-            .then(|| "subject.remember is false in the configuration, so no profile is kept".to_owned());
+            .then(|| "subject.save_profile is false in the configuration, so no profile is kept".to_owned());
         let (path, lifts) = (state.profile(subject), state.lifts(subject));
         ProfileDestination { subject: subject.to_owned(), path, lifts, build, remember, refusal }
     }

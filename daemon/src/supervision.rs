@@ -12,16 +12,16 @@ mod streams;
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_bus::{Bus, BusError, Subscriber};
+use equipoise_config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use equipoise_core::message::{AdapterHealth, CycleRecord, Incident, State, Validity};
 use equipoise_core::time::seconds;
+use equipoise_station::adapter_fault;
 
 use self::growth::Growth;
 use self::host_clock::{ClockMonitor, HostClock, StampCheck};
 use self::loop_time::LoopTime;
 use self::page_faults::PageFaults;
 use self::streams::{StreamDescription, StreamMonitor, StreamSample, Verdict};
-use crate::adapter_fault;
-use crate::config::{Config, GroundConfig, GroundSourceKind, SuitConfig, SuitSourceKind};
 use crate::incidents::IncidentBoard;
 use crate::realtime::now_ns;
 use crate::rings::Refused;
@@ -145,10 +145,10 @@ impl Supervision {
                  sleep.target)",
                 seconds(suspended_ns)
             );
-            board.report_once(Incident::ClockTrouble, &what);
+            board.report_once(Incident::ClockFault, &what);
         }
         let fault = self.clock.fault();
-        board.set(Incident::ClockTrouble, fault.is_some(), || fault.unwrap_or_default());
+        board.set(Incident::ClockFault, fault.is_some(), || fault.unwrap_or_default());
         health_result
     }
 
@@ -261,7 +261,7 @@ fn describe_suit(config: &SuitConfig) -> StreamDescription {
         [SuitRefusal::Duplicate.index(), SuitRefusal::OutOfOrder.index(), SuitRefusal::Late.index()];
     let check = match config.source {
         SuitSourceKind::External => {
-            "is `equipoise adapter suit` running, or the daemon that has this station in its suit.others?"
+            "is `equipoise adapter suit` running, or the daemon that has this station in its suit.forwarded?"
                 .to_owned()
         }
         SuitSourceKind::MvnUdp | SuitSourceKind::MvnTcp => format!(
@@ -272,7 +272,7 @@ fn describe_suit(config: &SuitConfig) -> StreamDescription {
         ),
     };
     const REFUSED: &str =
-        "; `equipoise doctor suit` says more (upside_down: if MVN sends with Y up, suit.up = \"y\")";
+        "; `equipoise doctor suit` says more (upside_down: if MVN sends with Y up, suit.up_axis = \"y\")";
     StreamDescription {
         what: "the suit",
         check,

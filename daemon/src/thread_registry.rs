@@ -3,15 +3,12 @@
 //! Each thread requests its own scheduling when it starts ([`ThreadRegistry::request`]). Housekeeping reads the rest
 //! from `/proc` once per second, so that real-time threads make no system calls for it.
 
-mod proc;
-
 use std::sync::{Mutex, PoisonError};
 
-use serde::{Deserialize, Serialize};
+use equipoise_station::proc::TaskFacts;
+use equipoise_station::status::ThreadStatus;
 
 use crate::realtime::{self, RequestedScheduling, ThreadReport};
-
-pub use proc::{MemoryUse, TaskFacts};
 
 /// The threads of this process, with requested and granted scheduling.
 #[derive(Debug, Default)]
@@ -45,7 +42,7 @@ impl ThreadRegistry {
         let reports = self.reports();
         let mut threads: Vec<ThreadStatus> = TaskFacts::read_all()
             .into_iter()
-            .map(|facts| ThreadStatus::new(reports.iter().find(|report| report.id == facts.id), facts))
+            .map(|facts| status_of(reports.iter().find(|report| report.id == facts.id), facts))
             .collect();
         // In the order of their start, which is that of the data flow; other threads last.
         let place = |thread: &ThreadStatus| reports.iter().position(|report| report.id == thread.id);
@@ -54,59 +51,20 @@ impl ThreadRegistry {
     }
 }
 
-/// Requested and granted scheduling of one thread, its page faults and preemptions.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ThreadStatus {
-    /// Role; for a thread without a request, its name in the kernel.
-    pub thread: String,
-    /// Thread id.
-    #[serde(default)]
-    pub id: i32,
-    /// Whether the thread requested scheduling.
-    #[serde(default)]
-    pub has_asked: bool,
-    /// Requested SCHED_FIFO priority; 0 for none.
-    pub asked_fifo: u32,
-    /// Requested core.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub asked_cpu: Option<usize>,
-    /// Name of the current scheduling policy.
-    #[serde(default)]
-    pub policy: String,
-    /// Current SCHED_FIFO priority.
-    pub granted_fifo: u32,
-    /// Cores on which it may run.
-    pub cpus: Vec<usize>,
-    /// Timer slack, read back, ns; `None` for a thread without a request.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub timer_slack_ns: Option<u64>,
-    /// Page faults that needed no disk, since its start.
-    #[serde(default)]
-    pub minor_faults: u64,
-    /// Page faults that waited for a disk, since its start.
-    #[serde(default)]
-    pub major_faults: u64,
-    /// Number of preemptions since its start.
-    #[serde(default)]
-    pub involuntary_switches: u64,
-}
-
-impl ThreadStatus {
-    fn new(report: Option<&ThreadReport>, facts: TaskFacts) -> ThreadStatus {
-        ThreadStatus {
-            thread: report.map_or(facts.name, |report| report.thread.to_owned()),
-            id: facts.id,
-            has_asked: report.is_some(),
-            asked_fifo: report.map_or(0, |report| report.asked.fifo_priority),
-            asked_cpu: report.and_then(|report| report.asked.cpu),
-            policy: realtime::policy_name(facts.policy).to_owned(),
-            granted_fifo: if facts.policy == libc::SCHED_FIFO { facts.priority } else { 0 },
-            cpus: facts.cpus,
-            timer_slack_ns: report.map(|report| report.granted.timer_slack_ns),
-            minor_faults: facts.minor_faults,
-            major_faults: facts.major_faults,
-            involuntary_switches: facts.involuntary_switches,
-        }
+fn status_of(report: Option<&ThreadReport>, facts: TaskFacts) -> ThreadStatus {
+    ThreadStatus {
+        thread: report.map_or(facts.name, |report| report.thread.to_owned()),
+        id: facts.id,
+        has_asked: report.is_some(),
+        asked_fifo: report.map_or(0, |report| report.asked.fifo_priority),
+        asked_cpu: report.and_then(|report| report.asked.cpu),
+        policy: realtime::policy_name(facts.policy).to_owned(),
+        granted_fifo: if facts.policy == libc::SCHED_FIFO { facts.priority } else { 0 },
+        cpus: facts.cpus,
+        timer_slack_ns: report.map(|report| report.granted.timer_slack_ns),
+        minor_faults: facts.minor_faults,
+        major_faults: facts.major_faults,
+        involuntary_switches: facts.involuntary_switches,
     }
 }
 
@@ -146,7 +104,7 @@ mod tests {
         let thread_registry = ThreadRegistry::default();
         thread_registry.request("loop", RequestedScheduling::default());
         thread_registry.request("loop", RequestedScheduling::default());
-        let (sender, receiver) = std::sync::mpsc::channel::<()>();
+        let (sender, receiver) = crossbeam_channel::bounded::<()>(0);
         let stranger =
             std::thread::Builder::new().name("stranger".into()).spawn(move || receiver.recv()).unwrap();
         let named = |name: &str| -> Vec<ThreadStatus> {

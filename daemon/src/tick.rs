@@ -7,14 +7,13 @@
 mod clock;
 mod deadlines;
 
-use std::sync::Arc;
-
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StoredState, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
+use rtrb::Consumer;
 
 use crate::realtime::prefault;
-use crate::rings::{Ingested, Outcome, RESERVED_FOR_SHUTDOWN, Rings};
+use crate::rings::{Ingested, LoopEnds, Outcome, RESERVED_FOR_SHUTDOWN};
 use crate::schedule::Schedule;
 
 pub use clock::{Clock, Monotonic};
@@ -44,7 +43,7 @@ impl Observer for NoObserver {}
 pub struct Loop {
     settings: Settings,
     memory: Box<Memory>,
-    rings: Arc<Rings>,
+    ends: LoopEnds,
     suit: Box<[SuitSample; SUIT_SAMPLES_MAX]>,
     ground: Box<[GroundSample; GROUND_SAMPLES_MAX]>,
     record: CycleRecord,
@@ -83,19 +82,13 @@ impl Loop {
     /// Creates a loop with an initialised or restored memory.
     ///
     /// `worker` is the number of its worker.
-    pub fn new(
-        settings: Settings,
-        memory: Box<Memory>,
-        worker: u64,
-        rings: Arc<Rings>,
-        period_ns: u64,
-    ) -> Loop {
+    pub fn new(settings: Settings, memory: Box<Memory>, worker: u64, ends: LoopEnds, period_ns: u64) -> Loop {
         let checkpointed = IdentificationProgress::of(&memory.identification);
         let record = CycleRecord { period_ns, ..bytemuck::Zeroable::zeroed() };
         let mut new = Loop {
             settings,
             memory,
-            rings,
+            ends,
             suit: bytemuck::zeroed_box(),
             ground: bytemuck::zeroed_box(),
             record,
@@ -112,12 +105,12 @@ impl Loop {
         new
     }
 
-    /// Runs until [`Rings::stop`].
+    /// Runs until [`LoopControl::stop`](crate::rings::LoopControl::stop).
     pub fn run(mut self, clock: &mut impl Clock, observer: &mut dyn Observer) -> LoopSummary {
         let period_ns = self.record.period_ns;
         let mut schedule = Schedule::new(clock.now_ns() + period_ns, period_ns);
         let (mut cycle, mut ended_ns, mut misses) = (0, 0, Misses::default());
-        while !self.rings.is_stopping() {
+        while !self.ends.control.is_stopping() {
             clock.sleep_until(schedule.due_ns());
             let woken_ns = clock.now_ns();
             cycle += 1;
@@ -125,7 +118,7 @@ impl Loop {
 
             let command = self.command();
             let (suit, ground) = self.pop_samples();
-            let body = self.rings.body.pop().map(|ingested| ingested.sample);
+            let body = self.ends.body.pop().ok().map(|ingested| ingested.sample);
             let tick = Tick { cycle, due_ns: schedule.due_ns() };
             let (suits, grounds) = (&self.suit[..suit], &self.ground[..ground]);
             let inputs = Inputs { suit: suits, ground: grounds, body: body.as_ref(), command };
@@ -137,7 +130,7 @@ impl Loop {
             self.record_lateness(&schedule, misses.check(cycle, compute_end_ns, schedule.deadline_ns()));
             self.record_inputs(suit, ground, command);
             self.record.body_published_ns = body.map_or(0, |body| body.published_ns);
-            self.rings.push_outcome(Outcome { state, record: self.record });
+            self.ends.push_outcome(Outcome { state, record: self.record });
             self.take_checkpoint(cycle, command);
             self.push_copy_if_due(tick.due_ns, command);
 
@@ -164,8 +157,8 @@ impl Loop {
 
     fn pop_samples(&mut self) -> (usize, usize) {
         let (suit, ground) = (&mut self.suit[..], &mut self.ground[..]);
-        let suit_taken = pop_into(suit, &mut self.record.suit_ingress_ns, || self.rings.suit.pop());
-        let ground_taken = pop_into(ground, &mut self.record.ground_ingress_ns, || self.rings.ground.pop());
+        let suit_taken = pop_into(suit, &mut self.record.suit_ingress_ns, &mut self.ends.suit);
+        let ground_taken = pop_into(ground, &mut self.record.ground_ingress_ns, &mut self.ends.ground);
         (suit_taken, ground_taken)
     }
 
@@ -173,10 +166,10 @@ impl Loop {
         let (suit, ground, record) =
             (&self.suit[..suit_taken], &self.ground[..ground_taken], &mut self.record);
         record.command = command.map_or(0, |command| command as u32);
-        record.input_dropped = self.rings.input_dropped();
-        let refused = self.rings.refused();
-        record.input_refused = self.memory.alignment.refused() + refused.suit + refused.ground;
-        record.output_dropped = self.rings.output_dropped();
+        record.input_dropped = self.ends.control.input_dropped();
+        let refused = self.ends.control.refused();
+        record.input_refused = self.memory.rejected_samples() + refused.suit + refused.ground;
+        record.output_dropped = self.ends.output_dropped();
         record.suit_taken = suit_taken as u32;
         record.ground_taken = ground_taken as u32;
         record.suit_first = suit.first().map_or(0, |sample| sample.sequence);
@@ -199,21 +192,21 @@ impl Loop {
     /// that may free it.
     fn command(&mut self) -> Option<CommandKind> {
         self.record.command_argument = [0.0; 4];
-        let command = self.rings.command.pop();
+        let command = self.ends.command.pop().ok();
         if command == Some(CommandKind::SubjectLoad)
-            && let Some((number, worker)) = self.rings.worker.pop()
+            && let Ok((number, worker)) = self.ends.worker.pop()
         {
             // Final copy of the previous worker.
             self.push_copy();
             self.memory.replace_subject(&worker);
             self.worker = number;
-            let _ = self.rings.returned_workers.push(worker);
+            let _ = self.ends.returned_workers.push(worker);
         }
         if command.is_none()
-            && let Some((number, mut settings)) = self.rings.settings.pop()
+            && let Ok((number, mut settings)) = self.ends.settings.pop()
         {
             std::mem::swap(&mut self.settings, &mut *settings);
-            let _ = self.rings.returned_settings.push(settings);
+            let _ = self.ends.returned_settings.push(settings);
             self.record.command_argument[0] = number as f64;
             return Some(CommandKind::Reload);
         }
@@ -223,7 +216,7 @@ impl Loop {
     fn push_copy_if_due(&mut self, due_ns: u64, command: Option<CommandKind>) {
         self.copy_due |= command.is_some() || due_ns.saturating_sub(self.copied_ns) >= COPY_INTERVAL_NS;
         // Waiting for a slow disk loses nothing: the worker stays in memory.
-        if self.copy_due && self.rings.free_copies.len() > RESERVED_FOR_SHUTDOWN {
+        if self.copy_due && self.ends.free_copies.slots() > RESERVED_FOR_SHUTDOWN {
             (self.copy_due, self.copied_ns) = (false, due_ns);
             self.push_copy();
         }
@@ -231,47 +224,43 @@ impl Loop {
 
     /// Copies the persistent state if a box is blank.
     fn push_copy(&mut self) {
-        if let Some(copy) = self.rings.free_copies.pop() {
+        if let Ok(copy) = self.ends.free_copies.pop() {
             self.fill_and_push(copy);
         }
     }
 
     /// As [`Self::push_copy`], but always: after the last cycle an allocation is harmless.
     fn push_final_copy(&mut self) {
-        let copy = self.rings.free_copies.pop().unwrap_or_else(bytemuck::zeroed_box);
+        let copy = self.ends.free_copies.pop().unwrap_or_else(|_| bytemuck::zeroed_box());
         self.fill_and_push(copy);
     }
 
-    fn fill_and_push(&self, mut copy: Box<StoredState>) {
+    fn fill_and_push(&mut self, mut copy: Box<StoredState>) {
         copy.copy_from(&self.memory);
         // Cannot fail: there are more slots than boxes.
-        let _ = self.rings.copies.push((self.worker, copy));
+        let _ = self.ends.copies.push((self.worker, copy));
     }
 
     fn take_checkpoint(&mut self, cycle: u64, command: Option<CommandKind>) {
         let worker = IdentificationProgress::of(&self.memory.identification);
         self.checkpoint_due |= worker != self.checkpointed || command.is_some();
         if self.checkpoint_due
-            && let Some(mut checkpoint) = self.rings.free_checkpoints.pop()
+            && let Ok(mut checkpoint) = self.ends.free_checkpoints.pop()
         {
             checkpoint.take(cycle, &self.memory);
             self.checkpoint_due = false;
             self.checkpointed = worker;
             // Cannot fail: the ring has as many slots as there are boxes.
-            let _ = self.rings.checkpoints.push(checkpoint);
+            let _ = self.ends.checkpoints.push(checkpoint);
         }
     }
 }
 
 /// Returns the number of samples; `ingress_ns` is set to the stamp of the last.
-fn pop_into<S>(
-    slots: &mut [S],
-    ingress_ns: &mut u64,
-    mut next: impl FnMut() -> Option<Ingested<S>>,
-) -> usize {
+fn pop_into<S>(slots: &mut [S], ingress_ns: &mut u64, ring: &mut Consumer<Ingested<S>>) -> usize {
     let mut popped = 0;
     while popped < slots.len()
-        && let Some(next) = next()
+        && let Ok(next) = ring.pop()
     {
         slots[popped] = next.sample;
         *ingress_ns = next.ingress_ns;
@@ -283,6 +272,7 @@ fn pop_into<S>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rings::{CommandEnds, Rings, SavingEnds};
     use equipoise_core::cycle::SubjectState;
 
     const LOAD_AT: u64 = 1000;
@@ -291,8 +281,16 @@ mod tests {
     struct Steps {
         now_ns: u64,
         cycle: u64,
-        rings: Arc<Rings>,
+        commands: CommandEnds,
+        saving: SavingEnds,
         free_before_and_after: [usize; 2],
+    }
+
+    impl Steps {
+        fn free_copies(&self) -> usize {
+            let returned = &self.saving.free_copies;
+            returned.buffer().capacity() - returned.slots()
+        }
     }
 
     impl Clock for Steps {
@@ -305,32 +303,32 @@ mod tests {
             (self.now_ns, self.cycle) = (due_ns, self.cycle + 1);
             if self.cycle == LOAD_AT {
                 let worker = bytemuck::zeroed_box::<SubjectState>();
-                assert!(self.rings.worker.push((1, worker)).is_ok());
-                self.rings.command.push(CommandKind::SubjectLoad).unwrap();
-                self.free_before_and_after[0] = self.rings.free_copies.len();
+                assert!(self.commands.worker.push((1, worker)).is_ok());
+                self.commands.command.push(CommandKind::SubjectLoad).unwrap();
+                self.free_before_and_after[0] = self.free_copies();
             }
             if self.cycle == LOAD_AT + 1 {
-                self.free_before_and_after[1] = self.rings.free_copies.len();
+                self.free_before_and_after[1] = self.free_copies();
             }
             if self.cycle == 2 * LOAD_AT {
-                self.rings.stop();
+                self.commands.control.stop();
             }
         }
     }
 
     #[test]
     fn the_final_copy_is_pushed_while_a_disk_write_blocks() {
-        let rings = Arc::new(Rings::new().unwrap());
+        let Rings { loop_ends, commands, saving, .. } = Rings::new().unwrap();
         let settings = Settings::for_height(1.77);
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(&settings);
-        let mut clock =
-            Steps { now_ns: 0, cycle: 0, rings: Arc::clone(&rings), free_before_and_after: [9; 2] };
+        let mut clock = Steps { now_ns: 0, cycle: 0, commands, saving, free_before_and_after: [9; 2] };
         // 20 s at 100 Hz, and no box is returned.
-        let the_loop = Loop::new(settings, memory, 0, Arc::clone(&rings), 10_000_000);
+        let the_loop = Loop::new(settings, memory, 0, loop_ends, 10_000_000);
         the_loop.run(&mut clock, &mut NoObserver);
         assert_eq!(clock.free_before_and_after, [1, 0], "what is kept now and then leaves one");
-        let copy: Vec<u64> = std::iter::from_fn(|| rings.copies.pop()).map(|(number, _)| number).collect();
+        let copies = std::iter::from_fn(|| clock.saving.copies.pop().ok());
+        let copy: Vec<u64> = copies.map(|(number, _)| number).collect();
         assert_eq!(copy, [0, 0, 0, 0, 1], "the exchanged one's and the end's");
     }
 }

@@ -3,26 +3,32 @@
 
 use std::time::{Duration, Instant};
 
-use crate::rings::Rings;
+use crossbeam_channel::{select, tick};
+
+use crate::rings::LoopControl;
 
 /// Interval between notifications; the shipped unit allows five seconds.
 const NOTIFY_EVERY: Duration = Duration::from_secs(1);
-/// Polling interval for completed cycles and the end of the loop.
+/// Polling interval for completed cycles: the loop wakes no thread for them.
 const POLL_EVERY: Duration = Duration::from_millis(50);
 
 /// Runs until the loop has ended.
-pub fn run(rings: &Rings) {
-    notify_while_cycles_complete(rings, NOTIFY_EVERY, || {
+pub fn run(control: &LoopControl) {
+    notify_while_cycles_complete(control, NOTIFY_EVERY, || {
         let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
     });
 }
 
-fn notify_while_cycles_complete(rings: &Rings, every: Duration, mut notify: impl FnMut()) {
+fn notify_while_cycles_complete(control: &LoopControl, every: Duration, mut notify: impl FnMut()) {
     let mut last_notified = Instant::now();
     let mut last_cycle = 0;
-    while !rings.has_ended() {
-        std::thread::sleep(POLL_EVERY);
-        let cycle = rings.last_cycle();
+    let ticks = tick(POLL_EVERY);
+    loop {
+        select! {
+            recv(ticks) -> _ => {}
+            recv(control.ended()) -> _ => return,
+        }
+        let cycle = control.last_cycle();
         if cycle != last_cycle && last_notified.elapsed() >= every {
             (last_notified, last_cycle) = (Instant::now(), cycle);
             notify();
@@ -40,30 +46,30 @@ mod tests {
     use equipoise_core::message::{CycleRecord, State};
 
     use super::*;
-    use crate::rings::Outcome;
+    use crate::rings::{LoopEnds, Outcome, Rings};
 
-    fn complete(rings: &Rings, cycle: u64) {
+    fn complete(loop_ends: &mut LoopEnds, cycle: u64) {
         let state = State { cycle, ..State::zeroed() };
-        rings.push_outcome(Outcome { state, record: CycleRecord::zeroed() });
+        loop_ends.push_outcome(Outcome { state, record: CycleRecord::zeroed() });
     }
 
-    fn watchdog(rings: &Arc<Rings>, every: Duration) -> (JoinHandle<()>, Arc<AtomicU64>) {
+    fn watchdog(control: &Arc<LoopControl>, every: Duration) -> (JoinHandle<()>, Arc<AtomicU64>) {
         let count = Arc::new(AtomicU64::new(0));
-        let (rings, counted) = (Arc::clone(rings), Arc::clone(&count));
+        let (control, counted) = (Arc::clone(control), Arc::clone(&count));
         let notify = move || {
             counted.fetch_add(1, Ordering::Relaxed);
         };
-        (spawn(move || notify_while_cycles_complete(&rings, every, notify)), count)
+        (spawn(move || notify_while_cycles_complete(&control, every, notify)), count)
     }
 
     #[test]
     fn a_stalled_loop_is_not_reported_as_alive() {
-        let rings = Arc::new(Rings::new().unwrap());
-        let (thread, count) = watchdog(&rings, Duration::ZERO);
+        let Rings { control, mut loop_ends, .. } = Rings::new().unwrap();
+        let (thread, count) = watchdog(&control, Duration::ZERO);
         sleep(POLL_EVERY * 4);
         assert_eq!(count.load(Ordering::Relaxed), 0, "no cycle has completed yet");
         for cycle in 1..=3 {
-            complete(&rings, cycle);
+            complete(&mut loop_ends, cycle);
             while count.load(Ordering::Relaxed) < cycle {
                 sleep(Duration::from_millis(1));
             }
@@ -71,24 +77,24 @@ mod tests {
             sleep(POLL_EVERY * 4);
             assert_eq!(count.load(Ordering::Relaxed), cycle);
         }
-        rings.stop();
+        control.stop();
         thread.join().unwrap();
     }
 
     #[test]
     fn the_interval_holds_for_a_running_loop() {
-        let rings = Arc::new(Rings::new().unwrap());
+        let Rings { control, mut loop_ends, .. } = Rings::new().unwrap();
         let every = Duration::from_millis(200);
         let started = Instant::now();
-        let (thread, count) = watchdog(&rings, every);
+        let (thread, count) = watchdog(&control, every);
         let mut cycle = 0;
         while count.load(Ordering::Relaxed) < 3 {
             cycle += 1;
-            complete(&rings, cycle);
+            complete(&mut loop_ends, cycle);
             sleep(Duration::from_millis(1));
         }
         assert!(started.elapsed() >= every * 3, "{:?}", started.elapsed());
-        rings.stop();
+        control.stop();
         thread.join().unwrap();
     }
 }

@@ -2,13 +2,14 @@
 
 use std::collections::BTreeMap;
 
+use equipoise_config::model_file::Ask;
 use equipoise_core::effect::{Effect, Place};
 use serde_json::Value;
 
 use crate::ask::ask;
 use crate::candidate::{Candidate, Scope, place_name};
 use crate::constants::{OPEN_END_BLOCKS, PARAMETER_ERROR};
-use crate::finding::{Ask, AxisGap, Estimate, Finding, Gap, Named, Verdict};
+use crate::finding::{AxisGap, Estimate, Finding, Gap, Named, Verdict};
 use crate::floor::{Floor, root_mean};
 use crate::generic::Generics;
 use crate::gram::Gram;

@@ -2,6 +2,7 @@
 //! poses of the library (also turned and displaced), long standing and fast motion; the choice maximises the separation
 //! of the predictions of the two leading explanations.
 
+use equipoise_config::model_file::Ask;
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::{Effect, Observation};
 use equipoise_core::pose_suggestion::library::LIBRARY;
@@ -10,7 +11,6 @@ use nalgebra::{UnitQuaternion, Vector3};
 use crate::candidate::Candidate;
 use crate::constants::{FASTER, RELATIVE, SEPARATION_MIN, STANDING_S, STEP_M, TURNS_DEG};
 use crate::evidence::Estimate;
-use crate::finding::Ask;
 use crate::floor::Floor;
 use crate::gram::Gram;
 use crate::linear::norm;

@@ -415,25 +415,3 @@ pub(crate) const GAP_IN_WORDS: [f64; 2] = [1.1, 1.5];
 pub(crate) const DRAWN_POSES: (usize, f64) = (300, 5.0);
 /// Parts of the trend of a scatter plot, and points of each, at least. Unit: 1. Origin: display.
 pub(crate) const TREND: (usize, f64) = (12, 3.0);
-/// Times in a model file, at most: a year. Unit: s. Origin: chosen.
-pub(crate) const FILE_TIME_MAX_S: f64 = 366.0 * 86_400.0;
-/// Letters of an explanation's name in a model file, at most. Unit: 1. Origin: chosen.
-pub(crate) const FILE_NAME_MAX: usize = 64;
-/// Ranges of a shape in a model file: lag, cutoff, frequency, time constant. Unit: s, Hz, Hz, s. Origin: chosen: beyond
-/// are typing errors.
-pub(crate) const FILE_SHAPES: [[f64; 2]; 4] = [[-0.5, 0.5], [0.05, 500.0], [0.01, 10.0], [0.1, 100_000.0]];
-/// Largest parameter in a model file, by its unit. Unit: as named; of the others the last. Origin: chosen, as the
-/// ranges.
-pub(crate) const FILE_LARGEST: [(&str, f64); 8] = [
-    ("kg", 150.0),
-    ("kg m", 75.0),
-    ("N", 2000.0),
-    ("m/s", 0.01),
-    ("rad", PI),
-    ("rad/s", 0.1),
-    ("Hz", 500.0),
-    ("", 1.5),
-];
-/// Largest turn, step, standing and separation of a request in a model file. Unit: °, m, s, σ. Origin: chosen, as the
-/// ranges.
-pub(crate) const FILE_ASK: [f64; 4] = [180.0, 1.0, 3600.0, 1e9];

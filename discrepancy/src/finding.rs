@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
+use equipoise_config::model_file::Ask;
+use serde::Serialize;
 
 /// The result of the workflow. The field names are a contract.
 #[derive(Debug, Clone, Serialize)]
@@ -27,76 +28,6 @@ pub struct Finding {
     pub ask: Option<Ask>,
     /// The model file; `None` if nothing was added.
     pub model: Option<String>,
-}
-
-/// A pose or motion that separates two explanations.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Ask {
-    /// The explanations, by name with place.
-    pub between: [String; 2],
-    /// Name of the pose of the core's library to hold; `None` for a step, standing or a motion.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pose: Option<String>,
-    /// Rotation of the body before, degrees to the left.
-    #[serde(default)]
-    pub turn_deg: f64,
-    /// Displacement of the stance before: forward and to the left, m.
-    #[serde(default)]
-    pub step_m: [f64; 2],
-    /// Duration of static standing, s; 0: as long as a pose takes.
-    #[serde(default)]
-    pub still_s: f64,
-    /// Whether fast motion is requested.
-    #[serde(default)]
-    pub fast: bool,
-    /// Difference of the two predictions, 1-σ of the noise.
-    pub separation_sigma: f64,
-}
-
-impl Ask {
-    /// The sentence of [`Finding::ask_next`].
-    pub fn sentence(&self) -> String {
-        let [one, other] = &self.between;
-        let what = self.what();
-        format!("{what}: {one} and {other} then differ by {:.1} times the noise", self.separation_sigma)
-    }
-
-    /// The instruction for the worker on the plate.
-    pub fn what(&self) -> String {
-        if self.fast {
-            return "squat quickly and stop, a few times".to_owned();
-        }
-        if self.still_s > 0.0 {
-            return format!("stand still for {:.0} minutes", self.still_s / 60.0);
-        }
-        if let [forward_m, left_m] = self.step_m
-            && (forward_m, left_m) != (0.0, 0.0)
-        {
-            let side = |metres: f64, [plus, minus]: [&str; 2]| {
-                format!("{:.0} cm {}", 100.0 * metres.abs(), if metres < 0.0 { minus } else { plus })
-            };
-            return format!(
-                "step to another place on the plate, {} and {}",
-                side(forward_m, ["forward", "back"]),
-                side(left_m, ["to the left", "to the right"])
-            );
-        }
-        let pose = self.pose.as_deref().unwrap_or("stand straight, arms down");
-        match self.turn_deg {
-            0.0 => format!("hold this pose: {pose}"),
-            turn_deg => format!("{} and hold this pose: {pose}", turn(turn_deg)),
-        }
-    }
-}
-
-/// `turn by 90° to the left`.
-pub fn turn(turn_deg: f64) -> String {
-    let side = if turn_deg < 0.0 { "right" } else { "left" };
-    if turn_deg.abs() == 180.0 {
-        return "turn around".to_owned();
-    }
-    format!("turn by {:.0}° to the {side}", turn_deg.abs())
 }
 
 /// The verdict on a recording.

@@ -4,7 +4,8 @@
 //! Data flow one way: a recording becomes a [`session::Session`] of [`block::Block`]s (predictions of the model and
 //! measurements of the plate over a fraction of a second each, with all inputs of the effects' columns); the noise is
 //! fitted on the phases that are not in question; all inference about effects is algebra on one whitened Gram matrix;
-//! the result is a [`finding::Finding`], from which model file and report are made.
+//! the result is a [`finding::Finding`], from which model file and report are made. [`workflow`] makes the session of a
+//! recording; [`session_report`] is the page about a recording without a comparison.
 
 mod answer;
 mod ask;
@@ -21,7 +22,6 @@ mod gram;
 mod holdout;
 mod linear;
 mod locate;
-pub mod model_file;
 mod noise;
 pub mod picture;
 mod plausibility;
@@ -31,9 +31,11 @@ pub mod report;
 mod rows;
 mod select;
 pub mod session;
+pub mod session_report;
 pub mod spans;
 mod trials;
 mod verdict;
 mod windows;
+pub mod workflow;
 
 pub use reconcile::{Fitted, Options, Outcome, ReconcileError, reconcile};

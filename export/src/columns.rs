@@ -93,7 +93,7 @@ impl Row {
                 Some(Value::F64(since_ns as f64 / 1e9))
             }
             Place::Text(index) => texts.get(index).cloned().map(Value::Text),
-            Place::Number { field, index } if message.is_given(field.name, index) => {
+            Place::Number { field, index } if message.is_available(field.name, index) => {
                 number(bytes, field, index)
             }
             Place::Number { .. } => None,
@@ -157,7 +157,15 @@ mod tests {
 
     #[test]
     fn every_field_with_a_point_has_a_unit_or_is_known_to_have_none() {
-        let pure = ["zeta", "eta", "nis", "prior_inflation", "dose", "fatigue", "command_argument"];
+        let pure = [
+            "foot_load_fraction",
+            "hand_load_fraction",
+            "nis",
+            "prior_inflation",
+            "dose",
+            "fatigue",
+            "command_argument",
+        ];
         let all = [
             columns::<State>(),
             columns::<SuitSample>(),

@@ -1,9 +1,11 @@
 //! Names and units of columns, and the meanings of enumerated numbers.
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment};
-use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
 use equipoise_core::message::layout::Field;
-use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::message::state::{
+    AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
+};
 use equipoise_core::message::{GroundDevice, Validity};
 use equipoise_core::overload::Level;
 use equipoise_core::pose_suggestion::library::LIBRARY;
@@ -51,7 +53,9 @@ pub(super) fn column(field: &Field, index: usize) -> String {
     let segment = |index: usize| Segment::ALL[index].name();
     match (name, field.count) {
         (_, 1) => name.to_owned(),
-        ("zeta" | "eta" | "foot_vertical_n", 2) => format!("{name}_{}", SIDES[index]),
+        ("foot_load_fraction" | "hand_load_fraction" | "foot_vertical_n", 2) => {
+            format!("{name}_{}", SIDES[index])
+        }
         ("foot_cop_m", 4) => format!("{name}_{}_{}", SIDES[index / 2], AXES[index % 2]),
         ("joint_angle_deg", _) => format!("{name}_{}_{}", joint(index / 3), ANGLES[index % 3]),
         ("orientation_wxyz", _) => format!("{name}_{}_{}", segment(index / 4), QUATERNION[index % 4]),
@@ -79,16 +83,16 @@ pub(super) fn numbers() -> Value {
     let known = 0..16_u32;
     json!({
         "valid": bits(&mut Validity::NAMES.iter().map(|(reason, name)| (reason.0, *name))),
-        "not_given": bits(&mut NotGiven::NAMES.iter().map(|(bit, name)| (*bit as u64, *name))),
+        "unavailable": bits(&mut Unavailable::NAMES.iter().map(|(bit, name)| (*bit as u64, *name))),
         "ground_devices": bits(&mut GroundDevice::NAMES.iter().map(|(bit, name)| (*bit as u64, *name))),
         "phase": list(&mut known.clone().map_while(Phase::from_number).map(Phase::name)),
         "joint_level": list(&mut known.clone().map_while(Level::from_number).map(Level::name)),
         "sharing_source": list(&mut known.clone().map_while(SharingSource::from_number).map(SharingSource::name)),
-        "sole_source": list(&mut known.clone().map_while(SoleSource::from_number).map(SoleSource::name)),
+        "foot_outline_source": list(&mut known.clone().map_while(FootOutlineSource::from_number).map(FootOutlineSource::name)),
         "acceleration_source":
             list(&mut known.clone().map_while(AccelerationSource::from_number).map(AccelerationSource::name)),
         "body_source": list(&mut known.clone().map_while(BodySource::from_number).map(BodySource::name)),
-        "body_refused": list(&mut known.map_while(BodyRefusal::from_number).map(BodyRefusal::name)),
+        "body_rejected": list(&mut known.map_while(BodyRejection::from_number).map(BodyRejection::name)),
         "worst_joint": list(&mut Joint::ALL.iter().map(|joint| joint.name())),
         "suggested_pose": list(&mut LIBRARY.iter().map(|posture| posture.name)),
     })

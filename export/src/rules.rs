@@ -2,15 +2,17 @@
 
 use equipoise_adapters::recording::Entry;
 use equipoise_core::message::ground::Component;
-use equipoise_core::message::state::NotGiven;
+use equipoise_core::message::state::Unavailable;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample, Validity};
 
 /// Flags that invalidate the foot load fraction.
-const SPOILS_ZETA: Validity = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+const INVALIDATES_FOOT_LOAD_FRACTION: Validity =
+    Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
 /// Flags that invalidate the distance of the load from the hands. `load_not_at_hands` does not: a large distance is
 /// what raises it.
-const SPOILS_LOAD_DISTANCE: Validity = Validity(Validity::SPOILS_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
+const INVALIDATES_LOAD_HAND_DISTANCE: Validity =
+    Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
 
 /// A message type that can be exported.
 pub trait Exported: Message {
@@ -24,7 +26,7 @@ pub trait Exported: Message {
     fn row_time_ns(&self) -> u64;
 
     /// Whether one element of a field is valid.
-    fn is_given(&self, field: &str, index: usize) -> bool;
+    fn is_available(&self, field: &str, index: usize) -> bool;
 
     /// The text columns, in the order of [`Exported::TEXTS`].
     fn texts(&self) -> Vec<String> {
@@ -48,8 +50,8 @@ impl Exported for State {
         vec![self.phase_name().to_owned(), names.join(" ")]
     }
 
-    fn is_given(&self, field: &str, index: usize) -> bool {
-        let unless = |spoilers: Validity| !self.validity().any_of(spoilers);
+    fn is_available(&self, field: &str, index: usize) -> bool {
+        let unless = |invalidating: Validity| !self.validity().any_of(invalidating);
         let asked = self.suggested_pose != u32::MAX;
         match field {
             "suit_sample_time_ns" | "suit_age_ns" => self.suit_sample_time_ns != 0,
@@ -57,41 +59,44 @@ impl Exported for State {
             "published_ns" => self.published_ns != 0,
             "suggested_pose" => asked,
             "pose_mismatch_rad" => asked && unless(Validity::SUIT_STALE),
-            "worst_joint" => unless(Validity::SPOILS_TORQUES) && self.worst_joint != u32::MAX,
+            "worst_joint" => unless(Validity::INVALIDATES_TORQUES) && self.worst_joint != u32::MAX,
             "mass_kg" => unless(Validity::MASS_UNKNOWN),
-            "cop_measured_m" => unless(Validity::SPOILS_COP_MEASURED),
+            "cop_measured_m" => unless(Validity::INVALIDATES_COP_MEASURED),
             "cop_measured_sigma_m" => {
-                unless(Validity::SPOILS_COP_MEASURED)
+                unless(Validity::INVALIDATES_COP_MEASURED)
                     && self.cop_measured_sigma_m.iter().all(|sigma| *sigma > 0.0)
             }
-            "cop_estimated_m" | "cop_sigma_m" => unless(Validity::SPOILS_COP_ESTIMATED),
-            "com_m" | "acceleration_source" => unless(Validity::SPOILS_COM),
+            "cop_estimated_m" | "cop_sigma_m" => unless(Validity::INVALIDATES_COP_ESTIMATED),
+            "com_m" | "acceleration_source" => unless(Validity::INVALIDATES_COM),
             "suit_com_m" => self.suit_com_m().is_some(),
             // Insoles measure the vertical force only.
             "ground_force_n" => {
-                unless(Validity::SPOILS_GROUND_FORCE) && (index == 2 || self.gives(NotGiven::Shear))
+                unless(Validity::INVALIDATES_GROUND_FORCE)
+                    && (index == 2 || self.provides(Unavailable::Shear))
             }
-            "ground_devices" => unless(Validity::SPOILS_GROUND_FORCE),
-            "delta_f_n" => unless(Validity::SPOILS_DELTA_F),
-            "delta_f_sigma_n" => unless(Validity::SPOILS_DELTA_F) && self.delta_f_sigma_n > 0.0,
-            "lifted_mass_kg" | "lifted_mass_sigma_kg" => unless(Validity::SPOILS_LIFTED_MASS),
-            "zeta" | "zeta_sigma" | "sharing_source" => unless(SPOILS_ZETA),
-            "load_distance_m" => unless(SPOILS_LOAD_DISTANCE),
-            "eta"
-            | "eta_sigma"
+            "ground_devices" => unless(Validity::INVALIDATES_GROUND_FORCE),
+            "delta_f_n" => unless(Validity::INVALIDATES_DELTA_F),
+            "delta_f_sigma_n" => unless(Validity::INVALIDATES_DELTA_F) && self.delta_f_sigma_n > 0.0,
+            "lifted_mass_kg" | "lifted_mass_sigma_kg" => unless(Validity::INVALIDATES_LIFTED_MASS),
+            "foot_load_fraction" | "foot_load_fraction_sigma" | "sharing_source" => {
+                unless(INVALIDATES_FOOT_LOAD_FRACTION)
+            }
+            "load_hand_distance_m" => unless(INVALIDATES_LOAD_HAND_DISTANCE),
+            "hand_load_fraction"
+            | "hand_load_fraction_sigma"
             | "reach_m"
             | "reach_sigma_m"
             | "joint_level"
             | "torque_nm"
             | "torque_sigma_nm"
-            | "torque_covariance_nm2" => unless(Validity::SPOILS_TORQUES),
+            | "torque_covariance_nm2" => unless(Validity::INVALIDATES_TORQUES),
             // Zero: the joint has no limit.
-            "torque_limit_nm" => unless(Validity::SPOILS_TORQUES) && self.torque_limit_nm[index] > 0.0,
+            "torque_limit_nm" => unless(Validity::INVALIDATES_TORQUES) && self.torque_limit_nm[index] > 0.0,
             "advice_direction" | "advice_gain_nm_per_cm" => {
-                unless(Validity::SPOILS_TORQUES) && self.advice_direction != [0.0; 3]
+                unless(Validity::INVALIDATES_TORQUES) && self.advice_direction != [0.0; 3]
             }
             "l5s1_moment_nm" | "l5s1_moment_sigma_nm" | "l5s1_compression_n" | "l5s1_compression_sigma_n" => {
-                unless(Validity::SPOILS_BACK)
+                unless(Validity::INVALIDATES_LOW_BACK)
             }
             // Zero: not computed yet.
             "variance_max_m2" => self.variance_max_m2 > 0.0,
@@ -114,7 +119,7 @@ impl Exported for SuitSample {
         self.sample_time_ns
     }
 
-    fn is_given(&self, field: &str, _: usize) -> bool {
+    fn is_available(&self, field: &str, _: usize) -> bool {
         match field {
             "sample_time_sigma_ns" => self.sample_time_sigma_ns != u64::MAX,
             "velocity_m_per_s" | "acceleration_m_per_s2" => self.has(SuitBlocks::LinearKinematics),
@@ -135,7 +140,7 @@ impl Exported for GroundSample {
         self.sample_time_ns
     }
 
-    fn is_given(&self, field: &str, index: usize) -> bool {
+    fn is_available(&self, field: &str, index: usize) -> bool {
         let sound = self.device_status == 0;
         let measures = |component: Component| self.not_measured & component as u32 == 0;
         let each = sound && self.per_foot != 0;
@@ -163,7 +168,7 @@ impl Exported for CycleRecord {
         self.due_ns
     }
 
-    fn is_given(&self, field: &str, _: usize) -> bool {
+    fn is_available(&self, field: &str, _: usize) -> bool {
         match field {
             "woken_ns" => self.woken_ns != 0,
             "compute_start_ns" => self.compute_start_ns != 0,

@@ -55,7 +55,7 @@ fn state(cycle: u64, numbers: &mut Numbers) -> State {
     state.phase = (numbers.next() % 4) as u32;
     state.suggested_pose = if numbers.next().is_multiple_of(2) { u32::MAX } else { 3 };
     state.worst_joint = (numbers.next() % 22) as u32;
-    state.not_given = (numbers.next() % 4) as u32;
+    state.unavailable = (numbers.next() % 4) as u32;
     state.joint_level = std::array::from_fn(|_| (numbers.next() % 6) as u32);
     state.cop_measured_sigma_m = state.cop_measured_sigma_m.map(f64::abs);
     if numbers.next().is_multiple_of(4) {
@@ -143,7 +143,7 @@ fn pairs() -> Vec<(String, Vec<String>)> {
         "mass_kg",
         "lifted_mass_kg",
         "lifted_mass_sigma_kg",
-        "load_distance_m",
+        "load_hand_distance_m",
         "reach_m",
         "l5s1_moment_nm",
         "l5s1_moment_sigma_nm",
@@ -177,11 +177,11 @@ fn pairs() -> Vec<(String, Vec<String>)> {
         ("cop_estimated_m", "cop_estimated", &["x", "y"]),
         ("cop_sigma_m", "cop_sigma", &["x", "y"]),
         ("com_m", "com", &["x", "y", "z"]),
-        ("suit_com_m", "com_suit", &["x", "y", "z"]),
+        ("suit_com_m", "suit_com", &["x", "y", "z"]),
         ("ground_force_n", "ground_force_n", &["x", "y"]),
         ("delta_f_n", "delta_f_n", &["x", "y", "z"]),
-        ("zeta", "zeta", &["left", "right"]),
-        ("eta", "eta", &["left", "right"]),
+        ("foot_load_fraction", "foot_load_fraction", &["left", "right"]),
+        ("hand_load_fraction", "hand_load_fraction", &["left", "right"]),
         ("advice_direction", "advice_direction", &["x", "y", "z"]),
     ] {
         for (index, name) in names.iter().enumerate() {

@@ -1,6 +1,11 @@
 //! SHA-256 in the form in which files name each other: 64 lower-case hexadecimal digits.
 
+use std::io::{self, Read};
+use std::path::Path;
+
 use sha2::Digest;
+
+use crate::open_regular;
 
 /// The SHA-256 of bytes that arrive in parts.
 #[derive(Debug, Clone, Default)]
@@ -22,6 +27,33 @@ impl Sha256 {
     /// The SHA-256 of all bytes so far, 64 hexadecimal digits.
     pub fn finish(self) -> String {
         self.0.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// SHA-256 of a file's bytes.
+///
+/// # Errors
+/// It cannot be read; the message names it.
+pub fn sha256_of(path: &Path) -> io::Result<String> {
+    sha256_with(path, || {})
+}
+
+/// As [`sha256_of`]; `progress` is called before each MiB.
+///
+/// # Errors
+/// As [`sha256_of`].
+pub fn sha256_with(path: &Path, mut progress: impl FnMut()) -> io::Result<String> {
+    let named =
+        |error: io::Error| io::Error::new(error.kind(), format!("cannot read {}: {error}", path.display()));
+    let mut hash = Sha256::default();
+    let mut file = open_regular(path).map_err(named)?;
+    let mut buffer = vec![0; 1 << 20];
+    loop {
+        progress();
+        match file.read(&mut buffer).map_err(named)? {
+            0 => return Ok(hash.finish()),
+            count => hash.update(&buffer[..count]),
+        }
     }
 }
 

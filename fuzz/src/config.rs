@@ -1,6 +1,6 @@
-//! The law of configurations, which is the daemon's.
+//! The law of configurations, of `config/tests`.
 
-#[path = "../../daemon/tests/laws/config.rs"]
+#[path = "../../config/tests/laws/config.rs"]
 mod law;
 
 use crate::laws::Law;

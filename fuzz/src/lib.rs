@@ -1,7 +1,6 @@
 //! The laws of `adapters/tests/laws`, for libFuzzer.
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "daemon")]
 mod config;
 #[path = "../../adapters/tests/laws/mod.rs"]
 mod laws;
@@ -10,7 +9,6 @@ use laws::Law;
 
 fn all() -> impl Iterator<Item = &'static Law> {
     let all = laws::LAWS.iter();
-    #[cfg(feature = "daemon")]
     let all = all.chain(&config::LAWS);
     all
 }

@@ -11,7 +11,7 @@ use thiserror::Error;
 use hdrhistogram::Histogram;
 
 use crate::histograms::PathHistograms;
-use crate::pick_up::{ConsumerTimes, PICK_UP_STAGES};
+use crate::receipt::{ConsumerTimes, RECEIPT_STAGES};
 use crate::stage::Stage;
 
 /// Why an interval log could not be written.
@@ -48,7 +48,7 @@ impl<W: Write> HlogWriter<W> {
         for stage in Stage::ALL {
             builder.add_comment(&format!("Tag {}, ns: {}", stage.name(), stage.definition()));
         }
-        for (name, definition) in PICK_UP_STAGES {
+        for (name, definition) in RECEIPT_STAGES {
             builder.add_comment(&format!("Tag CONSUMER.{name}, ns: {definition}"));
         }
         builder.with_start_time(start).with_base_time(start);
@@ -80,7 +80,7 @@ impl<W: Write> HlogWriter<W> {
         Ok(())
     }
 
-    /// Writes what consumers saw in an interval and flushes it: `CONSUMER.pick_up` and the others as tags.
+    /// Writes what consumers saw in an interval and flushes it: `CONSUMER.receipt` and the others as tags.
     ///
     /// # Errors
     /// As [`HlogWriter::write_interval`].
@@ -91,7 +91,7 @@ impl<W: Write> HlogWriter<W> {
         consumers: &[ConsumerTimes],
     ) -> Result<(), HlogError> {
         for consumer in consumers {
-            for ((name, _), times_ns) in PICK_UP_STAGES.iter().zip(&consumer.times_ns) {
+            for ((name, _), times_ns) in RECEIPT_STAGES.iter().zip(&consumer.times_ns) {
                 self.write_one(since_start, length, &format!("{}.{name}", consumer.name), times_ns)?;
             }
         }

@@ -3,17 +3,17 @@
 //! The loop writes raw stamps into each `CycleRecord`; the readers of the records (egress, a latency consumer, a
 //! replay) convert them into one histogram per [`Stage`]. Nothing here runs in the loop or reads a clock.
 //!
-//! Modules in the order of dependency: [`stage`] → [`histograms`] → [`pick_up`] → [`report`], [`hlog`]
+//! Modules in the order of dependency: [`stage`] → [`histograms`] → [`receipt`] → [`report`], [`hlog`]
 #![forbid(unsafe_code)]
 
 pub mod histograms;
 pub mod hlog;
-pub mod pick_up;
+pub mod receipt;
 pub mod report;
 pub mod stage;
 
 pub use histograms::PathHistograms;
 pub use hlog::{HlogError, HlogWriter};
-pub use pick_up::{ConsumerTimes, PickUps};
+pub use receipt::{ConsumerReceipts, ConsumerTimes};
 pub use report::{ConsumerReport, Report, StageReport};
 pub use stage::{NotRecorded, Stage};

@@ -7,7 +7,7 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 
 use crate::histograms::{HIGHEST_NS, PathHistograms};
-use crate::pick_up::{ConsumerTimes, PICK_UP_STAGES};
+use crate::receipt::{ConsumerTimes, RECEIPT_STAGES};
 use crate::stage::Stage;
 
 /// Percentiles of one stage, ns. All 0 where `count` is 0.
@@ -48,7 +48,7 @@ pub struct ConsumerReport {
     pub states: u64,
     /// States that it never saw.
     pub states_missed: u64,
-    /// `CONSUMER.pick_up`, `.from_due` and `.from_suit`.
+    /// `CONSUMER.receipt`, `.from_due` and `.from_suit`.
     pub stages: Vec<StageReport>,
 }
 
@@ -105,7 +105,7 @@ fn consumer_report(consumer: &ConsumerTimes) -> ConsumerReport {
         process_id: consumer.process_id,
         states: consumer.states,
         states_missed: consumer.states_missed,
-        stages: PICK_UP_STAGES.into_iter().zip(&consumer.times_ns).map(row).collect(),
+        stages: RECEIPT_STAGES.into_iter().zip(&consumer.times_ns).map(row).collect(),
     }
 }
 

@@ -1,8 +1,8 @@
 //! Devices with their protocols: the device end of each connection, over the transport of a real one.
 //!
-//! One file per device, on top of [`felt`] (the load on a device) and [`port`] (serial line, TCP, UDP, each through the
-//! faults of [`line`](mod@line)). None has a thread or a clock: time and load are arguments of each call. [`running`]
-//! paces one in a thread.
+//! One file per device with its bytes ([`Protocol`]); [`Connected`] is the part that they share: a [`port`] (serial line,
+//! TCP, UDP) through the faults of [`line`](mod@line). The load is that of [`felt`]. No device has a thread or a clock:
+//! time and load are arguments of each call. [`running`] paces one in a thread.
 
 pub mod amti;
 pub mod ati_rdt;
@@ -21,7 +21,6 @@ pub mod qtm;
 pub mod running;
 pub mod serial;
 pub mod tcp;
-pub mod tcp_out;
 pub mod tec_gihan;
 pub mod text;
 pub mod udp;
@@ -29,7 +28,7 @@ pub mod udp;
 use std::io;
 
 use self::felt::Felt;
-use self::line::Suffered;
+use self::line::{Line, Suffered};
 use crate::faults::Faults;
 
 /// A device with its connection.
@@ -66,6 +65,108 @@ pub trait Device: Send {
 
     /// A matching configuration section, without the plate's pose.
     fn config(&self) -> String;
+}
+
+/// The bytes and the state of a device that sends its samples over one connection.
+pub trait Protocol: Send {
+    /// Handles received bytes and removes those that are complete. `device_now_s` is the time on the device's own clock.
+    ///
+    /// # Errors
+    /// As [`Device::poll`].
+    fn hear(&mut self, _line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+        heard.clear();
+        Ok(Asked::default())
+    }
+
+    /// Begins the dialogue with a new host.
+    ///
+    /// # Errors
+    /// As [`Device::poll`].
+    fn greet(&mut self, _line: &mut Line) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// Switches the device on with its initial settings, or off; its connection opens or closes afterwards.
+    ///
+    /// # Errors
+    /// As [`Device::plug`].
+    fn power(&mut self, _line: &mut Line, _on: bool) -> io::Result<()> {
+        Ok(())
+    }
+
+    /// As [`Device::rate_hz`].
+    fn rate_hz(&self) -> f64;
+
+    /// As [`Device::measure`].
+    ///
+    /// # Errors
+    /// As [`Device::measure`].
+    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()>;
+
+    /// As [`Device::config`].
+    fn config(&self, line: &Line) -> String;
+}
+
+/// A device of a [`Protocol`] with its connection.
+pub struct Connected<P> {
+    protocol: P,
+    line: Line,
+    /// Session of the present host.
+    session: u64,
+    /// Received in this session and not yet complete.
+    heard: Vec<u8>,
+}
+
+impl<P: Protocol> Connected<P> {
+    /// At the end of a line.
+    pub fn new(protocol: P, line: Line) -> Connected<P> {
+        Connected { protocol, line, session: 0, heard: Vec::new() }
+    }
+}
+
+impl<P: Protocol> Device for Connected<P> {
+    fn poll(&mut self, device_now_s: f64) -> io::Result<Asked> {
+        let heard = self.line.port().hear()?;
+        let session = self.line.port().session();
+        if self.line.is_open() && session != self.session {
+            self.session = session;
+            self.heard.clear();
+            self.protocol.greet(&mut self.line)?;
+        }
+        self.heard.extend(heard);
+        self.protocol.hear(&mut self.line, &mut self.heard, device_now_s)
+    }
+
+    fn rate_hz(&self) -> f64 {
+        self.protocol.rate_hz()
+    }
+
+    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+        self.protocol.measure(&mut self.line, felt)
+    }
+
+    fn suffered(&self) -> Suffered {
+        self.line.suffered()
+    }
+
+    fn set_faults(&mut self, faults: Faults) {
+        self.line.set_faults(faults);
+    }
+
+    fn unplug(&mut self) {
+        // A device that loses power reports no errors.
+        let _ = self.protocol.power(&mut self.line, false);
+        self.line.port().unplug();
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        self.protocol.power(&mut self.line, true)?;
+        self.line.port().plug()
+    }
+
+    fn config(&self) -> String {
+        self.protocol.config(&self.line)
+    }
 }
 
 /// Host requests other than samples.

@@ -22,6 +22,12 @@ impl Wrench {
         Wrench { force_n, moment_nm: point_m.cross(&force_n) }
     }
 
+    /// Fx Fy Fz (N), Mx My Mz (N m).
+    pub fn components(&self) -> [f64; 6] {
+        let [f, m] = [self.force_n, self.moment_nm];
+        [f.x, f.y, f.z, m.x, m.y, m.z]
+    }
+
     /// Centre of pressure on the floor (`z = 0`), m. Undefined without a vertical force.
     pub fn cop_m(&self) -> Vector2<f64> {
         Vector2::new(-self.moment_nm.y, self.moment_nm.x) / self.force_n.z

@@ -1,8 +1,5 @@
 //! A network that loses, reorders, repeats and damages datagrams, or the pieces of a stream.
 
-use std::io;
-use std::net::{SocketAddr, UdpSocket};
-
 use crate::random::Random;
 
 /// Fault probabilities for each datagram, or each packet of a stream.
@@ -88,55 +85,6 @@ impl Fate {
             copy.truncate(random.between(0.0, copy.len() as f64) as usize);
         }
         copy
-    }
-}
-
-/// Sends datagrams through the faults.
-#[derive(Debug)]
-pub struct FaultySender(FaultyStream);
-
-impl FaultySender {
-    /// A sender with the faults of a seed.
-    pub fn new(faults: Faults, seed: u64) -> FaultySender {
-        FaultySender(FaultyStream::new(faults, seed))
-    }
-
-    /// Replaces the faults from the next datagram on.
-    pub fn set_faults(&mut self, faults: Faults) {
-        self.0.set_faults(faults);
-    }
-
-    /// Counters of the sent samples.
-    pub fn suffered(&self) -> Suffered {
-        self.0.suffered()
-    }
-
-    /// Sends one datagram of one sample, modified by the faults.
-    ///
-    /// # Errors
-    /// Those of the socket, except an absent listener: a real sensor ignores it.
-    pub fn send(&mut self, socket: &UdpSocket, datagram: &[u8], to: SocketAddr) -> io::Result<()> {
-        self.send_samples(socket, datagram, 1, to)
-    }
-
-    /// The same with a datagram of several samples.
-    ///
-    /// # Errors
-    /// As [`Self::send`].
-    pub fn send_samples(
-        &mut self,
-        socket: &UdpSocket,
-        datagram: &[u8],
-        samples: u32,
-        to: SocketAddr,
-    ) -> io::Result<()> {
-        for datagram in self.0.datagrams(datagram, samples) {
-            match socket.send_to(&datagram, to) {
-                Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => return Err(error),
-                _ => {}
-            }
-        }
-        Ok(())
     }
 }
 

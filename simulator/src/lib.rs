@@ -4,7 +4,7 @@
 //! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →
 //! [`realism`], [`dynamics`] → [`truth`] → [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] →
 //! [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] → [`suit_sender`], [`plate_server`] (through [`faults`]),
-//! [`device`] → [`devices`] → [`simulation`], [`player`]. Geometry, masses and dynamics are the simulator's own: it
+//! [`clock`] → [`devices`] → [`simulation`], [`player`]. Geometry, masses and dynamics are the simulator's own: it
 //! shares the names of segments and joints with `equipoise_core`, and never its anthropometry or its estimator, so that
 //! agreement between the two is independent evidence.
 //!
@@ -15,7 +15,6 @@ pub mod balance;
 pub mod burden;
 pub mod clock;
 pub mod colour;
-pub mod device;
 pub mod devices;
 pub mod dynamics;
 pub mod faults;
@@ -44,6 +43,7 @@ pub mod stance;
 pub mod stomp;
 mod suit_more;
 pub mod suit_sender;
+mod threads;
 pub mod truth;
 pub mod two_plates;
 pub mod walk;

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-use crate::faults::{Faults, FaultySender, Suffered};
+use crate::faults::{Faults, FaultyStream, Suffered};
 use crate::wires::ati_rdt::{Command, Family, Record, request};
 
 /// Records of a datagram in the buffered mode.
@@ -19,8 +19,9 @@ pub enum Wish {
 /// The device's side of the RDT protocol. It has no thread: call [`PlateServer::poll`] and [`PlateServer::send`].
 #[derive(Debug)]
 pub struct PlateServer {
-    socket: UdpSocket,
-    network: FaultySender,
+    address: SocketAddr,
+    socket: Option<UdpSocket>,
+    network: FaultyStream,
     client: Option<Client>,
     family: Family,
 }
@@ -42,14 +43,10 @@ impl PlateServer {
     /// # Errors
     /// Those of the socket, for example that the address is taken.
     pub fn bind(address: SocketAddr, faults: Faults, seed: u64) -> io::Result<PlateServer> {
-        let socket = UdpSocket::bind(address)?;
-        socket.set_nonblocking(true)?;
-        Ok(PlateServer {
-            socket,
-            network: FaultySender::new(faults, seed),
-            client: None,
-            family: Family::NetFt,
-        })
+        let network = FaultyStream::new(faults, seed);
+        let mut server = PlateServer { address, socket: None, network, client: None, family: Family::NetFt };
+        server.plug()?;
+        Ok(server)
     }
 
     /// Uses the command numbers of this family.
@@ -59,11 +56,28 @@ impl PlateServer {
     }
 
     /// The listening address.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Closes the socket.
+    pub fn unplug(&mut self) {
+        self.socket = None;
+        self.restart();
+    }
+
+    /// Opens the socket again at the same address.
     ///
     /// # Errors
-    /// Those of the socket.
-    pub fn address(&self) -> io::Result<SocketAddr> {
-        self.socket.local_addr()
+    /// The address is taken by now.
+    pub fn plug(&mut self) -> io::Result<()> {
+        if self.socket.is_none() {
+            let socket = UdpSocket::bind(self.address)?;
+            socket.set_nonblocking(true)?;
+            self.address = socket.local_addr()?;
+            self.socket = Some(socket);
+        }
+        Ok(())
     }
 
     /// Replaces the faults from the next datagram on.
@@ -91,7 +105,9 @@ impl PlateServer {
         let mut wish = None;
         let mut bytes = [0; 64];
         // An error is either "no data" or an echo of a departed client: no action in both cases.
-        while let Ok((length, address)) = self.socket.recv_from(&mut bytes) {
+        while let Some(Ok((length, address))) =
+            self.socket.as_ref().map(|socket| socket.recv_from(&mut bytes))
+        {
             // A real device ignores unknown requests.
             let Some((command, count)) = request(&bytes[..length], self.family) else { continue };
             match command {
@@ -121,7 +137,7 @@ impl PlateServer {
     /// # Errors
     /// Those of the socket.
     pub fn send(&mut self, record: Record) -> io::Result<()> {
-        let Some(client) = &mut self.client else { return Ok(()) };
+        let (Some(client), Some(socket)) = (&mut self.client, &self.socket) else { return Ok(()) };
         client.rdt_sequence = client.rdt_sequence.wrapping_add(1);
         let record = Record { rdt_sequence: client.rdt_sequence, ..record };
         client.waiting.extend_from_slice(&record.to_bytes());
@@ -131,7 +147,13 @@ impl PlateServer {
         if done || client.waiting_records >= client.records_per_datagram {
             let datagram = std::mem::take(&mut client.waiting);
             let records = std::mem::take(&mut client.waiting_records) as u32;
-            self.network.send_samples(&self.socket, &datagram, records, client.address)?;
+            for datagram in self.network.datagrams(&datagram, records) {
+                match socket.send_to(&datagram, client.address) {
+                    // No listener: irrelevant for a sensor.
+                    Err(error) if error.kind() != io::ErrorKind::ConnectionRefused => return Err(error),
+                    _ => {}
+                }
+            }
         }
         if done {
             self.client = None;

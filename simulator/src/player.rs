@@ -2,9 +2,7 @@
 
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread::JoinHandle;
 
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{GroundSample, SuitSample};
@@ -16,6 +14,7 @@ use crate::faults::Faults;
 use crate::plate::Plate;
 use crate::plate_server::PlateServer;
 use crate::suit_sender::SuitSender;
+use crate::threads::Threads;
 use crate::wire::SuitFrame;
 
 /// Polling interval for requests to the plate while nothing is due, s.
@@ -59,24 +58,24 @@ where
 {
     let server = PlateServer::bind(settings.plate_address, settings.faults, settings.seed.wrapping_add(1))?;
     let sender = SuitSender::new(settings.suit_target, settings.faults, settings.seed)?;
-    let plate_address = server.address()?;
-    let stop = Arc::new(AtomicBool::new(false));
-    let mut player = Player { server, sender, settings, stop: Arc::clone(&stop), played: [0; 2] };
-    let run = move || player.run(recording);
-    let thread = std::thread::Builder::new().name("player".into()).spawn(run)?;
-    Ok(PlayerHandle { plate_address, stop, thread: Some(thread) })
+    let plate_address = server.address();
+    let mut threads = Threads::new();
+    threads.spawn("player", move |stop| {
+        Player { server, sender, settings, stop, played: [0; 2] }.run(recording)
+    })?;
+    Ok(PlayerHandle { plate_address, threads })
 }
 
-struct Player {
+struct Player<'a> {
     server: PlateServer,
     sender: SuitSender,
     settings: PlayerSettings,
-    stop: Arc<AtomicBool>,
+    stop: &'a AtomicBool,
     /// Samples of suit and plate so far.
     played: [u32; 2],
 }
 
-impl Player {
+impl Player<'_> {
     fn run(&mut self, recording: impl IntoIterator<Item = (f64, Recorded)>) -> io::Result<[u32; 2]> {
         while self.settings.wait_for_client && !self.server.has_client() && !self.stopped() {
             self.listen_until(monotonic_ns() + span_ns(LISTEN_S));
@@ -144,8 +143,7 @@ impl Player {
 #[derive(Debug)]
 pub struct PlayerHandle {
     plate_address: SocketAddr,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<io::Result<[u32; 2]>>>,
+    threads: Threads<[u32; 2]>,
 }
 
 impl PlayerHandle {
@@ -156,7 +154,7 @@ impl PlayerHandle {
 
     /// Whether playback is complete.
     pub fn is_finished(&self) -> bool {
-        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+        self.threads.are_finished()
     }
 
     /// Waits for the end; returns the numbers of samples of suit and plate.
@@ -164,7 +162,7 @@ impl PlayerHandle {
     /// # Errors
     /// The error that ended it early.
     pub fn wait(mut self) -> io::Result<[u32; 2]> {
-        self.join()
+        self.threads.join().map(|played| played.first().copied().unwrap_or_default())
     }
 
     /// Stops now; returns the numbers of samples of suit and plate.
@@ -172,20 +170,6 @@ impl PlayerHandle {
     /// # Errors
     /// The error that ended it early.
     pub fn stop(mut self) -> io::Result<[u32; 2]> {
-        self.stop.store(true, Ordering::Relaxed);
-        self.join()
-    }
-
-    fn join(&mut self) -> io::Result<[u32; 2]> {
-        let Some(thread) = self.thread.take() else { return Ok([0; 2]) };
-        thread.join().unwrap_or_else(|_| Err(io::Error::other("the player panicked")))
-    }
-}
-
-impl Drop for PlayerHandle {
-    fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        // Dropped without `stop`: errors are ignored.
-        let _ = self.join();
+        self.threads.stop().map(|played| played.first().copied().unwrap_or_default())
     }
 }

@@ -11,13 +11,11 @@ use std::io;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, PoisonError, RwLock};
-use std::thread::JoinHandle;
 
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use nalgebra::Vector2;
 
-use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
-use crate::device::DeviceClock;
+use crate::clock::{DeviceClock, monotonic_ns, sleep_until_ns, span_ns};
 use crate::devices::felt::OnFeet;
 use crate::devices::running::Load;
 use crate::faults::Faults;
@@ -29,6 +27,7 @@ use crate::plate_server::PlateServer;
 use crate::random::Random;
 use crate::settings::{SimulationSettings, SuitSettings};
 use crate::suit_sender::{SuitSender, SuitWorld, frame_at};
+use crate::threads::Threads;
 use crate::truth::Truth;
 use crate::walk::Place;
 
@@ -48,7 +47,6 @@ struct Shared {
     worker: RwLock<Worker>,
     on_plates: RwLock<OnPlates>,
     start_ns: u64,
-    stop: AtomicBool,
     suit_silent: AtomicBool,
     plate_silent: [AtomicBool; 2],
     plate_status: AtomicU32,
@@ -89,15 +87,15 @@ impl Shared {
     /// Calls `step` for every sample at its time until the stop flag is set.
     fn pace(
         &self,
+        stop: &AtomicBool,
         sensor: usize,
-        rate_hz: f64,
-        latency_s: f64,
+        (rate_hz, latency_s): (f64, f64),
         mut step: impl FnMut(&mut DeviceClock) -> io::Result<f64>,
     ) -> io::Result<()> {
         let mut clock = DeviceClock::new(rate_hz);
         loop {
             sleep_until_ns(self.start_ns + span_ns(clock.time_s() + latency_s));
-            if self.stop.load(Ordering::Relaxed) {
+            if stop.load(Ordering::Relaxed) {
                 return Ok(());
             }
             // Checked before sending, so that no late sample goes out unmarked, and after it, since sending takes time.
@@ -125,12 +123,12 @@ impl Shared {
         self.sent_at_ns[sensor].store(monotonic_ns(), Ordering::Relaxed);
     }
 
-    fn run_suit(&self, mut sender: SuitSender) -> io::Result<()> {
+    fn run_suit(&self, mut sender: SuitSender, stop: &AtomicBool) -> io::Result<()> {
         let settings = &self.settings.suit;
         let suit = Suit::new(settings.noise, self.settings.seed);
         let mut luck = Random::new(self.settings.seed, "suit trouble");
         let mut before = self.trouble();
-        self.pace(0, settings.rate_hz, settings.latency_s, |clock| {
+        self.pace(stop, 0, (settings.rate_hz, settings.latency_s), |clock| {
             let trouble = self.trouble();
             if trouble.restarts[0] != before.restarts[0] {
                 clock.restart();
@@ -180,7 +178,7 @@ impl Simulation {
         };
         let server =
             PlateServer::bind(settings.plate.address, settings.plate.faults, settings.seed.wrapping_add(1))?;
-        let plate_address = server.address()?;
+        let plate_address = server.address();
         let seed = settings.seed.wrapping_add(2);
         let second_server = settings.second_plate.as_ref();
         let second_server = second_server
@@ -201,7 +199,6 @@ impl Simulation {
             on_plates: RwLock::new(OnPlates::Worker),
             settings,
             start_ns: monotonic_ns(),
-            stop: AtomicBool::new(false),
             suit_silent: AtomicBool::new(false),
             plate_silent: [AtomicBool::new(false), AtomicBool::new(false)],
             plate_status: AtomicU32::new(0),
@@ -210,15 +207,16 @@ impl Simulation {
             sent_at_ns: [AtomicU64::new(0), AtomicU64::new(0)],
             held_up_ns: [AtomicU64::new(0), AtomicU64::new(0)],
         });
-        let mut handle = SimulationHandle { shared: Arc::clone(&shared), plate_address, threads: Vec::new() };
+        let mut threads = Threads::new();
         let suit = Arc::clone(&shared);
-        handle.spawn("sim-suit", move || suit.run_suit(sender))?;
+        threads.spawn("sim-suit", move |stop| suit.run_suit(sender, stop))?;
         if let Some(server) = second_server {
             let second = Arc::clone(&shared);
-            handle.spawn("sim-plate-2", move || second.run_plate(server, 1))?;
+            threads.spawn("sim-plate-2", move |stop| second.run_plate(server, 1, stop))?;
         }
-        handle.spawn("sim-plate", move || shared.run_plate(server, 0))?;
-        Ok(handle)
+        let first = Arc::clone(&shared);
+        threads.spawn("sim-plate", move |stop| first.run_plate(server, 0, stop))?;
+        Ok(SimulationHandle { shared, plate_address, threads })
     }
 }
 
@@ -232,15 +230,10 @@ pub struct NoSuchPose(pub usize);
 pub struct SimulationHandle {
     shared: Arc<Shared>,
     plate_address: SocketAddr,
-    threads: Vec<JoinHandle<io::Result<()>>>,
+    threads: Threads<()>,
 }
 
 impl SimulationHandle {
-    fn spawn(&mut self, name: &str, run: impl FnOnce() -> io::Result<()> + Send + 'static) -> io::Result<()> {
-        self.threads.push(std::thread::Builder::new().name(name.into()).spawn(run)?);
-        Ok(())
-    }
-
     fn command(&self, order: impl FnOnce(&mut Worker, f64)) {
         let mut worker = self.shared.worker.write().unwrap_or_else(PoisonError::into_inner);
         // Read with the lock held: the sensors went on while it was awaited.
@@ -380,24 +373,6 @@ impl SimulationHandle {
     /// # Errors
     /// The error that ended a sensor early.
     pub fn stop(mut self) -> io::Result<()> {
-        self.join()
-    }
-
-    fn join(&mut self) -> io::Result<()> {
-        self.shared.stop.store(true, Ordering::Relaxed);
-        let mut first = Ok(());
-        for thread in self.threads.drain(..) {
-            let ended =
-                thread.join().unwrap_or_else(|_| Err(io::Error::other("a simulated sensor panicked")));
-            first = first.and(ended);
-        }
-        first
-    }
-}
-
-impl Drop for SimulationHandle {
-    fn drop(&mut self) {
-        // Dropped without `stop`: errors are ignored.
-        let _ = self.join();
+        self.threads.stop().map(drop)
     }
 }

@@ -6,7 +6,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use crate::GRAVITY_M_PER_S2;
 use crate::kinematics::Rotations;
 use crate::suit_sender::Streams;
-use crate::wire::{More, joint_angles_deg};
+use crate::wire::{More, joint_angles_deg, single};
 use crate::wires::mvn::items::{TRACKED_SEGMENTS, Tracker};
 
 /// The magnetic field in the suit's world, in units of its strength: northward and down.
@@ -66,10 +66,6 @@ pub(crate) fn more(
         props: props.collect(),
         fingers: if streams.fingers { fingers(now, grip_m) } else { Vec::new() },
     }
-}
-
-fn single<const N: usize>(value: [f64; N]) -> [f32; N] {
-    value.map(|number| number as f32)
 }
 
 fn wxyz(q: UnitQuaternion<f64>) -> [f64; 4] {

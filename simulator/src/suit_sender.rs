@@ -4,7 +4,7 @@ use std::io;
 use std::net::SocketAddr;
 
 use crate::devices::line::Line;
-use crate::devices::tcp_out::TcpOutPort;
+use crate::devices::tcp::TcpOutPort;
 use crate::devices::udp::UdpPort;
 use crate::faults::Faults;
 use crate::kinematics::{centre_m, relative_to_parents};

@@ -63,7 +63,7 @@ pub fn insole_sample(worker: &Worker, time_s: f64, feet: &[Wrench; 2]) -> Ground
         force_n: [0.0, 0.0, vertical_n[0] + vertical_n[1]],
         foot_vertical_n: vertical_n,
         foot_cop_m: Side::BOTH.map(on_sole),
-        foot_frame: FootFrame::Sole as u32,
+        foot_frame: FootFrame::Insole as u32,
         not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
         devices: GroundDevice::Insoles as u32,
         ..GroundSample::zeroed()

@@ -63,7 +63,8 @@ pub struct More {
     pub fingers: Vec<([f64; 3], [f64; 4])>,
 }
 
-fn single<const N: usize>(value: [f64; N]) -> [f32; N] {
+/// Rounds to the wire's precision.
+pub(crate) fn single<const N: usize>(value: [f64; N]) -> [f32; N] {
     value.map(|number| number as f32)
 }
 

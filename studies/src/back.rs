@@ -48,7 +48,7 @@ impl BackErrors {
     fn add(&mut self, moment: &Moment, offset_m: Vector3<f64>) {
         self.samples += 1;
         let state = moment.state;
-        if state.validity().any_of(Validity::SPOILS_BACK) {
+        if state.validity().any_of(Validity::INVALIDATES_LOW_BACK) {
             return;
         }
         let truth = BackLoad::of(moment.worker, moment.time_s, offset_m);

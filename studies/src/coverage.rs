@@ -37,7 +37,7 @@ impl Deviations {
                 self.cop[axis].add(error_m, state.cop_sigma_m[axis]);
             }
         }
-        if !state.validity().any_of(Validity::SPOILS_DELTA_F) {
+        if !state.validity().any_of(Validity::INVALIDATES_DELTA_F) {
             let error_n = state.delta_f_n[2] + truth.load_force_in_motion_n.z;
             self.delta_f.add(error_n, state.delta_f_sigma_n);
         }

@@ -56,7 +56,7 @@ impl Outcome {
         let (state, truth) = (moment.state, moment.truth());
         let valid = state.validity();
         self.telling.add(state);
-        if !valid.any_of(Validity::SPOILS_LIFTED_MASS) {
+        if !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
             let off_kg = (state.lifted_mass_kg - moment.worker.sample(moment.time_s).load_kg).abs();
             self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
         }
@@ -71,7 +71,7 @@ impl Outcome {
             });
             self.wrong[1] += u64::from(is_wrong);
         }
-        if !valid.any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED)) {
+        if !valid.any_of(Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED)) {
             let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
             let sigma_m = state.cop_sigma_m[0].hypot(state.cop_sigma_m[1]);
             self.wrong[2] += u64::from(off_m.norm() > WRONG_M.max(WRONG_SIGMAS * sigma_m));
@@ -91,8 +91,11 @@ impl Outcome {
 }
 
 /// Invalid reasons that count as detection of a fault: those of torques, without those of an absent or small load.
-const REASONS: Validity =
-    Validity(Validity::SPOILS_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0 & !Validity::LOAD_MAY_HIDE.0);
+const REASONS: Validity = Validity(
+    Validity::INVALIDATES_TORQUES.0
+        & !Validity::BELOW_LOAD_THRESHOLD.0
+        & !Validity::LOAD_BELOW_DETECTION_LIMIT.0,
+);
 
 /// Identifies the subject, who then works while one sensor fault after the other occurs.
 pub fn faults(subject: &Subject, of: &[Fault]) -> Vec<(Fault, Outcome)> {

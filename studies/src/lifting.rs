@@ -43,7 +43,7 @@ impl Telling {
         self.samples += 1;
         let valid = state.validity();
         for (count, (reason, _)) in self.withheld.iter_mut().zip(Validity::NAMES) {
-            *count += u64::from(valid.any_of(*reason) && valid.any_of(Validity::SPOILS_TORQUES));
+            *count += u64::from(valid.any_of(*reason) && valid.any_of(Validity::INVALIDATES_TORQUES));
         }
         if publishes_torques(state) {
             self.published += 1;

@@ -242,7 +242,7 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
                 return;
             }
             shift.carry.add(moment.state);
-            if !moment.state.validity().any_of(Validity::SPOILS_LIFTED_MASS) {
+            if !moment.state.validity().any_of(Validity::INVALIDATES_LIFTED_MASS) {
                 shift.box_error_kg.add(moment.state.lifted_mass_kg - BOX_KG);
             }
         });

@@ -80,7 +80,7 @@ pub struct Errors {
 impl Errors {
     /// Whether a centre of pressure is reported.
     fn are_of(moment: &Moment) -> bool {
-        !moment.state.validity().any_of(Validity::SPOILS_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
+        !moment.state.validity().any_of(Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
     }
 
     fn add(&mut self, moment: &Moment) {
@@ -182,7 +182,7 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
         false
     });
     session.order(|worker, at_s| worker.lift(BOX_KG, at_s));
-    let is_published = |moment: &Moment| !moment.state.validity().any_of(Validity::SPOILS_TORQUES);
+    let is_published = |moment: &Moment| !moment.state.validity().any_of(Validity::INVALIDATES_TORQUES);
     let publishes_torques = movements.work(session, LIFTING_S, is_published);
     session.order(equipoise_simulator::motion::Worker::put_down);
     Outcome { restart, carrying, found_s, publishes_torques, errors }

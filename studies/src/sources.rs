@@ -77,10 +77,10 @@ pub fn shift(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Shift
     session.run(2.0, |moment| shift.still.add(moment));
     let unloaded = |moment: &Moment, cop: &mut CopErrors, force_n: &mut Sums, published: &mut [u64; 2]| {
         cop.add(moment);
-        if publishes_cop(moment.state) && !moment.state.validity().any_of(Validity::SPOILS_DELTA_F) {
+        if publishes_cop(moment.state) && !moment.state.validity().any_of(Validity::INVALIDATES_DELTA_F) {
             force_n.add(moment.state.delta_f_n[2]);
         }
-        published[0] += u64::from(!moment.state.validity().any_of(Validity::SPOILS_TORQUES));
+        published[0] += u64::from(!moment.state.validity().any_of(Validity::INVALIDATES_TORQUES));
         published[1] += 1;
     };
     session.work_unloaded(|moment| {

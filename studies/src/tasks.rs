@@ -37,12 +37,12 @@ pub struct Identified {
 
 /// Whether centre of pressure is reported both as measured and as estimated.
 pub fn publishes_cop(state: &State) -> bool {
-    !state.validity().any_of(Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED))
+    !state.validity().any_of(Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED))
 }
 
 /// Whether torques are reported.
 pub fn publishes_torques(state: &State) -> bool {
-    !state.validity().any_of(Validity::SPOILS_TORQUES)
+    !state.validity().any_of(Validity::INVALIDATES_TORQUES)
 }
 
 impl Session {

@@ -205,16 +205,16 @@ impl Judge {
             self.truths = (about_ns, vec![person.truth_at(about_s)]);
         }
         let held_up = self.held_up;
-        let published = |spoilers: Validity, needs: Needs| {
-            !valid.any_of(spoilers) && !(0..2).any(|sensor| needs[sensor] && held_up[sensor])
+        let published = |invalidating: Validity, needs: Needs| {
+            !valid.any_of(invalidating) && !(0..2).any(|sensor| needs[sensor] && held_up[sensor])
         };
-        if published(Validity::SPOILS_COP_MEASURED, GROUND) {
+        if published(Validity::INVALIDATES_COP_MEASURED, GROUND) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_measured_sigma_m);
             self.compare("measured cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_measured_m) - truth.cop_m).norm()
             });
         }
-        if published(Validity::SPOILS_GROUND_FORCE, GROUND) {
+        if published(Validity::INVALIDATES_GROUND_FORCE, GROUND) {
             self.compare("ground force", person, FORCE_FLOOR_N, |truth| {
                 (state.ground_force_n[2] - truth.ground.force_n.z).abs()
             });
@@ -223,7 +223,7 @@ impl Judge {
         if !suit_published || valid.any_of(Validity::CLOCK_UNSYNCHRONISED) {
             return;
         }
-        if published(Validity::SPOILS_COM, SUIT) {
+        if published(Validity::INVALIDATES_COM, SUIT) {
             // In motion too fast for the centre of pressure the state has no σ; the model error of the body is the same
             // as before.
             if state.cop_sigma_m != [0.0; 2] {
@@ -234,32 +234,32 @@ impl Judge {
                 (Vector3::from(state.com_m) - truth.com_m).xy().norm()
             });
         }
-        if published(Validity::SPOILS_COP_ESTIMATED, SUIT) {
+        if published(Validity::INVALIDATES_COP_ESTIMATED, SUIT) {
             let bound_m = COP_FLOOR_M + SIGMAS * norm(state.cop_sigma_m);
             self.compare("estimated cop", person, bound_m, |truth| {
                 (Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m).norm()
             });
         }
-        if published(Validity::SPOILS_COM, SUIT) {
+        if published(Validity::INVALIDATES_COM, SUIT) {
             self.compare("segments", person, SEGMENT_FLOOR_M, |truth| {
                 let error_m =
                     |i: usize| (Vector3::from(state.segment_origin_m[i]) - truth.body.origin_m[i]).norm();
                 (0..SEGMENTS).map(error_m).fold(0.0, f64::max)
             });
         }
-        if published(Validity::SPOILS_DELTA_F, BOTH) {
+        if published(Validity::INVALIDATES_DELTA_F, BOTH) {
             let bound_n = FORCE_FLOOR_N + SIGMAS * state.delta_f_sigma_n;
             self.compare("external force", person, bound_n, |truth| {
                 (state.delta_f_n[2] + truth.load_force_in_motion_n.z).abs()
             });
         }
-        if published(Validity::SPOILS_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
+        if published(Validity::INVALIDATES_LIFTED_MASS.and(Validity::NOT_IDENTIFIED), BOTH) {
             let bound_kg = MASS_FLOOR_KG + SIGMAS * state.lifted_mass_sigma_kg;
             self.compare("lifted mass", person, bound_kg, |truth| {
                 (state.lifted_mass_kg - truth.body.load_kg).abs()
             });
         }
-        if published(Validity::SPOILS_TORQUES, BOTH) {
+        if published(Validity::INVALIDATES_TORQUES, BOTH) {
             let share = |truth: &Truth, j: usize| {
                 let error_nm = (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
                 error_nm / (torque_floor_nm(Joint::ALL[j]) + SIGMAS * state.torque_sigma_nm[j])
@@ -272,7 +272,7 @@ impl Judge {
             });
         }
         self.worst_joint = JOINTS;
-        if published(Validity::SPOILS_BACK, BOTH) {
+        if published(Validity::INVALIDATES_LOW_BACK, BOTH) {
             let bound_nm = BACK_FLOOR_NM + SIGMAS * state.l5s1_moment_sigma_nm;
             self.compare("low back", person, bound_nm, |truth| {
                 (state.l5s1_moment_nm - truth.back.moment_nm.xy().norm()).abs()
@@ -333,7 +333,7 @@ impl Judge {
             let name = named.name();
             format!(
                 ", {name} {published:.1?} ± {sigma:.1} N m is {is:.1?}, force {force_n:.1} ± {sigma_n:.1} N is {is_n:.1}, feet carry {:.2?}, ankles at {:.3?} and {:.3?} m, CoP {:.3?} and {:.3?} ± {:.3?} m, truly {:.3?} and {:.3?} m",
-                state.zeta,
+                state.foot_load_fraction,
                 state.segment_origin_m[Segment::LeftFoot.index()],
                 state.segment_origin_m[Segment::RightFoot.index()],
                 state.cop_measured_m,

@@ -3,9 +3,9 @@
 //!
 //! `SOAK_SECONDS` and `SOAK_SEED` set duration and random seed; docs/realtime.md defines "wrong".
 
-#[path = "../../daemon/tests/failures/process.rs"]
+#[path = "../../cli/tests/failures/process.rs"]
 mod process;
-#[path = "../../daemon/tests/failures/station.rs"]
+#[path = "../../cli/tests/failures/station.rs"]
 #[expect(dead_code, reason = "the soak needs a part of it")]
 mod station;
 

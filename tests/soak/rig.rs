@@ -319,7 +319,7 @@ impl Rig {
         let (mut started, mut held_up_ns) = (begun, [0; 2]);
         let before = self.judge.state.cycle;
         while self.judge.state.cycle == before
-            || self.judge.state.validity().any_of(Validity::SPOILS_RESIDUAL)
+            || self.judge.state.validity().any_of(Validity::INVALIDATES_RESIDUAL)
         {
             if self.person.held_up_ns() != held_up_ns {
                 // The time limit excludes periods in which the machine is suspended.

@@ -6,7 +6,9 @@ use equipoise_core::cycle::{Memory, Settings, StopRule};
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{CommandKind, GroundSample, SuitSample, Validity};
 use equipoise_core::pose_suggestion::library::LIBRARY;
-use equipoise_daemon::rings::Rings;
+use equipoise_daemon::rings::{
+    CommandEnds, EgressEnds, IngressEnds, LoopControl, Rings, SavingEnds, SettingsSender,
+};
 use equipoise_daemon::tick::{Clock, Loop, Observer};
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
@@ -59,7 +61,11 @@ struct Seen {
 /// Clock and neighbours of the loop: ingress, egress and commands, between two cycles.
 struct Accelerated<'a> {
     now_ns: u64,
-    rings: Arc<Rings>,
+    ingress: IngressEnds,
+    egress: EgressEnds,
+    saving: SavingEnds,
+    commands: CommandEnds,
+    settings_sender: SettingsSender,
     session: &'a Session,
     /// Stamp of the session's first sample in this round, and number of its samples sent.
     round_ns: u64,
@@ -85,7 +91,7 @@ impl Accelerated<'_> {
         {
             let time_ns = sample.sample_time_ns + later_ns;
             let dated = GroundSample { sample_time_ns: time_ns, arrival_ns: time_ns, ..*sample };
-            self.rings.push_ground(dated, self.now_ns);
+            self.ingress.push_ground(dated, self.now_ns);
             self.sent[1] += 1;
         }
         while let Some(sample) = self.session.suit.get(self.sent[0])
@@ -93,46 +99,46 @@ impl Accelerated<'_> {
         {
             let time_ns = sample.sample_time_ns + later_ns;
             let dated = SuitSample { sample_time_ns: time_ns, arrival_ns: time_ns, ..*sample };
-            self.rings.push_suit(dated, self.now_ns);
+            self.ingress.push_suit(dated, self.now_ns);
             self.sent[0] += 1;
         }
         if self.sent == [self.session.suit.len(), self.session.ground.len()] {
             (self.sent, self.round_ns) = ([0; 2], self.now_ns + PERIOD_NS);
             self.rounds += 1;
-            let _ = self.rings.command.push(CommandKind::IdentifyReset);
+            let _ = self.commands.command.push(CommandKind::IdentifyReset);
         }
     }
 
     fn take_outcomes(&mut self) {
-        while let Some(outcome) = self.rings.outcome.pop() {
+        while let Ok(outcome) = self.egress.outcome.pop() {
             let state = &outcome.state;
             self.seen.outcomes += 1;
             self.seen.poses = self.seen.poses.max(u64::from(state.poses_used));
-            self.seen.torques += u64::from(!state.validity().any_of(Validity::SPOILS_TORQUES));
+            self.seen.torques += u64::from(!state.validity().any_of(Validity::INVALIDATES_TORQUES));
             self.seen.monitoring += u64::from(state.phase == Phase::Monitoring as u32);
         }
-        while let Some(checkpoint) = self.rings.checkpoints.pop() {
+        while let Ok(checkpoint) = self.egress.checkpoints.pop() {
             self.seen.checkpoints += 1;
-            let _ = self.rings.free_checkpoints.push(checkpoint);
+            let _ = self.egress.free_checkpoints.push(checkpoint);
         }
-        while let Some((_, kept)) = self.rings.copies.pop() {
+        while let Ok((_, kept)) = self.saving.copies.pop() {
             self.seen.kept += 1;
-            let _ = self.rings.free_copies.push(kept);
+            let _ = self.saving.free_copies.push(kept);
         }
     }
 
     fn command_now_and_then(&mut self) {
         if self.naps.is_multiple_of(3001) {
-            let _ = self.rings.command.push(CommandKind::Checkpoint);
+            let _ = self.commands.command.push(CommandKind::Checkpoint);
         }
         // Change the subject, in the middle of a lift of every other round.
         if self.naps.is_multiple_of(74_003)
             && let Some(worker) = self.worker.take()
         {
-            let _ = self.rings.worker.push((1, worker));
-            let _ = self.rings.command.push(CommandKind::SubjectLoad);
+            let _ = self.commands.worker.push((1, worker));
+            let _ = self.commands.command.push(CommandKind::SubjectLoad);
         }
-        if let Some(back) = self.rings.returned_workers.pop() {
+        if let Ok(back) = self.commands.returned_workers.pop() {
             self.worker = Some(back);
             self.seen.workers += 1;
         }
@@ -140,9 +146,9 @@ impl Accelerated<'_> {
         if self.naps.is_multiple_of(50_021)
             && let Some(settings) = self.settings.take()
         {
-            let _ = self.rings.settings.push((1, settings));
+            let _ = self.settings_sender.settings.push((1, settings));
         }
-        if let Some(back) = self.rings.returned_settings.pop() {
+        if let Ok(back) = self.settings_sender.returned.pop() {
             self.settings = Some(back);
             self.seen.reloads += 1;
         }
@@ -170,7 +176,7 @@ impl Clock for Accelerated<'_> {
 struct Until {
     watch: Watch,
     cycles: u64,
-    rings: Arc<Rings>,
+    control: Arc<LoopControl>,
     faults: [[i64; 2]; 2],
 }
 
@@ -188,7 +194,7 @@ impl Observer for Until {
         self.watch.cycle_begins(cycle);
         if cycle == self.cycles {
             self.faults[1] = own_faults();
-            self.rings.stop();
+            self.control.stop();
         }
     }
 }
@@ -210,11 +216,16 @@ fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
         identification: memory.identification,
         exposure: memory.exposure,
     }));
-    let rings = Arc::new(Rings::new().expect("an event file descriptor"));
+    let Rings { control, loop_ends, ingress, egress, saving, commands, settings: settings_sender } =
+        Rings::new().expect("an event file descriptor");
     let session = Session::make();
     let mut clock = Accelerated {
         now_ns: EPOCH_NS,
-        rings: Arc::clone(&rings),
+        ingress,
+        egress,
+        saving,
+        commands,
+        settings_sender,
         session: &session,
         round_ns: EPOCH_NS,
         sent: [0; 2],
@@ -225,9 +236,8 @@ fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
         seen: Seen::default(),
         luck: SEED,
     };
-    let mut until =
-        Until { watch: Watch::after(warm_cycles), cycles, rings: Arc::clone(&rings), faults: [[0; 2]; 2] };
-    let summary = Loop::new(settings, memory, 0, rings, PERIOD_NS).run(&mut clock, &mut until);
+    let mut until = Until { watch: Watch::after(warm_cycles), cycles, control, faults: [[0; 2]; 2] };
+    let summary = Loop::new(settings, memory, 0, loop_ends, PERIOD_NS).run(&mut clock, &mut until);
     crate::counting_alloc::arm(false);
 
     let faults = [0, 1].map(|kind| until.faults[1][kind] - until.faults[0][kind]);

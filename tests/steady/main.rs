@@ -7,9 +7,9 @@
 
 #[path = "../counting_alloc.rs"]
 mod counting_alloc;
-#[path = "../../daemon/tests/failures/process.rs"]
+#[path = "../../cli/tests/failures/process.rs"]
 mod process;
-#[path = "../../daemon/tests/failures/station.rs"]
+#[path = "../../cli/tests/failures/station.rs"]
 #[expect(dead_code, reason = "the suite needs a part of it")]
 mod station;
 

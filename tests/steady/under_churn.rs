@@ -8,17 +8,17 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use equipoise_daemon::config::Config;
-use equipoise_daemon::page_feed::ServedPage;
+use equipoise_cli::page_feed::ServedPage;
+use equipoise_config::Config;
 use equipoise_daemon::pipeline::Pipeline;
-use equipoise_daemon::thread_registry::{MemoryUse, TaskFacts};
+use equipoise_simulator::ports::free_address;
+use equipoise_station::proc::{MemoryUse, TaskFacts};
 
 use crate::churn::Churn;
 use crate::consumers::Storm;
 use crate::process::{Process, TIMEOUT, wait_for};
 use crate::station::{NAME, Station};
 use crate::{Watch, number};
-use equipoise_simulator::ports::free_address;
 
 /// Folder of the test's files; set for [`inside`] only.
 const DIRECTORY: &str = "STEADY_DIRECTORY";

@@ -2,52 +2,52 @@
 //!
 //! # The contract
 //!
-//! Keys stand in the order of [`StateJson`]'s fields, so equal states are equal bytes. A key whose value must not be
-//! used is **absent**: never `null`, never `NaN`, never a value held over. What is always there: `t`, `cycle`,
-//! `phase`, `valid`, `static_pose`, `converged`, `poses_used`, `stance`, `motion_samples_used`, `group_delay_ns`, and what
-//! has added up over the shift: `lifts`, `dose_damage`, `dose_probability`, `fatigue`.
+//! Keys are in the order of [`StateJson`]'s fields, so equal states have equal bytes. The key of an invalid value is
+//! **absent**: never `null`, never `NaN`, never an outdated value. Always present: `t`, `cycle`, `phase`, `valid`,
+//! `static_pose`, `converged`, `poses_used`, `stance`, `motion_samples_used`, `group_delay_ns`, and the sums over the
+//! shift: `lifts`, `dose_damage`, `dose_probability`, `fatigue`.
 //!
-//! `valid` lists the names of the raised reasons ([`Validity::NAMES`]) why values are withheld. It is **empty when
-//! every value may be used**: `"valid":[]` is the good case, `"valid":["suit_stale"]` says what is wrong.
+//! `valid` lists the names of the raised flags ([`Validity::NAMES`]). It is **empty if all values are valid**:
+//! `"valid":[]` is the normal case, `"valid":["suit_stale"]` the reason of a fault.
 //!
 //! | key | unit | absent when |
 //! |---|---|---|
-//! | `suit_age_ns`, `ground_age_ns` | ns | no sample has come yet |
-//! | `suggested_pose` | index into the pose library | none is asked for |
-//! | `not_given`: what the station's sensors do not give (`suit_com`, `shear`) | names | they give all |
-//! | `mass_kg` | kg | the mass is not known |
-//! | `body_source`: where the bones come from (`poses`, `null_pose`, `stored`) | | the bones are not known |
-//! | `sole_source`: where the soles' outline comes from (`stature`, `suit`) | | never |
-//! | `body_refused`: why the suit's null pose is not used | name | it is used, or none was sent |
+//! | `suit_age_ns`, `ground_age_ns` | ns | no sample has arrived |
+//! | `suggested_pose` | index into the pose library | none is suggested |
+//! | `unavailable`: quantities that the sensors do not provide (`suit_com`, `shear`) | names | all are provided |
+//! | `mass_kg` | kg | the mass is unavailable |
+//! | `body_source`: source of the segment lengths (`poses`, `null_pose`, `stored`) | | they are unavailable |
+//! | `foot_outline_source`: source of the foot outlines (`stature`, `suit`) | | never |
+//! | `body_rejected`: reason why the suit's null pose is not used | name | it is used, or none was sent |
 //! | `motion_samples_used` | count | never |
-//! | `group_delay_ns`: how far the values lie behind the newest suit sample | ns | never |
+//! | `group_delay_ns`: delay of the results behind the newest suit sample | ns | never |
 //! | `cop_measured`, `cop_measured_sigma` | m, world x and y | the plate is silent, or the feet are off it |
 //! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent |
-//! | `com_suit`: the suit maker's own centre of mass, station's world | m | the suit is silent, or does not send it |
+//! | `suit_com`: centre of mass computed by the suit's software, world | m | the suit is silent, or does not send it |
 //! | `acceleration_source` (`positions`, `suit`) | | as `com` |
 //! | `ground_force_n` | N | the plate is silent or faulty, or shear is not measured |
 //! | `vertical_force_n` | N | the plate is silent or faulty |
-//! | `ground_devices`: what the ground's sample is made of (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or it was not said |
-//! | `delta_f_n`, `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or the mass is not known |
+//! | `ground_devices`: devices in the ground sample (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or unavailable |
+//! | `delta_f_n`, `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or the mass is unavailable |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg` | kg | as `delta_f_n`, or too little load, or moving |
-//! | `zeta` (left, right), `zeta_sigma`, `sharing_source` (`geometry`, `measured`) | share | the plate or the suit is silent, or the feet are off the plate |
-//! | `eta` (left, right), `eta_sigma` | share | any reason that spoils `load_distance_m`, or the load is not at the hands |
-//! | `load_distance_m` | m | any of the above, not identified, moving, or too little load |
-//! | `reach_m`, `reach_sigma_m`: load from the middle of the ankles | m | any reason at all |
-//! | `variance_max_m2`, `predicted_cop_sigma_m`, `nis`, `prior_inflation` | m², m, 1, 1 | the filter has not said one yet |
-//! | `pose_mismatch_rad` | rad | no pose is asked for, or the suit is silent |
-//! | `suit_skew_s`, `suit_skew_sigma_s` | s | the motion has not shown the skew |
-//! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm` | N m | any reason but too little load |
+//! | `foot_load_fraction` (left, right), `foot_load_fraction_sigma`, `sharing_source` (`geometry`, `measured`) | 0 to 1 | the plate or the suit is silent, or the feet are off the plate |
+//! | `hand_load_fraction` (left, right), `hand_load_fraction_sigma` | 0 to 1 | a flag invalidates `load_hand_distance_m`, or the load is not at the hands |
+//! | `load_hand_distance_m` | m | any of the above, not identified, moving, or too little load |
+//! | `reach_m`, `reach_sigma_m`: load from the midpoint of the ankles | m | any flag is raised |
+//! | `variance_max_m2`, `predicted_cop_sigma_m`, `nis`, `prior_inflation` | m², m, 1, 1 | the filter has not computed it |
+//! | `pose_mismatch_rad` | rad | no pose is suggested, or the suit is silent |
+//! | `suit_skew_s`, `suit_skew_sigma_s` | s | the motion has not determined the skew |
+//! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm` | N m | any flag except `below_load_threshold` is raised |
 //! | `l5s1_compression_n`, `l5s1_compression_sigma_n` | N | as `l5s1_moment_nm` |
 //! | `lifts`, `dose_damage` (1: failure), `dose_probability` (0 to 1) | count, 1, 1 | never |
-//! | `worst_joint`: MVN name of the joint closest to its limit | | any reason at all |
-//! | `advice_direction`: unit vector, world axes | 1 | as `worst_joint`, or no motion of the load would help |
+//! | `worst_joint`: MVN name of the joint closest to its limit | | any flag is raised |
+//! | `advice_direction`: unit vector, world axes | 1 | as `worst_joint`, or no motion of the load relieves it |
 //! | `advice_gain_nm_per_cm` | N m/cm | as `advice_direction` |
 //! | `fatigue` | MVN name → 0 to 1 | never |
-//! | `joints` | MVN name → `torque_nm` (world axes), `sigma_nm`, `level`, `limit_nm`, `fatigue` | any reason at all |
+//! | `joints` | MVN name → `torque_nm` (world axes), `sigma_nm`, `level`, `limit_nm`, `fatigue` | any flag is raised |
 //!
-//! The `level` of a joint is `none`, `green`, `orange`, `red`, `above_max`, or `undecided` where the torque is not known
-//! well enough to say which.
+//! The `level` of a joint is `none`, `green`, `orange`, `red`, `above_max`, or `undecided` if the uncertainty of the
+//! torque covers two levels.
 
 mod joints;
 pub mod schema;
@@ -55,18 +55,21 @@ pub mod schema;
 pub(crate) mod tests;
 
 use equipoise_core::body::Joint;
-use equipoise_core::cycle::{BodyRefusal, BodySource};
-use equipoise_core::message::state::{AccelerationSource, NotGiven, SharingSource, SoleSource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
+use equipoise_core::message::state::{AccelerationSource, FootOutlineSource, SharingSource, Unavailable};
 use equipoise_core::message::{GroundDevice, State, Validity};
 use equipoise_core::overload::Level;
 use serde::Serialize;
 
 use joints::{Joints, PerJoint};
 
-/// What spoils the shares of the feet.
-const SPOILS_ZETA: Validity = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
-/// What spoils the distance of the load from the hands. That it is far away does not: it is the evidence.
-const SPOILS_LOAD_DISTANCE: Validity = Validity(Validity::SPOILS_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
+/// Flags that invalidate the foot load fraction.
+const INVALIDATES_FOOT_LOAD_FRACTION: Validity =
+    Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
+/// Flags that invalidate the distance of the load from the hands. `LOAD_NOT_AT_HANDS` does not: a large distance
+/// raises it.
+const INVALIDATES_LOAD_HAND_DISTANCE: Validity =
+    Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
 
 /// A state, ready to be written as one JSON object. Fields are in the order of the keys.
 #[derive(Debug, Clone, Serialize)]
@@ -76,7 +79,7 @@ pub struct StateJson<'a> {
     phase: &'static str,
     valid: Vec<&'static str>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    not_given: Vec<&'static str>,
+    unavailable: Vec<&'static str>,
     static_pose: bool,
     converged: bool,
     poses_used: u32,
@@ -93,9 +96,9 @@ pub struct StateJson<'a> {
     mass_kg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     body_source: Option<&'static str>,
-    sole_source: &'static str,
+    foot_outline_source: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
-    body_refused: Option<&'static str>,
+    body_rejected: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     cop_measured: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -107,7 +110,7 @@ pub struct StateJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     com: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    com_suit: Option<[f64; 3]>,
+    suit_com: Option<[f64; 3]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     acceleration_source: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -125,17 +128,17 @@ pub struct StateJson<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     lifted_mass_sigma_kg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    zeta: Option<[f64; 2]>,
+    foot_load_fraction: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    zeta_sigma: Option<f64>,
+    foot_load_fraction_sigma: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sharing_source: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    eta: Option<[f64; 2]>,
+    hand_load_fraction: Option<[f64; 2]>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    eta_sigma: Option<f64>,
+    hand_load_fraction_sigma: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    load_distance_m: Option<f64>,
+    load_hand_distance_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     reach_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -182,8 +185,8 @@ impl<'a> StateJson<'a> {
     /// The state at `t_s` seconds of the caller's clock: a recording's own time, or CLOCK_MONOTONIC when live.
     pub fn new(state: &'a State, t_s: f64) -> StateJson<'a> {
         let asked = state.suggested_pose != u32::MAX;
-        let back = |value: f64| state.unless(Validity::SPOILS_BACK, value).and_then(finite);
-        let lifted = |value: f64| state.unless(Validity::SPOILS_LIFTED_MASS, value).and_then(finite);
+        let back = |value: f64| state.unless(Validity::INVALIDATES_LOW_BACK, value).and_then(finite);
+        let lifted = |value: f64| state.unless(Validity::INVALIDATES_LIFTED_MASS, value).and_then(finite);
         let skew = |value: f64| (state.suit_skew_sigma_s > 0.0).then_some(value).and_then(finite);
         let advised = state.advice_direction != [0.0; 3];
         StateJson {
@@ -191,7 +194,7 @@ impl<'a> StateJson<'a> {
             cycle: state.cycle,
             phase: state.phase_name(),
             valid: state.validity().names().collect(),
-            not_given: named(NotGiven::NAMES.map(|(bit, name)| (bit as u32, name)), state.not_given),
+            unavailable: named(Unavailable::NAMES.map(|(bit, name)| (bit as u32, name)), state.unavailable),
             static_pose: state.static_pose != 0,
             converged: state.converged != 0,
             poses_used: state.poses_used,
@@ -205,53 +208,68 @@ impl<'a> StateJson<'a> {
             body_source: BodySource::from_number(state.body_source)
                 .filter(|source| *source != BodySource::Unknown)
                 .map(BodySource::name),
-            sole_source: SoleSource::from_number(state.sole_source).map_or("unknown", SoleSource::name),
-            body_refused: BodyRefusal::from_number(state.body_refused)
-                .filter(|refusal| *refusal != BodyRefusal::None)
-                .map(BodyRefusal::name),
+            foot_outline_source: FootOutlineSource::from_number(state.foot_outline_source)
+                .map_or("unknown", FootOutlineSource::name),
+            body_rejected: BodyRejection::from_number(state.body_rejected)
+                .filter(|refusal| *refusal != BodyRejection::None)
+                .map(BodyRejection::name),
             cop_measured: state
-                .unless(Validity::SPOILS_COP_MEASURED, state.cop_measured_m)
+                .unless(Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m)
                 .and_then(all_finite),
             cop_measured_sigma: state
-                .unless(Validity::SPOILS_COP_MEASURED, state.cop_measured_sigma_m)
+                .unless(Validity::INVALIDATES_COP_MEASURED, state.cop_measured_sigma_m)
                 .filter(|sigma_m| sigma_m.iter().all(|sigma_m| *sigma_m > 0.0))
                 .and_then(all_finite),
             cop_estimated: state
-                .unless(Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m)
+                .unless(Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m)
                 .and_then(all_finite),
-            cop_sigma: state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_sigma_m).and_then(all_finite),
-            com: state.unless(Validity::SPOILS_COM, state.com_m).and_then(all_finite),
-            com_suit: state.suit_com_m().and_then(all_finite),
+            cop_sigma: state
+                .unless(Validity::INVALIDATES_COP_ESTIMATED, state.cop_sigma_m)
+                .and_then(all_finite),
+            com: state.unless(Validity::INVALIDATES_COM, state.com_m).and_then(all_finite),
+            suit_com: state.suit_com_m().and_then(all_finite),
             acceleration_source: state
-                .unless(Validity::SPOILS_COM, state.acceleration_source)
+                .unless(Validity::INVALIDATES_COM, state.acceleration_source)
                 .and_then(AccelerationSource::from_number)
                 .map(AccelerationSource::name),
             ground_force_n: state
-                .unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n)
-                .filter(|_| state.gives(NotGiven::Shear))
+                .unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n)
+                .filter(|_| state.provides(Unavailable::Shear))
                 .and_then(all_finite),
             vertical_force_n: state
-                .unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2])
+                .unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n[2])
                 .and_then(finite),
             ground_devices: named(
                 GroundDevice::NAMES.map(|(bit, name)| (bit as u32, name)),
-                state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_devices).unwrap_or(0),
+                state.unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_devices).unwrap_or(0),
             ),
-            delta_f_n: state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n).and_then(all_finite),
-            delta_f_sigma_n: state.unless(Validity::SPOILS_DELTA_F, state.delta_f_sigma_n).and_then(positive),
+            delta_f_n: state.unless(Validity::INVALIDATES_DELTA_F, state.delta_f_n).and_then(all_finite),
+            delta_f_sigma_n: state
+                .unless(Validity::INVALIDATES_DELTA_F, state.delta_f_sigma_n)
+                .and_then(positive),
             lifted_mass_kg: lifted(state.lifted_mass_kg),
             lifted_mass_sigma_kg: lifted(state.lifted_mass_sigma_kg),
-            zeta: state.unless(SPOILS_ZETA, state.zeta).and_then(all_finite),
-            zeta_sigma: state.unless(SPOILS_ZETA, state.zeta_sigma).and_then(finite),
+            foot_load_fraction: state
+                .unless(INVALIDATES_FOOT_LOAD_FRACTION, state.foot_load_fraction)
+                .and_then(all_finite),
+            foot_load_fraction_sigma: state
+                .unless(INVALIDATES_FOOT_LOAD_FRACTION, state.foot_load_fraction_sigma)
+                .and_then(finite),
             sharing_source: state
-                .unless(SPOILS_ZETA, state.sharing_source)
+                .unless(INVALIDATES_FOOT_LOAD_FRACTION, state.sharing_source)
                 .and_then(SharingSource::from_number)
                 .map(SharingSource::name),
-            eta: state.unless(Validity::SPOILS_TORQUES, state.eta).and_then(all_finite),
-            eta_sigma: state.unless(Validity::SPOILS_TORQUES, state.eta_sigma).and_then(finite),
-            load_distance_m: state.unless(SPOILS_LOAD_DISTANCE, state.load_distance_m).and_then(finite),
-            reach_m: state.unless(Validity::SPOILS_TORQUES, state.reach_m).and_then(finite),
-            reach_sigma_m: state.unless(Validity::SPOILS_TORQUES, state.reach_sigma_m).and_then(finite),
+            hand_load_fraction: state
+                .unless(Validity::INVALIDATES_TORQUES, state.hand_load_fraction)
+                .and_then(all_finite),
+            hand_load_fraction_sigma: state
+                .unless(Validity::INVALIDATES_TORQUES, state.hand_load_fraction_sigma)
+                .and_then(finite),
+            load_hand_distance_m: state
+                .unless(INVALIDATES_LOAD_HAND_DISTANCE, state.load_hand_distance_m)
+                .and_then(finite),
+            reach_m: state.unless(Validity::INVALIDATES_TORQUES, state.reach_m).and_then(finite),
+            reach_sigma_m: state.unless(Validity::INVALIDATES_TORQUES, state.reach_sigma_m).and_then(finite),
             variance_max_m2: positive(state.variance_max_m2),
             predicted_cop_sigma_m: positive(state.predicted_cop_sigma_m),
             nis: positive(state.nis),
@@ -271,22 +289,22 @@ impl<'a> StateJson<'a> {
             dose_probability: finite(state.dose_probability),
             worst_joint: worst_joint(state).map(Joint::name),
             advice_direction: state
-                .unless(Validity::SPOILS_TORQUES, state.advice_direction)
+                .unless(Validity::INVALIDATES_TORQUES, state.advice_direction)
                 .filter(|_| advised)
                 .and_then(all_finite),
             advice_gain_nm_per_cm: state
-                .unless(Validity::SPOILS_TORQUES, state.advice_gain_nm_per_cm)
+                .unless(Validity::INVALIDATES_TORQUES, state.advice_gain_nm_per_cm)
                 .filter(|_| advised)
                 .and_then(finite),
             fatigue: PerJoint(&state.fatigue),
-            joints: state.unless(Validity::SPOILS_TORQUES, Joints(state)),
+            joints: state.unless(Validity::INVALIDATES_TORQUES, Joints(state)),
         }
     }
 
     /// The same without what a body is alone: its mass, and where its centre is.
     #[must_use]
     pub fn without_body(self) -> StateJson<'a> {
-        StateJson { mass_kg: None, com: None, com_suit: None, acceleration_source: None, ..self }
+        StateJson { mass_kg: None, com: None, suit_com: None, acceleration_source: None, ..self }
     }
 
     /// The object as text, without a line break.
@@ -307,7 +325,7 @@ pub fn level_name(number: u32) -> &'static str {
 
 /// The joint that comes closest to its limit; `None` while torques are withheld.
 pub(crate) fn worst_joint(state: &State) -> Option<Joint> {
-    let index = state.unless(Validity::SPOILS_TORQUES, state.worst_joint)?;
+    let index = state.unless(Validity::INVALIDATES_TORQUES, state.worst_joint)?;
     Joint::ALL.get(index as usize).copied()
 }
 

@@ -60,8 +60,11 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     ));
     line(String::new());
     line(format!("  load          {}", load(state).unwrap_or_else(withheld)));
-    line(format!("  CoP measured  {}", cop(state, Validity::SPOILS_COP_MEASURED, state.cop_measured_m)));
-    line(format!("  CoP estimated {}", cop(state, Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m)));
+    line(format!("  CoP measured  {}", cop(state, Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m)));
+    line(format!(
+        "  CoP estimated {}",
+        cop(state, Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m)
+    ));
     line(format!("  CoM           {}", centres(state)));
     line(String::new());
     line(format!("  {:<10}  {:<30}  {:<30}", "overload", "left", "right"));
@@ -104,17 +107,17 @@ pub(crate) fn progress(state: &State) -> String {
 
 /// The external force, and the lifted mass where it is valid.
 pub(crate) fn load(state: &State) -> Option<String> {
-    let [_, _, up_n] = state.unless(Validity::SPOILS_DELTA_F, state.delta_f_n)?;
+    let [_, _, up_n] = state.unless(Validity::INVALIDATES_DELTA_F, state.delta_f_n)?;
     // Adding zero removes the sign of a rounded -0.3.
     let up_n = up_n.round() + 0.0;
-    Some(match state.unless(Validity::SPOILS_LIFTED_MASS, state.lifted_mass_kg) {
+    Some(match state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg) {
         Some(kg) => format!("load {up_n:.0} N ({kg:.1} ± {:.1} kg)", state.lifted_mass_sigma_kg),
         None => format!("load {up_n:.0} N"),
     })
 }
 
 pub(crate) fn back(state: &State) -> Option<String> {
-    let newtons = state.unless(Validity::SPOILS_BACK, state.l5s1_compression_n)?;
+    let newtons = state.unless(Validity::INVALIDATES_LOW_BACK, state.l5s1_compression_n)?;
     Some(format!("{newtons:.0} ± {:.0} N on the lowest disc", state.l5s1_compression_sigma_n))
 }
 
@@ -161,19 +164,19 @@ fn torque(state: &State, joint: Joint) -> String {
 
 fn cell(state: &State, joint: &str) -> String {
     Joint::named(joint)
-        .and_then(|joint| state.unless(Validity::SPOILS_TORQUES, joint))
+        .and_then(|joint| state.unless(Validity::INVALIDATES_TORQUES, joint))
         .map_or_else(withheld, |joint| torque(state, joint))
 }
 
-fn cop(state: &State, spoilers: Validity, cop_m: [f64; 2]) -> String {
+fn cop(state: &State, invalidating: Validity, cop_m: [f64; 2]) -> String {
     state
-        .unless(spoilers, cop_m)
+        .unless(invalidating, cop_m)
         .map_or_else(withheld, |[x, y]| format!("forward {:>7.1} mm  left {:>7.1} mm", 1e3 * x, 1e3 * y))
 }
 
 /// The estimated centre of mass, and its distance from the suit maker's.
 fn centres(state: &State) -> String {
-    let Some(com_m) = state.unless(Validity::SPOILS_COM, state.com_m) else { return withheld() };
+    let Some(com_m) = state.unless(Validity::INVALIDATES_COM, state.com_m) else { return withheld() };
     let [x, y, z] = com_m.map(|metres| 1e3 * metres);
     let own = state.suit_com_m().map_or_else(String::new, |suit_m| {
         let [x, y, z] = core::array::from_fn(|axis| 1e3 * (suit_m[axis] - com_m[axis]));
@@ -215,7 +218,7 @@ mod tests {
     use super::*;
     use bytemuck::Zeroable;
     use equipoise_core::body::Segment;
-    use equipoise_core::message::state::{NotGiven, Phase};
+    use equipoise_core::message::state::{Phase, Unavailable};
 
     fn carrying() -> State {
         let mut state = State::zeroed();
@@ -279,7 +282,7 @@ mod tests {
         let mut state = State { com_m: [0.03, -0.02, 0.98], suit_com_m: [0.045, -0.02, 0.95], ..carrying() };
         let line = "  CoM           forward 30 left -20 up 980 mm; the suit's own +15 +0 -30";
         assert!(dashboard(&state, "station-1", None).lines().any(|shown| shown == line));
-        state.not_given = NotGiven::SuitCom as u32;
+        state.unavailable = Unavailable::SuitCom as u32;
         assert!(!dashboard(&state, "station-1", None).contains("the suit's own"));
     }
 

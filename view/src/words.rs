@@ -5,8 +5,8 @@
 pub mod table;
 
 use equipoise_core::body::{Joint, Segment};
-use equipoise_core::cycle::{BodyRefusal, BodySource, POSE_REACHED_RAD};
-use equipoise_core::message::state::{Phase, SoleSource};
+use equipoise_core::cycle::{BodyRejection, BodySource, POSE_REACHED_RAD};
+use equipoise_core::message::state::{FootOutlineSource, Phase};
 use equipoise_core::message::{State, Validity};
 use serde::Serialize;
 
@@ -48,21 +48,21 @@ pub fn body(state: &State) -> String {
         Some(BodySource::Stored) => "bones of the stored profile",
         Some(BodySource::Unknown) | None => "bones not known yet",
     };
-    let soles = match SoleSource::from_number(state.sole_source) {
-        Some(SoleSource::Suit) => "soles from the suit's points of the feet",
+    let soles = match FootOutlineSource::from_number(state.foot_outline_source) {
+        Some(FootOutlineSource::Suit) => "soles from the suit's points of the feet",
         _ => "soles by stature",
     };
-    let refused = match BodyRefusal::from_number(state.body_refused) {
-        Some(BodyRefusal::Impossible) => "; its null pose is refused: not a possible human body",
-        Some(BodyRefusal::Stale) => "; its null pose is refused: it is of a session that has ended, or old",
-        Some(BodyRefusal::OtherCharacter) => "; its null pose is refused: it is another character's",
-        Some(BodyRefusal::ContradictsPoses) => {
+    let refused = match BodyRejection::from_number(state.body_rejected) {
+        Some(BodyRejection::Impossible) => "; its null pose is refused: not a possible human body",
+        Some(BodyRejection::Stale) => "; its null pose is refused: it is of a session that has ended, or old",
+        Some(BodyRejection::OtherCharacter) => "; its null pose is refused: it is another character's",
+        Some(BodyRejection::ContradictsPoses) => {
             "; its null pose is refused: its bones are not those of the poses, which are kept to"
         }
-        Some(BodyRefusal::ContradictsWorker) => {
+        Some(BodyRejection::ContradictsWorker) => {
             "; its null pose has other bones than what was learnt of this worker: is it the right subject?"
         }
-        Some(BodyRefusal::None) | None => "",
+        Some(BodyRejection::None) | None => "",
     };
     format!("{bones}; {soles}{refused}")
 }
@@ -131,8 +131,10 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
     if let Some(fault) = reasons.first().filter(|reason| reason.fault) {
         return Instruction::of_reason(fault, Tone::Alarm);
     }
-    let first_of = |spoilers: &[Validity]| {
-        reasons.iter().find(|reason| spoilers.iter().any(|bit| bit.names().any(|name| name == reason.name)))
+    let first_of = |invalidating: &[Validity]| {
+        reasons
+            .iter()
+            .find(|reason| invalidating.iter().any(|bit| bit.names().any(|name| name == reason.name)))
     };
     let calm = |reason: &Reason| Instruction::of_reason(reason, Tone::Calm);
     match Phase::from_number(state.phase) {
@@ -170,7 +172,7 @@ fn pose_to_take(state: &State, pose: Option<&str>) -> Instruction {
 
 /// Whether something is carried, or the worker's mass or the plate's zero is off by as much.
 fn is_loaded(state: &State) -> bool {
-    !state.validity().any_of(Validity::SPOILS_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD))
+    !state.validity().any_of(Validity::INVALIDATES_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD))
 }
 
 fn overload(worst: Joint, level: u32) -> Instruction {

@@ -201,7 +201,7 @@ impl GroundReceiver {
                 force_n: [0.0, 0.0, feet[0].vertical_n + feet[1].vertical_n],
                 foot_vertical_n: feet.map(|foot| foot.vertical_n),
                 foot_cop_m: feet.map(|foot| foot.cop_m),
-                foot_frame: FootFrame::Sole as u32,
+                foot_frame: FootFrame::Insole as u32,
                 not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
                 ..sample
             },

@@ -1,4 +1,4 @@
-//! Which message stands under which topic, and how a topic describes itself.
+//! Topics of a recording: their messages and their descriptions.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -94,19 +94,19 @@ macro_rules! recorded {
 }
 
 recorded! {
-    "/equipoise/suit" => /// One sample of the suit.
+    "/equipoise/suit" => /// Sample of the suit.
         Suit(SuitSample),
-    "/equipoise/ground" => /// One wrench of the ground.
+    "/equipoise/ground" => /// Sample of the ground.
         Ground(GroundSample),
-    "/equipoise/body" => /// The wearer's build as the suit knows it.
+    "/equipoise/body" => /// Body dimensions from the suit's software.
         Body(SuitBody),
-    "/equipoise/state" => /// What the loop published.
+    "/equipoise/state" => /// Result of a cycle.
         State(State),
     "/equipoise/cycle" => /// Stamps and inputs of one cycle.
         Cycle(CycleRecord),
-    "/equipoise/checkpoint" => /// The loop's memory after a cycle.
+    "/equipoise/checkpoint" => /// Memory of the loop after a cycle.
         Checkpoint(Checkpoint),
-    "/equipoise/command" => /// A command as it was asked.
+    "/equipoise/command" => /// Command, as received.
         Command(Command),
     "/equipoise/health" => /// Counts of an adapter.
         Health(AdapterHealth),

@@ -1,11 +1,9 @@
 //! Two devices, each read by its own thread so that neither delays the other, and fused here.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TrySendError, bounded, never};
 use equipoise_core::message::{AdapterHealth, GroundSample};
 
 use super::error::SourceError;
@@ -55,7 +53,6 @@ pub struct FusedSource {
     words: Receiver<(usize, Word)>,
     devices: [Device; 2],
     health: HealthReporter,
-    stop: Arc<AtomicBool>,
 }
 
 impl FusedSource {
@@ -67,18 +64,15 @@ impl FusedSource {
         sources: [(String, GroundSource); 2],
         settings: FusionSettings,
     ) -> Result<FusedSource, SourceError> {
-        let (sender, words) = sync_channel(WORDS_MAX);
-        let stop = Arc::new(AtomicBool::new(false));
+        let (sender, words) = bounded(WORDS_MAX);
         let now_ns = now_monotonic_ns();
         let mut devices = Vec::with_capacity(2);
         for (index, (name, source)) in sources.into_iter().enumerate() {
-            let (sender, stopping) = (sender.clone(), Arc::clone(&stop));
-            let reader = Reader { index, source, sender, missed: 0 };
+            let reader = Reader { index, source, sender: sender.clone(), missed: 0 };
             let thread = std::thread::Builder::new()
                 .name(format!("ground-{}", index + 1))
-                .spawn(move || reader.run(&stopping))
-                .map_err(|error| SourceError::Unusable(format!("{name}: no thread to read it: {error}")));
-            let thread = thread.inspect_err(|_| stop.store(true, Ordering::Relaxed))?;
+                .spawn(move || reader.run())
+                .map_err(|error| SourceError::Unusable(format!("{name}: no thread to read it: {error}")))?;
             let (counts, block_latency_ns) = (Counts::default(), 0);
             let thread = Some(thread);
             let (trouble, note) = (None, None);
@@ -88,7 +82,7 @@ impl FusedSource {
             return Err(SourceError::Unusable("two devices are fused, no fewer and no more".to_owned()));
         };
         let (fusion, health) = (Fusion::new(settings), HealthReporter::new(Stream::Ground, now_ns));
-        Ok(FusedSource { fusion, words, devices, health, stop })
+        Ok(FusedSource { fusion, words, devices, health })
     }
 
     /// Waits briefly and appends the complete samples to `samples`; returns their count.
@@ -178,7 +172,8 @@ impl Device {
 
 impl Drop for FusedSource {
     fn drop(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
+        // Without a receiver, both threads end at their next message: within the interval of their reports.
+        self.words = never();
         for thread in self.devices.iter_mut().filter_map(|device| device.thread.take()) {
             // A reader that panicked has no further messages.
             let _panicked = thread.join();
@@ -186,26 +181,37 @@ impl Drop for FusedSource {
     }
 }
 
-/// Reads one device until it is stopped.
+/// Reads one device until the fusion no longer receives.
 struct Reader {
     index: usize,
     source: GroundSource,
-    sender: SyncSender<(usize, Word)>,
+    sender: Sender<(usize, Word)>,
     /// Samples dropped because the queue was full.
     missed: u64,
 }
 
+/// The fusion no longer exists.
+struct Disconnected;
+
 impl Reader {
-    fn run(mut self, stop: &AtomicBool) {
+    fn run(mut self) {
+        if let Ok(error) = self.read() {
+            // Unlike the others, this message must not be dropped, so it waits for room.
+            let _ = self.sender.send((self.index, Word::Failed(error)));
+        }
+    }
+
+    /// Returns the error of the device.
+    fn read(&mut self) -> Result<SourceError, Disconnected> {
         let (mut reported, mut reported_ns) = (None, 0);
-        while !stop.load(Ordering::Relaxed) {
+        loop {
             let mut samples = Vec::new();
             if let Err(error) = self.source.receive(&mut samples) {
-                return self.last_word(Word::Failed(error), stop);
+                return Ok(error);
             }
             if !samples.is_empty() {
                 let count = samples.len() as u64;
-                self.missed += if self.say(Word::Samples(samples)) { 0 } else { count };
+                self.missed += if self.say(Word::Samples(samples))? { 0 } else { count };
             }
             let (trouble, now_ns) = (self.source.trouble(), now_monotonic_ns());
             if now_ns.saturating_sub(reported_ns) >= FARES_EVERY_NS || reported.as_ref() != Some(&trouble) {
@@ -214,29 +220,20 @@ impl Reader {
                 let block_latency_ns = self.source.block_latency_ns();
                 // If the queue is full, the report is repeated later.
                 let note = self.source.note();
-                if self.say(Word::Fares { counts, block_latency_ns, trouble: trouble.clone(), note }) {
+                if self.say(Word::Fares { counts, block_latency_ns, trouble: trouble.clone(), note })? {
                     (reported, reported_ns) = (Some(trouble), now_ns);
                 }
             }
         }
     }
 
-    /// Sends a message that must not be dropped. A receiver that no longer receives may be waiting for this thread to
-    /// end, so the wait ends on `stop`.
-    fn last_word(&self, word: Word, stop: &AtomicBool) {
-        let mut word = (self.index, word);
-        while let Err(TrySendError::Full(unsaid)) = self.sender.try_send(word) {
-            if stop.load(Ordering::Relaxed) {
-                return;
-            }
-            word = unsaid;
-            std::thread::sleep(WAIT);
+    /// Whether there was room for the message.
+    fn say(&self, word: Word) -> Result<bool, Disconnected> {
+        match self.sender.try_send((self.index, word)) {
+            Ok(()) => Ok(true),
+            Err(TrySendError::Full(_)) => Ok(false),
+            Err(TrySendError::Disconnected(_)) => Err(Disconnected),
         }
-    }
-
-    /// Whether the message was queued; `true` as well if the receiver no longer exists.
-    fn say(&self, word: Word) -> bool {
-        !matches!(self.sender.try_send((self.index, word)), Err(TrySendError::Full(_)))
     }
 }
 
@@ -246,7 +243,6 @@ mod tests {
     use super::*;
     use crate::ground::GroundSettings;
     use crate::ground::device::bota::{Bota, BotaSettings};
-    use std::time::Instant;
 
     /// A transport whose failure after opening is permanent.
     struct Broken;
@@ -265,36 +261,35 @@ mod tests {
         }
     }
 
-    fn reader(sender: SyncSender<(usize, Word)>) -> Reader {
+    fn reader(sender: Sender<(usize, Word)>) -> Reader {
         let device = Box::new(Bota::new(BotaSettings { baud: 460_800, sinc: None }));
         let source = GroundSource::open(Box::new(Broken), device, GroundSettings::default()).unwrap();
         Reader { index: 1, source, sender, missed: 0 }
     }
 
     #[test]
-    fn a_reader_ends_on_request_with_an_unread_report() {
-        let (sender, words) = sync_channel(1);
+    fn a_reader_ends_with_an_unread_report_once_the_fusion_is_gone() {
+        let (sender, words) = bounded(1);
         sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
-        let stop = Arc::new(AtomicBool::new(false));
-        let (reader, stopping) = (reader(sender), Arc::clone(&stop));
-        let thread = std::thread::spawn(move || reader.run(&stopping));
-        std::thread::sleep(10 * WAIT);
-        assert!(!thread.is_finished(), "why it failed is not said yet");
-        stop.store(true, Ordering::Relaxed);
-        let until = Instant::now() + Duration::from_secs(10);
-        while !thread.is_finished() && Instant::now() < until {
-            std::thread::sleep(WAIT);
-        }
-        assert!(thread.is_finished());
+        let reader = reader(sender);
+        let (ended, has_ended) = bounded::<()>(0);
+        let thread = std::thread::spawn(move || {
+            let _ended = ended;
+            reader.run();
+        });
+        let waits = has_ended.recv_timeout(10 * WAIT);
+        assert_eq!(waits, Err(RecvTimeoutError::Timeout), "why it failed is not said yet");
         drop(words);
+        assert_eq!(has_ended.recv_timeout(Duration::from_secs(10)), Err(RecvTimeoutError::Disconnected));
+        thread.join().unwrap();
     }
 
     #[test]
     fn the_last_word_comes_once_there_is_room() {
-        let (sender, words) = sync_channel(1);
+        let (sender, words) = bounded(1);
         sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
         let reader = reader(sender);
-        let thread = std::thread::spawn(move || reader.run(&AtomicBool::new(false)));
+        let thread = std::thread::spawn(move || reader.run());
         assert!(matches!(words.recv(), Ok((0, Word::Samples(_)))));
         let last = words.recv_timeout(Duration::from_secs(10));
         assert!(matches!(last, Ok((1, Word::Failed(SourceError::Unusable(_))))));

@@ -196,7 +196,7 @@ mod tests {
     /// A file on a network share that fails on request.
     struct Share {
         line: FileLine,
-        fails: std::sync::mpsc::Receiver<()>,
+        fails: crossbeam_channel::Receiver<()>,
     }
 
     impl Transport for Share {
@@ -250,7 +250,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("export.txt");
         let mut file = std::fs::File::create(&path).unwrap();
-        let (fail, fails) = std::sync::mpsc::channel();
+        let (fail, fails) = crossbeam_channel::bounded(1);
         let line = FileLine::new(path, Begin::Start, "ground.file.path");
         let share = Box::new(Share { line, fails });
         let mut source = GroundSource::open(share, force_lines(), GroundSettings::default()).unwrap();

@@ -40,7 +40,7 @@ refusals! {
         NotUnitQuaternion = "not_unit_quaternion",
         /// Joints in another order than MVN's.
         UnknownJoint = "unknown_joint",
-        /// Head and pelvis are not above the feet: does type 02 have Y up (then `suit.up = "y"`), or is the person lying?
+        /// Head and pelvis are not above the feet: does type 02 have Y up (then `suit.up_axis = "y"`), or is the person lying?
         UpsideDown = "upside_down",
         /// A complete sample without a pose: types 02, 01 and 05 are all off in the Network Streamer, or were lost.
         NoPose = "no_pose",

@@ -1,13 +1,13 @@
 //! Kistler's LabAmp: requests over HTTP, stream over TCP, and reconnection after the stream ends.
 
 use crate::{PATIENCE, until};
+use crossbeam_channel::{Receiver, Sender, bounded};
 use equipoise_adapters::ground::GroundSettings;
 use equipoise_adapters::ground::device::labamp::{LabAmp, LabAmpSettings};
 use equipoise_adapters::ground::plan::Plan;
 use equipoise_adapters::source::{GroundSource, LabAmpLine, LabAmpLineSettings};
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
-use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
 const CHANNELS: &str = r#"{"result": 0, "metadata": {"measurementId": 1, "signalProvider": {"name": "daq-provider",
@@ -86,7 +86,7 @@ fn device(listener: TcpListener, refusals: usize) -> Vec<String> {
                 assert!(body.contains(&format!("client-{streams}")), "{body}");
                 let data = TcpListener::bind("127.0.0.1:0").unwrap();
                 let port = data.local_addr().unwrap().port();
-                let (begin, begun) = channel();
+                let (begin, begun) = bounded(1);
                 start = Some(begin);
                 serving.push(std::thread::spawn(move || stream(data, &begun)));
                 streams += 1;

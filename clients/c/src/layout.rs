@@ -32,7 +32,7 @@ fn structs() -> Vec<(&'static str, usize)> {
         };
     }
     places! {
-        Reading { state, picked_up_ns, age_ns, moment_age_ns, missed, restarted, is_new }
+        Reading { state, received_ns, age_ns, sample_age_ns, missed, restarted, is_new }
         Options { layout, stale_after_ns, depth, no_report }
     }
     places

@@ -10,17 +10,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(i32)]
 pub enum Outcome {
-    /// It was done.
+    /// Done.
     Ok = 0,
-    /// No new state came in time: the daemon is not running, or hangs.
+    /// No new state arrived in time: the daemon is not running, or hangs.
     Silent = 1,
-    /// States came, but all too old to be handed out.
+    /// States arrived, but all were too old to be returned.
     Stale = 2,
-    /// The daemon's CLOCK_MONOTONIC is another one: both must run in one time namespace.
+    /// The daemon has another CLOCK_MONOTONIC: both must run in one time namespace.
     OtherClock = 3,
     /// The bus cannot be joined or read. An open consumer rejoins by itself.
     Bus = 4,
-    /// The call itself is wrong: a null pointer, another thread's consumer, another header.
+    /// The call is invalid: a null pointer, another thread's consumer, another header.
     WrongUse = 5,
     /// A defect of this library.
     Defect = 6,

@@ -10,11 +10,11 @@ pub struct Reading {
     /// The state.
     pub state: State,
     /// Time of receipt, CLOCK_MONOTONIC ns.
-    pub picked_up_ns: u64,
+    pub received_ns: u64,
     /// Time from the due time of its cycle to its return to the program, ns.
     pub age_ns: u64,
     /// Age of the sample time of the results, ns; `u64::MAX` before the first.
-    pub moment_age_ns: u64,
+    pub sample_age_ns: u64,
     /// States that were not returned since the last new one.
     pub missed: u64,
     /// 1 if the daemon has restarted since.
@@ -36,9 +36,9 @@ impl Reading {
                 suggested_pose: u32::MAX,
                 ..State::zeroed()
             },
-            picked_up_ns: 0,
+            received_ns: 0,
             age_ns: u64::MAX,
-            moment_age_ns: u64::MAX,
+            sample_age_ns: u64::MAX,
             missed: 0,
             restarted: 0,
             is_new: 0,
@@ -50,9 +50,9 @@ impl From<equipoise_client::Reading> for Reading {
     fn from(reading: equipoise_client::Reading) -> Reading {
         Reading {
             state: reading.state,
-            picked_up_ns: reading.picked_up_ns,
+            received_ns: reading.received_ns,
             age_ns: reading.age_ns,
-            moment_age_ns: reading.moment_age_ns.unwrap_or(u64::MAX),
+            sample_age_ns: reading.sample_age_ns.unwrap_or(u64::MAX),
             missed: reading.missed,
             restarted: u32::from(reading.restarted),
             is_new: u32::from(reading.is_new),

@@ -8,7 +8,7 @@ mod compiler;
 use common::{PERIOD, Station, root, until};
 use compiler::{Link, compile, said};
 use equipoise_bus::root::ROOT_VARIABLE;
-use equipoise_core::message::PickUp;
+use equipoise_core::message::ConsumerReceipt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
@@ -70,7 +70,7 @@ fn the_header_for_cpp_does_not_hang_and_reports_a_leaked_consumer() {
 fn the_controller_reads_a_station_and_reports() {
     let root = root();
     let bus = root.bus("latency");
-    let mut reports = bus.subscriber::<PickUp>(16).unwrap();
+    let mut reports = bus.subscriber::<ConsumerReceipt>(16).unwrap();
     let _station = Station::start(&root, "child_publishes");
     let scratch = tempfile::tempdir().unwrap();
     let program = compile(Path::new(CONTROLLER), Link::Shared, scratch.path());
@@ -78,7 +78,7 @@ fn the_controller_reads_a_station_and_reports() {
     command.args(["test", "arm", "2.5"]).env(ROOT_VARIABLE, root.path());
     let mut controller = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     // A subscriber connects to a publisher only when it reads, so reports are read while the publisher exists.
-    let mut last: Option<PickUp> = None;
+    let mut last: Option<ConsumerReceipt> = None;
     until("the controller ends", || {
         last = reports.latest().unwrap().or(last);
         sleep(PERIOD);

@@ -11,8 +11,10 @@ mod names;
 
 use equipoise_c::{Outcome, layout};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
-use equipoise_core::cycle::{BodyRefusal, BodySource};
-use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
+use equipoise_core::message::state::{
+    AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
+};
 use equipoise_core::message::{GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
@@ -30,14 +32,14 @@ const WIDTH: usize = 116;
 /// Rust terms in comments, and their replacements for C.
 const WORDS: [(&str, &str); 13] = [
     ("bits of [`Validity`]", "EQUIPOISE_REASON_…"),
-    ("a union of [`NotGiven`] bits", "EQUIPOISE_NOT_GIVEN_…"),
+    ("a union of [`Unavailable`] bits", "EQUIPOISE_UNAVAILABLE_…"),
     ("a union of `GroundDevice` bits", "EQUIPOISE_GROUND_…"),
     ("A [`Phase`]", "An enum equipoise_phase"),
     ("a [`SharingSource`]", "an enum equipoise_sharing"),
-    ("a [`SoleSource`]", "an enum equipoise_sole"),
+    ("a [`FootOutlineSource`]", "an enum equipoise_foot_outline"),
     ("an [`AccelerationSource`]", "an enum equipoise_acceleration"),
     ("a `core::cycle::BodySource`", "an enum equipoise_body_source"),
-    ("a `core::cycle::BodyRefusal`", "an enum equipoise_body_refused"),
+    ("a `core::cycle::BodyRejection`", "an enum equipoise_body_rejected"),
     ("a `core::overload::Level`", "an enum equipoise_level"),
     ("`core::pose_suggestion::LIBRARY`", "the library of poses"),
     ("`u32::MAX`", "UINT32_MAX"),
@@ -81,8 +83,8 @@ fn comment(out: &mut String, indent: &str, doc: &str) {
 
 fn layout() -> String {
     format!(
-        "#define EQUIPOISE_JOINTS {JOINTS}\n#define EQUIPOISE_SEGMENTS {SEGMENTS}\n\n/* What a program is compiled with: \
-         fields of all structs, and all names and numbers. See equipoise_options. */\n#define EQUIPOISE_STATE_TYPE \
+        "#define EQUIPOISE_JOINTS {JOINTS}\n#define EQUIPOISE_SEGMENTS {SEGMENTS}\n\n/* Hash of the \
+         fields of all structs and of all names and numbers. See equipoise_options. */\n#define EQUIPOISE_STATE_TYPE \
          \"{}\"\n#define EQUIPOISE_LAYOUT UINT64_C(0x{:016x})\n",
         State::TYPE_NAME,
         layout::layout()
@@ -102,10 +104,10 @@ fn reasons() -> String {
     out
 }
 
-fn spoilers() -> String {
+fn invalidating() -> String {
     let mut out = String::new();
-    for (set, name) in Validity::SPOILERS {
-        write!(out, "#define EQUIPOISE_SPOILS_{} \\\n    (", constant_case(name)).unwrap();
+    for (set, name) in Validity::FLAG_SETS {
+        write!(out, "#define EQUIPOISE_INVALIDATES_{} \\\n    (", constant_case(name)).unwrap();
         let names: Vec<_> =
             set.names().map(|name| format!("EQUIPOISE_REASON_{}", constant_case(name))).collect();
         for (at, two) in names.chunks(2).enumerate() {
@@ -196,16 +198,16 @@ fn header() -> String {
     for (mark, text) in [
         ("LAYOUT", layout()),
         ("REASONS", reasons()),
-        ("SPOILS", spoilers()),
+        ("INVALIDATES", invalidating()),
         ("PHASE", numbered("phase", |at| Phase::from_number(at).map(Phase::name))),
         ("LEVEL", numbered("level", |at| Level::from_number(at).map(Level::name))),
         ("SHARING", numbered("sharing", |at| SharingSource::from_number(at).map(SharingSource::name))),
         (
-            "NOT_GIVEN",
+            "UNAVAILABLE",
             bits(
-                "NOT_GIVEN",
-                &NotGiven::NAMES.map(|(what, name)| (what as u32, name)),
-                between(STATE, "pub enum NotGiven {", "\n}"),
+                "UNAVAILABLE",
+                &Unavailable::NAMES.map(|(what, name)| (what as u32, name)),
+                between(STATE, "pub enum Unavailable {", "\n}"),
             ),
         ),
         (
@@ -217,8 +219,14 @@ fn header() -> String {
             ),
         ),
         ("BODY_SOURCE", numbered("body_source", |at| BodySource::from_number(at).map(BodySource::name))),
-        ("BODY_REFUSED", numbered("body_refused", |at| BodyRefusal::from_number(at).map(BodyRefusal::name))),
-        ("SOLE", numbered("sole", |at| SoleSource::from_number(at).map(SoleSource::name))),
+        (
+            "BODY_REJECTED",
+            numbered("body_rejected", |at| BodyRejection::from_number(at).map(BodyRejection::name)),
+        ),
+        (
+            "FOOT_OUTLINE",
+            numbered("foot_outline", |at| FootOutlineSource::from_number(at).map(FootOutlineSource::name)),
+        ),
         (
             "ACCELERATION",
             numbered("acceleration", |at| AccelerationSource::from_number(at).map(AccelerationSource::name)),

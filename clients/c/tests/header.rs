@@ -8,9 +8,11 @@ mod names;
 use compiler::{Link, compile, said};
 use equipoise_c::{Options, Outcome, Reading, layout};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
-use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
 use equipoise_core::message::layout::{Field, Primitive};
-use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
+use equipoise_core::message::state::{
+    AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
+};
 use equipoise_core::message::{GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
@@ -59,7 +61,7 @@ fn facts_of_structs() -> Vec<Fact> {
     }
     fields! {
         "equipoise_reading" Reading {
-            state: 2752, picked_up_ns: 8, age_ns: 8, moment_age_ns: 8, missed: 8, restarted: 4, is_new: 4
+            state: 2752, received_ns: 8, age_ns: 8, sample_age_ns: 8, missed: 8, restarted: 4, is_new: 4
         }
         "equipoise_options" Options { layout: 8, stale_after_ns: 8, depth: 4, no_report: 4 }
     }
@@ -71,8 +73,8 @@ fn facts_of_numbers() -> Vec<Fact> {
     for (reason, name) in Validity::NAMES {
         facts.push(fact(format!("EQUIPOISE_REASON_{}", constant_case(name)), reason.0));
     }
-    for (set, name) in Validity::SPOILERS {
-        facts.push(fact(format!("EQUIPOISE_SPOILS_{}", constant_case(name)), set.0));
+    for (set, name) in Validity::FLAG_SETS {
+        facts.push(fact(format!("EQUIPOISE_INVALIDATES_{}", constant_case(name)), set.0));
     }
     for joint in Joint::ALL {
         facts.push(fact(format!("EQUIPOISE_JOINT_{}", constant_case(joint.name())), joint.index()));
@@ -87,13 +89,17 @@ fn facts_of_numbers() -> Vec<Fact> {
     facts.extend(numbered("PHASE", &|number| Phase::from_number(number).map(Phase::name)));
     facts.extend(numbered("LEVEL", &|number| Level::from_number(number).map(Level::name)));
     facts.extend(numbered("BODY_SOURCE", &|number| BodySource::from_number(number).map(BodySource::name)));
-    facts.extend(numbered("BODY_REFUSED", &|number| BodyRefusal::from_number(number).map(BodyRefusal::name)));
-    facts.extend(numbered("SOLE", &|number| SoleSource::from_number(number).map(SoleSource::name)));
+    facts.extend(numbered("BODY_REJECTED", &|number| {
+        BodyRejection::from_number(number).map(BodyRejection::name)
+    }));
+    facts.extend(numbered("FOOT_OUTLINE", &|number| {
+        FootOutlineSource::from_number(number).map(FootOutlineSource::name)
+    }));
     facts.extend(numbered("ACCELERATION", &|number| {
         AccelerationSource::from_number(number).map(AccelerationSource::name)
     }));
-    for (what, name) in NotGiven::NAMES {
-        facts.push(fact(format!("EQUIPOISE_NOT_GIVEN_{}", constant_case(name)), what as u32));
+    for (what, name) in Unavailable::NAMES {
+        facts.push(fact(format!("EQUIPOISE_UNAVAILABLE_{}", constant_case(name)), what as u32));
     }
     for (device, name) in GroundDevice::NAMES {
         facts.push(fact(format!("EQUIPOISE_GROUND_{}", constant_case(name)), device as u32));

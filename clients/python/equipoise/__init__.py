@@ -4,15 +4,15 @@
 
     for reading in equipoise.subscribe("station-1"):
         if not reading:
-            print("no value:", reading)   # now the robot goes to its safe speed
-        elif reading.invalidated_by(equipoise.SPOILS_TORQUES):
-            print("withheld:", reading.reasons)
+            print("no state:", reading)   # reduce the robot to its safe speed
+        elif reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
+            print("invalid:", reading.reasons)
         else:
             print(reading.torque_nm(equipoise.Joint.L5S1), reading.age_ns)
 
-A `Reading` is a state that may be believed to be current; everything else is a `NoReading` with its reason, and is
-false. What a state says may still be withheld: that is `reasons`. Library and daemon must be of one release and run as
-the same user; the bus's directory is that of EQUIPOISE_BUS_ROOT, as for the daemon. `equipoise.udp` reads datagrams on any machine.
+A `Reading` is a current state; otherwise a `NoReading` states the reason, and its truth value is false. Values of a
+state may be invalid: see `reasons`. Library and daemon must be of one release and run as the same user; the directory
+of the bus is that of EQUIPOISE_BUS_ROOT, as for the daemon. `equipoise.udp` reads datagrams on any machine.
 """
 
 from ._arrays import to_pandas
@@ -20,46 +20,46 @@ from ._bus import BusError
 from ._messages import (
     JOINTS,
     SEGMENTS,
-    SPOILS_BACK,
-    SPOILS_COM,
-    SPOILS_COP_ESTIMATED,
-    SPOILS_COP_MEASURED,
-    SPOILS_DELTA_F,
-    SPOILS_GROUND_FORCE,
-    SPOILS_LIFTED_MASS,
-    SPOILS_RESIDUAL,
-    SPOILS_TORQUES,
+    INVALIDATES_LOW_BACK,
+    INVALIDATES_COM,
+    INVALIDATES_COP_ESTIMATED,
+    INVALIDATES_COP_MEASURED,
+    INVALIDATES_DELTA_F,
+    INVALIDATES_GROUND_FORCE,
+    INVALIDATES_LIFTED_MASS,
+    INVALIDATES_RESIDUAL,
+    INVALIDATES_TORQUES,
     Acceleration,
-    BodyRefused,
+    BodyRejected,
     BodySource,
     GroundDevice,
     Joint,
     Level,
-    NotGiven,
+    Unavailable,
     Phase,
-    PickUp,
+    ConsumerReceipt,
     Reason,
     Sharing,
-    Sole,
+    FootOutline,
     State,
 )
 from .consumer import Consumer, latest, subscribe
-from .reading import NoReading, Reading, Why
+from .reading import NoReading, NoStateReason, Reading
 
 __all__ = [
     "JOINTS",
     "SEGMENTS",
-    "SPOILS_BACK",
-    "SPOILS_COM",
-    "SPOILS_COP_ESTIMATED",
-    "SPOILS_COP_MEASURED",
-    "SPOILS_DELTA_F",
-    "SPOILS_GROUND_FORCE",
-    "SPOILS_LIFTED_MASS",
-    "SPOILS_RESIDUAL",
-    "SPOILS_TORQUES",
+    "INVALIDATES_LOW_BACK",
+    "INVALIDATES_COM",
+    "INVALIDATES_COP_ESTIMATED",
+    "INVALIDATES_COP_MEASURED",
+    "INVALIDATES_DELTA_F",
+    "INVALIDATES_GROUND_FORCE",
+    "INVALIDATES_LIFTED_MASS",
+    "INVALIDATES_RESIDUAL",
+    "INVALIDATES_TORQUES",
     "Acceleration",
-    "BodyRefused",
+    "BodyRejected",
     "BodySource",
     "BusError",
     "Consumer",
@@ -67,15 +67,15 @@ __all__ = [
     "Joint",
     "Level",
     "NoReading",
-    "NotGiven",
+    "Unavailable",
     "Phase",
-    "PickUp",
+    "ConsumerReceipt",
     "Reading",
     "Reason",
     "Sharing",
-    "Sole",
+    "FootOutline",
     "State",
-    "Why",
+    "NoStateReason",
     "latest",
     "subscribe",
     "to_pandas",

@@ -6,7 +6,7 @@ import ctypes
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Optional, Tuple, Union
 
 from . import _messages as table
-from ._messages import Joint, NotGiven, Reason, State
+from ._messages import Joint, Unavailable, Reason, State
 
 if TYPE_CHECKING:
     import numpy
@@ -16,44 +16,44 @@ if TYPE_CHECKING:
 
     Array = numpy.ndarray[Any, numpy.dtype[Any]]
 
-# What spoils which field; core/src/message/validity.rs explains. Fields that are not named are never withheld.
-SPOILERS: Dict[str, Reason] = {
-    "joint_level": table.SPOILS_TORQUES,
-    "cop_measured_m": table.SPOILS_COP_MEASURED,
-    "cop_measured_sigma_m": table.SPOILS_COP_MEASURED,
-    "cop_estimated_m": table.SPOILS_COP_ESTIMATED,
-    "cop_sigma_m": table.SPOILS_COP_ESTIMATED,
-    "com_m": table.SPOILS_COM,
+# Flags that invalidate each field (core/src/message/validity.rs). Other fields are always valid.
+INVALIDATED_BY: Dict[str, Reason] = {
+    "joint_level": table.INVALIDATES_TORQUES,
+    "cop_measured_m": table.INVALIDATES_COP_MEASURED,
+    "cop_measured_sigma_m": table.INVALIDATES_COP_MEASURED,
+    "cop_estimated_m": table.INVALIDATES_COP_ESTIMATED,
+    "cop_sigma_m": table.INVALIDATES_COP_ESTIMATED,
+    "com_m": table.INVALIDATES_COM,
     "suit_com_m": Reason.SUIT_STALE,
-    "ground_force_n": table.SPOILS_GROUND_FORCE,
-    "delta_f_n": table.SPOILS_DELTA_F,
-    "delta_f_sigma_n": table.SPOILS_DELTA_F,
+    "ground_force_n": table.INVALIDATES_GROUND_FORCE,
+    "delta_f_n": table.INVALIDATES_DELTA_F,
+    "delta_f_sigma_n": table.INVALIDATES_DELTA_F,
     "mass_kg": Reason.MASS_UNKNOWN,
-    "zeta": table.SPOILS_COP_MEASURED | table.SPOILS_COP_ESTIMATED,
-    "zeta_sigma": table.SPOILS_COP_MEASURED | table.SPOILS_COP_ESTIMATED,
-    "sharing_source": table.SPOILS_COP_MEASURED | table.SPOILS_COP_ESTIMATED,
-    "acceleration_source": table.SPOILS_COM,
-    "ground_devices": table.SPOILS_GROUND_FORCE,
+    "foot_load_fraction": table.INVALIDATES_COP_MEASURED | table.INVALIDATES_COP_ESTIMATED,
+    "foot_load_fraction_sigma": table.INVALIDATES_COP_MEASURED | table.INVALIDATES_COP_ESTIMATED,
+    "sharing_source": table.INVALIDATES_COP_MEASURED | table.INVALIDATES_COP_ESTIMATED,
+    "acceleration_source": table.INVALIDATES_COM,
+    "ground_devices": table.INVALIDATES_GROUND_FORCE,
     "pose_mismatch_rad": Reason.SUIT_STALE,
-    "eta": table.SPOILS_TORQUES,
-    "eta_sigma": table.SPOILS_TORQUES,
-    "load_distance_m": table.SPOILS_TORQUES,
-    "lifted_mass_kg": table.SPOILS_LIFTED_MASS,
-    "lifted_mass_sigma_kg": table.SPOILS_LIFTED_MASS,
-    "reach_m": table.SPOILS_TORQUES,
-    "reach_sigma_m": table.SPOILS_TORQUES,
-    "worst_joint": table.SPOILS_TORQUES,
-    "l5s1_moment_nm": table.SPOILS_BACK,
-    "l5s1_moment_sigma_nm": table.SPOILS_BACK,
-    "l5s1_compression_n": table.SPOILS_BACK,
-    "l5s1_compression_sigma_n": table.SPOILS_BACK,
-    "advice_direction": table.SPOILS_TORQUES,
-    "advice_gain_nm_per_cm": table.SPOILS_TORQUES,
+    "hand_load_fraction": table.INVALIDATES_TORQUES,
+    "hand_load_fraction_sigma": table.INVALIDATES_TORQUES,
+    "load_hand_distance_m": table.INVALIDATES_TORQUES,
+    "lifted_mass_kg": table.INVALIDATES_LIFTED_MASS,
+    "lifted_mass_sigma_kg": table.INVALIDATES_LIFTED_MASS,
+    "reach_m": table.INVALIDATES_TORQUES,
+    "reach_sigma_m": table.INVALIDATES_TORQUES,
+    "worst_joint": table.INVALIDATES_TORQUES,
+    "l5s1_moment_nm": table.INVALIDATES_LOW_BACK,
+    "l5s1_moment_sigma_nm": table.INVALIDATES_LOW_BACK,
+    "l5s1_compression_n": table.INVALIDATES_LOW_BACK,
+    "l5s1_compression_sigma_n": table.INVALIDATES_LOW_BACK,
+    "advice_direction": table.INVALIDATES_TORQUES,
+    "advice_gain_nm_per_cm": table.INVALIDATES_TORQUES,
     "segment_origin_m": Reason.SUIT_STALE,
-    "torque_nm": table.SPOILS_TORQUES,
-    "torque_sigma_nm": table.SPOILS_TORQUES,
-    "torque_covariance_nm2": table.SPOILS_TORQUES,
-    "torque_limit_nm": table.SPOILS_TORQUES,
+    "torque_nm": table.INVALIDATES_TORQUES,
+    "torque_sigma_nm": table.INVALIDATES_TORQUES,
+    "torque_covariance_nm2": table.INVALIDATES_TORQUES,
+    "torque_limit_nm": table.INVALIDATES_TORQUES,
 }
 
 UNKNOWN = 2**64 - 1
@@ -68,11 +68,11 @@ def _asks_a_pose(state: State) -> bool:
     return state.suggested_pose != NO_POSE
 
 
-# Where a state says the field at all, as in view/src/state_json.rs. Fields that are not named it always says.
-SAID_WHERE: Dict[str, Callable[[State], bool]] = {
-    "suit_com_m": lambda state: not state.not_given & NotGiven.SUIT_COM,
-    # Without shear its vertical part alone is a number: `Reading.ground_force_up_n`.
-    "ground_force_n": lambda state: not state.not_given & NotGiven.SHEAR,
+# Condition under which a field is available, as in view/src/state_json.rs. Other fields are always available.
+AVAILABLE_IF: Dict[str, Callable[[State], bool]] = {
+    "suit_com_m": lambda state: not state.unavailable & Unavailable.SUIT_COM,
+    # Without shear only the vertical component is available: `Reading.ground_force_up_n`.
+    "ground_force_n": lambda state: not state.unavailable & Unavailable.SHEAR,
     "suit_sample_time_ns": lambda state: state.suit_sample_time_ns != 0,
     "suit_age_ns": lambda state: state.suit_sample_time_ns != 0,
     "ground_age_ns": lambda state: state.ground_age_ns != UNKNOWN,
@@ -101,13 +101,13 @@ def _field_types() -> Dict[str, Any]:
 
 
 def is_valid(state: State, name: str) -> bool:
-    """Whether a field's value may be used: no reason that invalidates it is raised, and the station provides it."""
-    is_said = SAID_WHERE.get(name)
-    return not state.valid & SPOILERS.get(name, 0) and (is_said is None or is_said(state))
+    """Whether a field is valid: no reason that invalidates it is raised, and the station provides it."""
+    is_available = AVAILABLE_IF.get(name)
+    return not state.valid & INVALIDATED_BY.get(name, 0) and (is_available is None or is_available(state))
 
 
 def view(state: State, name: str) -> Optional[Array]:
-    """A field's own bytes as an array, without a copy; None while its value must not be used."""
+    """A field's own bytes as an array, without a copy; None while it is invalid."""
     import numpy
 
     if not is_valid(state, name):
@@ -117,7 +117,7 @@ def view(state: State, name: str) -> Optional[Array]:
     declared = _field_types()[name]
     number = declared if is_one else declared._type_
     kind = numpy.dtype(number)
-    memory: Any = state  # NumPy takes any buffer; its types do not know ctypes'.
+    memory: Any = state  # NumPy accepts any buffer, but its type hints exclude ctypes.
     array: Array = numpy.frombuffer(memory, dtype=kind, count=place.size // kind.itemsize, offset=place.offset)
     array = array.reshape(SHAPES.get(name, array.shape))
     array.flags.writeable = False
@@ -128,7 +128,7 @@ def _row(reading: Reading) -> Dict[str, Union[int, float, str, bool, None]]:
     state = reading.state
     row: Dict[str, Union[int, float, str, bool, None]] = {
         "time_ns": state.time_ns,
-        "moment_time_ns": state.suit_sample_time_ns or None,
+        "sample_time_ns": state.suit_sample_time_ns or None,
         "cycle": state.cycle,
         "age_ns": reading.age_ns,
         "missed": reading.missed,
@@ -141,14 +141,14 @@ def _row(reading: Reading) -> Dict[str, Union[int, float, str, bool, None]]:
         "lifted_mass_kg",
         "lifted_mass_sigma_kg",
         "reach_m",
-        "load_distance_m",
+        "load_hand_distance_m",
         "l5s1_moment_nm",
         "l5s1_compression_n",
         "dose_damage",
         "dose_probability",
     ):
         row[name] = getattr(state, name) if is_valid(state, name) else None
-    torques, torques_valid = state.torque_nm, not state.valid & table.SPOILS_TORQUES
+    torques, torques_valid = state.torque_nm, not state.valid & table.INVALIDATES_TORQUES
     for joint in Joint:
         name = joint.name.lower()
         x, y, z = torques[3 * joint : 3 * joint + 3]
@@ -160,9 +160,9 @@ def _row(reading: Reading) -> Dict[str, Union[int, float, str, bool, None]]:
 
 
 def to_pandas(readings: Iterable[Union[Reading, NoReading]]) -> pandas.DataFrame:
-    """One row for each reading, by the time of its state; what is withheld is missing (pandas' NaN or None).
+    """One row per reading, by the time of its state; invalid values are missing (pandas' NaN or None).
 
-    Torques are magnitudes. A `NoReading` has no time, and no row: look at `cycle` and `missed` for gaps.
+    Torques are magnitudes. A `NoReading` has no time, and no row: `cycle` and `missed` show gaps.
     """
     import pandas
 

@@ -1,4 +1,4 @@
-"""What lies in shared memory. Written from the tables of core and bus: do not edit.
+"""Layout of shared memory. Generated from the tables of core and bus: do not edit.
 
     EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module
 """
@@ -11,7 +11,7 @@ from typing import NamedTuple, Optional
 
 
 class Service(NamedTuple):
-    """One row of the table of services: every process must open it with the same settings."""
+    """A service: every process must open it with the same settings."""
 
     suffix: str
     schema: str
@@ -41,7 +41,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x8c8fd2698d9633fa",
+    schema="0x74b3848262561db7",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -49,9 +49,9 @@ STATE = Service(
     history=1,
     deadline_ns=25000000,
 )
-PICK_UP = Service(
-    suffix="pickup",
-    schema="0x7dc5f2accc4e35a6",
+CONSUMER_RECEIPT = Service(
+    suffix="receipt",
+    schema="0x75f254b0e7fc69ea",
     publishers_max=17,
     subscribers_max=2,
     depth=16,
@@ -62,7 +62,7 @@ PICK_UP = Service(
 
 
 class State(ctypes.Structure):
-    """Everything the station says, once per cycle; core/src/message/state.rs explains."""
+    """Result of one cycle; see core/src/message/state.rs."""
 
     cycle: int
     time_ns: int
@@ -82,9 +82,9 @@ class State(ctypes.Structure):
     worst_joint: int
     lifts: int
     body_source: int
-    sole_source: int
-    body_refused: int
-    not_given: int
+    foot_outline_source: int
+    body_rejected: int
+    unavailable: int
     acceleration_source: int
     ground_devices: int
     joint_level: ctypes.Array[ctypes.c_uint32]
@@ -98,11 +98,11 @@ class State(ctypes.Structure):
     delta_f_n: ctypes.Array[ctypes.c_double]
     delta_f_sigma_n: float
     mass_kg: float
-    zeta: ctypes.Array[ctypes.c_double]
-    eta: ctypes.Array[ctypes.c_double]
-    zeta_sigma: float
-    eta_sigma: float
-    load_distance_m: float
+    foot_load_fraction: ctypes.Array[ctypes.c_double]
+    hand_load_fraction: ctypes.Array[ctypes.c_double]
+    foot_load_fraction_sigma: float
+    hand_load_fraction_sigma: float
+    load_hand_distance_m: float
     lifted_mass_kg: float
     lifted_mass_sigma_kg: float
     reach_m: float
@@ -149,9 +149,9 @@ class State(ctypes.Structure):
         ("worst_joint", ctypes.c_uint32),
         ("lifts", ctypes.c_uint32),
         ("body_source", ctypes.c_uint32),
-        ("sole_source", ctypes.c_uint32),
-        ("body_refused", ctypes.c_uint32),
-        ("not_given", ctypes.c_uint32),
+        ("foot_outline_source", ctypes.c_uint32),
+        ("body_rejected", ctypes.c_uint32),
+        ("unavailable", ctypes.c_uint32),
         ("acceleration_source", ctypes.c_uint32),
         ("ground_devices", ctypes.c_uint32),
         ("joint_level", ctypes.c_uint32 * 22),
@@ -165,11 +165,11 @@ class State(ctypes.Structure):
         ("delta_f_n", ctypes.c_double * 3),
         ("delta_f_sigma_n", ctypes.c_double),
         ("mass_kg", ctypes.c_double),
-        ("zeta", ctypes.c_double * 2),
-        ("eta", ctypes.c_double * 2),
-        ("zeta_sigma", ctypes.c_double),
-        ("eta_sigma", ctypes.c_double),
-        ("load_distance_m", ctypes.c_double),
+        ("foot_load_fraction", ctypes.c_double * 2),
+        ("hand_load_fraction", ctypes.c_double * 2),
+        ("foot_load_fraction_sigma", ctypes.c_double),
+        ("hand_load_fraction_sigma", ctypes.c_double),
+        ("load_hand_distance_m", ctypes.c_double),
         ("lifted_mass_kg", ctypes.c_double),
         ("lifted_mass_sigma_kg", ctypes.c_double),
         ("reach_m", ctypes.c_double),
@@ -207,8 +207,8 @@ class State(ctypes.Structure):
 assert ctypes.sizeof(State) == 2752
 
 
-class PickUp(ctypes.Structure):
-    """How late one consumer picks states up; core/src/message/pick_up.rs explains."""
+class ConsumerReceipt(ctypes.Structure):
+    """Latency of the states received by one consumer; see core/src/message/consumer_receipt.rs."""
 
     time_ns: int
     since_ns: int
@@ -241,14 +241,14 @@ class PickUp(ctypes.Structure):
     @staticmethod
     def type_name() -> str:
         """The name that iceoryx2 compares."""
-        return "equipoise/PickUp/1"
+        return "equipoise/ConsumerReceipt/1"
 
 
-assert ctypes.sizeof(PickUp) == 12416
+assert ctypes.sizeof(ConsumerReceipt) == 12416
 
 
 class Reason(enum.IntFlag):
-    """Why values of a state must not be used: bits of `State.valid`."""
+    """Invalid reasons: bits of `State.valid`."""
 
     SUIT_STALE = 1
     GROUND_STALE = 2
@@ -263,26 +263,26 @@ class Reason(enum.IntFlag):
     BODY_UNKNOWN = 1024
     PLATE_FAULT = 2048
     COP_NOT_MEASURED = 4096
-    LOAD_MAY_HIDE = 8192
-    PLACE_UNKNOWN = 16384
+    LOAD_BELOW_DETECTION_LIMIT = 8192
+    POSITION_UNKNOWN = 16384
     GROUND_IMPLAUSIBLE = 32768
     SUIT_IMPLAUSIBLE = 65536
     WEIGHT_MISSING = 131072
 
 
-SPOILS_GROUND_FORCE = Reason(34818)
-SPOILS_COP_MEASURED = Reason(38930)
-SPOILS_COM = Reason(82945)
-SPOILS_COP_ESTIMATED = Reason(82953)
-SPOILS_DELTA_F = Reason(39450)
-SPOILS_RESIDUAL = Reason(122591)
-SPOILS_LIFTED_MASS = Reason(236218)
-SPOILS_BACK = Reason(262111)
-SPOILS_TORQUES = Reason(262143)
+INVALIDATES_GROUND_FORCE = Reason(34818)
+INVALIDATES_COP_MEASURED = Reason(38930)
+INVALIDATES_COM = Reason(82945)
+INVALIDATES_COP_ESTIMATED = Reason(82953)
+INVALIDATES_DELTA_F = Reason(39450)
+INVALIDATES_RESIDUAL = Reason(122591)
+INVALIDATES_LIFTED_MASS = Reason(236218)
+INVALIDATES_LOW_BACK = Reason(262111)
+INVALIDATES_TORQUES = Reason(262143)
 
 
 class Phase(enum.IntEnum):
-    """What the pipeline is doing: `State.phase`."""
+    """Phase of the pipeline: `State.phase`."""
 
     WAITING = 0
     IDENTIFYING = 1
@@ -291,7 +291,7 @@ class Phase(enum.IntEnum):
 
 
 class Level(enum.IntEnum):
-    """How close a torque is to its limit: `State.joint_level`."""
+    """Overload level of a joint: `State.joint_level`."""
 
     NONE = 0
     GREEN = 1
@@ -302,21 +302,21 @@ class Level(enum.IntEnum):
 
 
 class Sharing(enum.IntEnum):
-    """How the feet's shares are known: `State.sharing_source`."""
+    """Source of `State.foot_load_fraction`: `State.sharing_source`."""
 
     GEOMETRY = 0
     MEASURED = 1
 
 
-class NotGiven(enum.IntFlag):
-    """What the station's sensors do not give: bits of `State.not_given`."""
+class Unavailable(enum.IntFlag):
+    """Quantities that the station's sensors do not provide: bits of `State.unavailable`."""
 
     SUIT_COM = 1
     SHEAR = 2
 
 
 class GroundDevice(enum.IntFlag):
-    """What the ground's sample is made of: bits of `State.ground_devices`."""
+    """Devices in the ground sample: bits of `State.ground_devices`."""
 
     PLATE = 1
     SECOND_PLATE = 2
@@ -324,7 +324,7 @@ class GroundDevice(enum.IntFlag):
 
 
 class BodySource(enum.IntEnum):
-    """Where the worker's bones come from: `State.body_source`."""
+    """Source of the segment lengths: `State.body_source`."""
 
     UNKNOWN = 0
     POSES = 1
@@ -332,8 +332,8 @@ class BodySource(enum.IntEnum):
     STORED = 3
 
 
-class BodyRefused(enum.IntEnum):
-    """Why the suit's null pose is not used: `State.body_refused`."""
+class BodyRejected(enum.IntEnum):
+    """Reason why the suit's null pose is not used: `State.body_rejected`."""
 
     NONE = 0
     IMPOSSIBLE = 1
@@ -343,15 +343,15 @@ class BodyRefused(enum.IntEnum):
     CONTRADICTS_WORKER = 5
 
 
-class Sole(enum.IntEnum):
-    """Where the outline of the soles comes from: `State.sole_source`."""
+class FootOutline(enum.IntEnum):
+    """Source of the foot outlines: `State.foot_outline_source`."""
 
     STATURE = 0
     SUIT = 1
 
 
 class Acceleration(enum.IntEnum):
-    """Where the body's accelerations come from: `State.acceleration_source`."""
+    """Source of the body's accelerations: `State.acceleration_source`."""
 
     POSITIONS = 0
     SUIT = 1

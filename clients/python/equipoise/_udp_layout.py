@@ -1,6 +1,6 @@
-"""The datagrams of the UDP outlet. Written from its table: do not edit.
+"""The datagrams of the UDP gateway. Generated from its table: do not edit.
 
-    EQUIPOISE_WRITE=1 cargo test -p equipoise-outlets --test udp
+    EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FORMAT = (
     "f 2f 3f f 3f f 3f 2f 2f 3f f f f f f f "
     "I "
 )
-# How many numbers each field has.
+# Number of elements of each field.
 COUNTS = (
     ("magic", 1),
     ("version", 1),
@@ -31,14 +31,14 @@ COUNTS = (
     ("status_ns", 1),
     ("cycle", 1),
     ("state_time_ns", 1),
-    ("moment_time_ns", 1),
+    ("sample_time_ns", 1),
     ("age_ns", 1),
-    ("moment_age_ns", 1),
+    ("sample_age_ns", 1),
     ("suit_age_ns", 1),
     ("ground_age_ns", 1),
     ("valid", 1),
     ("usable", 1),
-    ("not_given", 1),
+    ("unavailable", 1),
     ("flags", 1),
     ("worst_joint", 1),
     ("lifts", 1),
@@ -51,9 +51,9 @@ COUNTS = (
     ("fatigue", 22),
     ("lifted_mass_kg", 1),
     ("lifted_mass_sigma_kg", 1),
-    ("load_distance_m", 1),
+    ("load_hand_distance_m", 1),
     ("reach_m", 1),
-    ("eta", 2),
+    ("hand_load_fraction", 2),
     ("advice_direction", 3),
     ("advice_gain_nm_per_cm", 1),
     ("delta_f_n", 3),
@@ -73,7 +73,7 @@ COUNTS = (
 
 
 class Status(enum.IntEnum):
-    """Why there is no state: `status`."""
+    """Reason why there is no state: `status`."""
 
     CURRENT = 0
     SILENT = 1
@@ -83,7 +83,7 @@ class Status(enum.IntEnum):
 
 
 class Usable(enum.IntFlag):
-    """Which groups of values may be used: bits of `usable`."""
+    """Groups of valid values: bits of `usable`."""
 
     GROUND_FORCE = 1
     COP_MEASURED = 2
@@ -92,14 +92,14 @@ class Usable(enum.IntFlag):
     DELTA_F = 16
     RESIDUAL = 32
     LIFTED_MASS = 64
-    BACK = 128
+    LOW_BACK = 128
     TORQUES = 256
 
 
 class Datagram(NamedTuple):
-    """A datagram. A value that must not be used is 0.
+    """A datagram. Invalid values are 0.
 
-    Tables (`torque_nm`: three for each joint) are row by row.
+    Matrices (`torque_nm`: three per joint) are in row-major order.
     """
 
     magic: bytes
@@ -113,14 +113,14 @@ class Datagram(NamedTuple):
     status_ns: int
     cycle: int
     state_time_ns: int
-    moment_time_ns: int
+    sample_time_ns: int
     age_ns: int
-    moment_age_ns: int
+    sample_age_ns: int
     suit_age_ns: int
     ground_age_ns: int
     valid: int
     usable: int
-    not_given: int
+    unavailable: int
     flags: int
     worst_joint: int
     lifts: int
@@ -133,9 +133,9 @@ class Datagram(NamedTuple):
     fatigue: Tuple[float, ...]
     lifted_mass_kg: float
     lifted_mass_sigma_kg: float
-    load_distance_m: float
+    load_hand_distance_m: float
     reach_m: float
-    eta: Tuple[float, ...]
+    hand_load_fraction: Tuple[float, ...]
     advice_direction: Tuple[float, ...]
     advice_gain_nm_per_cm: float
     delta_f_n: Tuple[float, ...]

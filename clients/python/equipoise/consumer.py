@@ -11,9 +11,9 @@ from typing import Any, Iterator, NamedTuple, Optional, Tuple, Type, Union
 
 from . import _messages as table
 from ._bus import Bus, BusError, iox2, root_of_environment
-from ._messages import PickUp, State
-from ._pick_up import Reporting
-from .reading import NoReading, Reading, Why
+from ._messages import ConsumerReceipt, State
+from ._receipt import Reporting
+from .reading import NoReading, NoStateReason, Reading
 
 # After so long a silence all ports are reopened: the bus's directory may have been removed and recreated.
 REJOIN_AFTER_NS = 2_000_000_000
@@ -75,7 +75,7 @@ class Consumer:
             while True:
                 received = self._receive()
                 while received is not None:
-                    outcome = self._pick_up(*received)
+                    outcome = self._check_age(*received)
                     if isinstance(outcome, Reading):
                         # A consumer slower than the loop never waits below, but must report, too.
                         self._report()
@@ -101,7 +101,7 @@ class Consumer:
                 if received is None:
                     break
                 newest, received = received, self._receive()
-            outcome = self._pick_up(*(received or newest)) if newest else None
+            outcome = self._check_age(*(received or newest)) if newest else None
             # Only if nothing came: a consumer that polls rarely would lose its queued states, and receive none after a rejoin.
             if outcome is None:
                 self._keep_up()
@@ -123,7 +123,7 @@ class Consumer:
             yield self.next(self._timeout_s)
 
     @property
-    def pick_up_report(self) -> PickUp:
+    def receipt_report(self) -> ConsumerReceipt:
         """How late states came so far."""
         return self._reporting.report
 
@@ -170,7 +170,7 @@ class Consumer:
         except Exception as cause:
             raise BusError(f"cannot receive states: {cause}; the consumer rejoins") from cause
 
-    def _pick_up(self, state: State, writer: int) -> Union[Reading, NoReading, None]:
+    def _check_age(self, state: State, writer: int) -> Union[Reading, NoReading, None]:
         """Stamps and counts a state; None if it is no news."""
         now_ns = time.monotonic_ns()
         if state.time_ns > now_ns:
@@ -206,24 +206,24 @@ class Consumer:
     @staticmethod
     def _ahead(ahead_ns: int) -> NoReading:
         text = f"the daemon's clock is {ahead_ns // 1_000_000} ms ahead of this one's; run both in one time namespace"
-        return NoReading(Why.OTHER_CLOCK, text)
+        return NoReading(NoStateReason.OTHER_CLOCK, text)
 
     def _stale(self, reading: Reading) -> NoReading:
         text = (
             f"stale: the newest state is {reading.age_ns // 1_000_000} ms old, and may be "
             f"{self._stale_after_ns // 1_000_000} ms; is this consumer or the daemon starved of CPU?"
         )
-        return NoReading(Why.STALE, text)
+        return NoReading(NoStateReason.STALE, text)
 
     @staticmethod
     def _aged(reading: Reading, now_ns: int) -> Reading:
-        moment_ns = reading.state.suit_sample_time_ns
-        moment_age_ns = max(now_ns - moment_ns, 0) if moment_ns else None
-        return reading._replace(age_ns=max(now_ns - reading.state.time_ns, 0), moment_age_ns=moment_age_ns)
+        sample_ns = reading.state.suit_sample_time_ns
+        sample_age_ns = max(now_ns - sample_ns, 0) if sample_ns else None
+        return reading._replace(age_ns=max(now_ns - reading.state.time_ns, 0), sample_age_ns=sample_age_ns)
 
     def _silent(self) -> NoReading:
         silent_ms = (time.monotonic_ns() - self._heard_ns) // 1_000_000
-        return NoReading(Why.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
+        return NoReading(NoStateReason.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
 
     def _keep_up(self) -> None:
         """Between two states: publishes the report if it is due, and rejoins after a long silence."""
@@ -260,7 +260,7 @@ class Consumer:
     def _lose_ports(self, error: BusError) -> NoReading:
         """Closes broken ports; the consumer rejoins as after a silence."""
         self._leave()
-        return NoReading(Why.BUS, f"{error}")
+        return NoReading(NoStateReason.BUS, f"{error}")
 
 
 def subscribe(

@@ -1,4 +1,4 @@
-"""What a consumer is handed: a state that is current, or the reason why there is none."""
+"""Result of reading: a current state, or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -6,90 +6,91 @@ import enum
 from typing import TYPE_CHECKING, List, NamedTuple, Optional, Tuple
 
 from ._arrays import view
-from ._messages import SPOILS_GROUND_FORCE, SPOILS_TORQUES, Joint, Reason, State
+from ._messages import INVALIDATES_GROUND_FORCE, INVALIDATES_TORQUES, Joint, Reason, State
 
 if TYPE_CHECKING:
     from ._arrays import Array
 
 
 class Reading(NamedTuple):
-    """A state that is current, with what a controller must know about it. Is true."""
+    """A current state, with its age. Its truth value is true."""
 
     state: State
-    """The state. Look at `reasons` before using a value of it."""
-    picked_up_ns: int
-    """When it was picked up, CLOCK_MONOTONIC."""
+    """The state. Check `reasons` before using its values."""
+    received_ns: int
+    """Time of receipt, CLOCK_MONOTONIC ns."""
     age_ns: int
-    """How long ago its cycle was due, when it was handed out."""
-    moment_age_ns: Optional[int]
-    """How old the moment is that torques, forces and centres are about; None before the first."""
+    """Time from the cycle's due time to the return of this reading, ns."""
+    sample_age_ns: Optional[int]
+    """Time from `state.suit_sample_time_ns`, which torques, forces and centres refer to, to the return of this reading, ns;
+    None before the first sample."""
     missed: int
-    """States since the last new one that were not handed out: overwritten before they were read, or too old."""
+    """States since the last new one that were not returned: overwritten before they were read, or too old."""
     restarted: bool
     """The daemon was restarted between the last new state and this one."""
     is_new: bool
-    """Whether it was not handed out before; only `Consumer.latest` hands one out again."""
+    """Whether it was not returned before; only `Consumer.latest` returns a state again."""
 
     def __bool__(self) -> bool:
         return True
 
     @property
     def reasons(self) -> Reason:
-        """Why values of the state must not be used."""
+        """The invalid reasons of the state."""
         return Reason(self.state.valid)
 
     @property
     def reason_names(self) -> List[str]:
-        """The public names of `reasons`, lowest bit first."""
+        """Public names of `reasons`, lowest bit first."""
         return [(reason.name or "").lower() for reason in Reason if self.state.valid & reason]
 
     def invalidated_by(self, reasons: Reason) -> bool:
-        """Whether one of `reasons` is raised: then the value that they invalidate is 0 and has no meaning."""
+        """Whether one of `reasons` is raised; the value that they invalidate is then 0."""
         return bool(self.state.valid & reasons)
 
     def torque_nm(self, joint: Joint) -> Optional[Tuple[float, float, float]]:
-        """The overload torque of a joint, world axes, N m; None while it must not be used."""
-        if self.invalidated_by(SPOILS_TORQUES):
+        """The overload torque of a joint, world axes, N m; None while it is invalid."""
+        if self.invalidated_by(INVALIDATES_TORQUES):
             return None
         x, y, z = self.state.torque_nm[3 * joint : 3 * joint + 3]
         return (x, y, z)
 
     @property
     def ground_force_up_n(self) -> Optional[float]:
-        """The vertical ground reaction on the person, N; given without shear, too. None while it must not be used."""
-        if self.invalidated_by(SPOILS_GROUND_FORCE):
+        """Vertical ground reaction on the person, N; available without shear, too. None while it is invalid."""
+        if self.invalidated_by(INVALIDATES_GROUND_FORCE):
             return None
         return float(self.state.ground_force_n[2])
 
     def array(self, name: str) -> Optional[Array]:
-        """A field of the state as a NumPy array on the state's own memory; None while it must not be used.
+        """A field of the state as a NumPy array on the state's own memory; None while it is invalid.
 
-        That is while a reason invalidates it, and where the station's sensors do not provide it (`State.not_given`). A force
-        without shear is no vector: then `ground_force_n` is None, and `ground_force_up_n` a number.
-        `torque_nm` has a row for each joint, `segment_origin_m` one for each segment. It cannot be written to.
+        That is while a reason invalidates it, and if the station's sensors do not provide it (`State.unavailable`). Without
+        shear `ground_force_n` is None, and `ground_force_up_n` is available.
+        `torque_nm` has a row for each joint, `segment_origin_m` one for each segment. It is read-only.
         """
         return view(self.state, name)
 
 
-class Why(enum.Enum):
-    """Why there is no current state."""
+class NoStateReason(enum.Enum):
+    """Reason why there is no current state."""
 
     SILENT = "silent"
-    """No new state came: the daemon is not running, or hangs."""
+    """No new state arrived: the daemon is not running, or hangs."""
     STALE = "stale"
-    """States came, but all too late."""
+    """States arrived, but all were too old."""
     OTHER_CLOCK = "other_clock"
-    """The daemon's CLOCK_MONOTONIC is another one."""
+    """The daemon has another CLOCK_MONOTONIC."""
     BUS = "bus"
     """The bus cannot be read; the consumer rejoins by itself."""
 
 
 class NoReading(NamedTuple):
-    """Why there is no current state. Is false, and has no state."""
+    """Reason why there is no current state. Its truth value is false."""
 
-    why: Why
+    reason: NoStateReason
     text: str
-    """A sentence for people."""
+    """The reason as a sentence."""
 
     def __bool__(self) -> bool:
         return False

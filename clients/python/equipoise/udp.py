@@ -1,4 +1,4 @@
-"""Takes the datagrams of a station's UDP outlet, on any machine: nothing but the standard library is needed.
+"""Takes the datagrams of a station's UDP gateway, on any machine: nothing but the standard library is needed.
 
     from equipoise import udp
 
@@ -6,7 +6,7 @@
         while True:
             datagram = receiver.next(0.05)
             if receiver.age_ns() > 50_000_000:
-                print("stop:", receiver.why())          # no datagram, no state, or too old
+                print("stop:", receiver.status_name())          # no datagram, no state, or too old
             elif datagram is not None and datagram.usable & udp.Usable.TORQUES:
                 print(datagram.torque_magnitude_nm)
 
@@ -32,7 +32,7 @@ __all__ = [
 
 # After so long without a datagram any session is taken, in case the sender's wall clock was put back.
 FORGET_AFTER_NS = 1_000_000_000
-# Nothing came for so long: the network or the outlet, for the outlet says at its rate if the daemon is silent.
+# No datagram for this long: network or gateway failed, because the gateway reports a silent daemon at its rate.
 NETWORK_SILENT_AFTER_NS = 100_000_000
 # Two machines' clocks may run apart by one part in so many; two that NTP does not hold, by less.
 DRIFT_PARTS = 5000
@@ -45,7 +45,7 @@ assert _LAYOUT.size == BYTES, "the format and the table differ"
 
 
 class Refused(enum.Enum):
-    """Why a datagram was not taken."""
+    """Reason why a datagram was rejected."""
 
     LENGTH = "length"
     MAGIC = "magic"
@@ -79,23 +79,23 @@ def decode(data: bytes) -> Union[Datagram, Refused]:
 
 
 class Reader:
-    """Takes the datagrams of one station, each once and in order; no socket, no clock of its own."""
+    """Accepts the datagrams of one station, each once and in order; without a socket or a clock."""
 
     def __init__(self, station: Optional[str] = None) -> None:
         self._station = None if station is None else station.encode()
         self.last: Optional[Datagram] = None
         self.taken = self.missed = 0
         self.taken_at_ns = 0
-        # How much longer than the fastest of the session the last one was under way, the time included that it waited in
-        # the socket. `age_ns` adds it; add it to `moment_age_ns`, too.
+        # Delay of the last datagram in addition to that of the fastest one of the session, including its time in the
+        # socket, ns. `age_ns` adds it; add it to `sample_age_ns`, too.
         self.late_ns = 0
         self._drained_at_ns = self._bounded_at_ns = 0
-        # Between what bounds this clock is ahead of the station's.
+        # Bounds of the difference of this clock from the station's, ns.
         self._ahead_ns: Optional[Tuple[int, int]] = None
         self.refused: Dict[Refused, int] = {why: 0 for why in Refused}
 
     def take(self, data: bytes, now_ns: int) -> Union[Datagram, Refused]:
-        """Looks at a datagram that came now, by a clock that never goes back."""
+        """Validates a datagram that arrived now, by a monotonic clock."""
         read = self._judge(data, now_ns)
         if isinstance(read, Refused):
             self.refused[read] += 1
@@ -111,23 +111,23 @@ class Reader:
         return read
 
     def drained(self, now_ns: int) -> None:
-        """The socket was empty at that time: what is taken next came after it, and has not waited longer.
+        """Reports that the socket was empty at that time: the next datagram arrived later.
 
-        Until this is said for the first time, every state is as old as the clock.
+        Before the first call the age of every state is that of the clock.
         """
         self._drained_at_ns = now_ns
 
     def age_ns(self, now_ns: int) -> int:
-        """How old the newest state is: its age when it was sent, what it was late, and the time since.
+        """Present age of the newest state, ns: its age when it was sent, `late_ns`, and the time since its receipt.
 
-        Only the time that the fastest datagram was under way is not in it. NEVER if the last datagram had no state.
+        Without the travel time of the fastest datagram. NEVER if the last datagram had no state.
         """
         if self.last is None or self.last.status != Status.CURRENT:
             return NEVER
         return self.last.age_ns + self.late_ns + now_ns - self.taken_at_ns
 
-    def why(self, now_ns: int) -> str:
-        """What is known now, in a word: current, network_silent, or why the station has no state."""
+    def status_name(self, now_ns: int) -> str:
+        """Name of the present status: current, network_silent, or the reason why the station has no state."""
         if self.last is None or now_ns - self.taken_at_ns > NETWORK_SILENT_AFTER_NS:
             return "network_silent"
         names = {status.value: status.name.lower() for status in Status}
@@ -210,9 +210,9 @@ class Receiver:
         """As `Reader.age_ns`, now."""
         return self.reader.age_ns(time.monotonic_ns())
 
-    def why(self) -> str:
-        """As `Reader.why`, now."""
-        return self.reader.why(time.monotonic_ns())
+    def status_name(self) -> str:
+        """As `Reader.status_name`, now."""
+        return self.reader.status_name(time.monotonic_ns())
 
     def close(self) -> None:
         """Gives the port back."""

@@ -32,7 +32,7 @@ fn speed_percent(state: &State) -> u32 {
     if reasons == Validity::BELOW_LOAD_THRESHOLD {
         return 100; // A valid result: no load is carried.
     }
-    let Some(levels) = state.unless(Validity::SPOILS_TORQUES, state.joint_level) else {
+    let Some(levels) = state.unless(Validity::INVALIDATES_TORQUES, state.joint_level) else {
         return 25; // Torques are invalid: slow down.
     };
     // An undecided joint counts as the worst, because its number is the highest.
@@ -63,7 +63,7 @@ impl Tally {
         self.missed += reading.missed;
         self.restarts += u64::from(reading.restarted);
         if self.latencies_ns.len() < LATENCIES_MAX {
-            self.latencies_ns.push(reading.picked_up_ns.saturating_sub(reading.state.published_ns));
+            self.latencies_ns.push(reading.received_ns.saturating_sub(reading.state.published_ns));
         }
         is_later
     }

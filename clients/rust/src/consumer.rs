@@ -5,7 +5,7 @@ use crate::reading::{NoReading, Reading};
 use crate::reporting::Reporting;
 use crate::sequence::{Place, Sequence};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber, Topic};
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, State};
 use std::time::Duration;
 
 /// After this silence the consumer rejoins the bus, because the bus's directory may have been deleted and recreated
@@ -126,7 +126,7 @@ impl Consumer {
         let mut passed_over = None;
         loop {
             while let Some(state) = self.receive(Subscriber::receive)? {
-                match self.pick_up(state) {
+                match self.check_age(state) {
                     Some(Ok(reading)) => {
                         // A caller slower than the loop never reaches the wait below, so the report is published here,
                         // too.
@@ -153,8 +153,8 @@ impl Consumer {
     /// # Errors
     /// As [`Consumer::next`].
     pub fn latest(&mut self) -> Result<Reading, NoReading> {
-        let picked_up = self.receive(Subscriber::latest)?.and_then(|state| self.pick_up(state));
-        if let Some(outcome) = picked_up {
+        let newest = self.receive(Subscriber::latest)?.and_then(|state| self.check_age(state));
+        if let Some(outcome) = newest {
             self.report();
             return outcome;
         }
@@ -172,7 +172,7 @@ impl Consumer {
     }
 
     /// Report on the delays of states so far. Published once a second while the consumer is read.
-    pub fn pick_up_report(&self) -> &PickUp {
+    pub fn receipt_report(&self) -> &ConsumerReceipt {
         self.reporting.report()
     }
 
@@ -194,7 +194,7 @@ impl Consumer {
     }
 
     /// Stamps and counts a state; `None` if it is old, an error if it must not be returned.
-    fn pick_up(&mut self, (state, writer): (State, u128)) -> Option<Result<Reading, NoReading>> {
+    fn check_age(&mut self, (state, writer): (State, u128)) -> Option<Result<Reading, NoReading>> {
         let now_ns = now_ns();
         if let Some(ahead_ns) = state.time_ns.checked_sub(now_ns).filter(|ahead_ns| *ahead_ns > 0) {
             // Before the sequence check: otherwise all correct states would count as old until this state's time is
@@ -217,9 +217,9 @@ impl Consumer {
         self.withheld = 0;
         let reading = Reading {
             state,
-            picked_up_ns: now_ns,
+            received_ns: now_ns,
             age_ns: 0,
-            moment_age_ns: None,
+            sample_age_ns: None,
             missed: self.missed,
             restarted: self.restarted,
             daemon_life: self.daemon_life,

@@ -8,7 +8,7 @@
 //! let mut consumer = Consumer::join("station-1", "controller")?;
 //! loop {
 //!     match consumer.next(Duration::from_millis(20)) {
-//!         Ok(reading) => match reading.state.unless(Validity::SPOILS_TORQUES, reading.state.torque_nm) {
+//!         Ok(reading) => match reading.state.unless(Validity::INVALIDATES_TORQUES, reading.state.torque_nm) {
 //!             Some(torque_nm) => println!("{torque_nm:?}, {} ns after its cycle was due", reading.age_ns),
 //!             None => println!("withheld: {:?}", reading.validity().names().collect::<Vec<_>>()),
 //!         },
@@ -25,7 +25,7 @@
 //! `valid` ([`equipoise_core::message::Validity`]).
 //!
 //! A consumer survives the daemon's end and joins the next daemon by itself. Once a second it publishes the delays of
-//! states ([`equipoise_core::message::PickUp`]), which `equipoise latency` displays as the end of the path.
+//! states ([`equipoise_core::message::ConsumerReceipt`]), which `equipoise latency` displays as the end of the path.
 //!
 //! Modules, lowest layer first: [`clock`] → `sequence` → [`reading`] → `reporting` → [`consumer`]
 #![forbid(unsafe_code)]

@@ -10,12 +10,12 @@ pub struct Reading {
     /// The state. Check [`Reading::validity`] before using its values.
     pub state: State,
     /// Time of receipt, CLOCK_MONOTONIC ns.
-    pub picked_up_ns: u64,
+    pub received_ns: u64,
     /// Time from the due time of its cycle to its return, ns.
     pub age_ns: u64,
     /// Age of the sample time to which torques, forces and centres refer, when the state was returned, ns; `None`
     /// before the first. Tens of milliseconds more than `age_ns` (`State::group_delay_ns`).
-    pub moment_age_ns: Option<u64>,
+    pub sample_age_ns: Option<u64>,
     /// States that were not returned since the last new one: overwritten before they were read, or too old.
     pub missed: u64,
     /// The daemon restarted between the last new state and this one; `missed` then counts states of the new daemon
@@ -36,13 +36,13 @@ impl Reading {
 
     pub(crate) fn at(mut self, now_ns: u64) -> Reading {
         self.age_ns = now_ns.saturating_sub(self.state.time_ns);
-        let moment_ns = self.state.suit_sample_time_ns;
-        self.moment_age_ns = (moment_ns > 0).then(|| now_ns.saturating_sub(moment_ns));
+        let sample_ns = self.state.suit_sample_time_ns;
+        self.sample_age_ns = (sample_ns > 0).then(|| now_ns.saturating_sub(sample_ns));
         self
     }
 }
 
-/// Why there is no current state.
+/// Reason why there is no current state.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum NoReading {
     /// No new state arrived: the daemon is not running, or hangs.

@@ -3,7 +3,7 @@
 use crate::clock::now_ns;
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, Publisher};
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::{ConsumerReceipt, State};
 use equipoise_core::time::NS_PER_S;
 
 const PUBLISH_EVERY_NS: u64 = NS_PER_S;
@@ -13,9 +13,9 @@ const TRY_AGAIN_AFTER_NS: u64 = 10 * NS_PER_S;
 /// Maintains the report of one consumer, and publishes it if enabled.
 #[derive(Debug)]
 pub(crate) struct Reporting {
-    report: Box<PickUp>,
+    report: Box<ConsumerReceipt>,
     wanted: bool,
-    publisher: Option<Publisher<PickUp>>,
+    publisher: Option<Publisher<ConsumerReceipt>>,
     refusal: Option<BusError>,
     due_ns: u64,
 }
@@ -23,7 +23,7 @@ pub(crate) struct Reporting {
 impl Reporting {
     /// An empty report. `name` is a role name, and therefore fits into the field.
     pub(crate) fn new(name: &str, wanted: bool) -> Reporting {
-        let mut report = Box::new(PickUp::zeroed());
+        let mut report = Box::new(ConsumerReceipt::zeroed());
         let bytes = name.len().min(report.consumer.len());
         report.consumer[..bytes].copy_from_slice(&name.as_bytes()[..bytes]);
         report.process_id = std::process::id();
@@ -32,7 +32,7 @@ impl Reporting {
         Reporting { report, wanted, publisher: None, refusal: None, due_ns }
     }
 
-    pub(crate) fn report(&self) -> &PickUp {
+    pub(crate) fn report(&self) -> &ConsumerReceipt {
         &self.report
     }
 
@@ -40,7 +40,7 @@ impl Reporting {
         self.refusal.as_ref()
     }
 
-    /// Counts one state; see [`PickUp::enter`].
+    /// Counts one state; see [`ConsumerReceipt::enter`].
     pub(crate) fn enter(&mut self, now_ns: u64, state: &State, missed: u64, suit: Option<u64>) {
         self.report.enter(now_ns, state, missed, suit);
     }

@@ -8,8 +8,8 @@ use common::{PERIOD, Root, Station, root, until};
 use equipoise_bus::{BusError, Channel, Event, Topic};
 use equipoise_client::clock::now_ns;
 use equipoise_client::{Consumer, ConsumerSettings, NoReading, Reading};
-use equipoise_core::message::pick_up::BUCKETS;
-use equipoise_core::message::{PickUp, State};
+use equipoise_core::message::consumer_receipt::BUCKETS;
+use equipoise_core::message::{ConsumerReceipt, State};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -53,7 +53,7 @@ fn states_and_missed_add_up_to_the_cycles() {
     let cycles = last.state.cycle - first.state.cycle + 1;
     assert_eq!(readings + missed, cycles);
     assert!(missed > 0, "the pauses were not long enough to lose anything");
-    let report = consumer.pick_up_report();
+    let report = consumer.receipt_report();
     // States that were too old may precede the first returned one.
     assert!(report.states + report.states_missed >= cycles);
     assert_eq!(entries(&report.published_to_consumer), report.states);
@@ -74,8 +74,8 @@ fn nothing_is_handed_out_past_its_age() {
         }
         let reading = next(&mut consumer);
         assert!(Duration::from_nanos(reading.age_ns) <= settings.stale_after);
-        assert_eq!(reading.age_ns, reading.picked_up_ns - reading.state.time_ns);
-        assert_eq!(reading.moment_age_ns, Some(reading.age_ns + 70_000_000));
+        assert_eq!(reading.age_ns, reading.received_ns - reading.state.time_ns);
+        assert_eq!(reading.sample_age_ns, Some(reading.age_ns + 70_000_000));
         if let Ok(latest) = consumer.latest() {
             assert!(Duration::from_nanos(latest.age_ns) <= settings.stale_after);
             assert!(latest.state.time_ns >= reading.state.time_ns);
@@ -141,7 +141,7 @@ fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
     assert!(matches!(consumer.next(SHORT), Err(NoReading::Silent { .. })));
     assert!(matches!(consumer.latest(), Err(NoReading::Silent { .. })));
     // Old states were received, so they count in the report.
-    let report = consumer.pick_up_report();
+    let report = consumer.receipt_report();
     assert!(report.states > State::SERVICE.depth as u64, "{}", report.states);
 }
 
@@ -166,7 +166,7 @@ fn a_daemon_with_another_clock_is_refused_with_the_reason() {
         let reading = if cycle % 2 == 0 { consumer.next(SHORT) } else { consumer.latest() };
         assert_eq!(reading.map(|reading| reading.state.cycle), Ok(cycle));
     }
-    assert_eq!(consumer.pick_up_report().states, 3, "what has another clock is not counted among the delays");
+    assert_eq!(consumer.receipt_report().states, 3, "what has another clock is not counted among the delays");
 }
 
 #[test]
@@ -199,7 +199,7 @@ fn rejoins(wait: impl Fn(&mut Consumer) -> Result<Reading, NoReading>) {
     let mut consumer = root.consumer("stayer");
     let first = station(&root);
     next(&mut consumer);
-    let before = consumer.pick_up_report().states;
+    let before = consumer.receipt_report().states;
     drop(first);
     root.remove_the_bus();
     let _second = station(&root);
@@ -209,17 +209,17 @@ fn rejoins(wait: impl Fn(&mut Consumer) -> Result<Reading, NoReading>) {
         wait(&mut consumer).ok().filter(|reading| reading.daemon_life > 1)
     });
     assert!(found.restarted);
-    assert!(consumer.pick_up_report().states > before, "the report goes on");
+    assert!(consumer.receipt_report().states > before, "the report goes on");
 }
 
 #[test]
 fn the_report_is_published_and_the_last_word_too() {
     let root = root();
     let bus = root.bus("latency");
-    let mut reports = bus.subscriber::<PickUp>(16).unwrap();
+    let mut reports = bus.subscriber::<ConsumerReceipt>(16).unwrap();
     let _station = station(&root);
     let mut consumer = root.consumer("reporter");
-    let first: PickUp = until("a report comes", || {
+    let first: ConsumerReceipt = until("a report comes", || {
         let _ = consumer.next(SHORT);
         reports.receive().unwrap()
     });
@@ -227,7 +227,7 @@ fn the_report_is_published_and_the_last_word_too() {
     assert_eq!(first.process_id, std::process::id());
     assert!(first.time_ns >= first.since_ns && first.states > 0);
     next(&mut consumer);
-    let mut counted = *consumer.pick_up_report();
+    let mut counted = *consumer.receipt_report();
     drop(consumer);
     let last = until("the last report comes", || reports.latest().unwrap());
     counted.time_ns = last.time_ns;
@@ -244,7 +244,7 @@ fn the_report_is_published_and_the_last_word_too() {
 #[test]
 fn who_is_slower_than_the_loop_reports_too() {
     let root = root();
-    let mut reports = root.bus("latency").subscriber::<PickUp>(16).unwrap();
+    let mut reports = root.bus("latency").subscriber::<ConsumerReceipt>(16).unwrap();
     let _station = station(&root);
     let mut consumer = root.consumer("beats");
     let settled = now_ns();
@@ -260,18 +260,18 @@ fn who_is_slower_than_the_loop_reports_too() {
 fn who_finds_no_place_for_its_report_reads_all_the_same() {
     let root = root();
     let _station = station(&root);
-    let places = PickUp::SERVICE.publishers_max();
+    let places = ConsumerReceipt::SERVICE.publishers_max();
     let reporting: Vec<Consumer> =
         (0..places).map(|index| root.consumer(&format!("consumer-{index}"))).collect();
     assert!(reporting.iter().all(|consumer| consumer.report_refusal().is_none()));
     let mut one_more = root.consumer("one-more");
     assert_eq!(
         one_more.report_refusal().unwrap(),
-        &BusError::Full { service: "equipoise/test/pickup".to_owned(), what: "publisher", most: places }
+        &BusError::Full { service: "equipoise/test/receipt".to_owned(), what: "publisher", most: places }
     );
     let reading = next(&mut one_more);
     assert!(next(&mut one_more).state.cycle > reading.state.cycle);
-    assert!(one_more.pick_up_report().states >= 2, "it counts for itself");
+    assert!(one_more.receipt_report().states >= 2, "it counts for itself");
 }
 
 #[test]

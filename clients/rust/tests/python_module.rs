@@ -11,16 +11,18 @@ use equipoise_bus::root::{DEFAULT_ROOT, ROOT_BYTES_MAX, ROOT_VARIABLE};
 use equipoise_bus::service::{BORROWED_MAX, LISTENERS_MAX, NODES_MAX, NOTIFIERS_MAX, SCHEMA_KEY};
 use equipoise_bus::{Channel, Event, Topic};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
-use equipoise_core::cycle::{BodyRefusal, BodySource};
+use equipoise_core::cycle::{BodyRejection, BodySource};
+use equipoise_core::message::consumer_receipt::{BUCKETS, SUB_BUCKETS};
 use equipoise_core::message::layout::{Field, Primitive};
-use equipoise_core::message::pick_up::{BUCKETS, SUB_BUCKETS};
-use equipoise_core::message::state::{AccelerationSource, NotGiven, Phase, SharingSource, SoleSource};
-use equipoise_core::message::{GroundDevice, Message, PickUp, State, Validity};
+use equipoise_core::message::state::{
+    AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
+};
+use equipoise_core::message::{ConsumerReceipt, GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
 use std::fmt::Write as _;
 
-const HEAD: &str = r#""""What lies in shared memory. Written from the tables of core and bus: do not edit.
+const HEAD: &str = r#""""Layout of shared memory. Generated from the tables of core and bus: do not edit.
 
     EQUIPOISE_WRITE=1 cargo test -p equipoise-client --test python_module
 """
@@ -33,7 +35,7 @@ from typing import NamedTuple, Optional
 
 
 class Service(NamedTuple):
-    """One row of the table of services: every process must open it with the same settings."""
+    """A service: every process must open it with the same settings."""
 
     suffix: str
     schema: str
@@ -114,65 +116,55 @@ fn numbered(name_of: impl Fn(u32) -> Option<&'static str>) -> Vec<(String, u64)>
 
 fn enumerations(out: &mut String) {
     let reasons = Validity::NAMES.iter().map(|(reason, name)| (constant_case(name), reason.0));
-    enumeration(
-        out,
-        "Reason(enum.IntFlag)",
-        "Why values of a state must not be used: bits of `State.valid`.",
-        reasons,
-    );
-    for (set, name) in Validity::SPOILERS {
-        writeln!(out, "SPOILS_{} = Reason({})", constant_case(name), set.0).unwrap();
+    enumeration(out, "Reason(enum.IntFlag)", "Invalid reasons: bits of `State.valid`.", reasons);
+    for (set, name) in Validity::FLAG_SETS {
+        writeln!(out, "INVALIDATES_{} = Reason({})", constant_case(name), set.0).unwrap();
     }
     out.push_str("\n\n");
     let phases = numbered(|number| Phase::from_number(number).map(Phase::name));
-    enumeration(out, "Phase(enum.IntEnum)", "What the pipeline is doing: `State.phase`.", phases);
+    enumeration(out, "Phase(enum.IntEnum)", "Phase of the pipeline: `State.phase`.", phases);
     let levels = numbered(|number| Level::from_number(number).map(Level::name));
-    enumeration(
-        out,
-        "Level(enum.IntEnum)",
-        "How close a torque is to its limit: `State.joint_level`.",
-        levels,
-    );
+    enumeration(out, "Level(enum.IntEnum)", "Overload level of a joint: `State.joint_level`.", levels);
     let sources = numbered(|number| SharingSource::from_number(number).map(SharingSource::name));
     enumeration(
         out,
         "Sharing(enum.IntEnum)",
-        "How the feet's shares are known: `State.sharing_source`.",
+        "Source of `State.foot_load_fraction`: `State.sharing_source`.",
         sources,
     );
-    let given = NotGiven::NAMES.map(|(what, name)| (constant_case(name), u64::from(what as u32)));
+    let given = Unavailable::NAMES.map(|(what, name)| (constant_case(name), u64::from(what as u32)));
     enumeration(
         out,
-        "NotGiven(enum.IntFlag)",
-        "What the station's sensors do not give: bits of `State.not_given`.",
+        "Unavailable(enum.IntFlag)",
+        "Quantities that the station's sensors do not provide: bits of `State.unavailable`.",
         given,
     );
     let devices = GroundDevice::NAMES.map(|(device, name)| (constant_case(name), u64::from(device as u32)));
     enumeration(
         out,
         "GroundDevice(enum.IntFlag)",
-        "What the ground's sample is made of: bits of `State.ground_devices`.",
+        "Devices in the ground sample: bits of `State.ground_devices`.",
         devices,
     );
     for (name, doc, members) in [
         (
             "BodySource(enum.IntEnum)",
-            "Where the worker's bones come from: `State.body_source`.",
+            "Source of the segment lengths: `State.body_source`.",
             numbered(|number| BodySource::from_number(number).map(BodySource::name)),
         ),
         (
-            "BodyRefused(enum.IntEnum)",
-            "Why the suit's null pose is not used: `State.body_refused`.",
-            numbered(|number| BodyRefusal::from_number(number).map(BodyRefusal::name)),
+            "BodyRejected(enum.IntEnum)",
+            "Reason why the suit's null pose is not used: `State.body_rejected`.",
+            numbered(|number| BodyRejection::from_number(number).map(BodyRejection::name)),
         ),
         (
-            "Sole(enum.IntEnum)",
-            "Where the outline of the soles comes from: `State.sole_source`.",
-            numbered(|number| SoleSource::from_number(number).map(SoleSource::name)),
+            "FootOutline(enum.IntEnum)",
+            "Source of the foot outlines: `State.foot_outline_source`.",
+            numbered(|number| FootOutlineSource::from_number(number).map(FootOutlineSource::name)),
         ),
         (
             "Acceleration(enum.IntEnum)",
-            "Where the body's accelerations come from: `State.acceleration_source`.",
+            "Source of the body's accelerations: `State.acceleration_source`.",
             numbered(|number| AccelerationSource::from_number(number).map(AccelerationSource::name)),
         ),
     ] {
@@ -209,17 +201,13 @@ fn module() -> String {
         writeln!(out, "{name} = \"{value}\"").unwrap();
     }
     service::<State>(&mut out, "STATE");
-    service::<PickUp>(&mut out, "PICK_UP");
+    service::<ConsumerReceipt>(&mut out, "CONSUMER_RECEIPT");
     out.push_str("\n\n");
-    structure::<State>(
+    structure::<State>(&mut out, "State", "Result of one cycle; see core/src/message/state.rs.");
+    structure::<ConsumerReceipt>(
         &mut out,
-        "State",
-        "Everything the station says, once per cycle; core/src/message/state.rs explains.",
-    );
-    structure::<PickUp>(
-        &mut out,
-        "PickUp",
-        "How late one consumer picks states up; core/src/message/pick_up.rs explains.",
+        "ConsumerReceipt",
+        "Latency of the states received by one consumer; see core/src/message/consumer_receipt.rs.",
     );
     enumerations(&mut out);
     out.trim_end().to_owned() + "\n"

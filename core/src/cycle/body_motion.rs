@@ -2,7 +2,10 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::outputs::Outputs;
+use super::residual::Residual;
 use crate::math;
+use crate::message::Component;
 use crate::motion::{Confidence, Envelope, Inertia, UpperInertia};
 use crate::overload::GRAVITY_M_PER_S2;
 
@@ -40,21 +43,17 @@ impl MotionNoise {
             && self.external_m_per_s2.iter().chain(&self.bias_m_per_s2).all(|value| value.is_finite())
     }
 
-    /// 1-σ of the suit's horizontal acceleration per axis, m/s².
-    pub(super) fn acceleration_sigma_m_per_s2(&self) -> f64 {
-        let by_motion = self.horizontal.sigma(self.horizontal_activity_m_per_s2.height());
-        math::hypot([by_motion, ACCELERATION_AT_REST_M_PER_S2])
-    }
-
-    /// The part of it that motion causes: zero at rest.
-    pub(super) fn moving_acceleration_sigma_m_per_s2(&self) -> f64 {
-        self.horizontal.sigma(self.horizontal_activity_m_per_s2.height())
-    }
-
-    /// 1-σ of the inertial part of the moment at L5/S1 about the world's X and Y axes, over the body's mass, m²/s²:
-    /// proportional to the relative error of the suit's horizontal accelerations.
-    pub(super) fn upper_sigma_m2_per_s2(&self) -> [f64; 2] {
-        [0, 1].map(|axis: usize| self.horizontal.sigma(self.upper_activity_m2_per_s2[axis].height()))
+    /// The errors at the present size of the compensation.
+    pub(super) fn sigma(&self) -> NoiseSigma {
+        let horizontal = |activity: f64| self.horizontal.sigma(activity);
+        NoiseSigma {
+            vertical_n: self.vertical.sigma(self.vertical_activity_n.height()),
+            cop_m: [0, 1].map(|axis: usize| self.cop[axis].sigma(self.cop_activity_m[axis].height())),
+            moving_acceleration_m_per_s2: horizontal(self.horizontal_activity_m_per_s2.height()),
+            upper_m2_per_s2: self.upper_activity_m2_per_s2.map(|activity| horizontal(activity.height())),
+            has_external_force: self.has_external_force(),
+            may_have_external_force: math::hypot(self.external_m_per_s2) > 0.5 * EXTERNAL_M_PER_S2,
+        }
     }
 
     /// Resets the external horizontal force, which cannot be detected without shear.
@@ -82,9 +81,26 @@ impl MotionNoise {
         math::hypot(self.external_m_per_s2) > EXTERNAL_M_PER_S2
     }
 
-    /// Whether an external horizontal force cannot be excluded; the filter is not updated then.
-    pub(super) fn may_have_external_force(&self) -> bool {
-        math::hypot(self.external_m_per_s2) > 0.5 * EXTERNAL_M_PER_S2
+    /// Updates the error model of the compensation while the body alone explains the measurement.
+    pub(super) fn update_from_residual(&mut self, outputs: &Outputs<'_>, residual: &Residual) {
+        let Outputs { instant, ground, prediction, estimate, .. } = *outputs;
+        let activity_n = self.vertical_activity_n.height();
+        self.vertical.update(residual.delta_f_n, activity_n, ground.sigma.force_n);
+        let sample = &instant.snapshot.ground;
+        let [force_x_n, force_y_n, _] = sample.force_n;
+        for (axis, shear_n) in [force_x_n, force_y_n].into_iter().enumerate() {
+            // A device that reports exactly zero without declaring shear unavailable does not measure it either.
+            if sample.measures(Component::Shear) && shear_n != 0.0 {
+                let by_suit = prediction.body.suit_acceleration_m_per_s2[axis];
+                let error = residual.body_acceleration_m_per_s2[axis] - by_suit;
+                let activity = self.horizontal_activity_m_per_s2.height();
+                self.horizontal.update(error, activity, ACCELERATION_AT_REST_M_PER_S2);
+            }
+            let activity_m = self.cop_activity_m[axis].height();
+            let [sigma_m, moving_m] = [estimate.cop_sigma_m[axis], self.cop[axis].sigma(activity_m)];
+            let at_rest_m = math::sqrt((sigma_m * sigma_m - moving_m * moving_m).max(0.0));
+            self.cop[axis].update(residual.cop_error_m[axis], activity_m, at_rest_m);
+        }
     }
 
     /// Ingests the size of the compensation at a snapshot, `step_s` after the previous one.
@@ -96,6 +112,31 @@ impl MotionNoise {
             self.cop_activity_m[axis].update(body.shift_m(axis), step_s);
             self.upper_activity_m2_per_s2[axis].update(body.upper.moment_m2_per_s2[axis], step_s);
         }
+    }
+}
+
+/// Errors of the inertia compensation at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NoiseSigma {
+    /// 1-σ of the vertical force, N.
+    pub(super) vertical_n: f64,
+    /// 1-σ of the CoP, forward and sideways, m.
+    pub(super) cop_m: [f64; 2],
+    /// Part of the 1-σ of the suit's horizontal acceleration that motion causes, m/s²: zero at rest.
+    pub(super) moving_acceleration_m_per_s2: f64,
+    /// 1-σ of the inertial part of the moment at L5/S1 about the world's X and Y axes, over the body's mass, m²/s²:
+    /// proportional to the relative error of the suit's horizontal accelerations.
+    pub(super) upper_m2_per_s2: [f64; 2],
+    /// Whether an external horizontal force acts.
+    pub(super) has_external_force: bool,
+    /// Whether one cannot be excluded; the filter is not updated then.
+    pub(super) may_have_external_force: bool,
+}
+
+impl NoiseSigma {
+    /// 1-σ of the suit's horizontal acceleration per axis, m/s².
+    pub(super) fn acceleration_m_per_s2(&self) -> f64 {
+        math::hypot([self.moving_acceleration_m_per_s2, ACCELERATION_AT_REST_M_PER_S2])
     }
 }
 
@@ -215,7 +256,7 @@ impl BodyMotion {
 }
 
 /// 1-σ of a suit's acceleration at rest, m/s².
-pub(super) const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
+const ACCELERATION_AT_REST_M_PER_S2: f64 = 0.05;
 /// Persistent shear that no motion explains counts as an external horizontal force above this, m/s² …
 const EXTERNAL_M_PER_S2: f64 = 0.35;
 /// … averaged over about this time, s, since the noise of accelerations is not persistent.

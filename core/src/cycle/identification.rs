@@ -2,12 +2,14 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::reported_body::BoneUpdate;
 use super::residual::ROWS_PER_INDEPENDENT;
 use super::settings::{Settings, StopRule};
 use crate::anchor::STANCE_SIGMA_M;
 use crate::body::{Anthropometry, JOINTS, SEGMENTS, Skeleton};
 use crate::frame::{Pose, StationWorld, SuitWorld, rotation};
 use crate::kalman::Filter;
+use crate::message::SuitBody;
 use crate::pose_suggestion::{Performed, Planner, coordinates};
 use crate::sesc::Reduction;
 use crate::sesc::reduction::Rows;
@@ -151,6 +153,24 @@ impl Identification {
         } else {
             self.reset_to_prior(settings);
         }
+    }
+
+    /// Updates the bone lengths by one more pose. Returns whether the body model is another one afterwards.
+    pub(super) fn update_bones(
+        &mut self,
+        update: BoneUpdate,
+        suit_body: Option<&SuitBody>,
+        pose: &Pose<SuitWorld>,
+        settings: &Settings,
+    ) -> bool {
+        let had_body = self.has_body();
+        match (update, suit_body) {
+            (BoneUpdate::Adopt { stays }, Some(body)) => self.adopt_bones(&body.skeleton(), stays, settings),
+            (BoneUpdate::Reset, _) => self.reset_bones(),
+            _ => {}
+        }
+        self.update_skeleton(pose, settings);
+        self.has_body() && (!had_body || matches!(update, BoneUpdate::Adopt { .. }))
     }
 
     /// Resets the bone lengths; the next poses determine them.

@@ -4,8 +4,6 @@
 //! vertical. If no plate measures the ground's wrench too, the moment about the horizontal axes is computed from the
 //! feet's vertical forces and positions.
 
-use bytemuck::{Pod, Zeroable};
-
 use super::foot_outline::FootOutline;
 use super::settings::{Motion, Settings};
 use crate::body::Side;
@@ -15,8 +13,7 @@ use crate::message::{Component, FootFrame, GroundSample};
 use crate::motion::ForceOffset;
 
 /// Standard deviations of the ground sample.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct GroundSigma {
     /// 1-σ of the CoP per axis, m.
     pub(super) cop_m: f64,
@@ -51,10 +48,6 @@ impl GroundSigma {
         self.force_n = math::hypot([self.force_n, time_sigma_s * force_n_per_s]);
         self.cop_m = math::hypot([self.cop_m, time_sigma_s * cop_m_per_s]);
     }
-
-    pub(super) fn is_sound(&self) -> bool {
-        [self.cop_m, self.lasting_cop_m, self.force_n].iter().all(|sigma| sigma.is_finite())
-    }
 }
 
 /// The sample with the feet's CoPs transformed to the world, at the pose of the sample's time. A sample whose feet are
@@ -64,7 +57,7 @@ pub(super) fn to_world(
     pose: &Pose<StationWorld>,
     outlines: &[FootOutline; 2],
 ) -> GroundSample {
-    if ground.foot_frame != FootFrame::Sole as u32 || !ground.has_feet() {
+    if ground.foot_frame != FootFrame::Insole as u32 || !ground.has_feet() {
         return *ground;
     }
     let foot_cop_m = Side::BOTH
@@ -88,6 +81,8 @@ pub(super) fn to_world(
 
 #[cfg(test)]
 mod tests {
+    use bytemuck::Zeroable;
+
     use super::*;
     use crate::body::{SEGMENTS, Segment, Skeleton};
     use crate::cycle::foot_outline;
@@ -115,7 +110,7 @@ mod tests {
             force_n: [0.0, 0.0, vertical_n[0] + vertical_n[1]],
             foot_vertical_n: vertical_n,
             foot_cop_m: cop_m,
-            foot_frame: FootFrame::Sole as u32,
+            foot_frame: FootFrame::Insole as u32,
             not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
             devices: GroundDevice::Insoles as u32,
             surface_z_m: 0.1,

@@ -1,4 +1,4 @@
-//! Sequential test of the lag in use against other lags, within some 0.3 s of a change of a stream's delay.
+//! Stage `test_lag`: sequential test of the lag in use against other lags, within some 0.3 s of a change of a stream's delay.
 //!
 //! [`super::skew_monitor`] estimates the lag over seconds. This test asks only whether the lag in use still explains
 //! the vertical force, and needs mass and load. With the weight and inertia U of the unloaded body and the weight w per
@@ -22,11 +22,13 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::body_motion::BodyMotion;
-use super::memory::Memory;
+use super::differentiate::Instant;
+use super::ground::Ground;
+use super::identify::Identified;
+use super::loading::Overload;
+use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
 use crate::math;
-use crate::motion::Snapshot;
 use crate::overload::GRAVITY_M_PER_S2;
 
 /// Alternative delays of the ground relative to the lag in use, s. Changes below half of the smallest are left to the
@@ -105,9 +107,20 @@ pub(super) struct LagTest {
     matters: u64,
 }
 
+/// Result of the test at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LagVerdict {
+    /// Whether the lag in use is rejected, and the results depend on it.
+    pub(super) is_off: bool,
+}
+
 impl LagTest {
+    fn verdict(&self) -> LagVerdict {
+        LagVerdict { is_off: self.is_off() }
+    }
+
     /// Whether the lag in use is rejected, and the results depend on it: not while the body is at rest.
-    pub(super) fn is_off(&self) -> bool {
+    fn is_off(&self) -> bool {
         self.is_rejected() && self.matters == 1
     }
 
@@ -167,18 +180,14 @@ impl LagTest {
         let sigma_kg = math::hypot([sigma_n / now.load_weight_m_per_s2, LOAD_SIGMA_KG]);
         let by_lag_kg = LATE_OFF_MAX_S / math::sqrt(3.0) * rate_n_per_s / GRAVITY_M_PER_S2;
         let other_sigma_kg = math::hypot([sigma_kg, by_lag_kg]);
-        let likelihood = |mass_kg: f64, sigma_kg: f64, load_kg: f64| {
-            let deviation = (mass_kg - load_kg) / sigma_kg;
-            -0.5 * deviation * deviation - math::ln(math::sqrt(core::f64::consts::TAU) * sigma_kg)
-        };
         let changed = -math::ln(CHANGE_RANGE_KG);
-        let in_use = likelihood(in_use_kg, sigma_kg, self.load_kg);
+        let in_use = log_likelihood(in_use_kg, sigma_kg, self.load_kg);
         let (mut best, mut best_kg) = (f64::NEG_INFINITY, in_use_kg);
         self.matters = 0;
         let others = LATE_S.map(|late_s| {
             let mass_kg = self.mass_kg(&now, late_s);
             self.matters |= u64::from(mass_kg.is_none_or(|mass_kg| (mass_kg - in_use_kg).abs() > sigma_kg));
-            let other = likelihood(mass_kg?, other_sigma_kg, self.load_kg);
+            let other = log_likelihood(mass_kg?, other_sigma_kg, self.load_kg);
             if other > best {
                 (best, best_kg) = (other, mass_kg?);
             }
@@ -224,37 +233,43 @@ impl LagTest {
     }
 }
 
-impl Memory {
-    /// Ingests a snapshot whose external force is up to date; `is_usable` if motion and force are both measured.
-    pub(super) fn test_lag(
-        &mut self,
-        snapshot: &Snapshot,
-        body: &BodyMotion,
-        is_usable: bool,
-        settings: &Settings,
-    ) {
-        let subject = &self.identification;
-        let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
-        if !is_wanted || subject.identified != 1 || subject.mass_kg <= 0.0 || !subject.has_body() {
-            self.lag_test.clear();
-            return;
-        }
-        let [_, _, delta_f_n] = self.estimate.delta_f_n;
-        let force_n = snapshot.ground.force_n[2];
-        let now = Sample {
-            time_ns: snapshot.time_ns,
-            force_n,
-            unloaded_n: force_n - delta_f_n,
-            load_weight_m_per_s2: body.load_weight_m_per_s2(),
-        };
-        if !is_usable || !force_n.is_finite() || !delta_f_n.is_finite() {
-            self.lag_test.restart();
-            return;
-        }
-        let window_s = 2.0 * settings.half_window_ns() as f64 * 1e-9;
-        let [rate_n_per_s, _] = self.ground_rates;
-        self.lag_test.update(now, self.estimate.delta_f_sigma_n, rate_n_per_s.height(), window_s.max(1e-3));
+/// Logarithm of the normal density of a mass with this σ about the load, 1/kg.
+fn log_likelihood(mass_kg: f64, sigma_kg: f64, load_kg: f64) -> f64 {
+    let deviation = (mass_kg - load_kg) / sigma_kg;
+    -0.5 * deviation * deviation - math::ln(math::sqrt(core::f64::consts::TAU) * sigma_kg)
+}
+
+/// Stage `test_lag`: ingests the external force of an instant.
+pub(super) fn test_lag(
+    settings: &Settings,
+    state: &mut LagTest,
+    instant: &Instant,
+    ground: &Ground,
+    prediction: &Prediction,
+    overload: Option<&Overload>,
+    subject: Identified<'_>,
+) -> LagVerdict {
+    let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
+    if !is_wanted || subject.identified != 1 || subject.mass_kg <= 0.0 || !subject.has_body() {
+        state.clear();
+        return state.verdict();
     }
+    let force_n = instant.snapshot.ground.force_n[2];
+    let Some(overload) = overload
+        .filter(|overload| prediction.is_measured && force_n.is_finite() && overload.delta_f_n.is_finite())
+    else {
+        state.restart();
+        return state.verdict();
+    };
+    let now = Sample {
+        time_ns: instant.snapshot.time_ns,
+        force_n,
+        unloaded_n: force_n - overload.delta_f_n,
+        load_weight_m_per_s2: prediction.body.load_weight_m_per_s2(),
+    };
+    let window_s = 2.0 * settings.half_window_ns() as f64 * 1e-9;
+    state.update(now, overload.delta_f_sigma_n, ground.rate_n_per_s, window_s.max(1e-3));
+    state.verdict()
 }
 
 #[cfg(test)]

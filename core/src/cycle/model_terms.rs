@@ -6,27 +6,25 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::body_motion::BodyMotion;
-use super::memory::Memory;
+use super::differentiate::Instant;
+use super::ground::Ground;
+use super::identification::Identification;
 use super::settings::{Motion, Settings};
 use crate::body::{SEGMENTS, Side};
 use crate::effect::plate_lowpass::LowPass;
 use crate::effect::{Effect, Model, Observation, without_lag_ns};
 use crate::frame::{Pose, StationWorld};
-use crate::motion::{Inertia, Snapshot};
+use crate::motion::{History, Inertia};
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::static_pose::{PoseStatistics, WINDOW};
 
 /// After a longer gap the plate's filter has settled, s.
 const SETTLED_S: f64 = 0.5;
 
-/// Change of the current snapshot's prediction by the terms; zero for a model without terms.
+/// State of the terms over the last snapshots.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct ModelTerms {
-    /// Change of the CoP, m.
-    pub(super) cop_m: [f64; 2],
-    /// Change of the ground's force on the body, N.
-    pub(super) force_n: [f64; 3],
     /// Time of the station's first snapshot, the origin of all spans; 0 before it.
     first_snapshot_ns: u64,
     /// Changes at the last snapshots, those of the static pose window: CoP, m, vertical force, N.
@@ -47,8 +45,7 @@ impl ModelTerms {
 
     /// Whether every index and number is in range; stored ones are checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        let numbers = self.cop_m.iter().chain(&self.force_n).chain(self.recent.iter().flatten());
-        numbers.copied().all(f64::is_finite)
+        self.recent.iter().flatten().copied().all(f64::is_finite)
             && self.next < WINDOW as u64
             && self.applied <= WINDOW as u64
             && self.filter.iter().all(LowPass::is_sound)
@@ -81,7 +78,13 @@ impl ModelTerms {
 
     /// A low pass of the plate delays and smooths the measurement relative to the suit's prediction; the difference is
     /// one more term.
-    fn filter(&mut self, model: &Model, o: &Observation, step_s: f64) {
+    fn filter(
+        &mut self,
+        model: &Model,
+        o: &Observation,
+        step_s: f64,
+        (cop_m, force_n): (&mut [f64; 2], &mut [f64; 3]),
+    ) {
         let Some(cutoff_hz) = ModelTerms::cutoff_hz(model, o.time_s) else {
             self.filter.iter_mut().for_each(LowPass::reset);
             return;
@@ -92,16 +95,11 @@ impl ModelTerms {
         // Measured shear has passed the same filter, so the prediction by the suit is used.
         let by_suit_m = o.cop_by_suit_m();
         for (axis, by_suit_m) in by_suit_m.into_iter().enumerate() {
-            let predicted_m = by_suit_m + self.cop_m[axis];
-            self.cop_m[axis] += self.filter[axis].step(cutoff_hz, step_s, predicted_m) - predicted_m;
+            let predicted_m = by_suit_m + cop_m[axis];
+            cop_m[axis] += self.filter[axis].step(cutoff_hz, step_s, predicted_m) - predicted_m;
         }
-        let predicted_n = o.force_predicted_n[2] + self.force_n[2];
-        self.force_n[2] += self.filter[2].step(cutoff_hz, step_s, predicted_n) - predicted_n;
-    }
-
-    fn push_recent(&mut self) {
-        self.recent[self.next as usize % WINDOW] = [self.cop_m[0], self.cop_m[1], self.force_n[2]];
-        self.next = (self.next + 1) % WINDOW as u64;
+        let predicted_n = o.force_predicted_n[2] + force_n[2];
+        force_n[2] += self.filter[2].step(cutoff_hz, step_s, predicted_n) - predicted_n;
     }
 
     /// A full static pose window without the contribution of the terms; `None` while that is unavailable for part of
@@ -120,21 +118,22 @@ impl ModelTerms {
     }
 }
 
-impl Memory {
+impl ModelTerms {
     /// Data of this snapshot for the terms, as far as available before the ground's shear is evaluated; the slope is 0
     /// until then.
     pub(super) fn observe(
         &mut self,
-        pose: &Pose<StationWorld>,
-        snapshot: &Snapshot,
-        inertia: Option<Inertia>,
         settings: &Settings,
+        instant: &Instant,
+        ground: &Ground,
+        subject: &Identification,
+        history: &History,
     ) -> Option<Observation> {
-        if self.terms.first_snapshot_ns == 0 {
-            self.terms.first_snapshot_ns = snapshot.time_ns.max(1);
+        let Instant { snapshot, pose, inertia, .. } = instant;
+        if self.first_snapshot_ns == 0 {
+            self.first_snapshot_ns = snapshot.time_ns.max(1);
         }
-        let ground = snapshot.ground()?;
-        let subject = &self.identification;
+        let sample = snapshot.ground()?;
         if settings.model.is_empty() || !subject.has_body() {
             return None;
         }
@@ -142,14 +141,14 @@ impl Memory {
         let inertia = moderate.unwrap_or(Inertia::REST);
         let specific = inertia.specific_force_m_per_s2().unwrap_or(GRAVITY_M_PER_S2);
         let table = subject.anthropometry();
-        let (origin_acceleration, rotation_acceleration) = self.accelerations(settings);
+        let (origin_acceleration, rotation_acceleration) = accelerations(settings, history);
         // Before weighing, the mass is that of the measured vertical force.
-        let mass_kg = if subject.mass_kg > 0.0 { subject.mass_kg } else { ground.force_n[2] / specific };
+        let mass_kg = if subject.mass_kg > 0.0 { subject.mass_kg } else { sample.force_n[2] / specific };
         let feet = Side::BOTH.map(|side| pose.origin_of(side.foot()) + pose.origin_of(side.toe()));
         Some(Observation {
-            time_s: self.terms.since_start_s(snapshot.time_ns),
+            time_s: self.since_start_s(snapshot.time_ns),
             mass_kg,
-            floor_m: ground.surface_z_m,
+            floor_m: sample.surface_z_m,
             feet_m: [0, 1].map(|axis| 0.25 * (feet[0][axis] + feet[1][axis])),
             feet_hold: settings.suit_drifts,
             origin_m: snapshot.origin_m,
@@ -167,62 +166,67 @@ impl Memory {
             slope_is_measured: false,
             cop_predicted_m: [0.0; 2],
             force_predicted_n: [0.0, 0.0, mass_kg * specific],
-            cop_measured_m: self.estimate.cop_measured_m,
-            force_measured_n: ground.force_n,
+            cop_measured_m: ground.reading.cop_m,
+            force_measured_n: sample.force_n,
         })
     }
 
-    /// Computes the change of the force by the terms, which needs no slope and on which the slope depends.
-    pub(super) fn predict_terms(&mut self, observation: Option<&mut Observation>, settings: &Settings) {
-        (self.terms.cop_m, self.terms.force_n) = ([0.0; 2], [0.0; 3]);
-        let Some(o) = observation else { return };
+    /// Change of the force, N, which needs no slope and on which the slope depends.
+    pub(super) fn force_n(settings: &Settings, o: &mut Observation) -> [f64; 3] {
         predict_force(o, settings);
-        (_, self.terms.force_n) = settings.model.change(o);
+        let (_, force_n) = settings.model.change(o);
+        force_n
     }
 
-    /// Computes the change of this snapshot's prediction, which is that of `body`.
-    pub(super) fn apply_terms(
+    /// Change of CoP, m, and force, N, of this snapshot's prediction, which is that of `body`.
+    pub(super) fn apply(
         &mut self,
-        observation: Option<&mut Observation>,
-        pose: &Pose<StationWorld>,
-        body: &BodyMotion,
-        step_s: f64,
         settings: &Settings,
-    ) {
+        observation: Option<&mut Observation>,
+        instant: &Instant,
+        body: &BodyMotion,
+        subject: &Identification,
+    ) -> ([f64; 2], [f64; 3]) {
+        let (mut cop_m, mut force_n) = ([0.0; 2], [0.0; 3]);
         if let Some(o) = observation {
             o.slope = body.slope;
             o.slope_is_measured = body.slope_is_measured;
-            let rows = self.identification.reduction.rows(pose, body.slope);
-            let static_m = self.identification.predict_cop_m(&rows);
+            let rows = subject.reduction.rows(&instant.pose, body.slope);
+            let static_m = subject.predict_cop_m(&rows);
             o.cop_predicted_m = [0, 1].map(|axis| static_m[axis] + body.cop_beyond_rows_m(axis));
-            (self.terms.cop_m, self.terms.force_n) = settings.model.change(o);
-            self.terms.filter(&settings.model, o, step_s);
-            self.terms.applied = (self.terms.applied + 1).min(WINDOW as u64);
+            (cop_m, force_n) = settings.model.change(o);
+            self.filter(&settings.model, o, instant.step_s, (&mut cop_m, &mut force_n));
+            self.applied = (self.applied + 1).min(WINDOW as u64);
         } else {
-            self.terms.applied = 0;
-            self.terms.filter.iter_mut().for_each(LowPass::reset);
+            self.applied = 0;
+            self.filter.iter_mut().for_each(LowPass::reset);
         }
-        self.terms.push_recent();
+        self.recent[self.next as usize % WINDOW] = [cop_m[0], cop_m[1], force_n[2]];
+        self.next = (self.next + 1) % WINDOW as u64;
+        (cop_m, force_n)
     }
+}
 
-    /// Second derivatives of origins, m/s², and rotations, 1/s², at the snapshot; zero without a window.
-    fn accelerations(&self, settings: &Settings) -> ([[f64; 3]; SEGMENTS], [[[f64; 3]; 3]; SEGMENTS]) {
-        let (mut origin, mut rotation) = ([[0.0; 3]; SEGMENTS], [[[0.0; 3]; 3]; SEGMENTS]);
-        self.history.differentiate_twice(settings.half_window_ns(), |weight, near| {
-            // The anchor's shifts are no motion.
-            let [x, y] = near.station_from_suit_m;
-            for (sums, at) in origin.iter_mut().zip(&near.origin_m) {
-                for (sum, value) in sums.iter_mut().zip([at[0] - x, at[1] - y, at[2]]) {
-                    *sum += weight * value;
-                }
-            }
-            let near = rotations(&near.pose());
-            for (sum, value) in rotation.iter_mut().flatten().flatten().zip(near.iter().flatten().flatten()) {
+/// Second derivatives of origins, m/s², and rotations, 1/s², at the snapshot; zero without a window.
+fn accelerations(
+    settings: &Settings,
+    history: &History,
+) -> ([[f64; 3]; SEGMENTS], [[[f64; 3]; 3]; SEGMENTS]) {
+    let (mut origin, mut rotation) = ([[0.0; 3]; SEGMENTS], [[[0.0; 3]; 3]; SEGMENTS]);
+    history.differentiate_twice(settings.half_window_ns(), |weight, near| {
+        // The anchor's shifts are no motion.
+        let [x, y] = near.station_from_suit_m;
+        for (sums, at) in origin.iter_mut().zip(&near.origin_m) {
+            for (sum, value) in sums.iter_mut().zip([at[0] - x, at[1] - y, at[2]]) {
                 *sum += weight * value;
             }
-        });
-        (origin, rotation)
-    }
+        }
+        let near = rotations(&near.pose());
+        for (sum, value) in rotation.iter_mut().flatten().flatten().zip(near.iter().flatten().flatten()) {
+            *sum += weight * value;
+        }
+    });
+    (origin, rotation)
 }
 
 /// Force that the model predicts from the suit's motion; static for the paper's equations.

@@ -10,7 +10,8 @@ mod jumps;
 use bytemuck::{Pod, Zeroable};
 use jumps::{JUMP_HOLDS_NS, JumpDetector, LEVER_MAX_M, Reading};
 
-use super::memory::{EMPTY_PLATE_N, Memory};
+use super::identification::Identification;
+use super::memory::EMPTY_PLATE_N;
 use super::settings::Settings;
 use crate::body::{JOINTS, Segment, Skeleton};
 use crate::math;
@@ -64,7 +65,7 @@ pub(super) struct Span {
 
 impl Span {
     /// Adds an interval; merges it if the gap is at most the time for which a jump stays suspect.
-    fn add(&mut self, from_ns: u64, to_ns: u64) {
+    pub(super) fn add(&mut self, from_ns: u64, to_ns: u64) {
         if self.to_ns > 0 && from_ns <= self.to_ns.saturating_add(JUMP_HOLDS_NS) {
             *self = Span { from_ns: self.from_ns.min(from_ns), to_ns: self.to_ns.max(to_ns) };
         } else {
@@ -136,7 +137,7 @@ impl Repeats {
 }
 
 /// Bone lengths against which a pose is checked.
-struct Bones {
+pub(super) struct Bones {
     skeleton: Skeleton,
     /// Whether to check arms and legs only: suits divide spine and shoulders differently.
     limbs_alone: bool,
@@ -198,8 +199,9 @@ pub(super) struct Plausibility {
 }
 
 impl Plausibility {
-    /// Compares a ground sample with the previous one. Returns whether it is plausible.
-    fn check_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
+    /// Compares a ground sample with the previous one. Returns whether it is plausible; an implausible sample is aligned
+    /// nevertheless, and published as suspect.
+    pub(super) fn check_ground(&mut self, sample: &GroundSample, before: Option<&GroundSample>) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
         let mut is_plausible = true;
@@ -241,7 +243,12 @@ impl Plausibility {
     }
 
     /// Compares a suit sample with the previous one and with the bone lengths. Returns whether it may be used.
-    fn check_suit(&mut self, sample: &SuitSample, before: Option<&SuitSample>, bones: &Bones) -> bool {
+    pub(super) fn check_suit(
+        &mut self,
+        sample: &SuitSample,
+        before: Option<&SuitSample>,
+        bones: &Bones,
+    ) -> bool {
         let time_ns = sample.sample_time_ns;
         let from_ns = before.map_or(time_ns, |before| before.sample_time_ns);
         if is_apart(sample, bones) {
@@ -306,24 +313,16 @@ impl Plausibility {
     }
 }
 
-impl Memory {
-    /// Compares a ground sample with the previous ones. Returns whether it is plausible; an implausible sample is
-    /// aligned nevertheless, and published as suspect.
-    pub(super) fn validate_ground(&mut self, sample: &GroundSample) -> bool {
-        self.plausibility.check_ground(sample, self.alignment.newest_ground())
-    }
-
-    /// Compares a suit sample with the previous ones and with the subject's bone lengths. Returns whether it may be
-    /// used.
-    pub(super) fn validate_suit(&mut self, sample: &SuitSample, settings: &Settings) -> bool {
-        let bones = if self.identification.has_body() {
-            let skeleton = self.identification.skeleton();
+impl Bones {
+    /// The subject's bone lengths, or those of an average person of that stature.
+    pub(super) fn of(subject: &Identification, settings: &Settings) -> Bones {
+        if subject.has_body() {
+            let skeleton = subject.skeleton();
             Bones { skeleton, limbs_alone: false, gap_max_m: JOINT_GAP_MAX_M, rms_max_m: GAPS_RMS_MAX_M }
         } else {
             let skeleton = Skeleton::nominal(settings.height_m);
             Bones { skeleton, limbs_alone: true, gap_max_m: NOMINAL_GAP_MAX_M, rms_max_m: NOMINAL_GAP_MAX_M }
-        };
-        self.plausibility.check_suit(sample, self.alignment.newest_suit(), &bones)
+        }
     }
 }
 

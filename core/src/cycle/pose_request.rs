@@ -1,10 +1,14 @@
-//! Pose that a model file requests because it discriminates between two explanations of the data: suggested after
+//! Stage `compare_with_suggestion`: distance from the suggested pose.
+//!
+//! Also the pose that a model file requests because it discriminates between two explanations of the data: suggested after
 //! identification, until it was held.
 
 use bytemuck::{Pod, Zeroable};
 
-use super::memory::Memory;
+use super::differentiate::Instant;
+use super::identification::Identification;
 use super::settings::{PoseRequest, Settings};
+use super::stillness::Stillness;
 use super::{NO_POSE, POSE_REACHED_RAD};
 use crate::body::{JOINTS, Segment};
 use crate::frame::{Pose, StationWorld, wxyz};
@@ -32,69 +36,67 @@ impl PoseRequestState {
         self.begun = 0;
     }
 
+    /// The pose that the model file requests now: none during identification, and none twice.
+    fn requested(&self, settings: &Settings, subject: &Identification) -> Option<PoseRequest> {
+        let is_identified = subject.identified == 1 && subject.identifying == 0;
+        settings
+            .pose_request
+            .filter(|request| is_identified && self.done == 0 && request.pose < settings.library.len())
+    }
+
+    /// Index of the suggested pose: that of the identification, else that of the model file; [`NO_POSE`] for none.
+    pub(super) fn suggested(&self, settings: &Settings, subject: &Identification) -> u64 {
+        match self.requested(settings, subject) {
+            Some(request) => request.pose as u64,
+            None => subject.suggested,
+        }
+    }
+
+    /// Skips the pose that the model file requests; `false` if none is requested.
+    pub(super) fn skip(&mut self, settings: &Settings, subject: &Identification) -> bool {
+        let is_requested = self.requested(settings, subject).is_some();
+        self.done |= u64::from(is_requested);
+        is_requested
+    }
+
+    /// Remaining turn, in either direction, relative to the heading at the first request, rad.
+    fn remaining_turn_rad(&mut self, pose: &Pose<StationWorld>, request: PoseRequest) -> f64 {
+        let (_, _, heading_rad) = pose.world_from_segment[Segment::Pelvis.index()].euler_angles();
+        if self.begun == 0 {
+            (self.begun, self.heading_rad) = (1, heading_rad);
+        }
+        let off_rad = heading_rad - self.heading_rad - request.turn_rad;
+        let (_, cosine) = math::sin_cos(off_rad);
+        math::acos(cosine.clamp(-1.0, 1.0))
+    }
+
     /// Whether flags and number are in range; a stored memory is checked before use.
     pub(super) fn is_sound(&self) -> bool {
         self.done <= 1 && self.begun <= 1 && self.heading_rad.is_finite()
     }
 }
 
-impl Memory {
-    /// The pose that the model file requests now: none during identification, and none twice.
-    fn requested_pose(&self, settings: &Settings) -> Option<PoseRequest> {
-        let is_identified = self.identification.identified == 1 && self.identification.identifying == 0;
-        settings.pose_request.filter(|request| {
-            is_identified && self.pose_request.done == 0 && request.pose < settings.library.len()
-        })
-    }
-
-    /// Index of the suggested pose: that of the identification, else that of the model file; [`NO_POSE`] for none.
-    pub(super) fn suggested(&self, settings: &Settings) -> u64 {
-        match self.requested_pose(settings) {
-            Some(request) => request.pose as u64,
-            None => self.identification.suggested,
+/// Distance from the suggested pose, rad; ends the request once the requested pose is held.
+pub(super) fn compare_with_suggestion(
+    settings: &Settings,
+    state: &mut PoseRequestState,
+    instant: &Instant,
+    stillness: &Stillness,
+    subject: &Identification,
+) -> f64 {
+    let suggested = state.suggested(settings, subject);
+    let Some(posture) = settings.library.get(suggested as usize).filter(|_| suggested != NO_POSE) else {
+        return 0.0;
+    };
+    let joints = |rotations: [nalgebra::UnitQuaternion<f64>; JOINTS]| rotations.map(|r| wxyz(&r));
+    let mut mismatch_rad =
+        rms_joint_angle(&joints(instant.pose.joint_rotations()), &joints(posture.joint_rotations()));
+    if let Some(request) = state.requested(settings, subject) {
+        let remaining_rad = state.remaining_turn_rad(&instant.pose, request);
+        if remaining_rad > TURNED_WITHIN_RAD {
+            mismatch_rad = mismatch_rad.max(remaining_rad);
         }
+        state.done = u64::from(stillness.is_static && mismatch_rad < POSE_REACHED_RAD);
     }
-
-    /// Skips the pose that the model file requests; `false` if none is requested.
-    pub(super) fn skip_requested_pose(&mut self, settings: &Settings) -> bool {
-        let is_requested = self.requested_pose(settings).is_some();
-        self.pose_request.done |= u64::from(is_requested);
-        is_requested
-    }
-
-    /// Publishes the distance from the suggested pose, and checks whether the requested pose is held.
-    pub(super) fn compare_with_suggestion(
-        &mut self,
-        pose: &Pose<StationWorld>,
-        is_static: bool,
-        settings: &Settings,
-    ) {
-        self.estimate.pose_mismatch_rad = 0.0;
-        let suggested = self.suggested(settings);
-        let Some(posture) = settings.library.get(suggested as usize).filter(|_| suggested != NO_POSE) else {
-            return;
-        };
-        let joints = |rotations: [nalgebra::UnitQuaternion<f64>; JOINTS]| rotations.map(|r| wxyz(&r));
-        let mut mismatch_rad =
-            rms_joint_angle(&joints(pose.joint_rotations()), &joints(posture.joint_rotations()));
-        if let Some(request) = self.requested_pose(settings) {
-            let remaining_rad = self.remaining_turn_rad(pose, request);
-            if remaining_rad > TURNED_WITHIN_RAD {
-                mismatch_rad = mismatch_rad.max(remaining_rad);
-            }
-            self.pose_request.done = u64::from(is_static && mismatch_rad < POSE_REACHED_RAD);
-        }
-        self.estimate.pose_mismatch_rad = mismatch_rad;
-    }
-
-    /// Remaining turn, in either direction, relative to the heading at the first request, rad.
-    fn remaining_turn_rad(&mut self, pose: &Pose<StationWorld>, request: PoseRequest) -> f64 {
-        let (_, _, heading_rad) = pose.world_from_segment[Segment::Pelvis.index()].euler_angles();
-        if self.pose_request.begun == 0 {
-            (self.pose_request.begun, self.pose_request.heading_rad) = (1, heading_rad);
-        }
-        let off_rad = heading_rad - self.pose_request.heading_rad - request.turn_rad;
-        let (_, cosine) = math::sin_cos(off_rad);
-        math::acos(cosine.clamp(-1.0, 1.0))
-    }
+    mismatch_rad
 }

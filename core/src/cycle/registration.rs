@@ -1,4 +1,4 @@
-//! Registration of the suit world on the plate: a search that starts again when the registration is lost.
+//! Stage `register`: registration of the suit world on the plate, a search that starts again when the registration is lost.
 //!
 //! A restarted suit has another origin and another heading; a suit that was silent for long has drifted. The body is
 //! unchanged: while nothing is carried, the CoP predicted from the suit and the measured CoP are the same point, and
@@ -14,16 +14,15 @@ use core::array;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::body_motion::BodyMotion;
-use super::identification::REGISTRATION_SIGMA_M;
-use super::memory::Memory;
+use super::body_motion::NoiseSigma;
+use super::identification::{Identification, REGISTRATION_SIGMA_M};
+use super::outputs::Outputs;
 use super::residual::{MOTION_ROW_EVERY_NS, ROWS_PER_INDEPENDENT};
 use super::settings::Settings;
 use crate::body::Side;
 use crate::frame::{Pose, StationWorld, Turn};
 use crate::math;
-use crate::message::{Component, GroundSample, State, SuitSample};
-use crate::motion::Snapshot;
+use crate::message::{Component, GroundSample, SuitSample};
 use crate::registration::PlanarFit;
 use crate::sesc::PARAMETERS;
 
@@ -98,14 +97,6 @@ impl RegistrationEstimator {
     /// 1-σ of the heading, rad: 0 for the configured heading, π while the heading is unavailable.
     pub(super) fn sigma_rad(&self) -> f64 {
         if self.is_lost() { core::f64::consts::PI } else { self.sigma_rad }
-    }
-
-    /// 1-σ of a CoP caused by the heading, m: the stance offset applies between the feet, so an error of the heading
-    /// rotates about that point.
-    pub(super) fn heading_sigma_m(&self, pose: &Pose<StationWorld>, cop_m: [f64; 2]) -> [f64; 2] {
-        let between = 0.5 * (pose.origin_of(Side::Left.foot()) + pose.origin_of(Side::Right.foot()));
-        let [ahead_m, sideways_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
-        [sideways_m, ahead_m].map(|lever_m| lever_m.abs() * self.sigma_rad())
     }
 
     /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`.
@@ -201,114 +192,133 @@ impl RegistrationEstimator {
     }
 }
 
-impl Memory {
-    /// 1-σ of a segment's orientation in the station world, rad.
-    pub(super) fn orientation_sigma_rad(&self, settings: &Settings) -> f64 {
-        math::hypot([settings.suit_orientation_sigma_rad(), self.registration.sigma_rad()])
-    }
+/// A new registration of the suit world on the plate.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NewRegistration {
+    /// Rotation about the station's origin, then shift, m.
+    pub(super) turn: Turn,
+    pub(super) by_m: [f64; 2],
+    /// Variance of the body's position, m².
+    pub(super) at_m2: [f64; 2],
+}
 
-    /// Processes one snapshot without a load: pairs the two CoPs, and updates the registration once the fit has
-    /// converged.
-    pub(super) fn register(
+/// Processes one instant without a load: pairs the two CoPs. `sigma`: errors of the compensation, with the residual of
+/// this instant. Returns a registration once the fit has converged.
+pub(super) fn register(
+    settings: &Settings,
+    state: &mut RegistrationEstimator,
+    outputs: &Outputs<'_>,
+    sigma: &NoiseSigma,
+    subject: &Identification,
+) -> Option<NewRegistration> {
+    let snapshot = &outputs.instant.snapshot;
+    if snapshot.ground().is_some_and(GroundSample::is_by_insoles_alone) {
+        // Insoles measure in the suit world, so no registration is needed.
+        state.quality = RegistrationQuality::Converged as u64;
+        return None;
+    }
+    let due = snapshot.time_ns.saturating_sub(state.paired_ns) >= MOTION_ROW_EVERY_NS;
+    if !settings.suit_drifts || !due || !outputs.instant.both_feet_stand() {
+        return None;
+    }
+    let (measured_m, estimated_m) = (outputs.ground.reading.cop_m, outputs.estimate.cop_m);
+    let quality = state.quality;
+    if quality != RegistrationQuality::Lost as u64 {
+        state.check_distance(math::hypot([0, 1].map(|axis| measured_m[axis] - estimated_m[axis])));
+    }
+    if quality == RegistrationQuality::Converged as u64 {
+        state.paired_ns = snapshot.time_ns;
+        return None;
+    }
+    let of_first_m2 = state.pair(settings, outputs, sigma, subject);
+    state.fuse_previous_heading(settings.suit_orientation_sigma_rad());
+    let (sigma_rad, fit_m2) = (state.fit.heading_sigma_rad(), state.fit.variance_m2(measured_m));
+    let at_m2 = [0, 1].map(|axis| fit_m2[axis] + of_first_m2[axis]);
+    let reach_m = STANCE_REACH_M / math::sqrt(3.0) * sigma_rad;
+    let is_determined = state.fit.is_rigid()
+        && at_m2.iter().all(|at_m2| math::hypot([math::sqrt(*at_m2), reach_m]) <= REGISTRATION_SIGMA_M);
+    let is_better = quality == RegistrationQuality::Lost as u64 || sigma_rad <= 0.5 * state.sigma_rad;
+    (is_determined && is_better).then(|| {
+        let (turn, by_m) = state.adopt_fit(measured_m, settings);
+        NewRegistration { turn, by_m, at_m2 }
+    })
+}
+
+impl RegistrationEstimator {
+    /// Ingests the CoPs and accelerations of an instant. Returns the variance of the first pair's position by θ, m².
+    fn pair(
         &mut self,
-        pose: &Pose<StationWorld>,
-        snapshot: &Snapshot,
-        body: &BodyMotion,
         settings: &Settings,
-    ) {
-        if snapshot.ground().is_some_and(GroundSample::is_by_insoles_alone) {
-            // Insoles measure in the suit world, so no registration is needed.
-            self.registration.quality = RegistrationQuality::Converged as u64;
-            return;
-        }
-        let due = snapshot.time_ns.saturating_sub(self.registration.paired_ns) >= MOTION_ROW_EVERY_NS;
-        if !settings.suit_drifts || !due || snapshot.both_feet_stand != 1 {
-            return;
-        }
-        let quality = self.registration.quality;
-        if quality != RegistrationQuality::Lost as u64 {
-            let State { cop_measured_m, cop_estimated_m, .. } = self.estimate;
-            self.registration
-                .check_distance(math::hypot([0, 1].map(|axis| cop_measured_m[axis] - cop_estimated_m[axis])));
-        }
-        if quality == RegistrationQuality::Converged as u64 {
-            self.registration.paired_ns = snapshot.time_ns;
-            return;
-        }
-        if snapshot.stance != self.registration.stance {
+        outputs: &Outputs<'_>,
+        sigma: &NoiseSigma,
+        subject: &Identification,
+    ) -> [f64; 2] {
+        let Outputs { instant, ground, prediction, estimate, .. } = *outputs;
+        let (snapshot, body) = (&instant.snapshot, &prediction.body);
+        if snapshot.stance != self.stance {
             let [x_m, y_m] = snapshot.stance_sigma_m;
-            self.registration.fit.add_process_noise(x_m.max(y_m) * x_m.max(y_m));
+            self.fit.add_process_noise(x_m.max(y_m) * x_m.max(y_m));
         }
-        (self.registration.paired_ns, self.registration.stance) = (snapshot.time_ns, snapshot.stance);
-        let subject = &self.identification;
-        let rows = subject.reduction.rows(pose, body.slope);
-        if !self.registration.fit.has_begun() {
-            self.registration.first_rows = rows.h;
+        (self.paired_ns, self.stance) = (snapshot.time_ns, snapshot.stance);
+        let rows = subject.reduction.rows(&instant.pose, body.slope);
+        if !self.fit.has_begun() {
+            self.first_rows = rows.h;
         }
         // An error of θ also shifts the first pair, which makes it an error of the position. Only its change with the
         // pose is an error of the pair.
-        let first = &self.registration.first_rows;
+        let first = &self.first_rows;
         let since_first =
             [0, 1].map(|axis: usize| array::from_fn(|index| rows.h[axis][index] - first[axis][index]));
         let of_first_m2 = subject.parameter_variance_m2(first);
-        let (of_body_m2, drift_m2) =
-            (subject.parameter_variance_m2(&since_first), subject.drift_variance_m2(pose, settings));
-        let unmeasured_m = body.cop_sigma_by_acceleration_m(self.noise.moving_acceleration_sigma_m_per_s2());
+        let of_body_m2 = subject.parameter_variance_m2(&since_first);
+        let drift_m2 = subject.drift_variance_m2(&instant.pose, settings);
+        let unmeasured_m = body.cop_sigma_by_acceleration_m(sigma.moving_acceleration_m_per_s2);
         let variance_m2 = [0, 1].map(|axis: usize| {
-            let moving_m = self.noise.cop[axis].sigma(self.noise.cop_activity_m[axis].height());
-            let plate_m = self.ground_sigma.cop_m;
+            let (moving_m, plate_m) = (sigma.cop_m[axis], ground.sigma.cop_m);
             let of_motion_m2 = moving_m * moving_m + plate_m * plate_m + unmeasured_m * unmeasured_m;
             let of_pose_m2 = of_body_m2[axis] + drift_m2[axis];
             ROWS_PER_INDEPENDENT * of_motion_m2 + ROWS_PER_POSE * of_pose_m2
         });
         let offset_m = subject.stance_offset_m();
-        let expected_m = [0, 1].map(|axis| self.estimate.cop_estimated_m[axis] - offset_m[axis]);
-        let measured_m = self.estimate.cop_measured_m;
-        self.registration.ingest_pair(measured_m, expected_m, variance_m2);
+        let expected_m = [0, 1].map(|axis| estimate.cop_m[axis] - offset_m[axis]);
+        self.ingest_pair(ground.reading.cop_m, expected_m, variance_m2);
         let [shear_x_n, shear_y_n, _] = snapshot.ground.force_n;
         if snapshot.ground.measures(Component::Shear) && (shear_x_n, shear_y_n) != (0.0, 0.0) {
-            let by_plate = [shear_x_n, shear_y_n].map(|shear_n| shear_n / self.identification.mass_kg);
+            let by_plate = [shear_x_n, shear_y_n].map(|shear_n| shear_n / subject.mass_kg);
             let [x, y, _] = body.suit_acceleration_m_per_s2;
-            let sigma = self.noise.acceleration_sigma_m_per_s2();
-            self.registration.fit.ingest_vector(by_plate, [x, y], [ROWS_PER_INDEPENDENT * sigma * sigma; 2]);
+            let sigma = sigma.acceleration_m_per_s2();
+            self.fit.ingest_vector(by_plate, [x, y], [ROWS_PER_INDEPENDENT * sigma * sigma; 2]);
         }
-        self.registration.fuse_previous_heading(settings.suit_orientation_sigma_rad());
-        let fit = &self.registration.fit;
-        let (sigma_rad, fit_m2) = (fit.heading_sigma_rad(), fit.variance_m2(measured_m));
-        let at_m2 = [0, 1].map(|axis| fit_m2[axis] + of_first_m2[axis]);
-        let reach_m = STANCE_REACH_M / math::sqrt(3.0) * sigma_rad;
-        let is_determined = fit.is_rigid()
-            && at_m2.iter().all(|at_m2| math::hypot([math::sqrt(*at_m2), reach_m]) <= REGISTRATION_SIGMA_M);
-        let is_better =
-            quality == RegistrationQuality::Lost as u64 || sigma_rad <= 0.5 * self.registration.sigma_rad;
-        if is_determined && is_better {
-            self.apply_registration(measured_m, at_m2, settings);
-        }
+        of_first_m2
     }
 
-    /// Rotates and shifts the suit world to the fitted registration; the body's present CoP becomes `measured_m`.
-    fn apply_registration(&mut self, measured_m: [f64; 2], at_m2: [f64; 2], settings: &Settings) {
-        let registration = &mut self.registration;
+    /// Adopts the fitted registration; the body's present CoP becomes `measured_m`. Returns the rotation and the shift
+    /// of the suit world, m.
+    fn adopt_fit(&mut self, measured_m: [f64; 2], settings: &Settings) -> (Turn, [f64; 2]) {
         // The fit maps the plate's axes to the suit's.
-        let heading_rad = -registration.fit.heading_rad();
+        let heading_rad = -self.fit.heading_rad();
         let turn = Turn::by(heading_rad);
-        let turned_m = turn.of(registration.fit.image_m(measured_m));
+        let turned_m = turn.of(self.fit.image_m(measured_m));
         let by_m = [0, 1].map(|axis| measured_m[axis] - turned_m[axis]);
-        registration.fit.transform(turn, by_m);
-        let [x, y] = registration.first_rows;
+        self.fit.transform(turn, by_m);
+        let [x, y] = self.first_rows;
         for (index, (x, y)) in x.into_iter().zip(y).enumerate() {
-            [registration.first_rows[0][index], registration.first_rows[1][index]] = turn.of([x, y]);
+            [self.first_rows[0][index], self.first_rows[1][index]] = turn.of([x, y]);
         }
-        registration.station_from_suit_rad = math::wrapped(registration.station_from_suit_rad + heading_rad);
-        registration.turned_rad = math::wrapped(registration.turned_rad + heading_rad);
-        registration.sigma_rad = registration.fit.heading_sigma_rad();
-        let is_converged = registration.sigma_rad <= settings.suit_orientation_sigma_rad();
-        registration.quality =
+        self.station_from_suit_rad = math::wrapped(self.station_from_suit_rad + heading_rad);
+        self.turned_rad = math::wrapped(self.turned_rad + heading_rad);
+        self.sigma_rad = self.fit.heading_sigma_rad();
+        let is_converged = self.sigma_rad <= settings.suit_orientation_sigma_rad();
+        self.quality =
             if is_converged { RegistrationQuality::Converged } else { RegistrationQuality::Refining } as u64;
-        self.anchor.move_world(turn, by_m);
-        self.identification.reset_stance_offset(at_m2);
-        // Their content uses the previous heading.
-        self.history.clear();
-        self.window.clear();
+        (turn, by_m)
     }
+}
+
+/// 1-σ of a CoP caused by the heading, m: the stance offset applies between the feet, so an error of the heading rotates
+/// about that point.
+pub(super) fn heading_sigma_m(pose: &Pose<StationWorld>, cop_m: [f64; 2], sigma_rad: f64) -> [f64; 2] {
+    let between = 0.5 * (pose.origin_of(Side::Left.foot()) + pose.origin_of(Side::Right.foot()));
+    let [ahead_m, sideways_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
+    [sideways_m, ahead_m].map(|lever_m| lever_m.abs() * sigma_rad)
 }

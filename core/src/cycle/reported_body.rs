@@ -5,12 +5,11 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::identification::BodySource;
-use super::memory::Memory;
-use super::settings::Settings;
+use super::identification::{BodySource, Identification};
+use super::placement::Followed;
 use crate::body::Skeleton;
 use crate::frame::{Pose, SuitWorld};
-use crate::message::state::SoleSource;
+use crate::message::state::FootOutlineSource;
 use crate::message::{SuitBody, SuitSample};
 use crate::time::NS_PER_S;
 
@@ -29,7 +28,7 @@ const AHEAD_MAX_NS: u64 = NS_PER_S;
 /// Why the last reported body is not used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub enum BodyRefusal {
+pub enum BodyRejection {
     /// It is used, or none was reported.
     None = 0,
     /// The dimensions are anatomically impossible.
@@ -45,30 +44,30 @@ pub enum BodyRefusal {
     ContradictsWorker = 5,
 }
 
-impl BodyRefusal {
-    const ALL: [BodyRefusal; 6] = [
-        BodyRefusal::None,
-        BodyRefusal::Impossible,
-        BodyRefusal::Stale,
-        BodyRefusal::OtherCharacter,
-        BodyRefusal::ContradictsPoses,
-        BodyRefusal::ContradictsWorker,
+impl BodyRejection {
+    const ALL: [BodyRejection; 6] = [
+        BodyRejection::None,
+        BodyRejection::Impossible,
+        BodyRejection::Stale,
+        BodyRejection::OtherCharacter,
+        BodyRejection::ContradictsPoses,
+        BodyRejection::ContradictsWorker,
     ];
 
     /// The variant of a message's number, `None` for a number of a later version.
-    pub fn from_number(number: u32) -> Option<BodyRefusal> {
+    pub fn from_number(number: u32) -> Option<BodyRejection> {
         Self::ALL.into_iter().nth(number as usize)
     }
 
     /// The public name.
     pub fn name(self) -> &'static str {
         match self {
-            BodyRefusal::None => "none",
-            BodyRefusal::Impossible => "impossible",
-            BodyRefusal::Stale => "stale",
-            BodyRefusal::OtherCharacter => "other_character",
-            BodyRefusal::ContradictsPoses => "contradicts_poses",
-            BodyRefusal::ContradictsWorker => "contradicts_worker",
+            BodyRejection::None => "none",
+            BodyRejection::Impossible => "impossible",
+            BodyRejection::Stale => "stale",
+            BodyRejection::OtherCharacter => "other_character",
+            BodyRejection::ContradictsPoses => "contradicts_poses",
+            BodyRejection::ContradictsWorker => "contradicts_worker",
         }
     }
 }
@@ -83,7 +82,7 @@ pub struct ReportedBody {
     accepted: u64,
     /// Number of consecutive poses that contradicted.
     contradictions: u64,
-    /// A [`BodyRefusal`].
+    /// A [`BodyRejection`].
     refused: u64,
 }
 
@@ -93,41 +92,41 @@ impl ReportedBody {
         (self.accepted == 1).then_some(&self.message)
     }
 
-    /// Why the last message is not used; the number of a [`BodyRefusal`].
+    /// Why the last message is not used; the number of a [`BodyRejection`].
     pub(super) fn refused(&self) -> u32 {
         self.refused as u32
     }
 
     /// Source of the foot outlines.
-    pub(super) fn sole_source(&self) -> SoleSource {
+    pub(super) fn foot_outline_source(&self) -> FootOutlineSource {
         match self.body() {
-            Some(body) if body.foot_points != [0; 2] => SoleSource::Suit,
-            _ => SoleSource::Stature,
+            Some(body) if body.foot_points != [0; 2] => FootOutlineSource::Suit,
+            _ => FootOutlineSource::Stature,
         }
     }
 
-    fn refuse(&mut self, refusal: BodyRefusal) {
+    fn refuse(&mut self, refusal: BodyRejection) {
         self.refused = refusal as u64;
     }
 
     /// Ingests a body message at `now_ns`; `newest` is the suit's newest sample.
-    fn ingest(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
+    pub(super) fn ingest(&mut self, body: &SuitBody, newest: Option<&SuitSample>, now_ns: u64) {
         if !body.is_plausible() || body.published_ns > now_ns.saturating_add(AHEAD_MAX_NS) {
-            return self.refuse(BodyRefusal::Impossible);
+            return self.refuse(BodyRejection::Impossible);
         }
         if now_ns.saturating_sub(body.published_ns) > STALE_AFTER_NS
             || newest.is_some_and(|suit| body.session < suit.session)
         {
-            return self.refuse(BodyRefusal::Stale);
+            return self.refuse(BodyRejection::Stale);
         }
         if newest.is_some_and(|suit| body.avatar != suit.avatar) {
-            return self.refuse(BodyRefusal::OtherCharacter);
+            return self.refuse(BodyRejection::OtherCharacter);
         }
         if self.message.published_ns > 0 && self.message.has_same_dimensions(body) {
             // A repetition; the comparison with the poses stays valid.
-            let of_this_one = [BodyRefusal::ContradictsPoses, BodyRefusal::ContradictsWorker];
+            let of_this_one = [BodyRejection::ContradictsPoses, BodyRejection::ContradictsWorker];
             if !of_this_one.iter().any(|refusal| self.refused == *refusal as u64) {
-                self.refuse(BodyRefusal::None);
+                self.refuse(BodyRejection::None);
             }
             return;
         }
@@ -145,7 +144,7 @@ impl ReportedBody {
             // The suit restarted, or its adapter, which counts sessions from zero; the body of the present wearer will
             // be sent again.
             *self = Zeroable::zeroed();
-            self.refuse(BodyRefusal::Stale);
+            self.refuse(BodyRejection::Stale);
             return false;
         }
         if self.message.skeleton().differs_by_m(&Skeleton::of(pose)) <= BONES_AGREE_M {
@@ -153,14 +152,14 @@ impl ReportedBody {
             let newly = self.accepted == 0;
             if newly {
                 self.accepted = 1;
-                self.refuse(BodyRefusal::None);
+                self.refuse(BodyRejection::None);
             }
             return newly;
         }
         self.contradictions = (self.contradictions + 1).min(CONTRADICTIONS);
         if self.contradictions == CONTRADICTIONS {
             self.accepted = 0;
-            self.refuse(BodyRefusal::ContradictsPoses);
+            self.refuse(BodyRejection::ContradictsPoses);
         }
         false
     }
@@ -171,55 +170,52 @@ impl ReportedBody {
             && self.accepted <= 1
             && (self.accepted == 0 || self.message.published_ns > 0)
             && self.contradictions <= CONTRADICTIONS
-            && BodyRefusal::from_number(self.refused as u32).is_some()
+            && BodyRejection::from_number(self.refused as u32).is_some()
     }
 }
 
-impl Memory {
-    /// Ingests a body message of the suit.
-    pub(super) fn ingest_body(&mut self, body: &SuitBody, now_ns: u64) {
-        let newest = self.alignment.newest_suit().copied();
-        self.reported_body.ingest(body, newest.as_ref(), now_ns);
-    }
+/// Consequence of a pose for the subject's bone lengths.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum BoneUpdate {
+    /// The poses determine them, as before.
+    FromPoses,
+    /// Those of the null pose are no longer valid; the next poses determine them.
+    Reset,
+    /// Those of the null pose are adopted; with `stays`, earlier results are kept.
+    Adopt { stays: bool },
+}
 
-    /// Compares the body with one more pose. Bone lengths measured from poses are replaced by those of the null pose;
-    /// the bone lengths of a stored profile are kept.
-    pub(super) fn update_body(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample, settings: &Settings) {
-        let was_accepted = self.reported_body.accepted == 1;
-        let newly = self.reported_body.compare(pose, suit);
-        let no_results = self.has_no_results();
-        let subject = &mut self.identification;
-        if was_accepted && self.reported_body.accepted == 0 {
-            if no_results && subject.body_source() == BodySource::NullPose {
-                subject.reset_bones();
-            }
-            return;
-        }
-        let Some(body) = self.reported_body.body() else { return };
-        if !newly && subject.has_body() {
-            return;
-        }
-        let bones = body.skeleton();
-        if !subject.has_body() {
-            subject.adopt_bones(&bones, false, settings);
-            return;
-        }
-        let differs_by_m = subject.skeleton().differs_by_m(&bones);
-        let is_from_suit = subject.body_source() != BodySource::Stored;
-        if is_from_suit && (no_results || differs_by_m <= BONES_REFINED_M) {
-            if subject.skeleton() != bones || subject.body_source() != BodySource::NullPose {
-                subject.adopt_bones(&bones, !no_results, settings);
-                // The change to another body model would otherwise look like a leap of the centre of mass.
-                self.history.clear();
-            }
-        } else if differs_by_m > BONES_AGREE_M {
-            self.reported_body.refuse(BodyRefusal::ContradictsWorker);
-        }
+/// Stage `validate_body`: compares the body with one more pose. Bone lengths measured from poses are replaced by those
+/// of the null pose; the bone lengths of a stored profile are kept. `has_results`: whether identification results
+/// depend on the bone lengths.
+pub(super) fn validate_body(
+    state: &mut ReportedBody,
+    placed: &Followed,
+    subject: &Identification,
+    has_results: bool,
+) -> BoneUpdate {
+    let was_accepted = state.accepted == 1;
+    let newly = state.compare(&placed.in_suit_world, &placed.suit);
+    if was_accepted && state.accepted == 0 {
+        let is_in_use = !has_results && subject.body_source() == BodySource::NullPose;
+        return if is_in_use { BoneUpdate::Reset } else { BoneUpdate::FromPoses };
     }
-
-    /// Whether no identification result depends on the bone lengths yet.
-    fn has_no_results(&self) -> bool {
-        let subject = &self.identification;
-        subject.poses_used == 0 && subject.identified == 0 && self.estimate.motion_samples_used == 0
+    let Some(body) = state.body() else { return BoneUpdate::FromPoses };
+    if !newly && subject.has_body() {
+        return BoneUpdate::FromPoses;
     }
+    if !subject.has_body() {
+        return BoneUpdate::Adopt { stays: false };
+    }
+    let bones = body.skeleton();
+    let differs_by_m = subject.skeleton().differs_by_m(&bones);
+    let is_from_suit = subject.body_source() != BodySource::Stored;
+    if is_from_suit && (!has_results || differs_by_m <= BONES_REFINED_M) {
+        if subject.skeleton() != bones || subject.body_source() != BodySource::NullPose {
+            return BoneUpdate::Adopt { stays: has_results };
+        }
+    } else if differs_by_m > BONES_AGREE_M {
+        state.refuse(BodyRejection::ContradictsWorker);
+    }
+    BoneUpdate::FromPoses
 }

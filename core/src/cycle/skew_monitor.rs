@@ -2,9 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::memory::Memory;
 use super::settings::{Motion, Settings};
-use crate::body::SEGMENTS;
+use crate::body::{Anthropometry, SEGMENTS};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
 use crate::static_pose::WINDOW;
@@ -37,6 +36,9 @@ pub struct SkewMonitor {
     time_ns: u64,
     /// 1 while the data contradict the lag in use.
     is_off: u64,
+    /// Skew and its 1-σ at the newest suit sample, s; zero while the estimate is too uncertain.
+    published_s: f64,
+    published_sigma_s: f64,
 }
 
 impl SkewMonitor {
@@ -112,6 +114,8 @@ impl SkewMonitor {
     pub fn is_sound(&self) -> bool {
         self.estimator.is_sound()
             && [self.target_s, self.applied_s].iter().all(|lag_s| lag_s.abs() < LAG_MAX_S)
+            && self.published_s.is_finite()
+            && self.published_sigma_s.is_finite()
             && self.is_off <= 1
     }
 }
@@ -122,42 +126,56 @@ impl Skew {
     }
 }
 
-impl Memory {
-    /// Ingests a suit sample, sets the lag of the alignment, and publishes the skew.
-    pub(super) fn update_skew(&mut self, suit: &SuitSample, settings: &Settings) {
-        if !self.identification.has_body() {
-            return;
-        }
+/// Consequence of a suit sample for the lag between the streams.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum LagChange {
+    /// The lag in use holds, or changes gradually.
+    None,
+    /// First and large lag of the session: all motion so far was aligned wrongly.
+    First {
+        /// Longer than the static pose window: a static body was paired with the ground samples of another pose.
+        exceeds_window: bool,
+    },
+}
+
+impl SkewMonitor {
+    /// Ingests a suit sample of a subject, and updates the lag and the published skew.
+    pub(super) fn update(
+        &mut self,
+        settings: &Settings,
+        suit: &SuitSample,
+        body: &Anthropometry,
+        suit_period_ns: u64,
+    ) -> LagChange {
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
-        if self.skew.ingest_suit(suit.sample_time_ns, self.height_m(suit), is_wanted) {
-            self.noise = Zeroable::zeroed();
-            self.identification.reset_weighing();
-            // With a lag longer than the static pose window, a static body was paired with the ground samples of
-            // another pose.
-            let window_s = WINDOW as f64 * self.alignment.suit_period_ns() as f64 * 1e-9;
-            if self.identification.identified == 0 && self.skew.target_s.abs() > window_s {
-                self.identification.reset_to_prior(settings);
-                self.estimate.motion_samples_used = 0;
-            }
+        let is_first = self.ingest_suit(suit.sample_time_ns, height_m(suit, body), is_wanted);
+        let sure = self.estimate().filter(Skew::is_precise);
+        [self.published_s, self.published_sigma_s] =
+            sure.map_or([0.0, 0.0], |skew| [skew.skew_s, skew.sigma_s]);
+        let window_s = WINDOW as f64 * suit_period_ns as f64 * 1e-9;
+        if is_first {
+            LagChange::First { exceeds_window: self.target_s.abs() > window_s }
+        } else {
+            LagChange::None
         }
-        self.alignment.set_lag_ns(self.skew.lag_ns());
-        let sure = self.skew.estimate().filter(Skew::is_precise);
-        (self.estimate.suit_skew_s, self.estimate.suit_skew_sigma_s) =
-            sure.map_or((0.0, 0.0), |skew| (skew.skew_s, skew.sigma_s));
     }
 
-    /// Height of the CoM by the table's masses and centres, suit world, m.
-    fn height_m(&self, suit: &SuitSample) -> f64 {
-        let body = self.identification.anthropometry();
-        (0..SEGMENTS)
-            .map(|segment| {
-                let ([w, x, y, z], [cx, cy, cz]) = (suit.orientation_wxyz[segment], body.com_m[segment]);
-                let turned =
-                    2.0 * ((x * z - w * y) * cx + (y * z + w * x) * cy) + (1.0 - 2.0 * (x * x + y * y)) * cz;
-                body.mass_fraction[segment] * (suit.position_m[segment][2] + turned)
-            })
-            .sum()
+    /// Skew and its 1-σ for publication, s: zero while the estimate is too uncertain.
+    pub(super) fn published_s(&self) -> [f64; 2] {
+        [self.published_s, self.published_sigma_s]
     }
+}
+
+/// Height of the CoM by the table's masses and centres, suit world, m.
+fn height_m(suit: &SuitSample, body: &Anthropometry) -> f64 {
+    (0..SEGMENTS)
+        .map(|segment| {
+            let ([w, x, y, z], [cx, cy, cz]) = (suit.orientation_wxyz[segment], body.com_m[segment]);
+            let turned =
+                2.0 * ((x * z - w * y) * cx + (y * z + w * x) * cy) + (1.0 - 2.0 * (x * x + y * y)) * cz;
+            body.mass_fraction[segment] * (suit.position_m[segment][2] + turned)
+        })
+        .sum()
 }
 
 #[cfg(test)]

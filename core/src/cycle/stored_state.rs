@@ -11,17 +11,12 @@ use super::settings::Settings;
 use super::skew_monitor::LAG_MAX_S;
 use super::tare::Tare;
 use crate::exposure::Shift;
-use crate::message::SuitSample;
 use crate::time::NS_PER_S;
 
 /// Maximum gap after which a stored anchor shift is better than the configured position, ns. Each step that the anchor
 /// misses may add 5 mm of error (`anchor::STANCE_SIGMA_M`); two steps per second over 20 s add up to 32 mm, and a new
 /// registration is accepted within 30 mm.
 pub const SHIFT_VALID_NS: u64 = 20 * NS_PER_S;
-/// Tolerance of the gap's length by the suit's counter: a fraction of it …
-const COUNTER_TOLERANCE: f64 = 0.2;
-/// … plus this constant, s.
-const COUNTER_SLACK_S: f64 = 0.5;
 /// Upper bound of a plausible drift of the suit, m.
 const SHIFT_MAX_M: f64 = 1e4;
 
@@ -64,15 +59,15 @@ impl StoredState {
     pub fn copy_from(&mut self, memory: &Memory) {
         memory.identification.store(&mut self.subject);
         self.shift = memory.exposure.shift();
-        self.tare = memory.tare;
+        self.tare = memory.align.tare;
         self.registration = Registration {
-            station_from_suit_rad: memory.registration.station_from_suit_rad(),
-            station_from_suit_sigma_rad: memory.registration.sigma_rad(),
-            station_from_suit_m: memory.anchor.station_from_suit_m(),
-            suit_time_ns: memory.processed_ns,
-            suit_counter: memory.suit_counter,
-            suit_period_ns: memory.alignment.suit_period_ns(),
-            suit_lag_s: memory.skew.lag_s(),
+            station_from_suit_rad: memory.placement.registration.station_from_suit_rad(),
+            station_from_suit_sigma_rad: memory.placement.registration.sigma_rad(),
+            station_from_suit_m: memory.placement.anchor.station_from_suit_m(),
+            suit_time_ns: memory.placement.suit_time_ns,
+            suit_counter: memory.placement.suit_counter,
+            suit_period_ns: memory.align.alignment.suit_period_ns(),
+            suit_lag_s: memory.align.skew.lag_s(),
         };
     }
 }
@@ -82,8 +77,8 @@ impl Memory {
     pub fn resume_tare(&mut self, tare: &Tare) -> bool {
         let sound = tare.is_sound();
         if sound {
-            self.tare = *tare;
-            self.force_offset.reset();
+            self.align.tare = *tare;
+            self.ground.force_offset.reset();
         }
         sound
     }
@@ -102,63 +97,16 @@ impl Memory {
         if !sound || !settings.suit_drifts {
             return false;
         }
-        self.anchor.resume(shift_m);
-        self.registration
-            .resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
-        self.processed_ns = registration.suit_time_ns;
-        self.suit_counter = registration.suit_counter;
-        self.alignment.expect_suit_period(registration.suit_period_ns);
+        self.placement.resume(registration);
+        self.align.alignment.expect_suit_period(registration.suit_period_ns);
         // Most of the lag is a property of the devices and survives a restart of the daemon; otherwise the estimator
         // detects the change.
-        self.skew.resume(registration.suit_lag_s);
-        self.shift_unconfirmed = 1;
+        self.align.skew.resume(registration.suit_lag_s);
         true
     }
 
     /// Marks the registration as lost: nothing stored provides it, or the suit is another one.
     pub fn invalidate_registration(&mut self) {
-        self.registration.mark_lost(core::f64::consts::PI);
-    }
-
-    /// Drops a shift from before the start unless this sample shows that the same suit continued after a short gap.
-    pub(super) fn confirm_shift(&mut self, suit: &SuitSample, settings: &Settings) {
-        if self.shift_unconfirmed == 0 {
-            return;
-        }
-        self.shift_unconfirmed = 0;
-        let gap_ns = suit.sample_time_ns.saturating_sub(self.processed_ns);
-        let suit_continued = self.suit_continued(suit);
-        if !suit_continued || gap_ns > SHIFT_VALID_NS {
-            self.anchor = Zeroable::zeroed();
-            self.processed_ns = 0;
-            let heading_sigma_rad =
-                if suit_continued { settings.suit_orientation_sigma_rad() } else { core::f64::consts::PI };
-            self.registration.mark_lost(heading_sigma_rad);
-        }
-    }
-
-    /// Whether the suit's counter has advanced since the last sample in proportion to the time.
-    fn suit_continued(&self, suit: &SuitSample) -> bool {
-        let (gap_s, period_s) = self.since_last_s(suit);
-        let counted = u64::from(suit.device_counter).checked_sub(self.suit_counter);
-        counted.is_some_and(|counted| {
-            (counted as f64 * period_s - gap_s).abs() <= COUNTER_SLACK_S + COUNTER_TOLERANCE * gap_s
-        })
-    }
-
-    /// Whether the suit restarted since the last sample: its counter started at zero and is not larger than the elapsed
-    /// time allows. A counter that jumps to another value is no restart.
-    pub(super) fn has_restarted(&self, suit: &SuitSample) -> bool {
-        let (gap_s, period_s) = self.since_last_s(suit);
-        let counted_s = f64::from(suit.device_counter) * period_s;
-        u64::from(suit.session) != self.session
-            && !self.suit_continued(suit)
-            && counted_s <= COUNTER_SLACK_S + (1.0 + COUNTER_TOLERANCE) * gap_s
-    }
-
-    /// Time since the last sample, and the suit's period, s.
-    fn since_last_s(&self, suit: &SuitSample) -> (f64, f64) {
-        let gap_ns = suit.sample_time_ns.saturating_sub(self.processed_ns);
-        (gap_ns as f64 * 1e-9, self.alignment.suit_period_ns() as f64 * 1e-9)
+        self.placement.registration.mark_lost(core::f64::consts::PI);
     }
 }

@@ -175,7 +175,7 @@ mod tests {
     fn insoles_share_what_the_tared_plate_weighs() {
         let devices = GroundDevice::Plate as u32 | GroundDevice::Insoles as u32;
         let on =
-            |sample: GroundSample| GroundSample { devices, foot_frame: FootFrame::Sole as u32, ..sample };
+            |sample: GroundSample| GroundSample { devices, foot_frame: FootFrame::Insole as u32, ..sample };
         let tare = Tare::mean_of([on(plates([20.0, 20.0]))].iter());
         let standing = tare.subtract_from(&on(plates([185.0, 555.0])));
         assert_eq!((standing.force_n[2], standing.foot_vertical_n), (700.0, [175.0, 525.0]));

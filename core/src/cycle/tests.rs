@@ -11,6 +11,8 @@ use nalgebra::Vector3;
 
 use super::*;
 use crate::body::{Joint, Segment, Side};
+use crate::message::Validity;
+use crate::message::state::Phase;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
@@ -24,6 +26,7 @@ mod planning;
 mod pose_request;
 mod reported_body;
 mod sharing;
+mod stages;
 mod stored_state;
 use bench::*;
 
@@ -64,7 +67,7 @@ fn a_box_overloads_the_joints_that_carry_it() {
     let at = lifted_box(&person, &posture);
     bench.hold(&person, &posture, Some((4.0, at)), 600);
     let state = bench.state();
-    assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+    assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
     assert!((state.delta_f_n[2] - 4.0 * GRAVITY_M_PER_S2).abs() < 1e-6);
     let pose = person.pose(&posture);
     for (name, share) in [("LeftElbow", 0.5), ("RightShoulder", 0.5)] {
@@ -75,8 +78,8 @@ fn a_box_overloads_the_joints_that_carry_it() {
         let published = state.torque_nm[joint.index()][1];
         assert!((published - truth).abs() < 0.15 * truth.abs() + 0.2, "{name}: {published} {truth}");
     }
-    assert!((state.zeta[0] + state.zeta[1] - 1.0).abs() < 1e-12);
-    assert!((state.eta[0] + state.eta[1] - 1.0).abs() < 1e-12);
+    assert!((state.foot_load_fraction[0] + state.foot_load_fraction[1] - 1.0).abs() < 1e-12);
+    assert!((state.hand_load_fraction[0] + state.hand_load_fraction[1] - 1.0).abs() < 1e-12);
 }
 
 #[test]
@@ -114,7 +117,7 @@ fn a_silent_sensor_degrades_and_its_return_restores() {
     bench.hold(&person, &posture, None, 200);
     assert_eq!(bench.phase(), Phase::Degraded);
     assert!(bench.state().validity().any_of(Validity::SUIT_STALE));
-    assert!(!bench.state().validity().any_of(Validity::SPOILS_COP_MEASURED), "the plate still measures");
+    assert!(!bench.state().validity().any_of(Validity::INVALIDATES_COP_MEASURED), "the plate still measures");
     assert_ne!(bench.state().cop_measured_m, [0.0; 2]);
     assert_eq!(bench.state().cop_estimated_m, [0.0; 2]);
 
@@ -127,7 +130,7 @@ fn a_silent_sensor_degrades_and_its_return_restores() {
     assert_eq!(bench.phase(), Phase::Degraded);
     assert!(bench.state().validity().any_of(Validity::GROUND_STALE));
     assert_eq!(bench.state().cop_measured_m, [0.0; 2]);
-    assert!(!bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED), "the suit still measures");
+    assert!(!bench.state().validity().any_of(Validity::INVALIDATES_COP_ESTIMATED), "the suit still measures");
 
     bench.ground_silent = false;
     bench.hold(&person, &posture, None, 500);
@@ -156,7 +159,7 @@ fn the_first_snapshots_of_an_available_body_are_no_leap() {
     for _ in 0..1500 {
         bench.hold(&person, &postures()[0], None, 1);
         let state = bench.state();
-        let invalid = Validity::SPOILS_DELTA_F.and(Validity::SPOILS_COM);
+        let invalid = Validity::INVALIDATES_DELTA_F.and(Validity::INVALIDATES_COM);
         if !state.validity().any_of(invalid) {
             published += 1;
             assert!(state.delta_f_n[2].abs() < 10.0, "{} N without a load", state.delta_f_n[2]);
@@ -180,7 +183,7 @@ fn values_of_the_plate_before_a_silence_are_not_published_after_it() {
     let (expected_n, mut published) = ((MASS_KG + 10.0) * GRAVITY_M_PER_S2, 0);
     for _ in 0..500 {
         bench.hold(&person, &posture, Some((10.0, at)), 1);
-        if !bench.state().validity().any_of(Validity::SPOILS_GROUND_FORCE) {
+        if !bench.state().validity().any_of(Validity::INVALIDATES_GROUND_FORCE) {
             published += 1;
             let published_n = bench.state().ground_force_n[2];
             assert!((published_n - expected_n).abs() < 1.0, "{published_n} N of {expected_n} N");
@@ -274,7 +277,7 @@ fn a_damaged_checkpoint_is_refused() {
     assert!(!is_sound(&|memory| memory.version += 1));
     assert!(!is_sound(&|memory| memory.identification.mass_kg = f64::NAN));
     assert!(!is_sound(&|memory| memory.identification.reduction.count = 70));
-    assert!(!is_sound(&|memory| memory.tare.force_n[2] = f64::INFINITY));
+    assert!(!is_sound(&|memory| memory.align.tare.force_n[2] = f64::INFINITY));
     let flat = |memory: &mut Memory| {
         let subject = &mut memory.identification;
         let count = subject.filter.count();
@@ -311,9 +314,9 @@ fn a_damaged_checkpoint_is_refused() {
 fn nothing_is_valid_before_the_first_samples() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 50);
-    assert!(bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED));
+    assert!(bench.state().validity().any_of(Validity::INVALIDATES_COP_ESTIMATED));
     bench.hold(&person, &postures()[0], None, 400);
-    assert!(!bench.state().validity().any_of(Validity::SPOILS_COP_ESTIMATED));
+    assert!(!bench.state().validity().any_of(Validity::INVALIDATES_COP_ESTIMATED));
 }
 
 #[test]
@@ -326,11 +329,11 @@ fn torques_return_with_their_values_when_a_flag_clears() {
     bench.command(CommandKind::IdentifyStop);
     for _ in 0..1500 {
         bench.hold(&person, &posture, Some((6.0, at)), 1);
-        if !bench.state().validity().any_of(Validity::SPOILS_TORQUES) {
+        if !bench.state().validity().any_of(Validity::INVALIDATES_TORQUES) {
             assert_ne!(bench.state().torque_nm[0], [0.0; 3], "a valid torque that is nothing");
         }
     }
-    assert!(!bench.state().validity().any_of(Validity::SPOILS_TORQUES));
+    assert!(!bench.state().validity().any_of(Validity::INVALIDATES_TORQUES));
 }
 
 #[test]
@@ -342,7 +345,7 @@ fn a_suit_that_returns_alone_is_stale_until_processed() {
     bench.suit_silent = false;
     for _ in 0..200 {
         bench.hold(&person, &postures()[0], None, 1);
-        if !bench.state().validity().any_of(Validity::SPOILS_COM) {
+        if !bench.state().validity().any_of(Validity::INVALIDATES_COM) {
             assert_ne!(bench.state().com_m, [0.0; 3]);
         }
     }
@@ -367,9 +370,9 @@ fn bad_samples_change_nothing() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.hold(&person, &postures()[0], None, 500);
     let before = Box::new(*bench.memory);
-    let mut to_come = bench.memory.alignment.newest_ground().copied().unwrap();
+    let mut to_come = bench.memory.align.alignment.newest_ground().copied().unwrap();
     to_come.sample_time_ns = bench.now_ns + 3_600 * NS_PER_S;
-    let mut far_away = *bench.memory.alignment.newest_suit().unwrap();
+    let mut far_away = *bench.memory.align.alignment.newest_suit().unwrap();
     far_away.sample_time_ns = bench.now_ns + 1;
     far_away.position_m[3][0] = 1e30;
     let mut suit: SuitSample = Zeroable::zeroed();
@@ -379,9 +382,9 @@ fn bad_samples_change_nothing() {
     ground.force_n[0] = f64::NAN;
     let inputs = Inputs { suit: &[suit, far_away], ground: &[ground, to_come], body: None, command: None };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle + 1, due_ns: bench.now_ns }, inputs);
-    let after = &bench.memory.alignment;
-    assert_eq!(after.refused(), before.alignment.refused() + 4);
-    assert_eq!(after.newest_suit(), before.alignment.newest_suit());
-    assert_eq!(after.newest_ground(), before.alignment.newest_ground());
+    let after = &bench.memory.align.alignment;
+    assert_eq!(after.refused(), before.align.alignment.refused() + 4);
+    assert_eq!(after.newest_suit(), before.align.alignment.newest_suit());
+    assert_eq!(after.newest_ground(), before.align.alignment.newest_ground());
     assert_eq!(bytemuck::bytes_of(&before.identification), bytemuck::bytes_of(&bench.memory.identification));
 }

@@ -1,20 +1,20 @@
-//! What a person or a controller may ask of a running daemon, and the answer.
+//! Commands to a running daemon, and replies.
 
 use super::layout::{ZeroCopySend, message};
 
 message! {
-    /// One request.
+    /// A request to the daemon.
     as "equipoise/Command/1", 128 bytes,
     pub struct Command {
         /// A [`CommandKind`].
         pub kind: u32,
         /// Always zero.
         pub reserved: u32,
-        /// Arguments, as the kind says.
+        /// Arguments; their meaning depends on `kind`.
         pub argument: [f64; 4],
-        /// A subject's pseudonymous id, UTF-8, zero-filled; for the `Subject…` kinds.
+        /// Pseudonym of a subject, UTF-8, padded with zeros; for the `Subject…` kinds.
         pub subject: [u8; 64],
-        /// Always zero; fills the message to a multiple of 64 bytes.
+        /// Always zero; pads the message to a multiple of 64 bytes.
         pub reserved_tail: [u64; 3],
     }
 }
@@ -23,13 +23,13 @@ message! {
     /// The answer to a [`Command`].
     as "equipoise/Reply/1", 320 bytes,
     pub struct Reply {
-        /// 0: done. Otherwise refused, and `text` says why.
+        /// 0: done. Otherwise the command was refused, and `text` states the reason.
         pub refused: u32,
         /// Always zero.
         pub reserved: u32,
-        /// The cycle from which the command holds; 0 if it does not concern the loop.
+        /// First cycle with the command's effect; 0 if the command does not concern the loop.
         pub cycle: u64,
-        /// One sentence, UTF-8, zero-filled.
+        /// One sentence, UTF-8, padded with zeros.
         pub text: [u8; 304],
     }
 }
@@ -37,28 +37,29 @@ message! {
 /// What may be asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Kind of a command.
 pub enum CommandKind {
-    /// Learn from held poses from now on.
+    /// Start the identification with static poses.
     IdentifyStart = 1,
-    /// Stop learning and monitor with what is known.
+    /// Stop the identification and monitor with the present estimate.
     IdentifyStop = 2,
-    /// Forget what was learnt; back to the prior.
+    /// Reset the identification to the prior.
     IdentifyReset = 3,
-    /// Copy the whole memory of the loop to the checkpoint service (recorders start with one).
+    /// Publish a copy of the loop's memory on the checkpoint service; recorders start with one.
     Checkpoint = 4,
-    /// Save the current subject's profile now.
+    /// Save the active subject's profile.
     SubjectSave = 5,
-    /// Load a stored profile by id.
+    /// Load the profile `subject`.
     SubjectLoad = 6,
-    /// Take the wrench of the last 0.3 s as zero; the plate must be empty.
+    /// Subtract the mean wrench of the last 0.3 s from now on; the plate must be empty.
     Tare = 7,
-    /// The worker cannot hold the suggested pose: ask for another.
+    /// Skip the suggested pose and suggest another one.
     PoseSkip = 8,
-    /// Delete a subject by id from the daemon's state; if it is in use, an unknown subject replaces it.
-    SubjectForget = 9,
-    /// Other settings hold from this cycle on. Not asked for over the bus: the daemon reads its configuration again.
+    /// Delete a subject from the daemon's state; an active one is replaced by an unknown subject.
+    SubjectDelete = 9,
+    /// Apply new settings from this cycle on. Not accepted over the bus: the daemon reloads its configuration.
     Reload = 10,
-    /// Take the last lift of the shift back: it counts no more.
+    /// Remove the last lift of the shift from the dose.
     UndoLift = 11,
 }
 
@@ -73,12 +74,12 @@ impl CommandKind {
         CommandKind::SubjectLoad,
         CommandKind::Tare,
         CommandKind::PoseSkip,
-        CommandKind::SubjectForget,
+        CommandKind::SubjectDelete,
         CommandKind::Reload,
         CommandKind::UndoLift,
     ];
 
-    /// The kind of a message's number, `None` for a number of a later version.
+    /// Kind with this number; `None` for a number of a later version.
     pub fn from_number(number: u32) -> Option<CommandKind> {
         Self::ALL.into_iter().find(|kind| *kind as u32 == number)
     }

@@ -1,54 +1,54 @@
-//! What the ground says: one wrench under the feet.
+//! Samples of the ground devices: the wrench under the feet.
 
 mod between;
 
 use super::layout::{Message, ZeroCopySend, message};
 
 message! {
-    /// The ground's action on the person: force and moment in the station's world (X forward, Y left, Z up).
+    /// Ground reaction on the person: force and moment in the station's world (X forward, Y left, Z up).
     ///
-    /// The adapter has already turned the device's axes and sign ("action" or "reaction") into this one; the
-    /// moment is taken about the world's origin. Written by the ground adapter only.
+    /// The adapter has converted the device's axes and sign ("action" or "reaction"); the moment is about the world's
+    /// origin. Only the ground adapter publishes it.
     as "equipoise/Ground/3", 192 bytes,
     pub struct GroundSample {
-        /// When the sample was taken, on the host's CLOCK_MONOTONIC, by the stream's clock fit.
+        /// Time of the measurement by the stream's clock fit, CLOCK_MONOTONIC ns of the host.
         pub sample_time_ns: u64,
-        /// 1-σ of `sample_time_ns`; `u64::MAX` while the clock fit has too few points.
+        /// 1-σ of `sample_time_ns`, ns; `u64::MAX` while the clock fit has too few points.
         pub sample_time_sigma_ns: u64,
-        /// Kernel receive stamp, CLOCK_MONOTONIC.
+        /// Kernel's receive stamp, CLOCK_MONOTONIC ns.
         pub arrival_ns: u64,
-        /// When the adapter published it, CLOCK_MONOTONIC.
+        /// Time of publication by the adapter, CLOCK_MONOTONIC ns.
         pub published_ns: u64,
-        /// Counts the samples this adapter published, from 1.
+        /// Number of the sample since the adapter's start, from 1.
         pub sequence: u64,
-        /// The device's own sample counter (ATI: `ft_sequence`).
+        /// Sample counter of the device (ATI: `ft_sequence`).
         pub device_counter: u32,
-        /// The device's status word; not zero means that the sample must not be used.
+        /// Status word of the device; nonzero: the sample is invalid.
         pub device_status: u32,
-        /// Grows by one whenever the device's counter restarts.
+        /// Increments when the device's counter restarts.
         pub session: u32,
-        /// 1 if each foot was measured by itself (two plates, insoles): then the `foot_` fields mean something.
+        /// 1 if each foot was measured separately (two plates, insoles): the `foot_` fields are valid.
         pub per_foot: u32,
-        /// Force on the person, N.
+        /// Force on the person, world axes, N.
         pub force_n: [f64; 3],
-        /// Moment on the person about the world's origin, N m.
+        /// Moment on the person about the world's origin, world axes, N m.
         pub moment_nm: [f64; 3],
         /// Height of the walking surface in the world, m.
         pub surface_z_m: f64,
-        /// Vertical force under the left and the right foot, N; their sum is `force_n[2]`.
+        /// Vertical force under the left and the right foot, N; the sum is `force_n[2]`.
         pub foot_vertical_n: [f64; 2],
-        /// Centre of pressure under the left and the right foot, m, in the frame that `foot_frame` names; zero for a
-        /// foot without force.
+        /// Centre of pressure under the left and the right foot, x and y in the frame `foot_frame`, m; zero for a foot
+        /// without force.
         pub foot_cop_m: [[f64; 2]; 2],
-        /// What the devices cannot measure: a union of [`Component`] bits. Those numbers are zero and mean nothing.
+        /// Components that the devices cannot measure: a union of [`Component`] bits. They are zero and invalid.
         pub not_measured: u32,
-        /// What this sample is made of: a union of [`GroundDevice`] bits.
+        /// Devices in this sample: a union of [`GroundDevice`] bits.
         pub devices: u32,
-        /// Frame of `foot_cop_m`: 0 the station's world, 1 each sole's own ([`FootFrame`]).
+        /// Frame of `foot_cop_m`: 0 world, 1 insole ([`FootFrame`]).
         pub foot_frame: u32,
         /// Always zero.
         pub reserved: u32,
-        /// Always zero; fills the message to a multiple of 64 bytes.
+        /// Always zero; pads the message to a multiple of 64 bytes.
         pub reserved_tail: [u64; 2],
     }
 }
@@ -56,29 +56,32 @@ message! {
 /// Parts of a wrench that a device may not measure, as bits of `not_measured`. The vertical force is always measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Components of a wrench that a device may not measure, as bits of `not_measured`. The vertical force is always
+/// measured.
 pub enum Component {
-    /// The horizontal force: insoles feel only what presses on them.
+    /// Horizontal force: insoles measure only normal forces.
     Shear = 1,
-    /// The moment about the horizontal axes, and with it the centre of pressure of the whole in the world.
+    /// Moment about the horizontal axes, and thus the centre of pressure in the world.
     Tilt = 1 << 1,
-    /// The moment about the vertical.
+    /// Moment about the vertical axis.
     FreeMoment = 1 << 2,
 }
 
 /// What kind of device a sample comes from, as bits of `devices`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Kind of a device, as bits of `devices`.
 pub enum GroundDevice {
     /// The force plate of `[ground]`.
     Plate = 1,
-    /// The one of `[ground.second]`.
+    /// The force plate of `[ground.second]`.
     SecondPlate = 1 << 1,
     /// Insoles.
     Insoles = 1 << 2,
 }
 
 impl GroundDevice {
-    /// All, lowest bit first, with their public names.
+    /// All bits with their public names, lowest first.
     pub const NAMES: [(GroundDevice, &'static str); 3] = [
         (GroundDevice::Plate, "plate"),
         (GroundDevice::SecondPlate, "second_plate"),
@@ -89,70 +92,71 @@ impl GroundDevice {
 /// Frame of each foot's centre of pressure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Frame of each foot's centre of pressure.
 pub enum FootFrame {
     /// The station's world.
     World = 0,
-    /// Each sole's own: from the middle of the sole, X to its tip, Y to the left. Only the suit knows where the feet are.
-    Sole = 1,
+    /// Each insole's own frame: origin in its middle, X towards the toes, Y to the left. Only the suit provides the
+    /// pose of the feet.
+    Insole = 1,
 }
 
-/// Why a wrench has no centre of pressure.
+/// Reason why a wrench has no centre of pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoCop {
-    /// The vertical force is below the threshold: no person stands there.
+    /// The vertical force is below the threshold: no person is on the plate.
     TooLittleForce {
-        /// The vertical force, N.
+        /// Vertical force, N.
         vertical_n: f64,
     },
     /// The device reported a fault.
     DeviceStatus(u32),
-    /// The devices do not measure it; the feet's own centres and where the feet stand may tell it.
+    /// The devices do not measure it; it may follow from the feet's own centres and positions.
     NotMeasured,
 }
 
-/// What the ground does to each foot by itself: left, right.
+/// Ground reaction on each foot: left, right.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Feet {
-    /// Vertical force, N; none is negative, and their sum is positive.
+    /// Vertical force, N; not negative, with a positive sum.
     pub vertical_n: [f64; 2],
-    /// Centre of pressure, world x and y, m; `None` if a foot carries too little to have one, or if it is in the sole's own
-    /// frame.
+    /// Centre of pressure, world x and y, m; `None` if a foot's force is too small, or if it is in the insole's frame.
     pub cop_m: Option<[[f64; 2]; 2]>,
 }
 
 impl Feet {
-    /// Share of the left and the right foot, summing to one.
+    /// Fractions of the left and the right foot; their sum is one.
     pub fn shares(&self) -> [f64; 2] {
         let [left, right] = self.vertical_n;
         [left / (left + right), right / (left + right)]
     }
 }
 
-/// Both feet's forces and the whole may differ by this much, N, or by that share of it, whatever is more.
+/// Maximum difference between the sum of both feet and the total: the larger of an absolute value, N, and a fraction.
 const FEET_SUM_TOLERANCE: (f64, f64) = (5.0, 0.02);
 
-/// Below this vertical force the centre of pressure is noise (protocols §3.7: devices gate at 5–10 N).
+/// Minimum vertical force for a centre of pressure, N; below, it is noise (devices gate at 5 to 10 N).
 pub const COP_MIN_VERTICAL_N: f64 = 20.0;
 
-/// No plate measures more, N and N m.
+/// Maximum of any plate's range, N and N m.
 const WRENCH_MAX: f64 = 1e6;
-/// No plate lies farther from the origin, m.
+/// Maximum distance of a plate from the origin, m.
 const HEIGHT_MAX_M: f64 = 1e4;
 
 impl GroundSample {
-    /// Whether its numbers can be a plate's: finite, and not beyond what any measures.
+    /// Whether the numbers are possible for a plate: finite, and within any plate's range.
     pub fn is_possible(&self) -> bool {
         self.is_finite()
             && self.force_n.iter().chain(&self.moment_nm).all(|value| value.abs() < WRENCH_MAX)
             && self.surface_z_m.abs() < HEIGHT_MAX_M
     }
 
-    /// Whether the devices measure a part of the wrench.
+    /// Whether the devices measure a component.
     pub fn measures(&self, component: Component) -> bool {
         self.not_measured & component as u32 == 0
     }
 
-    /// The same with zero for every number that was not measured, so that none is used by mistake.
+    /// This sample with zero for each unmeasured component.
     #[must_use]
     pub fn mask_unmeasured(mut self) -> GroundSample {
         if !self.measures(Component::Shear) {
@@ -167,13 +171,13 @@ impl GroundSample {
         self
     }
 
-    /// Whether insoles, and no plate, measured it.
+    /// Whether insoles measured it, and no plate.
     pub fn is_by_insoles_alone(&self) -> bool {
         let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
         self.devices & GroundDevice::Insoles as u32 != 0 && self.devices & plates == 0
     }
 
-    /// Whether each foot was measured by itself and says the same as the whole: finite, and summing to it.
+    /// Whether each foot was measured separately and consistently with the total: finite, with the same sum.
     pub fn has_feet(&self) -> bool {
         let [left, right] = self.foot_vertical_n;
         let (newtons, share) = FEET_SUM_TOLERANCE;
@@ -183,7 +187,7 @@ impl GroundSample {
             && self.foot_cop_m.iter().flatten().all(|metres| metres.is_finite())
     }
 
-    /// What each foot carries; `None` if it was not measured, contradicts the whole, or no person stands there.
+    /// Force on each foot; `None` if it was not measured, is inconsistent with the total, or no person is on the plate.
     pub fn feet(&self) -> Option<Feet> {
         if !self.has_feet() || self.cop_m().is_err() {
             return None;

@@ -1,33 +1,34 @@
-//! How an adapter fares: what came in, and what was refused, by reason.
+//! Counts of an adapter: received, published, lost, and rejected by reason.
 
 use super::layout::{ZeroCopySend, message};
 
-/// How many reasons an adapter can count.
+/// Maximum number of rejection reasons of an adapter.
 pub const REASONS: usize = 24;
 
 message! {
-    /// Counts of one adapter since its start, published once a second.
+    /// Counts of one adapter since its start, published once per second.
     as "equipoise/Health/2", 256 bytes,
     pub struct AdapterHealth {
-        /// When it was published, CLOCK_MONOTONIC.
+        /// Time of publication, CLOCK_MONOTONIC ns.
         pub time_ns: u64,
-        /// Datagrams or records taken from the wire.
+        /// Datagrams or records received.
         pub received: u64,
         /// Samples published.
         pub published: u64,
-        /// Samples the device sent and we never saw, by its counter and stride.
+        /// Samples sent by the device but not received, by its counter and stride.
         pub lost: u64,
-        /// Which stream: 1 suit, 2 ground.
+        /// Stream: 1 suit, 2 ground.
         pub stream: u32,
-        /// Process id of the adapter.
+        /// Process ID of the adapter.
         pub process_id: u32,
-        /// Samples a second over the last second.
+        /// Samples per second over the last second, Hz.
         pub rate_hz: f64,
-        /// What was refused, by reason; the adapter's documentation names the reasons in order.
+        /// Rejected datagrams or samples by reason; the order of reasons is in the adapter's documentation.
         pub refused: [u64; REASONS],
-        /// How long a device gathers samples before it sends them as one block, ns; 0 if it sends each by itself.
+        /// Time during which the device collects samples before it sends them as one block, ns; 0 if it sends each
+        /// sample separately.
         pub block_latency_ns: u64,
-        /// Always zero; fills the message to a multiple of 64 bytes.
+        /// Always zero; pads the message to a multiple of 64 bytes.
         pub reserved_tail: u64,
     }
 }

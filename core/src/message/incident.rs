@@ -1,25 +1,25 @@
-//! What went wrong on a station, each kind by its name: begun, still so, how often, since when.
+//! Incidents: named faults of a station, with count, begin and end.
 
 use super::layout::{ZeroCopySend, message};
 
-/// How many kinds a message has places for.
+/// Maximum number of kinds in a message.
 pub const KINDS_MAX: usize = 32;
 
 message! {
-    /// The station's incidents since the daemon's start, published once a second and whenever one begins or ends.
+    /// Incidents of the station since the daemon's start; published once per second, and when one begins or ends.
     as "equipoise/Incidents/1", 832 bytes,
     pub struct Incidents {
-        /// When it was published, CLOCK_MONOTONIC.
+        /// Time of publication, CLOCK_MONOTONIC ns.
         pub time_ns: u64,
-        /// Which go on now: bit n is kind n.
+        /// Active incidents: bit n is kind n.
         pub active: u64,
-        /// How often each kind has begun.
+        /// Number of occurrences of each kind.
         pub begun: [u64; KINDS_MAX],
-        /// When each kind last began, CLOCK_MONOTONIC; 0 for never.
+        /// Last begin of each kind, CLOCK_MONOTONIC ns; 0 for never.
         pub last_begun_ns: [u64; KINDS_MAX],
-        /// When each kind last ended, CLOCK_MONOTONIC; 0 for never.
+        /// Last end of each kind, CLOCK_MONOTONIC ns; 0 for never.
         pub last_ended_ns: [u64; KINDS_MAX],
-        /// Always zero; fills the message to a multiple of 64 bytes.
+        /// Always zero; pads the message to a multiple of 64 bytes.
         pub reserved_tail: [u64; 6],
     }
 }
@@ -37,7 +37,7 @@ macro_rules! kinds {
             /// All kinds, lowest number first.
             pub const ALL: &'static [Incident] = &[$(Incident::$Kind),*];
 
-            /// The public name.
+            /// Public name.
             pub const fn name(self) -> &'static str {
                 match self { $(Incident::$Kind => $name,)* }
             }
@@ -46,56 +46,56 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// The suit sends nothing.
+    /// The suit sends no data.
     SuitSilent = 0, "suit_silent";
-    /// The plate sends nothing.
+    /// The plate sends no data.
     GroundSilent = 1, "ground_silent";
-    /// Suit samples come, but their time does not advance, or is refused.
+    /// Suit samples arrive, but their times do not advance or are rejected.
     SuitStampsStale = 2, "suit_stamps_stale";
-    /// Ground samples come, but their time does not advance, or is refused.
+    /// Ground samples arrive, but their times do not advance or are rejected.
     GroundStampsStale = 3, "ground_stamps_stale";
-    /// The suit's adapter has ended by itself; it is started again.
+    /// The suit's adapter ended unexpectedly; it is restarted.
     SuitAdapterDown = 4, "suit_adapter_down";
-    /// The ground's adapter has ended by itself; it is started again.
+    /// The ground's adapter ended unexpectedly; it is restarted.
     GroundAdapterDown = 5, "ground_adapter_down";
     /// A ring before the loop was full: samples were lost.
     InputOverflow = 6, "input_overflow";
-    /// The ring behind the loop was full: states were lost.
+    /// The ring after the loop was full: states were lost.
     OutputOverflow = 7, "output_overflow";
-    /// Device time is not tied to host time, or the host's own clock is not to be trusted.
-    ClockTrouble = 8, "clock_trouble";
-    /// A cycle was ready only after the next was due.
+    /// Device time is not tied to host time, or the host's clock is unreliable.
+    ClockFault = 8, "clock_fault";
+    /// A state was complete only after the next cycle's due time.
     DeadlineMissed = 9, "deadline_missed";
-    /// The loop stood still for many periods.
+    /// The loop did not run for many periods.
     LoopStalled = 10, "loop_stalled";
-    /// Real time was asked for and not granted.
+    /// The requested real-time scheduling was not granted.
     RealTimeRefused = 11, "real_time_refused";
-    /// The loop took page faults after its warm-up.
+    /// The loop had page faults after its warm-up.
     PageFaults = 12, "page_faults";
-    /// A participant of the bus was killed and has been cleared away.
+    /// A participant of the bus was killed, and its resources were removed.
     ParticipantDied = 13, "participant_died";
-    /// What is measured is no longer what the model predicts of this worker.
-    ModelNoLongerExplains = 14, "model_no_longer_explains";
-    /// What was learnt cannot be written to disk.
+    /// The measurements of this subject no longer agree with the model's predictions.
+    ModelMismatch = 14, "model_mismatch";
+    /// The state cannot be written to disk.
     NotSaved = 15, "not_saved";
     /// The latency log or a flight record cannot be written.
     LatencyNotLogged = 16, "latency_not_logged";
-    /// The configuration was read again and refused; the one before stays in force.
+    /// A reloaded configuration was rejected; the previous one stays active.
     ReloadRefused = 17, "reload_refused";
-    /// Where the worker stands on the plate is not known.
-    PlaceUnknown = 18, "place_unknown";
-    /// What the ground's devices show no body does, or no working device.
+    /// The subject's position on the plate is unavailable.
+    PositionUnknown = 18, "position_unknown";
+    /// The ground's readings are implausible for a body or a working device.
     GroundImplausible = 19, "ground_implausible";
-    /// What the suit shows no body does, or no working suit.
+    /// The suit's poses are implausible for a body or a working suit.
     SuitImplausible = 20, "suit_implausible";
-    /// The ground carries less than the body weighs, and this lasts.
+    /// The ground force has been less than the body weight for a long time.
     WeightMissing = 21, "weight_missing";
-    /// The ground carries an external load that is not in the hands, and this lasts.
-    LoadElsewhere = 22, "load_elsewhere";
+    /// An external load has been far from the hands for a long time.
+    LoadNotAtHands = 22, "load_not_at_hands";
 }
 
 impl Incidents {
-    /// The kinds that go on now.
+    /// The active kinds.
     pub fn active(&self) -> impl Iterator<Item = Incident> {
         let active = self.active;
         Incident::ALL.iter().copied().filter(move |kind| active & (1 << *kind as u32) != 0)

@@ -1,122 +1,123 @@
-//! What the loop knows: one message per cycle, for every consumer.
+//! The result of each cycle: the message for every consumer.
 
 use super::layout::{ZeroCopySend, message};
 use super::validity::Validity;
 use crate::body::{JOINTS, SEGMENTS};
 
 message! {
-    /// Everything the pipeline says, once per cycle. World: X forward, Y left, Z up, the station's origin.
+    /// Result of one cycle. All vectors are in the station's world: X forward, Y left, Z up, origin of the station.
     ///
-    /// A value may be used only if none of its invalid reasons ([`Validity`]) is raised in `valid`; an invalid value is zero
-    /// and means nothing. Nothing here is ever NaN, and nothing is repeated past its age.
+    /// A value is valid only if no flag that invalidates it ([`Validity`]) is raised in `valid`; invalid values are
+    /// zero. No value is NaN, and no value is repeated after its maximum age.
     ///
-    /// Everything measured belongs to one time, `suit_sample_time_ns`. Compensating inertia needs samples from both
-    /// sides of that time, so it lies `group_delay_ns` behind the newest suit sample; the ages say the whole truth.
+    /// All results refer to one time, `suit_sample_time_ns`. The compensation of the body's inertia needs samples
+    /// before and after that time, so it is `group_delay_ns` before the newest suit sample.
     as "equipoise/State/5", 2752 bytes,
     pub struct State {
-        /// The cycle's number in this daemon's life, from 1.
+        /// Number of the cycle since the daemon's start, from 1.
         pub cycle: u64,
-        /// When the cycle was due, CLOCK_MONOTONIC.
+        /// Due time of the cycle, CLOCK_MONOTONIC ns.
         pub time_ns: u64,
-        /// The suit sample that the values below belong to; 0 before the first.
+        /// Sample time that the results refer to, CLOCK_MONOTONIC ns; 0 before the first sample.
         pub suit_sample_time_ns: u64,
-        /// Age of the newest suit sample at `time_ns`.
+        /// Age of the newest suit sample at `time_ns`, ns.
         pub suit_age_ns: u64,
-        /// Age of the newest ground sample at `time_ns`.
+        /// Age of the newest ground sample at `time_ns`, ns; `u64::MAX` before the first.
         pub ground_age_ns: u64,
-        /// How far `suit_sample_time_ns` lies behind the newest suit sample that was worked through.
+        /// Delay of `suit_sample_time_ns` behind the newest processed suit sample, ns.
         pub group_delay_ns: u64,
-        /// Reasons why values must not be used: bits of [`Validity`].
+        /// Invalid reasons: bits of [`Validity`]; 0 if all values are valid.
         pub valid: u64,
         /// A [`Phase`].
         pub phase: u32,
-        /// 1 while the worker holds still (20-sample window).
+        /// 1 while the pose is static (window of 20 samples).
         pub static_pose: u32,
-        /// 1 once the stop rule of the identification is met.
+        /// 1 after the stop criterion of the identification is met.
         pub converged: u32,
-        /// Held poses that entered the filter.
+        /// Number of static poses that updated the filter.
         pub poses_used: u32,
-        /// Grows by one with every step of the feet.
+        /// Number of the stance: increments at every step of the feet.
         pub stance: u32,
-        /// Index of the suggested pose in `core::pose_suggestion::LIBRARY`; `u32::MAX` when none is asked for.
+        /// Index of the suggested pose in `core::pose_suggestion::LIBRARY`; `u32::MAX` if none is suggested.
         pub suggested_pose: u32,
-        /// Suit samples in motion that entered the filter (`method = "static+dynamic"`).
+        /// Number of motion samples that updated the filter (`method = "static+dynamic"`).
         pub motion_samples_used: u32,
-        /// Where `zeta` comes from: a [`SharingSource`].
+        /// Source of `foot_load_fraction`: a [`SharingSource`].
         pub sharing_source: u32,
-        /// Index of the joint that comes closest to its limit; `u32::MAX` while no torque is published.
+        /// Index of the joint closest to its torque limit; `u32::MAX` while no torque is valid.
         pub worst_joint: u32,
-        /// Lifts that entered the cumulative dose.
+        /// Number of lifts in the cumulative dose.
         pub lifts: u32,
-        /// Where the worker's bones come from: a `core::cycle::BodySource`.
+        /// Source of the segment lengths: a `core::cycle::BodySource`.
         pub body_source: u32,
-        /// Where the outline of the soles comes from: a [`SoleSource`].
-        pub sole_source: u32,
-        /// Why the body dimensions that the suit sent last are not used: a `core::cycle::BodyRefusal`.
-        pub body_refused: u32,
-        /// What this station's sensors do not give: a union of [`NotGiven`] bits. Those values are zero and mean
-        /// nothing, whatever `valid` says.
-        pub not_given: u32,
-        /// Where the body's accelerations come from: an [`AccelerationSource`].
+        /// Source of the foot outlines: a [`FootOutlineSource`].
+        pub foot_outline_source: u32,
+        /// Reason why the last body dimensions from the suit are not used: a `core::cycle::BodyRejection`.
+        pub body_rejected: u32,
+        /// Quantities that this station's sensors do not provide: a union of [`Unavailable`] bits. They are zero and
+        /// invalid, regardless of `valid`.
+        pub unavailable: u32,
+        /// Source of the body's accelerations: an [`AccelerationSource`].
         pub acceleration_source: u32,
-        /// What the ground's sample was made of: a union of `GroundDevice` bits.
+        /// Devices in the ground sample: a union of `GroundDevice` bits.
         pub ground_devices: u32,
-        /// Overload level per joint: a `core::overload::Level`.
+        /// Overload level of each joint: a `core::overload::Level`.
         pub joint_level: [u32; JOINTS],
-        /// Measured centre of pressure, m.
+        /// Measured centre of pressure, world x and y, m.
         pub cop_measured_m: [f64; 2],
-        /// 1-σ of `cop_measured_m`, m.
+        /// 1-σ of `cop_measured_m` per axis, m.
         pub cop_measured_sigma_m: [f64; 2],
-        /// Centre of pressure that the unloaded body would have in this motion, by the identified model, m.
+        /// Centre of pressure of the same motion without the load, by the identified model, world x and y, m.
         pub cop_estimated_m: [f64; 2],
-        /// 1-σ of `cop_estimated_m`, m.
+        /// 1-σ of `cop_estimated_m` per axis, m.
         pub cop_sigma_m: [f64; 2],
-        /// Estimated centre of mass of the unloaded body, m.
+        /// Estimated centre of mass of the unloaded body, world, m.
         pub com_m: [f64; 3],
-        /// The suit maker's own centre of mass, held to the floor as the segments are, m; see `not_given`.
+        /// Centre of mass computed by the suit's software, anchored to the floor as the segments are, world, m; see
+        /// `unavailable`.
         pub suit_com_m: [f64; 3],
-        /// Ground reaction force on the person, N; see `not_given` for its horizontal part.
+        /// Ground reaction force on the person, world axes, N; see `unavailable` for its horizontal part.
         pub ground_force_n: [f64; 3],
-        /// External force carried: measured ground reaction less what the body alone needs in this motion, N.
+        /// External force: measured ground reaction minus that of the unloaded body in the same motion, world axes, N.
         pub delta_f_n: [f64; 3],
-        /// 1-σ of the vertical `delta_f_n`, N.
+        /// 1-σ of the vertical component of `delta_f_n`, N.
         pub delta_f_sigma_n: f64,
         /// Body mass in use, kg.
         pub mass_kg: f64,
-        /// Share of the ground reaction under the left and the right foot.
-        pub zeta: [f64; 2],
-        /// Share of the load in the left and the right hand.
-        pub eta: [f64; 2],
-        /// 1-σ of `zeta`: the two errors are equal and opposite.
-        pub zeta_sigma: f64,
-        /// 1-σ of `eta`: the two errors are equal and opposite.
-        pub eta_sigma: f64,
-        /// Horizontal distance from the load to the line between the hands, m.
-        pub load_distance_m: f64,
-        /// Mass in the hands, kg.
+        /// ζ: fraction of the ground reaction under the left and the right foot, 0 to 1.
+        pub foot_load_fraction: [f64; 2],
+        /// η: fraction of the load in the left and the right hand, 0 to 1.
+        pub hand_load_fraction: [f64; 2],
+        /// 1-σ of `foot_load_fraction`; the errors of the two feet are equal and opposite.
+        pub foot_load_fraction_sigma: f64,
+        /// 1-σ of `hand_load_fraction`; the errors of the two hands are equal and opposite.
+        pub hand_load_fraction_sigma: f64,
+        /// Horizontal distance of the load from the line between the hands, m.
+        pub load_hand_distance_m: f64,
+        /// Mass of the load in the hands, kg.
         pub lifted_mass_kg: f64,
         /// 1-σ of `lifted_mass_kg`, kg.
         pub lifted_mass_sigma_kg: f64,
-        /// Horizontal distance from the middle of the ankles to the load, m.
+        /// Horizontal distance of the load from the midpoint of the ankles, m.
         pub reach_m: f64,
         /// 1-σ of `reach_m`, m.
         pub reach_sigma_m: f64,
-        /// Largest variance of an identified parameter, m² (the paper's P_jj).
+        /// Largest variance of an identified parameter, m² (P_jj in the paper).
         pub variance_max_m2: f64,
-        /// Predicted 1-σ of the CoP over the poses of the library, m.
+        /// Predicted 1-σ of the centre of pressure over the pose library, m.
         pub predicted_cop_sigma_m: f64,
-        /// Normalised innovation squared of the last pose (2 degrees of freedom); 0 before the first.
+        /// Normalised innovation squared of the last static pose, 2 degrees of freedom; 0 before the first.
         pub nis: f64,
-        /// How much the prior's covariance was inflated because this worker did not fit it; 1 if not at all.
+        /// Factor on the prior's covariance after a conflict with the first poses, ≥ 1; 1 without a conflict, 0 before
+        /// the filter's start.
         pub prior_inflation: f64,
-        /// How far the worker is from the suggested pose: RMS joint angle, or the turn of the body that is still to be
-        /// made, rad.
+        /// Difference from the suggested pose: RMS joint angle, or the remaining rotation of the whole body, rad.
         pub pose_mismatch_rad: f64,
-        /// How much later than the ground's the suit's sample times are than they should be, s.
+        /// Skew: estimated delay of the suit's sample times relative to the ground's, s.
         pub suit_skew_s: f64,
-        /// 1-σ of `suit_skew_s`, s; 0 while the motion has not shown the skew.
+        /// 1-σ of `suit_skew_s`, s; 0 until unloaded motion has determined the skew.
         pub suit_skew_sigma_s: f64,
-        /// Net moment at L5/S1 of upper body and load about the horizontal axes, N m.
+        /// Net moment of upper body and load at L5/S1 about the horizontal axes, N m.
         pub l5s1_moment_nm: f64,
         /// 1-σ of `l5s1_moment_nm`, N m.
         pub l5s1_moment_sigma_nm: f64,
@@ -124,69 +125,73 @@ message! {
         pub l5s1_compression_n: f64,
         /// 1-σ of `l5s1_compression_n`, N.
         pub l5s1_compression_sigma_n: f64,
-        /// Cumulative damage of the low back after LiFFT (Gallagher 2017), 1 being failure.
+        /// Cumulative damage of the low back, 1 at failure (LiFFT, Gallagher et al. 2017).
         pub dose_damage: f64,
-        /// Probability of a high-risk job by that dose, in [0, 1].
+        /// Probability of a high-risk job at this dose, 0 to 1.
         pub dose_probability: f64,
-        /// Unit vector, world: where the load should move to relieve the worst joint; zero if nowhere.
+        /// Direction in which a motion of the load relieves the worst joint: unit vector, world axes; zero if no motion
+        /// does.
         pub advice_direction: [f64; 3],
-        /// By how much that relieves it, N m per centimetre.
+        /// Reduction of the worst joint's torque by a motion in that direction, N m per cm.
         pub advice_gain_nm_per_cm: f64,
-        /// Segment origins in the station's world, m.
+        /// Segment origins (proximal joint centres) in MVN order, world, m.
         pub segment_origin_m: [[f64; 3]; SEGMENTS],
-        /// Overload torque per joint (Eq. 15), world axes, N m.
+        /// Overload torque of each joint (Eq. 15), world axes, N m.
         pub torque_nm: [[f64; 3]; JOINTS],
-        /// 1-σ of each torque's magnitude, N m.
+        /// 1-σ of the magnitude of each overload torque, N m.
         pub torque_sigma_nm: [f64; JOINTS],
-        /// Covariance of the horizontal components of each torque, (N m)²: xx, xy, yy. The vertical component has no σ.
+        /// Covariance of the horizontal components of each overload torque: xx, xy, yy, (N m)². The vertical component
+        /// has none.
         pub torque_covariance_nm2: [[f64; 3]; JOINTS],
-        /// τ_max of each joint for this worker, N m.
+        /// Torque limit τ_max of each joint of this subject, N m.
         pub torque_limit_nm: [f64; JOINTS],
-        /// Overloading fatigue of each joint, in [0, 1] (Lorenzini et al. 2019).
+        /// Overloading fatigue of each joint, 0 to 1 (Lorenzini et al. 2019).
         pub fatigue: [f64; JOINTS],
-        /// When egress handed the state to the bus, CLOCK_MONOTONIC; 0 while the loop has it. The one field that a replay
-        /// does not repeat.
+        /// Time at which egress passed the state to the bus, CLOCK_MONOTONIC ns; 0 within the loop. The only field that
+        /// differs in a replay.
         pub published_ns: u64,
     }
 }
 
-/// What sensors may not give, as bits of `not_given`.
+/// What sensors may not give, as bits of `unavailable`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub enum NotGiven {
+/// Quantities that sensors may not provide, as bits of `unavailable`.
+pub enum Unavailable {
     /// `suit_com_m`: the suit does not send it (MVN type 24).
     SuitCom = 1,
-    /// The horizontal part of `ground_force_n`: insoles feel only what presses on them.
+    /// Horizontal components of `ground_force_n`: insoles measure only normal forces.
     Shear = 1 << 1,
 }
 
-impl NotGiven {
-    /// All, lowest bit first, with their public names.
-    pub const NAMES: [(NotGiven, &'static str); 2] =
-        [(NotGiven::SuitCom, "suit_com"), (NotGiven::Shear, "shear")];
+impl Unavailable {
+    /// All bits with their public names, lowest first.
+    pub const NAMES: [(Unavailable, &'static str); 2] =
+        [(Unavailable::SuitCom, "suit_com"), (Unavailable::Shear, "shear")];
 }
 
 /// Where the outline of the soles comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub enum SoleSource {
-    /// Shares of stature.
+/// Source of the foot outlines.
+pub enum FootOutlineSource {
+    /// Fractions of the stature.
     Stature = 0,
-    /// The suit's points of the feet (MVN type 13).
+    /// Points of the feet from the suit's software (MVN type 13).
     Suit = 1,
 }
 
-impl SoleSource {
-    /// The source of a message's number, `None` for a number of a later version.
-    pub fn from_number(number: u32) -> Option<SoleSource> {
-        [SoleSource::Stature, SoleSource::Suit].into_iter().nth(number as usize)
+impl FootOutlineSource {
+    /// Source with this number; `None` for a number of a later version.
+    pub fn from_number(number: u32) -> Option<FootOutlineSource> {
+        [FootOutlineSource::Stature, FootOutlineSource::Suit].into_iter().nth(number as usize)
     }
 
-    /// The public name.
+    /// Public name.
     pub fn name(self) -> &'static str {
         match self {
-            SoleSource::Stature => "stature",
-            SoleSource::Suit => "suit",
+            FootOutlineSource::Stature => "stature",
+            FootOutlineSource::Suit => "suit",
         }
     }
 }
@@ -194,20 +199,21 @@ impl SoleSource {
 /// Where the accelerations of the body come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Source of the body's accelerations.
 pub enum AccelerationSource {
-    /// The positions of several samples, differentiated twice.
+    /// Second derivative of the positions of several samples.
     Positions = 0,
-    /// The suit's own accelerations of the segments (MVN type 21).
+    /// Accelerations of the segments from the suit (MVN type 21).
     Suit = 1,
 }
 
 impl AccelerationSource {
-    /// The source of a message's number, `None` for a number of a later version.
+    /// Source with this number; `None` for a number of a later version.
     pub fn from_number(number: u32) -> Option<AccelerationSource> {
         [AccelerationSource::Positions, AccelerationSource::Suit].into_iter().nth(number as usize)
     }
 
-    /// The public name.
+    /// Public name.
     pub fn name(self) -> &'static str {
         match self {
             AccelerationSource::Positions => "positions",
@@ -219,20 +225,21 @@ impl AccelerationSource {
 /// How the feet's shares of the ground reaction are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Source of the foot load fractions.
 pub enum SharingSource {
-    /// From where the centre of pressure lies between the ankles.
+    /// Position of the centre of pressure between the ankles.
     Geometry = 0,
-    /// Measured under each foot.
+    /// Measured force under each foot.
     Measured = 1,
 }
 
 impl SharingSource {
-    /// The source of a message's number, `None` for a number of a later version.
+    /// Source with this number; `None` for a number of a later version.
     pub fn from_number(number: u32) -> Option<SharingSource> {
         [SharingSource::Geometry, SharingSource::Measured].into_iter().nth(number as usize)
     }
 
-    /// The public name.
+    /// Public name.
     pub fn name(self) -> &'static str {
         match self {
             SharingSource::Geometry => "geometry",
@@ -244,26 +251,27 @@ impl SharingSource {
 /// What the pipeline is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Phase of the pipeline.
 pub enum Phase {
-    /// Sensors are not there yet, or identification is not started.
+    /// Sensors provide no samples, or identification is not started.
     Waiting = 0,
-    /// Held poses feed the filter.
+    /// Static poses update the filter.
     Identifying = 1,
     /// The model is identified; overload is published.
     Monitoring = 2,
-    /// A sensor fell silent; the model is kept and the phase before it returns by itself.
+    /// A sensor is silent; the model is kept, and the previous phase returns with the sensor.
     Degraded = 3,
 }
 
 impl Phase {
-    /// The phase of a message's number, `None` for a number of a later version.
+    /// Phase with this number; `None` for a number of a later version.
     pub fn from_number(number: u32) -> Option<Phase> {
         [Phase::Waiting, Phase::Identifying, Phase::Monitoring, Phase::Degraded]
             .into_iter()
             .nth(number as usize)
     }
 
-    /// The public name, lower case.
+    /// Public name.
     pub fn name(self) -> &'static str {
         match self {
             Phase::Waiting => "waiting",
@@ -275,28 +283,28 @@ impl Phase {
 }
 
 impl State {
-    /// The reasons raised in this state.
+    /// Invalid reasons of this state.
     pub fn validity(&self) -> Validity {
         Validity(self.valid)
     }
 
-    /// The public name of the phase.
+    /// Public name of the phase.
     pub fn phase_name(&self) -> &'static str {
         Phase::from_number(self.phase).map_or("unknown", Phase::name)
     }
 
-    /// Whether the station's sensors give something.
-    pub fn gives(&self, what: NotGiven) -> bool {
-        self.not_given & what as u32 == 0
+    /// Whether the station's sensors provide a quantity.
+    pub fn provides(&self, what: Unavailable) -> bool {
+        self.unavailable & what as u32 == 0
     }
 
-    /// The suit maker's own centre of mass, m; `None` unless it is sent and the suit is there.
+    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable or the suit is silent.
     pub fn suit_com_m(&self) -> Option<[f64; 3]> {
-        self.unless(Validity::SUIT_STALE, self.suit_com_m).filter(|_| self.gives(NotGiven::SuitCom))
+        self.unless(Validity::SUIT_STALE, self.suit_com_m).filter(|_| self.provides(Unavailable::SuitCom))
     }
 
-    /// `value` unless a reason of `spoilers` is raised.
-    pub fn unless<T>(&self, spoilers: Validity, value: T) -> Option<T> {
-        (!self.validity().any_of(spoilers)).then_some(value)
+    /// `value`, or `None` if a flag of `invalidating` is raised.
+    pub fn unless<T>(&self, invalidating: Validity, value: T) -> Option<T> {
+        (!self.validity().any_of(invalidating)).then_some(value)
     }
 }

@@ -1,38 +1,37 @@
-//! What the suit says of its wearer's build: the null pose and the soles.
+//! Body dimensions from the suit's software: null pose and foot points.
 
 use nalgebra::Vector3;
 
 use super::layout::{ZeroCopySend, message};
 use crate::body::{SEGMENTS, Segment, Side, Skeleton};
 
-/// Points of a foot that the message holds, in the order of [`FootPoint`].
+/// Number of points per foot, in the order of [`FootPoint`].
 pub const FOOT_POINTS: usize = 4;
 
 message! {
-    /// The worker's dimensions from the suit's software (MVN type 13): sent once a second, and at once when
-    /// they change.
+    /// Subject's dimensions from the suit's software (MVN type 13); published once per second, and on a change.
     ///
-    /// Null pose: upright, arms to the sides, every segment's axes along the world's (X forward, Y left, Z up).
-    /// Written by the suit adapter only.
+    /// Null pose: upright, arms at the sides, the axes of all segments parallel to the world's (X forward, Y left, Z
+    /// up). Only the suit adapter publishes it.
     as "equipoise/SuitBody/1", 832 bytes,
     pub struct SuitBody {
-        /// Kernel receive stamp of the datagram that last changed it, CLOCK_MONOTONIC.
+        /// Kernel's receive stamp of the datagram with the last change, CLOCK_MONOTONIC ns.
         pub arrival_ns: u64,
-        /// When the adapter published it, CLOCK_MONOTONIC; no two bodies of a station have the same.
+        /// Time of publication by the adapter, CLOCK_MONOTONIC ns; unique within a station.
         pub published_ns: u64,
-        /// MVN character id.
+        /// Character ID in MVN.
         pub avatar: u32,
-        /// The session of the suit's counter in which it was sent: `SuitSample::session`.
+        /// Session of the suit's counter: `SuitSample::session`.
         pub session: u32,
-        /// Which points were sent of the left and the right foot: a union of [`FootPoint`] bits. Others are zero and
-        /// mean nothing.
+        /// Points received of the left and the right foot: a union of [`FootPoint`] bits. Other points are zero and
+        /// invalid.
         pub foot_points: [u32; 2],
         /// Segment origins (proximal joint centres) in the null pose, MVN order, m.
         pub origin_m: [[f64; 3]; SEGMENTS],
-        /// Points of the left and the right foot from the foot segment's origin, m: heel, first and fifth metatarsal,
-        /// toe tip.
+        /// Points of the left and the right foot relative to the foot segment's origin, m: heel, first and fifth
+        /// metatarsal, toe tip.
         pub foot_point_m: [[[f64; 3]; FOOT_POINTS]; 2],
-        /// Always zero; fills the message to a multiple of 64 bytes.
+        /// Always zero; pads the message to a multiple of 64 bytes.
         pub reserved_tail: [u64; 7],
     }
 }
@@ -40,33 +39,34 @@ message! {
 /// The points of a foot, as bits of `foot_points`; the place in the table is the bit's.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
+/// Points of a foot, as bits of `foot_points`; the index in the table is that of the bit.
 pub enum FootPoint {
-    /// The back of the heel.
+    /// Back of the heel.
     Heel = 1,
-    /// The ball on the side of the big toe.
+    /// Ball of the foot at the big toe.
     FirstMetatarsal = 1 << 1,
-    /// The ball on the side of the little toe.
+    /// Ball of the foot at the little toe.
     FifthMetatarsal = 1 << 2,
-    /// The tip of the toes.
+    /// Tip of the toes.
     ToeTip = 1 << 3,
 }
 
-/// Largest size of a person in any direction, m.
+/// Maximum size of a person in any direction, m.
 const REACH_MAX_M: f64 = 4.0;
-/// No foot reaches farther from its ankle, m.
+/// Maximum distance of a point of the foot from the ankle, m.
 const FOOT_MAX_M: f64 = 0.5;
 /// Range of the head's height above the feet of a standing person, m.
 const STATURE_M: core::ops::RangeInclusive<f64> = 0.8..=2.6;
 
 impl SuitBody {
-    /// A point of a foot from the foot segment's origin, m; `None` if it was not sent.
+    /// A point of a foot relative to the foot segment's origin, m; `None` if it was not sent.
     pub fn foot_point_m(&self, side: Side, point: FootPoint) -> Option<Vector3<f64>> {
         let foot = side as usize;
         let sent = self.foot_points[foot] & point as u32 != 0;
         sent.then(|| Vector3::from(self.foot_point_m[foot][(point as u32).trailing_zeros() as usize]))
     }
 
-    /// The bones: in the null pose a parent's axes are the world's.
+    /// Segment offsets; in the null pose a parent's axes are the world's.
     pub fn skeleton(&self) -> Skeleton {
         let origin = |segment: Segment| Vector3::from(self.origin_m[segment.index()]);
         Skeleton {
@@ -76,7 +76,7 @@ impl SuitBody {
         }
     }
 
-    /// Whether a person can be built like that, upright. Every comparison is false for NaN.
+    /// Whether the dimensions are possible for an upright person. Every comparison is false for NaN.
     pub fn is_plausible(&self) -> bool {
         let height_m = |segment: Segment| self.origin_m[segment.index()][2];
         let sides =
@@ -90,7 +90,7 @@ impl SuitBody {
             && sides(Segment::LeftUpperArm, Segment::RightUpperArm)
     }
 
-    /// Whether both have the same dimensions, character and session, at any time.
+    /// Whether both have the same dimensions, character and session, regardless of their times.
     pub fn has_same_dimensions(&self, other: &SuitBody) -> bool {
         *self == SuitBody { arrival_ns: self.arrival_ns, published_ns: self.published_ns, ..*other }
     }

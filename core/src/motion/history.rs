@@ -118,6 +118,8 @@ pub struct History {
     /// Numbers of snapshots pushed and released.
     count_in: u64,
     count_out: u64,
+    /// Time of the last released snapshot, ns; 0 before it.
+    released_ns: u64,
 }
 
 /// More samples than arrive in a century.
@@ -163,6 +165,11 @@ impl History {
         (first..self.count_in).map(|index| self.at(index))
     }
 
+    /// Time of the last released snapshot, ns; 0 before it. Clearing the history does not change it.
+    pub fn released_ns(&self) -> u64 {
+        self.released_ns
+    }
+
     /// The next snapshot that has `half_window_ns` of motion after it, with its inertia if the window is sufficient.
     pub fn next(
         &mut self,
@@ -181,6 +188,7 @@ impl History {
         }
         let inertia = self.inertia_at(self.count_out, half_window_ns, accelerations, masses);
         self.count_out += 1;
+        self.released_ns = snapshot.time_ns;
         Some((snapshot, inertia))
     }
 

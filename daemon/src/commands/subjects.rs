@@ -1,18 +1,20 @@
 //! Commands that save, load or delete a subject.
 
+use equipoise_bus::parse_text;
+use equipoise_config::is_plain;
 use equipoise_core::cycle::{PriorKind, SubjectState};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 
-use super::{Answer, parse_text, push_command};
+use super::{Answer, push_command};
 use crate::active_configuration::SharedConfiguration;
-use crate::profile::{self, Profile, unix_s};
-use crate::rings::Rings;
+use crate::profile::{Profile, unix_s};
+use crate::rings::CommandEnds;
 use crate::subjects::{ProfileDestination, Subjects};
 
 const TOO_MANY: &str = "too many commands at once; ask again";
 
-pub(super) fn save(rings: &Rings, subjects: &Subjects, latest: Option<&State>) -> Answer {
+pub(super) fn save(ends: &mut CommandEnds, subjects: &Subjects, latest: Option<&State>) -> Answer {
     let destination = subjects.get(subjects.in_use()).ok_or("no subject is in use")?;
     if let Some(reason) = destination.refusal {
         return Err(format!("{} is not saved: {reason}", destination.subject));
@@ -21,13 +23,13 @@ pub(super) fn save(rings: &Rings, subjects: &Subjects, latest: Option<&State>) -
     if latest.is_none_or(|state| state.variance_max_m2 <= 0.0) {
         return Err("nothing is known of the worker yet; let the suit stream first".to_owned());
     }
-    push_command(rings, CommandKind::SubjectSave)
+    push_command(ends, CommandKind::SubjectSave)
         .map(|()| format!("the worker is being saved as {}", destination.subject))
 }
 
 pub(super) fn load(
     command: &Command,
-    rings: &Rings,
+    ends: &mut CommandEnds,
     active_configuration: &SharedConfiguration,
     subjects: &Subjects,
 ) -> Answer {
@@ -40,9 +42,9 @@ pub(super) fn load(
     let mut worker = bytemuck::zeroed_box::<SubjectState>();
     worker.identification =
         *profile.worker(&settings).map_err(|reason| format!("the profile {id} is not used: {reason}"))?;
-    // `subject.remember` applies to every subject; the configured mass applies to the configured subject only.
-    let (configured, remember) =
-        active_configuration.with(|active| (active.config.subject.id == id, active.config.subject.remember));
+    // `subject.save_profile` applies to every subject; the configured mass applies to the configured subject only.
+    let (configured, remember) = active_configuration
+        .with(|active| (active.config.subject.id == id, active.config.subject.save_profile));
     if let (true, Some(mass_kg)) = (configured, settings.mass_kg) {
         worker.identification.mass_kg = mass_kg;
     }
@@ -55,7 +57,7 @@ pub(super) fn load(
     };
     let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
     push_worker(
-        rings,
+        ends,
         subjects,
         worker,
         ProfileDestination::of(subjects.state(), &id, profile.build(), remember),
@@ -66,15 +68,15 @@ pub(super) fn load(
 /// Removes a subject from all memory of the daemon; the client deletes the files, which are not written again.
 pub(super) fn delete(
     command: &Command,
-    rings: &Rings,
+    ends: &mut CommandEnds,
     active_configuration: &SharedConfiguration,
     subjects: &Subjects,
 ) -> Answer {
     let id = parse_id(command)?;
-    let _changes = active_configuration.lock_changes();
+    let mut changes = active_configuration.lock_changes();
     let mut active = active_configuration.get();
     let is_similar = active.similar.as_deref() == Some(&id);
-    if is_similar && rings.settings.is_full() {
+    if is_similar && changes.settings.is_full() {
         return Err(TOO_MANY.to_owned());
     }
     let in_use = subjects.get(subjects.in_use()).is_some_and(|destination| destination.subject == id);
@@ -83,12 +85,12 @@ pub(super) fn delete(
         // The configured mass belongs to the configured subject.
         let settings = equipoise_core::cycle::Settings { mass_kg: None, ..active.settings };
         unidentified.identification.start(&settings);
-        push_worker(rings, subjects, unidentified, ProfileDestination::unnamed())?;
+        push_worker(ends, subjects, unidentified, ProfileDestination::unnamed())?;
     }
     subjects.delete(&id);
     if is_similar {
         (active.settings.similar, active.settings.prior, active.similar) = (None, PriorKind::Table, None);
-        if !rings.push_settings(0, Box::new(active.settings)) {
+        if !changes.send(0, Box::new(active.settings)) {
             return Err(TOO_MANY.to_owned());
         }
         active_configuration.replace(active.clone());
@@ -107,7 +109,7 @@ pub(super) fn delete(
 
 fn parse_id(command: &Command) -> Result<String, String> {
     let id = parse_text(&command.subject);
-    if profile::is_plain(&id) {
+    if is_plain(&id) {
         Ok(id)
     } else {
         Err("a subject's id is made of letters, digits, '-' and '_'".to_owned())
@@ -116,19 +118,19 @@ fn parse_id(command: &Command) -> Result<String, String> {
 
 /// Passes another subject to the loop.
 fn push_worker(
-    rings: &Rings,
+    ends: &mut CommandEnds,
     subjects: &Subjects,
     worker: Box<SubjectState>,
     destination: ProfileDestination,
 ) -> Result<(), String> {
-    while rings.returned_workers.pop().is_some() {}
+    while ends.returned_workers.pop().is_ok() {}
     // Only this thread fills both rings, so a free slot stays free.
-    if rings.command.is_full() || rings.worker.is_full() {
+    if ends.command.is_full() || ends.worker.is_full() {
         return Err(TOO_MANY.to_owned());
     }
     let number = subjects.add(destination);
-    let _ = rings.worker.push((number, worker));
-    push_command(rings, CommandKind::SubjectLoad)?;
+    let _ = ends.worker.push((number, worker));
+    push_command(ends, CommandKind::SubjectLoad)?;
     subjects.activate(number);
     Ok(())
 }

@@ -1,68 +1,60 @@
 //! Ring of fixed size from egress to the latency log: egress never waits, allocates or makes a system call.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::rings::{Outcome, Ring};
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::rings::Outcome;
 
 /// One second of cycles at 1 kHz: the longest tolerable stall of the disk.
 pub const CAPACITY: usize = 1024;
 
-#[derive(Debug)]
-struct Shared {
-    outcomes: Ring<Outcome>,
-    dropped: AtomicU64,
-    closed: AtomicBool,
-}
-
 /// Egress's end; dropping it closes the ring.
 #[derive(Debug)]
-pub struct Feed(Arc<Shared>);
+pub struct Feed {
+    outcomes: Producer<Outcome>,
+    dropped: Arc<AtomicU64>,
+}
 
 /// The latency log's end.
 #[derive(Debug)]
-pub struct Drain(Arc<Shared>);
+pub struct Drain {
+    outcomes: Consumer<Outcome>,
+    dropped: Arc<AtomicU64>,
+}
 
 /// Creates both ends of a ring.
 pub fn feed(slots: usize) -> (Feed, Drain) {
-    let ring = Arc::new(Shared {
-        outcomes: Ring::new(slots),
-        dropped: AtomicU64::new(0),
-        closed: AtomicBool::new(false),
-    });
-    (Feed(Arc::clone(&ring)), Drain(ring))
+    let (producer, consumer) = RingBuffer::new(slots);
+    let dropped = Arc::new(AtomicU64::new(0));
+    (Feed { outcomes: producer, dropped: Arc::clone(&dropped) }, Drain { outcomes: consumer, dropped })
 }
 
 impl Feed {
     /// Passes an outcome on. A full ring keeps its content, since a gap at the end can be detected by cycle number; the
     /// outcome is counted as dropped.
-    pub fn push(&self, outcome: Outcome) {
-        if self.0.outcomes.push(outcome).is_err() {
-            self.0.dropped.fetch_add(1, Ordering::Relaxed);
+    pub fn push(&mut self, outcome: Outcome) {
+        if self.outcomes.push(outcome).is_err() {
+            self.dropped.fetch_add(1, Ordering::Relaxed);
         }
-    }
-}
-
-impl Drop for Feed {
-    fn drop(&mut self) {
-        self.0.closed.store(true, Ordering::Release);
     }
 }
 
 impl Drain {
     /// The oldest outcome in the ring.
-    pub fn pop(&self) -> Option<Outcome> {
-        self.0.outcomes.pop()
+    pub fn pop(&mut self) -> Option<Outcome> {
+        self.outcomes.pop().ok()
     }
 
     /// Outcomes dropped because the ring was full, since the start.
     pub fn dropped(&self) -> u64 {
-        self.0.dropped.load(Ordering::Relaxed)
+        self.dropped.load(Ordering::Relaxed)
     }
 
     /// Whether no outcome will follow those in the ring.
     pub fn is_closed(&self) -> bool {
-        self.0.closed.load(Ordering::Acquire)
+        self.outcomes.is_abandoned()
     }
 }
 
@@ -74,7 +66,7 @@ mod tests {
 
     #[test]
     fn a_full_ring_drops_counts_and_keeps_the_order_of_the_rest() {
-        let (feed, drain) = feed(4);
+        let (mut feed, mut drain) = feed(4);
         for cycle in 1..=10 {
             feed.push(Outcome {
                 state: State::zeroed(),

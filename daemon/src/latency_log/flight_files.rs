@@ -7,10 +7,10 @@ use std::time::SystemTime;
 
 use anyhow::Context;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_config::Config;
+use equipoise_files::atomic_file::{remove_abandoned_files, write_atomically};
 
 use super::flight::Flight;
-use crate::atomic_file::{remove_abandoned_files, write_atomically};
-use crate::config::Config;
 use crate::realtime::now_ns;
 
 /// Maximum number of records per station; the oldest is removed.
@@ -29,7 +29,7 @@ impl FlightFiles {
     pub fn new(directory: &Path, config: &Config) -> FlightFiles {
         // Latencies do not depend on the subject: omit the pseudonym, so that none remains when a subject is deleted.
         let mut settled = config.clone().without_paths();
-        crate::deletion::ANONYMOUS.clone_into(&mut settled.subject.id);
+        equipoise_station::ANONYMOUS.clone_into(&mut settled.subject.id);
         FlightFiles {
             directory: directory.to_owned(),
             station: config.station.clone(),

@@ -3,21 +3,21 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use equipoise_config::Config;
 use equipoise_core::message::Incident;
 
 use super::threads::{NamedThread, start_thread};
-use crate::config::Config;
 use crate::incidents::IncidentBoard;
 use crate::realtime::RequestedScheduling;
 use crate::restart_policy::{Environment, run_with_restarts};
-use crate::rings::Rings;
+use crate::rings::LoopControl;
 use crate::sensors::{self, AdapterError};
 use crate::thread_registry::ThreadRegistry;
 
 /// Starts the adapters that run inside the daemon; the first start of each must succeed.
 pub(super) fn start(
     config: &Config,
-    rings: &Arc<Rings>,
+    control: &Arc<LoopControl>,
     thread_registry: &Arc<ThreadRegistry>,
     board: &Arc<IncidentBoard>,
     adapters: &mut Vec<NamedThread>,
@@ -29,7 +29,7 @@ pub(super) fn start(
         let run = move |ready: &mut dyn FnMut(), stopping: &dyn Fn() -> bool| {
             sensors::run_suit(&station, &suit, ready, stopping)
         };
-        adapter.start(rings, thread_registry, board, adapters, run)?;
+        adapter.start(control, thread_registry, board, adapters, run)?;
     }
     if config.reads_ground() {
         let adapter = SupervisedAdapter { name: "ground", down: Incident::GroundAdapterDown, requested };
@@ -42,7 +42,7 @@ pub(super) fn start(
             };
             sensors::run_ground(&station, &ground, ready, &report_fault, stopping)
         };
-        adapter.start(rings, thread_registry, board, adapters, run)?;
+        adapter.start(control, thread_registry, board, adapters, run)?;
     }
     Ok(())
 }
@@ -57,21 +57,23 @@ struct SupervisedAdapter {
 impl SupervisedAdapter {
     fn start(
         self,
-        rings: &Arc<Rings>,
+        control: &Arc<LoopControl>,
         thread_registry: &Arc<ThreadRegistry>,
         board: &Arc<IncidentBoard>,
         adapters: &mut Vec<NamedThread>,
         mut run: impl FnMut(&mut dyn FnMut(), &dyn Fn() -> bool) -> Result<(), AdapterError> + Send + 'static,
     ) -> anyhow::Result<()> {
-        let (rings, board) = (Arc::clone(rings), Arc::clone(board));
+        let (control, board) = (Arc::clone(control), Arc::clone(board));
         let SupervisedAdapter { name, down, requested } = self;
         // The thread's scheduling persists across restarts of its adapter.
         let (thread, ()) = start_thread(name, requested, thread_registry, move |ready| {
             let start_time = Instant::now();
-            let stopping = || rings.is_stopping();
+            let stopping = || control.is_stopping();
             let environment = Environment {
                 now: &|| start_time.elapsed(),
-                sleep: &std::thread::sleep,
+                wait: &|pause| {
+                    let _ = control.stopping().recv_timeout(pause);
+                },
                 stopping: &stopping,
                 down: &|reason| match reason {
                     Some(reason) => board.begin(down, reason),

@@ -1,14 +1,14 @@
 //! Reloads the configuration of a running daemon.
 
 use anyhow::{Context, bail};
+use equipoise_config::{Config, ConfigError};
 use equipoise_core::message::Incident;
+use equipoise_station::status::Status;
 use tracing::info;
 
 use super::Pipeline;
 use crate::active_configuration::ActiveConfiguration;
-use crate::config::{Config, ConfigError};
 use crate::realtime::now_ns;
-use crate::status::Status;
 
 impl Pipeline {
     /// Applies the settings of another configuration that can change live; returns one sentence for each key that
@@ -31,10 +31,10 @@ impl Pipeline {
     }
 
     fn apply(&self, new: Config) -> anyhow::Result<Vec<String>> {
-        if self.rings.settings.is_full() {
+        let mut changes = self.active_configuration.lock_changes();
+        if changes.settings.is_full() {
             bail!("the reload before is not taken up yet; ask again");
         }
-        let _changes = self.active_configuration.lock_changes();
         let before = self.active_configuration.get();
         let config = before.config.with_live_settings_of(&new);
         let not_live = config.keys_that_differ(&new);
@@ -49,7 +49,7 @@ impl Pipeline {
         // matching configuration. Restore the previous status if the loop does not apply it.
         let reload = now_ns() / 1000;
         let status_before = self.publish_status(&config, reload)?;
-        if !self.rings.push_settings(reload, Box::new(settings)) {
+        if !changes.send(reload, Box::new(settings)) {
             self.status.change(|status| *status = status_before);
             let _ = self.status.write();
             bail!("the loop takes nothing up; see `equipoise status`");

@@ -1,10 +1,10 @@
 //! Restores the loop's initial state from the stored profile and station file, as far as they are still valid.
 
+use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings, Tare};
+use equipoise_files::atomic_file::remove_abandoned_files;
 use tracing::{info, warn};
 
-use crate::atomic_file::remove_abandoned_files;
-use crate::config::Config;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::station_file::StationFile;
@@ -35,7 +35,7 @@ impl Restored {
             station_refused: true,
             messages: Vec::new(),
         };
-        if config.subject.remember {
+        if config.subject.save_profile {
             for folder in [subjects.state().profiles(), subjects.state().stations()] {
                 remove_abandoned_files(&folder, |_| true);
             }

@@ -1,10 +1,10 @@
 //! Starts and joins threads.
 
 use std::sync::Arc;
-use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
 use anyhow::{Context, anyhow, bail};
+use crossbeam_channel::{Sender, bounded};
 use equipoise_latency::{PathHistograms, Report};
 
 use crate::active_configuration::SharedConfiguration;
@@ -91,7 +91,7 @@ pub(super) fn start_thread<Ready: Send + 'static, T: Send + 'static>(
     thread_registry: &Arc<ThreadRegistry>,
     body: impl FnOnce(Sender<Ready>) -> anyhow::Result<T> + Send + 'static,
 ) -> anyhow::Result<(JoinHandle<anyhow::Result<T>>, Ready)> {
-    let (sender, receiver) = mpsc::channel();
+    let (sender, receiver) = bounded(1);
     let thread_registry = Arc::clone(thread_registry);
     let begin = move || {
         thread_registry.request(name, requested);
@@ -120,7 +120,7 @@ mod tests {
             let order = Arc::clone(&order);
             move || order.lock().unwrap().push(what)
         };
-        let (share, shared) = mpsc::channel::<Shared>();
+        let (share, shared) = bounded::<Shared>(1);
         let (free, saved) = (mark("free"), mark("saved"));
         let commands = std::thread::spawn(move || {
             let _ = shared.recv();

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 
 use equipoise_core::exposure::{Lift, Shift};
 use equipoise_core::time::NS_PER_S;
+use equipoise_files::atomic_file::MODE;
 
-use crate::atomic_file::MODE;
 use crate::subjects::Subjects;
 
 const HEADING: &str = "ended_utc,event,number,carried_s,mass_kg,mass_sigma_kg,distance_m,damage\n";
@@ -112,11 +112,12 @@ fn append(path: &Path, lines: &str) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use equipoise_core::exposure::LATEST_LIFTS;
+    use equipoise_station::state_directory::StateDirectory;
+
     use super::*;
     use bytemuck::Zeroable;
-    use equipoise_core::exposure::LATEST_LIFTS;
 
-    use crate::state_directory::StateDirectory;
     use crate::subjects::{CONFIGURED, ProfileDestination};
 
     fn end_one(shift: &mut Shift, ended_ns: u64) {

@@ -3,17 +3,17 @@
 //! A station that does not exist, that another process publishes, or whose bus fails is retried without loss for the
 //! other stations: its thread receives copies through a queue that never blocks.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, bounded};
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_bus::{Bus, BusSettings, Channel, Event, Notifier, Publisher};
+use equipoise_config::suit::ForwardedSuit;
 use equipoise_core::message::{AdapterHealth, SuitBody, SuitSample};
 use tracing::{info, warn};
 
 use super::{AdapterError, SUIT_ROLE, exclusive_publisher};
-use crate::config::suit::ForwardedSuit;
 
 /// A quarter of a second at 240 Hz: longer than joining a bus takes.
 const QUEUE: usize = 64;
@@ -38,7 +38,7 @@ pub(super) struct Forwarders(Vec<Forwarder>);
 struct Forwarder {
     avatar: u8,
     station: String,
-    queue: Option<SyncSender<Message>>,
+    queue: Option<Sender<Message>>,
     thread: Option<JoinHandle<()>>,
     /// Whether the queue was full at the last message.
     full: bool,
@@ -81,13 +81,13 @@ impl Forwarders {
 
 impl Forwarder {
     fn start(suit: &ForwardedSuit) -> Forwarder {
-        let (queue, message) = sync_channel(QUEUE);
+        let (queue, message) = bounded(QUEUE);
         let station = suit.station.clone();
         // The thread inherits the priority of the adapter. If it cannot be started, its station receives nothing.
         let name = format!("suit {}", suit.avatar);
         let thread = std::thread::Builder::new().name(name).spawn(move || publish(&station, &message));
         if let Err(error) = &thread {
-            warn!("suit.others: station {} gets nothing: no thread can be had: {error}", suit.station);
+            warn!("suit.forwarded: station {} gets nothing: no thread can be had: {error}", suit.station);
         }
         Forwarder {
             avatar: suit.avatar,
@@ -103,7 +103,7 @@ impl Forwarder {
         let was_full = self.full;
         self.full = self.queue.as_ref().is_some_and(|queue| queue.try_send(message).is_err());
         if self.full && !was_full {
-            warn!("suit.others: station {} is behind and loses samples of its suit", self.station);
+            warn!("suit.forwarded: station {} is behind and loses samples of its suit", self.station);
         }
     }
 }
@@ -133,7 +133,7 @@ fn publish(station: &str, message: &Receiver<Message>) {
             Some(ports) => message.map_or(Ok(()), |message| Ports::send(ports, message)),
             None if Instant::now() < retry_at => continue,
             None => Ports::open(station).map(|opened| {
-                info!("the suit of station {station} is published here too (suit.others)");
+                info!("the suit of station {station} is published here too (suit.forwarded)");
                 logged = None;
                 ports = Some(opened);
             }),
@@ -144,7 +144,7 @@ fn publish(station: &str, message: &Receiver<Message>) {
             let reason = error.to_string();
             if logged.as_ref() != Some(&reason) {
                 warn!(
-                    "suit.others: station {station} gets no samples of its suit: {reason}; it is tried again"
+                    "suit.forwarded: station {station} gets no samples of its suit: {reason}; it is tried again"
                 );
                 logged = Some(reason);
             }

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 
 use super::felt::{Felt, Mounting};
 use super::http::HttpPort;
+use super::port::Port as _;
 use super::{Asked, Device, Suffered};
 use crate::faults::Faults;
 use crate::plate_server::{PlateServer, Wish};
@@ -20,13 +21,9 @@ pub struct AtiRdt {
     mounting: Mounting,
     family: Family,
     rate_hz: f64,
-    address: SocketAddr,
-    seed: u64,
-    server: Option<PlateServer>,
+    server: PlateServer,
     page: HttpPort,
     pounds: bool,
-    faults: Faults,
-    before: Suffered,
 }
 
 impl AtiRdt {
@@ -43,29 +40,13 @@ impl AtiRdt {
         seed: u64,
     ) -> io::Result<AtiRdt> {
         let server = PlateServer::bind(address, Faults::default(), seed)?.of_family(family);
-        Ok(AtiRdt {
-            mounting,
-            family,
-            rate_hz,
-            address: server.address()?,
-            seed,
-            server: Some(server),
-            page: HttpPort::bind(page)?,
-            pounds: false,
-            faults: Faults::default(),
-            before: Suffered::default(),
-        })
+        Ok(AtiRdt { mounting, family, rate_hz, server, page: HttpPort::bind(page)?, pounds: false })
     }
 
     /// Sets the units to pounds and inches; the page reports the scale of the counts in them.
     #[must_use]
     pub fn in_pounds(self) -> AtiRdt {
         AtiRdt { pounds: true, ..self }
-    }
-
-    /// Address of its page.
-    pub fn page_address(&self) -> SocketAddr {
-        self.page.address()
     }
 
     fn page_text(&self) -> String {
@@ -94,7 +75,7 @@ impl Device for AtiRdt {
                 _ => self.page.answer("404 Not Found", "text/plain", "")?,
             }
         }
-        let wish = self.server.as_mut().and_then(PlateServer::poll);
+        let wish = self.server.poll();
         Ok(Asked { zero: wish == Some(Wish::SetBias) })
     }
 
@@ -103,44 +84,37 @@ impl Device for AtiRdt {
     }
 
     fn measure(&mut self, felt: &Felt) -> io::Result<()> {
-        let (Some(server), Some(wrench)) = (&mut self.server, felt.plates.first()) else { return Ok(()) };
-        server.send(self.mounting.plate.record(wrench, felt.number, 0))
+        let Some(wrench) = felt.plates.first() else { return Ok(()) };
+        self.server.send(self.mounting.plate.record(wrench, felt.number, 0))
     }
 
     fn suffered(&self) -> Suffered {
-        self.server.as_ref().map_or(self.before, |server| self.before + server.suffered())
+        self.server.suffered()
     }
 
     fn set_faults(&mut self, faults: Faults) {
-        self.faults = faults;
-        if let Some(server) = &mut self.server {
-            server.set_faults(faults);
-        }
+        self.server.set_faults(faults);
     }
 
     fn unplug(&mut self) {
-        self.before = self.suffered();
-        self.server = None;
-        self.page.unplug();
+        self.server.unplug();
+        self.page.port().unplug();
     }
 
     fn plug(&mut self) -> io::Result<()> {
-        if self.server.is_none() {
-            self.server =
-                Some(PlateServer::bind(self.address, self.faults, self.seed)?.of_family(self.family));
-        }
-        self.page.plug()
+        self.server.plug()?;
+        self.page.port().plug()
     }
 
     fn config(&self) -> String {
+        let address = format!("address = \"{}\"\n", self.server.address());
         let model = match self.family {
             Family::NetFt => "net-ft",
             Family::Axia => "axia",
         };
         format!(
-            "[ground]\nsource = \"ati-rdt\"\naddress = \"{}\"\n{}\n[ground.ati]\nmodel = \"{model}\"\npage_port = {}\n",
-            self.address,
-            self.mounting.config("ground"),
+            "{}[ground.ati]\nmodel = \"{model}\"\npage_port = {}\n",
+            self.mounting.config("ati-rdt", [address, String::new()]),
             self.page.address().port(),
         )
     }

@@ -4,13 +4,11 @@ use std::io;
 
 use super::felt::{Felt, Mounting};
 use super::line::Line;
-use super::{Asked, Device, Suffered};
-use crate::faults::Faults;
+use super::{Connected, Protocol};
 use crate::wires::binary::{FRAME_LEN, Frame};
 
 /// The plate.
 pub struct Binary {
-    line: Line,
     rate_hz: f64,
     mounting: Mounting,
 }
@@ -20,52 +18,32 @@ const BAUD: u32 = 921_600;
 
 impl Binary {
     /// A plate that sends frames at this rate.
-    pub fn new(mut line: Line, rate_hz: f64, mounting: Mounting) -> Binary {
+    pub fn new(mut line: Line, rate_hz: f64, mounting: Mounting) -> Connected<Binary> {
         line.port().set_baud(BAUD);
-        Binary { line, rate_hz, mounting }
+        Connected::new(Binary { rate_hz, mounting }, line)
     }
 }
 
-impl Device for Binary {
-    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
-        let _nothing_is_said_to_it = self.line.port().hear()?;
-        Ok(Asked::default())
-    }
-
+impl Protocol for Binary {
     fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
         let Some(wrench) = felt.plates.first() else { return Ok(()) };
-        let [f, m] = [wrench.force_n, wrench.moment_nm];
         let frame = Frame {
             sequence: felt.number as u16,
             time_us: (felt.device_s * 1e6) as u64 as u32,
-            wrench: [f.x, f.y, f.z, m.x, m.y, m.z].map(|number| number as f32),
+            wrench: wrench.components().map(|number| number as f32),
         };
-        self.line.send(&frame.to_bytes(), 1)
+        line.send(&frame.to_bytes(), 1)
     }
 
-    fn suffered(&self) -> Suffered {
-        self.line.suffered()
-    }
-
-    fn set_faults(&mut self, faults: Faults) {
-        self.line.set_faults(faults);
-    }
-
-    fn unplug(&mut self) {
-        self.line.port().unplug();
-    }
-
-    fn plug(&mut self) -> io::Result<()> {
-        self.line.port().plug()
-    }
-
-    fn config(&self) -> String {
-        let [keys, sections] = self.line.config("ground");
-        let baud = if sections.is_empty() { String::new() } else { format!("baud = {BAUD}\n") };
+    fn config(&self, line: &Line) -> String {
+        let [keys, mut sections] = line.config();
+        if !sections.is_empty() {
+            sections += &format!("baud = {BAUD}\n");
+        }
         let fields: String = ["fx", "fy", "fz", "mx", "my", "mz"]
             .iter()
             .enumerate()
@@ -74,13 +52,12 @@ impl Device for Binary {
             })
             .collect();
         format!(
-            "[ground]\nsource = \"binary\"\n{keys}{}\n{sections}{baud}\n[ground.binary]\nover = \"{}\"\nendian = \"little\"\n\
-             sync = \"a5 5a\"\nlength = {FRAME_LEN}\n\
+            "{}\n[ground.binary]\ntransport = \"{}\"\nendian = \"little\"\nsync = \"a5 5a\"\nlength = {FRAME_LEN}\n\
              crc = {{ name = \"CRC-16/CCITT-FALSE\", from = 0, to = -2, at = -2 }}\n\
              sequence = {{ at = 2, type = \"u16\" }}\ntime = {{ at = 4, type = \"u32\", unit = \"us\" }}\n\
              fields = [\n{fields}]\n\n[ground.channels.wrench]\nforce = \"N\"\nmoment = \"N m\"\n",
-            self.mounting.config("ground"),
-            self.line.over(),
+            self.mounting.config("binary", [keys, sections]),
+            line.over(),
         )
     }
 }

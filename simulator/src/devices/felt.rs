@@ -56,12 +56,13 @@ impl Mounting {
         Wrench { force_n: turn * felt.force_n * sign, moment_nm: turn * felt.moment_nm * sign }
     }
 
-    /// The matching keys of a configuration, for the section `table`.
-    pub fn config(&self, table: &str) -> String {
+    /// The matching section of a configuration for a device of this kind, with the keys of its connection
+    /// ([`Port::config`](super::port::Port::config)).
+    pub fn config(&self, source: &str, [keys, sections]: [String; 2]) -> String {
         let Plate { origin_m, yaw_rad, surface_height_m, .. } = self.plate;
         format!(
-            "measures = \"{}\"\n\n[{table}.frame]\naxes = \"{}\"\norigin_m = {origin_m:?}\nyaw_deg = {:?}\n\
-             surface_height_m = {surface_height_m:?}\n",
+            "[ground]\nsource = \"{source}\"\n{keys}measures = \"{}\"\n\n[ground.frame]\naxes = \"{}\"\n\
+             origin_m = {origin_m:?}\nyaw_deg = {:?}\nsurface_height_m = {surface_height_m:?}\n\n{sections}",
             if self.reaction { "reaction" } else { "action" },
             if self.z_down { "z-down" } else { "z-up" },
             yaw_rad.to_degrees(),

@@ -76,17 +76,14 @@ impl HttpPort {
         Ok(())
     }
 
-    /// As [`Port::unplug`].
-    pub fn unplug(&mut self) {
-        self.port.unplug();
+    /// Its connection.
+    pub fn port(&mut self) -> &mut TcpPort {
+        &mut self.port
     }
 
-    /// As [`Port::plug`].
-    ///
-    /// # Errors
-    /// As there.
-    pub fn plug(&mut self) -> io::Result<()> {
-        self.port.plug()
+    /// As [`Port::config`].
+    pub fn config(&self) -> [String; 2] {
+        self.port.config()
     }
 }
 

@@ -8,9 +8,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use super::felt::{Felt, Mounting};
 use super::http::HttpPort;
 use super::line::Line;
+use super::port::Port as _;
 use super::tcp::TcpPort;
-use super::{Asked, Device, Suffered};
-use crate::faults::Faults;
+use super::{Asked, Connected, Protocol};
 use crate::wires::labamp::{self, Asked as Rest, EightChannels, Signal};
 
 /// Unit of its eight channels, force.
@@ -19,7 +19,6 @@ const UNIT: &str = "N";
 /// The amplifier.
 pub struct LabAmp {
     http: HttpPort,
-    stream: Line,
     stream_port: u16,
     mounting: Mounting,
     channels: EightChannels,
@@ -40,13 +39,17 @@ impl LabAmp {
     ///
     /// # Errors
     /// Those of the sockets.
-    pub fn bind(address: SocketAddr, mounting: Mounting, rate_hz: f64, seed: u64) -> io::Result<LabAmp> {
+    pub fn bind(
+        address: SocketAddr,
+        mounting: Mounting,
+        rate_hz: f64,
+        seed: u64,
+    ) -> io::Result<Connected<LabAmp>> {
         let stream = TcpPort::bind(SocketAddr::new(address.ip(), 0))?;
         let stream_port = stream.address().port();
         let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).map_err(io::Error::other)?;
-        Ok(LabAmp {
+        let amplifier = LabAmp {
             http: HttpPort::bind(address)?,
-            stream: Line::new(Box::new(stream), seed),
             stream_port,
             mounting,
             channels: EightChannels { half_m: [0.12, 0.2] },
@@ -58,14 +61,15 @@ impl LabAmp {
             scans: Vec::new(),
             first_s: 0.0,
             unix_s: since_1970.as_secs_f64(),
-        })
+        };
+        Ok(Connected::new(amplifier, Line::new(Box::new(stream), seed)))
     }
 
     fn signals() -> Vec<Signal> {
         EightChannels::NAMES.map(|name| Signal { name: name.into(), unit: UNIT.into() }).into()
     }
 
-    fn obey(&mut self, asked: Rest) -> io::Result<Option<String>> {
+    fn obey(&mut self, stream: &mut Line, asked: Rest) -> io::Result<Option<String>> {
         match asked {
             Rest::Open(scans) => {
                 self.scans_of_a_frame = scans.unwrap_or(labamp::fewest_scans(self.rate_hz)) as usize;
@@ -79,8 +83,8 @@ impl LabAmp {
                 self.scans_of_a_frame = labamp::fewest_scans(self.rate_hz) as usize;
             }
             Rest::Start => self.measuring = true,
-            Rest::Stop => self.end(labamp::Event::Stopped)?,
-            Rest::Close => self.end(labamp::Event::Closed)?,
+            Rest::Stop => self.end(stream, labamp::Event::Stopped)?,
+            Rest::Close => self.end(stream, labamp::Event::Closed)?,
             Rest::Nothing => {}
         }
         Ok(None)
@@ -92,16 +96,14 @@ impl LabAmp {
         (self.rate_hz / 2500.0).ceil()
     }
 
-    fn end(&mut self, event: labamp::Event) -> io::Result<()> {
+    fn end(&mut self, stream: &mut Line, event: labamp::Event) -> io::Result<()> {
         self.measuring = false;
         let bytes = labamp::event(self.sequence, 2, event);
         self.sequence += 1;
-        self.stream.answer(&bytes)
+        stream.answer(&bytes)
     }
-}
 
-impl LabAmp {
-    fn send_frame(&mut self) -> io::Result<()> {
+    fn send_frame(&mut self, stream: &mut Line) -> io::Result<()> {
         let unix_s = self.unix_s + self.first_s;
         let unix = (unix_s as u64, (unix_s.fract() * 1e9) as u32);
         let bytes = labamp::data(self.sequence, unix, &self.scans);
@@ -109,22 +111,23 @@ impl LabAmp {
         let samples = self.scans.len() as u32;
         self.first_s += f64::from(samples) / self.rate_hz;
         self.scans.clear();
-        self.stream.send(&bytes, samples)
+        stream.send(&bytes, samples)
     }
 }
 
-impl Device for LabAmp {
-    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
+impl Protocol for LabAmp {
+    fn hear(&mut self, stream: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
         if let Some(request) = self.http.request()? {
             match labamp::answer(&request.path, &request.body, &LabAmp::signals(), self.rate_hz) {
                 Some((answer, asked)) => {
-                    let answer = self.obey(asked)?.unwrap_or(answer);
+                    let answer = self.obey(stream, asked)?.unwrap_or(answer);
                     self.http.answer("200 OK", "application/json", &answer)?;
                 }
                 None => self.http.answer("404 Not Found", "text/plain", "Error occured")?,
             }
         }
-        let _nothing_is_said_there = self.stream.port().hear()?;
+        // The stream has no requests.
+        heard.clear();
         Ok(Asked::default())
     }
 
@@ -132,54 +135,42 @@ impl Device for LabAmp {
         self.rate_hz / self.repeated()
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
-        let Some(wrench) = felt.plates.first().filter(|_| self.measuring && self.stream.is_open()) else {
+    fn measure(&mut self, stream: &mut Line, felt: &Felt) -> io::Result<()> {
+        let Some(wrench) = felt.plates.first().filter(|_| self.measuring && stream.is_open()) else {
             self.scans.clear();
             return Ok(());
         };
         if self.scans.is_empty() {
             self.first_s = felt.device_s;
         }
-        let forces = self.channels.forces_n(wrench.force_n.into(), wrench.moment_nm.into());
+        let forces = self.channels.forces_n(wrench.components());
         let scan: Vec<f32> = forces.iter().map(|newtons| *newtons as f32).collect();
         for _ in 0..self.repeated() as u32 {
             self.scans.push(scan.clone());
             if self.scans.len() >= self.scans_of_a_frame {
-                self.send_frame()?;
+                self.send_frame(stream)?;
             }
         }
         Ok(())
     }
 
-    fn suffered(&self) -> Suffered {
-        self.stream.suffered()
-    }
-
-    fn set_faults(&mut self, faults: Faults) {
-        self.stream.set_faults(faults);
-    }
-
-    fn unplug(&mut self) {
-        self.http.unplug();
-        self.stream.port().unplug();
-    }
-
-    fn plug(&mut self) -> io::Result<()> {
+    fn power(&mut self, _stream: &mut Line, on: bool) -> io::Result<()> {
         self.measuring = false;
         self.scans.clear();
-        self.stream.port().plug()?;
-        self.http.plug()
+        if on {
+            return self.http.port().plug();
+        }
+        self.http.port().unplug();
+        Ok(())
     }
 
-    fn config(&self) -> String {
+    fn config(&self, _stream: &Line) -> String {
         let [a, b] = self.channels.half_m;
         let names: String =
             EightChannels::NAMES.iter().map(|name| format!("{name} = \"{name}\"\n")).collect();
         format!(
-            "[ground]\nsource = \"kistler-labamp\"\naddress = \"{}\"\n{}\n[ground.labamp]\nrate_hz = {}\n\n\
-             [ground.labamp.eight]\n{names}a_m = {a:?}\nb_m = {b:?}\n",
-            self.http.address(),
-            self.mounting.config("ground"),
+            "{}[ground.labamp]\nrate_hz = {}\n\n[ground.labamp.eight]\n{names}a_m = {a:?}\nb_m = {b:?}\n",
+            self.mounting.config("kistler-labamp", self.http.config()),
             self.rate_hz,
         )
     }

@@ -25,8 +25,8 @@ impl Line {
     }
 
     /// As [`Port::config`].
-    pub fn config(&self, table: &str) -> [String; 2] {
-        self.port.config(table)
+    pub fn config(&self) -> [String; 2] {
+        self.port.config()
     }
 
     /// As [`Port::kind`].
@@ -55,6 +55,25 @@ impl Line {
         }
         let bytes = self.stream.bytes(packet, samples);
         self.port.write(&bytes)
+    }
+
+    /// Passes each byte to a device's dialogue and sends its answer, at the baud rate from before that byte.
+    ///
+    /// # Errors
+    /// Those of the port.
+    pub fn converse<Answer: AsRef<[u8]>>(
+        &mut self,
+        heard: &mut Vec<u8>,
+        mut dialogue: impl FnMut(u8) -> (Option<Answer>, u32),
+    ) -> io::Result<()> {
+        for byte in heard.drain(..) {
+            let (answer, baud) = dialogue(byte);
+            if let Some(answer) = answer {
+                self.answer(answer.as_ref())?;
+            }
+            self.port.set_baud(baud);
+        }
+        Ok(())
     }
 
     /// Sends an answer, complete and undamaged.

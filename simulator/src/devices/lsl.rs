@@ -6,8 +6,7 @@ use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use super::felt::{Felt, Mounting};
 use super::line::Line;
 use super::tcp::TcpPort;
-use super::{Asked, Device, Suffered};
-use crate::faults::Faults;
+use super::{Asked, Connected, Protocol};
 use crate::wires::lsl::{
     self, DISCOVERY_PORT, Info, Question, Request, SERVICE_PORTS, feed_header, question, short_info,
     take_request, time_data,
@@ -26,11 +25,8 @@ pub struct Lsl {
     mounting: Mounting,
     service_address: SocketAddr,
     discoverable: bool,
-    feed: Line,
     service: Option<UdpSocket>,
     discovery: Option<UdpSocket>,
-    session: u64,
-    heard: Vec<u8>,
     feeding: bool,
 }
 
@@ -47,7 +43,7 @@ impl Lsl {
         rate_hz: f64,
         discoverable: bool,
         seed: u64,
-    ) -> io::Result<Lsl> {
+    ) -> io::Result<Connected<Lsl>> {
         let ports = if discoverable { SERVICE_PORTS } else { 0..1 };
         let service = ports
             .map(|port| UdpSocket::bind(SocketAddr::new(address.ip(), port)))
@@ -65,19 +61,17 @@ impl Lsl {
             uid: format!("b0f2c9a4-0000-4000-8000-{seed:012x}"),
             ports: [feed.address().port(), service_address.port()],
         };
-        Ok(Lsl {
+        let outlet = Lsl {
             info,
             mounting,
             service_address,
             discoverable,
-            feed: Line::new(Box::new(feed), seed),
             service: Some(service),
             // Another outlet of this computer may hold the port exclusively.
             discovery: if discoverable { discovery().ok() } else { None },
-            session: 0,
-            heard: Vec::new(),
             feeding: false,
-        })
+        };
+        Ok(Connected::new(outlet, Line::new(Box::new(feed), seed)))
     }
 
     fn answer_questions(&mut self, now_s: f64) -> io::Result<()> {
@@ -118,32 +112,30 @@ fn discovery() -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-impl Device for Lsl {
-    fn poll(&mut self, device_now_s: f64) -> io::Result<Asked> {
+impl Protocol for Lsl {
+    fn greet(&mut self, _feed: &mut Line) -> io::Result<()> {
+        self.feeding = false;
+        Ok(())
+    }
+
+    fn hear(&mut self, feed: &mut Line, heard: &mut Vec<u8>, device_now_s: f64) -> io::Result<Asked> {
         self.answer_questions(device_now_s)?;
-        let heard = self.feed.port().hear()?;
-        if self.session != self.feed.port().session() {
-            self.session = self.feed.port().session();
-            self.heard.clear();
-            self.feeding = false;
-        }
-        self.heard.extend(heard);
-        while let Some(request) = take_request(&mut self.heard) {
+        while let Some(request) = take_request(heard) {
             match request {
-                Request::FullInfo => self.feed.answer(self.info.to_xml(true).as_bytes())?,
+                Request::FullInfo => feed.answer(self.info.to_xml(true).as_bytes())?,
                 Request::ShortInfo(query) if self.info.matches(&query) => {
-                    self.feed.answer(self.info.to_xml(false).as_bytes())?;
+                    feed.answer(self.info.to_xml(false).as_bytes())?;
                 }
                 Request::Feed { uid, .. } if uid.is_empty() || uid == self.info.uid => {
-                    self.feed.answer(&feed_header(&self.info))?;
+                    feed.answer(&feed_header(&self.info))?;
                     self.feeding = true;
                     continue;
                 }
-                Request::Feed { .. } => self.feed.answer(b"LSL/110 404 Not found")?,
+                Request::Feed { .. } => feed.answer(b"LSL/110 404 Not found")?,
                 Request::ShortInfo(_) | Request::Unknown => {}
             }
             // All responses except the feed are sent once, and the connection is closed.
-            self.feed.port().hang_up();
+            feed.port().hang_up();
         }
         Ok(Asked::default())
     }
@@ -152,44 +144,28 @@ impl Device for Lsl {
         self.info.rate_hz
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, feed: &mut Line, felt: &Felt) -> io::Result<()> {
         let Some(wrench) = felt.plates.first().filter(|_| self.feeding) else { return Ok(()) };
-        let [f, m] = [wrench.force_n, wrench.moment_nm];
-        let values = [f.x, f.y, f.z, m.x, m.y, m.z].map(|number| number as f32);
-        self.feed.send(&lsl::sample(CLOCK_S + felt.device_s, &values), 1)
+        let values = wrench.components().map(|number| number as f32);
+        feed.send(&lsl::sample(CLOCK_S + felt.device_s, &values), 1)
     }
 
-    fn suffered(&self) -> Suffered {
-        self.feed.suffered()
-    }
-
-    fn set_faults(&mut self, faults: Faults) {
-        self.feed.set_faults(faults);
-    }
-
-    fn unplug(&mut self) {
-        self.service = None;
+    fn power(&mut self, _feed: &mut Line, on: bool) -> io::Result<()> {
         self.feeding = false;
-        self.feed.port().unplug();
-    }
-
-    fn plug(&mut self) -> io::Result<()> {
-        if self.service.is_none() {
+        if !on {
+            self.service = None;
+        } else if self.service.is_none() {
             let service = UdpSocket::bind(self.service_address)?;
             service.set_nonblocking(true)?;
             self.service = Some(service);
         }
-        self.feed.port().plug()
+        Ok(())
     }
 
-    fn config(&self) -> String {
+    fn config(&self, feed: &Line) -> String {
         // A discoverable outlet needs no address.
-        let [address, _] =
-            if self.discoverable { [String::new(), String::new()] } else { self.feed.config("ground") };
-        format!(
-            "[ground]\nsource = \"lsl\"\n{address}{}\n[ground.lsl]\nname = {:?}\n\n[ground.lsl.channels]\n{CHANNELS}",
-            self.mounting.config("ground"),
-            self.info.name,
-        )
+        let keys = if self.discoverable { <[String; 2]>::default() } else { feed.config() };
+        let ground = self.mounting.config("lsl", keys);
+        format!("{ground}[ground.lsl]\nname = {:?}\n\n[ground.lsl.channels]\n{CHANNELS}", self.info.name)
     }
 }

@@ -5,13 +5,11 @@ use std::io;
 
 use super::felt::{Felt, Sole};
 use super::line::Line;
-use super::{Asked, Device, Suffered};
-use crate::faults::Faults;
+use super::{Connected, Protocol};
 use crate::wires::moticon::{Channel, Insole, datagram};
 
 /// Insoles, phone and software in one.
 pub struct Moticon {
-    line: Line,
     channels: Vec<Channel>,
     rate_hz: f64,
     /// Length and width of the soles, m.
@@ -20,8 +18,8 @@ pub struct Moticon {
 
 impl Moticon {
     /// Insoles of a size (length, width, m) with the selected channels.
-    pub fn new(line: Line, channels: &[Channel], rate_hz: f64, size_m: [f64; 2]) -> Moticon {
-        Moticon { line, channels: channels.to_vec(), rate_hz, size_m }
+    pub fn new(line: Line, channels: &[Channel], rate_hz: f64, size_m: [f64; 2]) -> Connected<Moticon> {
+        Connected::new(Moticon { channels: channels.to_vec(), rate_hz, size_m }, line)
     }
 }
 
@@ -39,40 +37,20 @@ fn insole(sole: &Sole, outward: f64) -> Insole {
     }
 }
 
-impl Device for Moticon {
-    fn poll(&mut self, _device_now_s: f64) -> io::Result<Asked> {
-        Ok(Asked::default())
-    }
-
+impl Protocol for Moticon {
     fn rate_hz(&self) -> f64 {
         self.rate_hz
     }
 
-    fn measure(&mut self, felt: &Felt) -> io::Result<()> {
+    fn measure(&mut self, line: &mut Line, felt: &Felt) -> io::Result<()> {
         // The insole fits the foot: its size equals the sole's.
         let [left, right] = felt.soles.map(|sole| Sole { size_m: self.size_m, ..sole });
         let feet = [insole(&left, 1.0), insole(&right, -1.0)];
-        self.line.send(datagram(felt.device_s, &feet, &self.channels).as_bytes(), 1)
+        line.send(datagram(felt.device_s, &feet, &self.channels).as_bytes(), 1)
     }
 
-    fn suffered(&self) -> Suffered {
-        self.line.suffered()
-    }
-
-    fn set_faults(&mut self, faults: Faults) {
-        self.line.set_faults(faults);
-    }
-
-    fn unplug(&mut self) {
-        self.line.port().unplug();
-    }
-
-    fn plug(&mut self) -> io::Result<()> {
-        self.line.port().plug()
-    }
-
-    fn config(&self) -> String {
-        let [keys, _] = self.line.config("ground");
+    fn config(&self, line: &Line) -> String {
+        let [keys, _] = line.config();
         let [length, width] = self.size_m;
         let mut text = format!("[ground]\nsource = \"moticon-udp\"\n{keys}\n[ground.moticon]\n");
         // Writing into a string cannot fail.

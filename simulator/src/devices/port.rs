@@ -45,7 +45,6 @@ pub trait Port: Send {
     /// Its kind in a configuration: `serial`, `tcp`, `udp`.
     fn kind(&self) -> &'static str;
 
-    /// The configuration keys for this connection, for the section `table`, in two parts: those of the section itself,
-    /// and its subsections.
-    fn config(&self, table: &str) -> [String; 2];
+    /// The configuration keys for this connection in two parts: those of the device's section, and further sections.
+    fn config(&self) -> [String; 2];
 }

@@ -3,17 +3,16 @@
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
 
 use super::felt::{Felt, Ground, OnFeet};
 use super::line::Suffered;
 use super::{Asked, Device};
-use crate::clock::{monotonic_ns, sleep_until_ns, span_ns};
-use crate::device::DeviceClock;
+use crate::clock::{DeviceClock, monotonic_ns, sleep_until_ns, span_ns};
 use crate::dynamics::Wrench;
 use crate::faults::Faults;
 use crate::noise::PlateNoise;
 use crate::random::Random;
+use crate::threads::Threads;
 
 /// Polling interval while no sample is due, s.
 const LISTEN_S: f64 = 0.004;
@@ -50,8 +49,7 @@ struct Orders {
 pub struct Running {
     config: String,
     orders: Arc<Mutex<Orders>>,
-    stop: Arc<AtomicBool>,
-    thread: Option<JoinHandle<io::Result<()>>>,
+    threads: Threads<()>,
 }
 
 impl Running {
@@ -62,14 +60,14 @@ impl Running {
     pub fn start(mut device: Box<dyn Device>, ground: Ground, load: Load, pace: Pace) -> io::Result<Running> {
         let config = device.config();
         let orders = Arc::new(Mutex::new(Orders { plugged: true, ..Orders::default() }));
-        let stop = Arc::new(AtomicBool::new(false));
-        let (their_orders, their_stop) = (Arc::clone(&orders), Arc::clone(&stop));
-        let thread = std::thread::Builder::new().name("sim-device".into()).spawn(move || {
+        let their_orders = Arc::clone(&orders);
+        let mut threads = Threads::new();
+        threads.spawn("sim-device", move |stop| {
             let random = Random::new(pace.seed, "jitter");
             let mut runner = Runner { ground, load, pace, random, zero: Vec::new(), plugged: true };
-            runner.run(&mut *device, &their_orders, &their_stop)
+            runner.run(&mut *device, &their_orders, stop)
         })?;
-        Ok(Running { config, orders, stop, thread: Some(thread) })
+        Ok(Running { config, orders, threads })
     }
 
     fn order<T>(&self, change: impl FnOnce(&mut Orders) -> T) -> T {
@@ -111,20 +109,7 @@ impl Running {
     /// # Errors
     /// The error that ended the device early.
     pub fn stop(mut self) -> io::Result<()> {
-        self.join()
-    }
-
-    fn join(&mut self) -> io::Result<()> {
-        self.stop.store(true, Ordering::Relaxed);
-        let Some(thread) = self.thread.take() else { return Ok(()) };
-        thread.join().unwrap_or_else(|_| Err(io::Error::other("a simulated device panicked")))
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Dropped without `stop`: errors are ignored.
-        let _ = self.join();
+        self.threads.stop().map(drop)
     }
 }
 

@@ -180,8 +180,8 @@ impl Port for SerialPort {
         "serial"
     }
 
-    fn config(&self, table: &str) -> [String; 2] {
-        let port = format!("[{table}.serial]\nport = {:?}\n", self.name.display().to_string());
+    fn config(&self) -> [String; 2] {
+        let port = format!("[ground.serial]\nport = {:?}\n", self.name.display().to_string());
         [String::new(), port]
     }
 }

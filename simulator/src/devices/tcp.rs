@@ -1,62 +1,47 @@
-//! TCP with the device as the server: one host at a time, a new one replaces the previous.
+//! TCP with the device as the server, where a new host replaces the previous one, or as the client, which retries until
+//! it is connected.
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::time::{Duration, Instant};
 
 use super::port::Port;
 
 /// A host with more pending bytes than this has stopped reading and is disconnected.
 const WAITING_MAX: usize = 1 << 20;
+/// Interval between connection attempts of a client.
+const AGAIN: Duration = Duration::from_millis(100);
+/// Timeout of one attempt: a present host answers at once.
+const KNOCK: Duration = Duration::from_millis(100);
 
-/// The device's listening end.
-#[derive(Debug)]
-pub struct TcpPort {
-    address: SocketAddr,
-    listener: Option<TcpListener>,
-    host: Option<TcpStream>,
+/// The present host, if there is one.
+#[derive(Debug, Default)]
+struct Host {
+    stream: Option<TcpStream>,
+    /// Bytes that it has not accepted yet.
     waiting: Vec<u8>,
+    /// Number of hosts so far.
     session: u64,
 }
 
-impl TcpPort {
-    /// Listens on an address (port 0: any free one, which is then kept).
-    ///
-    /// # Errors
-    /// Those of the socket, for example that the address is taken.
-    pub fn bind(address: SocketAddr) -> io::Result<TcpPort> {
-        let mut port = TcpPort { address, listener: None, host: None, waiting: Vec::new(), session: 0 };
-        port.plug()?;
-        Ok(port)
-    }
-
-    /// The listening address.
-    pub fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    fn let_in(&mut self) -> io::Result<()> {
-        while let Some(listener) = &self.listener {
-            match listener.accept() {
-                Ok((host, _)) => {
-                    host.set_nonblocking(true)?;
-                    host.set_nodelay(true)?;
-                    self.host = Some(host);
-                    self.waiting.clear();
-                    self.session += 1;
-                }
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                // The peer has closed the connection already.
-                Err(_) => break,
-            }
-        }
+impl Host {
+    fn connect(&mut self, stream: TcpStream) -> io::Result<()> {
+        stream.set_nonblocking(true)?;
+        stream.set_nodelay(true)?;
+        *self = Host { stream: Some(stream), waiting: Vec::new(), session: self.session + 1 };
         Ok(())
+    }
+
+    fn hang_up(&mut self) {
+        self.stream = None;
+        self.waiting.clear();
     }
 
     /// Sends pending bytes; drops a host that has disconnected or stopped reading.
     fn flush(&mut self) {
-        let Some(host) = &mut self.host else { return };
+        let Some(stream) = &mut self.stream else { return };
         while !self.waiting.is_empty() {
-            match host.write(&self.waiting) {
+            match stream.write(&self.waiting) {
                 Ok(count) if count > 0 => drop(self.waiting.drain(..count)),
                 Err(error) if error.kind() == ErrorKind::WouldBlock && self.waiting.len() < WAITING_MAX => {
                     return;
@@ -65,45 +50,80 @@ impl TcpPort {
             }
         }
     }
+
+    fn read(&mut self) -> Vec<u8> {
+        self.flush();
+        let Some(stream) = &mut self.stream else { return Vec::new() };
+        let mut bytes = [0; 4096];
+        match stream.read(&mut bytes) {
+            Ok(length) if length > 0 => return bytes[..length].to_vec(),
+            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+            Ok(_) | Err(_) => self.hang_up(),
+        }
+        Vec::new()
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        if self.stream.is_some() {
+            self.waiting.extend_from_slice(bytes);
+            self.flush();
+        }
+    }
+}
+
+/// The device's listening end.
+#[derive(Debug)]
+pub struct TcpPort {
+    address: SocketAddr,
+    listener: Option<TcpListener>,
+    host: Host,
+}
+
+impl TcpPort {
+    /// Listens on an address (port 0: any free one, which is then kept).
+    ///
+    /// # Errors
+    /// Those of the socket, for example that the address is taken.
+    pub fn bind(address: SocketAddr) -> io::Result<TcpPort> {
+        let mut port = TcpPort { address, listener: None, host: Host::default() };
+        port.plug()?;
+        Ok(port)
+    }
+
+    /// The listening address.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
 }
 
 impl Port for TcpPort {
     fn hear(&mut self) -> io::Result<Vec<u8>> {
-        self.let_in()?;
-        self.flush();
-        let Some(host) = &mut self.host else { return Ok(Vec::new()) };
-        let mut bytes = [0; 4096];
-        match host.read(&mut bytes) {
-            Ok(length) if length > 0 => return Ok(bytes[..length].to_vec()),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-            Ok(_) | Err(_) => self.hang_up(),
+        // An error is either "no peer" or a peer that has closed the connection already.
+        while let Some(Ok((host, _))) = self.listener.as_ref().map(TcpListener::accept) {
+            self.host.connect(host)?;
         }
-        Ok(Vec::new())
+        Ok(self.host.read())
     }
 
     fn is_open(&self) -> bool {
-        self.host.is_some()
+        self.host.stream.is_some()
     }
 
     fn session(&self) -> u64 {
-        self.session
+        self.host.session
     }
 
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
-        if self.host.is_some() {
-            self.waiting.extend_from_slice(bytes);
-            self.flush();
-        }
+        self.host.write(bytes);
         Ok(())
     }
 
     fn hang_up(&mut self) {
-        self.host = None;
-        self.waiting.clear();
+        self.host.hang_up();
     }
 
     fn unplug(&mut self) {
-        self.hang_up();
+        self.host.hang_up();
         self.listener = None;
     }
 
@@ -122,8 +142,72 @@ impl Port for TcpPort {
         "tcp"
     }
 
-    fn config(&self, _table: &str) -> [String; 2] {
+    fn config(&self) -> [String; 2] {
         [format!("address = \"{}\"\n", self.address), String::new()]
+    }
+}
+
+/// The device's connecting end.
+#[derive(Debug)]
+pub struct TcpOutPort {
+    target: SocketAddr,
+    plugged: bool,
+    knocked: Option<Instant>,
+    host: Host,
+}
+
+impl TcpOutPort {
+    /// To an address.
+    pub fn to(target: SocketAddr) -> TcpOutPort {
+        TcpOutPort { target, plugged: true, knocked: None, host: Host::default() }
+    }
+
+    fn knock(&mut self) -> io::Result<()> {
+        let due = self.knocked.is_none_or(|last| last.elapsed() >= AGAIN);
+        if self.is_open() || !self.plugged || !due {
+            return Ok(());
+        }
+        self.knocked = Some(Instant::now());
+        TcpStream::connect_timeout(&self.target, KNOCK).map_or(Ok(()), |host| self.host.connect(host))
+    }
+}
+
+impl Port for TcpOutPort {
+    fn hear(&mut self) -> io::Result<Vec<u8>> {
+        self.knock()?;
+        Ok(self.host.read())
+    }
+
+    fn is_open(&self) -> bool {
+        self.host.stream.is_some()
+    }
+
+    fn session(&self) -> u64 {
+        self.host.session
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.knock()?;
+        self.host.write(bytes);
+        Ok(())
+    }
+
+    fn unplug(&mut self) {
+        self.plugged = false;
+        self.host.hang_up();
+    }
+
+    fn plug(&mut self) -> io::Result<()> {
+        self.plugged = true;
+        Ok(())
+    }
+
+    fn kind(&self) -> &'static str {
+        "tcp"
+    }
+
+    fn config(&self) -> [String; 2] {
+        [format!("listen = \"{}\"\n", self.target), String::new()]
     }
 }
 

@@ -66,7 +66,7 @@ impl Port for UdpPort {
         "udp"
     }
 
-    fn config(&self, _table: &str) -> [String; 2] {
+    fn config(&self) -> [String; 2] {
         [format!("listen = \"{}\"\n", self.target), String::new()]
     }
 }

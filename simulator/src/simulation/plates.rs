@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::io;
 use std::sync::PoisonError;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::{Vector2, Vector3};
 
@@ -61,14 +61,19 @@ impl OnPlates {
 
 impl Shared {
     /// Serves the first plate (0) or the second until the stop flag is set.
-    pub(super) fn run_plate(&self, mut server: PlateServer, which: usize) -> io::Result<()> {
+    pub(super) fn run_plate(
+        &self,
+        mut server: PlateServer,
+        which: usize,
+        stop: &AtomicBool,
+    ) -> io::Result<()> {
         let settings = &self.settings.plate;
         let (plate, rate_hz) = self.plate(which);
         let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
         let mut reset_s = 0.0;
         let mut before = self.trouble();
         let mut number = 0_u32;
-        self.pace(1, rate_hz, settings.latency_s, |clock| {
+        self.pace(stop, 1, (rate_hz, settings.latency_s), |clock| {
             let trouble = self.trouble();
             if trouble.restarts[1] != before.restarts[1] {
                 clock.restart();

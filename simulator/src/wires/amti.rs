@@ -113,14 +113,14 @@ impl Gauges {
     }
 
     /// The counts for a wrench (N, N m) by the matrix, rounded to whole counts.
-    pub fn counts(&self, force_n: [f64; 3], moment_nm: [f64; 3]) -> [i16; 12] {
+    pub fn counts(&self, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [i16; 12] {
         let ([across, along], [half_x, half_y]) = (self.newtons_per_count, self.half_m);
-        let turning = moment_nm[2] / (4.0 * (half_x * half_x + half_y * half_y));
+        let turning = mz / (4.0 * (half_x * half_x + half_y * half_y));
         let mut counts = [0; 12];
         for (corner, [sx, sy]) in CORNERS.into_iter().enumerate() {
-            let x_n = force_n[0] / 4.0 - turning * sy * half_y;
-            let y_n = force_n[1] / 4.0 + turning * sx * half_x;
-            let z_n = (force_n[2] + sy * moment_nm[0] / half_y - sx * moment_nm[1] / half_x) / 4.0;
+            let x_n = fx / 4.0 - turning * sy * half_y;
+            let y_n = fy / 4.0 + turning * sx * half_x;
+            let z_n = (fz + sy * mx / half_y - sx * my / half_x) / 4.0;
             let gauge = [x_n / across, y_n / across, z_n / along].map(|count| count.round() as i16);
             counts[3 * corner..3 * corner + 3].copy_from_slice(&gauge);
         }
@@ -150,14 +150,14 @@ mod tests {
     #[test]
     fn counts_and_matrix_undo_each_other() {
         let gauges = Gauges::ORDINARY;
-        let (force, moment) = ([-31.0, 12.0, 702.0], [41.0, -28.0, 6.0]);
-        let counts = gauges.counts(force, moment);
+        let wrench = [-31.0, 12.0, 702.0, 41.0, -28.0, 6.0];
+        let counts = gauges.counts(wrench);
         let reported: Vec<f64> = gauges
             .matrix()
             .iter()
             .map(|row| row.iter().zip(counts).map(|(part, count)| part * f64::from(count)).sum())
             .collect();
-        for (reported, meant) in reported.iter().zip([force, moment].concat()) {
+        for (reported, meant) in reported.iter().zip(wrench) {
             // Half a count at each of four gauges.
             assert!((reported - meant).abs() <= 4.0 * 0.5 * 0.39, "{reported} {meant}");
         }

@@ -177,8 +177,8 @@ impl EightChannels {
 
     /// The eight forces (N) that give this wrench about the plate's origin, by the inverse of the plate's formulae. The
     /// component that the formulae leave undetermined (a twist of the four vertical forces) is zero.
-    pub fn forces_n(&self, force_n: [f64; 3], moment_nm: [f64; 3]) -> [f64; 8] {
-        let ([a, b], [fx, fy, fz], [mx, my, mz]) = (self.half_m, force_n, moment_nm);
+    pub fn forces_n(&self, [fx, fy, fz, mx, my, mz]: [f64; 6]) -> [f64; 8] {
+        let [a, b] = self.half_m;
         let (quarter, about_x, about_y) = (fz / 4.0, mx / (4.0 * b), my / (4.0 * a));
         [
             fx / 2.0 - mz / (4.0 * b),
@@ -201,7 +201,7 @@ mod tests {
     fn eight_forces_are_the_wrench() {
         let plate = EightChannels { half_m: [0.12, 0.2] };
         let [fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4] =
-            plate.forces_n([10.0, -20.0, 700.0], [30.0, -40.0, 5.0]);
+            plate.forces_n([10.0, -20.0, 700.0, 30.0, -40.0, 5.0]);
         let ([a, b], close) =
             (plate.half_m, |is: f64, meant: f64| assert!((is - meant).abs() < 1e-9, "{is}"));
         close(fx12 + fx34, 10.0);

@@ -284,7 +284,7 @@ mod tests {
             let session = watch(&plan, Hidden::default(), |time_s, state| {
                 poses = state.poses_used;
                 stances.insert(state.stance);
-                let invalid = Validity::SPOILS_COP_MEASURED.and(Validity::SPOILS_COP_ESTIMATED);
+                let invalid = Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
                 if !state.validity().any_of(invalid) && (work_s[0]..work_s[1]).contains(&time_s) {
                     let gap_m = Vector2::from(state.cop_measured_m) - Vector2::from(state.cop_estimated_m);
                     square_m2 += gap_m.norm_squared();

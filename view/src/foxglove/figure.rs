@@ -40,7 +40,7 @@ pub(super) fn head(origin_m: &[[f64; 3]; SEGMENTS], color: Color) -> Sphere {
 pub(super) fn joints(state: &State) -> Vec<Sphere> {
     let published = |number: u32| {
         let level = Level::from_number(number).unwrap_or(Level::None);
-        state.unless(Validity::SPOILS_TORQUES, level).unwrap_or(Level::None)
+        state.unless(Validity::INVALIDATES_TORQUES, level).unwrap_or(Level::None)
     };
     let sphere = |joint: Joint| {
         let (diameter_m, color) = look(published(state.joint_level[joint.index()]));

@@ -61,15 +61,15 @@ pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
         let advice = advice(state, origin_m);
         entities.extend(advice.map(|arrow| Entity { arrows: vec![arrow], ..entity(ADVICE) }));
     }
-    if let Some(cop_m) = state.unless(Validity::SPOILS_COP_MEASURED, state.cop_measured_m) {
-        let force = state.unless(Validity::SPOILS_GROUND_FORCE, state.ground_force_n[2]);
+    if let Some(cop_m) = state.unless(Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m) {
+        let force = state.unless(Validity::INVALIDATES_GROUND_FORCE, state.ground_force_n[2]);
         entities.push(Entity {
             cylinders: vec![disc(cop_m, [COP_M; 2], MEASURED_COLOR)],
             arrows: force.filter(|force_n| *force_n > 0.0).map(|n| reaction(cop_m, n)).into_iter().collect(),
             ..entity(MEASURED)
         });
     }
-    if let Some(cop_m) = state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m) {
+    if let Some(cop_m) = state.unless(Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m) {
         // Two σ in each direction, and large enough to be visible.
         let size_m = state.cop_sigma_m.map(|sigma_m| (4.0 * sigma_m).max(COP_M));
         entities.push(Entity { cylinders: vec![disc(cop_m, size_m, ESTIMATED_COLOR)], ..entity(ESTIMATED) });
@@ -122,7 +122,7 @@ fn reaction([x, y]: [f64; 2], force_n: f64) -> Arrow {
 
 /// Direction in which to move the load, from the midpoint between the hands.
 fn advice(state: &State, origin_m: &[[f64; 3]; SEGMENTS]) -> Option<Arrow> {
-    let direction = state.unless(Validity::SPOILS_TORQUES, state.advice_direction)?;
+    let direction = state.unless(Validity::INVALIDATES_TORQUES, state.advice_direction)?;
     let hands = Side::BOTH.map(|side| Vector::from(origin_m[side.hand().index()]));
     let from_m = (0.5 * (hands[0] + hands[1])).into();
     (direction != [0.0; 3]).then(|| arrow(from_m, direction, 0.25, ADVICE_COLOR))

@@ -1,7 +1,7 @@
 //! JSON schema of a state, generated from one table of its keys; a test compares the table with the JSON.
 
 use equipoise_core::body::Joint;
-use equipoise_core::message::{GroundDevice, Validity, state::NotGiven};
+use equipoise_core::message::{GroundDevice, Validity, state::Unavailable};
 use equipoise_core::overload::Level;
 use serde_json::{Map, Value, json};
 
@@ -40,73 +40,73 @@ use There::{Always, IfKnown};
 /// Every key in the order of the JSON, with its description.
 #[rustfmt::skip]
 pub(super) const KEYS: &[Key] = &[
-    Key("t", Number, Always, "when the cycle was due, s of the recording machine's CLOCK_MONOTONIC"),
-    Key("cycle", Count, Always, "the cycle's number in this daemon's life"),
-    Key("phase", Name(&["waiting", "identifying", "monitoring", "degraded", "unknown"]), Always, "what the pipeline is doing"),
-    Key("valid", Names(reasons), Always, "why values are withheld; empty when all may be used"),
-    Key("not_given", Names(not_given), IfKnown, "what the station's sensors do not give"),
-    Key("static_pose", YesNo, Always, "whether the worker holds still"),
-    Key("converged", YesNo, Always, "whether the identification has met its stop rule"),
-    Key("poses_used", Count, Always, "held poses that entered the filter"),
-    Key("stance", Count, Always, "grows by one with every step of the feet"),
-    Key("motion_samples_used", Count, Always, "moments in motion that entered the filter"),
-    Key("group_delay_ns", Count, Always, "how far the values lie behind the newest suit sample, ns"),
-    Key("suggested_pose", Count, IfKnown, "index of the pose that is asked for"),
+    Key("t", Number, Always, "due time of the cycle, s of the recording machine's CLOCK_MONOTONIC"),
+    Key("cycle", Count, Always, "number of the cycle since the daemon's start"),
+    Key("phase", Name(&["waiting", "identifying", "monitoring", "degraded", "unknown"]), Always, "phase of the pipeline"),
+    Key("valid", Names(reasons), Always, "invalid reasons; empty if all values are valid"),
+    Key("unavailable", Names(unavailable), IfKnown, "quantities that the station's sensors do not provide"),
+    Key("static_pose", YesNo, Always, "whether the pose is static"),
+    Key("converged", YesNo, Always, "whether the stop criterion of the identification is met"),
+    Key("poses_used", Count, Always, "static poses that updated the filter"),
+    Key("stance", Count, Always, "number of the stance: increments at every step of the feet"),
+    Key("motion_samples_used", Count, Always, "motion samples that updated the filter"),
+    Key("group_delay_ns", Count, Always, "delay of the results behind the newest suit sample, ns"),
+    Key("suggested_pose", Count, IfKnown, "index of the suggested pose"),
     Key("suit_age_ns", Count, IfKnown, "age of the newest suit sample, ns"),
     Key("ground_age_ns", Count, IfKnown, "age of the newest ground sample, ns"),
     Key("mass_kg", Number, IfKnown, "body mass, kg"),
-    Key("body_source", Name(&[]), IfKnown, "where the bones come from"),
-    Key("sole_source", Name(&[]), Always, "where the soles' outline comes from"),
-    Key("body_refused", Name(&[]), IfKnown, "why the suit's null pose is not used"),
+    Key("body_source", Name(&[]), IfKnown, "source of the segment lengths"),
+    Key("foot_outline_source", Name(&[]), Always, "source of the foot outlines"),
+    Key("body_rejected", Name(&[]), IfKnown, "reason why the suit's null pose is not used"),
     Key("cop_measured", Numbers(2), IfKnown, "measured centre of pressure, world x and y, m"),
     Key("cop_measured_sigma", Numbers(2), IfKnown, "its 1-sigma, m"),
-    Key("cop_estimated", Numbers(2), IfKnown, "centre of pressure of the unloaded body in this motion, m"),
+    Key("cop_estimated", Numbers(2), IfKnown, "centre of pressure of the same motion without the load, world x and y, m"),
     Key("cop_sigma", Numbers(2), IfKnown, "its 1-sigma, m"),
     Key("com", Numbers(3), IfKnown, "estimated centre of mass, world, m"),
-    Key("com_suit", Numbers(3), IfKnown, "the suit maker's own centre of mass, world, m"),
-    Key("acceleration_source", Name(&[]), IfKnown, "where the body's accelerations come from"),
-    Key("ground_force_n", Numbers(3), IfKnown, "ground reaction force on the person, world, N"),
-    Key("vertical_force_n", Number, IfKnown, "its vertical part, N"),
-    Key("ground_devices", Names(ground_devices), IfKnown, "what the ground's sample is made of"),
-    Key("delta_f_n", Numbers(3), IfKnown, "external force carried, world, N"),
-    Key("delta_f_sigma_n", Number, IfKnown, "1-sigma of its vertical part, N"),
+    Key("suit_com", Numbers(3), IfKnown, "centre of mass computed by the suit's software, world, m"),
+    Key("acceleration_source", Name(&[]), IfKnown, "source of the body's accelerations"),
+    Key("ground_force_n", Numbers(3), IfKnown, "ground reaction force on the person, world axes, N"),
+    Key("vertical_force_n", Number, IfKnown, "its vertical component, N"),
+    Key("ground_devices", Names(ground_devices), IfKnown, "devices in the ground sample"),
+    Key("delta_f_n", Numbers(3), IfKnown, "external force, world axes, N"),
+    Key("delta_f_sigma_n", Number, IfKnown, "1-sigma of its vertical component, N"),
     Key("lifted_mass_kg", Number, IfKnown, "mass in the hands, kg"),
     Key("lifted_mass_sigma_kg", Number, IfKnown, "its 1-sigma, kg"),
-    Key("zeta", Numbers(2), IfKnown, "share of the ground reaction under the left and the right foot"),
-    Key("zeta_sigma", Number, IfKnown, "1-sigma of zeta, of both feet alike"),
-    Key("sharing_source", Name(&[]), IfKnown, "where zeta comes from"),
-    Key("eta", Numbers(2), IfKnown, "share of the load in the left and the right hand"),
-    Key("eta_sigma", Number, IfKnown, "1-sigma of eta, of both hands alike"),
-    Key("load_distance_m", Number, IfKnown, "horizontal distance from the load to the line between the hands, m"),
-    Key("reach_m", Number, IfKnown, "horizontal distance from the middle of the ankles to the load, m"),
+    Key("foot_load_fraction", Numbers(2), IfKnown, "fraction of the ground reaction under the left and the right foot, 0 to 1"),
+    Key("foot_load_fraction_sigma", Number, IfKnown, "1-sigma of foot_load_fraction, equal for both feet"),
+    Key("sharing_source", Name(&[]), IfKnown, "source of foot_load_fraction"),
+    Key("hand_load_fraction", Numbers(2), IfKnown, "fraction of the load in the left and the right hand, 0 to 1"),
+    Key("hand_load_fraction_sigma", Number, IfKnown, "1-sigma of hand_load_fraction, equal for both hands"),
+    Key("load_hand_distance_m", Number, IfKnown, "horizontal distance of the load from the line between the hands, m"),
+    Key("reach_m", Number, IfKnown, "horizontal distance of the load from the midpoint of the ankles, m"),
     Key("reach_sigma_m", Number, IfKnown, "its 1-sigma, m"),
-    Key("variance_max_m2", Number, IfKnown, "largest variance of an identified parameter (the paper's P_jj), m2"),
-    Key("predicted_cop_sigma_m", Number, IfKnown, "predicted 1-sigma of the CoP over the poses of the library, m"),
+    Key("variance_max_m2", Number, IfKnown, "largest variance of an identified parameter (P_jj in the paper), m2"),
+    Key("predicted_cop_sigma_m", Number, IfKnown, "predicted 1-sigma of the centre of pressure over the pose library, m"),
     Key("nis", Number, IfKnown, "normalised innovation squared of the last pose"),
-    Key("prior_inflation", Number, IfKnown, "how much the prior was widened because this worker did not fit it"),
-    Key("pose_mismatch_rad", Number, IfKnown, "how far the worker is from the pose that is asked for, rad"),
-    Key("suit_skew_s", Number, IfKnown, "how much later than the ground's the suit's times are, s"),
+    Key("prior_inflation", Number, IfKnown, "factor on the prior's covariance after a conflict with the first poses"),
+    Key("pose_mismatch_rad", Number, IfKnown, "difference from the suggested pose, rad"),
+    Key("suit_skew_s", Number, IfKnown, "delay of the suit's sample times relative to the ground's, s"),
     Key("suit_skew_sigma_s", Number, IfKnown, "its 1-sigma, s"),
-    Key("l5s1_moment_nm", Number, IfKnown, "net moment at L5/S1, N m"),
+    Key("l5s1_moment_nm", Number, IfKnown, "net moment at L5/S1 about the horizontal axes, N m"),
     Key("l5s1_moment_sigma_nm", Number, IfKnown, "its 1-sigma, N m"),
     Key("l5s1_compression_n", Number, IfKnown, "estimated compression of the L5/S1 disc, N"),
     Key("l5s1_compression_sigma_n", Number, IfKnown, "its 1-sigma, N"),
-    Key("lifts", Count, Always, "lifts that entered the cumulative dose"),
-    Key("dose_damage", Number, IfKnown, "cumulative damage of the low back, 1 being failure"),
-    Key("dose_probability", Number, IfKnown, "probability of a high-risk job by that dose, 0 to 1"),
-    Key("worst_joint", Name(&[]), IfKnown, "the joint closest to its limit"),
-    Key("advice_direction", Numbers(3), IfKnown, "unit vector, world: where the load should move"),
-    Key("advice_gain_nm_per_cm", Number, IfKnown, "by how much that relieves the worst joint, N m per cm"),
+    Key("lifts", Count, Always, "lifts in the cumulative dose"),
+    Key("dose_damage", Number, IfKnown, "cumulative damage of the low back, 1 at failure"),
+    Key("dose_probability", Number, IfKnown, "probability of a high-risk job at this dose, 0 to 1"),
+    Key("worst_joint", Name(&[]), IfKnown, "joint closest to its limit"),
+    Key("advice_direction", Numbers(3), IfKnown, "direction in which a motion of the load relieves the worst joint, unit vector, world axes"),
+    Key("advice_gain_nm_per_cm", Number, IfKnown, "reduction of the worst joint's torque by a motion in that direction, N m per cm"),
     Key("fatigue", PerJoint, Always, "overloading fatigue of each joint, 0 to 1"),
-    Key("joints", Joints, IfKnown, "overload of each joint: torque and its 1-sigma (N m), level, limit (N m), fatigue"),
+    Key("joints", Joints, IfKnown, "each joint: overload torque and its 1-sigma (N m), level, limit (N m), fatigue"),
 ];
 
 fn reasons() -> Vec<&'static str> {
     Validity::NAMES.iter().map(|(_, name)| *name).collect()
 }
 
-fn not_given() -> Vec<&'static str> {
-    NotGiven::NAMES.iter().map(|(_, name)| *name).collect()
+fn unavailable() -> Vec<&'static str> {
+    Unavailable::NAMES.iter().map(|(_, name)| *name).collect()
 }
 
 fn ground_devices() -> Vec<&'static str> {

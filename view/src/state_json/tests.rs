@@ -26,13 +26,14 @@ pub(crate) fn monitoring() -> State {
     state.cop_sigma_m = [0.004, 0.005];
     state.com_m = [0.03, -0.02, 0.98];
     state.suit_com_m = [0.04, -0.02, 0.97];
-    (state.body_source, state.sole_source, state.ground_devices) = (2, 1, 1);
+    (state.body_source, state.foot_outline_source, state.ground_devices) = (2, 1, 1);
     state.ground_force_n = [0.0, 0.0, 800.0];
     state.delta_f_n = [0.0, 0.0, 88.75];
-    state.zeta = [0.5, 0.5];
-    (state.zeta_sigma, state.eta_sigma, state.reach_sigma_m) = (0.02, 0.125, 0.03);
-    state.eta = [0.25, 0.75];
-    state.load_distance_m = 0.02;
+    state.foot_load_fraction = [0.5, 0.5];
+    (state.foot_load_fraction_sigma, state.hand_load_fraction_sigma, state.reach_sigma_m) =
+        (0.02, 0.125, 0.03);
+    state.hand_load_fraction = [0.25, 0.75];
+    state.load_hand_distance_m = 0.02;
     state.variance_max_m2 = 0.0015;
     state.predicted_cop_sigma_m = 0.006;
     state.nis = 1.5;
@@ -73,7 +74,7 @@ fn a_withheld_state_is_exactly_this_text() {
         .to_owned()
         + r#""static_pose":true,"converged":true,"poses_used":12,"stance":2,"motion_samples_used":250,"#
         + r#""group_delay_ns":100000000,"suit_age_ns":4000000,"ground_age_ns":900000,"#
-        + r#""mass_kg":72.5,"body_source":"null_pose","sole_source":"suit","#
+        + r#""mass_kg":72.5,"body_source":"null_pose","foot_outline_source":"suit","#
         + r#""ground_force_n":[0.0,0.0,800.0],"vertical_force_n":800.0,"ground_devices":["plate"],"#
         + r#""variance_max_m2":0.0015,"predicted_cop_sigma_m":0.006,"nis":1.5,"prior_inflation":1.0,"#
         + r#""lifts":3,"dose_damage":0.0005,"dose_probability":0.125,"#
@@ -89,14 +90,14 @@ fn a_whole_state_is_exactly_this_text_up_to_the_second_joint() {
         .to_owned()
         + r#""converged":true,"poses_used":12,"stance":2,"motion_samples_used":250,"#
         + r#""group_delay_ns":100000000,"suit_age_ns":4000000,"ground_age_ns":900000,"#
-        + r#""mass_kg":72.5,"body_source":"null_pose","sole_source":"suit","cop_measured":[0.0625,-0.01],"cop_measured_sigma":[0.001,0.002],"#
+        + r#""mass_kg":72.5,"body_source":"null_pose","foot_outline_source":"suit","cop_measured":[0.0625,-0.01],"cop_measured_sigma":[0.001,0.002],"#
         + r#""cop_estimated":[0.03,-0.02],"#
-        + r#""cop_sigma":[0.004,0.005],"com":[0.03,-0.02,0.98],"com_suit":[0.04,-0.02,0.97],"#
+        + r#""cop_sigma":[0.004,0.005],"com":[0.03,-0.02,0.98],"suit_com":[0.04,-0.02,0.97],"#
         + r#""acceleration_source":"positions","#
         + r#""ground_force_n":[0.0,0.0,800.0],"vertical_force_n":800.0,"ground_devices":["plate"],"#
         + r#""delta_f_n":[0.0,0.0,88.75],"delta_f_sigma_n":3.5,"#
         + r#""lifted_mass_kg":9.0,"lifted_mass_sigma_kg":0.25,"#
-        + r#""zeta":[0.5,0.5],"zeta_sigma":0.02,"sharing_source":"measured","eta":[0.25,0.75],"eta_sigma":0.125,"load_distance_m":0.02,"#
+        + r#""foot_load_fraction":[0.5,0.5],"foot_load_fraction_sigma":0.02,"sharing_source":"measured","hand_load_fraction":[0.25,0.75],"hand_load_fraction_sigma":0.125,"load_hand_distance_m":0.02,"#
         + r#""reach_m":0.45,"reach_sigma_m":0.03,"#
         + r#""variance_max_m2":0.0015,"predicted_cop_sigma_m":0.006,"nis":1.5,"prior_inflation":1.0,"#
         + r#""l5s1_moment_nm":120.0,"l5s1_moment_sigma_nm":6.0,"l5s1_compression_n":2400.0,"#
@@ -136,14 +137,14 @@ fn every_reason_alone_withholds_the_torques_and_names_itself() {
 #[test]
 fn what_the_sensors_do_not_give_is_named_and_absent() {
     let mut state = monitoring();
-    state.not_given = NotGiven::SuitCom as u32 | NotGiven::Shear as u32;
-    state.body_refused = BodyRefusal::ContradictsPoses as u32;
+    state.unavailable = Unavailable::SuitCom as u32 | Unavailable::Shear as u32;
+    state.body_rejected = BodyRejection::ContradictsPoses as u32;
     let json = parsed(&state);
-    assert_eq!(json["not_given"], serde_json::json!(["suit_com", "shear"]));
+    assert_eq!(json["unavailable"], serde_json::json!(["suit_com", "shear"]));
     assert_eq!(json["valid"], serde_json::json!([]), "nothing is wrong");
-    assert_eq!(json["body_refused"], "contradicts_poses");
+    assert_eq!(json["body_rejected"], "contradicts_poses");
     assert_eq!(json["vertical_force_n"], 800.0);
-    assert!(json.get("com_suit").is_none() && json.get("ground_force_n").is_none());
+    assert!(json.get("suit_com").is_none() && json.get("ground_force_n").is_none());
 }
 
 #[test]
@@ -151,8 +152,8 @@ fn the_distance_of_a_load_that_is_not_at_the_hands_is_published() {
     let mut state = monitoring();
     state.valid = Validity::LOAD_NOT_AT_HANDS.0;
     let json = parsed(&state);
-    assert!(json.get("eta").is_none());
-    assert_eq!(json["load_distance_m"], 0.02);
+    assert!(json.get("hand_load_fraction").is_none());
+    assert_eq!(json["load_hand_distance_m"], 0.02);
 }
 
 #[test]
@@ -207,16 +208,16 @@ fn the_schema_has_the_keys_of_the_json_in_their_order() {
     let mut whole = monitoring();
     (whole.suggested_pose, whole.pose_mismatch_rad) = (3, 0.5);
     (whole.suit_skew_s, whole.suit_skew_sigma_s) = (0.004, 0.001);
-    (whole.not_given, whole.body_refused) = (0, BodyRefusal::Stale as u32);
+    (whole.unavailable, whole.body_rejected) = (0, BodyRejection::Stale as u32);
     let text = StateJson::new(&whole, 1.5).to_text().unwrap();
     assert_eq!(misfits(&schema, &parsed(&whole)), [""; 0]);
-    // `not_given` is present exactly if a quantity is unavailable.
+    // `unavailable` is present exactly if a quantity is unavailable.
     let mut at = 0;
-    for Key(name, ..) in KEYS.iter().filter(|Key(name, ..)| *name != "not_given") {
+    for Key(name, ..) in KEYS.iter().filter(|Key(name, ..)| *name != "unavailable") {
         let found = text[at..].find(&format!("\"{name}\":"));
         at += found.unwrap_or_else(|| panic!("{name} does not stand after {}: {text}", &text[..at]));
     }
-    whole.not_given = u32::MAX;
+    whole.unavailable = u32::MAX;
     assert_eq!(misfits(&schema, &parsed(&whole)), [""; 0]);
 }
 

@@ -21,7 +21,7 @@ const BAR_MIN: usize = 6;
 const BAR_MAX: usize = 40;
 
 pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
-    let mut lines = match state.unless(Validity::SPOILS_TORQUES, ()) {
+    let mut lines = match state.unless(Validity::INVALIDATES_TORQUES, ()) {
         Some(()) => overload(state, area.width as usize),
         None => fatigue(state, area.width as usize),
     };

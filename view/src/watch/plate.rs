@@ -33,8 +33,8 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
     let area = Rect { y: area.y + 1, height: area.height - 1, ..area };
     let feet = soles(state);
     let support = hull(&feet.concat());
-    let measured = state.unless(Validity::SPOILS_COP_MEASURED, state.cop_measured_m);
-    let estimated = state.unless(Validity::SPOILS_COP_ESTIMATED, state.cop_estimated_m);
+    let measured = state.unless(Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m);
+    let estimated = state.unless(Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m);
     let seen: Vec<Point> = support.iter().copied().chain(measured).chain(estimated).collect();
     let Some(bounds) = bounds(&seen, area) else {
         frame.render_widget(ratatui::text::Line::styled(" -", faint()), area);
@@ -53,7 +53,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
                 polygon(context, &ellipse(estimated, state.cop_sigma_m), Color::Blue);
                 mark(context, estimated, "o", Color::Blue);
             }
-            if let Some([x, y, _]) = state.unless(Validity::SPOILS_COM, state.com_m) {
+            if let Some([x, y, _]) = state.unless(Validity::INVALIDATES_COM, state.com_m) {
                 mark(context, [x, y], "x", Color::Blue);
             }
             for (hand, name) in hands(state) {
@@ -68,7 +68,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
 
 /// Outlines of the feet as on the page: from a little behind the ankle to the tip of the toes.
 fn soles(state: &State) -> Vec<Vec<Point>> {
-    if state.suit_sample_time_ns == 0 || state.validity().any_of(Validity::SPOILS_COM) {
+    if state.suit_sample_time_ns == 0 || state.validity().any_of(Validity::INVALIDATES_COM) {
         return Vec::new();
     }
     let at = |segment: Segment| state.segment_origin_m[segment.index()];
@@ -88,7 +88,7 @@ fn soles(state: &State) -> Vec<Vec<Point>> {
 }
 
 fn hands(state: &State) -> Vec<(Point, &'static str)> {
-    if state.suit_sample_time_ns == 0 || state.validity().any_of(Validity::SPOILS_COM) {
+    if state.suit_sample_time_ns == 0 || state.validity().any_of(Validity::INVALIDATES_COM) {
         return Vec::new();
     }
     let at = |segment: Segment| {

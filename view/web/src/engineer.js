@@ -69,7 +69,7 @@ function showHead(frame, facts) {
   setText(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
   element("silent").hidden = !reasonName;
   setText(element("silent"), reasonName ? t(`reason.${reasonName}`) : "");
-  const { cop_measured: a, cop_estimated: b, nis, poses_used: poses, com_suit: suit } = frame?.state ?? {};
+  const { cop_measured: a, cop_estimated: b, nis, poses_used: poses, suit_com: suit } = frame?.state ?? {};
   setText(element("apart"), a && b ? `${(1000 * Math.hypot(a[0] - b[0], a[1] - b[1])).toFixed(1)} mm` : "–");
   setText(element("nis"), nis === undefined ? "–" : nis.toFixed(2));
   setText(element("poses"), poses === undefined ? "–" : String(poses));
@@ -88,7 +88,7 @@ function showHead(frame, facts) {
 }
 
 function showFacts(facts) {
-  const suspicion = facts?.daemon?.model_suspicion;
+  const suspicion = facts?.daemon?.model_mismatch;
   element("model").hidden = !suspicion;
   // The heading replaces the first half of the daemon's sentence.
   setText(element("model-what"), suspicion?.replace(/^the model no longer explains this worker's data: /, "") ?? "");
@@ -158,7 +158,7 @@ function showIncidents(incidents) {
     const [head, more, todo] = ["b", "small", "small"].map((kind) => document.createElement(kind));
     const translated = (part, fallback) => (has(`incident.${one.name}.${part}`) ? t(`incident.${one.name}.${part}`) : fallback);
     head.textContent = translated("meaning", one.name);
-    more.textContent = `${one.name}: ${one.active ? t("ui.goes_on", { span: span(one.for_s) }) : t("ui.was", { count: one.begun, span: span(one.ended_s_ago) })}${one.what ? ` – ${one.what}` : ""}`;
+    more.textContent = `${one.name}: ${one.active ? t("ui.goes_on", { span: span(one.duration_s) }) : t("ui.was", { count: one.count, span: span(one.ended_ago_s) })}${one.message ? ` – ${one.message}` : ""}`;
     todo.textContent = `${t("ui.to_do")}: ${translated("do", "")}`;
     item.append(head, more, ...(one.active ? [todo] : []));
     return item;

@@ -62,7 +62,7 @@ export function drawPlate(canvas, frame) {
     context.arc(x, y, 6, 0, 2 * Math.PI);
     stroke(context, colour("you"), 3);
   }
-  const { com, com_suit: suitCom } = frame.state;
+  const { com, suit_com: suitCom } = frame.state;
   if (com) {
     context.beginPath();
     context.arc(...at(com), 3.5, 0, 2 * Math.PI);

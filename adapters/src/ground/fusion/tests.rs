@@ -34,7 +34,7 @@ fn insoles(time_ns: u64, vertical_n: [f64; 2]) -> GroundSample {
         per_foot: 1,
         foot_vertical_n: vertical_n,
         foot_cop_m: [[0.01, 0.004], [-0.02, 0.003]],
-        foot_frame: FootFrame::Sole as u32,
+        foot_frame: FootFrame::Insole as u32,
         not_measured: Component::Shear as u32 | Component::Tilt as u32 | Component::FreeMoment as u32,
         devices: DeviceKind::Insoles as u32,
         ..Zeroable::zeroed()
@@ -179,7 +179,7 @@ fn insoles_share_what_the_plate_weighs() {
     assert_eq!((whole.force_n, whole.not_measured), ([5.0, -3.0, 700.0], 0));
     assert!((whole.foot_vertical_n[0] - 233.333).abs() < 1e-3);
     assert!((whole.foot_vertical_n[1] - 466.667).abs() < 1e-3);
-    assert_eq!((whole.foot_frame, whole.foot_cop_m[0]), (FootFrame::Sole as u32, [0.01, 0.004]));
+    assert_eq!((whole.foot_frame, whole.foot_cop_m[0]), (FootFrame::Insole as u32, [0.01, 0.004]));
     assert!(whole.has_feet());
     assert_eq!(whole.devices, DeviceKind::Plate as u32 | DeviceKind::Insoles as u32);
 }

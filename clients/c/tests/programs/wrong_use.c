@@ -18,7 +18,7 @@ static int says(const char *part) { return strstr(equipoise_error(), part) != NU
 
 static void nothing_is_left(const equipoise_reading *reading) {
     MUST(reading->state.valid == UINT64_MAX && reading->age_ns == UINT64_MAX);
-    MUST(reading->moment_age_ns == UINT64_MAX && reading->state.cycle == 0 && reading->is_new == 0);
+    MUST(reading->sample_age_ns == UINT64_MAX && reading->state.cycle == 0 && reading->is_new == 0);
 }
 
 static void *elsewhere(void *consumer) {

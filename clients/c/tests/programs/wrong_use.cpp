@@ -35,12 +35,12 @@ int main() {
 
     auto consumer = std::make_unique<Consumer>("test", "cpp");
     const equipoise::Reading reading = consumer->next(-1ns); // No process publishes.
-    MUST(!reading && reading.why() == equipoise::Why::silent);
+    MUST(!reading && reading.reason() == equipoise::NoStateReason::silent);
     MUST(!consumer->next(std::chrono::nanoseconds::min()));
     MUST(throws<std::bad_variant_access>([&] { (void)(*reading).cycle(); }));
     MUST(throws<std::bad_variant_access>([&] { (void)reading->cycle(); }));
     const equipoise::Reading some{equipoise::State(equipoise_reading{})};
-    MUST(some && throws<std::bad_variant_access>([&] { (void)some.why(); }));
+    MUST(some && throws<std::bad_variant_access>([&] { (void)some.reason(); }));
 
     MUST(std::strcmp(consumer->report_refusal(), "") == 0);
     std::thread([&] {

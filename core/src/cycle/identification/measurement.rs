@@ -4,9 +4,8 @@
 //! the true one. It is the same in all poses of a stance, so it is a state of the filter and not noise, which many
 //! poses would average out.
 
-use bytemuck::{Pod, Zeroable};
-
 use super::{Identification, pose_of};
+use crate::cycle::placement::Continuity;
 use crate::cycle::settings::Settings;
 use crate::frame::{Pose, StationWorld};
 use crate::kalman::STATES;
@@ -24,8 +23,7 @@ pub(in crate::cycle) const REGISTRATION_SIGMA_M: f64 = 0.03;
 const OUTLIER_SQUARE: f64 = 10.8;
 
 /// Uncertainty of the stance offset at one instant, split into the part correlated with the predicted CoP and the rest.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StanceSigma {
     /// Expected error of the offset per metre of error of the predicted CoP, per axis.
     pub by_estimate: [f64; 2],
@@ -33,14 +31,19 @@ pub struct StanceSigma {
     pub rest_m: [f64; 2],
 }
 
-impl StanceSigma {
-    /// Whether every number is in range; a stored one is checked before use.
-    pub(in crate::cycle) fn is_sound(&self) -> bool {
-        self.by_estimate.iter().chain(&self.rest_m).all(|value| value.is_finite())
-    }
-}
-
 impl Identification {
+    /// After a gap in the suit's samples the subject may stand elsewhere; another world also has another origin.
+    pub(in crate::cycle) fn follow(&mut self, continuity: Continuity, settings: &Settings) {
+        if !settings.suit_drifts || !self.has_body() {
+            return;
+        }
+        match continuity {
+            Continuity::Continuous => {}
+            Continuity::Gap => self.widen_stance_offset(),
+            Continuity::NewWorld => self.new_stance(settings),
+        }
+    }
+
     /// Starts a new stance if the number changed: the anchor keeps its shift over a step, so the offset is that of the
     /// last stance with this additional σ per axis, m. For a suit with absolute position it stays zero.
     pub fn update_stance(&mut self, stance: u64, sigma_m: [f64; 2], settings: &Settings) {
@@ -65,7 +68,7 @@ impl Identification {
 
     /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its
     /// shift, with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
-    pub(in crate::cycle) fn widen_stance_offset(&mut self) {
+    fn widen_stance_offset(&mut self) {
         for axis in 0..2 {
             self.filter.add_process_noise(
                 self.reduction.count() + axis,

@@ -303,10 +303,11 @@ fn a_body_that_stays_after_a_jump_is_in_another_world() {
 #[test]
 fn before_bone_lengths_are_available_nominal_ones_apply() {
     let settings = Settings::for_height(1.77);
-    let mut memory = bytemuck::zeroed_box::<Memory>();
-    memory.start(&settings);
+    let mut subject = bytemuck::zeroed_box::<Identification>();
+    subject.start(&settings);
+    let (mut watch, bones) = (Plausibility::zeroed(), Bones::of(&subject, &settings));
     let mut sample = suit(&Person::real(), 0);
-    assert!(memory.validate_suit(&sample, &settings));
+    assert!(watch.check_suit(&sample, None, &bones));
     sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; 23];
-    assert!(!memory.validate_suit(&sample, &settings));
+    assert!(!watch.check_suit(&sample, None, &bones));
 }

@@ -11,6 +11,7 @@ use crate::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton};
 use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::message::Component;
+use crate::message::state::Phase;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::{Phi, centre_of_mass};

@@ -26,7 +26,7 @@ fn mass_reach_and_moment_are_those_of_the_box() {
     let person = Person::real();
     let bench = carrying(&person, 600);
     let state = bench.state();
-    assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+    assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
     assert!((state.lifted_mass_kg - KG).abs() < 1e-9 && state.lifted_mass_sigma_kg > 0.0);
     let pose = person.pose(&carrying_pose());
     let at = lifted_box(&person, &carrying_pose());
@@ -88,11 +88,11 @@ fn a_load_that_may_be_undetected_is_flagged_and_masks_the_back() {
         let (reasons, compressed) = (state.validity(), state.l5s1_compression_n > 0.0);
         assert_eq!(
             compressed,
-            !reasons.any_of(Validity::SPOILS_BACK),
+            !reasons.any_of(Validity::INVALIDATES_LOW_BACK),
             "{:?}",
             reasons.names().collect::<Vec<_>>()
         );
-        if reasons.any_of(Validity::LOAD_MAY_HIDE) {
+        if reasons.any_of(Validity::LOAD_BELOW_DETECTION_LIMIT) {
             masked += 1;
             assert!(reasons.any_of(Validity::BELOW_LOAD_THRESHOLD));
         }

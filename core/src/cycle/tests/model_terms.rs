@@ -44,7 +44,7 @@ fn bench_with(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
 fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
     let person = Person::real();
     let [from_x_nm, from_y_nm, _] =
-        bench.memory.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
+        bench.memory.align.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
     for step in 0..4000_u64 {
         bench.now_ns += TICK_NS;
         bench.cycle += 1;
@@ -101,7 +101,7 @@ fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
     // Of the external force, without the offset that was subtracted: it depends on the forces before.
     let (mut all, mut offset_n): (Vec<(u64, [f64; 2], f64)>, f64) = (Vec::new(), 0.0);
     swing(bench, shear, |bench| {
-        let estimate = &bench.memory.estimate;
+        let estimate = &bench.memory.publication.estimate;
         if all.last().is_none_or(|(time, ..)| *time != estimate.suit_sample_time_ns) {
             all.push((
                 estimate.suit_sample_time_ns,
@@ -109,7 +109,7 @@ fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
                 estimate.delta_f_n[2] + offset_n,
             ));
         }
-        offset_n = bench.memory.force_offset.mean_n();
+        offset_n = bench.memory.ground.force_offset.mean_n();
     });
     all
 }
@@ -156,11 +156,11 @@ fn a_worn_mass_weighs_what_its_motion_makes_it_weigh() {
                     places.push((newest.time_ns, newest.pose().point_on(Segment::T8, table).z));
                 }
             }
-            let estimate = &bench.memory.estimate;
+            let estimate = &bench.memory.publication.estimate;
             if forces.last().is_none_or(|(time, _): &(u64, f64)| *time != estimate.suit_sample_time_ns) {
                 forces.push((estimate.suit_sample_time_ns, estimate.delta_f_n[2] + offset_n));
             }
-            offset_n = bench.memory.force_offset.mean_n();
+            offset_n = bench.memory.ground.force_offset.mean_n();
         });
         let with = states(&mut bench_with(&worn, |_| {}), shear);
         let mut compared = 0;

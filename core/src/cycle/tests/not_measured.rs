@@ -1,7 +1,7 @@
 //! Components that the ground's devices do not measure are never used.
 
 use super::*;
-use crate::message::state::NotGiven;
+use crate::message::state::Unavailable;
 
 fn bench_after_poses(shear_n: Option<[f64; 2]>) -> Bench {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
@@ -22,7 +22,7 @@ fn unmeasured_shear_is_never_read() {
     let (zero, nonsense) = (bench_after_poses(Some([0.0; 2])), bench_after_poses(Some([260.0, -190.0])));
     assert!(bytemuck::bytes_of(zero.state()) == bytemuck::bytes_of(nonsense.state()));
     assert!(bytemuck::bytes_of(&*zero.memory) == bytemuck::bytes_of(&*nonsense.memory));
-    assert!(!zero.state().gives(NotGiven::Shear) && zero.state().poses_used > 2);
+    assert!(!zero.state().provides(Unavailable::Shear) && zero.state().poses_used > 2);
     assert_eq!(nonsense.state().ground_force_n[..2], [0.0; 2]);
 }
 

@@ -14,11 +14,11 @@ fn null_pose_of(skeleton: &crate::body::Skeleton) -> SuitBody {
     SuitBody { origin_m, ..Zeroable::zeroed() }
 }
 
-fn body_status(bench: &Bench) -> (BodySource, BodyRefusal) {
+fn body_status(bench: &Bench) -> (BodySource, BodyRejection) {
     let state = bench.state();
     (
         BodySource::from_number(state.body_source).unwrap(),
-        BodyRefusal::from_number(state.body_refused).unwrap(),
+        BodyRejection::from_number(state.body_rejected).unwrap(),
     )
 }
 
@@ -27,7 +27,7 @@ fn the_null_pose_gives_exact_bone_lengths_at_the_first_sample() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 200);
-    assert_eq!(body_status(&bench), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(body_status(&bench), (BodySource::NullPose, BodyRejection::None));
     let bones = bench.memory.identification.skeleton();
     let expected = bench.suit_body.unwrap().skeleton();
     assert_eq!(bones, expected, "the null pose's own, to the last bit");
@@ -56,7 +56,7 @@ fn the_null_pose_replaces_bone_lengths_from_poses_and_keeps_theta() {
     let theta = late.memory.identification.phi();
     late.hold(&person, &upright(), None, 5);
     late.hold(&person, &upright(), None, 95);
-    assert_eq!(body_status(&late), (BodySource::NullPose, BodyRefusal::None));
+    assert_eq!(body_status(&late), (BodySource::NullPose, BodyRejection::None));
     assert!(late.memory.identification.phi() == theta || late.state().poses_used > used);
     assert!(late.state().poses_used >= used, "no pose is discarded");
 }
@@ -67,12 +67,12 @@ fn a_null_pose_that_contradicts_the_poses_is_rejected() {
     let taller = crate::body::Skeleton::nominal(1.2 * HEIGHT_M);
     bench.suit_body = Some(null_pose_of(&taller));
     bench.hold(&person, &upright(), None, 400);
-    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRefusal::ContradictsPoses));
+    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRejection::ContradictsPoses));
     assert!(bench.memory.identification.skeleton().differs_by_m(&person.skeleton) < 1e-9);
     // A subsequent correct message is accepted.
     bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 100);
-    assert_eq!(body_status(&bench).1, BodyRefusal::None);
+    assert_eq!(body_status(&bench).1, BodyRejection::None);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_profile_that_contradicts_the_null_pose_is_reported_and_kept() {
     };
     bench.suit_body = Some(null_pose_of(&taller.skeleton));
     bench.hold(&taller, &upright(), None, 200);
-    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRefusal::ContradictsWorker));
+    assert_eq!(body_status(&bench), (BodySource::Poses, BodyRejection::ContradictsWorker));
 }
 
 #[test]
@@ -100,9 +100,9 @@ fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
     let mut lying = good;
     lying.origin_m.iter_mut().for_each(|[_, y, z]| core::mem::swap(y, z));
     for (suit_body, reason) in [
-        (lying, BodyRefusal::Impossible),
-        (SuitBody { session: 0, ..good }, BodyRefusal::Stale),
-        (SuitBody { avatar: 3, ..good }, BodyRefusal::OtherCharacter),
+        (lying, BodyRejection::Impossible),
+        (SuitBody { session: 0, ..good }, BodyRejection::Stale),
+        (SuitBody { avatar: 3, ..good }, BodyRejection::OtherCharacter),
     ] {
         bench.suit_body = Some(suit_body);
         bench.hold(&person, &upright(), None, 50);
@@ -114,7 +114,7 @@ fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
         );
         bench.suit_body = Some(good);
         bench.hold(&person, &upright(), None, 20);
-        assert_eq!(body_status(&bench).1, BodyRefusal::None);
+        assert_eq!(body_status(&bench).1, BodyRejection::None);
     }
     // A message that was delayed for long.
     bench.suit_body = None;
@@ -123,7 +123,7 @@ fn impossible_and_stale_bodies_are_rejected_with_a_reason_and_change_nothing() {
     bench.now_ns += 6 * NS_PER_S;
     let inputs = Inputs { body: Some(&old), ..Inputs::default() };
     step(&bench.settings, &mut bench.memory, Tick { cycle: bench.cycle, due_ns: bench.now_ns }, inputs);
-    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRejection::Stale);
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn a_restarted_suit_must_send_its_null_pose_again() {
     bench.suit_session = 1;
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.reported_body.body().is_none(), "it may be another's");
-    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRejection::Stale);
 }
 
 #[test]
@@ -150,11 +150,11 @@ fn a_restarted_adapter_must_send_the_body_again() {
     bench.suit_session = 0;
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.reported_body.body().is_none(), "it may be another's");
-    assert_eq!(body_status(&bench).1, BodyRefusal::Stale);
+    assert_eq!(body_status(&bench).1, BodyRejection::Stale);
     bench.suit_body = Some(null_pose_of(&person.skeleton));
     bench.hold(&person, &upright(), None, 50);
     assert!(bench.memory.reported_body.body().is_some_and(|body| body.session == 0));
-    assert_eq!(body_status(&bench).1, BodyRefusal::None);
+    assert_eq!(body_status(&bench).1, BodyRejection::None);
 }
 
 #[test]
@@ -179,14 +179,14 @@ fn the_foot_outlines_of_the_suit_bound_the_cop() {
     suit_body.foot_point_m = [[[-0.02, 0.0, -0.1], [0.0; 3], [0.0; 3], [0.12, 0.0, -0.1]]; 2];
     bench.suit_body = Some(suit_body);
     bench.hold(&person, &upright(), None, 100);
-    assert_eq!(bench.state().sole_source, 1);
+    assert_eq!(bench.state().foot_outline_source, 1);
     let forward = stand(40, 0, STANDING[0], STANDING[1], 0);
     bench.hold(&person, &forward, None, 600);
     let with_short_feet = bench.state().poses_used;
 
     let mut nominal = Bench::new(|_| {});
     nominal.hold(&person, &upright(), None, 100);
-    assert_eq!(nominal.state().sole_source, 0);
+    assert_eq!(nominal.state().foot_outline_source, 0);
     nominal.hold(&person, &forward, None, 600);
     assert!(nominal.state().poses_used > with_short_feet, "the CoP of that pose is beyond short toes");
 }

@@ -41,15 +41,16 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
             bench.hold(&person, &carrying(), None, 300);
             bench.hold(&person, &carrying(), Some((load_kg, at)), 600);
             let state = bench.state();
-            assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
+            assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
             let sigma = position_sigma_m(state) / apart_m;
-            let case = std::format!("{right_share} of {load_kg} kg: {:?} ± {sigma}", state.eta);
-            assert!((state.eta[1] - right_share).abs() <= 2.0 * sigma, "{case}");
+            let case =
+                std::format!("{right_share} of {load_kg} kg: {:?} ± {sigma}", state.hand_load_fraction);
+            assert!((state.hand_load_fraction[1] - right_share).abs() <= 2.0 * sigma, "{case}");
             assert!(sigma < 0.4, "an informative σ: {case}");
             assert!(
-                state.load_distance_m <= 2.0 * position_sigma_m(state),
+                state.load_hand_distance_m <= 2.0 * position_sigma_m(state),
                 "{case} {}",
-                state.load_distance_m
+                state.load_hand_distance_m
             );
         }
     }
@@ -75,7 +76,12 @@ fn a_load_is_ahead_of_the_hands_also_if_they_cross() {
         let middle = 0.5 * (left + right);
         bench.hold(&person, &posture, None, 300);
         bench.hold(&person, &posture, Some((8.0, middle + Vector3::new(0.03, 0.0, 0.0))), 600);
-        let ahead_m = bench.memory.load_point_m[0] - middle.x;
+        let state = bench.state();
+        assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
+        let ankles = Side::BOTH.map(|side| person.pose(&posture).origin_of(side.foot()));
+        let from_ankles = middle - 0.5 * (ankles[0] + ankles[1]);
+        let forward_m = (state.reach_m * state.reach_m - from_ankles.y * from_ankles.y).sqrt();
+        let ahead_m = forward_m - from_ankles.x;
         assert!((0.01..0.05).contains(&ahead_m), "{elbow}°: {ahead_m} m ahead");
     }
 }
@@ -88,8 +94,8 @@ fn a_load_farther_from_the_hands_than_all_errors_allow_makes_torques_and_fractio
         bench.hold(&person, &carrying(), None, 300);
         bench.hold(&person, &carrying(), Some((20.0, middle + Vector3::new(ahead_m, 0.0, 0.0))), 600);
         let state = bench.state();
-        assert!(!state.validity().any_of(Validity::SPOILS_TORQUES), "{:?}", state.validity());
-        [state.torque_sigma_nm[0], state.eta_sigma]
+        assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
+        [state.torque_sigma_nm[0], state.hand_load_fraction_sigma]
     };
     let (at_hands, far) = (sigma_of(0.03), sigma_of(0.24));
     // 20 kg, 0.24 m from the hands.
@@ -104,7 +110,11 @@ fn a_load_on_the_back_is_not_in_the_hands() {
     bench.hold(&person, &carrying(), Some((12.0, back)), 600);
     let state = bench.state();
     assert!(state.validity().any_of(Validity::LOAD_NOT_AT_HANDS), "{:?}", state.validity());
-    assert_eq!((state.torque_nm, state.eta), ([[0.0; 3]; 22], [0.0; 2]), "no torque is published for it");
+    assert_eq!(
+        (state.torque_nm, state.hand_load_fraction),
+        ([[0.0; 3]; 22], [0.0; 2]),
+        "no torque is published for it"
+    );
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
     bench.hold(&person, &carrying(), Some((12.0, at)), 600);
     assert!(!bench.state().validity().any_of(Validity::LOAD_NOT_AT_HANDS), "and the hands are hands again");
@@ -134,10 +144,18 @@ fn measured_feet_are_published_and_geometry_returns_without_them() {
     bench.hold(&person, &carrying(), None, 300);
     bench.hold(&person, &carrying(), Some((8.0, at)), 600);
     let measured = *bench.state();
-    let feet = bench.memory.alignment.newest_ground().unwrap().feet().unwrap();
+    let feet = bench.memory.align.alignment.newest_ground().unwrap().feet().unwrap();
     assert_eq!(measured.sharing_source, SharingSource::Measured as u32);
-    assert!((measured.zeta[0] - feet.shares()[0]).abs() < 1e-9, "{:?} {feet:?}", measured.zeta);
-    assert!((measured.zeta[0] - by_geometry.zeta[0]).abs() > 0.03, "{:?}", by_geometry.zeta);
+    assert!(
+        (measured.foot_load_fraction[0] - feet.shares()[0]).abs() < 1e-9,
+        "{:?} {feet:?}",
+        measured.foot_load_fraction
+    );
+    assert!(
+        (measured.foot_load_fraction[0] - by_geometry.foot_load_fraction[0]).abs() > 0.03,
+        "{:?}",
+        by_geometry.foot_load_fraction
+    );
     for joint in Joint::ALL {
         let index = joint.index();
         let change = Vector3::from(measured.torque_nm[index]) - Vector3::from(by_geometry.torque_nm[index]);

@@ -3,8 +3,8 @@
 use super::GroundSample;
 
 impl GroundSample {
-    /// Interpolates between this sample and a `later` one, at the fraction `share` of the interval. Fields that are no
-    /// measurement are the later sample's, including its time.
+    /// Interpolates between this sample and a `later` one, at the fraction `share` of the interval. Fields that are
+    /// not measurements, including the time, are those of the later sample.
     #[must_use]
     pub fn between(&self, later: &GroundSample, share: f64) -> GroundSample {
         let blend =
@@ -25,8 +25,8 @@ impl GroundSample {
     }
 }
 
-/// Interpolates both feet's forces (N) and CoPs between two samples that contain them in the same frame. In a sole's
-/// own frame the foot's motion is excluded: the sole is placed at the interpolated time. Forces and their moments are
+/// Interpolates both feet's forces (N) and CoPs between two samples that contain them in the same frame. In an
+/// insole's frame the foot's motion is excluded: the pose of the foot is applied at the interpolated time. Forces and their moments are
 /// linear between two samples, so a CoP is weighted by its force.
 fn feet(earlier: &GroundSample, later: &GroundSample, share: f64) -> Option<([f64; 2], [[f64; 2]; 2])> {
     if !(earlier.has_feet() && later.has_feet()) || earlier.foot_frame != later.foot_frame {

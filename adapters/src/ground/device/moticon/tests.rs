@@ -36,7 +36,7 @@ fn one(settings: &MoticonSettings, line: &str) -> GroundSample {
 fn the_known_line_is_two_feet_and_nothing_that_insoles_cannot_feel() {
     let sample = one(&settings(), VECTOR);
     assert_eq!((sample.per_foot, sample.devices), (1, DeviceKind::Insoles as u32));
-    assert_eq!(sample.foot_frame, FootFrame::Sole as u32);
+    assert_eq!(sample.foot_frame, FootFrame::Insole as u32);
     assert_eq!((sample.foot_vertical_n, sample.force_n), ([350.0, 340.0], [0.0, 0.0, 690.0]));
     // Medial is to the right on the left foot and to the left on the right foot.
     let want = [[-0.1 * 0.2486, -0.02 * 0.089], [0.12 * 0.2486, -0.03 * 0.089]];

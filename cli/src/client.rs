@@ -1,0 +1,130 @@
+//! Common functions of commands and page that communicate with a running daemon.
+
+use std::time::Duration;
+
+use anyhow::{anyhow, bail};
+use bytemuck::Zeroable;
+use equipoise_bus::parse_text;
+use equipoise_bus::{Bus, BusSettings};
+use equipoise_config::{Config, GroundSourceKind};
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::{Command, State};
+use equipoise_daemon::pipeline::DAEMON_ROLE;
+use equipoise_station::process_state::is_stopped;
+
+/// Timeout of a daemon's reply, and of its next state.
+const TIMEOUT: Duration = Duration::from_secs(2);
+
+/// Joins a station's bus as a client.
+pub(crate) fn join(station: &str, role: &str) -> anyhow::Result<Bus> {
+    Ok(Bus::join(&BusSettings::new(station, role))?)
+}
+
+/// Sends a command to a running daemon; returns the reply, one sentence.
+pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow::Result<String> {
+    let mut command = Command { kind: kind as u32, ..Command::zeroed() };
+    if subject.len() > command.subject.len() {
+        bail!("a subject's id has at most {} letters", command.subject.len());
+    }
+    command.subject[..subject.len()].copy_from_slice(subject.as_bytes());
+    let bus = join(station, "client")?;
+    let reply = bus.command_client()?.ask(&command, TIMEOUT).map_err(|error| match stopped_daemon(&bus) {
+        Some(stopped) => anyhow!(stopped),
+        None => error.into(),
+    })?;
+    let text = parse_text(&reply.text);
+    if reply.refused != 0 {
+        bail!("refused: {text}");
+    }
+    Ok(text)
+}
+
+/// The newest state of a running daemon.
+pub(crate) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
+    let mut states = bus.subscriber::<State>(1)?;
+    let started = std::time::Instant::now();
+    while started.elapsed() < TIMEOUT {
+        if let Some(state) = states.latest()? {
+            return Ok(state);
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    if let Some(stopped) = stopped_daemon(bus) {
+        bail!(stopped);
+    }
+    bail!(
+        "no daemon publishes on station {}; start one with `equipoise run --config FILE` or `equipoise demo`, or name \
+         another with --station",
+        bus.station()
+    )
+}
+
+/// Description of a daemon whose process exists but does not respond; `None` if there is none.
+fn stopped_daemon(bus: &Bus) -> Option<String> {
+    let participants = bus.participants().ok()?;
+    let daemon = participants.iter().find(|one| one.role == DAEMON_ROLE)?.process_id;
+    let station = bus.station();
+    Some(if is_stopped(daemon) {
+        format!(
+            "the daemon of station {station}, process {daemon}, is stopped: let it continue with `kill -CONT {daemon}`"
+        )
+    } else {
+        format!(
+            "the daemon of station {station}, process {daemon}, runs but does not answer: see its journal (`journalctl -u \
+             equipoise`), and restart it if that does not help"
+        )
+    })
+}
+
+/// Maximum silence of a stream that a command waits for.
+const SILENCE_MAX: Duration = Duration::from_secs(3);
+
+/// Time of the last message of a stream; ends a waiting command after too long a silence.
+pub(crate) struct StreamTimeout {
+    what: &'static str,
+    station: String,
+    at: std::time::Instant,
+}
+
+impl StreamTimeout {
+    /// `what` is the display name of the stream.
+    pub(crate) fn new(what: &'static str, station: &str) -> StreamTimeout {
+        StreamTimeout { what, station: station.to_owned(), at: std::time::Instant::now() }
+    }
+
+    /// Records a message at this instant.
+    pub(crate) fn reset(&mut self) {
+        self.at = std::time::Instant::now();
+    }
+
+    /// Fails after too long a silence.
+    pub(crate) fn check(&self) -> anyhow::Result<()> {
+        if self.at.elapsed() > SILENCE_MAX {
+            bail!(
+                "{} of station {} says nothing; `equipoise status` says why, or name another station with --station",
+                self.what,
+                self.station
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Checks that the daemon reads the plate itself, so that `key` is in the daemon's own file.
+pub(crate) fn own_ground(config: &Config, key: &str) -> anyhow::Result<()> {
+    if config.ground.source == GroundSourceKind::External {
+        bail!(
+            "the plate is read by another process, whose own file holds {key}; run this with the plate's adapter in the \
+             daemon ([ground] source is not \"external\" then), and copy what it finds into that file"
+        );
+    }
+    Ok(())
+}
+
+/// The active configuration of a station's daemon.
+pub(crate) fn active_configuration_of(station: &str) -> anyhow::Result<Config> {
+    let Some(facts) = equipoise_station::status::read(station) else {
+        bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
+    };
+    Ok(Config::parse(&facts.config_toml, "the daemon's configuration")?)
+}

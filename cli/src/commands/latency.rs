@@ -1,0 +1,138 @@
+//! `equipoise latency`: a consumer that measures the path, stage by stage, its own pick-up and the others' included.
+
+use std::fs::{File, OpenOptions};
+use std::io::BufWriter;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Context, bail};
+use equipoise_bus::{Bus, BusError, Channel, Listener, Subscriber, Topic};
+use equipoise_core::message::{ConsumerReceipt, CycleRecord, State};
+use equipoise_daemon::realtime::now_ns;
+use equipoise_latency::receipt::{since_its_start, tell_apart};
+use equipoise_latency::{ConsumerReceipts, ConsumerTimes, HlogWriter, PathHistograms, Report};
+
+use super::{Outcome, StationArgument};
+use crate::client;
+use crate::receipt::ReceiptBuilder;
+
+/// What this consumer is called among the others.
+const OWN_NAME: &str = "self";
+/// The owner writes, the group reads, others have no access.
+const MODE: u32 = 0o640;
+
+/// Measure the path from sensor to consumer and print percentiles per stage
+///
+/// Stages up to the published state come from the cycles' own stamps; receipt, from_due and from_suit of every consumer
+/// that reports its pick-up follow, and of this command as `self`. Consumers report once a second, so of theirs the
+/// last second or less is missing. docs/realtime.md explains the figures.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: equipoise latency --for 60 --hlog path.hlog\n\nExit code 3: cycles were not seen; \
+                        the last lines say how many."
+)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    station: StationArgument,
+    /// For how many seconds
+    #[arg(long = "for", default_value_t = 10.0, value_name = "SECONDS", value_parser = super::seconds)]
+    seconds: f64,
+    /// Write an interval log in the HdrHistogram format, one entry per stage
+    #[arg(long, value_name = "FILE")]
+    hlog: Option<PathBuf>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let stop = super::stop_on_signals()?;
+    // Create the file first, so that an error appears before a measurement of a minute.
+    let hlog = arguments.hlog.as_deref().map(create).transpose()?;
+    let bus = client::join(&arguments.station.station, "latency")?;
+    client::newest_state(&bus)?;
+    let mut subscriptions = Subscriptions::open(&bus)?;
+    let (started, since) = (Instant::now(), SystemTime::now());
+    while started.elapsed().as_secs_f64() < arguments.seconds && !stop.load(Ordering::Relaxed) {
+        subscriptions.update()?;
+    }
+    let (length, consumers) = (started.elapsed(), subscriptions.consumers());
+    let report = Report::of(&subscriptions.path).with_consumers(&consumers);
+    if report.cycles == 0 {
+        bail!("the daemon published no cycle in {:.1} s", length.as_secs_f64());
+    }
+    if let Some(file) = hlog {
+        let mut hlog = HlogWriter::new(BufWriter::new(file), since)?;
+        hlog.write_interval(Duration::ZERO, length, &subscriptions.path)?;
+        hlog.write_consumers(Duration::ZERO, length, &consumers)?;
+    }
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{report}");
+    }
+    Ok(if report.cycles_lost > 0 { Outcome::PartRejected } else { Outcome::Done })
+}
+
+fn create(path: &Path) -> anyhow::Result<File> {
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(MODE);
+    options.open(path).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Everything subscribed, and what was seen.
+struct Subscriptions {
+    listener: Listener,
+    records: Subscriber<CycleRecord>,
+    states: Subscriber<State>,
+    reports: Option<Subscriber<ConsumerReceipt>>,
+    path: PathHistograms,
+    others: ConsumerReceipts,
+    own: ReceiptBuilder,
+}
+
+impl Subscriptions {
+    fn open(bus: &Bus) -> anyhow::Result<Subscriptions> {
+        let reports = match bus.subscriber(ConsumerReceipt::SERVICE.depth_max) {
+            Ok(reports) => Some(reports),
+            Err(full @ BusError::Full { .. }) => {
+                eprintln!("equipoise: what consumers report is not shown: {full}");
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let (records, states) = (bus.subscriber(CycleRecord::SERVICE.depth_max)?, bus.subscriber(1024)?);
+        let listener = bus.listener(Channel::Results)?;
+        let since_ns = now_ns();
+        let own = ReceiptBuilder::new(OWN_NAME, since_ns);
+        let (path, others) = (PathHistograms::new(), ConsumerReceipts::new(since_ns));
+        Ok(Subscriptions { listener, records, states, reports, path, others, own })
+    }
+
+    /// Sleeps until something is published and takes it in, the states first: they are what a consumer waits for.
+    fn update(&mut self) -> Result<(), BusError> {
+        self.listener.wait(Duration::from_millis(100))?;
+        while let Some(state) = self.states.receive()? {
+            self.own.record(&state, now_ns());
+        }
+        while let Some(record) = self.records.receive()? {
+            if record.publish_start_ns >= self.own.report().since_ns {
+                self.path.record(&record);
+            }
+        }
+        if let Some(reports) = &mut self.reports {
+            while reports.receive_with(|report| self.others.see(report))?.is_some() {}
+        }
+        Ok(())
+    }
+
+    /// Every consumer, this one last.
+    fn consumers(&self) -> Vec<ConsumerTimes> {
+        let mut all = self.others.consumers();
+        all.extend((self.own.report().states > 0).then(|| since_its_start(self.own.report())));
+        tell_apart(&mut all);
+        all
+    }
+}

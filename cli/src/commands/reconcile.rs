@@ -1,0 +1,178 @@
+//! `equipoise reconcile`: where model and measurement disagree, what is missing, and the gap with it and without.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use equipoise_config::Config;
+use equipoise_config::model::LoadedModel;
+use equipoise_discrepancy::Options;
+use equipoise_discrepancy::finding::Finding;
+use equipoise_discrepancy::spans::Given;
+use equipoise_discrepancy::workflow::output::{Results, folders};
+use equipoise_discrepancy::workflow::summary::Summary;
+use equipoise_discrepancy::workflow::{Progress, Reconcile};
+use equipoise_files::sha256_of;
+use equipoise_recording::replay::input::{Chosen, Input};
+use equipoise_recording::replay::skipped_lines;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{Outcome, span};
+
+/// Find where model and measured data disagree, name the missing effect, add it to the model
+///
+/// Goes through a recording (.mcap) or a capture (.csv, .pcap, .pcapng, with --config): learns the worker from the
+/// identification poses, compares what the model predicts with what the plate measured, and asks which effect of the
+/// catalogue is missing: a load in a hand, a plate that was moved, a suit that is late, and so on. Spans are found if
+/// they are not given, and it says which were taken.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  equipoise reconcile shift.mcap --out shift-reconciled\n  equipoise reconcile shift.mcap \
+                  --identify 0:95 --reference 95:240 --work 240:900 --json\n  equipoise reconcile capture.csv --config \
+                  examples/human-motion.toml --identify 0:30\n  equipoise replay shift.mcap --model \
+                  shift-reconciled/model.toml\n\nExit code 3: part of the data was rejected or is missing; the rest was \
+                  used, and the summary says what."
+)]
+pub(super) struct Arguments {
+    /// Recordings or captures; several are handled one after the other
+    #[arg(required = true, value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Configuration to use in place of the recording's own
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Model file whose effects are known already
+    #[arg(long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Identification poses: begin and end, seconds since the recording's begin
+    #[arg(long, value_name = "A:B")]
+    identify: Option<String>,
+    /// Work known to be clean
+    #[arg(long, value_name = "A:B")]
+    reference: Option<String>,
+    /// Work in question
+    #[arg(long, value_name = "A:B")]
+    work: Option<String>,
+    /// Write model.toml, report.html and report.md here; of several files, each into a folder of its name
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print the finding as JSON; of several files, one line each
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let given = Given {
+        identify: span("--identify", arguments.identify.as_deref())?,
+        reference: span("--reference", arguments.reference.as_deref())?,
+        work: span("--work", arguments.work.as_deref())?,
+    };
+    let folders = arguments.out.as_deref().map(|out| folders(out, &arguments.files)).transpose()?;
+    let mut outcome = Outcome::Done;
+    for (index, file) in arguments.files.iter().enumerate() {
+        let folder = folders.as_ref().map(|folders| folders[index].as_path());
+        let of_file = one(arguments, file, folder, given).with_context(|| file.display().to_string())?;
+        if of_file == Outcome::PartRejected {
+            outcome = Outcome::PartRejected;
+        }
+    }
+    Ok(outcome)
+}
+
+/// What comes of one file: whether all of it was used.
+fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) -> anyhow::Result<Outcome> {
+    let input = Input::open(file)?;
+    let mut chosen = input.configuration(arguments.config.as_deref())?;
+    same_subject(&input, &chosen)?;
+    if let Some(path) = &arguments.model {
+        chosen.config.loaded_model = Some(LoadedModel::read(path)?);
+    }
+    let mut head = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
+    if let Some(model) = &mut chosen.config.loaded_model {
+        model.fit_to(file)?;
+        head += &format!("{}\n", model.describe());
+    }
+    let reconcile = Reconcile { input: &input, config: &chosen.config, given };
+    let bar = Bar::new(arguments.json);
+    let compared = reconcile.compare(&mut |progress| bar.update(progress))?;
+    let mut outcome =
+        equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
+            bar.update(Progress { doing: "looking for what is missing", share });
+        })?;
+    bar.clear();
+    let written = match folder {
+        Some(folder) => {
+            let command = std::env::args().collect::<Vec<String>>().join(" ");
+            let results = Results { folder, file, sha256: &sha256_of(file)?, command };
+            results.write(&reconcile, &compared, &mut outcome)?
+        }
+        None => Vec::new(),
+    };
+    let rejected = &compared.skipped.rejected;
+    let summary = Summary { compared: &compared, finding: &outcome.finding };
+    let skipped = skipped_lines(&compared.skipped);
+    if arguments.json {
+        print_json(&outcome.finding, arguments.files.len() > 1)?;
+        eprint!("{skipped}");
+    } else {
+        let written = written.iter().rev().take(3).map(|path| format!("written: {}\n", path.display()));
+        print!("{head}{summary}{}{skipped}", written.collect::<String>());
+    }
+    Ok(if rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
+}
+
+/// One line where there are several, so that each is read as it comes.
+fn print_json(finding: &Finding, one_line: bool) -> anyhow::Result<()> {
+    let text =
+        if one_line { serde_json::to_string(finding)? } else { serde_json::to_string_pretty(finding)? };
+    println!("{text}");
+    Ok(())
+}
+
+/// A configuration of another worker would put another body on the plate.
+fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
+    let Input::Recording(recording) = input else { return Ok(()) };
+    let Ok(own) = Config::parse(&recording.header().config_toml, "the recording's configuration") else {
+        return Ok(());
+    };
+    let [recorded, configured] = [&own.subject.id, &chosen.config.subject.id];
+    if recorded != configured {
+        bail!(
+            "the recording is of {recorded}, and the configuration is {configured}'s; name a configuration of {recorded} \
+             with --config, or none: the recording brings its own"
+        );
+    }
+    Ok(())
+}
+
+/// Progress bar on a terminal.
+struct Bar(Option<ProgressBar>);
+
+impl Bar {
+    fn new(json: bool) -> Bar {
+        let is_interactive = !json && std::io::IsTerminal::is_terminal(&std::io::stderr());
+        Bar(is_interactive.then(|| {
+            let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {percent:>3} % {eta}");
+            let bar =
+                ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        }))
+    }
+
+    fn update(&self, progress: Progress) {
+        if let Some(bar) = &self.0 {
+            let at = (1000.0 * progress.share.clamp(0.0, 1.0)) as u64;
+            if bar.message() != progress.doing {
+                bar.set_message(progress.doing);
+                bar.reset_eta();
+            }
+            bar.set_position(at);
+        }
+    }
+
+    fn clear(&self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}

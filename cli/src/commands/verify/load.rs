@@ -1,0 +1,218 @@
+//! `equipoise verify load`: published torques against those of a known mass in the hands.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Context, bail};
+use equipoise_core::message::State;
+use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_station::state_directory::StateDirectory;
+use serde_json::{Value, json};
+
+use crate::calibration::load_check::{Comparison, Event, GROUPS, LoadCheck, LoadCheckSettings, Trial};
+use crate::client::{self, StreamTimeout};
+use crate::commands::{Outcome, StationArgument, stop_on_signals};
+
+/// Results are appended to this file of the state directory, one JSON object a line.
+const FILE: &str = "load-checks.jsonl";
+/// The check fails beyond so many σ.
+const SIGMAS_MAX: f64 = 3.0;
+
+/// Compare published joint torques with those of a known mass in the hands
+///
+/// The worker stands on the plate, identified, and holds the mass with both hands above one mark on the floor after the
+/// other. Mass, marks and the suit's joints give the expected moments of L5/S1, shoulders, elbows and hips.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example: equipoise verify load --mass 10 --at 0.35,0 --at 0.50,0 --at 0.65,0\n\nEach result is appended to \
+                  load-checks.jsonl in the state directory. Exit code 1: an error exceeds 3 sigma."
+)]
+pub(super) struct Arguments {
+    /// The mass, kg
+    #[arg(long = "mass", value_name = "KG", value_parser = crate::commands::seconds)]
+    mass_kg: f64,
+    /// A mark on the floor, below the mass, m in the station's world; once for each trial
+    #[arg(long, value_name = "X,Y", value_parser = super::parse_point, allow_hyphen_values = true, required = true)]
+    at: Vec<[f64; 2]>,
+    #[command(flatten)]
+    station: StationArgument,
+    /// How long to measure each trial
+    #[arg(long = "for", value_name = "SECONDS", value_parser = crate::commands::seconds, default_value = "5")]
+    seconds: f64,
+    /// Gravity there, m/s²
+    #[arg(long, value_name = "M_PER_S2", value_parser = crate::commands::seconds, default_value_t = GRAVITY_M_PER_S2)]
+    gravity: f64,
+    /// End after so many seconds
+    #[arg(long = "within", value_name = "SECONDS", value_parser = crate::commands::seconds, default_value = "600")]
+    within: f64,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let station = &arguments.station.station;
+    let file = results_file(station)?;
+    let trials = guide(arguments)?;
+    let result = json(arguments, &trials);
+    append(&file, &result).with_context(|| format!("{}: the result is not stored", file.display()))?;
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&result)?);
+    } else {
+        print!("{}", text(arguments.mass_kg, &trials));
+    }
+    let worst = worst_sigmas(arguments.mass_kg, &trials);
+    if worst > SIGMAS_MAX {
+        bail!(
+            "an error is {worst:.1} sigma: check the plate (`equipoise verify --mass`), its place (`equipoise register`), then \
+             identify again (`equipoise identify reset`)"
+        );
+    }
+    Ok(Outcome::Done)
+}
+
+fn results_file(station: &str) -> anyhow::Result<PathBuf> {
+    let Some(facts) = equipoise_station::status::read(station) else {
+        bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
+    };
+    let directory = match StateDirectory::of_daemon(&facts) {
+        Some(directory) => directory,
+        None => StateDirectory::of_environment()?,
+    };
+    Ok(directory.path().join(FILE))
+}
+
+/// Follows the worker from mark to mark.
+fn guide(arguments: &Arguments) -> anyhow::Result<Vec<Trial>> {
+    let stop = stop_on_signals()?;
+    let station = &arguments.station.station;
+    let bus = client::join(station, "verify")?;
+    if client::newest_state(&bus)?.converged == 0 {
+        bail!("no worker is identified on station {station}: run `equipoise identify start` first");
+    }
+    let mut states = bus.subscriber::<State>(1024)?;
+    let mut timeout = StreamTimeout::new("the daemon", station);
+    let mut check = LoadCheck::new(LoadCheckSettings {
+        mass_kg: arguments.mass_kg,
+        gravity_m_per_s2: arguments.gravity,
+        seconds: arguments.seconds,
+        at_m: arguments.at.clone(),
+    });
+    eprintln!("stand on the plate with empty hands …");
+    let started = Instant::now();
+    while !check.is_done() {
+        if stop.load(Ordering::Relaxed) {
+            bail!("stopped");
+        }
+        if started.elapsed().as_secs_f64() > arguments.within {
+            bail!(
+                "stopped after {} s with {} of {} trials measured",
+                arguments.within,
+                check.trials().len(),
+                arguments.at.len()
+            );
+        }
+        while let Some(state) = states.receive()? {
+            timeout.reset();
+            match check.ingest(&state) {
+                Some(Event::Ready(index)) => {
+                    let [x, y] = arguments.at[index];
+                    eprintln!(
+                        "{} of {}: hold the {} kg with both hands above {x}, {y} m and stand still",
+                        index + 1,
+                        arguments.at.len(),
+                        arguments.mass_kg
+                    );
+                }
+                Some(Event::Measuring) => eprintln!("  measuring …"),
+                Some(Event::Measured) => eprintln!("  measured; put it down"),
+                None => {}
+            }
+        }
+        timeout.check()?;
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    Ok(check.trials().to_vec())
+}
+
+fn mass_sigmas(mass_kg: f64, trial: &Trial) -> f64 {
+    (trial.mass_kg - mass_kg) / trial.mass_sigma_kg
+}
+
+fn worst_sigmas(mass_kg: f64, trials: &[Trial]) -> f64 {
+    let torques = trials.iter().flat_map(|trial| trial.groups.iter().flatten().map(Comparison::sigmas));
+    let masses = trials.iter().map(|trial| mass_sigmas(mass_kg, trial));
+    // 0/0 is not an agreement.
+    let size = |sigmas: f64| if sigmas.is_nan() { f64::INFINITY } else { sigmas.abs() };
+    torques.chain(masses).map(size).fold(0.0, f64::max)
+}
+
+fn text(mass_kg: f64, trials: &[Trial]) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = writeln!(text, "at x, y m        quantity     expected  published   1-sigma     error   sigmas");
+    let mut line = |at_m: [f64; 2], name: &str, [expected, published, sigma]: [f64; 3]| {
+        let error = published - expected;
+        let _ = writeln!(
+            text,
+            "{:>6.2} {:>6.2}    {name:<11} {expected:>9.2}  {published:>9.2} {sigma:>9.2} {error:>+9.2}  {:>+7.1}",
+            at_m[0],
+            at_m[1],
+            error / sigma
+        );
+    };
+    for trial in trials {
+        line(trial.at_m, "mass, kg", [mass_kg, trial.mass_kg, trial.mass_sigma_kg]);
+        for (group, comparison) in GROUPS.iter().zip(&trial.groups) {
+            if let Some(Comparison { expected_nm, published_nm, sigma_nm }) = *comparison {
+                line(trial.at_m, &format!("{}, N m", group.name), [expected_nm, published_nm, sigma_nm]);
+            }
+        }
+    }
+    text
+}
+
+fn json(arguments: &Arguments, trials: &[Trial]) -> Value {
+    let unix_s = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let trials_json: Vec<Value> = trials
+        .iter()
+        .map(|trial| {
+            let groups: serde_json::Map<String, Value> = GROUPS
+                .iter()
+                .zip(&trial.groups)
+                .filter_map(|(group, comparison)| {
+                    let comparison = (*comparison)?;
+                    let value = json!({
+                        "expected_nm": comparison.expected_nm, "published_nm": comparison.published_nm,
+                        "sigma_nm": comparison.sigma_nm, "error_nm": comparison.error_nm(),
+                    });
+                    Some((group.name.to_owned(), value))
+                })
+                .collect();
+            json!({
+                "at_m": trial.at_m, "mass_kg": trial.mass_kg, "mass_sigma_kg": trial.mass_sigma_kg, "torques": groups,
+            })
+        })
+        .collect();
+    let worst = worst_sigmas(arguments.mass_kg, trials);
+    json!({
+        "unix_s": unix_s,
+        "station": arguments.station.station,
+        "mass_kg": arguments.mass_kg,
+        "gravity_m_per_s2": arguments.gravity,
+        "worst_sigmas": worst,
+        "within": worst <= SIGMAS_MAX,
+        "trials": trials_json,
+    })
+}
+
+/// Appends one line; only this user may read data of a body.
+fn append(path: &Path, result: &Value) -> anyhow::Result<()> {
+    let mut file = std::fs::OpenOptions::new().create(true).append(true).mode(0o600).open(path)?;
+    file.write_all(format!("{result}\n").as_bytes())?;
+    Ok(())
+}

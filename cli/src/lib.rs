@@ -1,0 +1,16 @@
+//! The program `equipoise`: its commands ([`commands`]) and what only they need: the demonstration, the checks of a
+//! station, the installation, the page's server, calibration procedures.
+#![forbid(unsafe_code)]
+
+pub mod calibration;
+mod client;
+pub mod commands;
+pub mod deletion;
+pub mod demo;
+pub mod doctor;
+pub mod install;
+pub mod metrics_feed;
+pub mod page_feed;
+mod page_tokens;
+mod provenance;
+pub mod receipt;

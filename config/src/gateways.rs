@@ -1,0 +1,155 @@
+//! `[gateways]`: one section per gateway; a gateway without a section does not run.
+
+mod foxglove;
+mod mqtt;
+mod opcua;
+mod rtde;
+mod rtde_values;
+mod udp;
+mod zenoh;
+
+use std::path::{Path, PathBuf};
+
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
+use serde::{Deserialize, Serialize};
+
+pub use foxglove::FoxgloveConfig;
+pub use mqtt::MqttConfig;
+pub use opcua::OpcUaConfig;
+pub use rtde::RtdeConfig;
+pub use rtde_values::{Register, Value, rtde_values};
+pub use udp::UdpConfig;
+pub use zenoh::ZenohConfig;
+
+/// Ok, or the key with an invalid value, and the remedy.
+pub type Checked = Result<(), (&'static str, String)>;
+
+/// `[gateways]`
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GatewaysConfig {
+    /// Datagrams of fixed layout to controllers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub udp: Option<UdpConfig>,
+    /// Input registers of a Universal Robots controller.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rtde: Option<RtdeConfig>,
+    /// A server for PLCs and MES.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub opcua: Option<OpcUaConfig>,
+    /// Levels and counts to an MQTT broker.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mqtt: Option<MqttConfig>,
+    /// Other machines, and ROS 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub zenoh: Option<ZenohConfig>,
+    /// Live scenes for Foxglove and Lichtblick.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub foxglove: Option<FoxgloveConfig>,
+}
+
+impl GatewaysConfig {
+    /// Rules that types cannot express.
+    ///
+    /// # Errors
+    /// The first key whose value cannot be used.
+    pub fn check(&self) -> Checked {
+        self.udp.as_ref().map_or(Ok(()), UdpConfig::check)?;
+        self.rtde.as_ref().map_or(Ok(()), RtdeConfig::check)?;
+        self.opcua.as_ref().map_or(Ok(()), OpcUaConfig::check)?;
+        self.mqtt.as_ref().map_or(Ok(()), MqttConfig::check)?;
+        self.zenoh.as_ref().map_or(Ok(()), ZenohConfig::check)?;
+        self.foxglove.as_ref().map_or(Ok(()), FoxgloveConfig::check)
+    }
+
+    /// Names of the gateways that have a section.
+    pub fn kinds(&self) -> Vec<&'static str> {
+        let all = [
+            ("udp", self.udp.is_some()),
+            ("rtde", self.rtde.is_some()),
+            ("opcua", self.opcua.is_some()),
+            ("mqtt", self.mqtt.is_some()),
+            ("zenoh", self.zenoh.is_some()),
+            ("foxglove", self.foxglove.is_some()),
+        ];
+        all.into_iter().filter(|(_, is_there)| *is_there).map(|(kind, _)| kind).collect()
+    }
+
+    /// Whether no gateway is configured.
+    pub fn is_empty(&self) -> bool {
+        *self == GatewaysConfig::default()
+    }
+
+    /// The same without the folders of file paths, which may contain names of persons and places: for recordings.
+    #[must_use]
+    pub fn without_paths(mut self) -> GatewaysConfig {
+        self.each_path(|path| *path = path.file_name().map_or_else(PathBuf::new, PathBuf::from));
+        self
+    }
+
+    fn each_path(&mut self, mut change: impl FnMut(&mut PathBuf)) {
+        let opcua = self.opcua.iter_mut().flat_map(OpcUaConfig::paths);
+        let mqtt = self.mqtt.iter_mut().flat_map(MqttConfig::paths);
+        let zenoh = self.zenoh.iter_mut().flat_map(ZenohConfig::paths);
+        opcua.chain(mqtt).chain(zenoh).flatten().for_each(&mut change);
+    }
+}
+
+/// The part of the station's configuration file that a gateway reads; `equipoise check` checks the complete file.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct StationFile {
+    /// Name of the station.
+    pub station: String,
+    /// The gateways; `outlets` is the name of the previous release.
+    #[serde(default, alias = "outlets")]
+    pub gateways: GatewaysConfig,
+}
+
+/// A configuration cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum StationFileError {
+    /// The file cannot be read.
+    #[error("cannot read the configuration {path}: {source}; name an existing file with --config")]
+    Read {
+        /// Path of the file.
+        path: PathBuf,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// The content is invalid.
+    #[error("{path}: {what}; run `equipoise check {path}` for details")]
+    Wrong {
+        /// Path of the file.
+        path: PathBuf,
+        /// Description and remedy.
+        what: String,
+    },
+}
+
+impl StationFile {
+    /// Reads a file and checks its `[gateways]`. Relative paths in it refer to the file's folder.
+    ///
+    /// # Errors
+    /// [`StationFileError`], with a text for the author of the file.
+    pub fn read(path: &Path) -> Result<StationFile, StationFileError> {
+        let text = read_text(path, TEXT_BYTES_MAX)
+            .map_err(|source| StationFileError::Read { path: path.to_owned(), source })?;
+        let wrong = |what: String| StationFileError::Wrong { path: path.to_owned(), what };
+        let mut file: StationFile =
+            toml::from_str(&text).map_err(|error| wrong(error.message().to_owned()))?;
+        file.gateways.check().map_err(|(key, what)| wrong(format!("{key}: {what}")))?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        file.gateways.each_path(|path| *path = folder.join(&*path));
+        Ok(file)
+    }
+}
+
+/// A number within bounds.
+fn between(key: &'static str, value: f64, least: f64, most: f64) -> Checked {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    // Avoid printing all the digits of a number like 1e300.
+    let value = if value.abs() < 1e9 { format!("{value}") } else { format!("{value:?}") };
+    Err((key, format!("{value} is not between {least} and {most}")))
+}

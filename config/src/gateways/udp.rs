@@ -1,0 +1,31 @@
+//! `[gateways.udp]`
+
+use std::net::SocketAddr;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Checked, between};
+
+/// `[gateways.udp]`
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UdpConfig {
+    /// Who gets the datagrams.
+    pub to: Vec<SocketAddr>,
+    /// Datagrams a second, 50 to 1000.
+    #[serde(default = "default_rate_hz")]
+    pub rate_hz: f64,
+}
+
+fn default_rate_hz() -> f64 {
+    500.0
+}
+
+impl UdpConfig {
+    pub(super) fn check(&self) -> Checked {
+        if self.to.is_empty() {
+            return Err(("gateways.udp.to", "name at least one address, as \"192.0.2.17:7411\"".to_owned()));
+        }
+        between("gateways.udp.rate_hz", self.rate_hz, 50.0, 1000.0)
+    }
+}

@@ -1,0 +1,78 @@
+//! The parts of a configuration that can change while the daemon runs.
+
+use std::collections::BTreeSet;
+
+use toml::Value;
+
+use super::Config;
+
+impl Config {
+    /// This configuration with the live parts of another one: `[overload]`, `[static_pose]`, `[model]` and the model
+    /// itself, `[latency]`, `subject.tau_max_nm`, and `[gateways]` and `[recording]`, which other
+    /// processes read.
+    pub fn with_live_settings_of(&self, other: &Config) -> Config {
+        let mut live = self.clone();
+        live.overload = other.overload.clone();
+        live.static_pose = other.static_pose.clone();
+        live.model = other.model.clone();
+        live.loaded_model = other.loaded_model.clone();
+        live.latency = other.latency.clone();
+        live.gateways = other.gateways.clone();
+        live.recording = other.recording.clone();
+        live.subject.tau_max_nm = other.subject.tau_max_nm.clone();
+        live
+    }
+
+    /// The process that reads a key if it is not the daemon.
+    pub fn reader_of(key: &str) -> Option<&'static str> {
+        match key.split('.').next() {
+            Some("gateways") => Some("its gateway"),
+            Some("recording") => Some("the recorder"),
+            _ => None,
+        }
+    }
+
+    /// Every dotted key whose value differs, such as `loop.rate_hz`.
+    pub fn keys_that_differ(&self, other: &Config) -> Vec<String> {
+        let table = |config: &Config| Value::try_from(config).unwrap_or(Value::Boolean(false));
+        let mut keys = BTreeSet::new();
+        compare("", Some(&table(self)), Some(&table(other)), &mut keys);
+        keys.into_iter().collect()
+    }
+}
+
+fn compare(name: &str, one: Option<&Value>, other: Option<&Value>, keys: &mut BTreeSet<String>) {
+    match (one, other) {
+        (Some(Value::Table(one)), Some(Value::Table(other))) => {
+            for key in one.keys().chain(other.keys()) {
+                let inner = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                compare(&inner, one.get(key), other.get(key), keys);
+            }
+        }
+        _ if one == other => {}
+        _ => {
+            keys.insert(name.to_owned());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn live_settings_are_applied_and_the_others_are_reported() {
+        let parse = |text: &str| {
+            Config::parse(&format!("{}{text}", super::super::tests::SMALLEST), "the test's").unwrap()
+        };
+        let before = parse("");
+        let mut new =
+            parse("[overload]\nthreshold_n = 20.0\n[static_pose]\n[page]\nlisten = \"127.0.0.1:1\"\n");
+        new.tick.rate_hz = 500;
+        new.subject.height_m = 1.6;
+        let after = before.with_live_settings_of(&new);
+        assert_eq!(after.keys_that_differ(&new), ["loop.rate_hz", "page", "subject.height_m"]);
+        assert_eq!(before.keys_that_differ(&after), ["overload.threshold_n"]);
+        assert_eq!(after.tick, before.tick);
+    }
+}

@@ -1,0 +1,194 @@
+//! Validates a model file's text into a runnable model.
+
+use equipoise_core::body::Segment;
+use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
+
+use super::limits::{LARGEST, SHAPES, TIME_MAX_S};
+use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
+use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
+
+/// The validated file.
+pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError> {
+    let wrong = |place: String, what: String| Err(ModelFileError::Wrong { place, what });
+    if raw.version != VERSION {
+        let what = format!("version {} is not one that this release reads; it reads {VERSION}", raw.version);
+        return wrong(format!("{name}, version"), what);
+    }
+    if raw.effect.len() > TERMS_MAX {
+        let what = format!("{} effects; the loop runs at most {TERMS_MAX}", raw.effect.len());
+        return wrong(name.to_owned(), what);
+    }
+    if let Some(provenance) = &raw.provenance
+        && let Err((key, what)) = check_provenance(provenance)
+    {
+        return wrong(format!("{name}, provenance, {key}"), what);
+    }
+    let mut effects = Vec::new();
+    for (index, effect) in raw.effect.into_iter().enumerate() {
+        match fitted(effect) {
+            Ok(fitted) => effects.push(fitted),
+            Err((key, what)) => return wrong(format!("{name}, effect {}, {key}", index + 1), what),
+        }
+    }
+    if let Some(ask) = &raw.ask
+        && let Err((key, what)) = super::ask::check(ask)
+    {
+        return wrong(format!("{name}, ask, {key}"), what);
+    }
+    Ok(ModelFile { provenance: raw.provenance, effects, ask: raw.ask })
+}
+
+/// The invalid key and its error message.
+type Refusal = (String, String);
+
+fn refuse<T>(key: &str, what: impl Into<String>) -> Result<T, Refusal> {
+    Err((key.to_owned(), what.into()))
+}
+
+fn check_provenance(provenance: &Provenance) -> Result<(), Refusal> {
+    let hash = &provenance.recording_sha256;
+    if hash.len() != 64 || !hash.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        return refuse("recording_sha256", "must be 64 hexadecimal digits");
+    }
+    // A subject identified before the recording has an empty identification span.
+    let [from_s, to_s] = provenance.identify_s;
+    if from_s != to_s {
+        check_span("identify_s", provenance.identify_s)?;
+    }
+    check_span("work_s", provenance.work_s)?;
+    provenance.reference_s.map_or(Ok(()), |span_s| check_span("reference_s", span_s))
+}
+
+/// A span of the recording, s; comparisons with NaN are false, so NaN is rejected too.
+fn check_span(key: &str, [from_s, to_s]: [f64; 2]) -> Result<(), Refusal> {
+    if from_s >= 0.0 && from_s < to_s && to_s <= TIME_MAX_S {
+        return Ok(());
+    }
+    refuse(key, format!("[{from_s}, {to_s}] is not a span: give seconds of the recording, the earlier first"))
+}
+
+fn fitted(raw: RawEffect) -> Result<Fitted, Refusal> {
+    let Some(effect) = Effect::from_name(&raw.name) else {
+        let known = Effect::ALL.map(Effect::name);
+        return refuse("name", format!("`{}` is not an effect{}", raw.name, text::hint(&raw.name, &known)));
+    };
+    let place = place(&raw, effect)?;
+    check_span("span_s", raw.span_s)?;
+    if !raw.log_odds.is_finite() {
+        return refuse("log_odds", "must be a finite number");
+    }
+    let (shape, shape_sigma) = shape(&raw, effect)?;
+    let (value, sigma) = values(&raw, effect, shape)?;
+    let span_s = raw.span_s;
+    let (open_ended, log_odds) = (raw.open_ended, raw.log_odds);
+    Ok(Fitted { effect, place, shape, shape_sigma, value, sigma, span_s, open_ended, log_odds })
+}
+
+fn place(raw: &RawEffect, effect: Effect) -> Result<Place, Refusal> {
+    let named = match (&raw.place.hand, &raw.place.segment) {
+        (None, None) => Place::Whole,
+        (Some(hand), None) => match HANDS.iter().find(|(name, _)| name == hand) {
+            Some((_, place)) => *place,
+            None => {
+                let known = HANDS.map(|(name, _)| name);
+                let what = format!("`{hand}` is not a hand{}", text::hint(hand, &known));
+                return refuse("where.hand", what);
+            }
+        },
+        (None, Some(segment)) => match text::segment_named(segment) {
+            Some(segment) => Place::Segment(segment),
+            None => {
+                let known = Segment::ALL.map(Segment::name);
+                let what = format!("`{segment}` is not a segment{}", text::hint(segment, &known));
+                return refuse("where.segment", what);
+            }
+        },
+        (Some(_), Some(_)) => return refuse("where", "give a hand or a segment, not both"),
+    };
+    if effect.accepts(named) {
+        return Ok(named);
+    }
+    let wanted = match effect.places().first().copied().and_then(text::place_name) {
+        Some(("hand", _)) if effect.accepts(Place::BothHands) => {
+            "where = { hand = … } with left, right or both"
+        }
+        Some(("hand", _)) => "where = { hand = … } with left or right",
+        Some(_) => "where = { segment = … } with a segment's name",
+        None => "no `where`: it concerns the whole plate or suit",
+    };
+    refuse("where", format!("{} does not act there; it takes {wanted}", effect.name()))
+}
+
+fn shape(raw: &RawEffect, effect: Effect) -> Result<(f64, f64), Refusal> {
+    let Some(name) = effect.shape_name() else { return Ok((0.0, 0.0)) };
+    let Some(written) = raw.parameters.get(name) else {
+        // A drift without a time constant is linear.
+        return if effect == Effect::PlateDrift {
+            Ok((0.0, 0.0))
+        } else {
+            refuse(&format!("parameters.{name}"), "must be given")
+        };
+    };
+    check_parameter(name, written, text::shape_unit(effect))?;
+    let [lag, cutoff, frequency, time_constant] = SHAPES;
+    let [min, max] = match effect {
+        Effect::SuitLag => lag,
+        Effect::PlateLowpass => cutoff,
+        Effect::PeriodicSway => frequency,
+        _ => time_constant,
+    };
+    within(name, written.value, min, max)?;
+    Ok((written.value, written.sigma))
+}
+
+fn values(
+    raw: &RawEffect,
+    effect: Effect,
+    shape: f64,
+) -> Result<([f64; PARAMETERS_MAX], [f64; PARAMETERS_MAX]), Refusal> {
+    let parameters = effect.parameters_of(shape);
+    let mut known: Vec<&str> = parameters.iter().map(|parameter| parameter.name).collect();
+    known.extend(effect.shape_name().filter(|name| !known.contains(name)));
+    if let Some(unknown) = raw.parameters.keys().find(|name| !known.contains(&name.as_str())) {
+        let what = format!("{} has no parameter `{unknown}`{}", effect.name(), text::hint(unknown, &known));
+        return refuse(&format!("parameters.{unknown}"), what);
+    }
+    if raw.parameters.is_empty() {
+        return refuse("parameters", format!("give at least one of {}", known.join(", ")));
+    }
+    let (mut value, mut sigma) = ([0.0; PARAMETERS_MAX], [0.0; PARAMETERS_MAX]);
+    for (index, parameter) in parameters.iter().enumerate() {
+        let Some(written) = raw.parameters.get(parameter.name) else { continue };
+        check_parameter(parameter.name, written, parameter.unit)?;
+        let max = largest(parameter.unit);
+        within(parameter.name, written.value, -max, max)?;
+        (value[index], sigma[index]) = (written.value, written.sigma);
+    }
+    Ok((value, sigma))
+}
+
+fn check_parameter(name: &str, written: &RawParameter, unit: &str) -> Result<(), Refusal> {
+    if written.unit != unit {
+        return refuse(&format!("parameters.{name}.unit"), format!("`{}` must be `{unit}`", written.unit));
+    }
+    if !(written.sigma >= 0.0 && written.sigma.is_finite()) {
+        return refuse(
+            &format!("parameters.{name}.sigma"),
+            format!("{} must be a finite number, at least 0", written.sigma),
+        );
+    }
+    Ok(())
+}
+
+fn within(name: &str, value: f64, min: f64, max: f64) -> Result<(), Refusal> {
+    if (min..=max).contains(&value) {
+        return Ok(());
+    }
+    refuse(&format!("parameters.{name}.value"), format!("{value} is not between {min} and {max}"))
+}
+
+/// Largest value of a parameter with this unit.
+fn largest(unit: &str) -> f64 {
+    let [.., (_, of_others)] = LARGEST;
+    LARGEST.iter().find(|(name, _)| *name == unit).map_or(of_others, |&(_, largest)| largest)
+}

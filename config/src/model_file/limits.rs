@@ -1,0 +1,23 @@
+//! Ranges of the numbers in a model file. Chosen: a number outside them is a typing error.
+
+use std::f64::consts::PI;
+
+/// Times in a model file, at most: a year, s.
+pub(super) const TIME_MAX_S: f64 = 366.0 * 86_400.0;
+/// Letters of an explanation's name in a model file, at most.
+pub(super) const NAME_MAX: usize = 64;
+/// Ranges of a shape in a model file: lag, cutoff, frequency, time constant. s, Hz, Hz, s.
+pub(super) const SHAPES: [[f64; 2]; 4] = [[-0.5, 0.5], [0.05, 500.0], [0.01, 10.0], [0.1, 100_000.0]];
+/// Largest parameter in a model file, by its unit. The last is of all others.
+pub(super) const LARGEST: [(&str, f64); 8] = [
+    ("kg", 150.0),
+    ("kg m", 75.0),
+    ("N", 2000.0),
+    ("m/s", 0.01),
+    ("rad", PI),
+    ("rad/s", 0.1),
+    ("Hz", 500.0),
+    ("", 1.5),
+];
+/// Largest turn, step, standing and separation of a request in a model file. °, m, s, σ.
+pub(super) const ASK_MAX: [f64; 4] = [180.0, 1.0, 3600.0, 1e9];

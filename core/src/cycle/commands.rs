@@ -1,0 +1,76 @@
+//! Commands: the only place besides [`super::step`] that changes the state of several stages.
+
+use bytemuck::Zeroable;
+
+use super::memory::Memory;
+use super::settings::Settings;
+use super::{Tick, identification::Identification};
+use crate::message::command::CommandKind;
+
+/// Applies a command before the samples of the cycle are ingested.
+pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKind, tick: Tick) {
+    match command {
+        CommandKind::IdentifyStart => memory.identification.continue_identification(),
+        CommandKind::IdentifyStop => {
+            memory.identification.stop();
+            memory.model_changed_ns = tick.due_ns;
+        }
+        CommandKind::IdentifyReset => {
+            // Samples from before the command must not update the filter again.
+            memory.clear_windows();
+            memory.identification.restart(settings);
+            memory.pose_request.restart();
+            memory.motion_updates.used = 0;
+            memory.model_changed_ns = tick.due_ns;
+        }
+        CommandKind::Tare => {
+            if memory.align.tare() {
+                memory.ground.force_offset.reset();
+                memory.model_changed_ns = tick.due_ns;
+            }
+        }
+        CommandKind::PoseSkip => {
+            if !memory.pose_request.skip(settings, &memory.identification) {
+                memory.identification.skip_pose();
+            }
+        }
+        CommandKind::UndoLift => {
+            memory.exposure.dose.undo_lift();
+            memory.publication.hold_shift(&memory.exposure);
+        }
+        // Handled by the daemon: the loop's memory does not change, or is replaced as a whole.
+        CommandKind::Checkpoint | CommandKind::SubjectSave | CommandKind::SubjectDelete => {}
+        CommandKind::Reload => {
+            // Filters and the static pose window contain results of the previous model.
+            memory.clear_windows();
+            memory.prediction.terms.restart();
+            memory.pose_request.restart();
+            memory.model_changed_ns = tick.due_ns;
+        }
+        CommandKind::SubjectLoad => {
+            // The window contains poses of the previous subject.
+            memory.clear_windows();
+            memory.pose_request.restart();
+            memory.prediction.noise = Zeroable::zeroed();
+            memory.motion_updates.used = 0;
+            memory.model_changed_ns = tick.due_ns;
+        }
+    }
+}
+
+impl Identification {
+    /// Ends the identification; the present estimate is used.
+    fn stop(&mut self) {
+        self.identifying = 0;
+        self.identified = u64::from(self.has_body());
+    }
+
+    /// Starts again from the prior, with the mass of the settings: the measured one may have been wrong.
+    fn restart(&mut self, settings: &Settings) {
+        if self.has_body() {
+            self.reset_to_prior(settings);
+        }
+        self.mass_kg = settings.mass_kg.unwrap_or(0.0);
+        self.identifying = 1;
+    }
+}

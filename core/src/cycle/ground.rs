@@ -1,0 +1,222 @@
+//! Stage `measure_ground`: wrench and centre of pressure at an instant, their uncertainty, and whether they may be used.
+
+use bytemuck::{Pod, Zeroable};
+
+use super::differentiate::Instant;
+use super::identification::Identification;
+use super::insoles::GroundSigma;
+use super::residual::Residual;
+use super::settings::{Motion, Settings};
+use super::streams::Streams;
+use crate::math;
+use crate::message::ground::NoCop;
+use crate::message::{Component, GroundSample, Validity};
+use crate::motion::{Envelope, ForceOffset};
+use crate::overload::GRAVITY_M_PER_S2;
+
+/// Maximum interval between snapshots for a rate of change, s: two samples of the slowest suit, 30 Hz.
+const RATE_STEP_MAX_S: f64 = 0.07;
+/// 1-σ of a configured or stored mass, kg: clothing, a meal, bathroom scales.
+const OTHER_MASS_SIGMA_KG: f64 = 0.5;
+
+/// Wrench and centre of pressure of one sample.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct Reading {
+    /// Force on the person, N.
+    pub(super) force_n: [f64; 3],
+    /// Centre of pressure, world x and y, m; zero without one.
+    pub(super) cop_m: [f64; 2],
+    /// Devices of the sample: `GroundDevice` bits.
+    pub(super) devices: u64,
+    /// 1 if the devices do not measure shear.
+    lacks_shear: u64,
+}
+
+impl Reading {
+    /// Whether the devices measure the horizontal force.
+    pub(super) fn measures_shear(&self) -> bool {
+        self.lacks_shear == 0
+    }
+
+    /// Change of the vertical force, N, and distance between the centres of pressure, m.
+    fn since(&self, before: &Reading) -> [f64; 2] {
+        let apart_m = math::hypot([0, 1].map(|axis| self.cop_m[axis] - before.cop_m[axis]));
+        [(self.force_n[2] - before.force_n[2]).abs(), apart_m]
+    }
+}
+
+/// State of the stage.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+pub(super) struct GroundState {
+    /// Difference between the vertical force of the unloaded body and its weight.
+    pub(super) force_offset: ForceOffset,
+    /// Recent rates of change of the vertical force, N/s, and of the CoP, m/s.
+    rates: [Envelope; 2],
+    /// The last sample.
+    last: Reading,
+    /// 1 if the next sample may be compared with it.
+    last_is_usable: u64,
+}
+
+/// The ground at one instant.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ground {
+    /// The sample of the instant, or the last one before it while the ground is silent.
+    pub(super) reading: Reading,
+    /// CoP of a person on a plausible and working device, m.
+    pub(super) standing_m: Option<[f64; 2]>,
+    /// Standard deviations.
+    pub(super) sigma: GroundSigma,
+    /// Difference between the vertical force of the unloaded body and its weight, N.
+    pub(super) offset_n: f64,
+    /// Recent rate of change of the vertical force, N/s.
+    pub(super) rate_n_per_s: f64,
+    /// Validity flags raised by the stage.
+    pub(super) invalid: Validity,
+}
+
+impl Ground {
+    /// Whether suit or ground is implausible.
+    pub(super) fn is_suspect(&self) -> bool {
+        self.invalid.any_of(Validity::IMPLAUSIBLE)
+    }
+
+    /// Whether the ground is implausible.
+    pub(super) fn is_implausible(&self) -> bool {
+        self.invalid.any_of(Validity::GROUND_IMPLAUSIBLE)
+    }
+
+    /// Vertical force of the unloaded body in a motion that needs this force per kilogram, m/s², with the force offset,
+    /// N.
+    pub(super) fn unloaded_force_n(&self, subject: &Identification, specific_force_m_per_s2: f64) -> f64 {
+        subject.mass_kg * specific_force_m_per_s2 + self.offset_n
+    }
+}
+
+/// The ground alone, while the suit is silent.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct GroundAlone {
+    /// The newest sample.
+    pub(super) reading: Reading,
+    /// Vertical force minus the weight of the body at rest, N.
+    pub(super) delta_f_n: f64,
+    /// Validity flags raised by the stage.
+    pub(super) invalid: Validity,
+}
+
+/// Evaluates the ground sample of an instant.
+pub(super) fn measure_ground(
+    settings: &Settings,
+    state: &mut GroundState,
+    instant: &Instant,
+    subject: &Identification,
+    streams: &Streams,
+) -> Ground {
+    let (snapshot, step_s) = (&instant.snapshot, instant.step_s);
+    state.force_offset.predict(step_s);
+    let mass_sigma_n = subject.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2);
+    state.force_offset.apply_mass(subject.mass_kg, mass_sigma_n);
+    let mut sigma = GroundSigma::of(snapshot.ground(), &state.force_offset, settings);
+    let is_comparable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && state.last_is_usable == 1;
+    let before = is_comparable.then_some(state.last);
+    let mut invalid = Validity::default();
+    // A snapshot's time may lie between two samples.
+    let half_ns = settings.half_window_ns();
+    let around_ns = half_ns.max(streams.ground_period_ns);
+    let standing =
+        snapshot.ground().and_then(|ground| state.ingest(ground, around_ns, streams, &mut invalid));
+    raise_feet_off(standing, &mut invalid);
+    let [from_ns, to_ns] = [snapshot.time_ns.saturating_sub(half_ns), snapshot.time_ns + half_ns];
+    invalid.raise(Validity::SUIT_IMPLAUSIBLE, streams.suit_suspect.overlaps(from_ns, to_ns));
+    let standing_m = standing.filter(|_| !invalid.any_of(Validity::IMPLAUSIBLE));
+    // σ of the sample's time, and of the lag between the streams, times the recent rate of change.
+    let rates = match (before, standing_m) {
+        (Some(before), Some(_)) => state.last.since(&before).map(|change| change / step_s),
+        _ => [0.0; 2],
+    };
+    let mut recent = rates;
+    for (recent, (envelope, rate)) in recent.iter_mut().zip(state.rates.iter_mut().zip(rates)) {
+        *recent = envelope.update(rate, step_s);
+    }
+    let time_sigma_s = math::hypot([snapshot.time_sigma_ns as f64 * 1e-9, streams.lag_sigma_s]);
+    sigma.add_time_error(time_sigma_s, recent);
+    // The plate may have recovered since, but this snapshot has no ground sample, and the last values belong to an
+    // earlier one.
+    invalid.raise(Validity::GROUND_STALE, snapshot.ground().is_none());
+    state.note_usability(invalid);
+    let (reading, offset_n) = (state.last, state.force_offset.mean_n());
+    Ground { reading, standing_m, sigma, offset_n, rate_n_per_s: state.rates[0].height(), invalid }
+}
+
+/// Evaluates the newest ground sample while the suit is silent.
+pub(super) fn measure_ground_alone(
+    state: &mut GroundState,
+    sample: &GroundSample,
+    subject: &Identification,
+    streams: &Streams,
+) -> GroundAlone {
+    let mut invalid = Validity::MOVING;
+    let standing = state.ingest(sample, 0, streams, &mut invalid);
+    raise_feet_off(standing, &mut invalid);
+    state.note_usability(invalid);
+    let unloaded_n = subject.mass_kg * GRAVITY_M_PER_S2 + state.force_offset.mean_n();
+    GroundAlone { reading: state.last, delta_f_n: sample.force_n[2] - unloaded_n, invalid }
+}
+
+fn raise_feet_off(standing: Option<[f64; 2]>, invalid: &mut Validity) {
+    let is_off = standing.is_none() && !invalid.any_of(Validity::COP_NOT_MEASURED);
+    invalid.raise(Validity::FEET_OFF_PLATE, is_off);
+}
+
+impl GroundState {
+    /// Ingests a sample; no CoP if nothing stands on the plate or the plate is faulty. `around_ns`: half the interval
+    /// of samples that it represents.
+    fn ingest(
+        &mut self,
+        ground: &GroundSample,
+        around_ns: u64,
+        streams: &Streams,
+        invalid: &mut Validity,
+    ) -> Option<[f64; 2]> {
+        let cop = ground.cop_m();
+        invalid.raise(Validity::PLATE_FAULT, matches!(cop, Err(NoCop::DeviceStatus(_))));
+        let [from_ns, to_ns] =
+            [ground.sample_time_ns.saturating_sub(around_ns), ground.sample_time_ns + around_ns];
+        invalid.raise(Validity::GROUND_IMPLAUSIBLE, streams.ground_suspect.overlaps(from_ns, to_ns));
+        invalid.raise(Validity::COP_NOT_MEASURED, matches!(cop, Err(NoCop::NotMeasured)));
+        self.last = Reading {
+            force_n: ground.force_n,
+            cop_m: cop.unwrap_or_default(),
+            devices: u64::from(ground.devices),
+            lacks_shear: u64::from(!ground.measures(Component::Shear)),
+        };
+        cop.ok()
+    }
+
+    /// Updates the force offset while no load is carried.
+    pub(super) fn update_from_residual(
+        &mut self,
+        settings: &Settings,
+        instant: &Instant,
+        residual: &Residual,
+    ) {
+        if settings.motion != Motion::Paper && !instant.snapshot.ground.is_by_insoles_alone() {
+            self.force_offset.update(residual.delta_f_n, instant.step_s, residual.sigma);
+        }
+    }
+
+    fn note_usability(&mut self, invalid: Validity) {
+        let unusable = Validity::INVALIDATES_COP_MEASURED.and(Validity::IMPLAUSIBLE);
+        self.last_is_usable = u64::from(!invalid.any_of(unusable));
+    }
+
+    /// Whether every number is in range; a stored one is checked before use.
+    pub(super) fn is_sound(&self) -> bool {
+        self.force_offset.is_sound()
+            && self.rates.iter().all(Envelope::is_sound)
+            && self.last.force_n.iter().chain(&self.last.cop_m).all(|value| value.is_finite())
+            && self.last_is_usable <= 1
+    }
+}

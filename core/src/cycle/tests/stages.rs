@@ -1,0 +1,194 @@
+//! Stages by themselves: each depends on its arguments and its own state only.
+
+use super::*;
+use crate::cycle::align::AlignState;
+use crate::cycle::ground::{Ground, GroundState};
+use crate::cycle::loading::LoadState;
+use crate::cycle::placement::Placement;
+use crate::cycle::prediction::{Prediction, PredictionState};
+use crate::cycle::stillness::Stillness;
+use crate::frame::Pose;
+use crate::motion::History;
+use crate::static_pose::{WINDOW, Window};
+
+const PERIOD_NS: u64 = 10_000_000;
+
+/// A subject with bone lengths and a mass, who stands on the plate, and the state of every stage.
+struct Rig {
+    settings: Settings,
+    person: Person,
+    streams: Streams,
+    subject: Box<Identification>,
+    align: Box<AlignState>,
+    placement: Box<Placement>,
+    history: Box<History>,
+    ground: Box<GroundState>,
+    window: Box<Window>,
+    prediction: Box<PredictionState>,
+    load: Box<LoadState>,
+    time_ns: u64,
+}
+
+impl Rig {
+    fn new() -> Rig {
+        let settings = Settings {
+            sex: crate::body::Sex::Male,
+            mass_kg: Some(MASS_KG),
+            ..Settings::for_height(HEIGHT_M)
+        };
+        let person = Person::real();
+        Rig {
+            subject: filter_updates::subject(&person, &settings),
+            settings,
+            person,
+            streams: Streams {
+                suit_period_ns: PERIOD_NS,
+                ground_period_ns: PERIOD_NS,
+                lag_sigma_s: 0.0,
+                lag_is_off: false,
+                suit_suspect: Zeroable::zeroed(),
+                ground_suspect: Zeroable::zeroed(),
+                ground_late_ns: 0,
+                moved_ns: 0,
+            },
+            align: bytemuck::zeroed_box(),
+            placement: bytemuck::zeroed_box(),
+            history: bytemuck::zeroed_box(),
+            ground: bytemuck::zeroed_box(),
+            window: bytemuck::zeroed_box(),
+            prediction: bytemuck::zeroed_box(),
+            load: bytemuck::zeroed_box(),
+            time_ns: NS_PER_S,
+        }
+    }
+
+    /// The next instant, once the samples after it arrived; the plate carries `vertical_n`.
+    fn instant(&mut self, vertical_n: Option<f64>) -> Instant {
+        loop {
+            self.time_ns += PERIOD_NS;
+            let pose = self.person.pose(&postures()[0]);
+            let in_suit_world = Pose::new(pose.origin, pose.world_from_segment);
+            let body = self.subject.anthropometry();
+            let mut snapshot = Snapshot::new(self.time_ns, &in_suit_world, &pose, body);
+            snapshot.both_feet_stand = 1;
+            if let Some(vertical_n) = vertical_n {
+                snapshot.has_ground = 1;
+                snapshot.ground = GroundSample {
+                    sample_time_ns: self.time_ns,
+                    force_n: [0.0, 0.0, vertical_n],
+                    moment_nm: [0.0, -0.05 * vertical_n, 0.0],
+                    ..Zeroable::zeroed()
+                };
+            }
+            self.history.push(snapshot);
+            let next = differentiate(
+                &self.settings,
+                &mut self.history,
+                &self.align,
+                &self.placement,
+                &self.subject,
+                None,
+            );
+            if let Some(instant) = next {
+                return instant;
+            }
+        }
+    }
+
+    fn measured(&mut self, vertical_n: Option<f64>) -> (Instant, Ground) {
+        let instant = self.instant(vertical_n);
+        let ground = measure_ground(&self.settings, &mut self.ground, &instant, &self.subject, &self.streams);
+        (instant, ground)
+    }
+
+    fn predicted(&mut self, vertical_n: Option<f64>) -> (Instant, Ground, Stillness, Prediction) {
+        let (instant, ground) = self.measured(vertical_n);
+        let stillness = detect_static(&self.settings, &mut self.window, &instant, &ground, &self.streams);
+        let prediction = predict_unloaded(
+            &self.settings,
+            &mut self.prediction,
+            &instant,
+            &ground,
+            &stillness,
+            &self.subject,
+            &self.history,
+        );
+        (instant, ground, stillness, prediction)
+    }
+}
+
+const WEIGHT_N: f64 = MASS_KG * GRAVITY_M_PER_S2;
+
+#[test]
+fn a_silent_ground_holds_its_last_reading_and_is_stale() {
+    let mut rig = Rig::new();
+    let (_, before) = rig.measured(Some(WEIGHT_N));
+    assert_eq!(before.invalid, Validity::default());
+    assert_eq!(before.standing_m, Some([0.05, 0.0]));
+    for _ in 0..8 {
+        rig.measured(Some(WEIGHT_N));
+    }
+    let mut last = rig.measured(None).1;
+    for _ in 0..8 {
+        last = rig.measured(None).1;
+    }
+    assert_eq!(last.reading.force_n, before.reading.force_n);
+    assert_eq!(last.standing_m, None);
+    assert_eq!(last.invalid, Validity::GROUND_STALE.and(Validity::FEET_OFF_PLATE));
+}
+
+#[test]
+fn an_implausible_ground_has_a_reading_and_no_standing_subject() {
+    let mut rig = Rig::new();
+    let (instant, _) = rig.measured(Some(WEIGHT_N));
+    rig.streams.ground_suspect.add(instant.snapshot.time_ns, instant.snapshot.time_ns + NS_PER_S);
+    let (_, ground) = rig.measured(Some(WEIGHT_N));
+    assert!(ground.is_suspect() && ground.is_implausible() && ground.standing_m.is_none());
+    assert_eq!(ground.reading.force_n[2], WEIGHT_N);
+}
+
+#[test]
+fn a_pose_is_static_once_the_window_is_full_and_not_without_a_standing_subject() {
+    let mut rig = Rig::new();
+    let mut still = false;
+    for _ in 0..2 * WINDOW {
+        still = rig.predicted(Some(WEIGHT_N)).2.is_static;
+    }
+    assert!(still && rig.window.is_full());
+    for _ in 0..10 {
+        still = rig.predicted(None).2.is_static;
+    }
+    assert!(!still && !rig.window.is_full());
+}
+
+#[test]
+fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_implausible() {
+    let mut rig = Rig::new();
+    for (added_n, expected) in [(0.0, Validity::BELOW_LOAD_THRESHOLD), (60.0, Validity::default())] {
+        for _ in 0..20 {
+            rig.predicted(Some(WEIGHT_N + added_n));
+        }
+        let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + added_n));
+        let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
+        let estimate = estimate_cop(&rig.settings, &instant, &ground, &prediction, subject);
+        let subject = update_from_static_pose(
+            &rig.settings,
+            &mut rig.subject,
+            &rig.window,
+            &instant,
+            &ground,
+            &prediction,
+            &estimate,
+        );
+        let result =
+            overload(&rig.settings, &mut rig.load, &instant, &ground, &prediction, &estimate, subject);
+        let found = result.unwrap();
+        assert!((found.delta_f_n - added_n).abs() < 1e-6, "{}", found.delta_f_n);
+        assert!(found.invalid.any_of(expected) || expected == Validity::default());
+        assert_eq!(found.load.is_some(), added_n > 0.0);
+        let suspect = Ground { invalid: Validity::SUIT_IMPLAUSIBLE, ..ground };
+        let none =
+            overload(&rig.settings, &mut rig.load, &instant, &suspect, &prediction, &estimate, subject);
+        assert!(none.is_none());
+    }
+}

@@ -1,0 +1,161 @@
+//! Time of each joint at each level, and its closest approach to the limit.
+
+use equipoise_core::body::{JOINTS, Joint};
+use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
+use equipoise_view::words;
+
+/// Number of levels, including `none` and `undecided`.
+pub const LEVELS: usize = 6;
+/// Length of a column of the strips, s.
+pub const COLUMN_S: f64 = 1.0;
+
+/// The closest approach of a joint to its limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peak {
+    /// Time since the begin of the recording, s.
+    pub time_s: f64,
+    /// Magnitude of the overload torque, N m.
+    pub torque_nm: f64,
+    /// Its 1-σ, N m.
+    pub sigma_nm: f64,
+    /// Torque divided by the joint's limit.
+    pub share: f64,
+}
+
+/// Exposure of one joint.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct JointExposure {
+    /// Time at each level while torques were valid, by the level's number, s.
+    pub level_s: [f64; LEVELS],
+    /// Time as the joint closest to its limit, s.
+    pub worst_s: f64,
+    /// Closest approach to the limit.
+    pub peak: Option<Peak>,
+    /// Final fatigue, 0 to 1.
+    pub fatigue: f64,
+    /// Largest fatigue, 0 to 1.
+    pub fatigue_max: f64,
+}
+
+/// The highest level of every joint in one interval; `None` without a valid torque.
+pub type Column = [Option<Level>; JOINTS];
+
+/// All joints.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Exposure {
+    /// In the order of the joints' indices.
+    pub joints: [JointExposure; JOINTS],
+    /// Duration of valid torques, s.
+    pub valid_s: f64,
+    /// Intervals of [`COLUMN_S`] by their number since the begin of the recording.
+    pub columns: Vec<(i64, Column)>,
+}
+
+impl Default for Exposure {
+    fn default() -> Exposure {
+        Exposure { joints: [JointExposure::default(); JOINTS], valid_s: 0.0, columns: Vec::new() }
+    }
+}
+
+impl Exposure {
+    /// Adds one state, which represents `step_s`.
+    pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
+        for (joint, fatigue) in self.joints.iter_mut().zip(state.fatigue) {
+            joint.fatigue = fatigue;
+            joint.fatigue_max = joint.fatigue_max.max(fatigue);
+        }
+        let Some(worst) = state.unless(Validity::INVALIDATES_TORQUES, state.worst_joint) else { return };
+        self.valid_s += step_s;
+        let number = (time_s / COLUMN_S).floor() as i64;
+        if self.columns.last().is_none_or(|(last, _)| *last != number) {
+            self.columns.push((number, [None; JOINTS]));
+        }
+        for joint in Joint::ALL {
+            let index = joint.index();
+            let level = Level::from_number(state.joint_level[index]).unwrap_or(Level::None);
+            let exposure = &mut self.joints[index];
+            exposure.level_s[level as usize] += step_s;
+            exposure.ingest_joint(state, joint, time_s);
+            if worst as usize == index {
+                exposure.worst_s += step_s;
+            }
+            if let Some((_, column)) = self.columns.last_mut() {
+                let highest = &mut column[index];
+                *highest = Some(
+                    highest.map_or(level, |before| if rank(level) > rank(before) { level } else { before }),
+                );
+            }
+        }
+    }
+
+    /// The joint that was closest to its limit for the longest time; the larger peak decides between equal times.
+    pub fn worst(&self) -> Option<Joint> {
+        let by = |joint: &Joint| {
+            let exposure = &self.joints[joint.index()];
+            (exposure.worst_s, exposure.peak.map_or(0.0, |peak| peak.share))
+        };
+        Joint::ALL
+            .into_iter()
+            .filter(|joint| self.joints[joint.index()].worst_s > 0.0)
+            .max_by(|a, b| by(a).partial_cmp(&by(b)).unwrap_or(core::cmp::Ordering::Equal))
+    }
+}
+
+impl JointExposure {
+    fn ingest_joint(&mut self, state: &State, joint: Joint, time_s: f64) {
+        let limit_nm = state.torque_limit_nm[joint.index()];
+        if limit_nm <= 0.0 {
+            return;
+        }
+        let torque_nm = words::torque_nm(state, joint);
+        let share = torque_nm / limit_nm;
+        if self.peak.is_none_or(|peak| share > peak.share) {
+            let sigma_nm = state.torque_sigma_nm[joint.index()];
+            self.peak = Some(Peak { time_s, torque_nm, sigma_nm, share });
+        }
+    }
+
+    /// Time at a level, s.
+    pub fn at(&self, level: Level) -> f64 {
+        self.level_s[level as usize]
+    }
+}
+
+/// Precedence of levels in a column: a decided level precedes an undecided one.
+pub fn rank(level: Level) -> u8 {
+    match level {
+        Level::None => 0,
+        Level::Undecided => 1,
+        Level::Green => 2,
+        Level::Orange => 3,
+        Level::Red => 4,
+        Level::AboveMax => 5,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn time_counts_at_its_level_and_invalid_time_at_none() {
+        let mut exposure = Exposure::default();
+        let mut state = State::zeroed();
+        state.joint_level = [Level::Green as u32; JOINTS];
+        (state.torque_nm[3], state.torque_limit_nm[3], state.worst_joint) = ([0.0, 30.0, 40.0], 100.0, 3);
+        exposure.ingest(&state, 0.1, 0.01);
+        state.joint_level[3] = Level::Red as u32;
+        exposure.ingest(&state, 0.2, 0.01);
+        state.valid = Validity::MOVING.0;
+        state.torque_nm[3] = [0.0, 300.0, 400.0];
+        exposure.ingest(&state, 1.3, 0.01);
+        let joint = &exposure.joints[3];
+        assert_eq!((joint.at(Level::Green), joint.at(Level::Red), joint.at(Level::None)), (0.01, 0.01, 0.0));
+        assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.share)), Some((50.0, 0.5)));
+        assert_eq!((exposure.valid_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
+        assert_eq!(exposure.columns.len(), 1, "no valid torque in the second after");
+        assert_eq!(exposure.columns[0].1[3], Some(Level::Red));
+    }
+}

@@ -1,0 +1,227 @@
+//! Reads a recording once and gathers the data of a report.
+
+use std::collections::VecDeque;
+
+use equipoise_adapters::recording::{Entry, Recording, RecordingHeader};
+use equipoise_config::Config;
+use equipoise_core::exposure::dose::LIFT_MIN_S;
+use equipoise_core::message::State;
+use equipoise_latency::{PathHistograms, Report as PathReport};
+use equipoise_recording::replay::Replay;
+use equipoise_recording::replay::input::{Chosen, Input};
+
+use super::back::Back;
+use super::exposure::Exposure;
+use super::identification::Identification;
+use super::lifts::Lifts;
+use super::quality::Quality;
+use super::records::Records;
+
+/// A recorder writes a cycle's record slightly after its state: this many states are held back until the records of
+/// their cycles are read.
+const REORDER_BUFFER: usize = 512;
+
+/// Origin of the states.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// Recorded from the live loop.
+    Recorded,
+    /// Computed by the same cycle: the recording has samples only, or another configuration was given.
+    Replayed,
+}
+
+/// The data of a report.
+#[derive(Debug)]
+pub struct Facts {
+    /// Name of the file.
+    pub name: String,
+    /// Origin of the states.
+    pub source: Source,
+    /// The recording's header; empty for a capture of another program.
+    pub header: RecordingHeader,
+    /// The configuration in use.
+    pub config: Config,
+    /// Its origin, in words.
+    pub config_origin: String,
+    /// Pseudonyms of the subjects, in order; empty if none is named.
+    pub subjects: Vec<String>,
+    /// Times of subject changes, s since the begin of the recording.
+    pub changes_s: Vec<f64>,
+    /// Number of states.
+    pub cycles: u64,
+    /// Times of the first and last state, s since the begin of the recording.
+    pub span_s: Option<[f64; 2]>,
+    /// Progress of the identification.
+    pub identification: Identification,
+    /// Exposure of the joints.
+    pub exposure: Exposure,
+    /// Lifts.
+    pub lifts: Lifts,
+    /// Low back, load, dose.
+    pub back: Back,
+    /// Final body mass, kg; 0 if unavailable.
+    pub mass_kg: f64,
+    /// Percentiles of the path; `None` without cycle records.
+    pub path: Option<PathReport>,
+    /// Quality of the data.
+    pub quality: Quality,
+    /// Unusable parts of the file, in words.
+    pub rejected: Vec<String>,
+    /// Result of the authenticity check, in one line; `None` for a capture.
+    pub authenticity: Option<String>,
+    started_ns: u64,
+    records: Records,
+    last: Option<Last>,
+}
+
+/// Data of the previous state, for comparison with the next one.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    cycle: u64,
+    time_ns: u64,
+    lifts: u32,
+}
+
+impl Facts {
+    /// Reads an input with its configuration; `name` is the display name of the file. Unless the configuration is the
+    /// original one (`as_recorded`), recorded states are ignored and computed again.
+    ///
+    /// # Errors
+    /// The input contains neither a usable state nor a usable sample.
+    pub fn gather(name: &str, input: &Input, chosen: Chosen, as_recorded: bool) -> anyhow::Result<Facts> {
+        let header = match input {
+            Input::Recording(recording) => recording.header().clone(),
+            _ => RecordingHeader::default(),
+        };
+        let mut facts = Facts {
+            name: name.to_owned(),
+            source: Source::Recorded,
+            subjects: header.subjects(&chosen.config.subject.id),
+            header,
+            config: chosen.config,
+            config_origin: chosen.origin,
+            changes_s: Vec::new(),
+            cycles: 0,
+            span_s: None,
+            identification: Identification::default(),
+            exposure: Exposure::default(),
+            lifts: Lifts::default(),
+            back: Back::default(),
+            mass_kg: 0.0,
+            path: None,
+            quality: Quality::default(),
+            rejected: Vec::new(),
+            authenticity: None,
+            started_ns: input.started_ns(),
+            records: Records::default(),
+            last: None,
+        };
+        if let Input::Recording(recording) = input {
+            facts.read(recording, as_recorded);
+        }
+        if facts.cycles == 0 {
+            facts.replay(input, as_recorded)?;
+        }
+        Ok(facts)
+    }
+
+    /// Reads the recorded data up to the first damage.
+    fn read(&mut self, recording: &Recording, as_recorded: bool) {
+        let mut path = PathHistograms::new();
+        let mut waiting = VecDeque::new();
+        for timed in recording.entries() {
+            match timed.map(|timed| timed.entry) {
+                Ok(Entry::State(state)) if as_recorded => {
+                    waiting.push_back(state);
+                    if waiting.len() > REORDER_BUFFER
+                        && let Some(state) = waiting.pop_front()
+                    {
+                        self.ingest(&state);
+                    }
+                }
+                Ok(Entry::Cycle(record)) => {
+                    path.record(&record);
+                    self.records.ingest(&record);
+                }
+                Ok(Entry::Health(health)) => self.quality.ingest_health(&health),
+                Ok(_) => {}
+                Err(damage) => self.rejected.push(damage.to_string()),
+            }
+        }
+        for state in waiting {
+            self.ingest(&state);
+        }
+        let report = PathReport::of(&path);
+        self.path = (report.cycles > 0).then_some(report);
+        if recording.truncated() {
+            let reason = "the recording was cut short: what came after its last whole chunk is not there";
+            self.rejected.push(reason.to_owned());
+        }
+    }
+
+    fn replay(&mut self, input: &Input, as_recorded: bool) -> anyhow::Result<()> {
+        self.source = Source::Replayed;
+        let config = self.config.clone();
+        let replay = Replay { input, config: &config, as_recorded, residual_s: None };
+        let summary = replay.run_with(|state| {
+            self.ingest(state);
+            Ok(())
+        })?;
+        for reason in summary.skipped.rejected {
+            if !self.rejected.contains(&reason) {
+                self.rejected.push(reason);
+            }
+        }
+        Ok(())
+    }
+
+    fn ingest(&mut self, state: &State) {
+        let step_s = self.period_ns(state) as f64 / 1e9;
+        let time_s = (i128::from(state.time_ns) - i128::from(self.started_ns)) as f64 / 1e9;
+        self.cycles += 1;
+        let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
+        self.span_s = Some([from_s, time_s]);
+        if self.is_another_worker(state) {
+            self.changes_s.push(time_s);
+            self.identification = Identification::default();
+            self.lifts.change_subject(state);
+            self.back.change_subject();
+        }
+        let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
+        let State { cycle, time_ns, lifts, .. } = *state;
+        self.last = Some(Last { cycle, time_ns, lifts });
+        self.identification.ingest(state, time_s, stopped);
+        self.exposure.ingest(state, time_s, step_s);
+        self.lifts.ingest(state, time_s, step_s);
+        self.back.ingest(state, time_s, step_s);
+        self.quality.ingest(state, step_s);
+        self.mass_kg = state.mass_kg;
+    }
+
+    /// Duration that a state represents. The header is not sufficient: after a restart of the daemon the file still has
+    /// the previous one's.
+    fn period_ns(&self, state: &State) -> u64 {
+        let recorded = || self.records.period_ns(state.time_ns).filter(|_| self.source == Source::Recorded);
+        recorded().unwrap_or(self.config.period_ns())
+    }
+
+    /// Whether the subject was changed since the previous state: according to a record, or to a change in the number of
+    /// lifts that is impossible for one subject, which can only decrease one by one (`subject undo-lift`) and increases
+    /// at a limited rate.
+    fn is_another_worker(&self, state: &State) -> bool {
+        let Some(last) = self.last else { return false };
+        if self.records.has_load(last.time_ns, state.time_ns) {
+            return true;
+        }
+        // A restart restores the last saved state, which may have one lift less.
+        let continues = state.cycle > last.cycle;
+        let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
+        let more = f64::from(state.lifts.saturating_sub(last.lifts));
+        continues && (state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
+    }
+
+    /// Whether the whole file was used.
+    pub fn is_complete(&self) -> bool {
+        self.rejected.is_empty()
+    }
+}

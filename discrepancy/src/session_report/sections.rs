@@ -1,0 +1,298 @@
+//! The sections of the report: text, tables and drawings.
+
+mod load;
+mod path;
+
+use equipoise_config::method::StopConfig;
+use equipoise_core::body::Joint;
+use equipoise_core::overload::Level;
+use equipoise_view::words;
+
+use crate::report::document::{Figure, Section, Table, Text, code};
+use crate::report::svg::{Axis, Key, Look, Mark, Plot, Scale};
+
+use super::document::{length, subject};
+use super::exposure::Peak;
+use super::gather::{Facts, Source};
+use super::series::Series;
+use super::strips::strips;
+use crate::workflow::date::rfc_3339;
+
+pub(super) use load::{back, dose, lifts};
+pub(super) use path::{latency, quality};
+
+/// Limits of the interpretation of the torques.
+const DISCLAIMER: &str = "Torques are what a load adds to each joint, by the method of Fortini et al. (2020). This is not a \
+                          medical device and not a safety function.";
+/// From this length on times are displayed in minutes, s.
+const MINUTES_FROM_S: f64 = 300.0;
+
+/// Metadata of the session.
+pub(super) fn session(facts: &Facts) -> Section {
+    let mut section = Section::new("Session");
+    let header = &facts.header;
+    let mut table = Table::new(&["what", "value"]);
+    let mut row = |what: &str, value: Text| table.rows.push(vec![what.into(), value]);
+    row("recording", code(facts.name.as_str()));
+    if let Some(line) = &facts.authenticity {
+        row("authenticity", line.clone().into());
+    }
+    row("station", code(facts.config.station.as_str()));
+    row("subject", code(subject(facts)));
+    let started = match header.started_unix_ns {
+        0 => "not stated in the recording".to_owned(),
+        unix_ns => rfc_3339(unix_ns / 1_000_000_000),
+    };
+    row("begin", started.into());
+    let [from_s, to_s] = facts.span_s.unwrap_or_default();
+    row("states", format!("{}, t = {from_s:.3} s to {to_s:.3} s", facts.cycles).into());
+    row("recorded by", software(&header.software_version).into());
+    row("reported by", software(env!("CARGO_PKG_VERSION")).into());
+    row("configuration", format!("{}; {} Hz", facts.config_origin, facts.config.tick.rate_hz).into());
+    let model =
+        if header.model_toml.is_empty() { "none" } else { "in addition to the body: see the recording" };
+    row("model file", model.into());
+    let mass = if facts.mass_kg > 0.0 { format!("{:.1} kg", facts.mass_kg) } else { "not known".to_owned() };
+    row("body mass in use at the end", mass.into());
+    section.table(table);
+    if facts.source == Source::Replayed {
+        section.say(
+            "The states are not the live loop's: the recording has none, or another configuration was asked for. They were \
+             computed from its samples by a replay through the same cycle.",
+        );
+    }
+    if let Some(note) = several(facts) {
+        section.say(note);
+    }
+    section.note(DISCLAIMER);
+    section
+}
+
+/// A note if the numbers belong to several subjects.
+fn several(facts: &Facts) -> Option<String> {
+    if facts.changes_s.is_empty() {
+        return None;
+    }
+    let times: Vec<String> = facts.changes_s.iter().map(|time_s| format!("{time_s:.1} s")).collect();
+    Some(format!(
+        "The worker changed at t = {}: times, peaks and largest fatigues are of several workers together; dose, risk and \
+         the final values are of the last one, with what that worker's shift had before.",
+        times.join(", ")
+    ))
+}
+
+fn software(version: &str) -> String {
+    if version.is_empty() { "unknown".to_owned() } else { format!("Equipoise {version}") }
+}
+
+/// Progress of the identification.
+pub(super) fn identification(facts: &Facts) -> Section {
+    let mut section = Section::new("Identification");
+    let found = &facts.identification;
+    if let Some(changed_s) = facts.changes_s.last() {
+        section.say(format!(
+            "The worker changed last at t = {changed_s:.1} s; what follows is of the one since then."
+        ));
+    }
+    section.say(match (found.identified_before, found.converged_s) {
+        (true, _) if !facts.changes_s.is_empty() => "The worker was known when put in place.".to_owned(),
+        (true, _) => "The worker was known when the recording began.".to_owned(),
+        (false, Some(time_s)) if found.stopped => {
+            format!("Learning was ended by hand at t = {time_s:.1} s; the stop rule was not met.")
+        }
+        (false, Some(time_s)) => format!("The stop rule was met at t = {time_s:.1} s."),
+        (false, None) => "The stop rule was not met: the worker is not identified.".to_owned(),
+    });
+    if found.resets > 0 {
+        section.say(format!("It was reset {} times; what follows is the last run.", found.resets));
+    }
+    let mut table = Table::new(&[
+        ">poses",
+        ">t, s",
+        "pose asked for",
+        ">predicted CoP σ, mm",
+        ">largest P_jj, m²",
+        ">NIS",
+    ]);
+    for pose in &found.poses {
+        table.rows.push(vec![
+            pose.poses.to_string().into(),
+            format!("{:.1}", pose.time_s).into(),
+            pose.requested.unwrap_or("-").into(),
+            or_none(pose.cop_sigma_m, |sigma_m| format!("{:.2}", 1e3 * sigma_m)),
+            or_none(pose.variance_max_m2, |variance_m2| format!("{variance_m2:.2e}")),
+            or_none(pose.nis, |nis| format!("{nis:.2}")),
+        ]);
+    }
+    section.table(table);
+    section.figures(convergence(facts));
+    section.note(
+        "NIS: the normalised innovation squared of each pose. It has two degrees of freedom: 2 on average, above 5.99 \
+         in one pose of twenty, if the filter's σ is the truth.",
+    );
+    if found.motion_samples > 0 {
+        section.say(format!("{} samples in motion entered, too.", found.motion_samples));
+    }
+    if let Some(inflation) = found.prior_inflation.filter(|inflation| *inflation > 1.0) {
+        section.say(format!(
+            "The prior did not fit this worker: its covariance was inflated {inflation:.1} times."
+        ));
+    }
+    section
+}
+
+/// σ and P_jj over the number of poses.
+fn convergence(facts: &Facts) -> Vec<Figure> {
+    let poses = &facts.identification.poses;
+    let points = |value: fn(&super::identification::Pose) -> Option<f64>| -> Vec<[f64; 2]> {
+        poses.iter().filter_map(|pose| Some([f64::from(pose.poses), value(pose)?])).collect()
+    };
+    let method = &facts.config.identification;
+    let target = (method.stop == StopConfig::PredictedCop).then_some(method.stop_cop_sigma_mm);
+    let sigma = points(|pose| pose.cop_sigma_m.map(|sigma_m| 1e3 * sigma_m));
+    let variance = points(|pose| pose.variance_max_m2.map(|variance_m2| 1e3 * variance_m2.sqrt()));
+    let figure = |name: &str, title: &str, label: &str, points: Vec<[f64; 2]>, target: Option<f64>| {
+        if points.len() < 2 {
+            return None;
+        }
+        let (first, last) = (points[0][0], points[points.len() - 1][0]);
+        let mut marks = vec![
+            Mark::Line { look: Look::After, points: points.clone(), gap: f64::INFINITY },
+            Mark::Dots { look: Look::After, points: points.clone() },
+        ];
+        let mut legend = Vec::new();
+        if let Some(target) = target {
+            let points = vec![[first, target], [last, target]];
+            marks.push(Mark::Line { look: Look::Expected, points, gap: f64::INFINITY });
+            legend.push((Key::Line, Look::Expected, format!("stop rule: {target} mm")));
+        }
+        let values = points.iter().map(|point| point[1]).chain(target).chain([0.0]);
+        let y = Axis::new(label, Scale::covering(values));
+        let x = Axis::new("poses in the model", Scale::exactly(first, last));
+        let (name, title) = (name.to_owned(), title.to_owned());
+        let description = format!("{label} over the number of poses");
+        let plot = Plot { name, title, description, x, y, marks, legend };
+        Some(Figure { drawing: plot.draw(), caption: Text::default() })
+    };
+    let title = "How well the CoP is predicted";
+    let cop = figure("cop-sigma", title, "predicted CoP σ, mm", sigma, target);
+    let title = "The least known parameter";
+    cop.into_iter().chain(figure("p-jj", title, "√ of the largest P_jj, mm", variance, None)).collect()
+}
+
+/// Each joint over time, and its minutes at each level.
+pub(super) fn exposure(facts: &Facts) -> Section {
+    let mut section = Section::new("Exposure by joint");
+    let (found, span_s) = (&facts.exposure, facts.span_s.unwrap_or_default());
+    if found.valid_s <= 0.0 {
+        section.say(
+            "No torque was reported: without an identified worker, without a load or with faulty data there is none. See \
+             data quality for the reasons.",
+        );
+        return section;
+    }
+    if let Some(note) = several(facts) {
+        section.say(note);
+    }
+    if let Some(worst) = found.worst() {
+        let worst_s = found.joints[worst.index()].worst_s;
+        section.say(format!(
+            "Torques were reported for {} in all. The {} was the joint closest to its limit for {}.",
+            length(found.valid_s),
+            words::joint(worst),
+            length(worst_s)
+        ));
+    }
+    let drawing = strips(found, span_s, is_long(facts));
+    section
+        .figures(drawing.map(|drawing| Figure { drawing, caption: Text::default() }).into_iter().collect());
+    section.head("Minutes at each level");
+    section.table(levels(facts));
+    section.note(
+        "Low is up to 0.3, medium up to 0.6, high up to 1 of the joint's limit (Table I of the paper), overloaded \
+         is beyond; not sure where the torque's σ does not let two levels be distinguished. Peak: the closest to the \
+         limit, ± 1-σ.",
+    );
+    section
+}
+
+fn levels(facts: &Facts) -> Table {
+    let mut table = Table::new(&[
+        "joint",
+        ">low",
+        ">medium",
+        ">high",
+        ">overloaded",
+        ">not sure",
+        ">peak, N m",
+        ">of the limit",
+        ">at t, s",
+        ">fatigue at the end",
+    ]);
+    let mut joints: Vec<(Joint, Peak)> = Joint::ALL
+        .into_iter()
+        .filter_map(|joint| Some((joint, facts.exposure.joints[joint.index()].peak?)))
+        .collect();
+    joints.sort_by(|(_, a), (_, b)| b.share.total_cmp(&a.share));
+    for (joint, peak) in joints {
+        let exposure = &facts.exposure.joints[joint.index()];
+        let minutes = |level: Level| Text::from(format!("{:.3}", exposure.at(level) / 60.0));
+        table.rows.push(vec![
+            words::joint(joint).into(),
+            minutes(Level::Green),
+            minutes(Level::Orange),
+            minutes(Level::Red),
+            minutes(Level::AboveMax),
+            minutes(Level::Undecided),
+            format!("{:.1} ± {:.1}", peak.torque_nm, peak.sigma_nm).into(),
+            format!("{:.0} %", 100.0 * peak.share).into(),
+            format!("{:.1}", peak.time_s).into(),
+            format!("{:.1} %", 100.0 * exposure.fatigue).into(),
+        ]);
+    }
+    table
+}
+
+fn or_none<T>(value: Option<T>, format: impl Fn(T) -> String) -> Text {
+    value.map_or_else(|| "-".to_owned(), format).into()
+}
+
+fn is_long(facts: &Facts) -> bool {
+    facts.span_s.is_some_and(|[from_s, to_s]| to_s - from_s > MINUTES_FROM_S)
+}
+
+/// A quantity over the time of the session; the line breaks where it was invalid for a second. `None` if it was never
+/// valid.
+fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Series) -> Option<Figure> {
+    if series.is_empty() {
+        return None;
+    }
+    let (unit_s, unit) = if is_long(facts) { (60.0, "min") } else { (1.0, "s") };
+    let points: Vec<[f64; 2]> =
+        series.points().iter().map(|[time_s, value]| [time_s / unit_s, *value]).collect();
+    let [from_s, to_s] = facts.span_s.unwrap_or_default();
+    let plot = Plot {
+        name: name.to_owned(),
+        title: title.to_owned(),
+        description: format!("{label} over time; the line breaks where it was withheld"),
+        x: Axis::new(format!("time, {unit}"), Scale::exactly(from_s / unit_s, to_s / unit_s)),
+        y: Axis::new(label, Scale::covering(points.iter().map(|point| point[1]))),
+        marks: vec![
+            Mark::Line { look: Look::After, points: points.clone(), gap: 1.0 / unit_s },
+            // An isolated point gives no line, so draw a dot.
+            Mark::Dots { look: Look::After, points: isolated_points(&points, 1.0 / unit_s) },
+        ],
+        legend: Vec::new(),
+    };
+    Some(Figure { drawing: plot.draw(), caption: Text::default() })
+}
+
+/// The points that have no neighbour within a gap.
+fn isolated_points(points: &[[f64; 2]], gap: f64) -> Vec<[f64; 2]> {
+    let near = |a: Option<&[f64; 2]>, b: &[f64; 2]| a.is_some_and(|a| (a[0] - b[0]).abs() <= gap);
+    let lonely = |index: usize| {
+        let before = index.checked_sub(1).and_then(|before| points.get(before));
+        !near(before, &points[index]) && !near(points.get(index + 1), &points[index])
+    };
+    (0..points.len()).filter(|index| lonely(*index)).map(|index| points[index]).collect()
+}

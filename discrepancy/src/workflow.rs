@@ -1,0 +1,113 @@
+//! Finds discrepancies between model and measurement in a recording: reads it, identifies the subject, compares, and
+//! determines the missing effects.
+//!
+//! The subject is identified from the identification span only and then frozen; a second pass compares the predictions
+//! of the frozen model with the plate's measurements ([`crate::compare`]). The engine determines effects;
+//! this module provides files and cycle.
+//!
+//! Layers, lowest first: `date`, [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
+
+mod cutoff;
+pub(crate) mod date;
+pub mod identify;
+pub mod output;
+mod session;
+pub mod summary;
+pub mod survey;
+
+use anyhow::bail;
+use equipoise_config::Config;
+use equipoise_core::cycle::{Memory, Settings};
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::samples::SkippedData;
+
+use crate::session::Session;
+use crate::spans::{Found, Given};
+
+use identify::Identified;
+use survey::Survey;
+
+/// Period of the loop here, ns: every suit sample is evaluated, whatever the configured rate.
+const TICK_NS: u64 = 4_000_000;
+
+/// Progress of a pass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Current step.
+    pub doing: &'static str,
+    /// Completed fraction, in [0, 1].
+    pub share: f64,
+}
+
+/// Input of a reconciliation.
+#[derive(Debug)]
+pub struct Reconcile<'a> {
+    /// The recording.
+    pub input: &'a Input,
+    /// Its configuration, with the model of the effects already found.
+    pub config: &'a Config,
+    /// The spans given by the user.
+    pub given: Given,
+}
+
+/// A recording, compared with the model.
+#[derive(Debug)]
+pub struct Compared {
+    /// Input of the engine.
+    pub session: Session,
+    /// The identified and frozen subject.
+    pub identified: Identified,
+    /// The spans of the recording, also in words.
+    pub found: Found,
+    /// Unused parts of the input.
+    pub skipped: SkippedData,
+}
+
+impl Reconcile<'_> {
+    /// The cycle's settings, with the effects already found and without passive adaptation.
+    fn settings(&self) -> Settings {
+        // The lag is one of the effects to find, so the cycle must not correct it.
+        Settings { passive: false, align_streams: false, ..self.config.settings() }
+    }
+
+    /// Surveys the recording, identifies the subject and compares.
+    ///
+    /// # Errors
+    /// What the recording lacks, or which span is unusable.
+    pub fn compare(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Compared> {
+        let survey = Survey::of(self.input, self.config, progress)?;
+        survey.check()?;
+        let samples_s = survey.samples_s();
+        self.given.check(samples_s)?;
+        let poses_s = match self.given.identify {
+            Some(span) => [span.from_s, span.to_s],
+            None => [samples_s[0], self.given.learn_until_s(samples_s)],
+        };
+        survey.check_weight(poses_s, self.config)?;
+        let identified = identify::identify(self, &survey, progress)?;
+        let found = self.given.find(&identified.phases(samples_s))?;
+        let (session, skipped) = session::compare(self, &survey, &identified, &found, progress)?;
+        if session.blocks.is_empty() {
+            bail!(
+                "nothing can be compared: in {} there is no fifth of a second in which both feet stand on the plate and suit \
+                 and plate are both heard",
+                found.description
+            );
+        }
+        Ok(Compared { session, identified, found, skipped })
+    }
+}
+
+/// Initial memory: based on the recording's first checkpoint, if any, which preserves its tare.
+fn memory_at_first(reconcile: &Reconcile<'_>, survey: &Survey) -> Box<Memory> {
+    let settings = reconcile.settings();
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    match survey.first_memory() {
+        Some(first) => {
+            bytemuck::bytes_of_mut(&mut *memory).copy_from_slice(bytemuck::bytes_of(first));
+            memory.restart_keeping_tare(&settings);
+        }
+        None => memory.start(&settings),
+    }
+    memory
+}

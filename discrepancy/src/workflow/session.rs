@@ -1,0 +1,68 @@
+//! Compares the frozen subject model with the plate over the whole recording.
+
+use anyhow::bail;
+use equipoise_core::cycle::{Inputs, Motion, Tick, step};
+use equipoise_core::message::CommandKind;
+use equipoise_recording::replay::free;
+use equipoise_recording::replay::samples::SkippedData;
+
+use crate::compare::{Comparison, Options, Worker, prior_covariance_m2};
+use crate::session::Session;
+use crate::spans::Found;
+
+use super::identify::Identified;
+use super::survey::Survey;
+use super::{Progress, Reconcile, TICK_NS, cutoff, memory_at_first};
+
+/// Runs the frozen subject model over the recording.
+pub(super) fn compare(
+    reconcile: &Reconcile<'_>,
+    survey: &Survey,
+    identified: &Identified,
+    found: &Found,
+    progress: &mut dyn FnMut(Progress),
+) -> anyhow::Result<(Session, SkippedData)> {
+    let settings = reconcile.settings();
+    let Some(worker) = Worker::of(&identified.worker, &settings) else {
+        bail!("the worker's mass is not known: no person stood still on the plate; give subject.mass_kg");
+    };
+    let has_inertia = settings.motion != Motion::Paper;
+    let mut options = Options::new(survey.begin_ns(), found.spans_s, has_inertia);
+    // A configuration for slowly sampled data requests a longer window.
+    options.half_window_s = options.half_window_s.max(settings.half_window_ns() as f64 * 1e-9);
+    let mut comparison = Comparison::new(worker, options);
+    let mut memory = memory_at_first(reconcile, survey);
+    memory.identification = *identified.worker;
+    let mut samples = reconcile.input.samples(reconcile.config)?;
+    let mut tares = survey.tares_ns.iter().copied().peekable();
+    let length_s = survey.samples_s()[1];
+    let (mut pushed_ns, mut held_ns) = (0, 0);
+    free::run(samples.by_ref(), TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
+        let share = survey.seconds(tick.due_ns) / length_s.max(1e-9);
+        progress(Progress { doing: "comparing model and plate", share });
+        let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
+        let state = *step(&settings, &mut memory, tick, Inputs { command, ..inputs });
+        if state.suit_sample_time_ns != held_ns {
+            held_ns = state.suit_sample_time_ns;
+            comparison.hold(held_ns, state.static_pose == 1);
+        }
+        for moment in memory.history.since(pushed_ns) {
+            pushed_ns = moment.time_ns;
+            comparison.push(moment);
+        }
+        Ok(())
+    })?;
+    let mut session = Session {
+        mass_kg: worker.mass_kg,
+        prior_covariance_m2: prior_covariance_m2(&identified.worker, &settings),
+        has_shear: comparison.has_shear(),
+        has_inertia,
+        suit_drifts: settings.suit_drifts,
+        block_s: options.block_s,
+        spans_s: found.spans_s,
+        length_s,
+        blocks: comparison.finish(),
+    };
+    cutoff::subtract(&mut session.blocks, &settings.model);
+    Ok((session, samples.skipped()))
+}

@@ -1,0 +1,103 @@
+//! The finding as text for a terminal.
+
+use std::fmt;
+
+use equipoise_core::effect::Effect;
+
+use crate::finding::{Finding, Generic, Named, Verdict};
+
+use super::Compared;
+
+/// Text form of a finding.
+#[derive(Debug, Clone, Copy)]
+pub struct Summary<'a> {
+    /// The comparison.
+    pub compared: &'a Compared,
+    /// The finding.
+    pub finding: &'a Finding,
+}
+
+impl fmt::Display for Summary<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (session, identified) = (&self.compared.session, &self.compared.identified);
+        writeln!(f, "{}", self.compared.found.description)?;
+        let still = session.blocks.iter().filter(|block| block.still).count();
+        writeln!(
+            f,
+            "worker: {:.1} kg, learnt from {} poses and {} moments in motion; compared: {} blocks of {} s, {still} of \
+             them still",
+            session.mass_kg,
+            identified.poses,
+            identified.motion_samples,
+            session.blocks.len(),
+            session.block_s
+        )?;
+        let finding = self.finding;
+        writeln!(f, "{}", verdict(finding))?;
+        for named in &finding.effects {
+            write!(f, "{}", EffectLine(named))?;
+        }
+        for Generic { what, log_odds } in &finding.unexplained {
+            writeln!(f, "  not explained: {what} (log odds {log_odds:.1})")?;
+        }
+        let gap = &finding.gap;
+        writeln!(
+            f,
+            "gap: {:.1} mm before, {:.1} mm after on data held out; noise alone leaves {:.1} mm",
+            gap.before_mm, gap.after_mm, gap.noise_floor_mm
+        )?;
+        if let Some(ask) = &finding.ask_next {
+            writeln!(f, "next: {ask}")?;
+        }
+        Ok(())
+    }
+}
+
+fn verdict(finding: &Finding) -> String {
+    match (finding.verdict, finding.effects.len()) {
+        (Verdict::Named, 1) => "named: one effect is missing in the model".to_owned(),
+        (Verdict::Named, count) => format!("named: {count} effects are missing in the model"),
+        (Verdict::None, _) => "none: nothing is missing in the model that these data could show".to_owned(),
+        (Verdict::Ambiguous, _) => "ambiguous: several effects explain the gap alike".to_owned(),
+        (Verdict::Unexplained, 0) => {
+            "unexplained: something is missing in the model that no effect of the catalogue explains"
+                .to_owned()
+        }
+        (Verdict::Unexplained, _) => {
+            "unexplained: apart from what is named, something is missing that no effect of the catalogue explains"
+                .to_owned()
+        }
+    }
+}
+
+/// One named effect.
+struct EffectLine<'a>(&'a Named);
+
+impl fmt::Display for EffectLine<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let named = self.0;
+        write!(f, "  {}", named.name)?;
+        for key in ["hand", "segment"] {
+            if let Some(place) = named.place.get(key).and_then(serde_json::Value::as_str) {
+                write!(f, " {place}")?;
+            }
+        }
+        // In the order of the catalogue, which begins with the most relevant parameters.
+        let order = Effect::from_name(&named.name).map(Effect::parameters).unwrap_or_default();
+        let rank_of = |name: &str| order.iter().position(|entry| entry.name == name).unwrap_or(order.len());
+        let mut parameters: Vec<_> = named.parameters.iter().collect();
+        parameters.sort_by_key(|(name, _)| rank_of(name));
+        for (name, estimate) in parameters {
+            write!(f, ", {name} {:.4} ± {:.4}", estimate.value, estimate.sigma)?;
+        }
+        write!(f, " (log odds {:.1}", named.log_odds)?;
+        if let Some(next) = &named.runner_up {
+            write!(f, "; next best {} {:.1}", next.name, next.log_odds)?;
+        }
+        f.write_str(")\n")?;
+        if !named.family.is_empty() {
+            writeln!(f, "    these data cannot tell it from: {}", named.family.join(", "))?;
+        }
+        Ok(())
+    }
+}

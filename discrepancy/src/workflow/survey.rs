@@ -1,0 +1,251 @@
+//! Checks that a recording meets the requirements of a comparison: both streams, both with changing data, of one
+//! subject.
+
+use anyhow::bail;
+use equipoise_adapters::recording::Entry;
+use equipoise_config::Config;
+use equipoise_core::cycle::{Checkpoint, Memory};
+use equipoise_core::message::{CommandKind, GroundSample, SuitSample};
+use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::samples::Sample;
+
+use super::Progress;
+
+/// Minimum number of samples of a stream.
+const SAMPLES_MIN: u64 = 60;
+/// Maximum time from a recording's header to its first sample, ns; a larger difference means another clock.
+const HEAD_BEFORE_MAX_NS: u64 = 600_000_000_000;
+/// Maximum relative deviation from the expected body weight; a larger one means another subject.
+const WEIGHT_SHARE_MAX: f64 = 0.15;
+/// Vertical force above which a person stands on the plate, N.
+const STANDING_N: f64 = 200.0;
+
+/// Content of a recording.
+#[derive(Debug)]
+pub struct Survey {
+    begin_ns: u64,
+    suit: Stream,
+    ground: Stream,
+    /// Mean vertical force of each second since the begin in which a person stands on the plate, N.
+    weight_n: Vec<(f64, f64)>,
+    second: Second,
+    /// Times of tares of the empty plate, ns.
+    pub(super) tares_ns: Vec<u64>,
+    first: Option<Box<Checkpoint>>,
+}
+
+/// Statistics of one stream.
+#[derive(Debug, Clone, Default)]
+struct Stream {
+    samples: u64,
+    first_ns: u64,
+    last_ns: u64,
+    /// The first sample's values, and whether any later sample differs.
+    numbers: Vec<f64>,
+    changes: bool,
+}
+
+/// Vertical force of the current second.
+#[derive(Debug, Clone, Copy, Default)]
+struct Second {
+    number: u64,
+    sum_n: f64,
+    count: f64,
+}
+
+impl Stream {
+    fn ingest(&mut self, time_ns: u64, numbers: impl Iterator<Item = f64>) {
+        if self.samples == 0 {
+            self.first_ns = time_ns;
+            self.last_ns = time_ns;
+            self.numbers = numbers.collect();
+        } else {
+            self.first_ns = self.first_ns.min(time_ns);
+            self.last_ns = self.last_ns.max(time_ns);
+            self.changes = self.changes || !self.numbers.iter().copied().eq(numbers);
+        }
+        self.samples += 1;
+    }
+}
+
+impl Survey {
+    /// Reads the input once.
+    ///
+    /// # Errors
+    /// The input cannot be read.
+    pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
+        progress(Progress { doing: "looking through the recording", share: 0.0 });
+        let mut survey = Survey {
+            begin_ns: input.started_ns(),
+            suit: Stream::default(),
+            ground: Stream::default(),
+            weight_n: Vec::new(),
+            second: Second::default(),
+            tares_ns: Vec::new(),
+            first: None,
+        };
+        if let Input::Recording(recording) = input {
+            // Stop at damage: later passes stop at the same entry and report it.
+            for timed in recording.entries().map_while(Result::ok) {
+                match timed.entry {
+                    Entry::Suit(sample) => survey.ingest_suit(&sample),
+                    Entry::Ground(sample) => survey.ingest_ground(&sample),
+                    Entry::Cycle(cycle) if cycle.command == CommandKind::Tare as u32 => {
+                        survey.tares_ns.push(cycle.due_ns);
+                    }
+                    Entry::Checkpoint(checkpoint) if survey.first.is_none() => {
+                        survey.first = checkpoint.memory().is_some().then_some(checkpoint);
+                    }
+                    _ => {}
+                }
+            }
+        } else {
+            for sample in input.samples(config)? {
+                match sample {
+                    Sample::Suit(sample) => survey.ingest_suit(&sample),
+                    Sample::Ground(sample) => survey.ingest_ground(&sample),
+                    Sample::Body(_) => {}
+                }
+            }
+        }
+        survey.end_second();
+        let first_ns = survey.first_ns();
+        if first_ns.checked_sub(survey.begin_ns).is_none_or(|before_ns| before_ns > HEAD_BEFORE_MAX_NS) {
+            survey.begin_ns = first_ns;
+        }
+        Ok(survey)
+    }
+
+    fn ingest_suit(&mut self, sample: &SuitSample) {
+        let numbers = sample.position_m.iter().flatten().chain(sample.orientation_wxyz.iter().flatten());
+        self.suit.ingest(sample.sample_time_ns, numbers.copied());
+    }
+
+    fn ingest_ground(&mut self, sample: &GroundSample) {
+        let numbers = sample.force_n.iter().chain(&sample.moment_nm);
+        self.ground.ingest(sample.sample_time_ns, numbers.copied());
+        let number = sample.sample_time_ns / 1_000_000_000;
+        if number != self.second.number {
+            self.end_second();
+            self.second.number = number;
+        }
+        self.second.sum_n += sample.force_n[2];
+        self.second.count += 1.0;
+    }
+
+    fn end_second(&mut self) {
+        let mean_n = self.second.sum_n / self.second.count;
+        if mean_n > STANDING_N {
+            self.weight_n.push((self.second.number as f64, mean_n));
+        }
+        self.second = Second::default();
+    }
+
+    /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
+    pub fn begin_ns(&self) -> u64 {
+        self.begin_ns
+    }
+
+    fn first_ns(&self) -> u64 {
+        let streams = [&self.suit, &self.ground].into_iter().filter(|stream| stream.samples > 0);
+        streams.map(|stream| stream.first_ns).min().unwrap_or(self.begin_ns)
+    }
+
+    /// A time of the recording relative to the origin, s.
+    pub(super) fn seconds(&self, time_ns: u64) -> f64 {
+        (i128::from(time_ns) - i128::from(self.begin_ns)) as f64 * 1e-9
+    }
+
+    /// Time span with both streams, s since the origin.
+    pub fn samples_s(&self) -> [f64; 2] {
+        [
+            self.seconds(self.suit.first_ns.max(self.ground.first_ns)),
+            self.seconds(self.suit.last_ns.min(self.ground.last_ns)),
+        ]
+    }
+
+    /// The loop's memory at the start of the recording.
+    pub(super) fn first_memory(&self) -> Option<&Memory> {
+        self.first.as_ref().and_then(|checkpoint| checkpoint.memory())
+    }
+
+    /// Whether both streams exist with changing data.
+    ///
+    /// # Errors
+    /// One sentence for each defect.
+    pub fn check(&self) -> anyhow::Result<()> {
+        match [self.suit.samples, self.ground.samples] {
+            [0, 0] => bail!("there is no sample of suit or plate in it that can be used"),
+            [0, plate] => bail!(
+                "it holds {plate} samples of the plate and none of the suit; a comparison needs both: was the suit's \
+                 adapter running, and is suit.listen its port?"
+            ),
+            [suit, 0] => bail!(
+                "it holds {suit} samples of the suit and none of the plate; a comparison needs both: was the plate's \
+                 adapter running, and is ground.address its address?"
+            ),
+            [suit, plate] if suit.min(plate) < SAMPLES_MIN => bail!(
+                "it holds {suit} samples of the suit and {plate} of the plate; that is too little to compare: record \
+                 at least half a minute"
+            ),
+            _ => {}
+        }
+        if !self.suit.changes {
+            bail!(
+                "the suit never changes: all its {} samples are the same, as if its program were paused or stuck; \
+                 record again",
+                self.suit.samples
+            );
+        }
+        if !self.ground.changes {
+            bail!(
+                "the plate never changes: all its {} samples are the same; a plate that measures always shows some \
+                 noise: check its cable and its amplifier, and record again",
+                self.ground.samples
+            );
+        }
+        let [from_s, to_s] = self.samples_s();
+        if to_s - from_s < 1.0 {
+            bail!(
+                "suit and plate were not recorded at the same time: the suit is heard from {:.1} s to {:.1} s, the \
+                 plate from {:.1} s to {:.1} s",
+                self.seconds(self.suit.first_ns),
+                self.seconds(self.suit.last_ns),
+                self.seconds(self.ground.first_ns),
+                self.seconds(self.ground.last_ns)
+            );
+        }
+        if self.weight_n.is_empty() {
+            bail!("no person stands on the plate: its vertical force stays below {STANDING_N:.0} N");
+        }
+        Ok(())
+    }
+
+    /// Checks the weight on the plate against the configured mass, in a span with held poses, s.
+    ///
+    /// # Errors
+    /// A sentence with both masses.
+    pub fn check_weight(&self, [from_s, to_s]: [f64; 2], config: &Config) -> anyhow::Result<()> {
+        let Some(mass_kg) = config.subject.mass_kg else { return Ok(()) };
+        let lies_in = |second: f64| {
+            let time_s = second + 0.5 - self.begin_ns as f64 * 1e-9;
+            time_s >= from_s && time_s < to_s
+        };
+        let mut forces_n: Vec<f64> =
+            self.weight_n.iter().filter(|(second, _)| lies_in(*second)).map(|(_, mean_n)| *mean_n).collect();
+        forces_n.sort_by(f64::total_cmp);
+        // Temporary loads only add weight, so the lower quartile is the body weight.
+        let Some(weight_n) = forces_n.get(forces_n.len() / 4) else { return Ok(()) };
+        let measured_kg = weight_n / GRAVITY_M_PER_S2;
+        if (measured_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {
+            bail!(
+                "while the worker should be identified ({from_s:.0} s – {to_s:.0} s) the plate shows {measured_kg:.1} kg, but {} \
+                 weighs {mass_kg:.1} kg: this is another worker's recording or configuration, or something is carried; \
+                 name the right one with --config, or other poses with --identify",
+                config.subject.id
+            );
+        }
+        Ok(())
+    }
+}

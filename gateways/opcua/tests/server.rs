@@ -1,0 +1,388 @@
+//! The server over loopback, queried by the client of the same library. `.ci/opcua` queries it with an independent
+//! client.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+#[path = "support/mod.rs"]
+mod support;
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use equipoise_core::message::Validity;
+use equipoise_gateway_opcua::{OpcUa, space::NAMESPACE};
+use equipoise_gateways::config::OpcUaConfig;
+use equipoise_gateways::{Gateway, Latest, StationFile};
+use opcua::client::{Client, ClientBuilder, DataChangeCallback, IdentityToken, Session};
+use opcua::crypto::SecurityPolicy;
+use opcua::types::{
+    AttributeId, DataValue, MessageSecurityMode, MonitoredItemCreateRequest, MonitoredItemModifyRequest,
+    MonitoringParameters, NodeId, ReadValueId, StatusCode, TimestampsToReturn, UserTokenPolicy, VariableId,
+    Variant, WriteValue,
+};
+
+use support::{reading, silence};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+/// Session time-out.
+const SESSION: Duration = Duration::from_secs(8);
+
+struct Station {
+    gateway: OpcUa,
+    folder: tempfile::TempDir,
+}
+
+impl Station {
+    fn new(keys: &str) -> Station {
+        Station::with(keys, |what| panic!("{what}"))
+    }
+
+    fn with(keys: &str, on_end: impl FnOnce(String) + Send + 'static) -> Station {
+        let folder = tempfile::tempdir().unwrap();
+        let users = folder.path().join("users");
+        std::fs::write(&users, "plc:secret\n").unwrap();
+        std::fs::set_permissions(&users, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();
+        let file = folder.path().join("station.toml");
+        let section = format!("[gateways.opcua]\nlisten = \"127.0.0.1:0\"\npki = \"pki\"\n{keys}\n");
+        std::fs::write(&file, format!("station = \"cell-7\"\n{section}")).unwrap();
+        let config: OpcUaConfig = StationFile::read(&file).unwrap().gateways.opcua.unwrap();
+        let gateway = OpcUa::new("cell-7", &config, on_end).unwrap();
+        Station { gateway, folder }
+    }
+
+    fn url(&self) -> String {
+        format!("opc.tcp://{}/", self.gateway.address())
+    }
+
+    fn client(&self) -> Client {
+        let uri = "urn:test:client";
+        ClientBuilder::new()
+            .application_name("test")
+            .application_uri(uri)
+            .pki_dir(self.folder.path().join("client"))
+            .create_sample_keypair(true)
+            .trust_server_certs(true)
+            .session_retry_limit(0)
+            .session_retry_initial(Duration::from_millis(50))
+            .session_timeout(SESSION.as_millis() as u32)
+            .client()
+            .unwrap()
+    }
+
+    async fn connect(
+        &self,
+        policy: SecurityPolicy,
+        mode: MessageSecurityMode,
+        user: IdentityToken,
+    ) -> Option<Arc<Session>> {
+        let endpoint = (self.url().as_str(), policy.to_str(), mode, UserTokenPolicy::anonymous()).into();
+        let mut client = self.client();
+        let endpoint: opcua::types::EndpointDescription = endpoint;
+        let (session, events) = client.connect_to_matching_endpoint(endpoint, user).await.ok()?;
+        let ends = events.spawn();
+        tokio::select! {
+            connected = tokio::time::timeout(PATIENCE, session.wait_for_connection()) => {
+                connected.ok().filter(|connected| *connected).map(|_| session)
+            }
+            _ = ends => None,
+        }
+    }
+
+    async fn plain(&self) -> Option<Arc<Session>> {
+        self.connect(SecurityPolicy::None, MessageSecurityMode::None, IdentityToken::Anonymous).await
+    }
+}
+
+async fn index(session: &Session) -> u16 {
+    let names = read_id(session, VariableId::Server_NamespaceArray.into()).await;
+    let Some(Variant::Array(names)) = names.value else { panic!("no namespaces") };
+    let ours = names.values.iter().position(|name| *name == Variant::from(NAMESPACE));
+    ours.expect("the namespace is announced") as u16
+}
+
+async fn read_id(session: &Session, id: NodeId) -> DataValue {
+    let values = session.read(&[ReadValueId::from(id)], TimestampsToReturn::Both, 0.0).await.unwrap();
+    values.into_iter().next().unwrap()
+}
+
+async fn read(session: &Session, path: &str) -> DataValue {
+    read_id(session, NodeId::new(index(session).await, format!("cell-7/{path}"))).await
+}
+
+fn run(test: impl Future<Output = ()>) {
+    tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(test);
+}
+
+#[test]
+fn values_come_and_go_with_the_state() {
+    let mut station = Station::new("");
+    run(async {
+        let session = station.plain().await.expect("loopback needs no security");
+        let before = read(&session, "SequenceNumber").await;
+        assert_eq!(before.status, Some(StatusCode::BadWaitingForInitialData));
+
+        station.gateway.send(&Ok(reading(Validity(0))));
+        let sequence = read(&session, "SequenceNumber").await;
+        assert_eq!(
+            (sequence.value.clone(), sequence.status()),
+            (Some(Variant::from(4711_u64)), StatusCode::Good)
+        );
+        let magnitude = read(&session, "Joints/L5S1/TorqueMagnitude").await;
+        assert_eq!(magnitude.value, Some(Variant::from(13.0)));
+        assert!(magnitude.source_timestamp < sequence.source_timestamp, "the moment was before the cycle");
+        let unit = read(&session, "Joints/L5S1/TorqueMagnitude/EngineeringUnits").await;
+        assert!(matches!(unit.value, Some(Variant::ExtensionObject(_))), "{unit:?}");
+
+        station.gateway.send(&Ok(reading(Validity::PLATE_FAULT)));
+        let magnitude = read(&session, "Joints/L5S1/TorqueMagnitude").await;
+        assert_eq!(magnitude.status, Some(StatusCode::BadSensorFailure));
+        assert!(matches!(magnitude.value, None | Some(Variant::Empty)), "{magnitude:?}");
+        assert_eq!(read(&session, "TorquesUsable").await.value, Some(Variant::from(false)));
+
+        station.gateway.send(&silence());
+        let lifts = read(&session, "Lifts").await;
+        assert_eq!(lifts.status, Some(StatusCode::BadNoCommunication));
+        assert!(matches!(lifts.value, None | Some(Variant::Empty)), "{lifts:?}");
+    });
+}
+
+#[test]
+fn values_are_withdrawn_when_beats_stay_away() {
+    let mut station = Station::new("rate_hz = 50.0");
+    run(async {
+        let session = station.plain().await.unwrap();
+        station.gateway.send(&Ok(reading(Validity(0))));
+        let mut last = read(&session, "SequenceNumber").await;
+        let asked = tokio::time::Instant::now();
+        while last.status() == StatusCode::Good && asked.elapsed() < PATIENCE {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+            last = read(&session, "SequenceNumber").await;
+        }
+        assert_eq!(last.status, Some(StatusCode::BadNoCommunication));
+        assert_eq!(station.gateway.tally().lost, 1);
+        station.gateway.send(&Ok(reading(Validity(0))));
+        assert_eq!(read(&session, "SequenceNumber").await.status(), StatusCode::Good);
+    });
+}
+
+#[test]
+fn subscriptions_hear_of_a_value_and_of_its_end() {
+    let mut station = Station::new("");
+    run(async {
+        let session = station.plain().await.unwrap();
+        let (send, mut heard) = tokio::sync::mpsc::unbounded_channel();
+        let callback = DataChangeCallback::new(move |value, _| {
+            let _ = send.send(value.status());
+        });
+        let every = Duration::from_millis(50);
+        let subscription = session.create_subscription(every, 60, 20, 0, 0, true, callback).await.unwrap();
+        let id = NodeId::new(index(&session).await, "cell-7/LiftedMass");
+        let mut item = MonitoredItemCreateRequest::from(id);
+        // With a queue of one value, each replacement sets the overflow bit in the status.
+        item.requested_parameters.queue_size = 10;
+        session.create_monitored_items(subscription, TimestampsToReturn::Both, vec![item]).await.unwrap();
+        let good = || Ok(reading(Validity(0)));
+        let beats = [good(), Ok(reading(Validity::BELOW_LOAD_THRESHOLD)), good(), silence(), good()];
+        let (yes, no, gone) = (StatusCode::Good, StatusCode::BadNoData, StatusCode::BadNoCommunication);
+        for (beat, expected) in beats.iter().zip([yes, no, yes, gone, yes]) {
+            station.gateway.send(beat);
+            let mut before = Vec::new();
+            let waiting = async {
+                while let Some(status) = heard.recv().await.filter(|status| *status != expected) {
+                    before.push(status);
+                }
+            };
+            let waited = tokio::time::timeout(PATIENCE, waiting).await;
+            assert!(waited.is_ok(), "after {before:?} never heard {expected}");
+        }
+    });
+}
+
+/// A state that differs from all earlier ones.
+fn other(number: u64) -> Latest {
+    let mut reading = reading(Validity(0));
+    reading.state.cycle = number;
+    Ok(reading)
+}
+
+#[test]
+fn no_interval_brings_an_old_value_after_its_end() {
+    // The subscription's own interval, a long one, and both set by a later modification.
+    for (created, modified) in [(-1.0, None), (60_000.0, None), (0.0, Some(-1.0)), (100.0, Some(60_000.0))] {
+        let mut station = Station::new("rate_hz = 50.0");
+        run(async {
+            let session = station.plain().await.unwrap();
+            let (send, mut heard) = tokio::sync::mpsc::unbounded_channel();
+            let callback = DataChangeCallback::new(move |value, _| {
+                let _ = send.send(value.status().set_overflow(false));
+            });
+            let every = Duration::from_millis(50);
+            let subscription =
+                session.create_subscription(every, 60, 20, 0, 0, true, callback).await.unwrap();
+            let id = NodeId::new(index(&session).await, "cell-7/SequenceNumber");
+            let mut item = MonitoredItemCreateRequest::from(id);
+            (item.requested_parameters.queue_size, item.requested_parameters.sampling_interval) =
+                (20, created);
+            let made = session.create_monitored_items(subscription, TimestampsToReturn::Both, vec![item]);
+            let made = made.await.unwrap();
+            if let Some(interval) = modified {
+                let requests = [MonitoredItemModifyRequest {
+                    monitored_item_id: made[0].result.monitored_item_id,
+                    requested_parameters: MonitoringParameters {
+                        client_handle: made[0].requested_parameters.client_handle,
+                        sampling_interval: interval,
+                        queue_size: 20,
+                        ..MonitoringParameters::default()
+                    },
+                }];
+                let answer =
+                    session.modify_monitored_items(subscription, TimestampsToReturn::Both, &requests);
+                assert_eq!(answer.await.unwrap()[0].status_code, StatusCode::Good);
+            }
+            let mut number = 0;
+            // Every tick is a sample, whatever interval was requested.
+            let mut good = 0;
+            let begun = tokio::time::Instant::now();
+            while good < 5 {
+                number += 1;
+                station.gateway.send(&other(number));
+                tokio::time::sleep(Duration::from_millis(10)).await;
+                while let Ok(status) = heard.try_recv() {
+                    good += usize::from(status == StatusCode::Good);
+                }
+                assert!(begun.elapsed() < PATIENCE, "{created} {modified:?}: {good} of {number} values came");
+            }
+            for beat in 0..5 {
+                station.gateway.send(&other(number + 1 + beat));
+            }
+            station.gateway.send(&silence());
+            let gone = StatusCode::BadNoCommunication;
+            let waiting = async { while heard.recv().await.is_some_and(|status| status != gone) {} };
+            assert!(tokio::time::timeout(PATIENCE, waiting).await.is_ok(), "its end is not heard");
+            // Ten publishing intervals, during which the watchdog repeats the bad status.
+            tokio::time::sleep(10 * every).await;
+            while let Ok(status) = heard.try_recv() {
+                assert_eq!(status, gone, "{created} {modified:?}: after the end");
+            }
+        });
+    }
+}
+
+/// A subscription whose notifications are ignored: it lives as long as its session, and for hours after that.
+async fn subscribe(session: &Session, items: usize) -> u32 {
+    let silent = DataChangeCallback::new(|_, _| ());
+    let every = Duration::from_secs(60);
+    let subscription = session.create_subscription(every, 300, 100, 0, 0, true, silent).await.unwrap();
+    let id = NodeId::new(index(session).await, "cell-7/Lifts");
+    let items = vec![MonitoredItemCreateRequest::from(id); items];
+    let made = session.create_monitored_items(subscription, TimestampsToReturn::Both, items).await.unwrap();
+    assert!(made.iter().all(|item| item.result.status_code == StatusCode::Good));
+    subscription
+}
+
+/// A client that connects, leaves `items` in the library, and disconnects, with or without deleting its subscription.
+async fn come_and_go(station: &Station, items: usize, deletes: bool) {
+    let leaving = station.plain().await.unwrap();
+    let subscription = subscribe(&leaving, items).await;
+    if deletes {
+        leaving.delete_subscription(subscription).await.unwrap();
+    }
+    leaving.disconnect_without_delete_subscriptions().await.unwrap();
+}
+
+#[test]
+fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden_and_what_lives_does_not() {
+    let (send, ended) = crossbeam_channel::bounded(1);
+    let mut station = Station::with("", move |what| send.send(what).unwrap());
+    run(async {
+        let living = station.plain().await.unwrap();
+        for _ in 0..4 {
+            subscribe(&living, 1000).await;
+        }
+        for deletes in [true, false, true, false, true, false, true, false] {
+            come_and_go(&station, 1000, deletes).await;
+            assert_eq!(read(&living, "Lifts").await.status(), StatusCode::BadWaitingForInitialData);
+        }
+        // Longer than the session time-out and several counting intervals: 12 000 items, of which 4 000 belong to a
+        // live session.
+        let begun = tokio::time::Instant::now();
+        while begun.elapsed() < SESSION + Duration::from_secs(5) {
+            station.gateway.send(&Ok(reading(Validity(0))));
+            assert_eq!(read(&living, "Lifts").await.status(), StatusCode::Good, "{:?}", ended.try_recv());
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        assert!(ended.try_recv().is_err());
+        for deletes in [true, false, false] {
+            come_and_go(&station, 1000, deletes).await;
+        }
+        let begun = tokio::time::Instant::now();
+        let why = loop {
+            station.gateway.send(&Ok(reading(Validity(0))));
+            match ended.try_recv() {
+                Ok(why) => break why,
+                Err(_) => assert!(begun.elapsed() < PATIENCE, "15 000 items, and none was missed"),
+            }
+            // A request keeps the session alive.
+            let server: NodeId = VariableId::Server_NamespaceArray.into();
+            let _ = living.read(&[server.into()], TimestampsToReturn::Both, 0.0).await;
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        };
+        assert!(why.contains("left"), "{why}");
+    });
+}
+
+#[test]
+fn nothing_can_be_written() {
+    let mut station = Station::new("");
+    run(async {
+        let session = station.plain().await.unwrap();
+        station.gateway.send(&Ok(reading(Validity(0))));
+        let namespace = index(&session).await;
+        for path in ["Lifts", "Joints/L5S1/Limit", "Joints/L5S1/Level/EnumStrings"] {
+            let write = WriteValue {
+                node_id: NodeId::new(namespace, format!("cell-7/{path}")),
+                attribute_id: AttributeId::Value as u32,
+                value: DataValue::new_now(Variant::from(1.0)),
+                ..WriteValue::default()
+            };
+            let answer = session.write(&[write]).await.unwrap();
+            assert!(answer[0].is_bad(), "{path}: {answer:?}");
+        }
+    });
+}
+
+#[test]
+fn anonymous_clients_are_refused_where_names_are_required() {
+    let station = Station::new("anonymous = false\nusers_file = \"users\"");
+    run(async {
+        assert!(station.plain().await.is_none());
+        for (name, password, lets_in) in
+            [("plc", "secret", true), ("plc", "Secret", false), ("x", "secret", false)]
+        {
+            let user = IdentityToken::UserName(name.to_owned(), password.into());
+            let session = station.connect(SecurityPolicy::None, MessageSecurityMode::None, user).await;
+            assert_eq!(session.is_some(), lets_in, "{name} {password}");
+        }
+    });
+}
+
+#[test]
+fn a_stranger_gets_in_once_its_certificate_is_moved_to_the_trusted() {
+    let station = Station::new("");
+    let pki = station.folder.path().join("pki");
+    let (policy, mode) = (SecurityPolicy::Basic256Sha256, MessageSecurityMode::SignAndEncrypt);
+    run(async {
+        assert!(station.connect(policy, mode, IdentityToken::Anonymous).await.is_none());
+        let rejected = only_file(&pki.join("rejected"));
+        std::fs::rename(&rejected, pki.join("trusted").join(rejected.file_name().unwrap())).unwrap();
+        let session = station.connect(policy, mode, IdentityToken::Anonymous).await.expect("trusted now");
+        assert_eq!(read(&session, "Lifts").await.status(), StatusCode::BadWaitingForInitialData);
+    });
+}
+
+fn only_file(folder: &Path) -> std::path::PathBuf {
+    let mut entries = std::fs::read_dir(folder).unwrap();
+    let only = entries.next().unwrap().unwrap().path();
+    assert!(entries.next().is_none());
+    only
+}

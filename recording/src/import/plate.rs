@@ -1,0 +1,125 @@
+//! The second file of an import: the plate's measurements.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use equipoise_adapters::capture::{BioWareCapture, BioWareSettings, Units};
+use equipoise_config::Config;
+use equipoise_core::message::GroundSample;
+
+use crate::replay::input::Input;
+use crate::replay::samples::{Sample, Samples, SkippedData};
+
+/// Properties that the plate's file does not contain.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PlateOptions {
+    /// Units, if the file states none.
+    pub units: Units,
+    /// Number of the plate, from 1, if the file has several.
+    pub plate: Option<usize>,
+    /// Distances a and b of the sensors, m, if the file has eight channels.
+    pub sensor_offsets_m: Option<[f64; 2]>,
+    /// Time of the first row, ns since 1970.
+    pub start_unix_ns: Option<u64>,
+}
+
+/// The plate's file. It can be read any number of times.
+#[derive(Debug)]
+pub(super) struct PlateFile {
+    kind: Kind,
+    options: PlateOptions,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Text(PathBuf),
+    /// A file that contains the plate's samples among others.
+    Input(Input),
+}
+
+/// The plate's samples in order.
+pub(super) struct PlateSamples<'a> {
+    source: Source<'a>,
+    start_unix_ns: Option<u64>,
+}
+
+enum Source<'a> {
+    Text(Box<BioWareCapture<File>>),
+    Input(Box<Samples<'a>>),
+}
+
+impl PlateFile {
+    /// Opens the file; its extension determines the format.
+    pub(super) fn open(path: &Path, options: PlateOptions) -> anyhow::Result<PlateFile> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        let kind = match ending.as_deref() {
+            Some("txt" | "tsv" | "csv") => Kind::Text(path.to_owned()),
+            Some("pcap" | "pcapng" | "cap" | "mcap") => Kind::Input(Input::open(path)?),
+            _ => bail!(
+                "{}: give a plate's file that ends in .txt, .tsv, .csv, .pcap or .pcapng",
+                path.display()
+            ),
+        };
+        Ok(PlateFile { kind, options })
+    }
+
+    pub(super) fn samples(&self, config: &Config) -> anyhow::Result<PlateSamples<'_>> {
+        let start_unix_ns = self.options.start_unix_ns;
+        let source = match &self.kind {
+            Kind::Text(path) => {
+                anyhow::ensure!(
+                    config.ground.second.is_none(),
+                    "{}: a text holds one plate, and the configuration's [ground.second] asks for two; leave that section out \
+                     if this plate is the whole ground",
+                    path.display()
+                );
+                let settings = BioWareSettings {
+                    ground: config.ground.settings(),
+                    units: self.options.units,
+                    plate: self.options.plate,
+                    sensor_offsets_m: self.options.sensor_offsets_m,
+                };
+                let capture = BioWareCapture::open(path, settings);
+                Source::Text(Box::new(capture.with_context(|| path.display().to_string())?))
+            }
+            Kind::Input(input) => Source::Input(Box::new(input.samples(config)?)),
+        };
+        Ok(PlateSamples { source, start_unix_ns })
+    }
+}
+
+impl PlateSamples<'_> {
+    pub(super) fn wall_clock_ns(&self) -> Option<u64> {
+        self.start_unix_ns.or(match &self.source {
+            Source::Text(capture) => capture.wall_clock_ns(),
+            Source::Input(samples) => samples.wall_clock_ns(),
+        })
+    }
+
+    pub(super) fn skipped(&self) -> SkippedData {
+        match &self.source {
+            Source::Text(capture) => {
+                let rejected = capture.rejected();
+                let reason =
+                    (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
+                SkippedData { rejected: reason.into_iter().collect(), ignored: Vec::new() }
+            }
+            Source::Input(samples) => samples.skipped(),
+        }
+    }
+}
+
+impl Iterator for PlateSamples<'_> {
+    type Item = GroundSample;
+
+    fn next(&mut self) -> Option<GroundSample> {
+        match &mut self.source {
+            Source::Text(capture) => capture.next(),
+            Source::Input(samples) => samples.find_map(|sample| match sample {
+                Sample::Ground(ground) => Some(*ground),
+                Sample::Suit(_) | Sample::Body(_) => None,
+            }),
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! Records a station: a consumer of the bus that stores all data that a replay requires.
+//!
+//! Inputs, results, cycle records and checkpoints go into one file as published. A recorder that is too slow loses
+//! messages and reports it; the loop never waits for it. After a loss it requests a new checkpoint, from which the rest
+//! can be replayed exactly.
+
+pub mod authenticity;
+mod pictures;
+pub mod service;
+pub mod signature;
+pub mod storage;
+pub mod summary;
+
+use std::cell::Cell;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use bytemuck::Zeroable;
+use equipoise_adapters::clock::now_monotonic_ns;
+use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
+use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
+use equipoise_config::Config;
+use equipoise_core::cycle::Checkpoint;
+use equipoise_core::message::{
+    AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample,
+};
+use equipoise_files::{TEXT_BYTES_MAX, read_text};
+use equipoise_station::bus_directory::BusDirectory;
+use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status::{self, Status};
+
+pub use summary::RecordSummary;
+
+use pictures::Pictures;
+
+/// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
+/// Maximum loss in a crash.
+const FLUSH_EVERY: Duration = Duration::from_secs(1);
+/// Timeout of the daemon's reply.
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
+/// After this time, samples that the loop ingested just before the subscription are in its memory.
+const SETTLE: Duration = Duration::from_millis(300);
+/// Interval for checking that the file is still at its path.
+const DIRECTORY_CHECK_INTERVAL: Duration = Duration::from_secs(1);
+/// Minimum interval of checkpoint requests after losses.
+const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
+
+/// Records `station` into a new file until `stopping` returns true, with `pictures_hz` pictures per second; 0 disables
+/// them.
+///
+/// `started` is called when writing begins. Returns a summary and the SHA-256 of the file.
+///
+/// # Errors
+/// No daemon runs, the file exists or cannot be written (data already written remain readable), or the bus fails.
+pub fn record(
+    station: &str,
+    out: &Path,
+    pictures_hz: f64,
+    stopping: &dyn Fn() -> bool,
+    started: impl FnOnce(),
+) -> anyhow::Result<(RecordSummary, String)> {
+    let mut tap = Tap::open(station)?;
+    let (checked, replaced) = (Cell::new(Instant::now()), Cell::new(false));
+    let ending = |progress: &Progress<'_>| {
+        if checked.get().elapsed() >= DIRECTORY_CHECK_INTERVAL {
+            checked.set(Instant::now());
+            replaced.set(progress.recorder.bytes_in_place().is_none());
+        }
+        replaced.get() || stopping()
+    };
+    let sha256 = tap.record(out, None, pictures_hz, &ending, started)?;
+    if replaced.get() {
+        bail!(
+            "{} was removed or replaced while it was written: recording ends, and what it held is gone",
+            out.display()
+        );
+    }
+    Ok((tap.summary, sha256))
+}
+
+/// State of the file being written.
+struct Progress<'a> {
+    recorder: &'a Recorder,
+    summary: &'a RecordSummary,
+    /// Process id of the daemon whose configuration is in the file's header.
+    process_id: u32,
+    bus_directory: &'a BusDirectory,
+}
+
+/// Subscriptions to a station's bus: several files can be recorded in sequence without loss between them.
+struct Tap {
+    station: String,
+    summary: RecordSummary,
+    ports: Ports,
+    commands: CommandClient,
+    // Must be dropped after its ports.
+    _bus: Bus,
+    bus_directory: BusDirectory,
+}
+
+impl Tap {
+    fn open(station: &str) -> anyhow::Result<Tap> {
+        if status::read(station).is_none() {
+            bail!(
+                "no daemon runs on station {station}, so there is nothing to record; start `equipoise run`, or name \
+                 another --station"
+            );
+        }
+        let settings = BusSettings::new(station, "record");
+        let bus = Bus::join(&settings)?;
+        let commands = bus.command_client()?;
+        let ports = Ports::open(&bus)?;
+        // Also verifies that the daemon in the status file is alive before a file is created.
+        request_checkpoint(&commands)?;
+        let bus_directory = BusDirectory::read(&settings.root);
+        let (station, summary) = (station.to_owned(), RecordSummary::default());
+        Ok(Tap { station, summary, ports, commands, _bus: bus, bus_directory })
+    }
+
+    /// Whether the bus directory was replaced, so that processes joining now are not received.
+    fn is_replaced(&self) -> bool {
+        self.bus_directory.is_replaced()
+    }
+
+    /// Creates a file with its header.
+    fn begin(&self, out: &Path, previous: Option<Predecessor>, pictures_hz: f64) -> anyhow::Result<Sink> {
+        let Some(facts) = status::read(&self.station) else {
+            bail!("the daemon of station {} has ended", self.station);
+        };
+        let header = RecordingHeader {
+            subject_toml: read_profile(&facts),
+            config_toml: recorded_config(&facts)?,
+            software_version: facts.version,
+            started_unix_ns: unix_ns(),
+            started_monotonic_ns: now_monotonic_ns(),
+            model_toml: facts.model_toml,
+            previous,
+            ..RecordingHeader::default()
+        };
+        let mut recorder = Recorder::create(out, &header)?;
+        let pictures = Pictures::announce(&mut recorder, pictures_hz)?;
+        let (newest_ns, station) = (header.started_monotonic_ns, self.station.clone());
+        let (subject, process_id) = (facts.subject, facts.process_id);
+        Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id })
+    }
+
+    /// Records into a new file, the successor of `previous`, until `ending` returns true; returns its SHA-256.
+    fn record(
+        &mut self,
+        out: &Path,
+        previous: Option<Predecessor>,
+        pictures_hz: f64,
+        ending: &dyn Fn(&Progress<'_>) -> bool,
+        started: impl FnOnce(),
+    ) -> anyhow::Result<String> {
+        let mut sink = self.begin(out, previous, pictures_hz)?;
+        started();
+        let (ports, summary) = (&mut self.ports, &mut self.summary);
+        let bus_directory = &self.bus_directory;
+        let mut checkpoint_due = Some(Instant::now() + SETTLE);
+        let (mut flushed, mut lost) = (Instant::now(), summary.lost());
+        loop {
+            let (recorder, process_id) = (&sink.recorder, sink.process_id);
+            if ending(&Progress { recorder, summary, process_id, bus_directory }) {
+                break;
+            }
+            std::thread::sleep(POLL_INTERVAL);
+            ports.fetch(&mut sink, summary)?;
+            if summary.lost() > lost {
+                lost = summary.lost();
+                checkpoint_due.get_or_insert(Instant::now() + CHECKPOINT_PAUSE);
+            }
+            if checkpoint_due.is_some_and(|due| Instant::now() >= due) {
+                checkpoint_due = None;
+                // May fail if the daemon has ended: a restarted one publishes a checkpoint by itself.
+                let _ = request_checkpoint(&self.commands);
+            }
+            if flushed.elapsed() >= FLUSH_EVERY {
+                flushed = Instant::now();
+                sink.record_subject()?;
+                sink.recorder.flush()?;
+            }
+        }
+        ports.fetch(&mut sink, summary)?;
+        sink.record_subject()?;
+        Ok(sink.recorder.finish()?)
+    }
+}
+
+/// Requests a checkpoint, which the loop takes as soon as possible and egress publishes.
+fn request_checkpoint(commands: &CommandClient) -> anyhow::Result<()> {
+    let command = Command { kind: CommandKind::Checkpoint as u32, ..Command::zeroed() };
+    let reply = commands.ask(&command, REPLY_TIMEOUT)?;
+    if reply.refused != 0 {
+        bail!("the daemon gives no checkpoint: {}", equipoise_bus::parse_text(&reply.text));
+    }
+    Ok(())
+}
+
+/// The subject's profile on disk, if any.
+fn read_profile(facts: &Status) -> String {
+    let state = StateDirectory::of_daemon(facts).or_else(|| StateDirectory::of_environment().ok());
+    let text = state.and_then(|state| read_text(&state.profile(&facts.subject), TEXT_BYTES_MAX).ok());
+    text.unwrap_or_default()
+}
+
+/// The daemon's configuration for recordings, without the subject's identity if the configured subject was deleted.
+fn recorded_config(facts: &Status) -> anyhow::Result<String> {
+    let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
+    if facts.subject.is_empty() {
+        config.subject.id = equipoise_station::ANONYMOUS.to_owned();
+    }
+    Ok(config.to_toml())
+}
+
+fn unix_ns() -> u64 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(0)
+}
+
+/// The file, and the newest time in it.
+struct Sink {
+    recorder: Recorder,
+    pictures: Pictures,
+    newest_ns: u64,
+    station: String,
+    /// The subject whose profile is already in the file.
+    subject: String,
+    process_id: u32,
+}
+
+impl Sink {
+    fn write<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
+        self.newest_ns = self.newest_ns.max(time_ns);
+        Ok(self.recorder.write(time_ns, message)?)
+    }
+
+    /// Stores the configuration of a reload if the status still contains it: the status is written before the loop
+    /// applies the reload.
+    fn record_reload(&mut self, record: &CycleRecord) -> anyhow::Result<()> {
+        if record.command != CommandKind::Reload as u32 {
+            return Ok(());
+        }
+        let number = record.command_argument[0] as u64;
+        if let Some(facts) = status::read(&self.station).filter(|facts| facts.reload == number && number > 0)
+        {
+            let reloaded = Reloaded { config_toml: recorded_config(&facts)?, model_toml: facts.model_toml };
+            self.recorder.add_reload(record.due_ns, number, &reloaded)?;
+        }
+        Ok(())
+    }
+
+    /// Stores the profile of a newly loaded subject, so that a search finds the recording by its pseudonym.
+    fn record_subject(&mut self) -> anyhow::Result<()> {
+        let Some(facts) = status::read(&self.station).filter(|facts| facts.subject != self.subject) else {
+            return Ok(());
+        };
+        let profile = read_profile(&facts);
+        self.subject = facts.subject;
+        if !profile.is_empty() {
+            self.recorder.add_subject(self.newest_ns, &profile)?;
+        }
+        Ok(())
+    }
+}
+
+/// All subscribers, with maximum buffer depths.
+struct Ports {
+    cycle: Subscriber<CycleRecord>,
+    state: Subscriber<State>,
+    checkpoint: Subscriber<Checkpoint>,
+    suit: Subscriber<SuitSample>,
+    ground: Subscriber<GroundSample>,
+    body: Subscriber<SuitBody>,
+    health: Subscriber<AdapterHealth>,
+}
+
+impl Ports {
+    fn open(bus: &Bus) -> Result<Ports, BusError> {
+        Ok(Ports {
+            cycle: bus.subscriber(CycleRecord::SERVICE.depth_max)?,
+            state: bus.subscriber(State::SERVICE.depth_max)?,
+            checkpoint: bus.subscriber(Checkpoint::SERVICE.depth_max)?,
+            suit: bus.subscriber(SuitSample::SERVICE.depth_max)?,
+            ground: bus.subscriber(GroundSample::SERVICE.depth_max)?,
+            body: bus.subscriber(SuitBody::SERVICE.depth_max)?,
+            health: bus.subscriber(AdapterHealth::SERVICE.depth_max)?,
+        })
+    }
+
+    /// Writes all pending messages. Each kind is fetched after the kinds published later than it, so that a recording
+    /// that ends here contains the state and samples of every cycle record.
+    fn fetch(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
+        write_pending(&mut self.cycle, |record| {
+            summary.cycles.ingest(record.cycle);
+            sink.record_reload(record)?;
+            sink.write(record.due_ns, record)
+        })?;
+        write_pending(&mut self.state, |state| {
+            summary.states.ingest(state.cycle);
+            sink.write(state.time_ns, state)?;
+            sink.pictures.add(&mut sink.recorder, state)
+        })?;
+        write_pending(&mut self.checkpoint, |checkpoint| {
+            summary.checkpoints += 1;
+            // A checkpoint has no time stamp.
+            sink.write(sink.newest_ns, checkpoint)
+        })?;
+        write_pending(&mut self.suit, |sample| {
+            summary.suit.ingest(sample.sequence);
+            sink.write(sample.published_ns, sample)
+        })?;
+        write_pending(&mut self.ground, |sample| {
+            summary.ground.ingest(sample.sequence);
+            sink.write(sample.published_ns, sample)
+        })?;
+        write_pending(&mut self.body, |body| sink.write(body.published_ns, body))?;
+        write_pending(&mut self.health, |health| {
+            summary.health += 1;
+            sink.write(health.time_ns, health)
+        })
+    }
+}
+
+/// Reads every pending message in place: a checkpoint is too large for the stack.
+fn write_pending<M: Topic>(
+    port: &mut Subscriber<M>,
+    mut write: impl FnMut(&M) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    // At most one buffer's worth, so that a fast publisher cannot block this function.
+    for _ in 0..M::SERVICE.depth_max {
+        match port.receive_with(&mut write)? {
+            Some(written) => written.with_context(|| "the recording has ended")?,
+            None => break,
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! Replays a recording or a capture of another program through the same `core::cycle::step` as the live loop, faster
+//! than real time and with identical bytes every time.
+//!
+//! There are two schedules. If a recording has cycle records, their ticks, samples and commands are repeated from the
+//! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
+//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
+//!
+//! Layers, lowest first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
+//! [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
+
+pub mod cross_validation;
+mod feed;
+pub mod fidelity;
+pub mod free;
+pub mod input;
+mod machine;
+mod output;
+mod pcap;
+mod pending;
+mod recorded;
+pub mod residual;
+pub mod samples;
+pub mod score;
+pub mod summary;
+
+use std::path::Path;
+
+use anyhow::bail;
+use equipoise_adapters::recording::RecordingHeader;
+use equipoise_config::Config;
+use equipoise_core::message::State;
+
+use input::Input;
+use machine::Machine;
+use output::Output;
+use recorded::Start;
+use samples::SkippedData;
+pub use summary::Summary;
+
+/// A replay and its options.
+#[derive(Debug)]
+pub struct Replay<'a> {
+    /// The input.
+    pub input: &'a Input,
+    /// Its configuration.
+    pub config: &'a Config,
+    /// Whether `config` is the configuration of the recording. Only then are states compared with it.
+    pub as_recorded: bool,
+    /// The span over which the loop's residual is summed, s since the begin of the recording; `None` for all of it.
+    pub residual_s: Option<[f64; 2]>,
+}
+
+impl Replay<'_> {
+    /// Replays into a file: `.jsonl`, `.csv`, `.mcap`, or `-` for JSON lines on standard output.
+    ///
+    /// # Errors
+    /// Nothing to replay, a checkpoint of another version, or a file that cannot be written.
+    pub fn run(&self, out: Option<&Path>) -> anyhow::Result<Summary> {
+        let mut output = match out {
+            Some(path) => Output::create(path, &self.result_header())?,
+            None => Output::discard(),
+        };
+        let summary = self.run_with(|state| output.write(state))?;
+        output.finish()?;
+        Ok(summary)
+    }
+
+    /// Replays and passes every state to `write`.
+    ///
+    /// # Errors
+    /// As [`Replay::run`], and the error of `write`.
+    pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
+        let survey = self.input.survey();
+        let mut machine = Machine::new(self.config.settings());
+        let mut summary = Summary::new(self.input.started_ns(), self.config.period_ns(), self.residual_s);
+        match self.input {
+            Input::Recording(recording) if survey.cycles > 0 => {
+                let start = match (self.as_recorded, survey.checkpoints, &survey.checkpoint_refused) {
+                    (true, 1.., _) => Start::Checkpoint,
+                    (true, 0, Some(cause)) => bail!(
+                        "the recording's checkpoints cannot be gone on from: {cause}; replay it with the release that \
+                         recorded it ({}), or afresh by naming a configuration with --config",
+                        recording.header().software_version
+                    ),
+                    _ => Start::Empty,
+                };
+                let reloads = self.input.reloads()?;
+                let reloads = self.as_recorded.then_some(&reloads);
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state| {
+                    summary.ingest(state);
+                    write(state)
+                })?;
+                summary.skipped = input::skipped_of(recording, None);
+                summary.fidelity = Some(fidelity);
+                if self.as_recorded && start == Start::Empty {
+                    let reason = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
+                    summary.skipped.rejected.push(reason.to_owned());
+                }
+            }
+            input => {
+                let mut samples = input.samples(self.config)?;
+                let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
+                    let state = machine.step(tick, inputs);
+                    summary.ingest(state);
+                    write(state)
+                });
+                summary.skipped = samples.skipped();
+                match ran {
+                    // Unused parts of the input explain why there are no cycles.
+                    Err(cause) if summary.cycles == 0 => {
+                        bail!("{}", format!("{cause}\n{}", skipped_lines(&summary.skipped)).trim_end())
+                    }
+                    ran => ran?,
+                }
+            }
+        }
+        summary.scored = machine.into_scored();
+        Ok(summary)
+    }
+
+    /// The header of a recording of results: the input's, with the active configuration.
+    fn result_header(&self) -> RecordingHeader {
+        let base = match self.input {
+            Input::Recording(recording) => recording.header().clone(),
+            _ => RecordingHeader::default(),
+        };
+        RecordingHeader {
+            software_version: env!("CARGO_PKG_VERSION").to_owned(),
+            started_monotonic_ns: self.input.started_ns(),
+            config_toml: self.config.clone().without_paths().to_toml(),
+            model_toml: self.config.model_toml(),
+            ..base
+        }
+    }
+}
+
+/// Unused data in words, for the end of a summary.
+pub fn skipped_lines(skipped: &SkippedData) -> String {
+    let rejected = skipped.rejected.iter().map(|reason| format!("rejected: {reason}\n"));
+    let ignored = skipped.ignored.iter().map(|reason| format!("passed over: {reason}\n"));
+    rejected.chain(ignored).collect()
+}

@@ -1,0 +1,91 @@
+//! Schedule of a replay without recorded cycles: ticks at the configured rate from the first sample on.
+
+use anyhow::bail;
+use equipoise_core::cycle::{Inputs, Tick};
+use equipoise_core::time::NS_PER_S;
+
+use super::samples::Sample;
+
+/// Slots of a silence longer than this are skipped, ns: they compute nothing, and a capture with a wrong time stamp
+/// must not run for days.
+const SILENCE_NS: u64 = 10 * NS_PER_S;
+
+/// Calls `step` for every tick; a sample is passed to the first tick whose due time is at or after its delivery, or to
+/// a later one.
+///
+/// The last tick ingests the last sample.
+///
+/// # Errors
+/// There is no sample, or what `step` returns.
+pub fn run(
+    samples: impl Iterator<Item = Sample>,
+    period_ns: u64,
+    mut step: impl FnMut(Tick, Inputs<'_>) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let mut samples = samples.peekable();
+    let Some(mut due_ns) = samples.peek().map(Sample::delivered_ns) else {
+        bail!("there is no sample of suit or ground in it that can be used");
+    };
+    let (mut suit, mut ground, mut cycle) = (Vec::new(), Vec::new(), 0);
+    loop {
+        suit.clear();
+        ground.clear();
+        let mut body = None;
+        while let Some(sample) = samples.next_if(|sample| sample.delivered_ns() <= due_ns) {
+            match sample {
+                Sample::Suit(sample) => suit.push(*sample),
+                Sample::Ground(sample) => ground.push(*sample),
+                // Keep only the newest; each message is complete.
+                Sample::Body(newest) => body = Some(*newest),
+            }
+        }
+        cycle += 1;
+        step(
+            Tick { cycle, due_ns },
+            Inputs { suit: &suit, ground: &ground, body: body.as_ref(), command: None },
+        )?;
+        let Some(next) = samples.peek() else { return Ok(()) };
+        let ahead_ns = next.delivered_ns() - due_ns;
+        let slots = if ahead_ns > SILENCE_NS { ahead_ns / period_ns } else { 1 };
+        due_ns = due_ns.saturating_add(slots * period_ns);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equipoise_core::message::GroundSample;
+
+    fn ticks(times_ns: &[u64], period_ns: u64) -> Vec<(u64, u64, usize)> {
+        let samples = times_ns.iter().map(|&arrival_ns| {
+            Sample::Ground(Box::new(GroundSample { arrival_ns, ..GroundSample::zeroed() }))
+        });
+        let mut ticks = Vec::new();
+        run(samples, period_ns, |tick, inputs| {
+            ticks.push((tick.cycle, tick.due_ns, inputs.ground.len()));
+            Ok(())
+        })
+        .unwrap();
+        ticks
+    }
+
+    #[test]
+    fn a_sample_comes_with_the_first_tick_at_or_after_it() {
+        assert_eq!(ticks(&[100, 110, 111, 115], 10), [(1, 100, 1), (2, 110, 1), (3, 120, 2)]);
+    }
+
+    #[test]
+    fn a_long_gap_is_skipped_in_whole_slots() {
+        let ticks = ticks(&[5, 5 + 3_600 * NS_PER_S + 1], 1_000_000);
+        assert_eq!(
+            ticks,
+            [(1, 5, 1), (2, 5 + 3_600 * NS_PER_S, 0), (3, 5 + 3_600 * NS_PER_S + 1_000_000, 1)]
+        );
+    }
+
+    #[test]
+    fn nothing_to_replay_is_an_error() {
+        assert!(run(std::iter::empty(), 10, |_, _| Ok(())).is_err());
+    }
+}

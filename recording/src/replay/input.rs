@@ -1,0 +1,227 @@
+//! Input of a replay: a recording, or a capture of another program; and the configuration for it.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use equipoise_adapters::capture::csv::TIME_BASE_NS;
+use equipoise_adapters::recording::{Entry, Recording, Reloaded};
+use equipoise_config::method::MASS_KG;
+use equipoise_config::model::LoadedModel;
+use equipoise_config::{Config, SuitPosition};
+use equipoise_core::cycle::memory::MEMORY_VERSION;
+use equipoise_core::cycle::{Checkpoint, Settings};
+use equipoise_core::overload::GRAVITY_M_PER_S2;
+
+use super::samples::{Sample, Samples, SkippedData};
+
+/// Default stature, m.
+const DEFAULT_HEIGHT_M: f64 = 1.75;
+/// Configuration for captures without one: the manufacturers' default ports and scales.
+const DEFAULT_CONFIG: &str = r#"
+station = "station-1"
+[suit]
+source = "mvn-udp"
+[ground]
+source = "ati-rdt"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.75
+"#;
+
+/// An open input. It can be read any number of times.
+#[derive(Debug)]
+pub enum Input {
+    /// Written by `equipoise record` or `import`.
+    Recording(Box<Recording>),
+    /// Motion and forces as CSV.
+    Csv(PathBuf),
+    /// Motion in MVN's export format; no forces.
+    Mvnx(PathBuf),
+    /// Network traffic.
+    Pcap(PathBuf),
+}
+
+/// How many messages of each kind a recording holds.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Survey {
+    /// Suit and ground samples.
+    pub samples: u64,
+    /// Cycle records.
+    pub cycles: u64,
+    /// Checkpoints from which this release can resume.
+    pub checkpoints: u64,
+    /// Why the last unusable checkpoint was refused.
+    pub checkpoint_refused: Option<String>,
+}
+
+/// A configuration and its origin.
+#[derive(Debug)]
+pub struct Chosen {
+    /// The configuration.
+    pub config: Config,
+    /// Origin in one sentence.
+    pub origin: String,
+}
+
+impl Input {
+    /// Opens a file; its extension determines the format.
+    ///
+    /// # Errors
+    /// The file cannot be read, or its format is unknown.
+    pub fn open(path: &Path) -> anyhow::Result<Input> {
+        let ending = path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        match ending.as_deref() {
+            Some("mcap") => {
+                let recording = Recording::open(path).with_context(|| path.display().to_string())?;
+                Ok(Input::Recording(Box::new(recording)))
+            }
+            Some("csv") => Ok(Input::Csv(path.to_owned())),
+            Some("mvnx") => Ok(Input::Mvnx(path.to_owned())),
+            Some("pcap" | "pcapng" | "cap") => Ok(Input::Pcap(path.to_owned())),
+            _ => bail!("{}: give a file that ends in .mcap, .csv, .mvnx, .pcap or .pcapng", path.display()),
+        }
+    }
+
+    /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
+    pub fn started_ns(&self) -> u64 {
+        match self {
+            Input::Recording(recording) => recording.header().started_monotonic_ns,
+            Input::Csv(_) | Input::Mvnx(_) | Input::Pcap(_) => TIME_BASE_NS,
+        }
+    }
+
+    /// The samples in the order of delivery.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn samples(&self, config: &Config) -> anyhow::Result<Samples<'_>> {
+        match self {
+            Input::Recording(recording) => Ok(Samples::of_recording(recording)),
+            Input::Csv(path) => Samples::of_csv(path, config).with_context(|| path.display().to_string()),
+            Input::Mvnx(path) => Samples::of_mvnx(path, config).with_context(|| path.display().to_string()),
+            Input::Pcap(path) => Samples::of_pcap(path, config).with_context(|| path.display().to_string()),
+        }
+    }
+
+    /// Counts the messages in the file, all 0 for a capture. Reads the file once.
+    pub fn survey(&self) -> Survey {
+        let mut survey = Survey::default();
+        if let Input::Recording(recording) = self {
+            // Stop at damage: the replay stops at the same entry and reports it.
+            for timed in recording.entries().map_while(Result::ok) {
+                match timed.entry {
+                    Entry::Suit(_) | Entry::Ground(_) => survey.samples += 1,
+                    Entry::Cycle(_) => survey.cycles += 1,
+                    Entry::Checkpoint(checkpoint) => match refusal(&checkpoint) {
+                        None => survey.checkpoints += 1,
+                        refused => survey.checkpoint_refused = refused,
+                    },
+                    _ => {}
+                }
+            }
+        }
+        survey
+    }
+
+    /// The configuration: the given file, otherwise the recording's own, otherwise defaults.
+    ///
+    /// # Errors
+    /// The file is refused, or the recording has none that this release can read.
+    pub fn configuration(&self, given: Option<&Path>) -> anyhow::Result<Chosen> {
+        if let Some(path) = given {
+            let mut config = Config::read(path)?;
+            self.place_suit(&mut config);
+            return Ok(Chosen { config, origin: format!("from {}", path.display()) });
+        }
+        if let Input::Recording(recording) = self {
+            let text = &recording.header().config_toml;
+            if text.is_empty() {
+                bail!("the recording holds no configuration; name one with --config");
+            }
+            let mut config = Config::parse(text, "the recording's configuration")
+                .context("this release cannot use it; name another with --config")?;
+            let model = &recording.header().model_toml;
+            if !model.is_empty() {
+                let loaded = LoadedModel::parse(model.clone(), "of the recording".to_owned());
+                config.loaded_model =
+                    Some(loaded.context("this release cannot use it; name another with --model")?);
+            }
+            return Ok(Chosen { config, origin: "the recording's own".to_owned() });
+        }
+        let mut config = Config::parse(DEFAULT_CONFIG, "the default configuration")?;
+        config.subject.height_m = DEFAULT_HEIGHT_M;
+        self.place_suit(&mut config);
+        let mut origin = format!("defaults; stature {DEFAULT_HEIGHT_M} m is assumed");
+        if let Input::Csv(_) = self {
+            // Such a capture may contain no static interval in which the loop could weigh the subject.
+            config.subject.mass_kg = plausible_mass_kg(self.samples(&config)?);
+            match config.subject.mass_kg {
+                Some(mass_kg) => origin += &format!(", {mass_kg:.1} kg is the mean vertical force / g"),
+                None => origin += ", the mass is not known",
+            }
+        }
+        origin += "; name a configuration with --config";
+        Ok(Chosen { config, origin })
+    }
+
+    /// The settings of each reload in a recording, by number.
+    ///
+    /// # Errors
+    /// This release cannot read one of them.
+    pub fn reloads(&self) -> anyhow::Result<BTreeMap<u64, Settings>> {
+        let Input::Recording(recording) = self else { return Ok(BTreeMap::new()) };
+        let settings = |(number, reloaded): (&u64, &Reloaded)| {
+            let name = format!("the recording's configuration of reload {number}");
+            let mut config = Config::parse(&reloaded.config_toml, &name)?;
+            if !reloaded.model_toml.is_empty() {
+                config.loaded_model = Some(LoadedModel::parse(reloaded.model_toml.clone(), name)?);
+            }
+            Ok((*number, config.settings()))
+        };
+        recording.header().reloads.iter().map(settings).collect()
+    }
+
+    /// The CSV format uses one world frame for motion and forces, so the suit is not shifted unless configured.
+    fn place_suit(&self, config: &mut Config) {
+        if let Input::Csv(_) = self {
+            config.suit.position.get_or_insert(SuitPosition::Absolute);
+        }
+    }
+}
+
+/// Why the replay cannot resume from a checkpoint.
+fn refusal(checkpoint: &Checkpoint) -> Option<String> {
+    if checkpoint.memory_version != MEMORY_VERSION {
+        let found = checkpoint.memory_version;
+        return Some(format!("another version of Equipoise made it (memory {found}, here {MEMORY_VERSION})"));
+    }
+    checkpoint.memory().is_none().then(|| "a number in it is out of range".to_owned())
+}
+
+/// The mean vertical force as a mass, if plausible for a person.
+fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
+    let (mut sum_n, mut count) = (0.0, 0.0);
+    for sample in samples {
+        if let Sample::Ground(ground) = sample {
+            sum_n += ground.force_n[2];
+            count += 1.0;
+        }
+    }
+    // Rounded to 0.01 kg for readability in the header.
+    let mass_kg = (sum_n / count / GRAVITY_M_PER_S2 * 100.0).round() / 100.0;
+    MASS_KG.contains(&mass_kg).then_some(mass_kg)
+}
+
+/// Gaps of an input that are found only at its end.
+pub(super) fn skipped_of(recording: &Recording, damage: Option<String>) -> SkippedData {
+    let mut skipped = SkippedData::default();
+    skipped.rejected.extend(damage);
+    if recording.truncated() {
+        let reason = "the recording was cut short: what came after its last whole chunk is not there";
+        skipped.rejected.push(reason.to_owned());
+    }
+    skipped
+}
