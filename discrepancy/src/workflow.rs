@@ -5,10 +5,9 @@
 //! of the frozen model with the plate's measurements ([`crate::compare`]). The engine determines effects;
 //! this module provides files and cycle.
 //!
-//! Layers, lowest first: `date`, [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
+//! Layers, lowest first: [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
 
 mod cutoff;
-pub(crate) mod date;
 pub mod identify;
 pub mod output;
 mod session;

@@ -3,10 +3,13 @@
 mod load;
 mod path;
 
+use std::time::Duration;
+
 use equipoise_config::method::StopConfig;
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
 use equipoise_view::words;
+use jiff::Timestamp;
 
 use crate::constants::MINUTES_FROM_S;
 use crate::report::document::{Figure, Section, Table, Text, code};
@@ -17,7 +20,6 @@ use super::exposure::Peak;
 use super::gather::{Facts, Source};
 use super::series::Series;
 use super::strips::strips;
-use crate::workflow::date::rfc_3339;
 
 pub(super) use load::{back, dose, lifts};
 pub(super) use path::{latency, quality};
@@ -40,7 +42,7 @@ pub(super) fn session(facts: &Facts) -> Section {
     row("subject", code(subject(facts)));
     let started = match header.started_unix_ns {
         0 => "not stated in the recording".to_owned(),
-        unix_ns => rfc_3339(unix_ns / 1_000_000_000),
+        unix_ns => format!("{:.0}", Timestamp::UNIX_EPOCH + Duration::from_nanos(unix_ns)),
     };
     row("begin", started.into());
     let [from_s, to_s] = facts.span_s.unwrap_or_default();

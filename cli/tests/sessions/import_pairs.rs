@@ -1,8 +1,5 @@
 //! Files of a suit and a plate, of one session with two clocks: joined by clock, by stomps, by a given offset, or
 //! refused with a reason.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::ffi::OsStr;
 use std::fmt::Write;
@@ -15,7 +12,7 @@ use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::{Segment, Skeleton};
 use equipoise_core::message::{GroundSample, SuitSample};
 
-use common::{describe_output, equipoise};
+use crate::common::{describe_output, equipoise};
 
 const SUIT_HZ: f64 = 240.0;
 const PLATE_HZ: f64 = 1000.0;

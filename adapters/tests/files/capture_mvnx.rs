@@ -1,5 +1,4 @@
 //! `.mvnx`, versions 3 and 4: files generated from a defined motion, damaged ones, and real ones where available.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::fmt::Write;
 use std::path::PathBuf;

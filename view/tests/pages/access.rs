@@ -1,5 +1,4 @@
 //! Access control and resource limits, over real sockets.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};

@@ -36,7 +36,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     simulation.take_pose(7).unwrap();
     ask("start");
     std::thread::sleep(Duration::from_millis(600));
-    station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nleave_deg = 8.0\n"));
+    station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nnew_pose_deg = 8.0\n"));
     let recorded = recorder.wait_with_output().unwrap();
     // An overloaded machine may lose messages; the exit code reports it, and all others must be in the file.
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", describe_output(&recorded));

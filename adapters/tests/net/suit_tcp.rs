@@ -1,5 +1,4 @@
 //! The suit over TCP, on real sockets: portions, damage, text, reconnects, and admission of senders.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use equipoise_adapters::source::{MvnSettings, MvnTransport, SuitSource};
 use equipoise_adapters::suit::{SuitRefusal, SuitSettings, TypeSet};

@@ -1,7 +1,4 @@
 //! Captures: valid data become samples; invalid data are counted and reported by the exit code.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -16,7 +13,7 @@ use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::plate::Plate;
 use equipoise_simulator::wire::SuitFrame;
 
-use common::{describe_output, equipoise, human_motion};
+use crate::common::{describe_output, equipoise, human_motion};
 
 fn run(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> Output {
     equipoise().args(arguments.iter().map(AsRef::as_ref)).output().unwrap()

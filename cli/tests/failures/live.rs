@@ -20,8 +20,7 @@ use equipoise_simulator::ports::free_address;
 use equipoise_studies::sensors::simulated_s;
 
 use crate::common::Station;
-use crate::hidden_load::session;
-use crate::make::{Samples, Script};
+use crate::make::{Samples, Script, session};
 
 /// Time before the load is taken, in which clocks are fitted and the feet's place is estimated, s.
 const BEFORE_S: f64 = 7.0;

@@ -1,5 +1,4 @@
 //! Recordings: bit-exact round trip, files truncated anywhere, foreign and newer files.
-#![expect(clippy::unwrap_used, reason = "helpers of tests, outside #[test] functions")]
 
 use std::collections::BTreeMap;
 use std::io::Cursor;

@@ -1,5 +1,4 @@
 //! Network captures: every link layer, fragments, truncated and damaged files.
-#![expect(clippy::unwrap_used, reason = "helpers of tests, outside #[test] functions")]
 
 use std::net::SocketAddr;
 

@@ -1,5 +1,4 @@
 //! The engineer's routes over a real socket: facts for viewers, commands for token holders.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

@@ -1,5 +1,4 @@
 //! The sources over real sockets on loopback, against a simulated suit and device.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use equipoise_adapters::ground::GroundSettings;
 use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};

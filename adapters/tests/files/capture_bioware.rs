@@ -1,5 +1,4 @@
 //! Text exports of a plate: units are read or declared, never guessed; three layouts give the same wrench; real values.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::path::PathBuf;
 

@@ -1,14 +1,12 @@
 //! Files crafted to exhaust a machine: each is refused, or read up to its first defect, within 1 GiB of address space.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
-mod common;
 #[path = "bombs/make.rs"]
 mod make;
 
 use std::path::Path;
 use std::process::{Command, Output};
 
-use common::describe_output;
+use crate::common::describe_output;
 use make::{Chunk, Mcap, Pcap};
 
 const MIB: usize = 1 << 20;

@@ -1,6 +1,5 @@
 //! The simulator's encoders compared with bytes from other sources: vectors from the makers' manuals, and real MVN
 //! values.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::path::PathBuf;
 

@@ -1,5 +1,4 @@
 //! A stream's constant latency in captures of other programs: earlier sample times by exactly that.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::net::SocketAddr;
 use std::path::Path;

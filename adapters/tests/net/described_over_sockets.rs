@@ -1,6 +1,5 @@
 //! Devices with a configured layout over real sockets: lines and frames become samples, only admitted senders are read,
 //! and requests are sent.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::io::{ErrorKind, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};

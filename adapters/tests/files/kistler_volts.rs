@@ -1,6 +1,5 @@
 //! A real Kistler plate's eight voltages, through a file with configured lines of text: forces and centre of pressure
 //! as in an independent computation with the maker's formulae.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

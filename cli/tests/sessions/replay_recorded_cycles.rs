@@ -1,6 +1,5 @@
 //! Recordings of a loop driven by the test, cycle by cycle: complete parts are replayed exactly, and missing ones are
 //! reported with their start.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::path::{Path, PathBuf};
 

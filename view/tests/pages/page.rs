@@ -1,5 +1,4 @@
 //! The page over a real socket: responses to a browser, a script and an attacker.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
