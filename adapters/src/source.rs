@@ -21,9 +21,6 @@ pub mod transport;
 pub mod udp;
 pub mod udp_line;
 
-mod mvn_tcp;
-mod mvn_udp;
-
 pub use error::SourceError;
 pub use file_line::FileLine;
 pub use fused::FusedSource;

@@ -101,7 +101,7 @@ fn config(name: &str, rate_hz: &str, suit: SocketAddr, plate: SocketAddr) -> Con
     let text = format!(
         "station = \"{name}\"\n[loop]\nrate_hz = {rate_hz}\nlock_memory = false\n[suit]\nsource = \"mvn-udp\"\nlisten = \
          \"{suit}\"\n[ground]\nsource = \"ati-rdt\"\naddress = \"{plate}\"\ncounts_per_newton = 1e6\n\
-         counts_per_newton_metre = 1e6\n[subject]\nid = \"bench\"\nheight_m = 1.77\nremember = false\n"
+         counts_per_newton_metre = 1e6\n[subject]\nid = \"bench\"\nheight_m = 1.77\nsave_profile = false\n"
     );
     Config::parse(&text, "the bench's configuration").expect("a good configuration")
 }

@@ -1,10 +1,12 @@
 //! A second of all MVN streams, repeated with advancing counters.
 
 use equipoise_adapters::wire::mvn::{
-    AngularKinematics, CentreOfMass, Header, JointAngle, LinearKinematics, SegmentPose, TimeCode,
-    TrackerKinematics, angular_kinematics, centre_of_mass, joint_angles, joint_angles::BODY_JOINT_POINTS,
-    linear_kinematics, pose_quaternion, time_code, tracker_kinematics,
+    AngularKinematics, CentreOfMass, Header, JointAngle, LinearKinematics, SegmentPose, angular_kinematics,
+    centre_of_mass, joint_angles, joint_angles::BODY_JOINT_POINTS, linear_kinematics, pose_quaternion,
 };
+use equipoise_simulator::wires::mvn::Stamp;
+use equipoise_simulator::wires::mvn::describe::time_of_day;
+use equipoise_simulator::wires::mvn::items::{Tracker, trackers};
 
 /// Sample rate of a suit with cables.
 pub(crate) const RATE_HZ: usize = 240;
@@ -95,19 +97,21 @@ fn sample(counter: u32, gloves: bool) -> Vec<Vec<u8>> {
             JointAngle { parent_point, child_point, angle_deg: motion }
         })
         .collect();
-    let tracker = TrackerKinematics {
+    // The adapters do not read these types, but MVN sends them.
+    let stamp = Stamp {
+        segments: [23, 0, header.finger_segments],
+        ..Stamp::of_a_body(counter, header.time_code_ms, 0)
+    };
+    let tracker = Tracker {
         segment_id: 1,
         orientation_wxyz,
-        free_acceleration_m_per_s2: motion,
-        inertial: Some(tracker_kinematics::Inertial {
-            acceleration_m_per_s2: [0.0, 0.0, 9.81],
-            angular_velocity_rad_per_s: motion,
-        }),
-        magnetic_field: [0.4, 0.0, -0.8],
+        free_acceleration: motion,
+        felt: Some([[0.0, 0.0, 9.81], motion]),
+        magnetic: [0.4, 0.0, -0.8],
     };
     let moving = centre_of_mass::Motion { velocity_m_per_s: motion, acceleration_m_per_s2: motion };
     let com = CentreOfMass { position_m: [0.0, 0.0, 1.0], motion: Some(moving) };
-    let time = TimeCode { time_of_day_ms: 57_586_000 + counter * 25 / 6 };
+    let at_ms = 57_586_000 + counter * 25 / 6;
     let mut datagrams = Vec::new();
     let mut append = |encode: &dyn Fn(&mut Vec<u8>)| {
         let mut bytes = Vec::new();
@@ -119,8 +123,8 @@ fn sample(counter: u32, gloves: bool) -> Vec<Vec<u8>> {
     append(&|out| joint_angles::encode(&header, &joints, out).expect(FITS));
     append(&|out| linear_kinematics::encode(&header, &linear, out).expect(FITS));
     append(&|out| angular_kinematics::encode(&header, &angular, out).expect(FITS));
-    append(&|out| tracker_kinematics::encode(&header, &[tracker; TRACKERS], out).expect(FITS));
+    append(&|out| out.extend(trackers(&stamp, &[tracker; TRACKERS]).expect(FITS)));
     append(&|out| centre_of_mass::encode(&header, &com, out).expect(FITS));
-    append(&|out| time_code::encode(&header, time, out).expect(FITS));
+    append(&|out| out.extend(time_of_day(&stamp, at_ms, true).expect(FITS)));
     datagrams
 }

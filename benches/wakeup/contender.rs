@@ -114,7 +114,7 @@ fn loop_alone(asked: RequestedScheduling, length: Duration) -> Lateness {
 fn daemon(policy: Policy, cpu: usize, length: Duration) -> Lateness {
     let text = format!(
         "station = \"wakeup\"\n[loop]\npriority = {}\ncpu = {cpu}\n[suit]\nsource = \"external\"\n[ground]\nsource = \
-         \"external\"\n[subject]\nid = \"bench\"\nheight_m = {HEIGHT_M}\nremember = false\n",
+         \"external\"\n[subject]\nid = \"bench\"\nheight_m = {HEIGHT_M}\nsave_profile = false\n",
         policy.priority()
     );
     let config = Config::parse(&text, "the bench's configuration").expect("a good configuration");

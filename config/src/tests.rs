@@ -151,7 +151,7 @@ fn transport_and_up_axis_reach_the_adapter() {
     let settings = |text: &str| Config::parse(text, "c.toml").unwrap().suit.mvn_settings();
     let plain = settings(SMALLEST).unwrap();
     assert_eq!((plain.transport, plain.suit.up), (MvnTransport::Udp, UpAxis::Z));
-    let other = SMALLEST.replace("\"mvn-udp\"", "\"mvn-tcp\"\nup = \"y\"");
+    let other = SMALLEST.replace("\"mvn-udp\"", "\"mvn-tcp\"\nup_axis = \"y\"");
     let other = settings(&other).unwrap();
     assert_eq!((other.transport, other.suit.up), (MvnTransport::Tcp, UpAxis::Y));
     assert!(settings(&SMALLEST.replace("mvn-udp", "external")).is_err());

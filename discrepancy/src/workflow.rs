@@ -5,10 +5,9 @@
 //! of the frozen model with the plate's measurements ([`crate::compare`]). The engine determines effects;
 //! this module provides files and cycle.
 //!
-//! Layers, lowest first: `date`, [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
+//! Layers, lowest first: [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
 
 mod cutoff;
-pub(crate) mod date;
 pub mod identify;
 pub mod output;
 mod session;
@@ -26,9 +25,6 @@ use crate::spans::{Found, Given};
 
 use identify::Identified;
 use survey::Survey;
-
-/// Period of the loop here, ns: every suit sample is evaluated, whatever the configured rate.
-const TICK_NS: u64 = 4_000_000;
 
 /// Progress of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -90,14 +90,14 @@ pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: 
     });
     let end_s = session.now_s() + after_s;
     while session.now_s() < end_s {
-        let lag_s = session.memory().skew.lag_s();
+        let lag_s = session.memory().skew().lag_s();
         session.run(SLICE_S, |moment| see(moment, lag_s));
     }
 }
 
 /// The estimate compared with the truth.
 pub fn read(session: &Session, rig: &Rig) -> Option<Reading> {
-    let skew = session.memory().skew.estimate()?;
+    let skew = session.memory().skew().estimate()?;
     let sign_of_drift = -1.0;
     Some(Reading {
         error_s: skew.skew_s - rig.skew_at_s(session.now_s()),

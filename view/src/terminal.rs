@@ -82,9 +82,6 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     block
 }
 
-/// Number of lines of [`dashboard`].
-pub const DASHBOARD_LINES: usize = 25;
-
 /// Splits a text into two lines of the block; the second one may be empty.
 fn halves(text: &str) -> [&str; 2] {
     let fits = |at: &usize| text[..*at].chars().count() <= 78;
@@ -314,7 +311,7 @@ mod tests {
     fn the_block_never_changes_its_shape() {
         for valid in [0, Validity::MOVING.0, u64::MAX] {
             let block = dashboard(&State { valid, ..carrying() }, "station-1", Some("arms out"));
-            assert_eq!(block.lines().count(), DASHBOARD_LINES, "{block}");
+            assert_eq!(block.lines().count(), 25, "{block}");
             assert!(block.lines().all(|line| line.chars().count() <= 80), "{block}");
         }
     }

@@ -5,7 +5,6 @@
 
 mod health;
 mod joints;
-mod load;
 mod plate;
 
 use equipoise_core::message::{Incidents, State};
@@ -17,6 +16,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 
 use crate::banner::Headline;
+use crate::terminal;
 use crate::words::Tone;
 
 /// Minimum width for the two-column layout, columns.
@@ -99,7 +99,7 @@ fn two_columns(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Re
     let [left, _, right] =
         Layout::horizontal([Constraint::Length(left_width), Constraint::Length(1), Constraint::Min(0)])
             .areas(area);
-    let load = load::lines(state, left.width);
+    let load = load_lines(state, left.width);
     let [joints, loads] =
         Layout::vertical([Constraint::Min(4), Constraint::Length(load.len() as u16)]).areas(left);
     joints::draw(frame, state, joints);
@@ -116,9 +116,26 @@ fn two_columns(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Re
     frame.render_widget(Paragraph::new([sensors, latency].concat()), below);
 }
 
+/// Load, low back and accumulated exposure of the shift, one value per line; `-` if it is withheld.
+fn load_lines(state: &State, width: u16) -> Vec<Line<'static>> {
+    let or_withheld = |value: Option<String>| value.unwrap_or_else(|| "-".to_owned());
+    let rows = [
+        ("load", or_withheld(terminal::load(state))),
+        ("low back", or_withheld(terminal::back(state))),
+        ("worst", or_withheld(terminal::worst(state))),
+        ("shift", terminal::shift(state)),
+    ];
+    let lines = rows.map(|(name, value)| Line::raw(cut(&format!(" {name:<8} {value}"), width)));
+    if width >= TWO_COLUMNS_FROM / 2 + 4 {
+        [heading("Load and dose")].into_iter().chain(lines).collect()
+    } else {
+        lines.to_vec()
+    }
+}
+
 /// One column: joints, load, sensors, and further parts if there is room.
 fn below(frame: &mut Frame<'_>, watch: &Watch<'_>, state: &State, area: Rect) {
-    let load = load::lines(state, area.width);
+    let load = load_lines(state, area.width);
     let sensors = health::sensors(watch, state, area.width);
     let latency = health::latency(watch);
     // At least four joints are displayed; load, sensors, latency and the plate share the rest, in this order.
@@ -171,7 +188,7 @@ fn head(watch: &Watch<'_>, area: Rect) -> Vec<Line<'static>> {
     lines
         .extend(wrapped(&instruction.text, area.width, rows).into_iter().map(|row| Line::styled(row, style)));
     if area.height >= 14 {
-        lines.push(Line::raw(format!(" {}", load::progress(state))));
+        lines.push(Line::raw(format!(" {}", terminal::progress(state))));
     }
     if area.height >= 18 {
         let reasons = &headline.reasons;

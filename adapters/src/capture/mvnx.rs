@@ -144,7 +144,7 @@ impl<R: BufRead> MvnxCapture<R> {
             }
         }
         let null = null.ok_or(MvnxError::NoNullPose { line: frame.line })?;
-        head.subject.null_pose.origins_m = Some(null.position_m);
+        head.subject.null_pose.origins_m = Some(null.origin.map(Into::into));
         let clock = Clock::of(&frame, head.rate_hz);
         Ok(MvnxCapture {
             xml,

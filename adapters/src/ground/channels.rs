@@ -4,10 +4,9 @@
 //! guessed.
 
 mod form;
-mod units;
 
+pub use crate::units::{ForceUnit, MomentUnit};
 pub use form::{Cell, Centre, Direct, EightChannels, Sole};
-pub use units::{ForceUnit, MomentUnit};
 
 use super::frame::Wrench;
 use super::reading::{FootLoad, Load};

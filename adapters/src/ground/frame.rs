@@ -66,22 +66,6 @@ impl GroundFrame {
         Wrench { force_n, moment_nm: core::array::from_fn(|axis| about_sensor_nm[axis] + lever_nm[axis]) }
     }
 
-    /// The inverse: the sensor's reading for a wrench on the person about the world's origin.
-    pub fn sensor_from_person(&self, person: Wrench, measures: Measures) -> Wrench {
-        let lever_nm = cross(self.origin_m, person.force_n);
-        let about_sensor_nm = core::array::from_fn(|axis| person.moment_nm[axis] - lever_nm[axis]);
-        let sensor = Wrench {
-            force_n: self.upright(turned(person.force_n, -self.yaw_rad)),
-            moment_nm: self.upright(turned(about_sensor_nm, -self.yaw_rad)),
-        };
-        match measures {
-            Measures::Action => sensor.negated(),
-            Measures::Reaction => sensor,
-        }
-    }
-}
-
-impl GroundFrame {
     /// From the sensor's axes to axes with z up, or back: rotation by 180° about x, or identity.
     fn upright(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         match self.axes {
@@ -103,24 +87,32 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use equipoise_simulator::devices::felt::Mounting;
+    use equipoise_simulator::dynamics::Wrench as OnFloor;
+    use equipoise_simulator::plate::Plate;
     use proptest::prelude::*;
 
     proptest! {
         #[test]
-        fn there_and_back_is_nothing(
-            origin_m in proptest::array::uniform3(-3.0..3.0), yaw_rad in -4.0..4.0, action: bool, down: bool,
+        fn the_wrench_under_a_simulated_plate_is_recovered(
+            origin_m in proptest::array::uniform3(-3.0..3.0), yaw_rad in -4.0..4.0, reaction: bool, z_down: bool,
             force_n in proptest::array::uniform3(-1e3..1e3), moment_nm in proptest::array::uniform3(-1e2..1e2),
         ) {
-            let axes = if down { SensorAxes::ZDown } else { SensorAxes::ZUp };
+            let plate = Plate { origin_m, yaw_rad, surface_height_m: 0.05, ..Plate::default() };
+            let on_floor = OnFloor { force_n: force_n.into(), moment_nm: moment_nm.into() };
+            let sensor = Mounting { plate, z_down, reaction }.measures(&on_floor);
+            let axes = if z_down { SensorAxes::ZDown } else { SensorAxes::ZUp };
             let frame = GroundFrame { axes, origin_m, yaw_rad, surface_height_m: 0.05 };
-            let measures = if action { Measures::Action } else { Measures::Reaction };
-            let wrench = Wrench { force_n, moment_nm };
-            let back = frame.sensor_from_person(frame.person_from_sensor(wrench, measures), measures);
-            for (got, want) in back.force_n.iter().chain(&back.moment_nm).zip(force_n.iter().chain(&moment_nm)) {
+            let measures = if reaction { Measures::Reaction } else { Measures::Action };
+            let sensor = Wrench { force_n: sensor.force_n.into(), moment_nm: sensor.moment_nm.into() };
+            let got = frame.person_from_sensor(sensor, measures);
+            let want = plate.in_the_station(&on_floor).components();
+            for (got, want) in got.force_n.iter().chain(&got.moment_nm).zip(want) {
                 prop_assert!((got - want).abs() < 1e-9);
             }
         }
     }
+
     #[test]
     fn a_kistler_plate_whose_z_points_down_finds_the_centre_of_pressure_of_its_makers() {
         // Kistler: surface at az0 below the sensor's origin along its z; ax = -(My - Fx az0)/Fz, ay = (Mx + Fy az0)/Fz.

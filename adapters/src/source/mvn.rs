@@ -1,18 +1,17 @@
 //! The suit's source, over UDP or TCP, for one subject or several.
 
 use super::error::SourceError;
-use super::mvn_tcp::MvnTcpSource;
-use super::mvn_udp::MvnUdpSource;
-use super::udp::Senders;
+use super::tcp_door::{Heard, TcpDoor};
+use super::udp::{OneSender, Senders, UdpDoor};
 use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
-use crate::suit::{SuitAssembler, SuitRouter, SuitSettings, SuitSubject};
+use crate::suit::{SuitAssembler, SuitRefusal, SuitRouter, SuitSettings, SuitSubject};
 use equipoise_core::message::{AdapterHealth, SuitBody, SuitSample};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 /// Maximum count of datagrams in one call, so that a flood of refused ones does not block the caller.
-pub(super) const MAX_DATAGRAMS_PER_CALL: usize = 64;
+const MAX_DATAGRAMS_PER_CALL: usize = 64;
 
 /// Transport of MVN's datagrams.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -62,8 +61,9 @@ impl Default for MvnSettings {
 
 #[derive(Debug)]
 enum Wire {
-    Udp(MvnUdpSource),
-    Tcp(MvnTcpSource),
+    /// Suits that stream from one computer.
+    Udp(UdpDoor, OneSender),
+    Tcp(TcpDoor),
 }
 
 /// Suits that stream to this machine.
@@ -81,9 +81,15 @@ impl SuitSource {
     /// # Errors
     /// [`SourceError::PortTaken`] or [`SourceError::Open`].
     pub fn open(settings: &MvnSettings) -> Result<SuitSource, SourceError> {
+        let MvnSettings { listen, timeout, .. } = *settings;
         let wire = match settings.transport {
-            MvnTransport::Udp => Wire::Udp(MvnUdpSource::open(settings)?),
-            MvnTransport::Tcp => Wire::Tcp(MvnTcpSource::open(settings)?),
+            MvnTransport::Udp => {
+                let door = UdpDoor::open(listen, settings.senders(), timeout, "suit.listen")?;
+                Wire::Udp(door, OneSender::default())
+            }
+            MvnTransport::Tcp => {
+                Wire::Tcp(TcpDoor::open(listen, settings.senders(), timeout, "suit.listen")?)
+            }
         };
         let reporter = |avatar: &u8| (*avatar, HealthReporter::new(Stream::Suit, now_monotonic_ns()));
         Ok(SuitSource {
@@ -96,8 +102,8 @@ impl SuitSource {
     /// The address it listens on.
     pub fn local_address(&self) -> SocketAddr {
         match &self.wire {
-            Wire::Udp(source) => source.door.local_address(),
-            Wire::Tcp(source) => source.door.local_address(),
+            Wire::Udp(door, _) => door.local_address(),
+            Wire::Tcp(door) => door.local_address(),
         }
     }
 
@@ -111,8 +117,8 @@ impl SuitSource {
             return Ok(Some(sample));
         }
         match &mut self.wire {
-            Wire::Udp(source) => source.receive(&mut self.suits),
-            Wire::Tcp(source) => source.receive(&mut self.suits),
+            Wire::Udp(door, sender) => receive_udp(door, sender, &mut self.suits),
+            Wire::Tcp(door) => receive_tcp(door, &mut self.suits),
         }
     }
 
@@ -151,4 +157,42 @@ impl SuitSource {
         let (_, reporter) = self.health.iter_mut().find(|(whose, _)| *whose == avatar)?;
         Some(reporter.report(&counts, now_monotonic_ns()))
     }
+}
+
+fn receive_udp(
+    door: &mut UdpDoor,
+    sender: &mut OneSender,
+    suits: &mut SuitRouter,
+) -> Result<Option<SuitSample>, SourceError> {
+    for _ in 0..MAX_DATAGRAMS_PER_CALL {
+        let Some(received) = door.receive()? else {
+            return Ok(None);
+        };
+        if !received.admitted || !sender.admits(received.sender.ip(), received.arrival_ns) {
+            suits.refuse_datagram(SuitRefusal::ForeignSender);
+            continue;
+        }
+        if let Some(sample) = suits.receive(received.bytes, received.arrival_ns) {
+            sender.hold(received.sender.ip(), received.arrival_ns);
+            return Ok(Some(sample));
+        }
+    }
+    Ok(None)
+}
+
+fn receive_tcp(door: &mut TcpDoor, suits: &mut SuitRouter) -> Result<Option<SuitSample>, SourceError> {
+    for _ in 0..MAX_DATAGRAMS_PER_CALL {
+        match door.receive()? {
+            None => return Ok(None),
+            Some(Heard::LostStep) => suits.refuse_datagram(SuitRefusal::OutOfStep),
+            Some(Heard::TurnedAway(_)) => suits.refuse_datagram(SuitRefusal::ForeignSender),
+            Some(Heard::Datagram { bytes, arrival_ns, .. }) => {
+                if let Some(sample) = suits.receive(bytes, arrival_ns) {
+                    door.accepted();
+                    return Ok(Some(sample));
+                }
+            }
+        }
+    }
+    Ok(None)
 }

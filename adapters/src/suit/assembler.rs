@@ -184,10 +184,7 @@ impl SuitAssembler {
                 return if taken { Ok(()) } else { Err(SuitRefusal::NotFinite) };
             }
             // Valid, but not part of a sample.
-            Datagram::VirtualMarkers(..)
-            | Datagram::TrackerKinematics(..)
-            | Datagram::TimeCode(..)
-            | Datagram::Json => return Ok(()),
+            Datagram::Unused(_) | Datagram::Json => return Ok(()),
             Datagram::Unknown(_) => return Err(SuitRefusal::UnknownType),
         };
         self.layout = header.layout().or(self.layout);

@@ -1,7 +1,7 @@
 //! The MVN network streaming protocol: one datagram is a 24-byte [`Header`] and a payload of one type.
 //!
 //! Everything is big-endian. Source: "MVN real-time network streaming Protocol Specification"; where it differs from
-//! real datagrams (units of type 02, sizes of 23, 24 and 25), the datagrams take precedence, as the type's module
+//! real datagrams (units of type 02, sizes of 24), the datagrams take precedence, as the type's module
 //! documents.
 
 pub mod angular_kinematics;
@@ -15,10 +15,7 @@ pub mod pose_euler;
 pub mod pose_quaternion;
 pub mod scale;
 pub mod stream;
-pub mod time_code;
-pub mod tracker_kinematics;
 pub mod unity;
-pub mod virtual_markers;
 
 pub use angular_kinematics::AngularKinematics;
 pub use centre_of_mass::CentreOfMass;
@@ -31,10 +28,7 @@ pub use pose_euler::EulerPose;
 pub use pose_quaternion::SegmentPose;
 pub use scale::{NullPoseSegment, Scale, SegmentPoint};
 pub use stream::{Cut, StreamCutter};
-pub use time_code::TimeCode;
-pub use tracker_kinematics::{TrackerKinematics, Trackers};
 pub use unity::UnityBody;
-pub use virtual_markers::VirtualMarker;
 
 /// MVN's default destination port (9 = X, 6 = M, 3 = E).
 pub const DEFAULT_PORT: u16 = 9763;
@@ -45,16 +39,15 @@ pub const DEFAULT_PORT: u16 = 9763;
 pub enum Datagram<'a> {
     PoseEuler(Header, Items<'a, EulerPose>),
     PoseQuaternion(Header, Items<'a, SegmentPose>),
-    VirtualMarkers(Header, Items<'a, VirtualMarker>),
     Unity(Header, UnityBody<'a>),
     Meta(Header, Meta<'a>),
     Scale(Header, Scale<'a>),
     JointAngles(Header, Items<'a, JointAngle>),
     LinearKinematics(Header, Items<'a, LinearKinematics>),
     AngularKinematics(Header, Items<'a, AngularKinematics>),
-    TrackerKinematics(Header, Trackers<'a>),
     CentreOfMass(Header, CentreOfMass),
-    TimeCode(Header, TimeCode),
+    /// Types 03, 23 and 25: known, their payload is not read.
+    Unused(Header),
     /// An unsupported type, with a valid header and length.
     Unknown(Header),
     /// JSON text of the remote control, which shares the port; ignored, and not data corruption.
@@ -79,9 +72,6 @@ impl<'a> Datagram<'a> {
             DatagramType::POSE_QUATERNION => {
                 Datagram::PoseQuaternion(header, Items::parse(&header, payload)?)
             }
-            DatagramType::VIRTUAL_MARKERS => {
-                Datagram::VirtualMarkers(header, Items::parse(&header, payload)?)
-            }
             DatagramType::UNITY => Datagram::Unity(header, UnityBody::parse(&header, payload)?),
             DatagramType::META => Datagram::Meta(header, Meta::parse(payload)?),
             DatagramType::SCALE => Datagram::Scale(header, Scale::parse(payload)?),
@@ -92,11 +82,10 @@ impl<'a> Datagram<'a> {
             DatagramType::ANGULAR_KINEMATICS => {
                 Datagram::AngularKinematics(header, Items::parse(&header, payload)?)
             }
-            DatagramType::TRACKER_KINEMATICS => {
-                Datagram::TrackerKinematics(header, Trackers::parse(&header, payload)?)
-            }
             DatagramType::CENTRE_OF_MASS => Datagram::CentreOfMass(header, CentreOfMass::parse(payload)?),
-            DatagramType::TIME_CODE => Datagram::TimeCode(header, TimeCode::parse(payload)?),
+            DatagramType::VIRTUAL_MARKERS | DatagramType::TRACKER_KINEMATICS | DatagramType::TIME_CODE => {
+                Datagram::Unused(header)
+            }
             _ => Datagram::Unknown(header),
         })
     }
@@ -106,16 +95,14 @@ impl<'a> Datagram<'a> {
         match self {
             Datagram::PoseEuler(header, _)
             | Datagram::PoseQuaternion(header, _)
-            | Datagram::VirtualMarkers(header, _)
             | Datagram::Unity(header, _)
             | Datagram::Meta(header, _)
             | Datagram::Scale(header, _)
             | Datagram::JointAngles(header, _)
             | Datagram::LinearKinematics(header, _)
             | Datagram::AngularKinematics(header, _)
-            | Datagram::TrackerKinematics(header, _)
             | Datagram::CentreOfMass(header, _)
-            | Datagram::TimeCode(header, _)
+            | Datagram::Unused(header)
             | Datagram::Unknown(header) => Some(header),
             Datagram::Json => None,
         }

@@ -1,9 +1,12 @@
-//! Plates over the network, over real sockets on loopback, against simulated devices.
+//! Sources over real sockets on loopback, against simulated devices.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
+mod described_over_sockets;
 mod labamp;
 mod lsl;
 mod qtm;
+mod sources;
+mod suit_tcp;
 
 use equipoise_adapters::source::GroundSource;
 use equipoise_core::message::GroundSample;

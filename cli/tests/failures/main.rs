@@ -1,30 +1,46 @@
-//! Failures around the real binary.
+//! The real binary in real time, with simulated sensors: failures, recorders, sessions over the wires.
 //!
 //! Every test has its own bus, state directory and ports, so they run in parallel. Nothing depends on speed: expected
-//! events are awaited with generous limits.
+//! events are awaited with generous limits. Tests that compute without waiting are in other binaries, so that they do not
+//! delay these.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 mod adapters;
 mod calibration;
 mod commands;
+#[path = "../common/mod.rs"]
+mod common;
 mod consumers;
 mod doctor;
 mod exclusive_publishers;
 mod flight;
 mod full_disk;
 mod gateways;
+mod guidance;
 mod incidents;
+mod insoles;
 mod install;
 mod kill_and_restart;
 mod latency;
+mod live;
+#[path = "../reconcile/make.rs"]
+#[allow(dead_code, clippy::allow_attributes, reason = "the live model needs a part of it")]
+mod make;
 mod malformed_datagrams;
 mod metrics;
 mod monitor;
 mod network;
+mod null_pose;
 mod page;
 mod plate;
 mod private;
 mod process;
 mod random_kills;
+mod real_input;
+mod record_live;
+mod record_pictures;
+mod record_service;
+mod record_signed;
 mod reload;
 mod schedule;
 mod serial;

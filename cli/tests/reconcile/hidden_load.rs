@@ -1,53 +1,13 @@
 //! The complete workflow with real processes: a hidden load is named, written to the model file, and the gap shrinks,
 //! in the report and in the loop's own numbers.
 
-use std::path::PathBuf;
-use std::sync::OnceLock;
-
 use equipoise_config::model::LoadedModel;
 use equipoise_core::body::Side;
 use equipoise_core::effect::{Effect, Place};
-use equipoise_simulator::motion::Habits;
 use serde_json::Value;
 
 use crate::common::{describe_output, equipoise};
-use crate::make::{Samples, Script};
-use crate::models::reconciled;
-
-/// Load of the right hand in the work, kg.
-pub(crate) const HIDDEN_KG: f64 = 2.0;
-
-/// A session with a hidden load, reconciled once for all tests.
-pub(crate) struct Session {
-    _directory: tempfile::TempDir,
-    pub(crate) script: Script,
-    pub(crate) samples: Samples,
-    pub(crate) recording: PathBuf,
-    pub(crate) out: PathBuf,
-    pub(crate) finding: Value,
-}
-
-impl Session {
-    pub(crate) fn model(&self) -> PathBuf {
-        self.out.join("model.toml")
-    }
-}
-
-/// A worker who takes an object into the right hand ten seconds after the start of the work.
-pub(crate) fn session() -> &'static Session {
-    static SESSION: OnceLock<Session> = OnceLock::new();
-    SESSION.get_or_init(|| {
-        let mut script = Script { carried_kg: HIDDEN_KG, work_s: 60.0, varied: true, ..Script::ordinary() };
-        script.rig.plate_hz = 200;
-        script.habits = Habits { right_hand_share: 1.0, ..script.habits };
-        let directory = tempfile::tempdir().unwrap();
-        let (recording, out) = (directory.path().join("shift.mcap"), directory.path().join("out"));
-        let samples = script.samples();
-        samples.write(&recording, &script.config());
-        let finding = reconciled(&recording, &["--out", out.to_str().unwrap()]);
-        Session { _directory: directory, script, samples, recording, out, finding }
-    })
-}
+use crate::make::{HIDDEN_KG, session};
 
 fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))

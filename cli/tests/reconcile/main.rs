@@ -6,9 +6,7 @@ mod accuracy;
 mod bad_input;
 #[path = "../common/mod.rs"]
 mod common;
-mod guidance;
 mod hidden_load;
-mod live;
 mod make;
 mod memory;
 mod models;

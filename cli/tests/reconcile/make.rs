@@ -1,6 +1,7 @@
 //! Small recordings of a simulated worker: poses, then work, without a network.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::cycle::{Checkpoint, Memory};
@@ -10,6 +11,9 @@ use equipoise_simulator::noise::Suit;
 use equipoise_simulator::repertoire::{LIFTING, REPERTOIRE};
 use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, sample_time_ns, suit_sample};
 use equipoise_studies::subject::Subject;
+use serde_json::Value;
+
+use crate::common::{describe_output, equipoise};
 
 /// Duration of taking and holding a pose, s.
 const POSE_EVERY_S: f64 = 4.0;
@@ -209,4 +213,45 @@ impl Samples {
         }
         recorder.finish().unwrap();
     }
+}
+
+pub(crate) fn reconciled(recording: &Path, options: &[&str]) -> Value {
+    let output = equipoise().arg("reconcile").arg(recording).arg("--json").args(options).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// Load of the right hand in the work, kg.
+pub(crate) const HIDDEN_KG: f64 = 2.0;
+
+/// A session with a hidden load, reconciled once for all tests.
+pub(crate) struct Session {
+    _directory: tempfile::TempDir,
+    pub(crate) script: Script,
+    pub(crate) samples: Samples,
+    pub(crate) recording: PathBuf,
+    pub(crate) out: PathBuf,
+    pub(crate) finding: Value,
+}
+
+impl Session {
+    pub(crate) fn model(&self) -> PathBuf {
+        self.out.join("model.toml")
+    }
+}
+
+/// A worker who takes an object into the right hand ten seconds after the start of the work.
+pub(crate) fn session() -> &'static Session {
+    static SESSION: OnceLock<Session> = OnceLock::new();
+    SESSION.get_or_init(|| {
+        let mut script = Script { carried_kg: HIDDEN_KG, work_s: 60.0, varied: true, ..Script::ordinary() };
+        script.rig.plate_hz = 200;
+        script.habits = Habits { right_hand_share: 1.0, ..script.habits };
+        let directory = tempfile::tempdir().unwrap();
+        let (recording, out) = (directory.path().join("shift.mcap"), directory.path().join("out"));
+        let samples = script.samples();
+        samples.write(&recording, &script.config());
+        let finding = reconciled(&recording, &["--out", out.to_str().unwrap()]);
+        Session { _directory: directory, script, samples, recording, out, finding }
+    })
 }

@@ -14,14 +14,7 @@ use equipoise_recording::replay::input::Input;
 use equipoise_studies::sensors::EPOCH_NS;
 use serde_json::Value;
 
-use crate::common::{describe_output, equipoise};
-use crate::make::Script;
-
-pub(crate) fn reconciled(recording: &Path, options: &[&str]) -> Value {
-    let output = equipoise().arg("reconcile").arg(recording).arg("--json").args(options).output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", describe_output(&output));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
+use crate::make::{Script, reconciled};
 
 fn compared(recording: &Path, config: &str, given: Given) -> Compared {
     let input = Input::open(recording).unwrap();

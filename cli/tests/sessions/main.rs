@@ -1,14 +1,12 @@
-//! The real binary with a simulated person or a recorded one: what it records, replays and imports. The tests wait for
-//! sensors most of the time, so they share one process and run in parallel.
+//! Recorded data, without a running daemon: imports, replays of real and simulated persons, malicious files.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+mod bombs;
 #[path = "../common/mod.rs"]
 mod common;
-mod insoles;
-mod null_pose;
-mod record_live;
-mod record_pictures;
-mod record_service;
-mod record_signed;
+mod import_pairs;
+mod replay_captures;
+mod replay_latency;
 mod replay_model;
 mod replay_real_person;
+mod replay_recorded_cycles;

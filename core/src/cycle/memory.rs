@@ -14,13 +14,14 @@ use super::prediction::PredictionState;
 use super::publish::Publication;
 use super::reported_body::ReportedBody;
 use super::settings::Settings;
+use super::skew_monitor::SkewMonitor;
 use crate::exposure::{Exposure, Shift};
 use crate::message::State;
 use crate::motion::History;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 15;
+pub const MEMORY_VERSION: u64 = 16;
 
 /// The loop's state between two steps. About 942 kB: allocate it in a `Box`.
 #[repr(C)]
@@ -122,6 +123,11 @@ impl Memory {
             && self.lag_test.is_sound()
             && self.exposure.is_sound()
             && self.publication.is_sound()
+    }
+
+    /// The skew between the streams and the lag in use.
+    pub fn skew(&self) -> &SkewMonitor {
+        &self.align.skew
     }
 
     /// Number of samples rejected on arrival: impossible, or their time did not advance.

@@ -9,10 +9,12 @@ use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use equipoise_core::exposure::{Lift, Shift};
 use equipoise_core::time::NS_PER_S;
 use equipoise_files::atomic_file::MODE;
+use jiff::Timestamp;
 
 use crate::subjects::Subjects;
 
@@ -51,9 +53,7 @@ impl LiftLog {
         for lift in latest {
             let Lift { number, carried_s, mass_kg: [mass_kg, sigma_kg], distance_m, damage, .. } = *lift;
             let mut add = |unix_s: u64, event: &str| {
-                let time = humantime::format_rfc3339_seconds(
-                    std::time::UNIX_EPOCH + std::time::Duration::from_secs(unix_s),
-                );
+                let time = Timestamp::UNIX_EPOCH + Duration::from_secs(unix_s);
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     lines,

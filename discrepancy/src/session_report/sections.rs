@@ -3,11 +3,15 @@
 mod load;
 mod path;
 
+use std::time::Duration;
+
 use equipoise_config::method::StopConfig;
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
 use equipoise_view::words;
+use jiff::Timestamp;
 
+use crate::constants::MINUTES_FROM_S;
 use crate::report::document::{Figure, Section, Table, Text, code};
 use crate::report::svg::{Axis, Key, Look, Mark, Plot, Scale};
 
@@ -16,7 +20,6 @@ use super::exposure::Peak;
 use super::gather::{Facts, Source};
 use super::series::Series;
 use super::strips::strips;
-use crate::workflow::date::rfc_3339;
 
 pub(super) use load::{back, dose, lifts};
 pub(super) use path::{latency, quality};
@@ -24,8 +27,6 @@ pub(super) use path::{latency, quality};
 /// Limits of the interpretation of the torques.
 const DISCLAIMER: &str = "Torques are what a load adds to each joint, by the method of Fortini et al. (2020). This is not a \
                           medical device and not a safety function.";
-/// From this length on times are displayed in minutes, s.
-const MINUTES_FROM_S: f64 = 300.0;
 
 /// Metadata of the session.
 pub(super) fn session(facts: &Facts) -> Section {
@@ -41,7 +42,7 @@ pub(super) fn session(facts: &Facts) -> Section {
     row("subject", code(subject(facts)));
     let started = match header.started_unix_ns {
         0 => "not stated in the recording".to_owned(),
-        unix_ns => rfc_3339(unix_ns / 1_000_000_000),
+        unix_ns => format!("{:.0}", Timestamp::UNIX_EPOCH + Duration::from_nanos(unix_ns)),
     };
     row("begin", started.into());
     let [from_s, to_s] = facts.span_s.unwrap_or_default();

@@ -5,11 +5,12 @@ use std::{fs, io};
 
 use anyhow::{Context, bail};
 use equipoise_config::model_file::{Fitted, ModelFile, Provenance};
+use jiff::Timestamp;
 
 use crate::Outcome;
 use crate::report::{Origin, Recording, Report};
 
-use super::{Compared, Reconcile, date};
+use super::{Compared, Reconcile};
 
 /// Name of the model file in the results folder.
 const MODEL: &str = "model.toml";
@@ -39,7 +40,7 @@ impl Results<'_> {
         compared: &Compared,
         outcome: &mut Outcome,
     ) -> anyhow::Result<Vec<PathBuf>> {
-        let date = date::now_utc();
+        let date = format!("{:.0}", Timestamp::now());
         let model = self.model(reconcile, compared, outcome, &date);
         let path = self.folder.join(MODEL);
         let adds = !model.effects.is_empty();

@@ -1,16 +1,15 @@
 //! Parses a time such as `2026-11-21T10:15:00.250Z`.
 
-use std::time::UNIX_EPOCH;
+use jiff::Timestamp;
 
-/// Nanoseconds since 1970 of a UTC time `YYYY-MM-DDThh:mm:ss[.fraction]Z`.
+/// Nanoseconds since 1970 of a time of RFC 3339, `YYYY-MM-DDThh:mm:ss[.fraction]Z`.
 ///
 /// # Errors
 /// A description of the expected format.
 pub fn parse(text: &str) -> Result<u64, String> {
-    humantime::parse_rfc3339(text)
+    text.parse::<Timestamp>()
         .ok()
-        .and_then(|moment| moment.duration_since(UNIX_EPOCH).ok())
-        .and_then(|since| u64::try_from(since.as_nanos()).ok())
+        .and_then(|time| u64::try_from(time.as_nanosecond()).ok())
         .ok_or_else(|| format!("{text} is no moment in UTC such as 2026-11-21T10:15:00.250Z"))
 }
 

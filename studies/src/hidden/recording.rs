@@ -217,7 +217,7 @@ pub fn config_toml(subject: &Subject, id: &str, poses_min: usize, without_inerti
     format!(
         "station = \"bench\"\n\n[suit]\nsource = \"mvn-udp\"\n\n[ground]\nsource = \"ati-rdt\"\n\
          counts_per_newton = 1000000\ncounts_per_newton_metre = 1000000\n\n[subject]\nid = \"{id}\"\n\
-         mass_kg = {mass_kg:.1}\nheight_m = {height_m:.2}\nsex = \"{sex}\"\nremember = false\n\n\
+         mass_kg = {mass_kg:.1}\nheight_m = {height_m:.2}\nsex = \"{sex}\"\nsave_profile = false\n\n\
          [identification]\nposes_min = {poses_min}\n{motion}"
     )
 }

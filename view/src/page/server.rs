@@ -14,11 +14,29 @@ use tokio::sync::{oneshot, watch};
 use tokio_stream::wrappers::WatchStream;
 use tokio_stream::{Stream, StreamExt};
 
-use super::assets::ASSETS;
 use super::guard::{Access, guard};
 use super::newest::{Newest, follow};
 use super::station::Engineer;
 use super::{PageFrame, connections, engineer};
+
+const HTML: &str = "text/html; charset=utf-8";
+const SCRIPT: &str = "text/javascript; charset=utf-8";
+const STYLE: &str = "text/css; charset=utf-8";
+
+/// A static file of the pages: path on the server, content type, content.
+type Asset = (&'static str, &'static str, &'static str);
+
+/// All files. `view/web` builds them; `view/assets/LIBRARIES.md` lists the libraries in them.
+const ASSETS: [Asset; 8] = [
+    ("/", HTML, include_str!("../../assets/worker.html")),
+    ("/worker.js", SCRIPT, include_str!("../../assets/worker.js")),
+    ("/worker.css", STYLE, include_str!("../../assets/worker.css")),
+    ("/engineer", HTML, include_str!("../../assets/engineer.html")),
+    ("/engineer.js", SCRIPT, include_str!("../../assets/engineer.js")),
+    ("/engineer.css", STYLE, include_str!("../../assets/engineer.css")),
+    ("/icon.svg", "image/svg+xml", include_str!("../../assets/icon.svg")),
+    ("/libraries", "text/plain; charset=utf-8", include_str!("../../assets/LIBRARIES.md")),
+];
 
 /// Serves until `stopped` completes (or its sender is dropped).
 pub(super) async fn serve<F>(

@@ -3,8 +3,10 @@
 use std::io::BufRead;
 
 use equipoise_core::body::{JOINTS, SEGMENTS, Segment};
+use equipoise_core::frame::{SuitWorld, wxyz};
 use equipoise_core::message::SuitSample;
 use equipoise_core::message::suit::SuitBlocks;
+use nalgebra::{Quaternion, Unit, UnitQuaternion};
 
 use super::head::{Columns, Head, JOINTS_MAX, SEGMENTS_MAX};
 use super::xml::{Fault, Token, Xml};
@@ -139,22 +141,23 @@ impl Frame {
 
     /// Orientations and positions of all segments, as in the file.
     pub(super) fn pose(&self, head: &Head) -> Result<Pose, &'static str> {
-        let mut orientation_wxyz = self.block(Block::Orientation, &head.segments)?.ok_or("no_pose")?;
-        for quaternion in &mut orientation_wxyz {
-            normalise(quaternion)?;
+        let orientation_wxyz = self.block(Block::Orientation, &head.segments)?.ok_or("no_pose")?;
+        let mut world_from_segment = [UnitQuaternion::identity(); SEGMENTS];
+        for (turn, wxyz) in world_from_segment.iter_mut().zip(orientation_wxyz) {
+            *turn = rotation(wxyz)?;
         }
-        let position_m = self.block(Block::Position, &head.segments)?.ok_or("no_pose")?;
-        Ok(Pose { orientation_wxyz, position_m })
+        let origin_m: [[f64; 3]; SEGMENTS] = self.block(Block::Position, &head.segments)?.ok_or("no_pose")?;
+        Ok(Pose::new(origin_m.map(Into::into), world_from_segment))
     }
 
     /// Writes everything except the times into a sample; after an error the sample must not be used.
     pub(super) fn fill(&self, head: &Head, null: &Pose, sample: &mut SuitSample) -> Result<(), &'static str> {
-        let pose = self.pose(head)?.in_axes_of(null);
-        if !pose.holds_together(null) {
+        let pose = in_axes_of(&self.pose(head)?, null);
+        if !holds_together(&pose, null) {
             return Err("joints_apart");
         }
-        sample.orientation_wxyz = pose.orientation_wxyz;
-        sample.position_m = pose.position_m;
+        sample.orientation_wxyz = pose.world_from_segment.map(|turn| wxyz(&turn));
+        sample.position_m = pose.origin.map(Into::into);
         let velocity = self.block(Block::Velocity, &head.segments)?;
         let acceleration = self.block(Block::Acceleration, &head.segments)?;
         if let (Some(velocity), Some(acceleration)) = (velocity, acceleration) {
@@ -185,35 +188,23 @@ impl Frame {
 }
 
 /// Poses of all segments.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pose {
-    pub(super) orientation_wxyz: [[f64; 4]; SEGMENTS],
-    pub(super) position_m: [[f64; 3]; SEGMENTS],
+pub(super) type Pose = equipoise_core::frame::Pose<SuitWorld>;
+
+/// Version 3 has different arm axes (ISB), defined by its null pose; the internal axes are equal for all segments in the
+/// null pose.
+fn in_axes_of(pose: &Pose, null: &Pose) -> Pose {
+    let turn = |index: usize| pose.world_from_segment[index] * null.world_from_segment[index].inverse();
+    Pose::new(pose.origin, core::array::from_fn(turn))
 }
 
-impl Pose {
-    /// Version 3 has different arm axes (ISB), defined by its null pose; the internal axes are equal for all segments
-    /// in the null pose.
-    fn in_axes_of(mut self, null: &Pose) -> Pose {
-        for (orientation, null) in self.orientation_wxyz.iter_mut().zip(&null.orientation_wxyz) {
-            *orientation = product(*orientation, conjugate(*null));
-        }
-        self
-    }
-
-    /// Whether every segment begins at its parent's joint, by the null pose.
-    fn holds_together(&self, null: &Pose) -> bool {
-        Segment::ALL.into_iter().all(|segment| {
-            let Some(parent) = segment.parent() else { return true };
-            let (child, parent) = (segment.index(), parent.index());
-            let offset_m = difference(null.position_m[child], null.position_m[parent]);
-            let turned_m = turned(self.orientation_wxyz[parent], offset_m);
-            let there_m = difference(self.position_m[child], self.position_m[parent]);
-            let gap_m =
-                difference(there_m, turned_m).iter().map(|metres| metres * metres).sum::<f64>().sqrt();
-            gap_m <= JOINT_GAP_MAX_M
-        })
-    }
+/// Whether every segment begins at its parent's joint, by the null pose.
+fn holds_together(pose: &Pose, null: &Pose) -> bool {
+    Segment::ALL.into_iter().all(|segment| {
+        let Some(parent) = segment.parent() else { return true };
+        let offset_m = null.origin_of(segment) - null.origin_of(parent);
+        let gap_m = (pose.origin_of(segment) - pose.point_on(parent, offset_m.into())).norm();
+        gap_m <= JOINT_GAP_MAX_M
+    })
 }
 
 fn check(numbers: &[f64]) -> Result<(), &'static str> {
@@ -226,35 +217,7 @@ fn check(numbers: &[f64]) -> Result<(), &'static str> {
     Ok(())
 }
 
-fn normalise(quaternion: &mut [f64; 4]) -> Result<(), &'static str> {
-    let norm = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
-    if (norm - 1.0).abs() > NORM_TOLERANCE {
-        return Err("not_a_rotation");
-    }
-    for part in quaternion {
-        *part /= norm;
-    }
-    Ok(())
-}
-
-fn conjugate([w, x, y, z]: [f64; 4]) -> [f64; 4] {
-    [w, -x, -y, -z]
-}
-
-fn product([w, x, y, z]: [f64; 4], [a, b, c, d]: [f64; 4]) -> [f64; 4] {
-    [
-        w * a - x * b - y * c - z * d,
-        w * b + x * a + y * d - z * c,
-        w * c - x * d + y * a + z * b,
-        w * d + x * c - y * b + z * a,
-    ]
-}
-
-fn turned(q: [f64; 4], [x, y, z]: [f64; 3]) -> [f64; 3] {
-    let [_, x, y, z] = product(product(q, [0.0, x, y, z]), conjugate(q));
-    [x, y, z]
-}
-
-fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|axis| a[axis] - b[axis])
+fn rotation([w, x, y, z]: [f64; 4]) -> Result<UnitQuaternion<f64>, &'static str> {
+    let (rotation, norm) = Unit::new_and_get(Quaternion::new(w, x, y, z));
+    if (norm - 1.0).abs() > NORM_TOLERANCE { Err("not_a_rotation") } else { Ok(rotation) }
 }

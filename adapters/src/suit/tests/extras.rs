@@ -4,8 +4,8 @@ use super::*;
 use crate::suit::UpAxis;
 use crate::wire::mvn::joint_angles::BODY_JOINT_POINTS;
 use crate::wire::mvn::{
-    AngularKinematics, CentreOfMass, JointAngle, Layout, NullPoseSegment, SegmentPoint, VirtualMarker,
-    angular_kinematics, centre_of_mass, joint_angles, scale, unity, virtual_markers,
+    AngularKinematics, CentreOfMass, DatagramType, JointAngle, Layout, NullPoseSegment, SegmentPoint,
+    angular_kinematics, centre_of_mass, joint_angles, scale, unity,
 };
 
 /// Two props between the body and 40 finger segments, with consecutive ids (24 …) as MVN's newest senders number them,
@@ -250,13 +250,14 @@ fn a_stooping_worker_keeps_the_accelerations_where_y_is_up() {
 }
 
 #[test]
-fn markers_are_read_and_change_nothing() {
+fn unused_types_change_nothing_and_are_not_refused() {
     let mut assembler = SuitAssembler::new(SuitSettings::default());
-    let markers = [VirtualMarker { point_id: 1, position_cm_y_up: [0.0; 3] }; 60];
-    let mut bytes = Vec::new();
-    virtual_markers::encode(&Header::new(1, 4, 0), &markers, &mut bytes).unwrap();
-    assert!(assembler.receive(&bytes, 0).is_none());
-    assert_eq!((assembler.counts().received, assembler.counts().refused.iter().sum::<u64>()), (1, 0));
+    for kind in [DatagramType::VIRTUAL_MARKERS, DatagramType::TRACKER_KINEMATICS, DatagramType::TIME_CODE] {
+        let mut bytes = pose_datagram(1, &standing());
+        bytes[4..6].copy_from_slice(&kind.0);
+        assert!(assembler.receive(&bytes, 0).is_none());
+    }
+    assert_eq!((assembler.counts().received, assembler.counts().refused.iter().sum::<u64>()), (3, 0));
 }
 
 #[test]

@@ -16,7 +16,7 @@ impl DatagramType {
     pub const POSE_EULER: Self = Self(*b"01");
     /// 02: poses as quaternions, metres, Z up.
     pub const POSE_QUATERNION: Self = Self(*b"02");
-    /// 03: the virtual marker set.
+    /// 03: the virtual marker set; not used.
     pub const VIRTUAL_MARKERS: Self = Self(*b"03");
     /// 05: poses for Unity3D.
     pub const UNITY: Self = Self(*b"05");
@@ -30,11 +30,11 @@ impl DatagramType {
     pub const LINEAR_KINEMATICS: Self = Self(*b"21");
     /// 22: orientations, angular velocities and accelerations of the segments.
     pub const ANGULAR_KINEMATICS: Self = Self(*b"22");
-    /// 23: measurements of each motion tracker.
+    /// 23: measurements of each motion tracker; not used.
     pub const TRACKER_KINEMATICS: Self = Self(*b"23");
     /// 24: the whole body's centre of mass.
     pub const CENTRE_OF_MASS: Self = Self(*b"24");
-    /// 25: the time of day.
+    /// 25: the time of day; not used.
     pub const TIME_CODE: Self = Self(*b"25");
 }
 

@@ -6,6 +6,8 @@ use super::SegmentPose;
 use super::header::{DatagramType, Header, Oversized};
 use super::items::{self, Item};
 use crate::wire::reader::{Reader, write_f32s};
+use equipoise_core::frame::wxyz;
+use nalgebra::{Quaternion, UnitQuaternion};
 
 /// One segment's pose, as transmitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,16 +26,12 @@ impl EulerPose {
     /// X, Y, Z of the Y-up world are Y, Z, X of the Z-up world. This is a rotation, so vectors and the vector parts of
     /// quaternions are permuted equally.
     pub fn to_z_up(&self) -> SegmentPose {
-        let [(sx, cx), (sy, cy), (sz, cz)] =
-            self.rotation_deg_y_up.map(|angle| (f64::from(angle).to_radians() / 2.0).sin_cos());
-        let w = cz * cy * cx + sz * sy * sx;
-        let x = cz * cy * sx - sz * sy * cx;
-        let y = cz * sy * cx + sz * cy * sx;
-        let z = sz * cy * cx - cz * sy * sx;
+        let [rx, ry, rz] = self.rotation_deg_y_up.map(|angle| f64::from(angle).to_radians());
+        let turn = UnitQuaternion::from_euler_angles(rx, ry, rz);
         let y_up = SegmentPose {
             segment_id: self.segment_id,
             position_m: self.position_cm_y_up.map(|cm| cm / 100.0),
-            orientation_wxyz: [w, x, y, z].map(|part| part as f32),
+            orientation_wxyz: wxyz(&turn).map(|part| part as f32),
         };
         y_up.y_up_to_z_up()
     }
@@ -42,15 +40,11 @@ impl EulerPose {
     pub fn from_z_up(pose: &SegmentPose) -> EulerPose {
         let [forward, left, up] = pose.position_m;
         let [w, z, x, y] = pose.orientation_wxyz.map(f64::from);
-        let rotation_rad = [
-            (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
-            (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin(),
-            (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)),
-        ];
+        let (rx, ry, rz) = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)).euler_angles();
         EulerPose {
             segment_id: pose.segment_id,
             position_cm_y_up: [left, up, forward].map(|m| m * 100.0),
-            rotation_deg_y_up: rotation_rad.map(|angle| angle.to_degrees() as f32),
+            rotation_deg_y_up: [rx, ry, rz].map(|angle| angle.to_degrees() as f32),
         }
     }
 }

@@ -12,6 +12,7 @@ use super::header::{DatagramType, Header, Oversized, frame};
 use super::items::Item;
 use crate::wire::reader::Reader;
 use equipoise_core::body::{SEGMENTS, Segment};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
 /// The segments in the order of transmission (MVN protocol, table 3), as indices of MVN's own order.
 const ORDER: [usize; SEGMENTS] =
@@ -45,7 +46,7 @@ impl<'a> UnityBody<'a> {
 
     /// Converts the body to the frame and order of type 02: Z up, right-handed, every segment in the world.
     ///
-    /// Numbers that are not finite stay so; quaternions without unit norm also scale other segments.
+    /// Numbers that are not finite stay so; quaternions without unit norm also distort other segments.
     pub fn to_z_up(&self) -> [SegmentPose; SEGMENTS] {
         let mut body =
             [SegmentPose { segment_id: 0, position_m: [0.0; 3], orientation_wxyz: [0.0; 4] }; SEGMENTS];
@@ -55,7 +56,9 @@ impl<'a> UnityBody<'a> {
         // Parents precede their children in MVN's order.
         for segment in &Segment::ALL[1..] {
             if let Some(parent) = segment.parent() {
-                body[segment.index()] = placed(&body[parent.index()], &body[segment.index()]);
+                let child = body[segment.index()];
+                let placed = isometry(&body[parent.index()]) * isometry(&child);
+                body[segment.index()] = pose(child.segment_id, &placed);
             }
         }
         body
@@ -74,49 +77,25 @@ fn right_handed(item: &SegmentPose, place: usize) -> SegmentPose {
     }
 }
 
-fn left_handed(pose: &SegmentPose, segment_id: u32) -> SegmentPose {
+fn left_handed(pose: &SegmentPose) -> SegmentPose {
     let [forward, left, up] = pose.position_m;
     let [w, x, y, z] = pose.orientation_wxyz;
-    SegmentPose { segment_id, position_m: [-left, up, forward], orientation_wxyz: [w, y, -z, -x] }
+    SegmentPose { position_m: [-left, up, forward], orientation_wxyz: [w, y, -z, -x], ..*pose }
 }
 
-/// Transforms a pose from its parent's frame to the world.
-fn placed(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
-    let offset = turned(parent.orientation_wxyz, child.position_m);
+fn isometry(pose: &SegmentPose) -> Isometry3<f32> {
+    let [w, x, y, z] = pose.orientation_wxyz;
+    let turn = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+    Isometry3::from_parts(Translation3::from(pose.position_m), turn)
+}
+
+fn pose(segment_id: u32, isometry: &Isometry3<f32>) -> SegmentPose {
+    let turn = isometry.rotation;
     SegmentPose {
-        segment_id: child.segment_id,
-        position_m: core::array::from_fn(|axis| parent.position_m[axis] + offset[axis]),
-        orientation_wxyz: product(parent.orientation_wxyz, child.orientation_wxyz),
+        segment_id,
+        position_m: isometry.translation.vector.into(),
+        orientation_wxyz: [turn.w, turn.i, turn.j, turn.k],
     }
-}
-
-/// Transforms a pose from the world to its parent's frame.
-fn relative(parent: &SegmentPose, child: &SegmentPose) -> SegmentPose {
-    let back = conjugate(parent.orientation_wxyz);
-    let offset = core::array::from_fn(|axis| child.position_m[axis] - parent.position_m[axis]);
-    SegmentPose {
-        segment_id: child.segment_id,
-        position_m: turned(back, offset),
-        orientation_wxyz: product(back, child.orientation_wxyz),
-    }
-}
-
-fn product([aw, ax, ay, az]: [f32; 4], [bw, bx, by, bz]: [f32; 4]) -> [f32; 4] {
-    [
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    ]
-}
-
-fn conjugate([w, x, y, z]: [f32; 4]) -> [f32; 4] {
-    [w, -x, -y, -z]
-}
-
-fn turned(q: [f32; 4], [x, y, z]: [f32; 3]) -> [f32; 3] {
-    let [_, x, y, z] = product(product(q, [0.0, x, y, z]), conjugate(q));
-    [x, y, z]
 }
 
 /// Replaces the contents of `out` with one datagram of type 05; `body` as in type 02, in MVN's order.
@@ -126,12 +105,12 @@ fn turned(q: [f32; 4], [x, y, z]: [f32; 3]) -> [f32; 3] {
 pub fn encode(header: &Header, body: &[SegmentPose; SEGMENTS], out: &mut Vec<u8>) -> Result<(), Oversized> {
     frame(header, DatagramType::UNITY, SEGMENTS, out, |out| {
         for (index, place) in ORDER.into_iter().enumerate() {
-            let parent = Segment::ALL[place].parent();
-            let local = match parent {
-                Some(parent) => relative(&body[parent.index()], &body[place]),
-                None => body[place],
+            let world_from_segment = isometry(&body[place]);
+            let local = match Segment::ALL[place].parent() {
+                Some(parent) => isometry(&body[parent.index()]).inv_mul(&world_from_segment),
+                None => world_from_segment,
             };
-            left_handed(&local, index as u32 + 1).write(out);
+            left_handed(&pose(index as u32 + 1, &local)).write(out);
         }
     })
 }

@@ -1,0 +1,11 @@
+//! What is read from files: captures, recordings, real data.
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
+
+mod capture_bioware;
+mod capture_csv;
+mod capture_mvnx;
+mod capture_pcap;
+mod fusion;
+mod kistler_volts;
+mod real_datagrams;
+mod recording;

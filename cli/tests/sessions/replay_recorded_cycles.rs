@@ -1,0 +1,312 @@
+//! Recordings of a loop driven by the test, cycle by cycle: complete parts are replayed exactly, and missing ones are
+//! reported with their start.
+
+use std::path::{Path, PathBuf};
+
+use bytemuck::Zeroable;
+use equipoise_adapters::recording::{Recorder, RecordingHeader, Reloaded};
+use equipoise_config::Config;
+use equipoise_core::body::{SEGMENTS, Skeleton};
+use equipoise_core::cycle::Checkpoint;
+use equipoise_core::cycle::memory::MEMORY_VERSION;
+use equipoise_core::cycle::{Inputs, Memory, Tick, step};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_recording::replay::input::Input;
+use equipoise_recording::replay::{Replay, Summary};
+
+const CONFIG: &str = r#"
+station = "test"
+[suit]
+source = "mvn-udp"
+[ground]
+source = "ati-rdt"
+counts_per_newton = 1000000
+counts_per_newton_metre = 1000000
+[subject]
+id = "anon-1"
+height_m = 1.77
+"#;
+const START_NS: u64 = 5_000_000_000;
+const CYCLES: u64 = 1500;
+
+/// All published messages of a run.
+struct Live {
+    cycles: Vec<CycleRecord>,
+    states: Vec<State>,
+    checkpoints: Vec<Box<Checkpoint>>,
+    suit: Vec<SuitSample>,
+    ground: Vec<GroundSample>,
+    format: u64,
+    /// The recorder's data on reloads.
+    reloads: Vec<(u64, Reloaded)>,
+}
+
+/// The number of a reload in cycle 900.
+const RELOAD: u64 = 123_456_789;
+
+/// Its content: a shorter window, and therefore other states.
+fn reloaded_toml() -> String {
+    format!("{CONFIG}[overload]\nmotion_window_ms = 50.0\n")
+}
+
+fn config() -> Config {
+    Config::parse(CONFIG, "test").unwrap()
+}
+
+/// A slightly swaying worker. Checkpoints are taken after the named cycles, commands given before them.
+fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
+    let mut settings = config().settings();
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&settings);
+    let mut live = Live {
+        cycles: Vec::new(),
+        states: Vec::new(),
+        checkpoints: Vec::new(),
+        suit: Vec::new(),
+        ground: Vec::new(),
+        format: MEMORY_VERSION,
+        reloads: Vec::new(),
+    };
+    let t_pose_m = Skeleton::nominal(1.77).t_pose_m();
+    for cycle in 1..=CYCLES {
+        let due_ns = START_NS + cycle * 1_000_000;
+        let sway_m = 0.002 * (cycle as f64 * 1e-3).sin();
+        let mut record = CycleRecord { cycle, due_ns, period_ns: 1_000_000, ..CycleRecord::zeroed() };
+        let mut suit = Vec::new();
+        if cycle % 17 == 0 {
+            let sample_time_ns = due_ns - 700_000;
+            suit.push(SuitSample {
+                sample_time_ns,
+                published_ns: sample_time_ns + 200_000,
+                arrival_ns: sample_time_ns + 100_000,
+                sequence: cycle / 17,
+                position_m: t_pose_m.map(|[x, y, z]| [x + sway_m, y, z + 0.96]),
+                orientation_wxyz: [[1.0, 0.0, 0.0, 0.0]; SEGMENTS],
+                ..SuitSample::zeroed()
+            });
+            record.suit_taken = 1;
+            record.suit_first = cycle / 17;
+            record.suit_last = cycle / 17;
+            record.suit_sample_time_ns = sample_time_ns;
+        }
+        // Every other cycle ingests two.
+        let mut ground = Vec::new();
+        if cycle % 2 == 0 {
+            for sequence in [cycle - 1, cycle] {
+                ground.push(GroundSample {
+                    sample_time_ns: START_NS + sequence * 1_000_000 - 300_000,
+                    published_ns: START_NS + sequence * 1_000_000 - 100_000,
+                    sequence,
+                    force_n: [0.0, 0.0, 706.0],
+                    moment_nm: [0.0, -706.0 * (0.05 + sway_m), 0.0],
+                    ..GroundSample::zeroed()
+                });
+            }
+            record.ground_taken = 2;
+            record.ground_first = cycle - 1;
+            record.ground_last = cycle;
+            record.ground_sample_time_ns = ground[1].sample_time_ns;
+        }
+        let command = commands.iter().find(|(at, _)| *at == cycle).map(|(_, command)| *command);
+        record.command = command.map_or(0, |command| command as u32);
+        if command == Some(CommandKind::SubjectLoad) {
+            // As in the live loop: the subject is replaced as a whole.
+            memory.identification.mass_kg = 81.5;
+        }
+        if command == Some(CommandKind::Reload) {
+            settings = Config::parse(&reloaded_toml(), "test").unwrap().settings();
+            record.command_argument[0] = RELOAD as f64;
+        }
+        let inputs = Inputs { suit: &suit, ground: &ground, body: None, command };
+        live.states.push(*step(&settings, &mut memory, Tick { cycle, due_ns }, inputs));
+        live.cycles.push(record);
+        live.suit.extend(suit);
+        live.ground.extend(ground);
+        if checkpoint_after.contains(&cycle) {
+            let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
+            checkpoint.take(cycle, &memory);
+            live.checkpoints.push(checkpoint);
+        }
+    }
+    live
+}
+
+impl Live {
+    /// Writes it as the recorder does: in bursts, stream by stream.
+    fn record(&self, directory: &Path) -> PathBuf {
+        let path = directory.join("live.mcap");
+        let _ = std::fs::remove_file(&path);
+        let header = RecordingHeader {
+            config_toml: CONFIG.to_owned(),
+            software_version: "9.9.9".to_owned(),
+            started_monotonic_ns: START_NS,
+            ..RecordingHeader::default()
+        };
+        let mut recorder = Recorder::create(&path, &header).unwrap();
+        for (number, reloaded) in &self.reloads {
+            recorder.add_reload(START_NS, *number, reloaded).unwrap();
+        }
+        for burst in 0..CYCLES / 10 {
+            let of_burst = |time_ns: u64| (time_ns - START_NS) / 10_000_000 == burst;
+            for record in self.cycles.iter().filter(|record| of_burst(record.due_ns)) {
+                recorder.write(record.due_ns, record).unwrap();
+            }
+            for state in self.states.iter().filter(|state| of_burst(state.time_ns)) {
+                recorder.write(state.time_ns, state).unwrap();
+            }
+            for checkpoint in self.checkpoints.iter().filter(|one| one.cycle / 10 == burst) {
+                let mut checkpoint = checkpoint.clone();
+                checkpoint.memory_version = self.format;
+                recorder.write(START_NS + burst * 10_000_000, &*checkpoint).unwrap();
+            }
+            for sample in self.suit.iter().filter(|sample| of_burst(sample.published_ns)) {
+                recorder.write(sample.published_ns, sample).unwrap();
+            }
+            for sample in self.ground.iter().filter(|sample| of_burst(sample.published_ns)) {
+                recorder.write(sample.published_ns, sample).unwrap();
+            }
+        }
+        recorder.finish().unwrap();
+        path
+    }
+
+    fn replay(&self) -> anyhow::Result<(Summary, Vec<State>)> {
+        let directory = tempfile::tempdir().unwrap();
+        replay(&self.record(directory.path()))
+    }
+}
+
+fn replay(path: &Path) -> anyhow::Result<(Summary, Vec<State>)> {
+    let input = Input::open(path)?;
+    let chosen = input.configuration(None)?;
+    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true, residual_s: None };
+    let mut states = Vec::new();
+    let summary = replay.run_with(|state| {
+        states.push(*state);
+        Ok(())
+    })?;
+    Ok((summary, states))
+}
+
+#[test]
+fn a_whole_recording_gives_the_same_states_byte_for_byte() {
+    let commands = [(700, CommandKind::IdentifyStop), (900, CommandKind::IdentifyStart)];
+    let live = live(&[101, 700, 900], &commands);
+    let (summary, states) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert!(summary.is_complete() && fidelity.is_exact(), "{summary}");
+    // Cycle 1500 would begin another burst and is not in the file.
+    assert_eq!((fidelity.cycles, fidelity.before_checkpoint), (CYCLES - 1 - 101, 101));
+    assert_eq!((fidelity.states_compared, fidelity.states_differing), (fidelity.cycles, 0));
+    assert_eq!((fidelity.memories_compared, fidelity.memories_differing), (2, 0));
+    assert!(
+        bytemuck::cast_slice::<State, u8>(&states)
+            == bytemuck::cast_slice::<State, u8>(&live.states[101..1499])
+    );
+    assert!(states.iter().any(|state| state.com_m[2] > 0.5), "there is a body in it");
+}
+
+#[test]
+fn a_state_that_was_tampered_with_is_found() {
+    let mut live = live(&[101], &[]);
+    live.states[800].cop_measured_m[0] += 1e-15;
+    let (summary, _) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.states_differing, fidelity.first_differing), (1, Some(801)), "{summary}");
+    assert!(!summary.is_complete());
+}
+
+#[test]
+fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
+    let mut live = live(&[101, 1000], &[]);
+    live.cycles.drain(600..605);
+    let (summary, _) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.cycles_missing, fidelity.uncertain_from), (5, Some(606)), "{summary}");
+    // From 606 to 999; cycle 1000 has its checkpoint.
+    assert_eq!((fidelity.uncertain, fidelity.resumed, fidelity.states_differing), (394, 1, 0), "{summary}");
+    assert_eq!(fidelity.states_compared, 499 + 1000 - 500, "{summary}");
+    assert!(!summary.is_complete());
+}
+
+#[test]
+fn missing_samples_are_reported() {
+    let mut live = live(&[101], &[]);
+    live.ground.retain(|sample| sample.sequence != 801);
+    let (summary, _) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.cycles_lacking_samples, fidelity.uncertain_from), (1, Some(802)), "{summary}");
+    assert!(summary.to_string().contains("not exact from cycle 802"), "{summary}");
+}
+
+#[test]
+fn a_loaded_subject_is_read_from_the_checkpoint_of_the_same_cycle() {
+    let with = live(&[101, 800], &[(800, CommandKind::SubjectLoad)]);
+    let (summary, states) = with.replay().unwrap();
+    assert!(summary.is_complete(), "{summary}");
+    assert_eq!(states.last().unwrap().mass_kg, 81.5);
+
+    let without = live(&[101], &[(800, CommandKind::SubjectLoad)]);
+    let (summary, _) = without.replay().unwrap();
+    assert_eq!(summary.fidelity.unwrap().uncertain_from, Some(800));
+}
+
+#[test]
+fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops() {
+    let mut live = live(&[101, 1200], &[(900, CommandKind::Reload)]);
+    let reloaded = Reloaded { config_toml: reloaded_toml(), ..Reloaded::default() };
+    live.reloads.push((RELOAD, reloaded.clone()));
+    let (summary, states) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert!(summary.is_complete() && fidelity.is_exact(), "{summary}");
+    assert_eq!((fidelity.reloads, fidelity.memories_compared), (1, 1));
+    assert_eq!(states.last().unwrap().group_delay_ns, live.states.last().unwrap().group_delay_ns);
+    assert_ne!(states[500].group_delay_ns, states[1390].group_delay_ns, "the reload changed something");
+
+    live.reloads = vec![(RELOAD + 1, reloaded)];
+    let (summary, states) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
+    assert_eq!(states.last().unwrap().cycle, 899);
+    assert!(!summary.is_complete() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
+}
+
+#[test]
+fn a_checkpoint_of_another_version_is_refused_with_what_to_do() {
+    let mut live = live(&[101], &[]);
+    live.format = MEMORY_VERSION + 1;
+    let error = live.replay().unwrap_err().to_string();
+    assert!(
+        error.contains("another version") && error.contains("9.9.9") && error.contains("--config"),
+        "{error}"
+    );
+}
+
+#[test]
+fn without_a_checkpoint_it_is_replayed_from_an_empty_memory_and_reported() {
+    let (summary, states) = live(&[], &[]).replay().unwrap();
+    // From the first cycle that took a sample.
+    assert_eq!(states.len() as u64, CYCLES - 2);
+    assert!(!summary.is_complete() && summary.to_string().contains("no checkpoint"), "{summary}");
+}
+
+#[test]
+fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = live(&[101], &[]).record(directory.path());
+    let whole = std::fs::read(&path).unwrap();
+    for share in 1..12 {
+        let cut = directory.path().join("cut.mcap");
+        std::fs::write(&cut, &whole[..whole.len() * share / 12]).unwrap();
+        // An error message or a summary that reports it; never a panic, never a false difference.
+        if let Ok((summary, _)) = replay(&cut) {
+            assert!(!summary.is_complete(), "{summary}");
+            assert_eq!(summary.fidelity.map_or(0, |fidelity| fidelity.states_differing), 0);
+        }
+        let mut damaged = whole.clone();
+        let at = damaged.len() * share / 12;
+        damaged[at..at + 3].fill(0xa5);
+        std::fs::write(&cut, &damaged).unwrap();
+        let _ = replay(&cut);
+    }
+}
