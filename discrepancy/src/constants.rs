@@ -15,8 +15,25 @@
 //! - *chosen*: none of these.
 
 use std::f64::consts::PI;
+use std::time::Duration;
 
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+
+// Recordings.
+
+/// Period of the loop in the workflow: every suit sample is evaluated, whatever the configured rate. Unit: ns. Origin:
+/// chosen.
+pub(crate) const TICK_NS: u64 = 4_000_000;
+/// Identification starts this late, when earlier samples have left the loop's window. Unit: s. Origin: chosen.
+pub(crate) const IDENTIFY_DELAY_S: f64 = 0.15;
+/// Samples of a stream, at least. Unit: 1. Origin: chosen.
+pub(crate) const SAMPLES_MIN: u64 = 60;
+/// From a recording's header to its first sample, at most; beyond, the clocks differ. Unit: ns. Origin: chosen.
+pub(crate) const HEADER_AHEAD_MAX_NS: u64 = 600_000_000_000;
+/// Deviation from the expected body weight, at most; beyond, the subjects differ. Unit: 1. Origin: chosen.
+pub(crate) const WEIGHT_DEVIATION_MAX: f64 = 0.15;
+/// With more vertical force a person stands on the plate. Unit: N. Origin: chosen.
+pub(crate) const STANDING_N: f64 = 200.0;
 
 // Snapshots to blocks.
 
@@ -415,3 +432,16 @@ pub(crate) const GAP_IN_WORDS: [f64; 2] = [1.1, 1.5];
 pub(crate) const DRAWN_POSES: (usize, f64) = (300, 5.0);
 /// Parts of the trend of a scatter plot, and points of each, at least. Unit: 1. Origin: display.
 pub(crate) const TREND: (usize, f64) = (12, 3.0);
+
+// Session report.
+
+/// Length of a column of the strips. Unit: s. Origin: display.
+pub(crate) const COLUMN_S: f64 = 1.0;
+/// Length of an interval of a series. Unit: s. Origin: display.
+pub(crate) const SERIES_INTERVAL_S: f64 = 0.25;
+/// Longer times are displayed in minutes. Unit: s. Origin: display.
+pub(crate) const MINUTES_FROM_S: f64 = 300.0;
+/// States that wait for the records of their cycles, which a recorder writes later. Unit: 1. Origin: chosen.
+pub(crate) const REORDER_BUFFER: usize = 512;
+/// Time limit of printing; the report of a shift takes seconds. Unit: s. Origin: chosen.
+pub(crate) const PRINT_TIMEOUT: Duration = Duration::from_secs(120);

@@ -1,6 +1,10 @@
 //! Scores of the whole catalogue at once, conditioned on the accepted effects, and the scores reached by chance.
 
+use std::f64::consts::TAU;
+
 use faer::Mat;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use crate::candidate::Candidate;
 use crate::constants::{CHANCE_QUANTILE, SEEDS};
@@ -56,15 +60,15 @@ pub(crate) fn chance_level(gram: &Gram<'_>, draws: usize) -> f64 {
         gram.products[i][j] / (scale[i] * scale[j]) + if i == j { 1e-8 } else { 0.0 }
     });
     let Some(factor) = Factor::of(&correlation) else { return 0.0 };
-    let mut random = Random::new(SEEDS[0]);
+    let mut random = Pcg64Mcg::seed_from_u64(SEEDS[0]);
     let mut best: Vec<f64> = (0..draws).map(|_| best_of_draw(gram, &factor, &scale, &mut random)).collect();
     best.sort_by(f64::total_cmp);
     let index = (draws as f64 * CHANCE_QUANTILE) as usize;
     best.get(index.min(draws.saturating_sub(1))).copied().unwrap_or(0.0)
 }
 
-fn best_of_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut Random) -> f64 {
-    let white: Vec<f64> = scale.iter().map(|_| random.normal()).collect();
+fn best_of_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut Pcg64Mcg) -> f64 {
+    let white: Vec<f64> = scale.iter().map(|_| normal(random)).collect();
     let lower = factor.lower();
     let mut with_residual = vec![0.0; scale.len()];
     for (j, &value) in white.iter().enumerate() {
@@ -86,28 +90,8 @@ fn best_of_draw(gram: &Gram<'_>, factor: &Factor, scale: &[f64], random: &mut Ra
     by_name.iter().map(|(_, scores)| log_sum_exp(scores)).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Reproducible pseudo-random numbers (Steele's SplitMix; Box and Muller's normal).
-#[derive(Debug, Clone)]
-pub(crate) struct Random(u64);
-
-impl Random {
-    /// From a seed.
-    pub(crate) fn new(seed: u64) -> Random {
-        Random(seed)
-    }
-
-    /// In \[0, 1).
-    pub(crate) fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// Standard normal.
-    pub(crate) fn normal(&mut self) -> f64 {
-        let (radius, angle) = (1.0 - self.uniform(), self.uniform());
-        (-2.0 * radius.ln()).sqrt() * (std::f64::consts::TAU * angle).cos()
-    }
+/// Standard normal (Box and Muller).
+pub(crate) fn normal(random: &mut Pcg64Mcg) -> f64 {
+    let [radius, angle] = random.random::<[f64; 2]>();
+    (-2.0 * (1.0 - radius).ln()).sqrt() * (TAU * angle).cos()
 }

@@ -26,9 +26,6 @@ use crate::spans::{Found, Given};
 use identify::Identified;
 use survey::Survey;
 
-/// Period of the loop here, ns: every suit sample is evaluated, whatever the configured rate.
-const TICK_NS: u64 = 4_000_000;
-
 /// Progress of a pass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Progress {

@@ -11,7 +11,7 @@ const NUMERIC: [&str; 15] = [
     "Duration",
 ];
 /// Numeric constants elsewhere, which tune nothing.
-const ALLOWED: [(&str, &str); 9] = [
+const ALLOWED: [(&str, &str); 10] = [
     // Sizes of arrays and indices into them.
     ("compare/window.rs", "SIDE_MAX"),
     ("noise/cop.rs", "COUNT"),
@@ -20,13 +20,13 @@ const ALLOWED: [(&str, &str); 9] = [
     ("noise/force.rs", "WHITE"),
     ("noise/force.rs", "ORIENTATION"),
     ("session.rs", "PARAMETERS"),
-    // Version of a file format.
-    ("model_file.rs", "VERSION"),
+    ("session_report/exposure.rs", "LEVELS"),
+    ("session_report/quality.rs", "PHASES"),
     // 180/π.
     ("report/words.rs", "DEGREE"),
 ];
 /// Files whose numeric constants are the geometry of drawings, in their own units.
-const DRAWINGS: [&str; 2] = ["report/svg.rs", "report/svg/"];
+const DRAWINGS: [&str; 3] = ["report/svg.rs", "report/svg/", "session_report/strips.rs"];
 
 /// The files below `src`, by path from there.
 fn sources() -> Vec<(String, String)> {

@@ -1,6 +1,8 @@
 //! Greedy search of a library by the evidence, term after term, and the level that it reaches by chance.
 
 use faer::Mat;
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
 
 use super::library::Entry;
 use crate::constants::{CLEAR_LEAD, DRAWS, SEEDS};
@@ -8,7 +10,7 @@ use crate::evidence::log_odds;
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
 use crate::linear::{dot, inner};
-use crate::trials::Random;
+use crate::trials::normal;
 
 /// A library, whitened.
 #[derive(Debug, Clone)]
@@ -41,11 +43,11 @@ impl Search {
 
     /// The best log odds that any entry reaches in [`DRAWS`] draws of white noise.
     pub(super) fn chance_level(&self) -> f64 {
-        let mut random = Random::new(SEEDS[1]);
+        let mut random = Pcg64Mcg::seed_from_u64(SEEDS[1]);
         let mut noise = Mat::zeros(self.columns.nrows(), DRAWS);
         for draw in 0..DRAWS {
             for value in noise.col_as_slice_mut(draw) {
-                *value = random.normal();
+                *value = normal(&mut random);
             }
         }
         let with_noise = inner(self.columns.as_ref(), noise.as_ref());

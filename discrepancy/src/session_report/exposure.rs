@@ -5,10 +5,10 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 use equipoise_view::words;
 
+use crate::constants::COLUMN_S;
+
 /// Number of levels, including `none` and `undecided`.
 pub const LEVELS: usize = 6;
-/// Length of a column of the strips, s.
-pub const COLUMN_S: f64 = 1.0;
 
 /// The closest approach of a joint to its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +48,7 @@ pub struct Exposure {
     pub joints: [JointExposure; JOINTS],
     /// Duration of valid torques, s.
     pub valid_s: f64,
-    /// Intervals of [`COLUMN_S`] by their number since the begin of the recording.
+    /// Intervals of `COLUMN_S` by their number since the begin of the recording.
     pub columns: Vec<(i64, Column)>,
 }
 

@@ -16,10 +16,7 @@ use super::identification::Identification;
 use super::lifts::Lifts;
 use super::quality::Quality;
 use super::records::Records;
-
-/// A recorder writes a cycle's record slightly after its state: this many states are held back until the records of
-/// their cycles are read.
-const REORDER_BUFFER: usize = 512;
+use crate::constants::REORDER_BUFFER;
 
 /// Origin of the states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

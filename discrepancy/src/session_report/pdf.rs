@@ -10,13 +10,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 
+use crate::constants::PRINT_TIMEOUT;
+
 /// Program names of Chromium.
 const NAMES: [&str; 5] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chromium-headless-shell"];
 /// Environment variable with another program.
 const VARIABLE: &str = "EQUIPOISE_CHROMIUM";
-/// Time limit; the report of a shift prints in seconds.
-const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Prints a page into a file.
 ///
@@ -96,10 +96,10 @@ fn wait(mut child: Child) -> anyhow::Result<()> {
             }
             bail!("it ended with {status}");
         }
-        if started.elapsed() > TIMEOUT {
+        if started.elapsed() > PRINT_TIMEOUT {
             child.kill()?;
             child.wait()?;
-            bail!("it took more than {} s", TIMEOUT.as_secs());
+            bail!("it took more than {} s", PRINT_TIMEOUT.as_secs());
         }
         std::thread::sleep(Duration::from_millis(20));
     }

@@ -11,6 +11,7 @@ use equipoise_core::overload::Level;
 use equipoise_view::words;
 use jiff::Timestamp;
 
+use crate::constants::MINUTES_FROM_S;
 use crate::report::document::{Figure, Section, Table, Text, code};
 use crate::report::svg::{Axis, Key, Look, Mark, Plot, Scale};
 
@@ -26,8 +27,6 @@ pub(super) use path::{latency, quality};
 /// Limits of the interpretation of the torques.
 const DISCLAIMER: &str = "Torques are what a load adds to each joint, by the method of Fortini et al. (2020). This is not a \
                           medical device and not a safety function.";
-/// From this length on times are displayed in minutes, s.
-const MINUTES_FROM_S: f64 = 300.0;
 
 /// Metadata of the session.
 pub(super) fn session(facts: &Facts) -> Section {

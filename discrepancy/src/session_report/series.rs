@@ -1,7 +1,6 @@
 //! A quantity over time, reduced to the minimum and maximum of each interval for drawing.
 
-/// Length of an interval, s.
-const STRETCH_S: f64 = 0.25;
+use crate::constants::SERIES_INTERVAL_S;
 
 /// Points by time: s, and the quantity's unit.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -22,7 +21,7 @@ impl Series {
         if !value.is_finite() {
             return;
         }
-        let (number, point) = ((time_s / STRETCH_S).floor() as i64, [time_s, value]);
+        let (number, point) = ((time_s / SERIES_INTERVAL_S).floor() as i64, [time_s, value]);
         match self.stretches.last_mut() {
             Some(last) if last.number == number => {
                 if value < last.lowest[1] {

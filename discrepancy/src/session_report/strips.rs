@@ -9,7 +9,8 @@ use equipoise_view::words;
 use crate::report::escaped;
 use crate::report::svg::Drawing;
 
-use super::exposure::{COLUMN_S, Exposure, rank};
+use super::exposure::{Exposure, rank};
+use crate::constants::COLUMN_S;
 
 const WIDTH: f64 = 540.0;
 const NAMES: f64 = 132.0;

@@ -8,13 +8,11 @@ use equipoise_core::message::CommandKind;
 use equipoise_recording::replay::free;
 use equipoise_recording::replay::samples::Sample;
 
+use crate::constants::{IDENTIFY_DELAY_S, TICK_NS};
 use crate::spans::Shown;
 
 use super::survey::Survey;
-use super::{Progress, Reconcile, TICK_NS, memory_at_first};
-
-/// Delay of the identification after the start of its span, s, so that earlier samples have left the loop's window.
-const WINDOW_S: f64 = 0.15;
+use super::{Progress, Reconcile, memory_at_first};
 
 /// A subject with a frozen model.
 #[derive(Debug)]
@@ -141,7 +139,7 @@ impl<'a> Pass<'a> {
             progress(Progress { doing: "learning the worker", share: now_s / end_s.max(1e-9) });
             let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
             if memory.identification.identified == 0 {
-                memory.identification.identifying = u64::from(now_s >= self.span_s[0] + WINDOW_S);
+                memory.identification.identifying = u64::from(now_s >= self.span_s[0] + IDENTIFY_DELAY_S);
             }
             step(&self.settings, &mut memory, tick, Inputs { command, ..inputs });
             self.ingest(&memory, &mut found);

@@ -12,7 +12,8 @@ use crate::spans::Found;
 
 use super::identify::Identified;
 use super::survey::Survey;
-use super::{Progress, Reconcile, TICK_NS, cutoff, memory_at_first};
+use super::{Progress, Reconcile, cutoff, memory_at_first};
+use crate::constants::TICK_NS;
 
 /// Runs the frozen subject model over the recording.
 pub(super) fn compare(

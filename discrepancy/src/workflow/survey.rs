@@ -11,15 +11,7 @@ use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::Sample;
 
 use super::Progress;
-
-/// Minimum number of samples of a stream.
-const SAMPLES_MIN: u64 = 60;
-/// Maximum time from a recording's header to its first sample, ns; a larger difference means another clock.
-const HEAD_BEFORE_MAX_NS: u64 = 600_000_000_000;
-/// Maximum relative deviation from the expected body weight; a larger one means another subject.
-const WEIGHT_SHARE_MAX: f64 = 0.15;
-/// Vertical force above which a person stands on the plate, N.
-const STANDING_N: f64 = 200.0;
+use crate::constants::{HEADER_AHEAD_MAX_NS, SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
 
 /// Content of a recording.
 #[derive(Debug)]
@@ -111,7 +103,7 @@ impl Survey {
         }
         survey.end_second();
         let first_ns = survey.first_ns();
-        if first_ns.checked_sub(survey.begin_ns).is_none_or(|before_ns| before_ns > HEAD_BEFORE_MAX_NS) {
+        if first_ns.checked_sub(survey.begin_ns).is_none_or(|before_ns| before_ns > HEADER_AHEAD_MAX_NS) {
             survey.begin_ns = first_ns;
         }
         Ok(survey)
@@ -238,7 +230,7 @@ impl Survey {
         // Temporary loads only add weight, so the lower quartile is the body weight.
         let Some(weight_n) = forces_n.get(forces_n.len() / 4) else { return Ok(()) };
         let measured_kg = weight_n / GRAVITY_M_PER_S2;
-        if (measured_kg / mass_kg - 1.0).abs() > WEIGHT_SHARE_MAX {
+        if (measured_kg / mass_kg - 1.0).abs() > WEIGHT_DEVIATION_MAX {
             bail!(
                 "while the worker should be identified ({from_s:.0} s – {to_s:.0} s) the plate shows {measured_kg:.1} kg, but {} \
                  weighs {mass_kg:.1} kg: this is another worker's recording or configuration, or something is carried; \
