@@ -60,7 +60,7 @@ fn a_late_plate_with_another_clock_is_found_in_a_minute_of_lifting_and_a_changed
     assert!(reading.error_s.abs() < 0.010 && reading.sigma_s < 0.005, "{reading:?}");
     assert!(reading.drift_error.abs() < 200e-6, "{reading:?}");
     assert!(!session.state().validity().any_of(Validity::CLOCK_UNSYNCHRONISED), "aligned");
-    assert!((session.memory().skew.lag_s() - rig.skew_at_s(session.now_s())).abs() < 0.010, "corrected");
+    assert!((session.memory().skew().lag_s() - rig.skew_at_s(session.now_s())).abs() < 0.010, "corrected");
 
     let mut samples = [0; 2];
     while session.now_s() < 120.0 {

@@ -228,7 +228,6 @@ pub(crate) const HIDDEN_KG: f64 = 2.0;
 pub(crate) struct Session {
     _directory: tempfile::TempDir,
     pub(crate) script: Script,
-    pub(crate) samples: Samples,
     pub(crate) recording: PathBuf,
     pub(crate) out: PathBuf,
     pub(crate) finding: Value,
@@ -249,9 +248,8 @@ pub(crate) fn session() -> &'static Session {
         script.habits = Habits { right_hand_share: 1.0, ..script.habits };
         let directory = tempfile::tempdir().unwrap();
         let (recording, out) = (directory.path().join("shift.mcap"), directory.path().join("out"));
-        let samples = script.samples();
-        samples.write(&recording, &script.config());
+        script.samples().write(&recording, &script.config());
         let finding = reconciled(&recording, &["--out", out.to_str().unwrap()]);
-        Session { _directory: directory, script, samples, recording, out, finding }
+        Session { _directory: directory, script, recording, out, finding }
     })
 }
