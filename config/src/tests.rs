@@ -77,7 +77,7 @@ fn a_value_of_another_type_is_named_with_its_key_and_line() {
         ),
         (
             "[ground]",
-            "others = [{ avatar = 1.5, station = \"b\" }]\n[ground]",
+            "forwarded = [{ avatar = 1.5, station = \"b\" }]\n[ground]",
             "c.toml, line 5: suit.forwarded.avatar: floating point",
         ),
         (
@@ -121,7 +121,7 @@ fn a_station_with_a_path_in_its_name_is_refused() {
 #[test]
 fn several_suits_share_a_port_with_separate_stations() {
     let with = |keys: &str| SMALLEST.replace("[ground]", &format!("{keys}\n[ground]"));
-    let others = "others = [{ avatar = 1, station = \"station-2\" }, { avatar = 4, station = \"c\" }]";
+    let others = "forwarded = [{ avatar = 1, station = \"station-2\" }, { avatar = 4, station = \"c\" }]";
     let config = Config::parse(&with(others), "c.toml").unwrap();
     let settings = config.suit.mvn_settings().unwrap();
     assert_eq!((settings.suit.avatar, settings.others), (0, vec![1, 4]));

@@ -190,7 +190,8 @@ fn units_name_the_prefix_and_are_in_a_search_path_of_systemd() {
         install(&at(prefix, &root), &program, false).unwrap();
         for (name, _) in UNITS {
             let text = fs::read_to_string(root.join(units).join(name)).unwrap();
-            let start = format!("ExecStart={}/bin/equipoise ", prefix.trim_end_matches('/'));
+            let program = if name == "equipoise.service" { DAEMON } else { "equipoise" };
+            let start = format!("ExecStart={}/bin/{program} ", prefix.trim_end_matches('/'));
             assert!(text.lines().any(|line| line.starts_with(&start)), "{prefix} {name}");
             assert!(prefix == "/usr/local" || !text.contains("/usr/local"), "{prefix} {name}");
         }
