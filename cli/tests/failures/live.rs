@@ -151,7 +151,7 @@ fn median(mut values: Vec<f64>) -> f64 {
 #[test]
 fn a_live_daemon_with_the_model_reduces_the_residual() {
     let session = session();
-    let (script, samples) = (&session.script, session.script.samples());
+    let (script, samples) = (&session.script, &session.script.samples());
     let worker = identified(script, samples);
     let span_s = [script.lift_s() - BEFORE_S, script.lift_s() + 23.0];
     let model = session.model();
