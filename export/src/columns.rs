@@ -148,7 +148,7 @@ mod tests {
             "torque_covariance_nm2_RightKnee_xy",
             "fatigue_L5S1",
             "segment_origin_m_Pelvis_z",
-            "zeta_left",
+            "foot_load_fraction_left",
             "com_m_x",
         ] {
             assert!(names_of::<State>().iter().any(|column| column == name), "{name}");

@@ -183,7 +183,7 @@ fn every_value_arrives_in_the_field_that_the_definition_gives_it() {
 fn each_reason_empties_what_it_spoils_and_nothing_else() {
     let pairs = [
         ("joints", "overload"),
-        ("l5s1_moment_nm", "back"),
+        ("l5s1_moment_nm", "low_back"),
         ("lifted_mass_kg", "load"),
         ("delta_f_n", "external_force"),
         ("cop_measured", "cop_measured"),
