@@ -36,7 +36,6 @@ mod plate;
 mod private;
 mod process;
 mod random_kills;
-mod real_input;
 mod record_live;
 mod record_pictures;
 mod record_service;

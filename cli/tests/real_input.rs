@@ -11,6 +11,11 @@
 //!   takes the wrench at the suit's time, so the measured CoP is off by at most δ times its fastest speed. δ is taken
 //!   from the recording for each instant; the speed from the file. Accelerations depend on the stamps too, so the
 //!   estimated CoP is compared with that of the file's rows at their live stamps.
+//!
+//! In a binary of its own: its bounds assume that no other test disturbs the loop.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
+
+mod common;
 
 use std::collections::HashMap;
 
@@ -26,7 +31,7 @@ use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{PlayerSettings, Recorded, play};
 use equipoise_simulator::ports::free_address;
 
-use crate::common::{Station, describe_output, human_motion};
+use common::{Station, describe_output, human_motion};
 
 /// Streamed part of the file, s.
 const LENGTH_S: f64 = 25.0;
