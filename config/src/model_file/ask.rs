@@ -36,7 +36,7 @@ pub struct Ask {
 }
 
 impl Ask {
-    /// The sentence of [`Finding::ask_next`].
+    /// The sentence of `ask_next` in the finding.
     pub fn sentence(&self) -> String {
         let [one, other] = &self.between;
         let what = self.what();

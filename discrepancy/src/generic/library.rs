@@ -37,7 +37,7 @@ impl Entry {
     }
 
     /// The same entry, marked as an error of the suit.
-    pub(crate) fn as_suit_error(self) -> Entry {
+    pub(crate) fn into_suit_error(self) -> Entry {
         Entry { is_suit_error: true, ..self }
     }
 }
@@ -47,8 +47,8 @@ pub(crate) fn all(rows: &Rows<'_>) -> Vec<Entry> {
     let neighbours = shifts::Neighbours::of(rows);
     let mut list = forces(rows);
     list.extend(shifts::joints(&neighbours));
-    list.extend(shifts::slips(&neighbours).into_iter().map(Entry::as_suit_error));
-    list.extend(regions::all(&neighbours).into_iter().map(Entry::as_suit_error));
+    list.extend(shifts::slips(&neighbours).into_iter().map(Entry::into_suit_error));
+    list.extend(regions::all(&neighbours).into_iter().map(Entry::into_suit_error));
     list.extend(plate_errors(rows));
     list
 }
