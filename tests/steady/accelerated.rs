@@ -188,10 +188,11 @@ fn own_faults() -> [i64; 2] {
 
 impl Observer for Until {
     fn cycle_begins(&mut self, cycle: u64) {
+        self.watch.cycle_begins(cycle);
+        // After the watch is armed: its first call maps a page of its own.
         if cycle == self.watch.warm_cycles {
             self.faults[0] = own_faults();
         }
-        self.watch.cycle_begins(cycle);
         if cycle == self.cycles {
             self.faults[1] = own_faults();
             self.control.stop();
