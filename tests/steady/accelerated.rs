@@ -189,8 +189,8 @@ fn own_faults() -> [i64; 2] {
 impl Observer for Until {
     fn cycle_begins(&mut self, cycle: u64) {
         self.watch.cycle_begins(cycle);
-        // After the watch is armed: its first call maps a page of its own.
-        if cycle == self.watch.warm_cycles {
+        // After the first armed cycle: the counters' own first use maps a page.
+        if cycle == self.watch.warm_cycles + 1 {
             self.faults[0] = own_faults();
         }
         if cycle == self.cycles {
