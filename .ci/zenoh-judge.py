@@ -161,7 +161,7 @@ def judge_pair(ros, message):
     where = f"{ros.station} cycle {state['cycle']}"
     if (ros.phase, list(ros.reasons)) != (state["phase"], state["valid"]):
         fail(f"{where}: {ros.phase} {ros.reasons} and {state['phase']} {state['valid']}")
-    for field, key in [("overload", "joints"), ("back", "l5s1_moment_nm"), ("load", "lifted_mass_kg"),
+    for field, key in [("overload", "joints"), ("low_back", "l5s1_moment_nm"), ("load", "lifted_mass_kg"),
                        ("external_force", "delta_f_n"), ("cop_measured", "cop_measured"),
                        ("cop_estimated", "cop_estimated"), ("mass_kg", "mass_kg")]:
         if (len(getattr(ros, field)) > 0) != (key in state):
