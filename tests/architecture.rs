@@ -28,7 +28,7 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("view", &["core", "bus", "latency"]),
     ("recording", &["core", "latency", "bus", "files", "adapters", "config", "station", "view"]),
     // Ordinary consumers, which forward what they read.
-    ("gateways", &["core", "client", "config"]),
+    ("gateways", &["core", "client", "config", "station"]),
     // Reads recordings.
     ("export", &["core", "adapters"]),
     ("gateways/foxglove", &["core", "client", "gateways", "view"]),

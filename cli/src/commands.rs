@@ -29,9 +29,10 @@ mod watch;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use equipoise_daemon::process::{self, ConfigArgument, log_to_stderr, single_line, stop_on_signals};
 use equipoise_daemon::run;
+use equipoise_daemon::run::ConfigArgument;
 use equipoise_discrepancy::spans::Span;
+use equipoise_station::process::{self, log_to_stderr, single_line, stop_on_signals};
 
 use crate::metrics_feed;
 

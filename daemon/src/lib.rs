@@ -12,7 +12,6 @@ pub mod ingress;
 pub mod latency_log;
 pub mod model_watch;
 pub mod pipeline;
-pub mod process;
 pub mod profile;
 pub mod realtime;
 pub mod restart_policy;

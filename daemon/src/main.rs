@@ -3,7 +3,8 @@
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
-use equipoise_daemon::{process, run};
+use equipoise_daemon::run;
+use equipoise_station::process;
 
 const EXAMPLE: &str = "Example: equipoise-daemon --sensors-apart --config /etc/equipoise/equipoise.toml";
 

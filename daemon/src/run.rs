@@ -8,11 +8,19 @@ use std::time::Duration;
 use anyhow::bail;
 use equipoise_config::model::LoadedModel;
 use equipoise_config::{Config, ConfigError};
+use equipoise_station::process::{log_to_stderr, stop_on_signals};
 use tracing::{info, warn};
 
 use crate::pipeline::{Pipeline, ServeMetrics};
-use crate::process::{ConfigArgument, log_to_stderr, stop_on_signals};
 use crate::realtime::now_ns;
+
+/// Which configuration to use.
+#[derive(Debug, clap::Args)]
+pub struct ConfigArgument {
+    /// Configuration file
+    #[arg(long, value_name = "FILE")]
+    pub config: PathBuf,
+}
 
 /// Run the pipeline as a service
 #[derive(Debug, clap::Args)]

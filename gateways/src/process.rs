@@ -2,15 +2,11 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::Parser;
+use equipoise_station::process::{log_to_stderr, stop_on_signals};
 use tracing::info;
-use tracing::level_filters::LevelFilter;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::layer::SubscriberExt as _;
-use tracing_subscriber::util::SubscriberInitExt as _;
 
 use crate::config::StationFile;
 use crate::drive::drive;
@@ -40,7 +36,7 @@ pub fn main_of(
     create: impl FnOnce(&StationFile) -> anyhow::Result<ScheduledGateway>,
 ) -> ExitCode {
     let arguments = Arguments::parse();
-    log_to_stderr();
+    log_to_stderr("info");
     let outcome = stop_on_signals().and_then(|stop| {
         let file = StationFile::read(&arguments.config)?;
         run(kind, &file, create(&file)?, &stop)
@@ -73,26 +69,4 @@ pub fn run(
 /// Error for a missing section.
 pub fn no_section(kind: &str) -> anyhow::Error {
     anyhow::anyhow!("the configuration has no [gateways.{kind}]: add it (docs/consumers/)")
-}
-
-fn stop_on_signals() -> anyhow::Result<Arc<AtomicBool>> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register(signal, Arc::clone(&stop))?;
-    }
-    Ok(stop)
-}
-
-fn log_to_stderr() {
-    let requested = std::env::var("RUST_LOG").ok().filter(|text| !text.is_empty());
-    let requested: Option<Targets> = requested.and_then(|text| text.parse().ok());
-    let filter = requested.unwrap_or_else(|| Targets::new().with_default(LevelFilter::INFO));
-    let builder = tracing_subscriber::fmt().with_max_level(LevelFilter::TRACE).with_writer(std::io::stderr);
-    let builder = builder.with_target(false);
-    if std::env::var_os("JOURNAL_STREAM").is_some() {
-        builder.without_time().with_ansi(false).finish().with(filter).init();
-    } else {
-        let terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
-        builder.with_ansi(terminal).finish().with(filter).init();
-    }
 }

@@ -7,10 +7,10 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use crossbeam_channel::bounded;
 use equipoise_config::Config;
-
-use crate::metrics_feed;
 use sd_notify::NotifyState;
 use tracing::info;
+
+use crate::metrics_feed;
 
 use super::{ConfigArgument, Outcome, log_to_stderr};
 

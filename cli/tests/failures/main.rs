@@ -24,7 +24,7 @@ mod kill_and_restart;
 mod latency;
 mod live;
 #[path = "../reconcile/make.rs"]
-#[allow(dead_code, clippy::allow_attributes, reason = "the live model needs a part of it")]
+#[expect(dead_code, reason = "the live model needs a part of it")]
 mod make;
 mod malformed_datagrams;
 mod metrics;

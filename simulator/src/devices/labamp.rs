@@ -69,7 +69,7 @@ impl LabAmp {
         EightChannels::NAMES.map(|name| Signal { name: name.into(), unit: UNIT.into() }).into()
     }
 
-    fn obey(&mut self, stream: &mut Line, asked: Rest) -> io::Result<Option<String>> {
+    fn execute(&mut self, stream: &mut Line, asked: Rest) -> io::Result<Option<String>> {
         match asked {
             Rest::Open(scans) => {
                 self.scans_of_a_frame = scans.unwrap_or(labamp::fewest_scans(self.rate_hz)) as usize;
@@ -120,7 +120,7 @@ impl Protocol for LabAmp {
         if let Some(request) = self.http.request()? {
             match labamp::answer(&request.path, &request.body, &LabAmp::signals(), self.rate_hz) {
                 Some((answer, asked)) => {
-                    let answer = self.obey(stream, asked)?.unwrap_or(answer);
+                    let answer = self.execute(stream, asked)?.unwrap_or(answer);
                     self.http.answer("200 OK", "application/json", &answer)?;
                 }
                 None => self.http.answer("404 Not Found", "text/plain", "Error occured")?,

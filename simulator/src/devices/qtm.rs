@@ -42,7 +42,7 @@ impl Qtm {
         Connected::new(qtm, line)
     }
 
-    fn obey(&mut self, line: &mut Line, text: &str) -> io::Result<()> {
+    fn execute(&mut self, line: &mut Line, text: &str) -> io::Result<()> {
         match command(text) {
             Command::Stream { rate_hz, divisor, force, single } => {
                 let every = rate_hz.map_or(divisor.max(1), |rate_hz| (FRAMES_HZ / rate_hz).max(1.0) as u32);
@@ -93,7 +93,7 @@ impl Protocol for Qtm {
     fn hear(&mut self, line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
         while let Some((kind, text)) = take_packet(heard) {
             if kind == Kind::Command as u32 {
-                self.obey(line, &text)?;
+                self.execute(line, &text)?;
             }
         }
         Ok(Asked::default())

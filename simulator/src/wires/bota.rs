@@ -88,13 +88,13 @@ impl Dialogue {
                     return None;
                 }
                 let line = std::mem::take(&mut self.line);
-                self.obey(&line)
+                self.execute(&line)
             }
         }
     }
 
     /// `c,temperature compensation,calibration,format,baud` or `f,sinc,chop,fast,fir`.
-    fn obey(&mut self, line: &str) -> Option<String> {
+    fn execute(&mut self, line: &str) -> Option<String> {
         let words: Vec<&str> = line.split(',').collect();
         match words[..] {
             ["c", _, _, _, baud] => self.next_baud = *BAUDS.get(baud.parse::<usize>().ok()?)?,

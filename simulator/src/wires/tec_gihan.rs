@@ -114,10 +114,10 @@ impl Dialogue {
             return None;
         }
         let line = String::from_utf8_lossy(&std::mem::take(&mut self.line)).trim().to_owned();
-        self.obey(&line).map(|answer| answer + "\n")
+        self.execute(&line).map(|answer| answer + "\n")
     }
 
-    fn obey(&mut self, line: &str) -> Option<String> {
+    fn execute(&mut self, line: &str) -> Option<String> {
         if let Some(rate) = line.strip_prefix("SPS_") {
             self.rate = RATES.iter().position(|(name, ..)| *name == rate)?;
             return Some("SPS_OK".into());

@@ -1,6 +1,5 @@
-//! What the programs of the workspace share: arguments, log, signals, errors in one line.
+//! What all programs of a station do alike: log, signals, permissions of new files, errors in one line.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -8,14 +7,6 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
-
-/// Which configuration to use.
-#[derive(Debug, clap::Args)]
-pub struct ConfigArgument {
-    /// Configuration file
-    #[arg(long, value_name = "FILE")]
-    pub config: PathBuf,
-}
 
 /// Restricts new files to owner and group: recordings, results and logs contain personal motion data.
 pub fn restrict_new_files() {
