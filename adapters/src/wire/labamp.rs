@@ -133,9 +133,9 @@ const FORM: Form = Form {
 
 /// Splits the stream into frames, independently of its division into pieces.
 #[derive(Debug, Clone, Default)]
-pub struct Cutter(Sized);
+pub struct Deframer(Sized);
 
-impl Cutter {
+impl Deframer {
     /// Discards partially received data.
     pub fn clear(&mut self) {
         self.0.clear();

@@ -198,9 +198,9 @@ const FORM: Form = Form {
 
 /// Splits QTM's stream into packets, independently of its division into pieces.
 #[derive(Debug, Clone, Default)]
-pub struct Cutter(Sized);
+pub struct Deframer(Sized);
 
-impl Cutter {
+impl Deframer {
     /// Discards partially received data.
     pub fn clear(&mut self) {
         self.0.clear();

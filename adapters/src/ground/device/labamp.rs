@@ -10,7 +10,7 @@ use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
 use crate::ground::reading::{Reading, Taken, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::labamp::talk::{Metadata, Signal};
-use crate::wire::labamp::{Content, Cutter, Data, Event, Frame, Malformed};
+use crate::wire::labamp::{Content, Data, Deframer, Event, Frame, Malformed};
 
 /// The description of the channels has some kilobytes.
 const LINE_MAX: usize = 1 << 20;
@@ -66,7 +66,7 @@ enum Phase {
 
 #[derive(Debug, Clone)]
 struct Frames {
-    cutter: Cutter,
+    deframer: Deframer,
     fitted: Fitted,
     rate_hz: f64,
     decimator: Decimator,
@@ -100,7 +100,7 @@ impl LabAmp {
                 let usual = (rate_hz / USUAL_RATE_HZ).round().max(1.0) as u32;
                 let decimate = self.settings.decimate.unwrap_or(usual).max(1);
                 self.phase = Phase::Frames(Box::new(Frames {
-                    cutter: Cutter::default(),
+                    deframer: Deframer::default(),
                     decimator: Decimator::new(fitted.count(), decimate, rate_hz),
                     fitted,
                     rate_hz,
@@ -240,13 +240,13 @@ impl GroundDevice for LabAmp {
             }
             return;
         };
-        let mut cutter = core::mem::take(&mut frames.cutter);
-        cutter.push(bytes);
-        while let Some(frame) = cutter.next_frame() {
+        let mut deframer = core::mem::take(&mut frames.deframer);
+        deframer.push(bytes);
+        while let Some(frame) = deframer.next_frame() {
             self.frame(frame, taken);
         }
         if let Phase::Frames(frames) = &mut self.phase {
-            frames.cutter = cutter;
+            frames.deframer = deframer;
         }
     }
 

@@ -37,13 +37,13 @@ fn forces(plates: &Plates) -> Vec<u8> {
     component(4, &content)
 }
 
-/// The elements that a cutter returns for pieces of a stream, as text.
+/// The elements that a deframer returns for pieces of a stream, as text.
 fn found(pieces: &[&[u8]]) -> Vec<String> {
-    let mut cutter = Cutter::default();
+    let mut deframer = Deframer::default();
     let mut found = Vec::new();
     for piece in pieces {
-        cutter.push(piece);
-        while let Some(packet) = cutter.next_packet() {
+        deframer.push(piece);
+        while let Some(packet) = deframer.next_packet() {
             found.push(format!("{packet:?}"));
         }
     }
@@ -63,17 +63,17 @@ fn a_frame_written_by_hand_is_read() {
         0, 0, 0x20, 0x41, 0, 0, 0, 0, 0, 0, 0, 0, // 10, 0, 0 mm
         0, 0, 0, 0,
     ];
-    let mut cutter = Cutter::default();
-    cutter.push(&bytes);
+    let mut deframer = Deframer::default();
+    deframer.push(&bytes);
     // Four excess bytes in the frame: its lengths are checked to the last byte.
-    let Some(Ok(Packet::Frame(frame))) = cutter.next_packet() else { panic!() };
+    let Some(Ok(Packet::Frame(frame))) = deframer.next_packet() else { panic!() };
     assert_eq!(frame.plate(2), Err(Malformed::Frame { number: 7 }));
 
     let mut bytes = bytes[..84].to_vec();
     bytes[0] = 84;
     bytes[24] = 60;
-    cutter.push(&bytes);
-    let Some(Ok(Packet::Frame(frame))) = cutter.next_packet() else { panic!() };
+    deframer.push(&bytes);
+    let Some(Ok(Packet::Frame(frame))) = deframer.next_packet() else { panic!() };
     assert_eq!((frame.timestamp_us, frame.number, frame.plates()), (1_000_000, 7, vec![2]));
     assert_eq!(frame.plate(1), Ok(None));
     let forces = frame.plate(2).unwrap().unwrap();
@@ -81,7 +81,7 @@ fn a_frame_written_by_hand_is_read() {
     let force =
         PlateForce { force_n: [1.0, -2.0, 700.0], moment_nm: [0.0, -1.0, 0.0], point_mm: [10.0, 0.0, 0.0] };
     assert_eq!(forces.forces().collect::<Vec<_>>(), [force]);
-    assert!(cutter.next_packet().is_none());
+    assert!(deframer.next_packet().is_none());
 }
 
 #[test]
@@ -106,16 +106,16 @@ fn words_are_written_as_qtm_reads_them_and_read_as_it_writes_them() {
 
 #[test]
 fn the_other_byte_order_is_named() {
-    let mut cutter = Cutter::default();
-    cutter.push(&[0, 0, 0, 21, 0, 0, 0, 1, b'V']);
-    let error = cutter.next_packet().unwrap().unwrap_err();
+    let mut deframer = Deframer::default();
+    deframer.push(&[0, 0, 0, 21, 0, 0, 0, 1, b'V']);
+    let error = deframer.next_packet().unwrap().unwrap_err();
     assert!(error.to_string().contains("22223"), "{error}");
     // Such a stream cannot be resynchronised, and its data are not buffered.
-    cutter.push(&command("Version 1.25"));
-    assert!(cutter.next_packet().is_none() && cutter.0.held() == 0);
-    cutter.clear();
-    cutter.push(&command("Version 1.25"));
-    assert!(cutter.next_packet().unwrap().is_ok());
+    deframer.push(&command("Version 1.25"));
+    assert!(deframer.next_packet().is_none() && deframer.0.held() == 0);
+    deframer.clear();
+    deframer.push(&command("Version 1.25"));
+    assert!(deframer.next_packet().unwrap().is_ok());
 }
 
 #[test]
@@ -135,13 +135,13 @@ proptest! {
     ) {
         let other = component(1, &[7; 12]);
         let bytes = [command("hello"), frame(timestamp_us, number, &[other, forces(&plates)]), command("bye")].concat();
-        let mut cutter = Cutter::default();
+        let mut deframer = Deframer::default();
         let (mut rest, mut frames, mut words) = (&bytes[..], 0, 0);
         for cut in cuts.iter().cycle() {
             let (piece, after) = rest.split_at((*cut).min(rest.len()));
-            cutter.push(piece);
+            deframer.push(piece);
             rest = after;
-            while let Some(packet) = cutter.next_packet() {
+            while let Some(packet) = deframer.next_packet() {
                 match packet.unwrap() {
                     Packet::Text(_) => words += 1,
                     Packet::Frame(frame) => {
@@ -166,10 +166,10 @@ proptest! {
 
     #[test]
     fn anything_may_come(pieces in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..200), 0..20)) {
-        let mut cutter = Cutter::default();
+        let mut deframer = Deframer::default();
         for piece in &pieces {
-            cutter.push(piece);
-            while let Some(packet) = cutter.next_packet() {
+            deframer.push(piece);
+            while let Some(packet) = deframer.next_packet() {
                 if let Ok(Packet::Frame(frame)) = packet {
                     let _ = (frame.plates(), frame.plate(1).map(|plate| plate.map(|plate| plate.forces().count())));
                 }
@@ -184,9 +184,9 @@ proptest! {
         let length = bytes.len();
         bytes[at % length] = value;
         let _ = found(&[&bytes]);
-        let mut cutter = Cutter::default();
-        cutter.push(&bytes);
-        if let Some(Ok(Packet::Frame(frame))) = cutter.next_packet() {
+        let mut deframer = Deframer::default();
+        deframer.push(&bytes);
+        if let Some(Ok(Packet::Frame(frame))) = deframer.next_packet() {
             let _ = (frame.plate(1), frame.plates());
         }
     }

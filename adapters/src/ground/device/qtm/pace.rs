@@ -38,7 +38,8 @@ impl Pace {
         Pace { divisor: divisor.max(1), newest: None, interval_us: None, held: None }
     }
 
-    pub(super) fn forget(&mut self) {
+    /// Discards all stamps, for a new connection or measurement.
+    pub(super) fn reset(&mut self) {
         *self = Pace::new(self.divisor);
     }
 
@@ -57,7 +58,7 @@ impl Pace {
                 return Vec::new();
             }
             // Time decreased: another measurement.
-            Some(newest) if newest.timestamp_us > stamp.timestamp_us => self.forget(),
+            Some(newest) if newest.timestamp_us > stamp.timestamp_us => self.reset(),
             Some(newest) => self.follow(newest, stamp, forces.len(), taken),
             None => {}
         }
