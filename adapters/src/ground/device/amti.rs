@@ -160,14 +160,14 @@ impl GroundDevice for Amti {
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
-        if self.dialogue.streams() {
+        if self.dialogue.is_streaming() {
             if arrival_ns.saturating_sub(self.last_ns) > SILENCE_NS {
                 // The count of frames lost in the silence is unavailable.
                 taken.restarted();
             }
             self.last_ns = arrival_ns;
             self.read(bytes, arrival_ns, taken);
-        } else if let Some(rest) = self.dialogue.hear(bytes, arrival_ns) {
+        } else if let Some(rest) = self.dialogue.ingest(bytes, arrival_ns) {
             self.stream.clear();
             self.passed = 0;
             taken.restarted();
@@ -179,7 +179,7 @@ impl GroundDevice for Amti {
 
     fn wants(&mut self, now_ns: u64) -> Want {
         let silent = now_ns.saturating_sub(self.last_ns) > SILENCE_NS;
-        if self.dialogue.streams() && (silent || self.framing.is_hopeless()) {
+        if self.dialogue.is_streaming() && (silent || self.framing.is_hopeless()) {
             self.framing.hope_again();
             self.dialogue.begin(now_ns);
         }

@@ -1,4 +1,7 @@
-//! Start-up dialogue of an AMTI plate: stop, rate, speed, zero, start, each with its answer and its timeout.
+//! Start-up dialogue with an AMTI plate over its serial line: stop, sampling rate, line speed, zero, start.
+//!
+//! A state machine without I/O. Inputs are the bytes received and the time (ns, CLOCK_MONOTONIC), outputs are the
+//! bytes to send and the line speeds to set. Each command has a timeout; after a failure the dialogue restarts.
 //!
 //! A plate left streaming (by another program, or by a killed daemon) accepts only "stop", and only at its streaming
 //! speed; "stop" is therefore sent at both speeds. Whether the plate then accepts its rate at the slow speed, as the
@@ -9,39 +12,43 @@ use crate::ground::device::Want;
 use crate::wire::amti::{Command, SPEED_FAST, SPEED_SLOW, STARTED_ONE, STARTED_TWO, ZEROED_ONE, ZEROED_TWO};
 
 const MS: u64 = 1_000_000;
-/// Time from "stop" until the plate is silent.
+/// Time from "stop" until the plate is silent, and from a change of speed to the next command, ns.
 const SETTLE_NS: u64 = 100 * MS;
-/// Timeout of an answer, …
+/// Timeout of an answer, except that to "zero", ns.
 const ANSWER_NS: u64 = 1000 * MS;
-/// … and of the answer to "zero".
+/// Timeout of the answer to "zero", ns.
 const ZERO_NS: u64 = 12_000 * MS;
-/// Pause after a failure.
+/// Pause after a failure, ns.
 const PAUSE_NS: u64 = 500 * MS;
-/// Pause between checks whether one of two connected plates was removed.
+/// Pause between checks whether one of two connected plates was removed, ns.
 const TWO_PAUSE_NS: u64 = 5000 * MS;
-/// Occasional failures of the dialogue are normal; this many in a row are reported.
+/// Number of consecutive failures that are reported; single failures of the dialogue are normal.
 const FAILURES: u32 = 2;
-/// More bytes than this before an answer are a stream, not an answer.
-const CHATTER_MAX: usize = 64;
+/// Maximum number of bytes before an answer: more are a stream, in which an answer cannot be identified.
+const BYTES_BEFORE_ANSWER_MAX: usize = 64;
 
+/// The next action, or the answer that is awaited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Step {
-    /// At the fast speed: stop.
+    /// Set the fast speed.
     FastSpeed,
+    /// Send "stop" at the fast speed.
     FastStop,
-    /// At the speed at which the rate is sent: stop.
-    AskSpeed,
-    AskStop,
+    /// Set the speed of the command phase.
+    CommandSpeed,
+    /// Send "stop" at that speed.
+    CommandStop,
     Rate,
     RateAnswer,
+    /// Set the speed at which the plate streams.
     StreamSpeed,
     Zero,
     ZeroAnswer,
     Start,
     StartAnswer,
-    Streams,
-    /// Pause until `until_ns`.
-    Rests,
+    Streaming,
+    /// Pause until `until_ns`, then restart.
+    Pause,
 }
 
 /// The last failure.
@@ -50,24 +57,37 @@ enum Fault {
     NoAnswer,
     NoZero,
     NoStart,
-    Two,
+    TwoPlates,
 }
 
+/// State of the dialogue.
 #[derive(Debug, Clone)]
 pub(super) struct Dialogue {
     rate: Rate,
+    /// Whether to zero the plate before the start.
     zero: bool,
     step: Step,
-    /// End of the step, at the latest.
+    /// Timeout of the step, ns.
     until_ns: u64,
-    heard: usize,
+    /// Bytes received in this step without an answer.
+    bytes_before_answer: usize,
+    /// Consecutive failures.
     failures: u32,
     fault: Option<Fault>,
 }
 
 impl Dialogue {
+    /// A dialogue before its first step; `zero`: the plate is zeroed at the first start.
     pub(super) fn new(rate: Rate, zero: bool) -> Dialogue {
-        Dialogue { rate, zero, step: Step::FastSpeed, until_ns: 0, heard: 0, failures: 0, fault: None }
+        Dialogue {
+            rate,
+            zero,
+            step: Step::FastSpeed,
+            until_ns: 0,
+            bytes_before_answer: 0,
+            failures: 0,
+            fault: None,
+        }
     }
 
     /// Restarts the dialogue.
@@ -75,79 +95,81 @@ impl Dialogue {
         (self.step, self.until_ns) = (Step::FastSpeed, now_ns);
     }
 
-    pub(super) fn streams(&self) -> bool {
-        self.step == Step::Streams
+    /// Whether the plate has confirmed its start.
+    pub(super) fn is_streaming(&self) -> bool {
+        self.step == Step::Streaming
     }
 
-    /// Speed of the command phase: the two speeds alternate with each failure.
-    fn asks_at(&self) -> u32 {
+    /// Speed of the command phase, baud: the two speeds alternate with each failure.
+    fn command_speed(&self) -> u32 {
         if self.failures.is_multiple_of(2) { SPEED_SLOW } else { SPEED_FAST }
     }
 
     /// The next action; each is returned once.
     pub(super) fn wants(&mut self, now_ns: u64) -> Want {
-        let waits = now_ns < self.until_ns;
-        let say = |command: Command| Want::Send(vec![command as u8]);
+        let is_waiting = now_ns < self.until_ns;
+        let send = |command: Command| Want::Send(vec![command as u8]);
         match self.step {
-            Step::FastSpeed => self.go(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
-            Step::FastStop => self.go(Step::AskSpeed, now_ns + SETTLE_NS, say(Command::Stop)),
-            _ if waits => Want::Nothing,
-            Step::AskSpeed => self.go(Step::AskStop, now_ns, Want::Speed(self.asks_at())),
-            Step::AskStop => self.go(Step::Rate, now_ns + SETTLE_NS, say(Command::Stop)),
-            Step::Rate => self.go(Step::RateAnswer, now_ns + ANSWER_NS, say(self.rate.command())),
+            Step::FastSpeed => self.enter(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
+            Step::FastStop => self.enter(Step::CommandSpeed, now_ns + SETTLE_NS, send(Command::Stop)),
+            _ if is_waiting => Want::Nothing,
+            Step::CommandSpeed => self.enter(Step::CommandStop, now_ns, Want::Speed(self.command_speed())),
+            Step::CommandStop => self.enter(Step::Rate, now_ns + SETTLE_NS, send(Command::Stop)),
+            Step::Rate => self.enter(Step::RateAnswer, now_ns + ANSWER_NS, send(self.rate.command())),
             Step::StreamSpeed => {
                 let next = if self.zero { Step::Zero } else { Step::Start };
-                self.go(next, now_ns + SETTLE_NS, Want::Speed(self.rate.speed()))
+                self.enter(next, now_ns + SETTLE_NS, Want::Speed(self.rate.speed()))
             }
-            Step::Zero => self.go(Step::ZeroAnswer, now_ns + ZERO_NS, say(Command::AutoZero)),
-            Step::Start => self.go(Step::StartAnswer, now_ns + ANSWER_NS, say(Command::Start)),
+            Step::Zero => self.enter(Step::ZeroAnswer, now_ns + ZERO_NS, send(Command::AutoZero)),
+            Step::Start => self.enter(Step::StartAnswer, now_ns + ANSWER_NS, send(Command::Start)),
             Step::RateAnswer => self.fail(Fault::NoAnswer, now_ns),
             Step::ZeroAnswer => self.fail(Fault::NoZero, now_ns),
             Step::StartAnswer => self.fail(Fault::NoStart, now_ns),
-            Step::Rests => self.go(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
-            Step::Streams => Want::Nothing,
+            Step::Pause => self.enter(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
+            Step::Streaming => Want::Nothing,
         }
     }
 
-    /// Searches for the expected answer; returns the bytes after it if they belong to the stream.
-    pub(super) fn hear<'a>(&mut self, bytes: &'a [u8], now_ns: u64) -> Option<&'a [u8]> {
+    /// Searches received bytes for the expected answer; returns the bytes after it if they belong to the stream.
+    pub(super) fn ingest<'a>(&mut self, bytes: &'a [u8], now_ns: u64) -> Option<&'a [u8]> {
         let expected: &[u8] = match self.step {
             Step::RateAnswer => &[self.rate.command() as u8],
             Step::ZeroAnswer => &[ZEROED_ONE, ZEROED_TWO],
             Step::StartAnswer => &[STARTED_ONE, STARTED_TWO],
             _ => return None,
         };
-        let Some(place) = bytes.iter().position(|byte| expected.contains(byte)) else {
-            self.heard += bytes.len();
-            if self.heard > CHATTER_MAX {
+        let Some(position) = bytes.iter().position(|byte| expected.contains(byte)) else {
+            self.bytes_before_answer += bytes.len();
+            if self.bytes_before_answer > BYTES_BEFORE_ANSWER_MAX {
                 // The plate still streams: an answer cannot be distinguished from its frames.
                 self.until_ns = now_ns;
             }
             return None;
         };
-        if matches!(bytes.get(place), Some(&(ZEROED_TWO | STARTED_TWO))) && self.step != Step::RateAnswer {
-            let _stop = self.fail(Fault::Two, now_ns);
+        if matches!(bytes.get(position), Some(&(ZEROED_TWO | STARTED_TWO))) && self.step != Step::RateAnswer {
+            let _stop = self.fail(Fault::TwoPlates, now_ns);
             return None;
         }
         match self.step {
-            Step::RateAnswer => _ = self.go(Step::StreamSpeed, now_ns, Want::Nothing),
+            Step::RateAnswer => _ = self.enter(Step::StreamSpeed, now_ns, Want::Nothing),
             Step::ZeroAnswer => {
                 // Zero once only: a person may stand on the plate when it is reconnected, and their weight must not
                 // become the zero.
                 self.zero = false;
-                _ = self.go(Step::Start, now_ns, Want::Nothing);
+                _ = self.enter(Step::Start, now_ns, Want::Nothing);
             }
             _ => {
-                (self.step, self.failures, self.fault) = (Step::Streams, 0, None);
-                return bytes.get(place + 1..);
+                (self.step, self.failures, self.fault) = (Step::Streaming, 0, None);
+                return bytes.get(position + 1..);
             }
         }
         None
     }
 
+    /// The last failure with its remedy, if it is to be reported.
     pub(super) fn trouble(&self) -> Option<String> {
-        let said = match self.fault? {
-            Fault::Two => {
+        let message = match self.fault? {
+            Fault::TwoPlates => {
                 "two AMTI plates answer on this line, and how two send has never been verified: switch the adapter from A+B \
                  to A, and give the second plate a line and a [ground.second] of its own"
             }
@@ -165,18 +187,20 @@ impl Dialogue {
                  carries; if that does not help, unplug its power and plug it in again"
             }
         };
-        Some(said.to_owned())
+        Some(message.to_owned())
     }
 
-    fn go(&mut self, next: Step, until_ns: u64, want: Want) -> Want {
-        (self.step, self.until_ns, self.heard) = (next, until_ns, 0);
+    /// Enters the next step with its timeout; returns the action that leads to it.
+    fn enter(&mut self, next: Step, until_ns: u64, want: Want) -> Want {
+        (self.step, self.until_ns, self.bytes_before_answer) = (next, until_ns, 0);
         want
     }
 
+    /// Counts a failure, stops the plate and pauses.
     fn fail(&mut self, fault: Fault, now_ns: u64) -> Want {
         self.failures = self.failures.saturating_add(1);
         self.fault = Some(fault);
-        let pause_ns = if fault == Fault::Two { TWO_PAUSE_NS } else { PAUSE_NS };
-        self.go(Step::Rests, now_ns + pause_ns, Want::Send(vec![Command::Stop as u8]))
+        let pause_ns = if fault == Fault::TwoPlates { TWO_PAUSE_NS } else { PAUSE_NS };
+        self.enter(Step::Pause, now_ns + pause_ns, Want::Send(vec![Command::Stop as u8]))
     }
 }

@@ -68,7 +68,7 @@ impl Bench {
     /// Steps until the plate streams, with a bound.
     fn link(&mut self) {
         for _ in 0..1000 {
-            if self.device.dialogue.streams() {
+            if self.device.dialogue.is_streaming() {
                 return;
             }
             self.run(20);

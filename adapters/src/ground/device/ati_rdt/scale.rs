@@ -1,39 +1,47 @@
-//! Scale of an ATI device's counts: from its settings page and from the configuration, with a check that both agree.
+//! Scale of an ATI device: counts per newton and per newton metre.
+//!
+//! Inputs are the settings page of the device (`netftapi2.xml`) and the configuration (`ground.counts_per_newton`,
+//! `ground.counts_per_newton_metre`). If both have a value they must agree, because a wrong scale multiplies every
+//! force and torque. Errors are messages for the operator.
 
 use super::RdtSettings;
 use crate::wire::netft_xml::{NetFtPage, newton_metres_of, newtons_of};
 
-/// The page does not round, so page and configuration may differ only by the precision of the printed number.
-const AGREE: f64 = 1e-6;
+/// Maximum relative difference of page and configuration: the precision of the printed number, since the page does not
+/// round.
+const RELATIVE_TOLERANCE: f64 = 1e-6;
 
-/// Envelope of the device's settings page, which the transport delivers before any data of the device.
+/// Encoding of the device's settings page, or of the error that replaces it, as the first bytes of a connection: the
+/// transport passes it to the decoder before any record of the device.
 #[derive(Debug, Clone, Copy)]
 pub struct Page;
 
 impl Page {
-    const FOUND: &[u8] = b"netftapi2.xml\n";
-    const MISSING: &[u8] = b"no netftapi2.xml\n";
+    /// Prefix of the text of the page.
+    const AVAILABLE: &[u8] = b"netftapi2.xml\n";
+    /// Prefix of an error message.
+    const UNAVAILABLE: &[u8] = b"no netftapi2.xml\n";
 
-    /// Encodes the first bytes of a connection: the page, or why it is unavailable.
+    /// Encodes the text of the page, or the error that made it unavailable.
     pub fn to_bytes(page: Result<&str, &str>) -> Vec<u8> {
         match page {
-            Ok(text) => [Self::FOUND, text.as_bytes()].concat(),
-            Err(why) => [Self::MISSING, why.as_bytes()].concat(),
+            Ok(text) => [Self::AVAILABLE, text.as_bytes()].concat(),
+            Err(error) => [Self::UNAVAILABLE, error.as_bytes()].concat(),
         }
     }
 
     /// The inverse of [`Self::to_bytes`]; `None` for records.
     pub(super) fn from_bytes(bytes: &[u8]) -> Option<Result<String, String>> {
         let text = |rest: &[u8]| String::from_utf8_lossy(rest).into_owned();
-        match (bytes.strip_prefix(Self::FOUND), bytes.strip_prefix(Self::MISSING)) {
+        match (bytes.strip_prefix(Self::AVAILABLE), bytes.strip_prefix(Self::UNAVAILABLE)) {
             (Some(page), _) => Some(Ok(text(page))),
-            (_, Some(why)) => Some(Err(text(why))),
+            (_, Some(error)) => Some(Err(text(error))),
             _ => None,
         }
     }
 }
 
-/// Counts per unit.
+/// Scale of the counts of force and torque.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
     pub(super) counts_per_newton: f64,
@@ -41,7 +49,7 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// The scale from the configuration alone.
+    /// The scale from the configuration alone. Fails if either key is missing.
     pub(super) fn configured(settings: &RdtSettings) -> Result<Scale, String> {
         match (settings.counts_per_newton, settings.counts_per_newton_metre) {
             (Some(counts_per_newton), Some(counts_per_newton_metre)) => {
@@ -53,18 +61,19 @@ impl Scale {
         }
     }
 
-    /// The scale from page and configuration, with a text that names the source of each value.
+    /// The scale from page and configuration, and a note for the log with its source. Fails if RDT is disabled, if page
+    /// and configuration contradict each other, and if a value or its unit is missing.
     pub(super) fn from_page(
         settings: &RdtSettings,
         page: Result<&str, &str>,
     ) -> Result<(Scale, String), String> {
         let text = match page {
             Ok(text) => text,
-            Err(why) => {
+            Err(error) => {
                 let scale = Scale::configured(settings)?;
                 return Ok((
                     scale,
-                    format!("{why}; its counts are taken as configured, and nothing can check them"),
+                    format!("{error}; its counts are taken as configured, and nothing can check them"),
                 ));
             }
         };
@@ -86,7 +95,7 @@ impl Scale {
             elements: ["cfgcpf", "scfgfu"],
             counts: page.counts_per_force,
             unit: page.force_unit.as_deref(),
-            worth: newtons_of,
+            si_per_unit: newtons_of,
             configured: settings.counts_per_newton,
         };
         let torque = PageEntry {
@@ -94,10 +103,13 @@ impl Scale {
             elements: ["cfgcpt", "scfgtu"],
             counts: page.counts_per_torque,
             unit: page.torque_unit.as_deref(),
-            worth: newton_metres_of,
+            si_per_unit: newton_metres_of,
             configured: settings.counts_per_newton_metre,
         };
-        let scale = Scale { counts_per_newton: force.counts()?, counts_per_newton_metre: torque.counts()? };
+        let scale = Scale {
+            counts_per_newton: force.counts_per_si_unit()?,
+            counts_per_newton_metre: torque.counts_per_si_unit()?,
+        };
         let rate =
             page.rdt_rate_hz.map_or_else(String::new, |hz| format!(", and sends {hz} records a second"));
         let Scale { counts_per_newton, counts_per_newton_metre } = scale;
@@ -109,24 +121,29 @@ impl Scale {
     }
 }
 
-/// One of the two scales.
+/// One of the two scales: force or torque.
 struct PageEntry<'a> {
+    /// Key of the configuration.
     key: &'static str,
     /// Element names in the page: counts, unit.
     elements: [&'static str; 2],
+    /// Counts per unit, by the page.
     counts: Option<f64>,
+    /// Name of the unit, by the page.
     unit: Option<&'a str>,
-    worth: fn(&str) -> Option<f64>,
+    /// Converts the name of a unit to N or N m; `None` if it is not supported.
+    si_per_unit: fn(&str) -> Option<f64>,
+    /// Counts per newton or newton metre, by the configuration.
     configured: Option<f64>,
 }
 
 impl PageEntry<'_> {
     /// Counts per newton or newton metre.
-    fn counts(&self) -> Result<f64, String> {
+    fn counts_per_si_unit(&self) -> Result<f64, String> {
         let PageEntry { key, elements: [counts_name, unit_name], .. } = self;
         let page = match (self.counts, self.unit) {
-            (Some(counts), Some(unit)) => match (self.worth)(unit) {
-                Some(worth) => Some(counts / worth),
+            (Some(counts), Some(unit)) => match (self.si_per_unit)(unit) {
+                Some(si_per_unit) => Some(counts / si_per_unit),
                 None => {
                     return Err(format!(
                         "the ATI device counts in a unit that is not known, \"{unit}\" ({unit_name} of its page of settings): \
@@ -137,12 +154,14 @@ impl PageEntry<'_> {
             _ => None,
         };
         match (page, self.configured) {
-            (Some(page), Some(configured)) if (page / configured - 1.0).abs() > AGREE => Err(format!(
-                "{key} = {configured} contradicts the device: its page of settings says {page} ({counts_name} = {} per {}); \
+            (Some(page), Some(configured)) if (page / configured - 1.0).abs() > RELATIVE_TOLERANCE => {
+                Err(format!(
+                    "{key} = {configured} contradicts the device: its page of settings says {page} ({counts_name} = {} per {}); \
                  take the key out, or correct it",
-                self.counts.unwrap_or_default(),
-                self.unit.unwrap_or_default(),
-            )),
+                    self.counts.unwrap_or_default(),
+                    self.unit.unwrap_or_default(),
+                ))
+            }
             (_, Some(configured)) => Ok(configured),
             (Some(page), None) => Ok(page),
             (None, None) => Err(format!(
