@@ -172,7 +172,7 @@ impl<R: Read> BioWareCapture<R> {
                 first_s: None,
                 sequence: 0,
                 last_time_ns: 0,
-                rejected: Rejected::by("line"),
+                rejected: Rejected::numbered_by("line"),
             };
             capture.find_first_time();
             return Ok(capture);

@@ -116,7 +116,7 @@ impl<R: Read> CsvCapture<R> {
             return Err(CsvError::DecimalComma { field });
         }
         let row = csv::StringRecord::new();
-        let rejected = Rejected::by("line");
+        let rejected = Rejected::numbered_by("line");
         Ok(CsvCapture { rows, row, columns, sequence: 0, last_time_ns: 0, rejected })
     }
 

@@ -156,7 +156,7 @@ impl<R: BufRead> MvnxCapture<R> {
             clock,
             sequence: 0,
             last_time_ns: 0,
-            rejected: Rejected::by("line"),
+            rejected: Rejected::numbered_by("line"),
             fault: None,
         })
     }

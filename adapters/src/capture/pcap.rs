@@ -116,7 +116,7 @@ impl PcapCapture {
             packets: 0,
             format,
             assembler: UdpAssembler::new(),
-            rejected: Rejected::by("packet"),
+            rejected: Rejected::numbered_by("packet"),
             fault: None,
             ended: false,
         })

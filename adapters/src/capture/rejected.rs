@@ -1,40 +1,42 @@
-//! Omitted parts of a capture, by reason.
+//! Counts the rows or packets that a reader of captures rejects: for each reason the number and the first occurrence,
+//! for the summary of an import.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Occurrences of one reason.
+/// Rejections for one reason.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tally {
-    /// Count of rows or packets.
+    /// Number of rows or packets.
     pub count: u64,
     /// The first of them: a line number (CSV, from 1; the header is line 1) or a packet number (pcap, from 1).
     pub first: u64,
 }
 
-/// Rows or packets omitted, by reason.
+/// Rejected rows or packets, by reason.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rejected {
-    place: &'static str,
+    item: &'static str,
     tallies: BTreeMap<&'static str, Tally>,
 }
 
 impl Rejected {
-    /// An empty list; `place` is the numbered item: "line" or "packet".
-    pub(super) fn by(place: &'static str) -> Rejected {
-        Rejected { place, tallies: BTreeMap::new() }
+    /// No rejections yet; `item` is the unit of the numbers passed to [`Self::count`]: "line" or "packet".
+    pub(super) fn numbered_by(item: &'static str) -> Rejected {
+        Rejected { item, tallies: BTreeMap::new() }
     }
 
-    pub(super) fn count(&mut self, reason: &'static str, place: u64) {
-        self.tallies.entry(reason).or_insert(Tally { count: 0, first: place }).count += 1;
+    /// Counts one rejection, at line or packet `number` (from 1).
+    pub(super) fn count(&mut self, reason: &'static str, number: u64) {
+        self.tallies.entry(reason).or_insert(Tally { count: 0, first: number }).count += 1;
     }
 
-    /// Total count of omitted items.
+    /// Number of rejected rows or packets.
     pub fn total(&self) -> u64 {
         self.tallies.values().map(|tally| tally.count).sum()
     }
 
-    /// Whether nothing was omitted.
+    /// Whether nothing was rejected.
     pub fn is_empty(&self) -> bool {
         self.tallies.is_empty()
     }
@@ -44,7 +46,7 @@ impl Rejected {
         self.tallies.iter().map(|(reason, tally)| (*reason, *tally))
     }
 
-    /// Count of one reason.
+    /// Number of rejections for one reason.
     pub fn of(&self, reason: &str) -> u64 {
         self.tallies.get(reason).map_or(0, |tally| tally.count)
     }
@@ -57,8 +59,8 @@ impl fmt::Display for Rejected {
             return f.write_str("none");
         }
         for (index, (reason, tally)) in self.reasons().enumerate() {
-            let comma = if index == 0 { "" } else { ", " };
-            write!(f, "{comma}{} {reason} (first at {} {})", tally.count, self.place, tally.first)?;
+            let separator = if index == 0 { "" } else { ", " };
+            write!(f, "{separator}{} {reason} (first at {} {})", tally.count, self.item, tally.first)?;
         }
         Ok(())
     }

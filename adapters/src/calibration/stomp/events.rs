@@ -1,4 +1,9 @@
-//! Detects hits of the plate and stops of a foot, each at the time at which half of the momentum is dissipated.
+//! Detects the events of a stomp in both streams: impacts on the plate (vertical force, N) and stops of a foot (upward
+//! velocity, m/s).
+//!
+//! The time of an event (ns, on the clock of its stream) is that at which half of the foot's momentum is dissipated, so
+//! that events of both streams are comparable: half of the impulse of the force's first peak has passed, and the
+//! downward speed has fallen to half.
 
 use super::{Feet, Force};
 
@@ -7,17 +12,17 @@ const RISE_NS: u64 = 60_000_000;
 /// Maximum duration of the deceleration of a foot, ns: two samples at 30 Hz.
 const STOP_NS: u64 = 80_000_000;
 /// The first peak has passed once the force has fallen by this fraction of its rise.
-const PEAK_PASSED: f64 = 0.1;
+const PEAK_DROP: f64 = 0.1;
 /// The baseline of the force is its median over this interval before the event, ns.
-const REST_NS: u64 = 1_000_000_000;
+const BASELINE_NS: u64 = 1_000_000_000;
 /// The subject stands on the other foot if the force is at least this fraction of the baseline.
-const STANDING: f64 = 0.3;
-/// Minimum fraction of the whole rise that is a landing.
-const LANDING: f64 = 0.3;
+const STANCE_FORCE_MIN: f64 = 0.3;
+/// Minimum fraction of the whole rise that is due to the landing of the foot.
+const LANDING_RISE_MIN: f64 = 0.3;
 /// Maximum fraction of the downward speed that remains when the foot has stopped.
-const STOPPED: f64 = 0.3;
+const STOPPED_SPEED_MAX: f64 = 0.3;
 /// Dead time after an event, which covers the other foot and a rebound, ns.
-const APART_NS: u64 = 250_000_000;
+const DEAD_TIME_NS: u64 = 250_000_000;
 /// A longer interval between two samples is a gap, ns.
 const GAP_NS: u64 = 40_000_000;
 
@@ -33,19 +38,22 @@ pub(super) struct Events {
 }
 
 impl Events {
+    /// Adds an event, unless it is within the dead time of the previous one.
     fn add(&mut self, time_ns: u64) {
-        if self.times_ns.last().is_none_or(|last_ns| time_ns.saturating_sub(*last_ns) >= APART_NS) {
+        if self.times_ns.last().is_none_or(|last_ns| time_ns.saturating_sub(*last_ns) >= DEAD_TIME_NS) {
             self.times_ns.push(time_ns);
         }
     }
 }
 
-/// A stream of one number, finite and with increasing times.
+/// One finite quantity over increasing times.
 struct Stream {
+    /// Time (ns) and value (N or m/s).
     points: Vec<(u64, f64)>,
 }
 
 impl Stream {
+    /// The stream without samples that are not finite or whose time does not increase.
     fn of(readings: impl Iterator<Item = (u64, f64)>) -> Stream {
         let mut points: Vec<(u64, f64)> = Vec::new();
         for (time_ns, value) in readings {
@@ -56,7 +64,7 @@ impl Stream {
         Stream { points }
     }
 
-    /// Median sampling interval, ns; 0 if there are only gaps. Gaps are excluded, as no stomp is searched in them.
+    /// Median sampling interval without gaps, ns; 0 if there are only gaps.
     fn interval_ns(&self) -> u64 {
         let mut intervals: Vec<u64> = self.points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         intervals.retain(|interval_ns| *interval_ns <= GAP_NS);
@@ -70,7 +78,7 @@ impl Stream {
     }
 }
 
-/// Detects hits of the plate.
+/// Detects impacts on the plate: rises of the vertical force by at least `rise_min_n` within [`RISE_NS`].
 pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
     let stream = Stream::of(plate.iter().map(|force| (force.time_ns, force.vertical_n)));
     let mut hits = Events { interval_ns: stream.interval_ns(), ..Events::default() };
@@ -93,24 +101,24 @@ pub(super) fn plate_hits(plate: &[Force], rise_min_n: f64) -> Events {
         let over = after_peak(points, landing, peak);
         if !stream.has_gap(low, over) {
             hits.largest = hits.largest.max(points[peak].1 - points[low].1);
-            // Mean of two models: a rebounding foot is at rest at the peak, and a foot that sticks after it.
-            let rebounds_ns = half_impulse_ns(&points[landing..=peak]);
-            let sticks_ns = half_impulse_ns(&points[landing..=over]);
-            hits.add(u64::midpoint(rebounds_ns, sticks_ns));
+            // Mean of two contact models: a rebounding foot is at rest at the peak, an adhering one after it.
+            let rebound_ns = half_impulse_ns(&points[landing..=peak]);
+            let adhesion_ns = half_impulse_ns(&points[landing..=over]);
+            hits.add(u64::midpoint(rebound_ns, adhesion_ns));
         }
-        let passed_ns = points[peak].0.saturating_add(APART_NS);
+        let passed_ns = points[peak].0.saturating_add(DEAD_TIME_NS);
         at += points[at..].partition_point(|(time_ns, _)| *time_ns < passed_ns);
         window = at.min(points.len().saturating_sub(1));
     }
     hits
 }
 
-/// Index of the first maximum of the force.
+/// Index of the first maximum of the force at or after `from`; `low`: index of the minimum before it.
 fn first_peak(points: &[(u64, f64)], low: usize, from: usize) -> usize {
     let mut peak = from;
     for at in from + 1..points.len() {
         let (time_ns, force_n) = points[at];
-        let passed = points[peak].1 - force_n > PEAK_PASSED * (points[peak].1 - points[low].1);
+        let passed = points[peak].1 - force_n > PEAK_DROP * (points[peak].1 - points[low].1);
         if passed || time_ns - points[from].0 > RISE_NS {
             break;
         }
@@ -131,33 +139,34 @@ fn after_peak(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
     points[peak..].iter().position(over).map_or(points.len() - 1, |later| peak + later)
 }
 
-/// Index at which the hit begins, between the minimum and the peak.
+/// Index at which the impact begins, between the minimum `low` and the peak.
 ///
 /// Swinging a leg down unloads the plate under the other foot. The force then rises twice: back to the baseline while
-/// the leg falls freely, and from there when the foot lands; only the second rise is the hit. Without preceding stance
-/// (a leap, a step onto the plate) the whole rise is.
+/// the leg falls freely, and from there when the foot lands; only the second rise is the impact. Without preceding
+/// stance (a leap, a step onto the plate) the whole rise is the impact.
 fn landing(points: &[(u64, f64)], low: usize, peak: usize) -> usize {
-    let since_ns = points[low].0.saturating_sub(REST_NS);
+    let since_ns = points[low].0.saturating_sub(BASELINE_NS);
     let first = points[..low].partition_point(|(time_ns, _)| *time_ns < since_ns);
     let mut before: Vec<f64> = points[first..low].iter().map(|(_, force_n)| *force_n).collect();
     let middle = before.len() / 2;
     if before.is_empty() {
         return low;
     }
-    let rest_n = *before.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let baseline_n = *before.select_nth_unstable_by(middle, f64::total_cmp).1;
     let (low_n, peak_n) = (points[low].1, points[peak].1);
-    if low_n < STANDING * rest_n || peak_n - rest_n < LANDING * (peak_n - low_n) {
+    if low_n < STANCE_FORCE_MIN * baseline_n || peak_n - baseline_n < LANDING_RISE_MIN * (peak_n - low_n) {
         return low;
     }
-    (low..peak).rev().find(|place| points[*place].1 <= rest_n).unwrap_or(low)
+    (low..peak).rev().find(|index| points[*index].1 <= baseline_n).unwrap_or(low)
 }
 
-/// Time at which half of the impulse above the first force has passed; requires at least two points.
+/// Time at which half of the impulse above the first force has passed, ns; requires at least two points.
 fn half_impulse_ns(points: &[(u64, f64)]) -> u64 {
     let base_n = points[0].1;
+    // Trapezoidal rule, N ns.
     let step = |pair: &[(u64, f64)]| {
-        let seconds = (pair[1].0 - pair[0].0) as f64;
-        (pair[0].1 + pair[1].1 - 2.0 * base_n) / 2.0 * seconds
+        let interval_ns = (pair[1].0 - pair[0].0) as f64;
+        (pair[0].1 + pair[1].1 - 2.0 * base_n) / 2.0 * interval_ns
     };
     let half = points.windows(2).map(step).sum::<f64>() / 2.0;
     let mut passed = 0.0;
@@ -177,7 +186,7 @@ fn half_impulse_ns(points: &[(u64, f64)]) -> u64 {
     points[points.len() - 1].0
 }
 
-/// Detects stops of either foot.
+/// Detects stops of either foot after a downward speed of at least `speed_min_m_per_s`.
 pub(super) fn foot_stops(feet: &[Feet], speed_min_m_per_s: f64) -> Events {
     let mut stops = Events::default();
     let mut times_ns = Vec::new();
@@ -195,6 +204,8 @@ pub(super) fn foot_stops(feet: &[Feet], speed_min_m_per_s: f64) -> Events {
     stops
 }
 
+/// Times at which one foot has lost half of its highest downward speed, ns: by linear interpolation, for descents that
+/// end within [`STOP_NS`].
 fn stops_of(stream: &Stream, speed_min_m_per_s: f64) -> Vec<u64> {
     let points = &stream.points;
     let mut stops = Vec::new();
@@ -208,14 +219,14 @@ fn stops_of(stream: &Stream, speed_min_m_per_s: f64) -> Vec<u64> {
             continue;
         }
         let until = at + points[at..].partition_point(|(later_ns, _)| later_ns - time_ns <= STOP_NS);
-        let stopped = (at..until).find(|place| points[*place].1 >= STOPPED * upward);
-        let half = (at + 1..until).find(|place| points[*place].1 >= upward / 2.0);
+        let stopped = (at..until).find(|index| points[*index].1 >= STOPPED_SPEED_MAX * upward);
+        let half = (at + 1..until).find(|index| points[*index].1 >= upward / 2.0);
         if let (Some(stopped), Some(half)) = (stopped, half)
             && !stream.has_gap(at, stopped)
         {
             let [(from_ns, from), (to_ns, to)] = [points[half - 1], points[half]];
-            let share = (upward / 2.0 - from) / (to - from);
-            stops.push(from_ns + ((to_ns - from_ns) as f64 * share.clamp(0.0, 1.0)).round() as u64);
+            let fraction = (upward / 2.0 - from) / (to - from);
+            stops.push(from_ns + ((to_ns - from_ns) as f64 * fraction.clamp(0.0, 1.0)).round() as u64);
             at = stopped;
         } else {
             at += 1;

@@ -1,30 +1,32 @@
-//! XML as a stream of tags and texts, in bounded memory, with line numbers.
+//! Reads an .mvnx file as a sequence of tags and texts with line numbers.
 //!
-//! Entities that a document defines (`<!ENTITY …>`) are never expanded.
+//! An export may be larger than the memory, or damaged: memory is bounded by limits on the length of a tag or text and
+//! on the nesting depth, beyond which reading ends with a [`Fault`]. Entities that a document defines (`<!ENTITY …>`)
+//! are never expanded.
 
 use std::io::{self, BufRead, ErrorKind, Read};
 
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 
-/// Maximum length of a tag, comment or text, bytes; a frame's largest has some 3000.
+/// Maximum length of a tag, comment or text, bytes; the largest of a frame has about 3000.
 const EVENT_BYTES_MAX: usize = 256 * 1024;
 /// Maximum nesting depth; an .mvnx has 8 levels.
 const DEPTH_MAX: usize = 64;
 
-/// Maximum length of a reported reason, characters.
+/// Maximum length of the reason in a [`Fault`], characters.
 const REASON_MAX: usize = 200;
 
-/// The next element of the file.
+/// The next part of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Token<'a> {
     /// Start of an element.
     Start(Element<'a>),
     /// End of the innermost open element.
     End,
-    /// Unmodified text, to be split at white space.
+    /// Text without resolved references, untrimmed; empty for comments, declarations and processing instructions.
     Text(&'a str),
-    /// `&name;` between tags: numbers contain none.
+    /// A reference `&name;` between tags; not resolved, since the numbers of a frame contain none.
     Reference,
     /// The end of the file.
     Eof,
@@ -37,12 +39,12 @@ pub(super) struct Element<'a> {
 }
 
 impl Element<'_> {
-    /// The name, without a prefix.
+    /// The name, without a namespace prefix.
     pub(super) fn name(&self) -> &str {
         self.tag.local_name().into_inner()
     }
 
-    /// An attribute, with XML's five predefined entities resolved.
+    /// Value of an attribute, with XML's five predefined entities resolved; `None` if it is absent or malformed.
     pub(super) fn attribute(&self, name: &str) -> Option<String> {
         let attribute = self.tag.try_get_attribute(name).ok()??;
         Some(attribute.normalized_value(XmlVersion::Explicit1_0).ok()?.into_owned())
@@ -52,24 +54,25 @@ impl Element<'_> {
 /// Why the file cannot be read further.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Fault {
-    /// Line, from 1.
+    /// Line of the fault, from 1.
     pub(super) line: u64,
-    /// The reason.
+    /// Cause, for the error message.
     pub(super) reason: String,
 }
 
-/// The XML reader.
+/// Parser of one file.
 pub(super) struct Xml<R: BufRead> {
-    reader: Reader<Watched<R>>,
-    event: Vec<u8>,
+    reader: Reader<LimitedReader<R>>,
+    /// Bytes of the current event.
+    event_buffer: Vec<u8>,
     depth: usize,
 }
 
 impl<R: BufRead> Xml<R> {
     pub(super) fn new(inner: R) -> Xml<R> {
-        let mut reader = Reader::from_reader(Watched { inner, lines: 0, event_bytes: 0 });
+        let mut reader = Reader::from_reader(LimitedReader { inner, lines: 0, event_bytes: 0 });
         reader.config_mut().expand_empty_elements = true;
-        Xml { reader, event: Vec::new(), depth: 0 }
+        Xml { reader, event_buffer: Vec::new(), depth: 0 }
     }
 
     /// The current line, from 1.
@@ -82,11 +85,12 @@ impl<R: BufRead> Xml<R> {
         self.depth
     }
 
-    /// Reads up to the next tag, text or end.
+    /// Reads the next tag, text or end of the file. Fails if the XML is malformed, exceeds a limit, or ends within an
+    /// element, and if the file cannot be read.
     pub(super) fn next(&mut self) -> Result<Token<'_>, Fault> {
-        self.event.clear();
+        self.event_buffer.clear();
         self.reader.get_mut().event_bytes = 0;
-        let event = match self.reader.read_event_into(&mut self.event) {
+        let event = match self.reader.read_event_into(&mut self.event_buffer) {
             Ok(event) => event,
             Err(error) => {
                 // The error quotes names in the file, which may be as long as the file.
@@ -107,8 +111,8 @@ impl<R: BufRead> Xml<R> {
                 self.depth = self.depth.saturating_sub(1);
                 Token::End
             }
-            Event::Text(text) => Token::Text(borrowed(text.into_inner())),
-            Event::CData(text) => Token::Text(borrowed(text.into_inner())),
+            Event::Text(text) => Token::Text(event_text(text.into_inner())),
+            Event::CData(text) => Token::Text(event_text(text.into_inner())),
             Event::GeneralRef(_) => Token::Reference,
             Event::Eof if self.depth > 0 => {
                 let reason = "the file ends within an element".to_owned();
@@ -122,22 +126,24 @@ impl<R: BufRead> Xml<R> {
     }
 }
 
-/// Text that is read into a buffer is never owned.
-fn borrowed(text: std::borrow::Cow<'_, str>) -> &str {
+/// The text of an event; events that are read into a buffer always borrow it.
+fn event_text(text: std::borrow::Cow<'_, str>) -> &str {
     match text {
         std::borrow::Cow::Borrowed(text) => text,
         std::borrow::Cow::Owned(_) => "",
     }
 }
 
-/// Counts lines, and fails if one event has too many bytes.
-struct Watched<R> {
+/// Reader that counts lines, and fails after [`EVENT_BYTES_MAX`] bytes of one XML event.
+struct LimitedReader<R> {
     inner: R,
+    /// Line ends consumed.
     lines: u64,
+    /// Bytes consumed since the begin of the current event.
     event_bytes: usize,
 }
 
-impl<R: BufRead> Read for Watched<R> {
+impl<R: BufRead> Read for LimitedReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let available = self.fill_buf()?;
         let count = available.len().min(buffer.len());
@@ -147,17 +153,17 @@ impl<R: BufRead> Read for Watched<R> {
     }
 }
 
-impl<R: BufRead> BufRead for Watched<R> {
+impl<R: BufRead> BufRead for LimitedReader<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         if self.event_bytes > EVENT_BYTES_MAX {
-            let sentence = format!("a tag or text of more than {EVENT_BYTES_MAX} bytes: this is no .mvnx");
-            return Err(io::Error::new(ErrorKind::InvalidData, sentence));
+            let message = format!("a tag or text of more than {EVENT_BYTES_MAX} bytes: this is no .mvnx");
+            return Err(io::Error::new(ErrorKind::InvalidData, message));
         }
         self.inner.fill_buf()
     }
 
     fn consume(&mut self, count: usize) {
-        // The consumed bytes are in the buffer.
+        // Consumed bytes are in the buffer, so that `fill_buf` does not read.
         if let Ok(bytes) = self.inner.fill_buf() {
             self.lines +=
                 bytes[..count.min(bytes.len())].iter().filter(|byte| **byte == b'\n').count() as u64;
