@@ -1,4 +1,7 @@
-//! The stages of the path from a sensor to the published state, and how each follows from the stamps of a cycle.
+//! Stages of the path from a sensor to the published state: the single table of their names and definitions.
+//!
+//! A stage is the difference of two stamps of a [`CycleRecord`] (ns, CLOCK_MONOTONIC). Consecutive stages add up to the
+//! total latency.
 
 use equipoise_core::message::CycleRecord;
 
@@ -7,22 +10,22 @@ use equipoise_core::message::CycleRecord;
 enum Applies {
     /// Every cycle.
     Always,
-    /// Cycles that took a new suit sample in; the others would repeat an old sample's stamps.
+    /// Cycles that ingested a new suit sample; the others repeat the stamps of an old one.
     SuitTaken,
-    /// Cycles that took a new ground sample in.
+    /// Cycles that ingested a new ground sample.
     GroundTaken,
 }
 
-/// Why a cycle has no value for a stage that it should have one for.
+/// Why the value of a stage that applies to the cycle is unavailable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NotRecorded {
-    /// One of the two stamps is 0: it was never taken.
+    /// One of the two stamps is 0: it was not recorded.
     Missing,
-    /// The stage ends before it begins (for sensor stages: the clock fit put the sample after its arrival).
+    /// The end precedes the begin (sensor stages: the fitted sample time is later than the arrival).
     Reversed,
 }
 
-/// How long a stage took in one cycle, ns; `None` where the stage does not apply to the cycle.
+/// Duration of a stage in one cycle, ns; `None` where the stage does not apply to the cycle.
 pub type StageTime = Option<Result<u64, NotRecorded>>;
 
 type Stamp = fn(&CycleRecord) -> u64;
@@ -42,7 +45,7 @@ macro_rules! stages {
         impl Stage {
             /// All stages in the order of the path.
             pub const ALL: [Stage; Stage::COUNT] = [$(Stage::$Stage),*];
-            /// How many stages there are.
+            /// Number of stages.
             pub const COUNT: usize = [$($name),*].len();
 
             /// The public name: the tag in `.hlog` files and the row in reports.
@@ -50,7 +53,7 @@ macro_rules! stages {
                 match self { $(Stage::$Stage => $name,)* }
             }
 
-            /// Its two stamps in words.
+            /// Its definition `FROM -> TO`, by the names of two fields of the cycle record.
             pub const fn definition(self) -> &'static str {
                 match self { $(Stage::$Stage => concat!(stringify!($from), " -> ", stringify!($to)),)* }
             }
@@ -63,36 +66,36 @@ macro_rules! stages {
 }
 
 stages! {
-    /// The suit's own processing and the network.
+    /// Processing in the suit's software and the network, except a configured constant latency.
     SuitTransport = "suit.transport", SuitTaken: suit_sample_time_ns => suit_arrival_ns;
     /// The suit adapter: from the kernel's receive stamp to the bus.
     SuitAdapter = "suit.adapter", SuitTaken: suit_arrival_ns => suit_published_ns;
-    /// The bus and ingress's awakening.
+    /// The bus and the wake-up of ingress.
     SuitIngress = "suit.ingress", SuitTaken: suit_published_ns => suit_ingress_ns;
     /// The ring and the wait for the next cycle.
     SuitWait = "suit.wait", SuitTaken: suit_ingress_ns => compute_start_ns;
-    /// The whole path: the age of the newest suit sample when the cycle that took it was published. What that state reports
-    /// lies `group_delay_ns` further back, for compensation of motion waits for a moment's future.
+    /// The whole path: age of the newest suit sample when the state of its first cycle is published. The torques of
+    /// that state describe an instant `group_delay_ns` earlier, because accelerations need later samples.
     SuitToState = "suit.to_state", SuitTaken: suit_sample_time_ns => published_ns;
-    /// The plate's own processing and the network.
+    /// Processing in the device and the network, except a configured constant latency.
     GroundTransport = "ground.transport", GroundTaken: ground_sample_time_ns => ground_arrival_ns;
     /// The ground adapter: from the kernel's receive stamp to the bus.
     GroundAdapter = "ground.adapter", GroundTaken: ground_arrival_ns => ground_published_ns;
-    /// The bus and ingress's awakening.
+    /// The bus and the wake-up of ingress.
     GroundIngress = "ground.ingress", GroundTaken: ground_published_ns => ground_ingress_ns;
     /// The ring and the wait for the next cycle.
     GroundWait = "ground.wait", GroundTaken: ground_ingress_ns => compute_start_ns;
-    /// The whole path: the age of the newest ground sample when its state was published.
+    /// The whole path: age of the newest ground sample when the state of its first cycle is published.
     GroundToState = "ground.to_state", GroundTaken: ground_sample_time_ns => published_ns;
-    /// Wake-up lateness, against the scheduled time and not against the wake-up before.
+    /// Wake-up latency relative to the schedule, not to the previous wake-up.
     LoopWake = "loop.wake", Always: due_ns => woken_ns;
-    /// Taking samples and commands from the rings.
+    /// Reading samples and commands from the rings.
     LoopIntake = "loop.intake", Always: woken_ns => compute_start_ns;
     /// `core::cycle` itself.
     LoopCompute = "loop.compute", Always: compute_start_ns => compute_end_ns;
-    /// The ring to egress and egress's awakening.
+    /// The ring to egress and the wake-up of egress.
     EgressWake = "egress.wake", Always: compute_end_ns => publish_start_ns;
-    /// Handing the state to the bus.
+    /// Publishing the state on the bus.
     EgressPublish = "egress.publish", Always: publish_start_ns => published_ns;
     /// From the scheduled time to the published state.
     LoopToState = "loop.to_state", Always: due_ns => published_ns;
@@ -104,17 +107,18 @@ impl Stage {
         self as usize
     }
 
-    /// Whether the stage starts at the scheduled time; these also get one value per skipped period.
+    /// Whether the stage starts at the scheduled time. Such a stage also has one value per skipped period, which avoids
+    /// coordinated omission.
     pub const fn starts_when_due(self) -> bool {
         matches!(self, Stage::LoopWake | Stage::LoopToState)
     }
 
-    /// Whether the stage is part of the path, and no sum of others.
-    pub const fn is_part(self) -> bool {
+    /// Whether the stage is not the sum of others.
+    pub const fn is_elementary(self) -> bool {
         !matches!(self, Stage::SuitToState | Stage::GroundToState | Stage::LoopToState)
     }
 
-    /// When the stage began and ended in one cycle, CLOCK_MONOTONIC ns; `None` where it does not apply to the cycle.
+    /// Begin and end of the stage in one cycle, CLOCK_MONOTONIC ns; `None` where it does not apply to the cycle.
     pub fn span_ns(self, record: &CycleRecord) -> Option<Result<(u64, u64), NotRecorded>> {
         let (applies, from, to) = self.stamps();
         let applies = match applies {
@@ -129,7 +133,7 @@ impl Stage {
         })
     }
 
-    /// How long the stage took in one cycle, ns.
+    /// Duration of the stage in one cycle, ns.
     pub fn time_ns(self, record: &CycleRecord) -> StageTime {
         self.span_ns(record).map(|span_ns| span_ns.map(|(from_ns, to_ns)| to_ns - from_ns))
     }

@@ -105,7 +105,7 @@ pub(super) fn events_of(record: &CycleRecord, before: Option<&CycleRecord>) -> V
         ];
         events.push(Event { phase: length, track: Track::Loop, name: "cycle", at_ns: record.woken_ns, args });
     }
-    for stage in Stage::ALL.into_iter().filter(|stage| stage.is_part()) {
+    for stage in Stage::ALL.into_iter().filter(|stage| stage.is_elementary()) {
         let Some(Ok((from_ns, to_ns))) = stage.span_ns(record) else { continue };
         let (track, name, args) = (Track::of(stage), stage.name(), vec![cycle]);
         if is_work(stage) {

@@ -101,7 +101,7 @@ fn every_stage_of_every_cycle_is_a_slice_of_just_its_stamps() {
     for record in &records {
         let cycle = spans.remove(&("cycle".to_owned(), record.cycle));
         assert_eq!(cycle, Some((record.woken_ns, record.compute_end_ns - record.woken_ns)));
-        for stage in Stage::ALL.into_iter().filter(|stage| stage.is_part()) {
+        for stage in Stage::ALL.into_iter().filter(|stage| stage.is_elementary()) {
             let actual = spans.remove(&(stage.name().to_owned(), record.cycle));
             let stamps = stage.span_ns(record).and_then(Result::ok);
             assert_eq!(actual, stamps.map(|(from_ns, to_ns)| (from_ns, to_ns - from_ns)), "{}", stage.name());
