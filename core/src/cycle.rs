@@ -224,6 +224,7 @@ fn ingest_inputs(settings: &Settings, m: &mut Memory, tick: Tick, inputs: &Input
         m.reported_body.ingest(body, m.align.alignment.newest_suit(), tick.due_ns);
     }
     let (streams, lag) = ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, inputs);
+    m.lag_test.ingest_ground_gap(streams.ground_gap_ns);
     if let LagChange::First { exceeds_window } = lag {
         m.prediction.noise = bytemuck::Zeroable::zeroed();
         m.identification.reset_weighing();

@@ -17,6 +17,8 @@ use crate::subject::Subject;
 const TICK_NS: u64 = 5_000_000;
 /// Interval between suit samples during a leap of time, ns.
 const GLIMPSE_NS: u64 = 200_000_000;
+/// Interval between ground samples during a leap, s: no gap, after which the lag in use would have to be proved again.
+const GROUND_GLIMPSE_S: f64 = 0.05;
 /// Delay between a command and its effect, so that no sample has been taken yet from the time from which it applies, s.
 const REACTION_S: f64 = 0.02;
 
@@ -212,24 +214,34 @@ impl Session {
         false
     }
 
-    /// Advances time without plate samples and with only the suit samples required to keep the foot anchor: cheap, and
-    /// a gap for everything that uses motion.
+    /// Advances time with only the samples required to keep the foot anchor and the lag of the ground: cheap, and a gap
+    /// for everything that uses motion.
     pub fn leap(&mut self, by_s: f64) {
         let end_ns = self.now_ns + (by_s * 1e9) as u64 / TICK_NS * TICK_NS;
-        while self.now_ns + GLIMPSE_NS < end_ns {
-            self.now_ns += GLIMPSE_NS;
+        while self.now_ns < end_ns {
+            let is_last = self.now_ns + GLIMPSE_NS >= end_ns;
+            self.now_ns = end_ns.min(self.now_ns + GLIMPSE_NS);
             self.cycle += 1;
             let number = self.rig.suit_number_at(self.now_ns);
             let glimpse = suit_sample(&self.worker, &self.suit, &self.rig, self.subject.seed, number);
+            let suit = if is_last { &[][..] } else { std::slice::from_ref(&glimpse) };
+            let every = (GROUND_GLIMPSE_S * f64::from(self.rig.plate_hz)) as usize;
+            let ground = self.ground_due(every.max(1));
             let tick = Tick { cycle: self.cycle, due_ns: self.now_ns };
-            let inputs =
-                Inputs { suit: std::slice::from_ref(&glimpse), ground: &[], body: None, command: None };
-            step(&self.settings, &mut self.memory, tick, inputs);
+            step(&self.settings, &mut self.memory, tick, Inputs { suit, ground: &ground, body: None, command: None });
         }
-        self.now_ns = end_ns;
-        let ground_samples = self.now_s() * f64::from(self.rig.plate_hz);
         self.suit_next = self.suit_next.max(self.rig.suit_number_at(self.now_ns) + 1);
-        self.ground_next = self.ground_next.max(ground_samples as u32 + 1);
+    }
+
+    /// Every n-th of the ground samples that have arrived since the last call, the newest included.
+    fn ground_due(&mut self, every: usize) -> Vec<GroundSample> {
+        let rig = &self.rig;
+        let begins = self.ground_next;
+        while rig.ground_stamp_ns(self.ground_next) <= self.now_ns {
+            self.ground_next += 1;
+        }
+        let due = (begins..self.ground_next).rev().step_by(every);
+        due.map(|number| ground_sample(&self.worker, rig, self.subject.seed, number)).rev().collect()
     }
 
     fn tick(&mut self, command: Option<CommandKind>) {
@@ -244,11 +256,7 @@ impl Session {
             suit.push(SuitSample { device_counter, session, ..sample });
             self.suit_next += 1;
         }
-        let mut ground: Vec<GroundSample> = Vec::new();
-        while rig.ground_stamp_ns(self.ground_next) <= now_ns {
-            ground.push(ground_sample(&self.worker, rig, self.subject.seed, self.ground_next));
-            self.ground_next += 1;
-        }
+        let mut ground = self.ground_due(1);
         let [suit_is_silent, ground_is_silent] = self.silent_until_ns.map(|until_ns| now_ns < until_ns);
         if suit_is_silent {
             suit.clear();

@@ -56,10 +56,15 @@ pub(super) fn ingest(
     inputs: &Inputs<'_>,
 ) -> (Streams, LagChange) {
     let AlignState { alignment, plausibility, skew, tare } = state;
+    let mut ground_gap_ns = 0;
     for sample in inputs.ground {
         // Subtract the tare first: it may contain components that this device does not measure.
         let sample = tare.subtract_from(sample).mask_unmeasured();
         if alignment.admits_ground(&sample, tick.due_ns) {
+            if let Some(newest) = alignment.newest_ground() {
+                ground_gap_ns =
+                    ground_gap_ns.max(sample.sample_time_ns.saturating_sub(newest.sample_time_ns));
+            }
             if plausibility.check_ground(&sample, alignment.newest_ground()) {
                 skew.ingest_ground(&sample);
             }
@@ -93,6 +98,7 @@ pub(super) fn ingest(
         lag_is_off: skew.is_off(),
         suit_suspect: plausibility.suit,
         ground_suspect: plausibility.ground,
+        ground_gap_ns,
         ground_late_ns: alignment.ground_late_ns(),
         moved_ns: plausibility.moved_ns,
     };

@@ -18,7 +18,8 @@
 //! load. Nor does a body at rest contradict a lag, and there no lag changes a result. If no lag explains a sample with
 //! the previous load, the load has changed, and all sums restart.
 //!
-//! A rejected lag is accepted again by the same sum for the lag in use.
+//! A rejected lag is accepted again when the sums of all others have ended. After a gap of the ground's samples all others
+//! count as possible: no delay grows without a gap, for what arrived once does not arrive again.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -53,7 +54,7 @@ const SETTLES_S: f64 = 0.28;
 /// Stored samples, at intervals of at least `SPACING_NS`: the largest lag, and the samples on both sides of it.
 const RING: usize = 36;
 const SPACING_NS: u64 = 12_000_000;
-/// Longer gaps restart the test, ns.
+/// Longer gaps restart the test, ns: a delay that grows by the smallest alternative makes one.
 const GAP_MAX_NS: u64 = 100_000_000;
 
 /// Vertical force and the suit's prediction at one snapshot.
@@ -98,10 +99,9 @@ pub(super) struct LagTest {
     /// Mean mass in the hands, kg, and its duration so far, s.
     load_kg: f64,
     load_s: f64,
-    /// Sum of the log-likelihood ratios of each other lag, and of the lag in use while it is rejected.
+    /// Sum of the log-likelihood ratios of each other lag.
     evidence: [f64; LATE_S.len()],
-    evidence_in_use: f64,
-    /// 1 while another lag explains the force better than the lag in use.
+    /// 1 while another lag explains the force better than the lag in use, or may do so after a gap.
     rejected: u64,
     /// 1 if another lag changes the mass in the hands by more than its σ at the newest sample, or may do so.
     matters: u64,
@@ -128,15 +128,31 @@ impl LagTest {
         self.rejected == 1
     }
 
-    /// Starts again after a gap; a rejection lasts until the lag in use is accepted.
+    /// Ingests the longest interval between two ground samples in succession, ns.
+    pub(super) fn ingest_ground_gap(&mut self, gap_ns: u64) {
+        if gap_ns > GAP_MAX_NS {
+            (self.rejected, self.evidence) = (1, [EVIDENCE; LATE_S.len()]);
+        }
+    }
+
+    /// Starts again after a gap or unusable samples; the load and a rejection last until a sample contradicts them.
     fn restart(&mut self) {
-        (self.count, self.load_s, self.evidence, self.matters) = (0, 0.0, [0.0; LATE_S.len()], 1);
+        (self.count, self.matters) = (0, 1);
+    }
+
+    /// Starts again with another load.
+    fn restart_load(&mut self, load_kg: f64) {
+        (self.load_kg, self.load_s) = (load_kg, 0.0);
+        if !self.is_rejected() {
+            self.evidence = [0.0; LATE_S.len()];
+        }
     }
 
     /// Accepts the lag in use and starts again.
     fn clear(&mut self) {
-        self.restart();
         self.rejected = 0;
+        self.restart();
+        self.restart_load(0.0);
     }
 
     fn newest(&self) -> Option<&Sample> {
@@ -194,30 +210,24 @@ impl LagTest {
             Some(other)
         });
         let weight = step_s / window_s;
+        let unknown = if self.is_rejected() { 0.0 } else { -HINT };
         if self.load_s >= SETTLES_S {
             for (evidence, other) in self.evidence.iter_mut().zip(others) {
-                let ratio = other.map_or(-HINT, |other| other - in_use.max(changed));
+                let ratio = other.map_or(unknown, |other| other - in_use.max(changed));
                 *evidence = (*evidence + weight * ratio).clamp(0.0, 2.0 * EVIDENCE);
             }
         }
         let most = self.evidence.iter().copied().fold(0.0, f64::max);
-        if self.is_rejected() {
-            let ratio = in_use - changed.max(best - HINT);
-            self.evidence_in_use = (self.evidence_in_use + weight * ratio).max(0.0);
-        }
-        if in_use.max(best) < changed {
-            (self.load_kg, self.load_s, self.evidence) = (in_use_kg, 0.0, [0.0; LATE_S.len()]);
+        let is_compared = !self.is_rejected() || others.iter().all(Option::is_some);
+        if in_use.max(best) < changed && is_compared {
+            self.restart_load(in_use_kg);
         } else if self.is_rejected() && best > in_use {
             self.load_kg += (best_kg - self.load_kg) * (step_s / MEAN_OVER_S).min(1.0);
         } else if in_use > changed && (self.is_rejected() || most <= HINT) {
             self.load_s = (self.load_s + step_s).min(MEAN_OVER_S);
             self.load_kg += (in_use_kg - self.load_kg) * (step_s / self.load_s.max(1e-9)).min(1.0);
         }
-        if self.is_rejected() && self.evidence_in_use > EVIDENCE {
-            (self.rejected, self.evidence) = (0, [0.0; LATE_S.len()]);
-        } else if !self.is_rejected() && most > EVIDENCE {
-            (self.rejected, self.evidence_in_use) = (1, 0.0);
-        }
+        self.rejected = u64::from(most > if self.is_rejected() { HINT } else { EVIDENCE });
     }
 
     /// Whether every number is in range; a stored one is checked before use.
@@ -227,7 +237,7 @@ impl LagTest {
             && self.count < 1 << 48
             && self.load_kg.is_finite()
             && (0.0..=MEAN_OVER_S).contains(&self.load_s)
-            && self.evidence.iter().chain([&self.evidence_in_use]).all(|sum| sum.is_finite() && *sum >= 0.0)
+            && self.evidence.iter().all(|sum| sum.is_finite() && *sum >= 0.0)
             && self.rejected <= 1
             && self.matters <= 1
     }

@@ -7,6 +7,8 @@ use equipoise_core::message::{GroundSample, SuitSample};
 const GLITCH_S: f64 = 0.02;
 /// Duration of all other faults, s.
 const LASTS_S: f64 = 3.0;
+/// Delay of a late plate, s.
+const LATE_S: f64 = 0.3;
 /// Rail of a saturated channel, as a fraction of the vertical force at the fault's start.
 const RAIL_SHARE: f64 = 1.02;
 
@@ -51,7 +53,7 @@ pub enum Fault {
     DeadPlate,
     /// 200 N of noise.
     NoisyPlate,
-    /// The plate's readings are 0.3 s old.
+    /// The plate's readings are 0.3 s old: none for 0.3 s, then each that much later under the stamp of its arrival.
     LatePlate,
     /// A constant pose.
     FrozenSuit,
@@ -246,12 +248,12 @@ impl Injection {
     }
 
     /// Applies the fault to the samples of a time, s.
-    pub fn put(&mut self, fault: Fault, now_s: f64, suit: &mut [SuitSample], ground: &mut [GroundSample]) {
+    pub fn put(&mut self, fault: Fault, now_s: f64, suit: &mut [SuitSample], ground: &mut Vec<GroundSample>) {
         let is_on = (self.span_s[0]..self.span_s[1]).contains(&now_s);
         for sample in ground.iter_mut() {
             if fault == Fault::LatePlate {
                 self.earlier.push(*sample);
-                let due_ns = sample.sample_time_ns.saturating_sub(300_000_000);
+                let due_ns = sample.sample_time_ns.saturating_sub((LATE_S * 1e9) as u64);
                 let due = self.earlier.partition_point(|earlier| earlier.sample_time_ns <= due_ns);
                 if is_on && due > 0 {
                     let old = self.earlier[due - 1];
@@ -260,6 +262,10 @@ impl Injection {
             } else if is_on {
                 fault.on_ground(sample, self);
             }
+        }
+        // A delay cannot grow without a gap: what has arrived does not arrive again.
+        if fault == Fault::LatePlate && is_on && now_s < self.span_s[0] + LATE_S {
+            ground.clear();
         }
         if is_on {
             for sample in suit {

@@ -48,6 +48,7 @@ impl Rig {
                 lag_is_off: false,
                 suit_suspect: Zeroable::zeroed(),
                 ground_suspect: Zeroable::zeroed(),
+                ground_gap_ns: 0,
                 ground_late_ns: 0,
                 moved_ns: 0,
             },
