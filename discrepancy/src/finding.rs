@@ -96,7 +96,7 @@ pub struct SetAside {
 /// A generic term, outside the catalogue.
 #[derive(Debug, Clone, Serialize)]
 pub struct Generic {
-    /// Description: "heading of the right forearm, near (0.5, −0.4, 1.0) m".
+    /// Description: "a heading error of the right forearm near (0.5, −0.4, 1.0) m".
     pub what: String,
     /// Log Bayes factor.
     pub log_odds: f64,

@@ -37,7 +37,7 @@ pub(crate) fn is_negligible(candidate: &Candidate, value: &[f64]) -> bool {
 /// Reason to reject an explanation by its parameters, if there is one.
 pub(crate) fn implausibility(candidate: &Candidate, value: &[f64]) -> Option<String> {
     if is_negligible(candidate, value) {
-        return Some("smaller than what matters".to_owned());
+        return Some("below the negligible size".to_owned());
     }
     let prior_sigma = candidate.effect.prior_sigma(candidate.place, candidate.shape);
     let [of_any, of_heading, of_drift] = IMPLAUSIBLE;
@@ -49,19 +49,19 @@ pub(crate) fn implausibility(candidate: &Candidate, value: &[f64]) -> Option<Str
     if !candidate.is_shape_factor()
         && value.iter().zip(prior_sigma).any(|(value, sigma)| value.abs() > implausible * sigma)
     {
-        return Some("would have to be absurdly large".to_owned());
+        return Some("implausibly large".to_owned());
     }
     match candidate.effect {
-        Effect::HandLoad if value[0] < 0.0 => return Some("a mass would have to be negative".to_owned()),
+        Effect::HandLoad if value[0] < 0.0 => return Some("the mass is negative".to_owned()),
         Effect::PlateLowpass if value[0] < FILTER_FACTOR_MIN => {
-            return Some("would have to be a filter the other way round".to_owned());
+            return Some("the filter is reversed".to_owned());
         }
         _ => {}
     }
     let arm_m = candidate.effect.arm_sigma_m(candidate.place)?;
     let moment_kg_m = value.iter().skip(1).map(|moment| moment * moment).sum::<f64>().sqrt();
     (moment_kg_m > ARMS_MAX * arm_m * value[0].abs() && value.len() > 1)
-        .then(|| "the mass would not be where it is worn".to_owned())
+        .then(|| "the mass is outside its place".to_owned())
 }
 
 /// Whether only the forces support a term: then it is neither a mass nor a rotated segment.
@@ -84,16 +84,16 @@ pub(crate) fn insufficient_evidence(gram: &Gram<'_>, term: usize, log_odds: f64)
     let [timing, plate] = IN_PART;
     let (min, why) = match candidate.effect {
         Effect::PlateOffset if candidate.scope == Scope::All && gram.rows.session.suit_drifts => {
-            (OFFSET_BY_STANCES, "may as well be where the feet were put down")
+            (OFFSET_BY_STANCES, "stance offsets explain the same")
         }
         Effect::SegmentHeading | Effect::SegmentMisalignment => {
-            (ORIENTATION, "may as well be how the sensors sit and slip")
+            (ORIENTATION, "misalignment and slip of the sensors explain the same")
         }
         Effect::SuitLag | Effect::PlateLowpass if in_part => {
-            (timing, "clocks and filters hardly change for a while")
+            (timing, "lags and filters rarely change for a part of the work")
         }
         Effect::PlateGain | Effect::PlateCrosstalk | Effect::PlateHeight | Effect::PlateYaw if in_part => {
-            (plate, "a plate hardly changes for a while")
+            (plate, "plate errors rarely change for a part of the work")
         }
         _ => return None,
     };

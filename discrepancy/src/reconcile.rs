@@ -61,7 +61,7 @@ pub enum ReconcileError {
     },
     /// The recording has too few blocks outside the work.
     #[error(
-        "only {found} usable blocks lie outside the work in question, and {needed} are needed to know the noise; give \
+        "only {found} usable blocks lie outside the work in question, and {needed} are needed to fit the noise; give \
          identification poses (--identify) or clean work (--reference)"
     )]
     NothingToCompareWith {
@@ -78,7 +78,7 @@ pub enum ReconcileError {
     },
     /// Measured values are constant, or the numbers do not permit a fit.
     #[error(
-        "the noise of the {channel} cannot be fitted: do its values ever change? Check the sensor's wiring and channel"
+        "the noise of the {channel} cannot be fitted; its values may be constant. Check the sensor's wiring and channel"
     )]
     NoNoise {
         /// The channel.

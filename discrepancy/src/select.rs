@@ -246,13 +246,13 @@ fn objection(gram: &Gram<'_>, selection: &Selection, term: usize, log_odds: f64)
         return Some(why);
     }
     if cancels_accepted(gram, &accepted, candidate, &estimate.value) {
-        return Some("would take back what was named already".to_owned());
+        return Some("cancels an effect already named".to_owned());
     }
     if is_no_better_than_gain(gram, &accepted, term) {
-        return Some("only its weight speaks for it: a gain of the force explains the same".to_owned());
+        return Some("supported by its weight only: a gain of the force explains the same".to_owned());
     }
     is_by_forces_only(gram, &accepted, term, log_odds)
-        .then(|| "only the forces speak for it, not the centre of pressure".to_owned())
+        .then(|| "supported by the forces only, not by the centre of pressure".to_owned())
 }
 
 /// A contact is never constant: a weight next to it may be its variation.
@@ -269,7 +269,7 @@ fn variation_of_contact(
     };
     let contact = selection.accepted.iter().find(is_contact)?;
     (acts_as_weight(candidate) && log_odds < WEIGHT_BY_CONTACT * contact.log_odds)
-        .then(|| "may as well be that the push varies".to_owned())
+        .then(|| "a varying push explains the same".to_owned())
 }
 
 /// Whether an effect acts like a weight.
@@ -364,7 +364,7 @@ fn eliminate_backward(gram: &Gram<'_>, selection: &mut Selection, threshold: f64
         if gain < ELIMINATION * threshold {
             let removed = selection.accepted.remove(index);
             let name = gram.terms[removed.term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
-            let why = "what was found after it explains the same".to_owned();
+            let why = "effects accepted later explain the same".to_owned();
             selection.set_aside.push(SetAside { name, log_odds: gain, why });
         } else {
             index += 1;

@@ -27,7 +27,7 @@ impl FromStr for Span {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Span, String> {
-        let wrong = || format!("\"{text}\" is no span; give two times in seconds, as in 12:90.5");
+        let wrong = || format!("\"{text}\" is not a span; give two times in seconds, as in 12:90.5");
         let (from, to) = text.split_once(':').ok_or_else(wrong)?;
         let time_s = |text: &str| text.trim().parse::<f64>().ok().filter(|time_s| time_s.is_finite());
         let (Some(from_s), Some(to_s)) = (time_s(from), time_s(to)) else { return Err(wrong()) };
@@ -78,7 +78,7 @@ pub struct Shown {
 pub enum SpanError {
     /// A span is outside the recording.
     #[error(
-        "{option} {span} lies outside the recording, which goes from {from_s:.1} s to {to_s:.1} s; choose times within it"
+        "{option} {span} lies outside the recording, which lasts from {from_s:.1} s to {to_s:.1} s; choose times within it"
     )]
     Outside {
         /// The option.
@@ -91,7 +91,7 @@ pub enum SpanError {
         to_s: f64,
     },
     /// Two spans overlap.
-    #[error("{first} and {second} overlap; a moment can only be one of them")]
+    #[error("{first} and {second} overlap; each time belongs to one span only")]
     Overlap {
         /// One of them, with its times.
         first: String,
@@ -174,10 +174,7 @@ impl Given {
             (None, Some(end_s)) => ([from_s, end_s.min(first_other_s)], "until the worker was identified"),
             (None, None) => {
                 let end_s = shown.last_learnt_s.unwrap_or(from_s).min(self.learn_until_s(shown.samples_s));
-                (
-                    [from_s, end_s],
-                    "until the last pose that was learnt; identification did not come to its end",
-                )
+                ([from_s, end_s], "until the last pose used; identification did not converge")
             }
         };
         let rest_s = identify[1].max(from_s);
@@ -205,7 +202,7 @@ impl Given {
             seconds(identify),
             reference.map_or_else(|| "–".to_owned(), seconds),
             seconds(work),
-            if self.work.is_some() { "as given" } else { "the rest" },
+            if self.work.is_some() { "as given" } else { "the remainder" },
         );
         Ok(Found { spans_s, description })
     }

@@ -85,8 +85,7 @@ impl Reconcile<'_> {
         let (session, skipped) = session::compare(self, &survey, &identified, &found, progress)?;
         if session.blocks.is_empty() {
             bail!(
-                "nothing can be compared: in {} there is no fifth of a second in which both feet stand on the plate and suit \
-                 and plate are both heard",
+                "no usable block: in {} there is no interval of 0.2 s with both feet on the plate and data of suit and plate",
                 found.description
             );
         }

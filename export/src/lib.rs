@@ -101,7 +101,7 @@ fn write<M: Exported>(recording: &Recording, form: Form, part: &Part, what: &str
         }
     }
     if recording.truncated() {
-        let cut = "the recording was cut short: what came after its last whole chunk is not there";
+        let cut = "the recording was cut short: the data after its last complete chunk are missing";
         summary.rejected.push(cut.to_owned());
     }
     if summary.rows == 0 {

@@ -238,10 +238,10 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             table.push(row);
         }
     }
-    table.note("natural pace: bends, squats, side bends and turns 1 s apart, each with a return to standing, no pose held; static pose: also six held poses");
+    table.note("natural pace: bends, squats, side bends and turns 1 s apart, each with a return to standing, no static pose; static pose: also six static poses");
     table.note("true: rates of momentum and angular momentum of everything above L5/S1 with the simulated person's masses and inertias, and the box; magnitude about the horizontal axes, as published");
-    table.note("true joint 10 mm off: the person's own L5/S1 lies off the measured one by 10 mm (standard deviation per axis, constant per subject)");
-    table.note("axial force: published compression less published moment over the extensor's lever; the compression itself is a model of one muscle and has no measured truth here");
+    table.note("true joint 10 mm off: the simulated person's L5/S1 differs from the measured one by 10 mm (standard deviation per axis, constant per subject)");
+    table.note("axial force: published compression minus published moment over the extensor's lever arm; the compression is a one-muscle model without a true value here");
     vec![table, dose_table(&sums.dose, count)]
 }
 
@@ -262,7 +262,7 @@ fn dose_table(dose: &[DoseErrors], count: usize) -> Table {
     table.note(
         "one lift per subject and box at natural pace, from a table, round to both sides, up, and back",
     );
-    table.note("published: the moment that the damage stands for; true: weight of the box times its greatest horizontal distance from the middle of the hip joints while it is in the hands");
+    table.note("published: moment that corresponds to the accumulated damage; true: weight of the box times its greatest horizontal distance from the middle of the hip joints while it is in the hands");
     table
 }
 

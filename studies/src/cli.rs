@@ -14,8 +14,8 @@ use crate::{back, clocks, coverage, faults, hidden, lifting, natural, paper, pos
 #[command(
     name = "equipoise-study",
     version,
-    about = "Asks questions of the method over many synthetic subjects and prints the tables",
-    after_help = "Build it optimised: cargo run --release -p equipoise-studies -- paper"
+    about = "Offline studies of the method over many simulated subjects; prints tables",
+    after_help = "Run an optimised build: cargo run --release -p equipoise-studies -- paper"
 )]
 struct Cli {
     #[command(subcommand)]
@@ -24,37 +24,37 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Question {
-    /// The paper's experiment by the paper's method and by the default one
+    /// Reproduce the paper's experiment with the paper's method and the default method
     #[command(after_help = "Example: equipoise-study paper --subjects 10")]
     Paper(Choices),
-    /// How many poses until the model is accurate, by prior and by choice of poses
+    /// Number of poses to reach an accuracy, by prior and by pose choice
     #[command(after_help = "Example: equipoise-study poses --subjects 20 --json")]
     Poses(Choices),
-    /// Torques while lifting at natural speed, and false alarms without a load
+    /// Torque errors while lifting at natural speed, and false positives without a load
     #[command(after_help = "Example: equipoise-study lifting --seed 100")]
     Lifting(Choices),
     /// Identification from natural squat lifts and bends without held poses, then a carry
     #[command(after_help = "Example: equipoise-study natural --subjects 20")]
     Natural(Choices),
-    /// How often errors lie within the published 1-sigma and 2-sigma
+    /// Coverage of errors by the published 1-sigma and 2-sigma
     #[command(after_help = "Example: equipoise-study coverage --subjects 40")]
     Coverage(Choices),
     /// Moment and axial force at L5/S1 in natural bends and squats
     #[command(after_help = "Example: equipoise-study back --subjects 20")]
     Back(Choices),
-    /// The suit's own accelerations, and insoles in place of a plate
+    /// Accelerations reported by the suit, and insoles in place of a plate
     #[command(after_help = "Example: equipoise-study sources --subjects 20")]
     Sources(Choices),
-    /// Skew and drift between the clocks of suit and plate, injected and estimated
+    /// Errors of estimated skew and drift between the clocks of suit and plate
     #[command(after_help = "Example: equipoise-study clocks --subjects 6")]
     Clocks(Choices),
-    /// Suit, plate and daemon started again in the middle of work
+    /// Restarts of suit, plate and daemon during work
     #[command(after_help = "Example: equipoise-study restarts --subjects 10")]
     Restarts(Choices),
-    /// Sensors that fail without saying so, against the truth
+    /// Detection of undeclared sensor faults
     #[command(after_help = "Example: equipoise-study faults --subjects 20")]
     Faults(Choices),
-    /// The blind bench of the discrepancy workflow: sessions with something hidden in them
+    /// Blind benchmark of the discrepancy workflow: sessions with hidden effects
     Hidden {
         #[command(subcommand)]
         task: hidden::cli::Task,
@@ -63,13 +63,13 @@ enum Question {
 
 #[derive(Debug, Args)]
 struct Choices {
-    /// How many synthetic subjects
+    /// Number of simulated subjects
     #[arg(long, default_value_t = 20, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     subjects: u16,
     /// Seed of the first subject; the others follow
     #[arg(long, default_value_t = 1, value_name = "SEED")]
     seed: u64,
-    /// How far body, contacts and sensors are from ideal ones: ideal, realistic or severe, then changes of single phenomena
+    /// Deviation of body, contacts and sensors from ideal ones: ideal, realistic or severe, then changes of single phenomena
     /// (feet, hands, load_place, squeeze, soft_tissue, suit_world, clocks, plate_zero), as in `realistic,feet=ideal`
     #[arg(long, default_value = "realistic", value_name = "SEVERITY")]
     realism: Realism,
@@ -92,7 +92,7 @@ impl Choices {
     }
 }
 
-/// Answers the question that the arguments ask.
+/// Runs the selected study.
 pub fn main() -> ExitCode {
     match Cli::parse().question {
         Question::Paper(choices) => choices.answer(paper::study),

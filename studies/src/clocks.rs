@@ -168,8 +168,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, mean 1-sigma"
         ),
         &[
-            "plate late by",
-            "sure after s",
+            "plate delay",
+            "published after s",
             "30 s: ms",
             "30 s: sigma",
             "60 s: ms",
@@ -180,20 +180,20 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "300 s: sigma",
             "300 s: ppm",
             "300 s: ppm sigma",
-            "in 1s %",
-            "in 2s %",
+            "1-sigma %",
+            "2-sigma %",
         ],
     );
     let mut effect = Table::new(
-        format!("What the correction changes ({count} subjects)"),
+        format!("Effect of the lag correction ({count} subjects)"),
         &[
-            "plate late by",
+            "plate delay",
             "CoP not corrected mm",
             "CoP corrected mm",
             "masked %",
-            "wrong %",
+            "misaligned %",
             "after the change: masked s",
-            "wrong s",
+            "misaligned s",
         ],
     );
     let questions: Vec<(Case, Subject, bool)> = CASES
@@ -234,11 +234,11 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         row.extend([seconds(masked), seconds(wrong)]);
         effect.push(row);
     }
-    skew.note("suit at 100 Hz, plate at 1 kHz; every other round with a box of 11 kg; skew: published sigma below 10 ms");
-    skew.note("in 1s, in 2s: how often the error of the published skew is below 1 and 2 sigma, once in each round of 11 s");
-    effect.note("CoP: RMS distance of estimated from measured, without a load, from 60 s on, where not masked as unsynchronised");
+    skew.note("suit at 100 Hz, plate at 1 kHz; every other round with a box of 11 kg; published after: time until the published sigma of the skew is below 10 ms");
+    skew.note("1-sigma, 2-sigma: fraction of errors of the published skew below 1 and 2 sigma, one sample per round of 11 s");
+    effect.note("CoP: RMS distance of estimated from measured, without a load, from 60 s on, excluding samples masked as unsynchronised");
     effect.note(
-        "masked: samples with clock_unsynchronised; wrong: not masked, and aligned with an error above 20 ms",
+        "masked: samples with clock_unsynchronised; misaligned: not masked, with an alignment error above 20 ms",
     );
     vec![skew, effect]
 }

@@ -101,13 +101,13 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     let people =
         ask_all(&crowd.subjects(), |subject| deviations(subject).map(|deviations| deviations.rows()));
     let mut table = Table::new(
-        format!("How often errors lie within the published sigma ({} subjects, default method)", crowd.count),
+        format!("Coverage of errors by the published sigma ({} subjects, default method)", crowd.count),
         &[
             "quantity",
-            "still: 1-sigma %",
-            "still: standard error",
-            "still: 2-sigma %",
-            "still: error/sigma",
+            "static: 1-sigma %",
+            "static: standard error",
+            "static: 2-sigma %",
+            "static: error/sigma",
             "motion: 1-sigma %",
             "motion: standard error",
             "motion: 2-sigma %",
@@ -127,11 +127,11 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         table.push(cells);
     }
     table.note("a normal error lies within 1 sigma 68.3 % and within 2 sigma 95.4 % of the time; error/sigma: root mean square, 1 where sigma is right");
-    table.note("standard error of the 1-sigma percentage, from its spread between the subjects: the samples of one subject share most of their error");
-    table.note("CoP: estimated less true centre of pressure of the unloaded body in this motion; force: vertical, published less true");
-    table.note("joints: magnitude of the published torque less that of the true one, with the whole box of 4 or 10 kg in the hands; true: inverse dynamics, forces under each foot and at each hand");
+    table.note("standard error of the 1-sigma percentage, from its spread between the subjects: errors of one subject are correlated");
+    table.note("CoP: estimated minus true centre of pressure of the unloaded body in this motion; force: vertical, published minus true");
+    table.note("joints: magnitude of the published torque minus that of the true torque, with the whole box of 4 or 10 kg in the hands; true: inverse dynamics, forces under each foot and at each hand");
     table.note("each horizontal axis: error over its own 1-sigma; both axes together: Mahalanobis distance by the covariance, as the normal deviate of the same probability");
-    table.note("still: the estimator's own static pose; motion: the rest");
+    table.note("static: the estimator's static pose; motion: all other samples");
     vec![table]
 }
 

@@ -137,22 +137,22 @@ fn one(session: &mut Session, movements: &mut Movements, fault: Fault, random: &
 pub fn study(crowd: &Crowd) -> Vec<Table> {
     let all = ask_all(&crowd.subjects(), |subject| faults(subject, &Fault::ALL));
     let mut table = Table::new(
-        format!("Sensors that fail without saying so, in the middle of work ({} subjects)", crowd.count),
+        format!("Detection of undeclared sensor faults during work ({} subjects)", crowd.count),
         &[
             "fault",
-            "times",
-            "noticed",
-            "after s",
-            "slowest after s",
+            "count",
+            "detected",
+            "median delay s",
+            "maximum delay s",
             "withheld %",
-            "for",
-            "wrong and valid: mass",
+            "most frequent reasons",
+            "valid but wrong: mass",
             "torque",
             "CoP",
             "of states",
-            "lifts too many",
-            "back s",
-            "slowest back s",
+            "excess lifts",
+            "median recovery s",
+            "maximum recovery s",
         ],
     );
     for (index, fault) in Fault::ALL.into_iter().enumerate() {
@@ -179,8 +179,10 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ];
         table.push(row);
     }
-    table.note("squats and bends at natural speed, 7 times of 10 with a box of 11 kg; 3 s of fault unless it says otherwise");
-    table.note("wrong: beyond 4 sigma and 3 kg, 10 N m or 30 mm, from the beginning to 1 s after the end");
+    table.note("squats and bends at natural speed, 7 times of 10 with a box of 11 kg; faults last 3 s unless stated otherwise");
+    table.note(
+        "wrong: beyond 4 sigma and 3 kg, 10 N m or 30 mm, from the start of the fault to 1 s after its end",
+    );
     vec![table]
 }
 

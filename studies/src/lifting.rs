@@ -196,12 +196,12 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             ]);
         }
     }
-    torques.note("natural speed: poses 1 s apart without a rest, a box from a table, round to both sides, up, and back");
-    torques.note("error: RMS length of published less true torque, left and right together, over samples with torques and the whole box in the hands");
-    torques.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box less without it, forces under each foot and at each hand");
+    torques.note("natural speed: poses 1 s apart without pauses; a box is lifted from a table, moved to both sides and up, and put back");
+    torques.note("error: RMS length of published minus true torque, left and right together, over samples with torques and the whole box in the hands");
+    torques.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box minus without it, forces under each foot and at each hand");
     torques.note("sigma: mean of the published 1-sigma of the magnitude");
     telling.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
     telling.note("published: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
-    telling.note("without a load nothing should be above green");
+    telling.note("above green without a load: false positives");
     vec![torques, telling]
 }

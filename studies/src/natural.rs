@@ -334,12 +334,12 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     };
     let shifts = ask(SUIT_HZ, READ_S[1]);
     let mut each = Table::new(
-        format!("Natural work without a held pose ({count} subjects, suit at {SUIT_HZ} Hz)"),
+        format!("Natural work without static poses ({count} subjects, suit at {SUIT_HZ} Hz)"),
         &[
             "seed",
             "identified s",
             "poses",
-            "rows in motion",
+            "motion samples",
             "mass error kg",
             "predicted CoP sigma mm",
             "CoP error mm",
@@ -372,12 +372,12 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         each.push(row);
     }
     let mut rates = Table::new(
-        format!("The same by the suit's rate, all {count} subjects together"),
+        format!("Natural work by sample rate of the suit ({count} subjects)"),
         &[
             "suit Hz",
             "identified",
             "median s",
-            "slowest s",
+            "maximum s",
             "CoP error mm",
             "forward 1-sigma %",
             "sideways 1-sigma %",
@@ -386,7 +386,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "unloaded: torques %",
             "unloaded: above green %",
             "carry withheld %",
-            "withheld for",
+            "most frequent reasons",
             "box bias kg",
             "box RMS kg",
             "resumed s",
@@ -396,14 +396,12 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     for rate_hz in OTHER_RATES_HZ {
         rates.push(Together::of(&ask(rate_hz, 0.0)).row(rate_hz));
     }
-    each.note("squats and bends of 1 to 2 s a phase, each begun before the last has come to rest; soft tissue, the suit's world off, plate 138 ms late, drifting by -400 ppm");
+    each.note("squats and bends of 1 to 2 s a phase, each started before the previous one has ended; soft tissue, offset of the suit's world, plate delayed by 138 ms with a drift of -400 ppm");
     each.note(
-        "identified: from the first sample until the stop rule holds; empty: ended by hand after 120 s",
+        "identified: from the first sample until the stop rule is met; empty: stopped by a command after 120 s",
     );
-    each.note("CoP error: estimated from measured, 30 s of other movements; sigma: how often the true CoP lies within");
-    each.note(
-        "resumed: from letting go of 11 kg until rows in motion are accepted, the slower of two carries",
-    );
+    each.note("CoP error: RMS distance of estimated from measured over 30 s of other movements; 1-sigma, 2-sigma: coverage of the true CoP");
+    each.note("resumed: from the release of 11 kg until motion samples are accepted, maximum of two carries");
     vec![each, rates]
 }
 

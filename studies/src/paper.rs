@@ -80,7 +80,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "poses",
             "converged",
             "largest P_jj m2",
-            "promised mm",
+            "predicted CoP sigma mm",
             "CoP forward mm",
             "CoP sideways mm",
             "CoP distance mm",
@@ -125,26 +125,25 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         }
     }
     identification.note(
-        "poses: median over the bodies of the poses until the stop rule held (the paper: 25, one person)",
+        "poses: median over the bodies of the poses until the stop rule is met (the paper: 25, one person)",
     );
-    identification.note(format!("converged: bodies for which it held within {POSES_MAX} poses"));
+    identification.note(format!("converged: bodies for which it is met within {POSES_MAX} poses"));
     identification.note(
-        "largest P_jj: median at the end; each begins at 1 m2 without a prior, and what no pose distinguishes keeps part of it",
+        "largest P_jj: median at the end; initially 1 m2 without a prior; unobservable directions keep their variance",
     );
     identification
-        .note("promised: median of the filter's predicted 1-sigma of the CoP over the library, both axes");
+        .note("predicted CoP sigma: median of the filter's predicted 1-sigma over the library, both axes");
     identification.note(format!(
-        "CoP: RMS over the bodies of estimated less measured, still, without a load, in {CHECK_POSES} poses that are in no library (a trunk and two arms of different poses)"
+        "CoP: RMS over the bodies of estimated minus measured, static, without a load, in {CHECK_POSES} poses outside the library (trunk and arms of different poses)"
     ));
     identification.note(
-        "% of base: distance over the length of the base of support, heel to toe; % of range: distance over the diagonal of the measured CoP's range (the paper: 16.17 %, of what it does not say)",
+        "% of base: distance over the length of the base of support, heel to toe; % of range: distance over the diagonal of the measured CoP's range (the paper: 16.17 %, denominator not stated)",
     );
+    torques.note("before, lifting: mean published magnitude; '-': not published, below the load threshold");
     torques.note(
-        "before, lifting: mean published magnitude; '-' where nothing was published: below the load threshold",
+        "true: mean magnitude by inverse dynamics, with the ground reaction at the common centre of pressure",
     );
-    torques
-        .note("true: mean magnitude by inverse dynamics, with the ground at the common centre of pressure");
-    torques.note("error: RMS length of the vectors' difference; published: samples of both sides together");
+    torques.note("error: RMS length of the difference vector; published: samples of both sides");
     vec![identification, torques]
 }
 

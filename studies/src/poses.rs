@@ -104,14 +104,14 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     let courses =
         ask_all(&questions, |(subject, (_, belief), (_, choice))| course(subject, *belief, *choice));
     let mut table = Table::new(
-        format!("Poses until the centre of pressure is known to 10 mm ({count} subjects each)"),
+        format!("Poses until the CoP error is below 10 mm ({count} subjects each)"),
         &[
             "prior",
             "choice",
             "lower quartile",
             "median",
             "upper quartile",
-            "never",
+            "not reached",
             "error mm after 0",
             "after 5",
             "after 10",
@@ -121,7 +121,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     for (question, courses) in questions.chunks(count).zip(courses.chunks(count)) {
         let (_, (belief, _), (choice, _)) = question[0];
-        // Subjects that never reach it count as one pose more than were tried.
+        // Subjects that do not reach it count as one pose more than the maximum.
         let never = courses.iter().filter(|course| course.poses_to(ACCURATE_M).is_none()).count() as u64;
         let poses = courses
             .iter()
@@ -137,17 +137,17 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     }
     let (learnt, held_out) = divided_library();
     table.note(format!(
-        "poses: the least number after which the held-out error stays below 10 mm up to {POSES_MAX} poses; {} where it never does",
+        "poses: smallest number after which the held-out error stays below 10 mm up to {POSES_MAX} poses; {} if not reached",
         POSES_MAX + 1
     ));
     table.note(format!(
-        "held-out error: RMS distance of the estimated from the measured centre of pressure, means over a still window, over {} poses of the library; the other {} were there to learn from",
+        "held-out error: RMS distance of the estimated from the measured centre of pressure, means over a static window, over {} poses of the library; the other {} are available for identification",
         held_out.len(),
         learnt.len()
     ));
     table.note("error mm after n poses: median over the subjects");
     table.note(
-        "wrong: sure to 3 mm of a body with a trunk 25 % lighter, legs 25 % heavier, trunk's centres 4 cm back",
+        "wrong: prior with a sigma of 3 mm of a body with a trunk 25 % lighter, legs 25 % heavier, trunk's centres 4 cm further back",
     );
     vec![table]
 }

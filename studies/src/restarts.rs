@@ -198,19 +198,19 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     .flatten()
     .collect();
     let mut table = Table::new(
-        format!("Started again in the middle of work ({} subjects, {RESTARTS} restarts each)", crowd.count),
+        format!("Restarts during work ({} subjects, {RESTARTS} restarts each)", crowd.count),
         &[
-            "started again",
+            "restarted",
             "carrying",
-            "times",
-            "place found",
+            "count",
+            "position estimated",
             "within 10 s",
-            "torques again",
+            "torques valid",
             "median s",
-            "slowest s",
+            "maximum s",
             "CoP error mm",
-            "largest mm",
-            "pelvis largest mm",
+            "CoP maximum mm",
+            "pelvis maximum mm",
             "beyond 3 sigma %",
         ],
     );
@@ -240,9 +240,9 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             table.push(row);
         }
     }
-    table.note("squats and bends at natural speed; the suit's new origin up to 2 m off on each axis, its heading any");
-    table.note("place found: seconds after all is back, by the time of the sample; what is carried is put down 4 s after the restart");
-    table.note("errors: of every value published from the restart on, against the simulated person");
+    table.note("squats and bends at natural speed; the suit's new origin is up to 2 m off on each axis, with any heading");
+    table.note("median s, maximum s: time from the return of all devices until the position is estimated, by sample time; a carried load is put down 4 s after the restart");
+    table.note("errors: of all values published from the restart on, relative to the simulated person");
     vec![table]
 }
 

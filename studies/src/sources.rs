@@ -104,11 +104,11 @@ fn table(title: String, first: &'static str, second: &'static str) -> Table {
             first,
             second,
             "poses",
-            "still CoP mm",
+            "static CoP mm",
             "work CoP mm",
             "work force N",
-            "march CoP mm",
-            "march force N",
+            "marching CoP mm",
+            "marching force N",
             "published without load %",
             "shoulder N m",
             "elbow N m",
@@ -150,8 +150,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ("a plate, suit at 240 Hz", Ground::Plate, 240),
         ("insoles", Ground::Insoles, 60),
     ] {
-        let title = format!("Accelerations by {ground_name} ({count} subjects)");
-        let mut by_suit = table(title, "suit sends", "taken from");
+        let title = format!("Sources of accelerations with {ground_name} ({count} subjects)");
+        let mut by_suit = table(title, "suit data", "accelerations from");
         for (sends, accelerations) in SUITS {
             for (name, how) in HOW {
                 if accelerations.is_some() || how == Accelerations::Positions {
@@ -162,14 +162,16 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         }
         tables.push(by_suit);
     }
-    let mut by_ground = table(format!("What measures the ground ({count} subjects)"), "ground", "taken from");
+    let mut by_ground =
+        table(format!("Ground devices ({count} subjects)"), "ground device", "accelerations from");
     for (name, ground) in GROUNDS {
         let ask =
             |subject: &Subject| shift(subject, Accelerations::Positions, Rig { ground, ..subject.rig() });
         by_ground.push(row([name, "positions"], &crowd, ask));
     }
     by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the published external force; both without a load");
-    by_ground.note("torques: RMS length of published less true while 8 kg are lifted at natural speed");
+    by_ground
+        .note("torques: RMS length of published minus true torque while 8 kg are lifted at natural speed");
     tables.push(by_ground);
     tables
 }

@@ -1,4 +1,5 @@
-//! `equipoise reconcile`: where model and measurement disagree, what is missing, and the gap with it and without.
+//! `equipoise reconcile`: discrepancies between model and measurement, the missing effect, and the gap before and after it
+//! is added.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -19,28 +20,28 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, span};
 
-/// Find where model and measured data disagree, name the missing effect, add it to the model
+/// Locate discrepancies between model and measurement, name the missing effect, add it to the model
 ///
-/// Goes through a recording (.mcap) or a capture (.csv, .pcap, .pcapng, with --config): learns the worker from the
-/// identification poses, compares what the model predicts with what the plate measured, and asks which effect of the
-/// catalogue is missing: a load in a hand, a plate that was moved, a suit that is late, and so on. Spans are found if
-/// they are not given, and it says which were taken.
+/// Reads a recording (.mcap) or a capture (.csv, .pcap, .pcapng, with --config), identifies the worker from the
+/// identification poses, compares the model's predictions with the plate's measurements, and determines which effect of
+/// the catalogue is missing, such as a load in a hand, a displaced plate or a lag of the suit. Spans that are not given
+/// are determined from the recording and printed.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise reconcile shift.mcap --out shift-reconciled\n  equipoise reconcile shift.mcap \
                   --identify 0:95 --reference 95:240 --work 240:900 --json\n  equipoise reconcile capture.csv --config \
                   examples/human-motion.toml --identify 0:30\n  equipoise replay shift.mcap --model \
                   shift-reconciled/model.toml\n\nExit code 3: part of the data was rejected or is missing; the rest was \
-                  used, and the summary says what."
+                  used, and the summary lists it."
 )]
 pub(super) struct Arguments {
-    /// Recordings or captures; several are handled one after the other
+    /// Recordings or captures; several are processed in sequence
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Configuration to use in place of the recording's own
+    /// Configuration that replaces the recording's own
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Model file whose effects are known already
+    /// Model file of the effects already found
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// Identification poses: begin and end, seconds since the recording's begin
@@ -78,7 +79,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// What comes of one file: whether all of it was used.
+/// Reconciles one file; returns whether all of it was used.
 fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) -> anyhow::Result<Outcome> {
     let input = Input::open(file)?;
     let mut chosen = input.configuration(arguments.config.as_deref())?;
@@ -96,7 +97,7 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
     let compared = reconcile.compare(&mut |progress| bar.update(progress))?;
     let mut outcome =
         equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
-            bar.update(Progress { doing: "looking for what is missing", share });
+            bar.update(Progress { doing: "testing effects", share });
         })?;
     bar.clear();
     let written = match folder {
@@ -128,7 +129,7 @@ fn print_json(finding: &Finding, one_line: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A configuration of another worker would put another body on the plate.
+/// Rejects the configuration of another worker: its model would be of another body.
 fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
     let Input::Recording(recording) = input else { return Ok(()) };
     let Ok(own) = Config::parse(&recording.header().config_toml, "the recording's configuration") else {
@@ -137,8 +138,8 @@ fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
     let [recorded, configured] = [&own.subject.id, &chosen.config.subject.id];
     if recorded != configured {
         bail!(
-            "the recording is of {recorded}, and the configuration is {configured}'s; name a configuration of {recorded} \
-             with --config, or none: the recording brings its own"
+            "the recording is of {recorded}, and the configuration is {configured}'s; give a configuration of {recorded} \
+             with --config, or omit it to use the recording's own"
         );
     }
     Ok(())

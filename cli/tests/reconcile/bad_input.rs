@@ -215,7 +215,7 @@ fn without_a_static_pose_no_worker_is_identified() {
     let mut config = script.config().replace("[identification]", "[identification]\nmethod = \"static\"");
     config += "[static_pose]\njoint_deg = 0.1\ncop_mm = 0.1\n";
     let trial = Trial::of(&script.samples(), &config);
-    trial.refuses(&[], &["no pose is held still", "--identify", "[static_pose]"]);
+    trial.refuses(&[], &["no static pose in the recording", "--identify", "[static_pose]"]);
 }
 
 #[test]
@@ -239,14 +239,14 @@ fn a_constant_sensor_is_rejected() {
             (sample.force_n, sample.moment_nm) = (first.force_n, first.moment_nm);
         }
     })
-    .refuses(&[], &["the plate never changes", "cable"]);
+    .refuses(&[], &["the plate data never change", "cable"]);
     Trial::corrupted(|samples| {
         let first = samples.suit[0];
         for sample in &mut samples.suit {
             (sample.position_m, sample.orientation_wxyz) = (first.position_m, first.orientation_wxyz);
         }
     })
-    .refuses(&[], &["the suit never changes", "paused or stuck"]);
+    .refuses(&[], &["the suit data never change", "paused or stuck"]);
 }
 
 #[test]

@@ -51,7 +51,7 @@ fn the_second_picture_is_flat_on_data_held_out() {
         assert!(after < before, "{axis}: {of_axis}");
     }
     let report = std::fs::read_to_string(session.out.join("report.md")).unwrap();
-    let message = format!("goes from **{before_mm:.1} mm** to **{after_mm:.2} mm**");
+    let message = format!("changes from **{before_mm:.1} mm** to **{after_mm:.2} mm**");
     assert!(report.contains(&message), "the report has the same numbers: {message}");
     for picture in ["again-cop_x-before.svg", "again-cop_x-after.svg", "again-fz-after.svg"] {
         assert!(report.contains(picture) && session.out.join(picture).exists(), "{picture}");

@@ -112,7 +112,7 @@ fn identification_dose_and_quality_are_those_of_the_states() {
         near(&row[5], nis, 0.0051);
     }
     let total = session.lines.len() as f64;
-    for row in page.rows("Why values were withheld") {
+    for row in page.rows("Invalid reasons") {
         let raised = session
             .lines
             .iter()
@@ -128,7 +128,7 @@ fn identification_dose_and_quality_are_those_of_the_states() {
         assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
     }
     assert!(
-        page.text.contains("no cycle records") && page.text.contains("losses and refusals are not known")
+        page.text.contains("no cycle records") && page.text.contains("losses and refusals are unavailable")
     );
 }
 
@@ -137,11 +137,10 @@ fn samples_without_states_are_replayed_to_the_same_numbers() {
     let session = session();
     let (recorded, replayed) =
         (report("recorded.html", &session.states), report("replayed.html", &session.samples));
-    assert!(replayed.text.contains("computed from its samples by a replay"));
+    assert!(replayed.text.contains("computed from the samples by a replay"));
     assert!(!recorded.text.contains("by a replay"));
     assert!(replayed.text.contains("Equipoise 0.0.9"), "the release that recorded");
-    for heading in
-        ["Identification", "Minutes at each level", "Lifts", "Why values were withheld", "Dose and fatigue"]
+    for heading in ["Identification", "Minutes at each level", "Lifts", "Invalid reasons", "Dose and fatigue"]
     {
         assert_eq!(recorded.rows(heading), replayed.rows(heading), "{heading}");
     }
@@ -204,7 +203,7 @@ fn invalid_values_are_not_drawn() {
     let page = report("hole.html", &states("hole.mcap", &all, |_| {}));
     assert_eq!(page.line("compression").matches('M').count(), 2, "two runs, and a hole between them");
     assert!(page.text.contains("2003 N on average, at most 2006 ±"), "{}", page.text);
-    near(page.cell("Why values were withheld", "moving", "share"), 100.0 * 300.0 / 899.0, 0.051);
+    near(page.cell("Invalid reasons", "moving", "share"), 100.0 * 300.0 / 899.0, 0.051);
     assert!(page.text.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
 }
 

@@ -230,7 +230,7 @@ fn the_prior_is_a_covariance_of_all_parameters() {
     let settings = Settings { mass_kg: Some(MASS_KG), ..Settings::for_height(1.77) };
     let mut learnt: Box<Identification> = bytemuck::zeroed_box();
     learnt.start(&settings);
-    assert!(Worker::of(&learnt, &settings).is_none(), "the bones are not known");
+    assert!(Worker::of(&learnt, &settings).is_none(), "segment lengths are unavailable");
     let origin = skeleton().t_pose_m().map(|origin| Vector3::from(origin) + Vector3::new(0.0, 0.0, 0.95));
     let pose = Pose::<SuitWorld>::new(origin, [UnitQuaternion::identity(); SEGMENTS]);
     for _ in 0..20 {

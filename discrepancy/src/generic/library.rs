@@ -62,7 +62,7 @@ fn forces(rows: &Rows<'_>) -> Vec<Entry> {
         let at = |block: usize| rows.blocks[block].observation.origin_m[segment.index()];
         let what = format!("a force on the {name}");
         list.push(Entry::of(rows, what, &[GENERIC_FORCE_N; 3], |block| force(rows, block, at(block))));
-        let what = format!("a spring that pulls at the {name}");
+        let what = format!("a spring attached to the {name}");
         let sigma = [GENERIC_FORCE_N, GENERIC_FORCE_N, GENERIC_FORCE_N, GENERIC_STIFFNESS_N_PER_M];
         list.push(Entry::of(rows, what, &sigma, |block| spring(rows, block, at(block))));
     }
@@ -101,16 +101,16 @@ fn plate_errors(rows: &Rows<'_>) -> Vec<Entry> {
         Entry::of(rows, what.to_owned(), sigma, of)
     };
     let mut list = vec![
-        entry("the centre of pressure lags behind its own motion", &[hysteresis_m; 2], &|block| {
+        entry("a hysteresis of the centre of pressure", &[hysteresis_m; 2], &|block| {
             let [x, y] = cop_direction(rows, block);
             pair([x, 0.0], [0.0, y])
         }),
-        entry("the centre of pressure is off in proportion to the body's speed", &[speed_s; 2], &|block| {
+        entry("an error of the centre of pressure proportional to speed", &[speed_s; 2], &|block| {
             let [x, y, _] = rows.blocks[block].com_velocity_m_per_s;
             pair([x, 0.0], [0.0, y])
         })
         .partly_in_catalogue(),
-        entry("the centre of pressure goes through a linear map", &[linear; 4], &|block| {
+        entry("a linear map of the centre of pressure", &[linear; 4], &|block| {
             let [x, y] = seen(block).cop_predicted_m;
             let mut columns = Columns::zero(4);
             (columns.cop_m[0], columns.cop_m[1]) = ([x, 0.0], [y, 0.0]);
@@ -118,7 +118,7 @@ fn plate_errors(rows: &Rows<'_>) -> Vec<Entry> {
             columns
         })
         .partly_in_catalogue(),
-        entry("the vertical force depends on where the person stands", &FORCE_MAP, &|block| {
+        entry("an error of the vertical force that depends on position", &FORCE_MAP, &|block| {
             let [x, y] = seen(block).cop_predicted_m;
             let force_n = seen(block).force_predicted_n[2];
             let mut columns = Columns::zero(3);
@@ -130,7 +130,7 @@ fn plate_errors(rows: &Rows<'_>) -> Vec<Entry> {
         .partly_in_catalogue(),
     ];
     for (a, b, what) in [(0, 0, "forward squared"), (0, 1, "forward times left"), (1, 1, "left squared")] {
-        let what = format!("the centre of pressure is bent: {what}");
+        let what = format!("a quadratic error of the centre of pressure: {what}");
         list.push(entry(&what, &[quadratic_per_m; 2], &|block| {
             let cop_m = seen(block).cop_predicted_m;
             let square = cop_m[a] * cop_m[b];

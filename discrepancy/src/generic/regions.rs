@@ -39,7 +39,7 @@ fn of(neighbours: &Neighbours<'_>, name: &str, segments: &[Segment], is_of_an_ar
     for &centre in &centres {
         for &reach_m in REGION_REACH_M[kind] {
             let [x, y, z] = centre;
-            let what = format!("heading of the {name}, near ({x:.1}, {y:.1}, {z:.1}) m");
+            let what = format!("a heading error of the {name} near ({x:.1}, {y:.1}, {z:.1}) m");
             list.push(neighbours.entry(middle, what, [REGION_HEADING_RAD], |posture| {
                 let near =
                     |segment| (-0.5 * apart2(at(posture, segment), centre) / (reach_m * reach_m)).exp();
@@ -50,7 +50,7 @@ fn of(neighbours: &Neighbours<'_>, name: &str, segments: &[Segment], is_of_an_ar
         }
     }
     if let Some(origin) = mean(&points) {
-        let what = format!("heading of the {name}, by where it is");
+        let what = format!("a heading error of the {name} that depends on its position");
         list.push(neighbours.entry(middle, what, [REGION_HEADING_RAD; 4], |posture| {
             std::array::from_fn(|k| {
                 sum(segments.iter().map(|&segment| {

@@ -125,17 +125,20 @@ fn of_shift(rows: &Rows<'_>, block: usize, at: [f64; 3], acceleration: [f64; 3])
     (cop_m, acceleration.map(|part| observation.mass_kg * part))
 }
 
-/// Joints that translate as they bend: a suit's bones meet in points, a body's joints glide.
+/// Joints that translate as they bend: the suit's model has fixed joint centres, a body's joints glide.
 pub(super) fn joints(neighbours: &Neighbours<'_>) -> Vec<Entry> {
     let [shoulder_m, spine_m] = JOINT_GLIDE_M;
     let mut list = Vec::new();
     for side in Side::BOTH {
-        let what = format!("the {} leaves its joint as the arm is raised", display_name(upper_arm(side)));
+        let what = format!(
+            "a translation of the {} in its joint with the elevation of the arm",
+            display_name(upper_arm(side))
+        );
         list.push(neighbours.entry(Segment::T8, what, [shoulder_m; 3], |posture| {
             along_trunk(posture, raised(posture, side))
         }));
     }
-    let what = "both arms leave their joints as they are raised".to_owned();
+    let what = "a translation of both arms in their joints with their elevation".to_owned();
     list.push(neighbours.entry(Segment::T8, what, [shoulder_m; 3], |posture| {
         let [left, right] = Side::BOTH.map(|side| raised(posture, side));
         let apart = if Side::BOTH[0] == Side::Left { left - right } else { right - left };
@@ -143,8 +146,8 @@ pub(super) fn joints(neighbours: &Neighbours<'_>) -> Vec<Entry> {
         all[1] = along_trunk(posture, apart)[1];
         all
     }));
-    for (axis, how) in ["to the side", "forward", "about the upright"].into_iter().enumerate() {
-        let what = format!("the spine bends elsewhere than the suit thinks: {how}");
+    for (axis, how) in ["to the side", "forward", "about the vertical"].into_iter().enumerate() {
+        let what = format!("a bend of the spine at another place than in the suit's model: {how}");
         list.push(neighbours.entry(Segment::T8, what, [spine_m; 3], |posture| {
             let trunk = [Segment::L5, Segment::L3, Segment::T12, Segment::T8];
             let bend: f64 = trunk.iter().map(|part| posture.block.joint_rad[part.index()][axis]).sum();
@@ -191,20 +194,20 @@ fn slips_of(neighbours: &Neighbours<'_>, segment: Segment) -> Vec<Entry> {
     let [per_joint, following, per_minute] = SLIP;
     let mut list = Vec::new();
     for (joint, axis) in ["x", "y", "z"].into_iter().enumerate() {
-        let what = format!("the sensor on the {name} slips as its joint turns about {axis}");
+        let what = format!("a slip of the sensor on the {name} with the joint's rotation about {axis}");
         list.push(
             neighbours.entry(segment, what, [per_joint; 3], |posture| aside(posture, bent(posture)[joint])),
         );
     }
-    let what = format!("the sensor on the {name} slips the more its joint is bent");
+    let what = format!("a slip of the sensor on the {name} with the joint's angle");
     list.push(neighbours.entry(segment, what, [per_joint; 3], |posture| aside(posture, norm(bent(posture)))));
-    let what = format!("the sensor on the {name} follows its joint only in part");
+    let what = format!("a sensor on the {name} that follows its joint only in part");
     list.push(neighbours.entry(segment, what, [following], |posture| {
         let rotation = posture.rotation(segment);
         let turn = rotation.map(|row| (0..3).map(|k| row[k] * bent(posture)[k]).sum());
         [posture.rotated_back(segment, turn)]
     }));
-    let what = format!("heading of the {name}, growing with time");
+    let what = format!("a heading error of the {name} that grows with time");
     list.push(neighbours.entry(segment, what, [per_minute], |posture| {
         let minutes = (posture.block.observation.time_s - rows.session.spans_s.work[0]) / 60.0;
         [posture.rotated_back(segment, [0.0, 0.0, minutes])]

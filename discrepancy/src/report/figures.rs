@@ -27,7 +27,7 @@ impl When {
     const fn words(self) -> &'static str {
         match self {
             When::Before => "before",
-            When::After => "after, on data held out",
+            When::After => "after, on held-out data",
         }
     }
 
@@ -102,13 +102,13 @@ pub(super) fn over_time(
     let held = held_poses(of, picture.block_s, second);
     let mut legend = vec![
         (Key::Line, when.look(), "measured − predicted".to_owned()),
-        (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
+        (Key::Area, Look::Noise, "noise (2 σ)".to_owned()),
     ];
     if !spans.is_empty() {
-        legend.push((Key::Area, Look::Suspect, "suspicious".to_owned()));
+        legend.push((Key::Area, Look::Suspect, "beyond noise".to_owned()));
     }
     if !held.is_empty() {
-        legend.push((Key::Area, Look::Still, "held pose".to_owned()));
+        legend.push((Key::Area, Look::Still, "static pose".to_owned()));
     }
     let mut marks: Vec<Mark> = spans
         .iter()
@@ -128,7 +128,7 @@ pub(super) fn over_time(
         name: format!("{section}-{}-{}", of.signal.name(), when.name()),
         title: format!("{what}{}", suffix(section, when.words())),
         description: format!(
-            "Residual of the {} over time, {}, with the band in which noise alone would stay.",
+            "Residual of the {} over time, {}, with the 2 σ band of noise alone.",
             signal(of.signal),
             when.words()
         ),
@@ -140,8 +140,7 @@ pub(super) fn over_time(
         marks,
         legend,
     };
-    let caption =
-        if svg::is_dense(of.points.len()) { "Line: mean; pale: from the lowest to the highest." } else { "" };
+    let caption = if svg::is_dense(of.points.len()) { "Line: mean; shaded: minimum to maximum." } else { "" };
     Figure {
         drawing: plot.draw(),
         caption: if caption.is_empty() { Text::default() } else { caption.into() },
@@ -232,9 +231,9 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
             Mark::Line { look: Look::Expected, points: mean, gap: f64::INFINITY },
         ],
         legend: vec![
-            (Key::Dot, when.look(), "a block".to_owned()),
+            (Key::Dot, when.look(), "block".to_owned()),
             (Key::Line, Look::Expected, "mean".to_owned()),
-            (Key::Area, Look::Noise, "noise alone (2 σ)".to_owned()),
+            (Key::Area, Look::Noise, "noise (2 σ)".to_owned()),
         ],
     };
     Figure { drawing: plot.draw(), caption: Text::default() }
@@ -257,9 +256,9 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
     let (unit, words) = (of.signal.unit(), words::candidate(&of.effect));
     let plot = Plot {
         name: format!("predictor-{number}"),
-        title: format!("What {} predicts, and what was measured", of.effect),
+        title: format!("{}: predicted and measured", of.effect),
         description: format!(
-            "Residual of the {} against what {words} predicts of it. On the diagonal the effect explains all.",
+            "Residual of the {} over the prediction of {words}. On the diagonal the effect explains it.",
             signal(of.signal)
         ),
         x: Axis::new(format!("predicted by the effect, {unit}"), x),
@@ -275,12 +274,12 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
             },
         ],
         legend: vec![
-            (Key::Dot, Look::Before, "a block".to_owned()),
-            (Key::Line, Look::Expected, "the effect explains it".to_owned()),
-            (Key::Line, Look::Noise, "noise alone (2 σ)".to_owned()),
+            (Key::Dot, Look::Before, "block".to_owned()),
+            (Key::Line, Look::Expected, "measured = predicted".to_owned()),
+            (Key::Line, Look::Noise, "noise (2 σ)".to_owned()),
         ],
     };
-    let caption = format!("{}. Parameters come from other blocks of time.", sentence(signal(of.signal)));
+    let caption = format!("{}. Parameters are fitted on other blocks.", sentence(signal(of.signal)));
     Figure { drawing: plot.draw(), caption: caption.into() }
 }
 

@@ -1,4 +1,4 @@
-//! The drawings with a row per name: the gap as a multiple of noise, and the evidence of the candidates.
+//! Drawings with one row per name: the gap relative to noise, and the evidence of the candidates.
 
 use super::document::{Figure, Text};
 use super::svg::{Key, Look};
@@ -8,7 +8,7 @@ use crate::constants::SHOWN_MAX;
 use crate::finding::{AxisGap, Finding, Gap};
 use crate::picture::Signal;
 
-/// Display name of an axis of the gap: `x_still` is "forward, still".
+/// Display name of an axis of the gap: `x_still` is "forward, static".
 pub(super) fn axis(name: &str) -> String {
     let (signal, how) = name.split_once('_').unwrap_or((name, ""));
     let signal = match signal {
@@ -17,10 +17,15 @@ pub(super) fn axis(name: &str) -> String {
         "fz" => "vertical force",
         other => other,
     };
-    if how.is_empty() { signal.to_owned() } else { format!("{signal}, {how}") }
+    match how {
+        "" => signal.to_owned(),
+        "still" => format!("{signal}, static"),
+        "moving" => format!("{signal}, in motion"),
+        other => format!("{signal}, {other}"),
+    }
 }
 
-/// Axes of the gap in display order: each signal as a whole, then still and moving.
+/// Axes of the gap in display order: each signal as a whole, then in motion and static.
 pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
     let rank = |name: &str| {
         let signal = Signal::ALL.iter().position(|signal| name.split('_').next() == Some(signal.axis()));
@@ -32,7 +37,7 @@ pub(super) fn axes(gap: &Gap) -> Vec<(&str, AxisGap)> {
     axes
 }
 
-/// The gap as a multiple of noise, per axis; before only, or before and after.
+/// The gap relative to noise, per axis; before only, or before and after.
 pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
     let rows: Vec<Row> = axes(gap)
         .into_iter()
@@ -51,16 +56,17 @@ pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
     if rows.is_empty() {
         return None;
     }
-    let mut legend = vec![(Key::Dot, Look::Before, if after { "before" } else { "the gap" }.to_owned())];
+    let mut legend = vec![(Key::Dot, Look::Before, if after { "before" } else { "gap" }.to_owned())];
     if after {
-        legend.push((Key::Dot, Look::After, "after, on data held out".to_owned()));
+        legend.push((Key::Dot, Look::After, "after, on held-out data".to_owned()));
     }
     let drawing = Rows {
         name: format!("{section}-gap"),
-        title: "The gap as a multiple of noise".to_owned(),
-        description: "Root mean square of the residual over that of noise alone, per axis, still and moving."
-            .to_owned(),
-        label: "times what noise alone would leave".to_owned(),
+        title: "Gap relative to noise".to_owned(),
+        description:
+            "Root mean square of the residual over that of noise alone, per axis, static and in motion."
+                .to_owned(),
+        label: "gap / noise alone".to_owned(),
         rows,
         rule: Some((1.0, "noise alone".to_owned())),
         bars: false,
@@ -87,17 +93,18 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
     if rows.is_empty() {
         return None;
     }
-    let mut legend = vec![(Key::Area, Look::Noise, "considered".to_owned())];
+    let mut legend = vec![(Key::Area, Look::Noise, "not named".to_owned())];
     if !named.is_empty() {
         legend.insert(0, (Key::Area, Look::After, "named".to_owned()));
     }
     let drawing = Rows {
         name: "evidence".to_owned(),
-        title: "Evidence for each explanation by itself".to_owned(),
-        description: "Natural logarithm of the odds of each candidate against adding nothing.".to_owned(),
-        label: "log odds against adding nothing".to_owned(),
+        title: "Evidence for each effect alone".to_owned(),
+        description: "Natural logarithm of the odds of each candidate against the unchanged model."
+            .to_owned(),
+        label: "log odds against the unchanged model".to_owned(),
         rows,
-        rule: Some((threshold, format!("needed: {}", words::odds(threshold)))),
+        rule: Some((threshold, format!("threshold: {}", words::odds(threshold)))),
         bars: true,
         legend,
     };

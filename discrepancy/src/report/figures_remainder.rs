@@ -28,8 +28,8 @@ pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
         Mark::Columns { look: Look::After, columns },
     ];
     let mut legend = vec![
-        (Key::Area, Look::After, if changed { "after" } else { "as it is" }.to_owned()),
-        (Key::Area, Look::Noise, "white noise (95 of 100)".to_owned()),
+        (Key::Area, Look::After, if changed { "after" } else { "residual" }.to_owned()),
+        (Key::Area, Look::Noise, "white noise (95 %)".to_owned()),
     ];
     if changed {
         marks.push(Mark::Line { look: Look::Before, points: before, gap: f64::INFINITY });
@@ -37,7 +37,7 @@ pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
     }
     let plot = Plot {
         name: format!("whiteness-{}", of.signal.name()),
-        title: format!("{}: likeness to itself", sentence(signal(of.signal))),
+        title: format!("{}: autocorrelation", sentence(signal(of.signal))),
         description: format!(
             "Autocorrelation of the whitened residual of the {} by lag, with the bounds of white noise.",
             signal(of.signal)
@@ -65,7 +65,7 @@ pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
         Mark::Line { look: Look::Expected, points: steps, gap: f64::INFINITY },
     ];
     let mut legend = vec![
-        (Key::Area, Look::After, if changed { "after" } else { "as it is" }.to_owned()),
+        (Key::Area, Look::After, if changed { "after" } else { "residual" }.to_owned()),
         (Key::Line, Look::Expected, "noise alone".to_owned()),
     ];
     if changed {
@@ -80,11 +80,12 @@ pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
     x.classes = bins.iter().enumerate().map(|(n, bin)| (n as f64 + 0.5, name(bin))).collect();
     let plot = Plot {
         name: "surprise".to_owned(),
-        title: "How surprising the blocks are".to_owned(),
-        description: "Share of blocks by the square of the whitened residual, next to that of noise alone."
-            .to_owned(),
+        title: "Distribution of the squared residual".to_owned(),
+        description:
+            "Fraction of blocks by the square of the whitened residual, next to that of noise alone."
+                .to_owned(),
         x,
-        y: Axis::new("share of blocks, %", Scale::exactly(0.0, 104.0 * highest.max(0.01))),
+        y: Axis::new("fraction of blocks, %", Scale::exactly(0.0, 104.0 * highest.max(0.01))),
         marks,
         legend,
     };

@@ -40,13 +40,13 @@ fn headline(report: &Report) -> Text {
     let finding = report.finding;
     let effects = enumeration(&finding.effects.iter().map(in_a_phrase).collect::<Vec<_>>());
     match finding.verdict {
-        Verdict::None => "Nothing is missing in the model that these data could show.".into(),
+        Verdict::None => "These data show no effect that the model lacks.".into(),
         Verdict::Named => Text::from("The model lacks ").strong(effects).plain("."),
         Verdict::Ambiguous => {
             let sets = equivalent_sets(report).into_iter().map(|set| {
                 enumeration_with(&set.iter().map(|name| words::candidate(name)).collect::<Vec<_>>(), "or")
             });
-            Text::from("Something is missing in the model, but these data cannot tell for sure what: ")
+            Text::from("The model lacks an effect, but these data do not determine which one: ")
                 .strong(sets.collect::<Vec<_>>().join("; and "))
                 .plain(".")
         }
@@ -54,19 +54,19 @@ fn headline(report: &Report) -> Text {
         Verdict::Unexplained if mostly_unexplained(finding) => unexplained(finding)
             .plain(" Also named is ")
             .strong(effects)
-            .plain(": it may be no more than the shadow of the same cause."),
+            .plain(": this may be an artefact of the same cause."),
         Verdict::Unexplained => Text::from("The model lacks ")
             .strong(effects)
-            .plain(", and something more that nothing in the catalogue explains."),
+            .plain(", and a further effect that is not in the catalogue."),
     }
 }
 
 /// The part that no effect explains, and its most similar effect.
 fn unexplained(finding: &Finding) -> Text {
-    let text = Text::from("Something is missing in the model that nothing in the catalogue explains.");
+    let text = Text::from("The residual contains an effect that is not in the catalogue.");
     let most = finding.unexplained.iter().max_by(|a, b| a.log_odds.total_cmp(&b.log_odds));
     match most {
-        Some(most) => text.plain(" It looks like ").strong(&most.what).plain("."),
+        Some(most) => text.plain(" Closest generic description: ").strong(&most.what).plain("."),
         None => text,
     }
 }
@@ -101,11 +101,11 @@ fn numbers(finding: &Finding) -> Vec<[String; 3]> {
     let gap = &finding.gap;
     let times = |value: f64| format!("{} noise", ratio(value, gap.noise_floor_mm));
     let mm = |value: f64| format!("{} mm", number(value));
-    let mut numbers = vec![["gap before".to_owned(), mm(gap.before_mm), times(gap.before_mm)]];
+    let mut numbers = vec![["gap before the change".to_owned(), mm(gap.before_mm), times(gap.before_mm)]];
     if changed(finding) {
-        numbers.push(["gap after, on data held out".to_owned(), mm(gap.after_mm), times(gap.after_mm)]);
+        numbers.push(["gap after, on held-out data".to_owned(), mm(gap.after_mm), times(gap.after_mm)]);
     }
-    let meaning = "what sway, suit, soft tissue and plate leave by themselves".to_owned();
+    let meaning = "expected from sway, suit, soft tissue and plate".to_owned();
     numbers.push(["noise alone".to_owned(), mm(gap.noise_floor_mm), meaning]);
     numbers
 }
@@ -151,8 +151,8 @@ fn with_unit(value: f64, unit: &str) -> Text {
 /// Provenance of the finding, sufficient to reproduce it.
 fn origin(report: &Report) -> Section {
     let origin = report.origin;
-    let mut section = Section::new("Where this comes from");
-    let mut table = Table::new(&["what", "is"]);
+    let mut section = Section::new("Provenance");
+    let mut table = Table::new(&["item", "value"]);
     let mut row = |what: &str, is: Text| table.rows.push(vec![what.into(), is]);
     for recording in &origin.recordings {
         row("recording", code(&recording.name));
@@ -161,10 +161,10 @@ fn origin(report: &Report) -> Section {
     row("length", words::seconds(report.picture.length_s).into());
     row("subject", origin.subject.as_str().into());
     row("station", origin.station.as_str().into());
-    row("made", origin.date.as_str().into());
-    row("by", origin.software.as_str().into());
+    row("created", origin.date.as_str().into());
+    row("software", origin.software.as_str().into());
     let spans = &report.picture.spans_s;
-    let how = if spans.found { "found in the data" } else { "given" };
+    let how = if spans.found { "determined from the data" } else { "given" };
     let span =
         |option: &str, span_s| code(format!("{option} {}", words::span(span_s))).plain(format!(" s, {how}"));
     row("identification", span("--identify", spans.identify));
@@ -175,7 +175,7 @@ fn origin(report: &Report) -> Section {
     row("work in question", span("--work", spans.work));
     row("blocks", format!("means over {:.2} s", report.picture.block_s).into());
     section.table(table);
-    section.say("Made by:");
+    section.say("Command:");
     section.code("sh", origin.command.as_str());
     section
 }

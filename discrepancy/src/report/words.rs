@@ -32,7 +32,7 @@ pub(super) fn candidate(name: &str) -> String {
 /// A place in words.
 pub(super) fn place_in_words(place: &str) -> String {
     match place {
-        "" => "some part of the body".to_owned(),
+        "" => "a part of the body".to_owned(),
         "right" => "the right hand".to_owned(),
         "left" => "the left hand".to_owned(),
         "both" => "both hands".to_owned(),
@@ -93,7 +93,7 @@ fn one_digit(value: f64) -> String {
 pub(super) fn number(value: f64) -> String {
     let decimals = decimals(value, 3);
     if !value.is_finite() {
-        "not known".to_owned()
+        "unavailable".to_owned()
     } else if value != 0.0 && value.abs() < 1e-4 {
         format!("{value:.1e}").replace('-', "−")
     } else {
@@ -103,7 +103,7 @@ pub(super) fn number(value: f64) -> String {
 
 /// Log odds with one decimal.
 pub(super) fn odds(log_odds: f64) -> String {
-    if log_odds.is_finite() { format!("{log_odds:.1}").replace('-', "−") } else { "not known".to_owned() }
+    if log_odds.is_finite() { format!("{log_odds:.1}").replace('-', "−") } else { "unavailable".to_owned() }
 }
 
 /// Two numbers as `value ± sigma`, to two significant digits of σ.
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(number(-0.004567), "−0.00457");
         assert_eq!(number(1234.5), "1234");
         assert_eq!(number(0.0), "0");
-        assert_eq!(number(f64::NAN), "not known");
+        assert_eq!(number(f64::NAN), "unavailable");
         assert_eq!(with_sigma(1.5234, 0.0417), "1.523 ± 0.042");
         assert_eq!(with_sigma(-12.3, 4.1), "−12.3 ± 4.1");
         assert_eq!(with_sigma(2.0, 0.0), "2.00 ± 0");
@@ -212,7 +212,7 @@ mod tests {
         }
         assert_eq!(
             candidate("segment_misalignment RightUpperArm"),
-            "a sensor that sits crooked on the right upper arm"
+            "a misaligned sensor on the right upper arm"
         );
         assert_eq!(candidate("hand_load both"), "a load in both hands");
         assert_eq!(candidate("of_tomorrow T8"), "of_tomorrow the upper trunk (T8)");

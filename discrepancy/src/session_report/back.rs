@@ -76,7 +76,7 @@ mod tests {
         assert_eq!(back.assessed_dose(), None, "an unknown risk is not zero");
         let carried = State { valid: Validity::NOT_IDENTIFIED.0, dose_damage: 1e-4, ..State::zeroed() };
         back.ingest(&carried, 0.6, 0.5);
-        assert_eq!(back.assessed_dose(), Some([1e-4, 0.0]), "what the shift brought along");
+        assert_eq!(back.assessed_dose(), Some([1e-4, 0.0]), "damage from before the recording");
         let state = State { l5s1_compression_n: 2000.0, l5s1_compression_sigma_n: 200.0, ..State::zeroed() };
         back.ingest(&state, 1.0, 0.5);
         back.ingest(&State { l5s1_compression_n: 1000.0, ..state }, 2.0, 0.5);

@@ -39,7 +39,7 @@ fn verdict(facts: &Facts) -> &'static str {
 fn headline(facts: &Facts) -> Text {
     let headline_text = match facts.exposure.worst() {
         Some(worst) => {
-            format!("The {} was the joint closest to its limit for the longest.", words::joint(worst))
+            format!("The {} was the joint closest to its limit for the longest time.", words::joint(worst))
         }
         None => "No overload torque was reported in this session.".to_owned(),
     };
@@ -57,20 +57,21 @@ fn numbers(facts: &Facts) -> Vec<[String; 3]> {
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
     let valid_percent = share_percent(facts.exposure.valid_s, facts.quality.observed_s);
     let mut numbers = vec![
-        number("Watched", length(to_s - from_s), "from the first to the last state"),
-        number("Lifts", facts.lifts.lifts.len().to_string(), "that ended in it"),
-        number("Torques reported", valid_percent, "of the time; the rest was withheld, with a reason"),
+        number("Duration", length(to_s - from_s), "from the first to the last state"),
+        number("Lifts", facts.lifts.lifts.len().to_string(), "completed in the recording"),
+        number("Torques reported", valid_percent, "of the time; otherwise withheld, with the invalid reason"),
     ];
     numbers.push(match facts.back.assessed_dose() {
         Some([damage, probability]) => {
-            let explanation = format!("of a high-risk job, by the low back's dose (damage {damage:.2e})");
+            let explanation =
+                format!("probability of a high-risk job, from the low-back dose (damage {damage:.2e})");
             number("Risk", format!("{:.0} %", 100.0 * probability), &explanation)
         }
-        None => number("Risk", "-".to_owned(), "the low back's load was never reported: see data quality"),
+        None => number("Risk", "-".to_owned(), "the low-back load was never valid: see data quality"),
     });
     let last = facts.identification.poses.last();
     if let Some(sigma_m) = last.and_then(|pose| pose.cop_sigma_m) {
-        numbers.push(number("Known to", format!("{:.1} mm", 1e3 * sigma_m), "1-σ of the predicted CoP"));
+        numbers.push(number("CoP accuracy", format!("{:.1} mm", 1e3 * sigma_m), "1-σ of the predicted CoP"));
     }
     numbers
 }

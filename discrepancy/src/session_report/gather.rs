@@ -151,7 +151,7 @@ impl Facts {
         let report = PathReport::of(&path);
         self.path = (report.cycles > 0).then_some(report);
         if recording.truncated() {
-            let reason = "the recording was cut short: what came after its last whole chunk is not there";
+            let reason = "the recording was cut short: the data after its last complete chunk are missing";
             self.rejected.push(reason.to_owned());
         }
     }

@@ -122,14 +122,14 @@ mod tests {
         found.ingest(&state(0, 0.02, 1), 4.0, false);
         assert_eq!((found.poses.len(), found.converged_s, found.resets), (1, None, 1));
         found.ingest(&State { converged: 1, ..state(1, 0.02, 1) }, 5.0, true);
-        assert_eq!((found.converged_s, found.stopped), (Some(5.0), true), "somebody ended it");
+        assert_eq!((found.converged_s, found.stopped), (Some(5.0), true), "stopped by a command");
         let mut estimates = Identification::default();
         estimates.ingest(&State { converged: 1, ..state(9, 0.004, u32::MAX) }, 0.0, false);
         assert!(estimates.identified_before);
         estimates.ingest(&state(0, 0.02, 1), 1.0, false);
         assert!(
             !estimates.identified_before && estimates.converged_s.is_none(),
-            "what was forgotten is known no more"
+            "a reset clears the estimate"
         );
     }
 }

@@ -25,8 +25,8 @@ const VARIABLE: &str = "EQUIPOISE_CHROMIUM";
 pub fn print(html: &str, pdf: &Path) -> anyhow::Result<()> {
     let Some(chromium) = found() else {
         bail!(
-            "--pdf needs Chromium, and none is on this computer: install it (Debian, Ubuntu: `apt install chromium`), or \
-             name one in {VARIABLE}; the HTML page itself prints as well"
+            "--pdf needs Chromium, which is not installed; install it (Debian, Ubuntu: `apt install chromium`), or set \
+             {VARIABLE} to its command, or print the HTML page with another browser"
         );
     };
     let room = Room::next_to(pdf)?;

@@ -32,7 +32,7 @@ const DISCLAIMER: &str = "Torques are what a load adds to each joint, by the met
 pub(super) fn session(facts: &Facts) -> Section {
     let mut section = Section::new("Session");
     let header = &facts.header;
-    let mut table = Table::new(&["what", "value"]);
+    let mut table = Table::new(&["item", "value"]);
     let mut row = |what: &str, value: Text| table.rows.push(vec![what.into(), value]);
     row("recording", code(facts.name.as_str()));
     if let Some(line) = &facts.authenticity {
@@ -41,25 +41,25 @@ pub(super) fn session(facts: &Facts) -> Section {
     row("station", code(facts.config.station.as_str()));
     row("subject", code(subject(facts)));
     let started = match header.started_unix_ns {
-        0 => "not stated in the recording".to_owned(),
+        0 => "not in the recording".to_owned(),
         unix_ns => format!("{:.0}", Timestamp::UNIX_EPOCH + Duration::from_nanos(unix_ns)),
     };
     row("begin", started.into());
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
     row("states", format!("{}, t = {from_s:.3} s to {to_s:.3} s", facts.cycles).into());
-    row("recorded by", software(&header.software_version).into());
-    row("reported by", software(env!("CARGO_PKG_VERSION")).into());
+    row("recorded with", software(&header.software_version).into());
+    row("report made with", software(env!("CARGO_PKG_VERSION")).into());
     row("configuration", format!("{}; {} Hz", facts.config_origin, facts.config.tick.rate_hz).into());
-    let model =
-        if header.model_toml.is_empty() { "none" } else { "in addition to the body: see the recording" };
+    let model = if header.model_toml.is_empty() { "none" } else { "contained in the recording" };
     row("model file", model.into());
-    let mass = if facts.mass_kg > 0.0 { format!("{:.1} kg", facts.mass_kg) } else { "not known".to_owned() };
-    row("body mass in use at the end", mass.into());
+    let mass =
+        if facts.mass_kg > 0.0 { format!("{:.1} kg", facts.mass_kg) } else { "unavailable".to_owned() };
+    row("body mass at the end", mass.into());
     section.table(table);
     if facts.source == Source::Replayed {
         section.say(
-            "The states are not the live loop's: the recording has none, or another configuration was asked for. They were \
-             computed from its samples by a replay through the same cycle.",
+            "The states were computed from the samples by a replay through the same cycle, because the recording has no \
+             states or another configuration was given.",
         );
     }
     if let Some(note) = several(facts) {
@@ -96,21 +96,23 @@ pub(super) fn identification(facts: &Facts) -> Section {
         ));
     }
     section.say(match (found.identified_before, found.converged_s) {
-        (true, _) if !facts.changes_s.is_empty() => "The worker was known when put in place.".to_owned(),
-        (true, _) => "The worker was known when the recording began.".to_owned(),
+        (true, _) if !facts.changes_s.is_empty() => "The worker was identified when loaded.".to_owned(),
+        (true, _) => "The worker was identified when the recording began.".to_owned(),
         (false, Some(time_s)) if found.stopped => {
-            format!("Learning was ended by hand at t = {time_s:.1} s; the stop rule was not met.")
+            format!(
+                "Identification was stopped by a command at t = {time_s:.1} s; the stop rule was not met."
+            )
         }
         (false, Some(time_s)) => format!("The stop rule was met at t = {time_s:.1} s."),
         (false, None) => "The stop rule was not met: the worker is not identified.".to_owned(),
     });
     if found.resets > 0 {
-        section.say(format!("It was reset {} times; what follows is the last run.", found.resets));
+        section.say(format!("It was reset {} times; the table is of the last run.", found.resets));
     }
     let mut table = Table::new(&[
         ">poses",
         ">t, s",
-        "pose asked for",
+        "suggested pose",
         ">predicted CoP σ, mm",
         ">largest P_jj, m²",
         ">NIS",
@@ -129,10 +131,10 @@ pub(super) fn identification(facts: &Facts) -> Section {
     section.figures(convergence(facts));
     section.note(
         "NIS: the normalised innovation squared of each pose. It has two degrees of freedom: 2 on average, above 5.99 \
-         in one pose of twenty, if the filter's σ is the truth.",
+         in one pose of twenty, if the filter's σ is correct.",
     );
     if found.motion_samples > 0 {
-        section.say(format!("{} samples in motion entered, too.", found.motion_samples));
+        section.say(format!("{} motion samples were used as well.", found.motion_samples));
     }
     if let Some(inflation) = found.prior_inflation.filter(|inflation| *inflation > 1.0) {
         section.say(format!(
@@ -175,9 +177,9 @@ fn convergence(facts: &Facts) -> Vec<Figure> {
         let plot = Plot { name, title, description, x, y, marks, legend };
         Some(Figure { drawing: plot.draw(), caption: Text::default() })
     };
-    let title = "How well the CoP is predicted";
+    let title = "Predicted standard deviation of the CoP";
     let cop = figure("cop-sigma", title, "predicted CoP σ, mm", sigma, target);
-    let title = "The least known parameter";
+    let title = "Parameter of the largest variance";
     cop.into_iter().chain(figure("p-jj", title, "√ of the largest P_jj, mm", variance, None)).collect()
 }
 
@@ -187,8 +189,8 @@ pub(super) fn exposure(facts: &Facts) -> Section {
     let (found, span_s) = (&facts.exposure, facts.span_s.unwrap_or_default());
     if found.valid_s <= 0.0 {
         section.say(
-            "No torque was reported: without an identified worker, without a load or with faulty data there is none. See \
-             data quality for the reasons.",
+            "No torque was reported. Torques need an identified worker, a load and valid data: see data quality for the \
+             reasons.",
         );
         return section;
     }

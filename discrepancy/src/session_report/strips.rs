@@ -110,7 +110,7 @@ fn legend(out: &mut String) {
         );
         left += 34.0 + 7.0 * name.len() as f64;
     }
-    let _ = write!(out, "<text class=\"key\" x=\"{left:.0}\" y=\"37\">nothing: withheld</text>");
+    let _ = write!(out, "<text class=\"key\" x=\"{left:.0}\" y=\"37\">gap: withheld</text>");
 }
 
 fn axis(span_s: [f64; 2], minutes: bool, bottom: f64, out: &mut String) {

@@ -67,9 +67,8 @@ pub fn identify(
             None => "in the recording".to_owned(),
         };
         bail!(
-            "no pose is held still {place}, so the worker cannot be identified: record some held poses first \
-             (equipoise identify), or say where they are with --identify; [static_pose] of the configuration says what \
-             counts as still"
+            "no static pose {place}, so the worker cannot be identified; record static poses first (equipoise \
+             identify), or give their span with --identify; [static_pose] of the configuration sets the criterion"
         );
     }
     Ok(result)
@@ -136,7 +135,7 @@ impl<'a> Pass<'a> {
         let mut tares = self.survey.tares_ns.iter().copied().peekable();
         free::run(samples, TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
             let now_s = self.survey.seconds(tick.due_ns);
-            progress(Progress { doing: "learning the worker", share: now_s / end_s.max(1e-9) });
+            progress(Progress { doing: "identifying the worker", share: now_s / end_s.max(1e-9) });
             let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
             if memory.identification.identified == 0 {
                 memory.identification.identifying = u64::from(now_s >= self.span_s[0] + IDENTIFY_DELAY_S);
@@ -148,7 +147,7 @@ impl<'a> Pass<'a> {
         })?;
         self.end(&memory, &mut found);
         let Some(worker) = found.worker.filter(|worker| worker.has_body()) else {
-            bail!("the suit is heard for too short a time to know the worker's bones");
+            bail!("the suit data are too short to determine the worker's segment lengths");
         };
         Ok(Identified {
             worker,

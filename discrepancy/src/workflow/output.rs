@@ -149,7 +149,7 @@ pub fn folders(out: &Path, files: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         let folder = out.join(file.file_stem().unwrap_or(file.as_os_str()));
         if folders.contains(&folder) {
             bail!(
-                "two recordings would be written to {}; give them one after the other with another --out",
+                "two recordings would be written to {}; reconcile them separately, each with its own --out",
                 folder.display()
             );
         }

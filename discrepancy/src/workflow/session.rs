@@ -25,7 +25,7 @@ pub(super) fn compare(
 ) -> anyhow::Result<(Session, SkippedData)> {
     let settings = reconcile.settings();
     let Some(worker) = Worker::of(&identified.worker, &settings) else {
-        bail!("the worker's mass is not known: no person stood still on the plate; give subject.mass_kg");
+        bail!("the worker's mass is unavailable: no static pose on the plate; set subject.mass_kg");
     };
     let has_inertia = settings.motion != Motion::Paper;
     let mut options = Options::new(survey.begin_ns(), found.spans_s, has_inertia);

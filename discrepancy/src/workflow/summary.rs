@@ -24,8 +24,8 @@ impl fmt::Display for Summary<'_> {
         let still = session.blocks.iter().filter(|block| block.still).count();
         writeln!(
             f,
-            "worker: {:.1} kg, learnt from {} poses and {} moments in motion; compared: {} blocks of {} s, {still} of \
-             them still",
+            "worker: {:.1} kg, identified from {} static poses and {} motion samples; compared: {} blocks of {} s, \
+             {still} of them static",
             session.mass_kg,
             identified.poses,
             identified.motion_samples,
@@ -38,16 +38,16 @@ impl fmt::Display for Summary<'_> {
             write!(f, "{}", EffectLine(named))?;
         }
         for Generic { what, log_odds } in &finding.unexplained {
-            writeln!(f, "  not explained: {what} (log odds {log_odds:.1})")?;
+            writeln!(f, "  unexplained: {what} (log odds {log_odds:.1})")?;
         }
         let gap = &finding.gap;
         writeln!(
             f,
-            "gap: {:.1} mm before, {:.1} mm after on data held out; noise alone leaves {:.1} mm",
+            "gap: {:.1} mm before, {:.1} mm after on held-out data; noise alone: {:.1} mm",
             gap.before_mm, gap.after_mm, gap.noise_floor_mm
         )?;
         if let Some(ask) = &finding.ask_next {
-            writeln!(f, "next: {ask}")?;
+            writeln!(f, "next measurement: {ask}")?;
         }
         Ok(())
     }
@@ -55,16 +55,15 @@ impl fmt::Display for Summary<'_> {
 
 fn verdict(finding: &Finding) -> String {
     match (finding.verdict, finding.effects.len()) {
-        (Verdict::Named, 1) => "named: one effect is missing in the model".to_owned(),
-        (Verdict::Named, count) => format!("named: {count} effects are missing in the model"),
-        (Verdict::None, _) => "none: nothing is missing in the model that these data could show".to_owned(),
-        (Verdict::Ambiguous, _) => "ambiguous: several effects explain the gap alike".to_owned(),
+        (Verdict::Named, 1) => "named: the model lacks one effect".to_owned(),
+        (Verdict::Named, count) => format!("named: the model lacks {count} effects"),
+        (Verdict::None, _) => "none: these data show no effect that the model lacks".to_owned(),
+        (Verdict::Ambiguous, _) => "ambiguous: several effects explain the gap equally well".to_owned(),
         (Verdict::Unexplained, 0) => {
-            "unexplained: something is missing in the model that no effect of the catalogue explains"
-                .to_owned()
+            "unexplained: the residual contains an effect that is not in the catalogue".to_owned()
         }
         (Verdict::Unexplained, _) => {
-            "unexplained: apart from what is named, something is missing that no effect of the catalogue explains"
+            "unexplained: in addition to the named effects, the residual contains one that is not in the catalogue"
                 .to_owned()
         }
     }
@@ -96,7 +95,7 @@ impl fmt::Display for EffectLine<'_> {
         }
         f.write_str(")\n")?;
         if !named.family.is_empty() {
-            writeln!(f, "    these data cannot tell it from: {}", named.family.join(", "))?;
+            writeln!(f, "    not distinguishable by these data from: {}", named.family.join(", "))?;
         }
         Ok(())
     }

@@ -67,7 +67,7 @@ impl Survey {
     /// # Errors
     /// The input cannot be read.
     pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
-        progress(Progress { doing: "looking through the recording", share: 0.0 });
+        progress(Progress { doing: "reading the recording", share: 0.0 });
         let mut survey = Survey {
             begin_ns: input.started_ns(),
             suit: Stream::default(),
@@ -168,39 +168,39 @@ impl Survey {
     /// One sentence for each defect.
     pub fn check(&self) -> anyhow::Result<()> {
         match [self.suit.samples, self.ground.samples] {
-            [0, 0] => bail!("there is no sample of suit or plate in it that can be used"),
+            [0, 0] => bail!("no sample of suit or plate in it is usable"),
             [0, plate] => bail!(
-                "it holds {plate} samples of the plate and none of the suit; a comparison needs both: was the suit's \
+                "it contains {plate} samples of the plate and none of the suit; a comparison needs both: was the suit's \
                  adapter running, and is suit.listen its port?"
             ),
             [suit, 0] => bail!(
-                "it holds {suit} samples of the suit and none of the plate; a comparison needs both: was the plate's \
+                "it contains {suit} samples of the suit and none of the plate; a comparison needs both: was the plate's \
                  adapter running, and is ground.address its address?"
             ),
             [suit, plate] if suit.min(plate) < SAMPLES_MIN => bail!(
-                "it holds {suit} samples of the suit and {plate} of the plate; that is too little to compare: record \
-                 at least half a minute"
+                "it contains {suit} samples of the suit and {plate} of the plate, too few for a comparison; record at \
+                 least 30 s"
             ),
             _ => {}
         }
         if !self.suit.changes {
             bail!(
-                "the suit never changes: all its {} samples are the same, as if its program were paused or stuck; \
-                 record again",
+                "the suit data never change: all {} samples are equal; check whether its software is paused or stuck, \
+                 and record again",
                 self.suit.samples
             );
         }
         if !self.ground.changes {
             bail!(
-                "the plate never changes: all its {} samples are the same; a plate that measures always shows some \
-                 noise: check its cable and its amplifier, and record again",
+                "the plate data never change: all {} samples are equal, without any noise; check its cable and its \
+                 amplifier, and record again",
                 self.ground.samples
             );
         }
         let [from_s, to_s] = self.samples_s();
         if to_s - from_s < 1.0 {
             bail!(
-                "suit and plate were not recorded at the same time: the suit is heard from {:.1} s to {:.1} s, the \
+                "suit and plate were not recorded at the same time: the suit has data from {:.1} s to {:.1} s, the \
                  plate from {:.1} s to {:.1} s",
                 self.seconds(self.suit.first_ns),
                 self.seconds(self.suit.last_ns),
@@ -232,9 +232,9 @@ impl Survey {
         let measured_kg = weight_n / GRAVITY_M_PER_S2;
         if (measured_kg / mass_kg - 1.0).abs() > WEIGHT_DEVIATION_MAX {
             bail!(
-                "while the worker should be identified ({from_s:.0} s – {to_s:.0} s) the plate shows {measured_kg:.1} kg, but {} \
-                 weighs {mass_kg:.1} kg: this is another worker's recording or configuration, or something is carried; \
-                 name the right one with --config, or other poses with --identify",
+                "in the identification span ({from_s:.0} s – {to_s:.0} s) the plate measures {measured_kg:.1} kg, but the \
+                 configured mass of {} is {mass_kg:.1} kg: the recording or the configuration is of another worker, or a \
+                 load is carried; give the right configuration with --config, or other poses with --identify",
                 config.subject.id
             );
         }

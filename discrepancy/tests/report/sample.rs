@@ -412,7 +412,7 @@ pub(crate) fn unexplained(work_s: f64) -> Sample {
     finding.verdict = Verdict::Unexplained;
     finding.gap = gap(&sample.picture);
     finding.unexplained = vec![Generic {
-        what: "heading of the right forearm, near (0.5, −0.4, 1.0) m".to_owned(),
+        what: "a heading error of the right forearm near (0.5, −0.4, 1.0) m".to_owned(),
         log_odds: 26.0,
     }];
     finding.ask_next = Some("Hold the right hand near (0.5, −0.4, 1.0) m, then 30 cm higher.".to_owned());

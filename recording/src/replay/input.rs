@@ -220,7 +220,7 @@ pub(super) fn skipped_of(recording: &Recording, damage: Option<String>) -> Skipp
     let mut skipped = SkippedData::default();
     skipped.rejected.extend(damage);
     if recording.truncated() {
-        let reason = "the recording was cut short: what came after its last whole chunk is not there";
+        let reason = "the recording was cut short: the data after its last complete chunk are missing";
         skipped.rejected.push(reason.to_owned());
     }
     skipped

@@ -1,4 +1,4 @@
-//! The bench's commands.
+//! Command line of the blind benchmark.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -14,47 +14,47 @@ use super::summary;
 use super::truth::Truth;
 use crate::table::Table;
 
-/// What to do with hidden effects.
+/// Commands of the blind benchmark.
 #[derive(Debug, Subcommand)]
 pub enum Task {
-    /// Write recordings with something hidden in them, and the truth in a file of its own
+    /// Generate recordings with hidden effects, and a truth file of each
     #[command(after_help = "Example: equipoise-study hidden make --out sessions --sessions 40 --seed 1")]
     Make(MakeChoices),
-    /// Have a program reconcile sessions, and judge what it says by the truth
+    /// Run reconcile on generated sessions and compare its findings with the truth
     #[command(
         after_help = "Example: equipoise-study hidden score --dir sessions --program target/release/equipoise"
     )]
     Score(ScoreChoices),
-    /// Make sessions, have each judged, and delete its recording
+    /// Generate sessions, evaluate each as `score` does, and delete its recording
     #[command(
         after_help = "Example: equipoise-study hidden bench --sessions 200 --program target/release/equipoise"
     )]
     Bench(BenchChoices),
-    /// Make long recordings, have each reconciled, and print seconds and memory at its highest
+    /// Generate long recordings, reconcile each, and print time and peak memory
     #[command(
-        after_help = "Example: equipoise-study hidden long --hours 0.1667 --hours 20\nTwenty hours take about 4 GB of disk \
-                      for as long as they are looked at."
+        after_help = "Example: equipoise-study hidden long --hours 0.1667 --hours 20\nTwenty hours need about 4 GB of disk \
+                      during the run."
     )]
     Long(LongChoices),
-    /// The smallest size of each effect that was named, from what `score` or `bench` wrote with --json
+    /// Print the minimum detectable size of each effect, from results of `score` or `bench` with --json
     #[command(after_help = "Example: equipoise-study hidden detectable judged.json")]
     Detectable {
-        /// Files of `--json`; several are taken together
+        /// Files written with `--json`; several are combined
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
     },
 }
 
-/// How to judge.
+/// Options of the evaluation.
 #[derive(Debug, Args)]
 pub struct AskChoices {
-    /// The program that is asked
+    /// Program that runs `reconcile`
     #[arg(long, value_name = "FILE", default_value = "target/release/equipoise")]
     program: PathBuf,
-    /// Do not tell it the spans
+    /// Do not pass the spans to the program; it determines them itself
     #[arg(long)]
     find_spans: bool,
-    /// Keep what was judged of each session
+    /// Write the result of each session and the tables as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
@@ -65,23 +65,23 @@ impl AskChoices {
     }
 }
 
-/// What to judge.
+/// Options of `score`.
 #[derive(Debug, Args)]
 pub struct ScoreChoices {
-    /// Folder of the recordings
+    /// Folder of the sessions
     #[arg(long, value_name = "DIR")]
     dir: PathBuf,
     #[command(flatten)]
     ask: AskChoices,
 }
 
-/// What to make and judge.
+/// Options of `bench`.
 #[derive(Debug, Args)]
 pub struct BenchChoices {
-    /// Folder for truth and passing recordings; a temporary one if not given
+    /// Folder for truth files and temporary recordings; default: a temporary folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Judge the gap by a clean twin of each session: twice the time
+    /// Take the oracle's gap from a clean twin of each session; doubles the run time
     #[arg(long)]
     twins: bool,
     #[command(flatten)]
@@ -90,52 +90,52 @@ pub struct BenchChoices {
     ask: AskChoices,
 }
 
-/// What to make.
+/// Options of `make`.
 #[derive(Debug, Args)]
 pub struct MakeChoices {
-    /// Folder for the recordings; the truth goes into its folder `truth`
+    /// Folder for the recordings; truth files go into its subfolder `truth`
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
     draw: DrawChoices,
-    /// Also write each session with nothing hidden in it, into the folder `twins`
+    /// Also generate each session without its hidden effect, in the subfolder `twins`
     #[arg(long)]
     twins: bool,
 }
 
-/// How long.
+/// Options of `long`.
 #[derive(Debug, Args)]
 pub struct LongChoices {
-    /// Length of a recording, hours; several are made one after the other
+    /// Length of a recording, hours; repeat it for several recordings
     #[arg(long, required = true, value_name = "HOURS", value_parser = hours)]
     hours: Vec<f64>,
-    /// The program that is asked
+    /// Program that runs `reconcile`
     #[arg(long, value_name = "FILE", default_value = "target/release/equipoise")]
     program: PathBuf,
-    /// Folder for the passing recordings; a temporary one if not given
+    /// Folder for the temporary recordings; default: a temporary folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
 
-/// Identification, clean work and some work in question take five minutes.
+/// Parses a length; identification, clean work and work in question need five minutes at least.
 fn hours(text: &str) -> Result<f64, String> {
     let hours = text.parse().unwrap_or(f64::NAN);
     if (0.1..=48.0).contains(&hours) { Ok(hours) } else { Err("give hours from 0.1 to 48".to_owned()) }
 }
 
-/// Which sessions.
+/// Selection of the sessions.
 #[derive(Debug, Args)]
 pub struct DrawChoices {
-    /// How many sessions
+    /// Number of sessions
     #[arg(long, default_value_t = 40, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     sessions: u16,
-    /// Everything random follows from it
+    /// Seed of all random numbers
     #[arg(long, default_value_t = 1, value_name = "SEED")]
     seed: u64,
-    /// Only kinds whose name begins so: `clean`, `pair`, `outside`, `plate_yaw`, …
+    /// Only kinds whose name starts with this: `clean`, `pair`, `outside`, `plate_yaw`, …
     #[arg(long, value_name = "KIND")]
     only: Option<String>,
-    /// Short sessions, for a first look
+    /// Short sessions of about 90 s
     #[arg(long)]
     fast: bool,
 }
@@ -153,13 +153,13 @@ impl DrawChoices {
     }
 }
 
-/// Does it.
+/// Runs a command.
 pub fn run(task: &Task) -> ExitCode {
     let done = match task {
         Task::Make(choices) => {
-            make::make(&choices.draw.order(choices.out.clone(), choices.twins), tell).map(|_| ())
+            make::make(&choices.draw.order(choices.out.clone(), choices.twins), print_made).map(|_| ())
         }
-        Task::Score(choices) => score::score(&choices.dir, &choices.ask.asking(), tell_judged)
+        Task::Score(choices) => score::score(&choices.dir, &choices.ask.asking(), print_judged)
             .and_then(|judged| show(&judged, choices.ask.json.as_deref())),
         Task::Bench(choices) => bench(choices),
         Task::Detectable { files } => detectable(files),
@@ -178,7 +178,7 @@ fn bench(choices: &BenchChoices) -> Result<(), String> {
     let passing = std::env::temp_dir().join(format!("equipoise-bench-{}", std::process::id()));
     let out = choices.out.clone().unwrap_or_else(|| passing.clone());
     let order = choices.draw.order(out, choices.twins);
-    let judged = score::bench(&order, &choices.ask.asking(), tell_judged);
+    let judged = score::bench(&order, &choices.ask.asking(), print_judged);
     if choices.out.is_none() {
         // Only truth files remain in it; the results contain everything required of them.
         let _ = std::fs::remove_dir_all(&passing);
@@ -210,7 +210,7 @@ fn detectable(files: &[PathBuf]) -> Result<(), String> {
     Ok(())
 }
 
-/// What `--json` keeps.
+/// Content of a file of `--json`.
 #[derive(Debug, Serialize, Deserialize)]
 struct Kept {
     sessions: Vec<Judged>,
@@ -230,17 +230,17 @@ fn show(judged: &[Judged], json: Option<&Path>) -> Result<(), String> {
     std::fs::write(path, text + "\n").map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 
-/// Says how a session went, so that a long run can be followed.
-fn tell_judged(judged: &Judged) {
+/// Prints the result of a session as progress.
+fn print_judged(judged: &Judged) {
     let hidden = if judged.hidden.is_empty() { judged.kind.clone() } else { judged.hidden.join(" + ") };
-    let said = match &judged.failure {
+    let result = match &judged.failure {
         Some(failure) => failure.clone(),
         None => format!("{} {}", judged.verdict, judged.named.join(" + ")),
     };
-    eprintln!("{}: {hidden} {:?} -> {said} ({:.1} s)", judged.session, judged.sizes, judged.seconds);
+    eprintln!("{}: {hidden} {:?} -> {result} ({:.1} s)", judged.session, judged.sizes, judged.seconds);
 }
 
-/// Says that a session was made, and nothing of what is in it.
-fn tell(truth: &Truth) {
+/// Prints that a session was generated, without its hidden effect.
+fn print_made(truth: &Truth) {
     println!("{}: {:.0} s", truth.session, truth.length_s);
 }

@@ -324,13 +324,13 @@ fn outside(
             let by_m = Vector3::new(1.0, 0.4, 0.3).normalize() * (0.020 * size);
             drawn.hidden.changes.push((BodyChange::ShoulderBlades(by_m), span));
             drawn_truth.description =
-                format!("shoulders leave their place by {:.0} mm in level arms", 20.0 * size);
+                format!("shoulders translate by {:.0} mm in their joints with horizontal arms", 20.0 * size);
         }
         "outside spine_shape" => {
             let by_m = Vector3::new(0.9, 0.0, 0.4).normalize() * (0.015 * size * sign(random));
             drawn.hidden.changes.push((BodyChange::SpineShape(by_m), span));
             drawn_truth.description =
-                format!("the trunk leaves its place by {:.0} mm per radian of bend", 15.0 * size);
+                format!("the trunk translates by {:.0} mm per radian of bend", 15.0 * size);
         }
         "outside magnetic_region" => {
             // Iron at a bench disturbs every sensor near it: all of an arm. A forearm alone has so little mass that 40°
@@ -344,7 +344,7 @@ fn outside(
             }
             drawn_truth.on(of_side(side, Segment::LeftForearm));
             drawn_truth.description = format!(
-                "headings of the {} arm err by up to {:.0}° in a region",
+                "heading error of the {} arm of up to {:.0}° in a region",
                 side_name(side),
                 radians.to_degrees()
             );
@@ -362,7 +362,8 @@ fn outside(
         }
         "outside hysteresis" => {
             drawn.hidden.plate.push((PlateFault::Hysteresis(0.006 * size), span));
-            drawn_truth.description = format!("pressure lags within {:.0} mm, as an insole's", 6.0 * size);
+            drawn_truth.description =
+                format!("hysteresis of the centre of pressure of {:.0} mm, as of an insole", 6.0 * size);
         }
         "outside load_cell" => {
             let cell_m = Vector2::new(0.20 * sign(random), 0.15 * sign(random));

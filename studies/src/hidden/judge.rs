@@ -1,9 +1,9 @@
-//! One finding compared with the truth.
+//! Comparison of one finding with the truth.
 //!
-//! The oracle's gap is what would be left if the true effect were known: with a clean twin of the session it is the gap
-//! that the program reports of the twin before anything is named (the same worker, noise and model, nothing hidden); without
-//! one it is taken from the session's own gap before, less what the truth says is hidden, `√(before² − effect²)`, and not
-//! below the noise floor that the program reports.
+//! The oracle's gap is the gap that remains if the true effect is removed. With a clean twin of the session (the same
+//! worker, noise and model without the hidden effect) it is the twin's gap before any effect is named. Without a twin it
+//! is computed from the session's own gap before and the true size of the effect, `√(before² − effect²)`, but not below
+//! the reported noise floor.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -11,31 +11,31 @@ use serde_json::Value;
 use super::families::{are_family, is_declared_for};
 use super::truth::Truth;
 
-/// Candidates this close to the first belong to an ambiguous answer's set; and at most so many.
+/// Candidates within this log odds of the first belong to the set of an ambiguous finding; and their maximum number.
 const WITHIN: (f64, usize) = (5.0, 4);
 
-/// What kind of question a session asks.
+/// Class of a session by its hidden effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Class {
     /// One effect of the catalogue.
     Single,
-    /// Two.
+    /// Two effects.
     Pair,
-    /// None.
+    /// No effect.
     Clean,
-    /// One that the catalogue does not have.
+    /// One effect outside the catalogue.
     Outside,
 }
 
-/// A parameter with its truth.
+/// A reported parameter and its true value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Compared {
     /// Label of the effect and name of the parameter.
     pub name: String,
-    /// What is so.
+    /// True value.
     pub truth: f64,
-    /// What was reported.
+    /// Reported value.
     pub value: f64,
     /// Its 1-σ.
     pub sigma: f64,
@@ -48,54 +48,54 @@ impl Compared {
     }
 }
 
-/// A finding, judged.
+/// An evaluated finding.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Name of the session.
     pub session: String,
-    /// What was drawn.
+    /// Kind of the session, as in [`super::ladder::deck`].
     pub kind: String,
-    /// What it asks.
+    /// Its class.
     pub class: Class,
-    /// What was hidden: names with places.
+    /// Hidden effects: names with places.
     pub hidden: Vec<String>,
     /// Size of each over the nominal detectable size.
     pub sizes: Vec<f64>,
-    /// Whether it was there while the worker was identified (of `inertia`: no, it is the model's).
+    /// Whether the effect was present during identification (`inertia`: false, since it belongs to the model).
     pub from_beginning: bool,
-    /// Whether it is in part of the work only, or turns over.
+    /// Whether it acts in part of the work only, or changes its sign.
     pub comes_and_goes: bool,
     /// Whether the worker turned.
     pub turned: bool,
     /// `named`, `none`, `ambiguous`, `unexplained`, or `failed`.
     pub verdict: String,
-    /// What was named, strongest first.
+    /// Named effects, strongest first.
     pub named: Vec<String>,
-    /// Those and what was held to be as good.
+    /// Named effects, and for an ambiguous finding the close candidates.
     pub set: Vec<String>,
-    /// The strongest is the only one hidden, by name and place.
+    /// The strongest named effect is the hidden one, by name and place.
     pub exact: bool,
-    /// Exact, or of the declared family, or an ambiguous set that holds it.
+    /// Exact, or in the declared family, or in the set of an ambiguous finding.
     pub family: bool,
-    /// How many of what was hidden are among what was named, or their family.
+    /// Number of hidden effects that are named, exactly or by their family.
     pub found: usize,
-    /// Of a name from outside: whether a declared stand-in was named.
+    /// For an effect outside the catalogue: whether a declared substitute is named.
     pub declared: bool,
-    /// Parameters of what was named exactly.
+    /// Parameters of exactly named effects.
     pub parameters: Vec<Compared>,
     /// Gap before and after, and noise floor, mm, as the program reports them.
     pub gap_mm: [f64; 3],
-    /// What would be left if the truth were known, mm.
+    /// Gap of the oracle, mm.
     pub oracle_mm: f64,
-    /// How long the program took, s.
+    /// Run time of the program, s.
     pub seconds: f64,
-    /// How long the recording is, s.
+    /// Length of the recording, s.
     pub length_s: f64,
-    /// Why there is no finding.
+    /// Error message if there is no finding.
     pub failure: Option<String>,
 }
 
-/// Judges what a program printed; `twin_mm` is the gap before of the clean twin.
+/// Evaluates a printed finding; `twin_mm` is the gap before of the clean twin.
 pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>, seconds: f64) -> Judged {
     let hidden: Vec<String> = truth.effects.iter().map(label_of).collect();
     let mut judged = Judged {
@@ -203,12 +203,12 @@ impl Judged {
         self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
     }
 
-    /// Whether something was said of a session in which nothing is.
+    /// Whether a clean session has another verdict than `none`.
     pub fn is_false_alarm(&self) -> bool {
         self.class == Class::Clean && !["none", "failed"].contains(&self.verdict.as_str())
     }
 
-    /// How far the gap after is above what the truth would leave; 1 is as good as knowing it.
+    /// Ratio of the gap after to that of the oracle; 1 is optimal.
     pub fn over_the_oracle(&self) -> Option<f64> {
         (self.oracle_mm > 0.0).then(|| self.gap_mm[1] / self.oracle_mm)
     }
@@ -247,10 +247,10 @@ pub(super) mod tests {
     use crate::hidden::truth::{Hidden, Spans};
     use serde_json::json;
 
-    /// Name, place and a parameter of something hidden.
+    /// Name, place and one parameter of a hidden effect.
     type Thing = (&'static str, Option<(&'static str, &'static str)>, (&'static str, f64));
 
-    /// A truth with these hidden.
+    /// A truth with these hidden effects.
     pub(crate) fn truth(hidden: &[Thing]) -> Truth {
         let effect = |(name, place, (parameter, value)): &Thing| Hidden {
             name: (*name).into(),

@@ -247,8 +247,8 @@ fn high_water_bytes(status: &Path) -> Option<u64> {
 pub fn table(program: &Path, folder: &Path, hours: &[f64]) -> Result<Table, String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("cannot make {}: {error}", folder.display()))?;
     let mut table = Table::new(
-        "Seconds and memory for a recording (suit 60 Hz, plate 250 Hz)",
-        &["hours", "file MB", "s", "peak MB", "verdict", "named"],
+        "Run time and peak memory of reconcile (suit 60 Hz, plate 250 Hz)",
+        &["hours", "file MB", "run time s", "peak MB", "verdict", "named"],
     );
     for (index, hours) in hours.iter().enumerate() {
         let recording = folder.join(format!("long-{index}.mcap"));

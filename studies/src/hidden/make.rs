@@ -52,7 +52,7 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
     if deck.is_empty() {
         let kinds = ladder::deck().join(", ");
         return Err(format!(
-            "nothing is called `{}`; there are: {kinds}",
+            "no kind starts with `{}`; available: {kinds}",
             order.only.as_deref().unwrap_or("")
         ));
     }

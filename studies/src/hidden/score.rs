@@ -27,7 +27,7 @@ impl Asking {
         let asked = Command::new(&self.program).arg("--version").output();
         let missing = |error| {
             format!(
-                "cannot run {}: {error}; build it with `cargo build --release`, or name it with --program",
+                "cannot run {}: {error}; build it with `cargo build --release`, or set --program",
                 self.program.display()
             )
         };
@@ -66,8 +66,9 @@ impl Files {
 /// # Errors
 /// A message: the folder has no truth, or a truth cannot be read.
 pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
-    let entries = std::fs::read_dir(folder.join("truth"))
-        .map_err(|error| format!("{}: {error}; make sessions first", folder.join("truth").display()))?;
+    let entries = std::fs::read_dir(folder.join("truth")).map_err(|error| {
+        format!("{}: {error}; generate sessions first with hidden make", folder.join("truth").display())
+    })?;
     let mut sessions: Vec<String> = entries
         .filter_map(|entry| Some(entry.ok()?.path().file_stem()?.to_string_lossy().into_owned()))
         .collect();
@@ -81,10 +82,10 @@ pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
     judged.into_iter().collect()
 }
 
-/// Makes sessions one by one, evaluates each, and deletes its recording.
+/// Generates sessions one by one, evaluates each, and deletes its recording.
 ///
 /// # Errors
-/// As of making and evaluating.
+/// A message, as of generation and [`score`].
 pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
     let plans = make::plans(order)?;
     asking.check()?;
@@ -202,7 +203,11 @@ mod tests {
     fn a_folder_without_truth_is_an_error_that_says_what_to_do() {
         let folder = tempfile::tempdir().unwrap();
         let asking = Asking { program: PathBuf::from("equipoise"), finds_spans: false };
-        assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("make sessions first"));
+        assert!(
+            score(folder.path(), &asking, |_| {})
+                .unwrap_err()
+                .contains("generate sessions first with hidden make")
+        );
         sessions(folder.path());
         let asking = Asking { program: folder.path().join("none"), finds_spans: false };
         assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("cargo build --release"));

@@ -26,22 +26,34 @@ fn singles(judged: &[Judged]) -> impl Iterator<Item = &Judged> {
 
 fn overview(judged: &[Judged]) -> Table {
     let mut table =
-        Table::new(format!("Blind bench: {} sessions", judged.len()), &["what", "right", "of", "per cent"]);
+        Table::new(format!("Blind bench: {} sessions", judged.len()), &["criterion", "count", "of", "%"]);
     let mut add = |what: String, right: usize, of: usize| {
         table.push(vec![Cell::Text(what), (right as u64).into(), (of as u64).into(), share(right, of)]);
     };
     for size in RUNGS {
         let at: Vec<&Judged> = singles(judged).filter(|one| one.sizes == [size]).collect();
         let count = |is: fn(&Judged) -> bool| at.iter().filter(|one| is(one)).count();
-        add(format!("first name exact at {size} of the detectable size"), count(|one| one.exact), at.len());
-        add(format!("first name or family at {size}"), count(|one| one.family), at.len());
+        add(
+            format!("first named effect exact at {size} times the detectable size"),
+            count(|one| one.exact),
+            at.len(),
+        );
+        add(
+            format!("first named effect exact or in the family at {size} times the detectable size"),
+            count(|one| one.family),
+            at.len(),
+        );
     }
     let of = |is: &dyn Fn(&Judged) -> bool| judged.iter().filter(|one| is(one)).count();
     let early = |one: &Judged| one.class == Class::Single && one.from_beginning;
-    add("there from the beginning: name or family".into(), of(&|one| early(one) && one.family), of(&early));
+    add(
+        "present during identification: exact or in the family".into(),
+        of(&|one| early(one) && one.family),
+        of(&early),
+    );
     let partly = |one: &Judged| one.class == Class::Single && one.comes_and_goes;
     add(
-        "in part of the work or turning over: name or family".into(),
+        "in part of the work or with a change of sign: exact or in the family".into(),
         of(&|one| partly(one) && one.family),
         of(&partly),
     );
@@ -50,17 +62,18 @@ fn overview(judged: &[Judged]) -> Table {
     add("pairs: at least one found".into(), of(&|one| pair(one) && one.found > 0), of(&pair));
     let clean = |one: &Judged| one.class == Class::Clean;
     add(
-        "clean: something named (false alarm)".into(),
+        "clean: verdict named (false positive)".into(),
         of(&|one| clean(one) && one.verdict == "named"),
         of(&clean),
     );
-    add("clean: anything but `none`".into(), of(&Judged::is_false_alarm), of(&clean));
-    let beyond = |one: &Judged| one.class == Class::Outside;
-    let honest = |one: &Judged| ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared;
+    add("clean: verdict other than none".into(), of(&Judged::is_false_alarm), of(&clean));
+    let is_outside = |one: &Judged| one.class == Class::Outside;
+    let is_acceptable =
+        |one: &Judged| ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared;
     add(
         "outside the catalogue: unexplained, ambiguous or a declared family".into(),
-        of(&|one| beyond(one) && honest(one)),
-        of(&beyond),
+        of(&|one| is_outside(one) && is_acceptable(one)),
+        of(&is_outside),
     );
     add("sessions without a finding".into(), of(&|one| one.verdict == "failed"), judged.len());
     let compared: Vec<f64> = judged
@@ -70,14 +83,14 @@ fn overview(judged: &[Judged]) -> Table {
         .map(|one| one.off().abs())
         .collect();
     add(
-        "parameters of exact names within 2 sigma".into(),
+        "parameters of exactly named effects within 2 sigma".into(),
         compared.iter().filter(|off| **off <= 2.0).count(),
         compared.len(),
     );
     let hidden = |one: &&Judged| one.class == Class::Single && one.family;
     let over: Vec<f64> = judged.iter().filter(hidden).filter_map(Judged::over_the_oracle).collect();
     add(
-        "held-out gap after at most 1.1 of the oracle's, where named".into(),
+        "held-out gap after at most 1.1 times the oracle's, where exact or in the family".into(),
         over.iter().filter(|over| **over <= 1.1).count(),
         over.len(),
     );
@@ -85,13 +98,13 @@ fn overview(judged: &[Judged]) -> Table {
         crate::tally::quartiles(values)
             .map_or("-".into(), |[_, median, upper]| format!("median {median:.2}, upper quartile {upper:.2}"))
     };
-    table.note(format!("gap after over the oracle's, where named: {}", middle(over)));
+    table.note(format!("gap after / oracle's gap, where exact or in the family: {}", middle(over)));
     table.note(format!("run time, s: {}", middle(judged.iter().map(|one| one.seconds).collect())));
     let per_ten_minutes = judged.iter().map(|one| one.seconds / one.length_s * 600.0).collect();
     table.note(format!("run time for ten minutes of recording, s: {}", middle(per_ten_minutes)));
-    table.note("oracle: the gap of the clean twin before anything is named; without twins, the gap before less what the truth says is hidden");
+    table.note("oracle: gap of the clean twin before any effect is named; without twins, sqrt(gap before^2 - effect^2), not below the noise floor");
     table.note(
-        "there from the beginning: not counted by size, for the identified worker has swallowed a part",
+        "present during identification: excluded from the rows by size, because identification absorbs a part of the effect",
     );
     table
 }
@@ -102,9 +115,11 @@ fn name_of(label: &str) -> &str {
 }
 
 fn by_size(judged: &[Judged]) -> Table {
-    let columns = ["effect", "x0.5", "x1", "x2", "x4", "exact %", "name or family %"];
-    let mut table =
-        Table::new("First name by size over the detectable size: exact / name or family / tried", &columns);
+    let columns = ["effect", "x0.5", "x1", "x2", "x4", "exact %", "exact or family %"];
+    let mut table = Table::new(
+        "First named effect by size over the detectable size: exact / exact or family / sessions",
+        &columns,
+    );
     let kinds: BTreeSet<&str> = singles(judged).map(|one| one.kind.as_str()).collect();
     for kind in kinds {
         let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
@@ -126,8 +141,8 @@ fn by_size(judged: &[Judged]) -> Table {
     table
 }
 
-/// The first statement about a session.
-fn said(one: &Judged) -> String {
+/// The first reported effect of a session, or its verdict.
+fn first_reported(one: &Judged) -> String {
     match (one.verdict.as_str(), one.named.first()) {
         ("named", Some(label)) => name_of(label).to_owned(),
         (verdict, _) => format!("({verdict})"),
@@ -135,15 +150,18 @@ fn said(one: &Judged) -> String {
 }
 
 fn confusion(judged: &[Judged]) -> Table {
-    let mut table = Table::new("What was hidden and what was said first", &["hidden", "said", "sessions"]);
+    let mut table = Table::new(
+        "Confusion matrix: hidden effect, first reported effect",
+        &["hidden", "first reported", "sessions"],
+    );
     let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
     for one in judged.iter().filter(|one| one.class != Class::Pair) {
         let hidden =
             if one.class == Class::Single { name_of(&one.kind).to_owned() } else { one.kind.clone() };
-        *counts.entry((hidden, said(one))).or_default() += 1;
+        *counts.entry((hidden, first_reported(one))).or_default() += 1;
     }
-    for ((hidden, said), count) in counts {
-        table.push(vec![Cell::Text(hidden), Cell::Text(said), count.into()]);
+    for ((hidden, reported), count) in counts {
+        table.push(vec![Cell::Text(hidden), Cell::Text(reported), count.into()]);
     }
     table
 }
@@ -151,7 +169,7 @@ fn confusion(judged: &[Judged]) -> Table {
 fn outside(judged: &[Judged]) -> Table {
     let columns =
         ["outside the catalogue", "unexplained", "ambiguous", "declared family", "named", "none", "failed"];
-    let mut table = Table::new("Effects that the catalogue does not have", &columns);
+    let mut table = Table::new("Verdicts for effects outside the catalogue", &columns);
     let kinds: BTreeSet<&str> =
         judged.iter().filter(|one| one.class == Class::Outside).map(|one| one.kind.as_str()).collect();
     for kind in kinds {
@@ -172,7 +190,7 @@ fn outside(judged: &[Judged]) -> Table {
 
 fn parameters(judged: &[Judged]) -> Table {
     let mut table = Table::new(
-        "Parameters of what was named exactly",
+        "Parameter errors of exactly named effects",
         &["parameter", "compared", "within 2 sigma", "mean error / sigma", "rms error / sigma"],
     );
     let mut errors: BTreeMap<String, Vec<f64>> = BTreeMap::new();
@@ -193,14 +211,14 @@ fn parameters(judged: &[Judged]) -> Table {
         ];
         table.push([vec![Cell::Text(parameter)], cells.to_vec()].concat());
     }
-    table.note("a load's force that varies is compared with its mean; effects that turn over are left out");
+    table.note("a varying force is compared with its mean; effects with a change of sign are excluded");
     table
 }
 
-/// The smallest size of each effect from which on it is named in four of five sessions.
+/// The smallest size of each effect at and above which it is named in four of five sessions.
 pub fn detectable(judged: &[Judged]) -> Table {
     let mut table =
-        Table::new("Minimum detectable size", &["effect", "exact", "name or family", "unit", "sessions"]);
+        Table::new("Minimum detectable size", &["effect", "exact", "exact or family", "unit", "sessions"]);
     for (kind, nominal, unit) in NOMINAL {
         let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
         let smallest = |is: fn(&Judged) -> bool| {
@@ -218,8 +236,8 @@ pub fn detectable(judged: &[Judged]) -> Table {
         let cells = [smallest(|one| one.exact), smallest(|one| one.family), unit.into()];
         table.push([vec![Cell::from(kind)], cells.to_vec(), vec![(of_kind.len() as u64).into()]].concat());
     }
-    table.note("the smallest of the sizes tried at which, and above which, four sessions of five are right; -: none of them");
-    table.note("sizes tried: half, once, twice and four times the nominal detectable size of each effect");
+    table.note("smallest tested size at and above which at least four of five sessions are correct; -: none");
+    table.note("tested sizes: 0.5, 1, 2 and 4 times the nominal detectable size of each effect");
     table
 }
 
@@ -250,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn the_tables_count_what_was_said() {
+    fn the_tables_count_verdicts_and_names() {
         let clean = judge(&truth(&[]), Ok(&finding("none", &[], &[])), None, 1.0);
         let judged = [of_yaw(2.0, true), of_yaw(2.0, false), clean];
         let overview = overview(&judged);
@@ -261,8 +279,8 @@ mod tests {
                 .unwrap()
                 .clone()
         };
-        assert_eq!(row("first name exact at 2")[1..3], [Cell::Count(1), Cell::Count(2)]);
-        assert_eq!(row("clean: anything but")[1..3], [Cell::Count(0), Cell::Count(1)]);
+        assert_eq!(row("first named effect exact at 2")[1..3], [Cell::Count(1), Cell::Count(2)]);
+        assert_eq!(row("clean: verdict other than none")[1..3], [Cell::Count(0), Cell::Count(1)]);
         assert_eq!(confusion(&judged).rows().len(), 3);
         assert_eq!(tables(&judged).len(), 5);
     }

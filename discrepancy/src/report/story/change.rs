@@ -10,19 +10,20 @@ use crate::finding::{Named, Verdict};
 use crate::picture::Unseen;
 
 pub(super) fn section(report: &Report) -> Section {
-    let mut section = Section::new("4. The change");
+    let mut section = Section::new("4. Change of the model");
     let finding = report.finding;
     if finding.verdict == Verdict::Ambiguous && !finding.effects.is_empty() {
         section.say(if finding.ask_next.is_some() {
-            "What stands here is the likeliest of those that fit alike. Before it is believed, do what step 6 asks for."
+            "This is the most likely of several effects that fit equally well. Confirm it by the measurement of step 6 \
+             before use."
         } else {
-            "What stands here is the likeliest of those that fit alike. Before it is believed, look which of them is there."
+            "This is the most likely of several effects that fit equally well. Inspect which of them is present before use."
         });
     }
     if finding.verdict == Verdict::Unexplained && mostly_unexplained(finding) {
         section.say(
-            "What stands here weighs less than what nothing in the catalogue explains. Find that first; before, do not \
-             run this model.",
+            "These effects explain less of the residual than a cause that is not in the catalogue. Find that cause first; \
+             do not run this model before.",
         );
     }
     for number in 0..report.finding.effects.len() {
@@ -45,20 +46,19 @@ fn effect(report: &Report, number: usize, section: &mut Section) {
     section.head(code(&full_name).plain(": ").plain(words::candidate(&full_name)));
     section.table(parameters(named));
     if let [Some(from), Some(to)] = ["from_s", "to_s"].map(|key| named.place.get(key)?.as_f64()) {
-        let text = Text::from("It holds from ").strong(words::seconds(from)).plain(" to ");
+        let text = Text::from("It acts from ").strong(words::seconds(from)).plain(" to ");
         section.say(text.strong(words::seconds(to)).plain(" of the recording."));
     }
     if !named.family.is_empty() {
         let family: Vec<String> = named.family.iter().map(|name| words::candidate(name)).collect();
         section.say(
-            strong("Mind: ")
-                .plain("on data like these it may also be ")
+            strong("Also consistent with these data: ")
                 .plain(super::enumeration_with(&family, "or"))
                 .plain("."),
         );
     }
     if let Some(remedy) = words::remedy(&named.name) {
-        section.say(strong("At the station: ").plain(remedy));
+        section.say(strong("Remedy at the station: ").plain(remedy));
     }
     // Draw an effect that occurs in two parts of the work once, with both parts.
     if report.finding.effects[..number].iter().any(|earlier| words::full_name(earlier) == full_name) {
@@ -72,7 +72,7 @@ fn effect(report: &Report, number: usize, section: &mut Section) {
 /// The everyday unit only where one of the values has it.
 fn parameters(named: &Named) -> Table {
     let everyday: Vec<_> = named.parameters.values().map(words::in_everyday_units).collect();
-    let heads = ["parameter", ">value ± 1 σ", ">that is"];
+    let heads = ["parameter", ">value ± 1 σ", ">in other units"];
     let mut table = Table::new(if everyday.iter().any(Option::is_some) { &heads } else { &heads[..2] });
     for ((name, estimate), everyday) in named.parameters.iter().zip(everyday) {
         let second = Text::from(everyday.unwrap_or_else(|| "–".to_owned()));
@@ -85,18 +85,18 @@ fn parameters(named: &Named) -> Table {
 fn nothing(report: &Report, section: &mut Section) {
     section.say(match report.finding.verdict {
         Verdict::Ambiguous => {
-            "Nothing is added to the model: adding one of several that fit alike would be a guess. What to do to tell \
-             them apart stands in step 6."
+            "Nothing is added to the model, because several effects fit equally well. Step 6 states how to distinguish \
+             them."
         }
         Verdict::Unexplained => {
-            "Nothing is added to the model: no effect of the catalogue fits. What is known of the cause stands in step 6."
+            "Nothing is added to the model, because no effect of the catalogue fits. Step 6 describes the unexplained part."
         }
-        Verdict::Named | Verdict::None => "Nothing is added to the model: it lacks nothing that these data could show.",
+        Verdict::Named | Verdict::None => "Nothing is added to the model, because these data show no effect that it lacks.",
     });
     let table = unseen(&report.picture.unseen);
     if !table.rows.is_empty() {
         section.say(
-            "Smaller effects than these may be there unseen; of each kind, the place where it hides best:",
+            "Smaller effects than these are below the detection limit (per kind, at the place with the highest limit):",
         );
     }
     section.table(table);
@@ -104,7 +104,7 @@ fn nothing(report: &Report, section: &mut Section) {
 
 /// One row per effect: the place with the largest bound.
 fn unseen(all: &[Unseen]) -> Table {
-    let mut table = Table::new(&["effect", "that is", "parameter", ">not larger than (95 %)"]);
+    let mut table = Table::new(&["effect", "description", "parameter", ">upper bound (95 %)"]);
     let kind = |each: &Unseen| each.effect.split(' ').next().unwrap_or_default().to_owned();
     for (n, first) in all.iter().enumerate() {
         let same = |each: &&Unseen| kind(each) == kind(first) && each.parameter == first.parameter;
@@ -122,12 +122,12 @@ fn unseen(all: &[Unseen]) -> Table {
 fn model_file(report: &Report, path: &str, toml: Option<&str>, section: &mut Section) {
     section.head("The model file");
     section.say(
-        Text::from("The change stands in ").code(path).plain(". The real-time loop runs these very terms."),
+        Text::from("The change is in ").code(path).plain(". The real-time loop applies the same terms."),
     );
     if let Some(toml) = toml {
         section.code("toml", toml);
     }
-    section.say("See the gap shrink in the loop's own numbers, or put the model to work:");
+    section.say("Check the effect on the loop's residual by a replay, or run the daemon with the model:");
     let recordings: Vec<String> = report.origin.recordings.iter().map(|each| shell(&each.name)).collect();
     let path = shell(path);
     section.code(

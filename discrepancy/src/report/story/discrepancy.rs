@@ -12,27 +12,27 @@ use crate::picture::Signal;
 /// Step 1: size of the discrepancy.
 pub(super) fn size(report: &Report) -> Section {
     let gap = &report.finding.gap;
-    let mut section = Section::new("1. The shape of it: what disagrees");
+    let mut section = Section::new("1. Residual: difference of measurement and model");
     section.say(
-        Text::from("In the work in question the centre of pressure that the plate measures and the one that the model predicts are ")
+        Text::from("In the work in question the gap, the root mean square difference of measured and predicted centre of pressure beyond that expected from the clean part of the recording, is ")
             .then(with_unit(gap.before_mm, "mm"))
-            .plain(" farther apart than the clean part of the recording makes one expect (root mean square). Noise alone (sway, the suit's drift, soft tissue, the plate) would leave ")
+            .plain(". Noise alone (sway, drift of the suit, soft tissue, plate): ")
             .then(with_unit(gap.noise_floor_mm, "mm"))
-            .plain(format!(": it is {} as much.", ratio(gap.before_mm, gap.noise_floor_mm))),
+            .plain(format!(" ({} noise).", ratio(gap.before_mm, gap.noise_floor_mm))),
     );
     if let Some(fz) = gap.per_axis.get("fz") {
         section.say(
-            Text::from("The vertical force is off by ")
+            Text::from("The gap of the vertical force is ")
                 .then(with_unit(fz.before, fz.unit))
-                .plain(" where noise would leave ")
+                .plain("; noise alone: ")
                 .then(with_unit(fz.noise_floor, fz.unit))
-                .plain(format!(" ({}).", ratio(fz.before, fz.noise_floor))),
+                .plain(format!(" ({} noise).", ratio(fz.before, fz.noise_floor))),
         );
     }
     section.note(
-        "How to read the pictures: the line is measured less predicted, and less what was off in the clean part already \
-         (errors of the worker's parameters, where the feet were put down). While it stays in the grey band, noise explains \
-         it. The green strip at the foot marks held poses; orange stretches are those of step 2.",
+        "Line: measured minus predicted, minus the difference expected from the clean part (errors of the worker's \
+         parameters, stance offset). Grey band: 2 σ of noise alone. Green strip at the bottom: static poses. Orange: \
+         intervals of step 2.",
     );
     let picture = report.picture;
     let mut all: Vec<_> = (picture.time.iter())
@@ -57,25 +57,25 @@ pub(super) fn size(report: &Report) -> Section {
 /// Step 2: spans beyond noise.
 pub(super) fn spans(report: &Report) -> Section {
     let spans = &report.finding.spans;
-    let mut section = Section::new("2. The suspicion: where it is beyond noise");
+    let mut section = Section::new("2. Intervals in which the residual exceeds noise");
     match &spans[..] {
-        [] => section.say("Nowhere: in no stretch of the work does the residual leave what noise explains."),
-        [one] => section.say(Text::from("One stretch is beyond noise: ").then(in_words(one)).plain(".")),
+        [] => section.say("None: the residual stays within noise throughout the work."),
+        [one] => section.say(Text::from("One interval exceeds noise: ").then(in_words(one)).plain(".")),
         many => {
-            section.say(format!("{} stretches are beyond noise; the pictures above mark them.", many.len()));
+            section.say(format!("{} intervals exceed noise; the figures above mark them.", many.len()));
         }
     }
     if let Some(worst) =
         spans.iter().max_by(|a, b| a.times_noise.total_cmp(&b.times_noise)).filter(|_| spans.len() > 1)
     {
-        section.say(Text::from("The clearest: ").then(in_words(worst)).plain("."));
+        section.say(Text::from("The largest: ").then(in_words(worst)).plain("."));
     }
     section.table(table(spans));
     let plots = &report.picture.pose;
     if !plots.is_empty() {
         section.say(
-            "How the residual goes with the pose. A flat cloud around zero knows nothing of the pose; a slope or a \
-             bend is a trace of the cause.",
+            "Residual as a function of the pose. A flat cloud around zero: independent of the pose. A slope or a bend: \
+             the effect depends on this joint.",
         );
         let figures = plots
             .iter()
@@ -92,9 +92,9 @@ fn in_words(span: &Suspicion) -> Text {
         .strong(words::seconds(span.from_s))
         .plain(" to ")
         .strong(words::seconds(span.to_s))
-        .plain(format!(", most in the {signal}, {}", while_in_words(&span.while_)));
+        .plain(format!(", largest in the {signal}, {}", while_in_words(&span.while_)));
     if let Some(segment) = &span.segment {
-        text = text.plain(", going with the pose of ").strong(words::place_in_words(segment));
+        text = text.plain(", correlated with the orientation of ").strong(words::place_in_words(segment));
     }
     text.plain(", ").then(strong(format!("{} times noise", number(span.times_noise))))
 }
@@ -106,15 +106,16 @@ fn signal_in_words(span: &Suspicion) -> String {
 
 fn while_in_words(name: &str) -> &str {
     match name {
-        "still" => "in held poses",
-        "moving" => "while moving",
-        "both" => "still and moving alike",
+        "still" => "in static poses",
+        "moving" => "in motion",
+        "both" => "in static poses and in motion",
         other => other,
     }
 }
 
 fn table(spans: &[Suspicion]) -> Table {
-    let mut table = Table::new(&["", ">from", ">to", "signal", "while", "goes with", ">times noise"]);
+    let mut table =
+        Table::new(&["", ">from", ">to", "signal", "condition", "correlated segment", ">times noise"]);
     for (n, span) in spans.iter().enumerate() {
         let segment = span.segment.as_deref().map_or("–".to_owned(), words::place_in_words);
         table.rows.push(vec![

@@ -13,28 +13,28 @@ use crate::finding::{Finding, Gap, Verdict};
 pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
     let gap = &finding.gap;
-    let mut section = Section::new("5. The same picture again");
+    let mut section = Section::new("5. Residual after the change, on held-out data");
     if !changed(finding) {
-        section.say("Nothing was added, so the picture is that of step 1.");
+        section.say("Nothing was added: the residual is that of step 1.");
         section.table(phases(report));
         return section;
     }
     section.say(
-        Text::from("On blocks of time that had no part in fitting the change, the gap goes from ")
+        Text::from("On held-out blocks, which were not used to fit the change, the gap changes from ")
             .then(with_unit(gap.before_mm, "mm"))
             .plain(" to ")
             .then(with_unit(gap.after_mm, "mm"))
-            .plain("; noise alone leaves ")
+            .plain("; noise alone: ")
             .then(with_unit(gap.noise_floor_mm, "mm"))
             .plain(format!(". {}", remainder_in_words(finding))),
     );
     if let Some(fz) = gap.per_axis.get("fz") {
         section.say(
-            Text::from("In the vertical force it goes from ")
+            Text::from("The gap of the vertical force changes from ")
                 .then(with_unit(fz.before, fz.unit))
                 .plain(" to ")
                 .then(with_unit(fz.after, fz.unit))
-                .plain("; noise alone leaves ")
+                .plain("; noise alone: ")
                 .then(with_unit(fz.noise_floor, fz.unit))
                 .plain("."),
         );
@@ -63,14 +63,12 @@ fn remainder_in_words(finding: &Finding) -> &'static str {
     let [noise, little_more] = GAP_IN_WORDS;
     match gap.after_mm / gap.noise_floor_mm {
         rest if rest <= noise && finding.verdict == Verdict::Unexplained => {
-            "What is left is as small as noise, but it is not like noise: see step 6."
+            "The remaining residual is as small as noise but not white: see step 6."
         }
-        rest if rest <= noise => "What is left is noise.",
-        rest if rest <= little_more => "Little more than noise is left.",
-        rest if rest < gap.before_mm / gap.noise_floor_mm => {
-            "Part of the gap is left; step 6 says what is known of it."
-        }
-        _ => "The change did not make it smaller.",
+        rest if rest <= noise => "The remaining residual is noise.",
+        rest if rest <= little_more => "The remaining residual is slightly above noise.",
+        rest if rest < gap.before_mm / gap.noise_floor_mm => "Part of the gap remains: see step 6.",
+        _ => "The change did not reduce the gap.",
     }
 }
 
@@ -102,7 +100,7 @@ fn phases(report: &Report) -> Table {
     for each in &report.picture.phases {
         let phase = match each.phase {
             Phase::Identify => "identification",
-            Phase::Reference => "reference, known to be clean",
+            Phase::Reference => "reference (clean work)",
             Phase::Work => "work in question",
         };
         let value = |value: f64| Text::from(format!("{} {}", number(value), each.signal.unit()));

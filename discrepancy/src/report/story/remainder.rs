@@ -12,10 +12,10 @@ use crate::picture::Whiteness;
 
 pub(super) fn section(report: &Report) -> Section {
     let picture = report.picture;
-    let mut section = Section::new("6. What is left");
+    let mut section = Section::new("6. Remaining residual");
     section.say(
-        "If nothing is missing any more, what is left after the known colour of the noise is taken off is white: it is \
-         not like itself a moment later, and it is as often large as chance has it.",
+        "If the model is complete, the whitened residual is white noise: it has no autocorrelation, and its squares have \
+         the distribution of noise.",
     );
     section.list(picture.whiteness.iter().map(|each| white(each, changed(report.finding))).collect());
     let mut all: Vec<_> = (picture.whiteness.iter())
@@ -37,7 +37,8 @@ fn white(of: &Whiteness, changed: bool) -> Text {
     let (before, after) = (outside(&of.before), outside(&of.after));
     let verdict = if after <= WHITE_OUTSIDE_MAX { "white" } else { "not white" };
     let text = Text::from(format!("{}: ", figures::signal(of.signal))).strong(verdict);
-    let text = text.plain(format!(", {:.0} % of the lags out of bounds (chance: 5 %)", 100.0 * after));
+    let text =
+        text.plain(format!(", {:.0} % of the lags outside the bounds (white noise: 5 %)", 100.0 * after));
     text.plain(if changed { format!("; before the change {:.0} %.", 100.0 * before) } else { ".".to_owned() })
 }
 
@@ -53,7 +54,7 @@ fn windows(report: &Report, section: &mut Section) {
         ]);
     }
     if !table.rows.is_empty() {
-        section.say("The windows that are farthest from what noise does (1 is noise):");
+        section.say("Windows with the largest residual relative to noise (1: noise alone):");
     }
     section.table(table);
 }
@@ -62,18 +63,17 @@ fn unexplained(report: &Report, section: &mut Section) {
     let terms = &report.finding.unexplained;
     if terms.is_empty() {
         if report.finding.verdict == Verdict::Unexplained {
-            section.say("No simple term in forces, masses or headings describes the rest either.");
+            section.say("No generic term (force, mass, heading) describes the remaining residual either.");
         }
         return;
     }
     section.say(
-        "What the catalogue does not explain looks like this. These are descriptions, not causes; they are not in the \
-         model:",
+        "Generic terms that describe the unexplained part. They are descriptions, not causes, and are not in the model:",
     );
     let describe = |term: &crate::finding::Generic| {
-        let times = words::times(term.log_odds).unwrap_or_else(|| "hardly any".to_owned());
+        let times = words::times(term.log_odds).unwrap_or_else(|| "less than 2".to_owned());
         strong(&term.what).plain(format!(
-            ": {times} times more likely than nothing (log odds {})",
+            ": {times} times more likely than without it (log odds {})",
             words::odds(term.log_odds)
         ))
     };
@@ -82,10 +82,9 @@ fn unexplained(report: &Report, section: &mut Section) {
 
 fn next(report: &Report, section: &mut Section) {
     match &report.finding.ask_next {
-        Some(ask) => section.say(strong("Do this next: ").plain(ask)),
-        None if report.finding.verdict == Verdict::Ambiguous => section.say(
-            "No pose of the library distinguishes the explanations any better: look at the worker and at the station.",
-        ),
-        None => section.say("No further pose or motion is needed to tell explanations apart."),
+        Some(ask) => section.say(strong("Next measurement: ").plain(ask)),
+        None if report.finding.verdict == Verdict::Ambiguous => section
+            .say("No pose of the library distinguishes these effects better: inspect worker and station."),
+        None => section.say("No further pose or motion is needed to distinguish effects."),
     }
 }

@@ -17,13 +17,15 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
         count => format!("{count} lifts ended in this recording."),
     });
     if found.before > 0 {
-        section.say(format!("{} more had been counted before it began.", found.before));
+        section.say(format!("{} lifts were counted before it began.", found.before));
     }
     if !facts.changes_s.is_empty() {
-        section.say("They are of all workers in use, in the order of time; a lift under way at a change is not counted.");
+        section.say(
+            "The lifts are of all workers, by time; a lift in progress at a change of worker is not counted.",
+        );
     }
     if found.under_way() {
-        section.say("A load was still carried at its end; that lift is not counted.");
+        section.say("A load was carried at the end of the recording; that lift is not counted.");
     }
     let head = [">no.", ">from, s", ">to, s", ">mass, kg", ">reach, m", ">largest reach, m"];
     let mut table = Table::new(&head);
@@ -43,9 +45,9 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     section
         .figures(over_time(facts, "lifted", title, "mass, kg", &facts.back.lifted_kg).into_iter().collect());
     section.note(
-        "A lift is at least half a second in which a load is known to be carried, and ends with half a second in which \
-         none is. Mass and reach are means over the time in which they were valid, σ is that of one state; - : withheld \
-         all the time. Reach is from the middle of the ankles.",
+        "A lift is at least half a second with a detected load, and ends with half a second without one. Mass and reach are \
+         means over the time in which they were valid, σ is that of one state; - : never valid. Reach is from the middle \
+         of the ankles.",
     );
     section
 }
@@ -63,13 +65,11 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
             100.0 * probability
         )),
         None => section.say(
-            "The low back's load was never reported, so nothing is known of its dose: see data quality for the reasons.",
+            "The low-back load was never valid, so the dose is unavailable: see data quality for the reasons.",
         ),
     }
     if facts.back.valid_s <= 0.0 && facts.back.assessed_dose().is_some() {
-        section.say(
-            "All of it had added up before this recording: here the low back's load was never reported.",
-        );
+        section.say("All of it precedes this recording, in which the low-back load was never valid.");
     }
     let title = "Damage of the low back";
     let figure = over_time(facts, "damage", title, "damage", &facts.back.damage);
@@ -92,15 +92,15 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     }
     if tired.is_empty() {
         section.say(if facts.exposure.valid_s > 0.0 {
-            "No joint grew tired."
+            "No joint fatigue accumulated."
         } else {
-            "No torque was reported, so nothing is known of how tired joints grew."
+            "No torque was valid, so joint fatigue is unavailable."
         });
     }
     section.table(table);
     section.note(
-        "Both are models of averages, and include only the time in which torques were valid. They go on over a restart of the \
-         daemon within a shift, so a recording may begin with more than nothing.",
+        "Both are average models and include only the time in which torques were valid. They continue over a restart of the \
+         daemon within a shift, so a recording may begin with values above zero.",
     );
     section
 }
@@ -118,7 +118,7 @@ pub(in crate::session_report) fn back(facts: &Facts) -> Section {
              N at t = {time_s:.1} s.",
             length(found.valid_s)
         )),
-        _ => section.say("Compression of the low back was never reported."),
+        _ => section.say("Compression of the low back was never valid."),
     }
     let force =
         over_time(facts, "compression", "Compression of L5/S1", "compression, N", &found.compression_n);

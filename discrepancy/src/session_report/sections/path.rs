@@ -14,7 +14,7 @@ use super::{Facts, length};
 pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
     let mut section = Section::new("Latency");
     let Some(report) = &facts.path else {
-        section.say("The recording has no cycle records, so nothing is known of how late anything was.");
+        section.say("The recording has no cycle records, so latencies are unavailable.");
         return section;
     };
     section.say(format!(
@@ -35,7 +35,7 @@ pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
         ]);
     }
     section.table(table);
-    section.note("Stages are those of docs/realtime.md. Skipped periods count with their whole lateness.");
+    section.note("Stages are those of docs/realtime.md. Skipped periods count with their whole delay.");
     section
 }
 
@@ -44,10 +44,10 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
     let found = &facts.quality;
     section.say(format!(
-        "Everything was reported for {} of the time.",
+        "All values were valid for {} of the time.",
         share_percent(found.all_valid_s, found.observed_s)
     ));
-    section.head("Why values were withheld");
+    section.head("Invalid reasons");
     let mut table = Table::new(&["reason", ">time", ">share", "meaning"]);
     for (name, raised_s) in found.reasons() {
         table.rows.push(vec![
@@ -77,7 +77,7 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
 fn adapters(facts: &Facts, section: &mut Section) {
     section.head("Sensors");
     if facts.quality.adapters.is_empty() {
-        section.say("The recording has no counts of the adapters: losses and refusals are not known.");
+        section.say("The recording has no counts of the adapters: losses and refusals are unavailable.");
         return;
     }
     let mut table = Table::new(&["stream", ">received", ">published", ">lost", "refused"]);
@@ -95,7 +95,7 @@ fn adapters(facts: &Facts, section: &mut Section) {
             health.received.to_string().into(),
             health.published.to_string().into(),
             health.lost.to_string().into(),
-            if refused.is_empty() { "nothing".into() } else { refused.join(", ").into() },
+            if refused.is_empty() { "none".into() } else { refused.join(", ").into() },
         ]);
     }
     section.table(table);
@@ -107,13 +107,13 @@ fn gaps(facts: &Facts, section: &mut Section) {
     section.head("Gaps");
     let mut items: Vec<Text> = vec![
         format!("{} states are missing between the first and the last.", found.states_missing).into(),
-        format!("The feet stepped {} times.", found.stances).into(),
+        format!("Steps of the feet: {}.", found.stances).into(),
     ];
     if found.restarts > 0 {
-        items.push(format!("Another daemon went on {} times.", found.restarts).into());
+        items.push(format!("Restarts of the daemon: {}.", found.restarts).into());
     }
     if !found.unavailable.is_empty() {
-        items.push(format!("The sensors do not give: {}.", found.unavailable.join(", ")).into());
+        items.push(format!("Unavailable quantities: {}.", found.unavailable.join(", ")).into());
     }
     items.extend(facts.rejected.iter().map(|reason| Text::from(format!("Not used: {reason}"))));
     section.list(items);
