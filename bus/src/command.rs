@@ -133,10 +133,17 @@ impl CommandServer {
     /// # Errors
     /// The connection to a client is damaged, or the reply cannot be sent.
     pub fn poll(&mut self, answer: impl FnOnce(&Command) -> Reply) -> Result<bool, BusError> {
+        let mut answer = Some(answer);
+        self.poll_next(&mut |command| answer.take().map(|answer| answer(command)))
+    }
+
+    /// Not generic, so that it is compiled once, here.
+    fn poll_next(&mut self, answer: &mut dyn FnMut(&Command) -> Option<Reply>) -> Result<bool, BusError> {
         let request = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
         let Some(request) = request else { return Ok(false) };
-        if request.is_connected() {
-            let reply = answer(request.payload());
+        if request.is_connected()
+            && let Some(reply) = answer(request.payload())
+        {
             let sent = request.send_copy(reply).map_err(BusError::failed("answer", &self.name));
             if request.is_connected() {
                 sent?;

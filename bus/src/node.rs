@@ -174,7 +174,7 @@ impl Bus {
     /// # Errors
     /// Another version of the message, no free port, or a service that cannot be opened.
     pub fn publisher<M: Topic>(&self) -> Result<Publisher<M>, BusError> {
-        Publisher::open(self)
+        M::open_publisher(self)
     }
 
     /// Creates a subscriber of `M` with a buffer of `depth` messages; 1 for "only the newest".
@@ -182,7 +182,7 @@ impl Bus {
     /// # Errors
     /// A depth of 0 or above the table's limit; otherwise as [`Bus::publisher`].
     pub fn subscriber<M: Topic>(&self, depth: usize) -> Result<Subscriber<M>, BusError> {
-        Subscriber::open(self, depth)
+        M::open_subscriber(self, depth)
     }
 
     /// Holds the service of `M` open without a port, for a topic that other processes write and read. The service then
@@ -191,7 +191,7 @@ impl Bus {
     /// # Errors
     /// As [`Bus::publisher`].
     pub fn keep<M: Topic>(&self) -> Result<Kept<M>, BusError> {
-        Kept::open(self)
+        M::open_kept(self)
     }
 
     /// Creates a notifier that wakes the listeners of a channel.

@@ -4,11 +4,13 @@ use crate::error::BusError;
 use crate::node::Bus;
 use crate::open::{Place, open_or_create, take};
 use crate::service::{BORROWED_MAX, NODES_MAX, Topic};
-use iceoryx2::port::publisher::{Publisher as Port, PublisherCreateError};
+use iceoryx2::port::publisher::{Publisher as IceoryxPublisher, PublisherCreateError};
 use iceoryx2::port::update_connections::UpdateConnections as _;
 use iceoryx2::prelude::{BackpressureStrategy, MessagingPattern, PortFactory as _, ipc};
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use std::any::Any;
 use std::fmt;
+use std::marker::PhantomData;
 
 pub(crate) type Factory<M> = PortFactory<ipc::Service, M, ()>;
 
@@ -34,10 +36,43 @@ pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), Bu
     Ok((name, factory))
 }
 
+/// Ports of a publisher without the generic types of iceoryx2, which every crate that holds a publisher would otherwise
+/// compile again; see [`Topic::open_publisher`].
+trait Port<M> {
+    fn send(&self, message: &M) -> Result<usize, BusError>;
+    fn update_connections(&self) -> Result<(), BusError>;
+    fn subscriber_count(&self) -> usize;
+    fn publisher_count(&self) -> usize;
+}
+
+struct Ports<M: Topic> {
+    port: IceoryxPublisher<ipc::Service, M, ()>,
+    factory: Factory<M>,
+    name: String,
+}
+
+impl<M: Topic> Port<M> for Ports<M> {
+    fn send(&self, message: &M) -> Result<usize, BusError> {
+        let sample = self.port.loan_uninit().map_err(BusError::failed("send", &self.name))?;
+        sample.write_payload(*message).send().map_err(BusError::failed("send", &self.name))
+    }
+
+    fn update_connections(&self) -> Result<(), BusError> {
+        self.port.update_connections().map_err(BusError::failed("update the subscribers", &self.name))
+    }
+
+    fn subscriber_count(&self) -> usize {
+        self.factory.dynamic_config().number_of_subscribers()
+    }
+
+    fn publisher_count(&self) -> usize {
+        self.factory.dynamic_config().number_of_publishers()
+    }
+}
+
 /// Publishes messages of one type. Readers never block it.
 pub struct Publisher<M: Topic> {
-    port: Port<ipc::Service, M, ()>,
-    factory: Factory<M>,
+    port: Box<dyn Port<M>>,
     name: String,
 }
 
@@ -58,7 +93,7 @@ impl<M: Topic> Publisher<M> {
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
         })?;
-        Ok(Publisher { port, factory, name })
+        Ok(Publisher { port: Box::new(Ports { port, factory, name: name.clone() }), name })
     }
 
     /// Copies one message into shared memory for every subscriber; returns their number.
@@ -69,8 +104,7 @@ impl<M: Topic> Publisher<M> {
     /// # Errors
     /// No shared memory is available, or a subscriber's connection is damaged; the other subscribers have the message.
     pub fn send(&self, message: &M) -> Result<usize, BusError> {
-        let sample = self.port.loan_uninit().map_err(BusError::failed("send", &self.name))?;
-        sample.write_payload(*message).send().map_err(BusError::failed("send", &self.name))
+        self.port.send(message)
     }
 
     /// Delivers the history to subscribers that connected since the last [`Publisher::send`], and releases the memory
@@ -81,24 +115,25 @@ impl<M: Topic> Publisher<M> {
     /// # Errors
     /// The connection to a subscriber cannot be established.
     pub fn update_connections(&self) -> Result<(), BusError> {
-        self.port.update_connections().map_err(BusError::failed("update the subscribers", &self.name))
+        self.port.update_connections()
     }
 
     /// Number of subscribers; a killed one counts until it is cleaned up.
     pub fn subscriber_count(&self) -> usize {
-        self.factory.dynamic_config().number_of_subscribers()
+        self.port.subscriber_count()
     }
 
     /// Number of publishers, this one included.
     pub fn publisher_count(&self) -> usize {
-        self.factory.dynamic_config().number_of_publishers()
+        self.port.publisher_count()
     }
 }
 
 /// A topic's service, held open.
 pub struct Kept<M: Topic> {
-    _factory: Factory<M>,
+    _factory: Box<dyn Any>,
     name: String,
+    message: PhantomData<M>,
 }
 
 impl<M: Topic> fmt::Debug for Kept<M> {
@@ -110,6 +145,6 @@ impl<M: Topic> fmt::Debug for Kept<M> {
 impl<M: Topic> Kept<M> {
     pub(crate) fn open(bus: &Bus) -> Result<Kept<M>, BusError> {
         let (name, factory) = open_topic::<M>(bus)?;
-        Ok(Kept { _factory: factory, name })
+        Ok(Kept { _factory: Box::new(factory), name, message: PhantomData })
     }
 }

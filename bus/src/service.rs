@@ -10,6 +10,10 @@ use equipoise_core::message::{
 use std::fmt;
 use std::time::Duration;
 
+use crate::error::BusError;
+use crate::node::Bus;
+use crate::publisher::{Kept, Publisher};
+use crate::subscriber::Subscriber;
 use crate::words::{self, Each, folded};
 
 /// Maximum number of processes and threads per service.
@@ -96,6 +100,36 @@ pub trait Topic: Message {
     {
         folded(Self::SCHEMA_HASH, Self::words)
     }
+
+    /// [`Bus::publisher`] with all generic code of iceoryx2 that it needs.
+    ///
+    /// The implementations in the table repeat the provided body: only a function of a concrete type is compiled once,
+    /// in this crate. A generic function is compiled again in every crate that calls it.
+    ///
+    /// # Errors
+    /// As [`Bus::publisher`].
+    #[doc(hidden)]
+    fn open_publisher(bus: &Bus) -> Result<Publisher<Self>, BusError> {
+        Publisher::open(bus)
+    }
+
+    /// [`Bus::subscriber`], likewise.
+    ///
+    /// # Errors
+    /// As [`Bus::subscriber`].
+    #[doc(hidden)]
+    fn open_subscriber(bus: &Bus, depth: usize) -> Result<Subscriber<Self>, BusError> {
+        Subscriber::open(bus, depth)
+    }
+
+    /// [`Bus::keep`], likewise.
+    ///
+    /// # Errors
+    /// As [`Bus::keep`].
+    #[doc(hidden)]
+    fn open_kept(bus: &Bus) -> Result<Kept<Self>, BusError> {
+        Kept::open(bus)
+    }
 }
 
 macro_rules! topics {
@@ -121,6 +155,21 @@ macro_rules! topics {
             $(fn words(each: Each<'_>) {
                 $words(each);
             })?
+
+            #[inline(never)]
+            fn open_publisher(bus: &Bus) -> Result<Publisher<$Message>, BusError> {
+                Publisher::open(bus)
+            }
+
+            #[inline(never)]
+            fn open_subscriber(bus: &Bus, depth: usize) -> Result<Subscriber<$Message>, BusError> {
+                Subscriber::open(bus, depth)
+            }
+
+            #[inline(never)]
+            fn open_kept(bus: &Bus) -> Result<Kept<$Message>, BusError> {
+                Kept::open(bus)
+            }
         })*
 
         /// All publish-subscribe services of a station.

@@ -5,18 +5,74 @@ use crate::node::Bus;
 use crate::open::{Place, take};
 use crate::publisher::{Factory, open_topic};
 use crate::service::Topic;
-use iceoryx2::port::subscriber::{Subscriber as Port, SubscriberCreateError};
+use iceoryx2::port::subscriber::{Subscriber as IceoryxSubscriber, SubscriberCreateError};
 use iceoryx2::prelude::{PortFactory as _, ipc};
 use iceoryx2::sample::Sample;
 use std::fmt;
 
-/// Reads messages of one type, oldest first. Reconnects to a restarted publisher by itself.
-pub struct Subscriber<M: Topic> {
-    port: Port<ipc::Service, M, ()>,
+/// Ports of a subscriber without the generic types of iceoryx2, which every crate that holds a subscriber would otherwise
+/// compile again; see [`Topic::open_publisher`].
+trait Port<M> {
+    /// Passes the oldest unread message to `read`; `false` if there is none.
+    fn receive(&mut self, read: &mut dyn FnMut(&M)) -> Result<bool, BusError>;
+    fn latest(&mut self) -> Result<Option<M>, BusError>;
+    fn writer(&self) -> u128;
+    fn publisher_count(&self) -> usize;
+}
+
+struct Ports<M: Topic> {
+    port: IceoryxSubscriber<ipc::Service, M, ()>,
     factory: Factory<M>,
     name: String,
     depth: usize,
     writer: u128,
+}
+
+impl<M: Topic> Ports<M> {
+    fn next(&mut self) -> Result<Option<Sample<ipc::Service, M, ()>>, BusError> {
+        let sample = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
+        if let Some(sample) = &sample {
+            self.writer = sample.header().publisher_id().value();
+        }
+        Ok(sample)
+    }
+}
+
+impl<M: Topic> Port<M> for Ports<M> {
+    fn receive(&mut self, read: &mut dyn FnMut(&M)) -> Result<bool, BusError> {
+        let sample = self.next()?;
+        if let Some(sample) = &sample {
+            read(sample.payload());
+        }
+        Ok(sample.is_some())
+    }
+
+    fn latest(&mut self) -> Result<Option<M>, BusError> {
+        let mut newest = self.next()?;
+        // Read at most one buffer's worth, so that a fast publisher cannot keep this loop running.
+        for _ in 0..self.depth {
+            match self.next()? {
+                Some(sample) => newest = Some(sample),
+                None => break,
+            }
+        }
+        Ok(newest.map(|sample| *sample.payload()))
+    }
+
+    fn writer(&self) -> u128 {
+        self.writer
+    }
+
+    fn publisher_count(&self) -> usize {
+        self.factory.dynamic_config().number_of_publishers()
+    }
+}
+
+/// Reads messages of one type, oldest first. Reconnects to a restarted publisher by itself.
+pub struct Subscriber<M: Topic> {
+    port: Box<dyn Port<M>>,
+    name: String,
+    depth: usize,
 }
 
 impl<M: Topic> fmt::Debug for Subscriber<M> {
@@ -40,7 +96,8 @@ impl<M: Topic> Subscriber<M> {
         let port = take(bus, &name, place, SubscriberCreateError::ExceedsMaxSupportedSubscribers, || {
             factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
         })?;
-        Ok(Subscriber { port, factory, name, depth, writer: 0 })
+        let port = Box::new(Ports { port, factory, name: name.clone(), depth, writer: 0 });
+        Ok(Subscriber { port, name, depth })
     }
 
     /// Copies out the oldest unread message; `None` if there is none.
@@ -56,7 +113,9 @@ impl<M: Topic> Subscriber<M> {
     /// # Errors
     /// The connection to a publisher is damaged.
     pub fn receive_with<R>(&mut self, read: impl FnOnce(&M) -> R) -> Result<Option<R>, BusError> {
-        Ok(self.next()?.map(|sample| read(sample.payload())))
+        let (mut read, mut result) = (Some(read), None);
+        self.port.receive(&mut |message| result = read.take().map(|read| read(message)))?;
+        Ok(result)
     }
 
     /// The newest unread message; older ones are dropped.
@@ -64,33 +123,17 @@ impl<M: Topic> Subscriber<M> {
     /// # Errors
     /// The connection to a publisher is damaged.
     pub fn latest(&mut self) -> Result<Option<M>, BusError> {
-        let mut newest = self.next()?;
-        // Read at most one buffer's worth, so that a fast publisher cannot keep this loop running.
-        for _ in 0..self.depth {
-            match self.next()? {
-                Some(sample) => newest = Some(sample),
-                None => break,
-            }
-        }
-        Ok(newest.map(|sample| *sample.payload()))
+        self.port.latest()
     }
 
     /// Id of the publisher of the last message received; a restarted publisher has another id. 0 before the first
     /// message.
     pub fn writer(&self) -> u128 {
-        self.writer
+        self.port.writer()
     }
 
     /// Number of publishers; a killed one counts until it is cleaned up.
     pub fn publisher_count(&self) -> usize {
-        self.factory.dynamic_config().number_of_publishers()
-    }
-
-    fn next(&mut self) -> Result<Option<Sample<ipc::Service, M, ()>>, BusError> {
-        let sample = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
-        if let Some(sample) = &sample {
-            self.writer = sample.header().publisher_id().value();
-        }
-        Ok(sample)
+        self.port.publisher_count()
     }
 }
