@@ -183,6 +183,11 @@ pub enum Axes {
 }
 
 impl GroundConfig {
+    /// The section as TOML, defaults included.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
     pub(super) fn apply(&self, settings: &mut Settings) {
         settings.ground_latency_ns = self.loop_latency_ns();
     }
@@ -390,6 +395,11 @@ impl GroundConfig {
 }
 
 impl FrameConfig {
+    /// The section as TOML, defaults included.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).unwrap_or_default()
+    }
+
     fn check(&self) -> Checked {
         let numbers = self.origin_m.iter().chain([&self.yaw_deg, &self.surface_height_m]);
         if numbers.clone().any(|value| !value.is_finite()) {

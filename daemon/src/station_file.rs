@@ -313,13 +313,13 @@ fn is_empty(levers_nm: &[[f64; 2]; 2]) -> bool {
 }
 
 fn plate_of(config: &Config) -> String {
-    Sha256::of(toml::to_string(&config.ground).unwrap_or_default().as_bytes())
+    Sha256::of(config.ground.to_toml().as_bytes())
 }
 
 fn frames_of(config: &Config) -> String {
     let frames = [Some(&config.ground), config.ground.second.as_deref()];
-    let texts = frames.map(|ground| ground.and_then(|ground| toml::to_string(&ground.frame).ok()));
-    Sha256::of(texts.map(Option::unwrap_or_default).join("and").as_bytes())
+    let texts = frames.map(|ground| ground.map(|ground| ground.frame.to_toml()).unwrap_or_default());
+    Sha256::of(texts.join("and").as_bytes())
 }
 
 /// Boot id of the machine; `None` if unavailable.
