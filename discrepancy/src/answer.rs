@@ -58,12 +58,11 @@ pub(crate) fn assemble(
         selection.accepted.iter().filter_map(|one| fitted(gram, &accepted, one)).collect();
     let effects =
         selection.accepted.iter().zip(&terms).filter_map(|(one, fitted)| named(gram, one, fitted)).collect();
-    let first = selection.accepted.first().map_or(&selection.considered, |first| &first.considered);
     let ask = ask(gram, selection, &floor);
     let finding = Finding {
         verdict,
         effects,
-        candidates: first.clone(),
+        candidates: selection.considered.clone(),
         set_aside: selection.set_aside.clone(),
         unexplained: if verdict == Verdict::Unexplained { generics.after.clone() } else { Vec::new() },
         gap: gap(gram, &floor, held),
@@ -114,13 +113,13 @@ fn parameter_error(effect: Effect) -> f64 {
 
 fn named(gram: &Gram<'_>, one: &Accepted, fitted: &Fitted) -> Option<Named> {
     let candidate = gram.terms[one.term].candidate.as_ref()?;
-    let rest = one.considered.iter().find(|other| other.name != one.name);
     Some(Named {
         name: candidate.effect.name().to_owned(),
         place: place(gram, candidate, fitted),
         parameters: parameters(candidate, fitted, gram.terms[one.term].count),
         log_odds: one.log_odds,
-        runner_up: rest.cloned(),
+        probability: one.probability,
+        runner_up: one.rivals.first().cloned(),
         family: family(candidate, one),
     })
 }
@@ -163,7 +162,7 @@ fn parameters(candidate: &Candidate, fitted: &Fitted, count: usize) -> BTreeMap<
 
 /// Effects that these data cannot distinguish from it: rivals, and its declared family.
 fn family(candidate: &Candidate, one: &Accepted) -> Vec<String> {
-    let mut family: Vec<String> = one.rivals().iter().map(|rival| rival.name.clone()).collect();
+    let mut family: Vec<String> = one.rivals.iter().map(|rival| rival.name.clone()).collect();
     for (effect, place) in candidate.effect.family(candidate.place) {
         let name = Candidate::new(effect, place, 0.0, Scope::Work).name();
         if !family.contains(&name) {

@@ -88,7 +88,7 @@ fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
         let others: Vec<usize> =
             selection.terms().into_iter().filter(|&term| term != accepted.term).collect();
         let candidate = gram.terms[accepted.term].candidate.clone()?;
-        let rivals: Vec<String> = accepted.rivals().iter().map(|rival| rival.name.clone()).collect();
+        let rivals: Vec<String> = accepted.rivals.iter().map(|rival| rival.name.clone()).collect();
         let near = accepted.log_odds - RELATIVE.0.max(RELATIVE.1 * accepted.log_odds);
         let is_relative =
             |other: &Candidate| candidate.effect.is_family_of(candidate.place, other.effect, other.place);

@@ -17,6 +17,7 @@
 use std::f64::consts::PI;
 use std::time::Duration;
 
+use equipoise_core::effect::Effect;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 // Recordings.
@@ -270,6 +271,48 @@ pub(crate) const PART_MODEL_ERROR: f64 = 0.12;
 /// The same where the effect is certain. Unit: 1. Origin: bench.
 pub(crate) const PART_MODEL_ERROR_OF_SAME: f64 = 0.02;
 
+// Explanations.
+
+/// Probability that an effect acts in a session in question, before its data are seen. Unit: 1. Origin: judgement, to
+/// be changed where the causes of a station are known: loads are carried more often than sensors fail.
+pub(crate) const EFFECT_PRIOR: [(Effect, f64); 18] = [
+    (Effect::HandLoad, 0.15),
+    (Effect::HandContact, 0.05),
+    (Effect::WornMass, 0.15),
+    (Effect::PlateOffset, 0.1),
+    (Effect::PlateYaw, 0.05),
+    (Effect::PlateGain, 0.03),
+    (Effect::PlateCrosstalk, 0.03),
+    (Effect::PlateHeight, 0.03),
+    (Effect::ForceGain, 0.03),
+    (Effect::PlateDrift, 0.05),
+    (Effect::PlateLowpass, 0.03),
+    (Effect::SuitLag, 0.05),
+    (Effect::SuitHeadingDrift, 0.05),
+    (Effect::SegmentHeading, 0.05),
+    (Effect::SegmentMisalignment, 0.05),
+    (Effect::Inertia, 0.03),
+    (Effect::PeriodicSway, 0.03),
+    (Effect::UnbalancedParameters, 0.03),
+];
+/// Prior odds that a plate's axes, gains or filter, a clock or the model's inertia change for a part of the work. Unit:
+/// 1. Origin: judgement.
+pub(crate) const CHANGE_PRIOR: f64 = 0.02;
+/// Factors on [`MODEL_ERROR`] over which the evidence is averaged. Unit: 1. Origin: chosen: a decade.
+pub(crate) const MISFIT_SCALES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
+/// Divisor of every log Bayes factor, since the noise model is not exact. Unit: 1. Origin: bench: the reliability of the
+/// probabilities on seeds 1001 to 1003.
+pub(crate) const EVIDENCE_TEMPER: f64 = 2.0;
+/// A name is established from this probability on. Unit: 1. Origin: convention.
+pub(crate) const NAMED_PROBABILITY: f64 = 0.95;
+/// Names below this probability are no rivals. Unit: 1. Origin: derived: the complement of the former.
+pub(crate) const PRINTED_PROBABILITY_MIN: f64 = 1.0 - NAMED_PROBABILITY;
+/// Explanations that are extended at each size, and how far behind the best one they may be. Unit: 1, log posterior.
+/// Origin: budget; derived: a thousandth of the probability.
+pub(crate) const BEAM: (usize, f64) = (3, 7.0);
+/// Effects of an explanation, negligible ones included, at most. Unit: 1. Origin: budget.
+pub(crate) const MEMBERS_MAX: usize = 6;
+
 // Selection.
 
 /// Log odds of a named effect, at least. Unit: log odds. Origin: bench (clean sessions; 8 in the prototype).
@@ -284,36 +327,16 @@ pub(crate) const SEEDS: [u64; 2] = [0x5eed, 0x0dd5];
 /// A clear lead, e.g. of a mass over a gain of the force, of a part over the whole, or of a term by the CoP alone.
 /// Unit: log odds. Origin: prototype; reference: "strong" in Kass and Raftery, J. Am. Stat. Assoc. 90 (1995), 773–795.
 pub(crate) const CLEAR_LEAD: f64 = 3.0;
-/// Rivals within this lead, or fraction of the winner's evidence, explain the data alike. Unit: log odds, 1. Origin:
-/// prototype; reference: "very strong" in Kass and Raftery.
-pub(crate) const RIVAL: (f64, f64) = (5.0, 0.05);
-/// Named effects, at most. Unit: 1. Origin: prototype.
-pub(crate) const EFFECTS_MAX: usize = 4;
-/// Negligible effects that count as sensor noise, at most. Unit: 1. Origin: budget.
-pub(crate) const NEGLIGIBLE_MAX: usize = 6;
 /// Best hypotheses that are checked in each step. Unit: 1. Origin: prototype.
 pub(crate) const CHECKED_MAX: usize = 8;
-/// An effect must keep this fraction of the threshold in backward elimination. Unit: 1. Origin: prototype.
-pub(crate) const ELIMINATION: f64 = 0.5;
-/// Fraction of an accepted effect's evidence that raises the threshold, since its equation is not exact: contact,
-/// orientation, any other. Unit: 1. Origin: prototype; contact: bench (0.06 there).
-pub(crate) const THRESHOLD_INFLATION: [f64; 3] = [0.1, 0.08, 0.01];
 /// Deviation of an accepted contact, and of any other effect, from its equation: 1-σ as a fraction, in this many pieces
 /// of the work. Unit: 1. Origin: prototype; numbers of pieces: bench.
 pub(crate) const MODEL_ERROR: [(f64, u32); 2] = [(0.25, 40), (0.03, 12)];
 /// The same at onset and end. Unit: 1. Origin: derived: the whole effect is uncertain there.
 pub(crate) const MODEL_ERROR_AT_EDGES: f64 = 1.0;
-/// A weight next to a contact, which varies, needs this fraction of the contact's evidence. Unit: 1. Origin: bench.
-pub(crate) const WEIGHT_BY_CONTACT: f64 = 0.12;
 
 // Plausibility.
 
-/// Evidence by the CoP alone of a rotation: fast segments have the largest errors. Unit: log odds. Origin: bench.
-pub(crate) const ROTATION_BY_COP: f64 = 8.0;
-/// From this evidence on, a rotation below the trunk needs none by the CoP. Unit: log odds. Origin: bench.
-pub(crate) const LEG_ROTATION_BY_FORCES: f64 = 35.0;
-/// Larger estimates are implausible: of any effect, of a heading near iron, of a drift. Unit: prior 1-σ. Origin: bench.
-pub(crate) const IMPLAUSIBLE: [f64; 3] = [4.5, 9.0, 20.0];
 /// Largest arm of a mass over its prior 1-σ. Unit: 1. Origin: bench.
 pub(crate) const ARMS_MAX: f64 = 2.5;
 /// Smallest factor of a filter. Unit: 1. Origin: prototype.
@@ -321,13 +344,6 @@ pub(crate) const FILTER_FACTOR_MIN: f64 = 0.3;
 /// Smaller rotations of pelvis and legs are soft tissue, whose errors add up where the feet hold the body. Unit: rad.
 /// Origin: bench.
 pub(crate) const LEG_ROTATION_MIN_RAD: f64 = 8.0 * PI / 180.0;
-/// Evidence of an offset present from the start: it shows only in the stance offsets. Unit: log odds. Origin: bench.
-pub(crate) const OFFSET_BY_STANCES: f64 = 35.0;
-/// Evidence of an orientation: the noise model covers soft tissue only in part. Unit: log odds. Origin: bench (the
-/// largest of 60 clean sessions of the prototype was 21.8).
-pub(crate) const ORIENTATION: f64 = 22.0;
-/// Evidence of a lag or filter, and of changed plate axes, in a part of the work. Unit: log odds. Origin: bench.
-pub(crate) const IN_PART: [f64; 2] = [40.0, 25.0];
 
 // Generic terms.
 

@@ -24,18 +24,6 @@ pub(crate) struct Conditioned {
 }
 
 impl Gram<'_> {
-    /// Log Bayes factor of some terms together against none.
-    pub(crate) fn log_odds(&self, terms: &[usize]) -> f64 {
-        let columns = self.columns_of(terms);
-        let (mean, sigma) = self.priors(terms);
-        log_odds(
-            &|i, j| self.products[columns[i]][columns[j]],
-            &|i| self.with_residual[columns[i]],
-            &mean,
-            &sigma,
-        )
-    }
-
     /// Parameters of some terms, fitted together.
     pub(crate) fn estimate(&self, terms: &[usize]) -> Option<Estimate> {
         let columns = self.columns_of(terms);

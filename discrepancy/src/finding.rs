@@ -12,7 +12,7 @@ pub struct Finding {
     pub verdict: Verdict,
     /// Named effects, strongest first.
     pub effects: Vec<Named>,
-    /// Candidates of the first step by log odds; the first of an ambiguous set belong together.
+    /// Effects by themselves, by log odds, each with the probability that it acts.
     pub candidates: Vec<Candidate>,
     /// Rejected candidates with reasons.
     pub set_aside: Vec<SetAside>,
@@ -56,7 +56,9 @@ pub struct Named {
     pub parameters: BTreeMap<String, Estimate>,
     /// Log Bayes factor of adding it to the effects accepted before.
     pub log_odds: f64,
-    /// The next best explanation.
+    /// Probability of this name with its place.
+    pub probability: f64,
+    /// The most probable name in its place.
     pub runner_up: Option<Candidate>,
     /// Names of effects that these data cannot distinguish from it.
     pub family: Vec<String>,
@@ -78,8 +80,19 @@ pub struct Estimate {
 pub struct Candidate {
     /// Name with place: `worn_mass T8`.
     pub name: String,
-    /// Log Bayes factor against no additional effect.
+    /// Log Bayes factor against no effect, by itself; 0 if it is not among the best by itself.
     pub log_odds: f64,
+    /// Probability that it acts.
+    pub probability: f64,
+}
+
+/// A probability in per cent, never rounded to certainty.
+pub(crate) fn percent(probability: f64) -> String {
+    match 100.0 * probability {
+        percent if percent > 99.9 => "over 99.9 %".to_owned(),
+        percent if percent < 0.1 => "below 0.1 %".to_owned(),
+        percent => format!("{percent:.1} %"),
+    }
 }
 
 /// A rejected explanation.

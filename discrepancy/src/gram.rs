@@ -218,21 +218,36 @@ pub(crate) fn whiten(
     of: impl Fn(usize) -> Columns,
 ) -> Vec<Vec<f64>> {
     let blocks: Vec<Columns> = (0..rows.len()).map(of).collect();
-    let is_nonzero = |columns: &Columns| {
-        columns.cop_m.iter().flatten().chain(columns.force_n.iter().flatten()).any(|&v| v != 0.0)
+    whiten_each(rows, noise, count, |block, column| {
+        (blocks[block].cop_m[column], blocks[block].force_n[column])
+    })
+}
+
+/// Whitens any number of columns, given by block and column: centre of pressure, m, and force, N.
+pub(crate) fn whiten_each(
+    rows: &Rows<'_>,
+    noise: &Noise,
+    count: usize,
+    of: impl Fn(usize, usize) -> ([f64; 2], [f64; 3]),
+) -> Vec<Vec<f64>> {
+    let is_nonzero = |block: usize| {
+        (0..count).any(|column| {
+            let (cop_m, force_n) = of(block, column);
+            cop_m.iter().chain(&force_n).any(|&value| value != 0.0)
+        })
     };
-    let from = blocks.iter().position(is_nonzero).unwrap_or(blocks.len());
+    let from = (0..rows.len()).position(is_nonzero).unwrap_or(rows.len());
     let length = rows.len() * (2 + rows.force_axes().len());
     let mut whitened = vec![vec![0.0; length]; count];
-    if from == blocks.len() {
+    if from == rows.len() {
         return whitened;
     }
-    let some = &blocks[from..];
-    let mut cop = Mat::from_fn(2 * some.len(), count, |row, column| some[row / 2].cop_m[column][row % 2]);
+    let some = rows.len() - from;
+    let mut cop = Mat::from_fn(2 * some, count, |row, column| of(from + row / 2, column).0[row % 2]);
     noise.cop.whiten_from(2 * from, &mut cop);
     copy_rows(&mut whitened, 2 * from, &cop);
     for (channel, &axis) in rows.force_axes().iter().enumerate() {
-        let mut force = Mat::from_fn(some.len(), count, |row, column| some[row].force_n[column][axis]);
+        let mut force = Mat::from_fn(some, count, |row, column| of(from + row, column).1[axis]);
         noise.force[channel].whiten_from(from, &mut force);
         copy_rows(&mut whitened, (2 + channel) * rows.len() + from, &force);
     }
@@ -282,16 +297,25 @@ pub(crate) fn score(
     mean: &[f64],
     sigma: &[f64],
 ) -> f64 {
+    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let (products, with_residual) = products_of(&columns, directions, residual);
+    crate::evidence::log_odds(&|i, j| products[i.max(j)][i.min(j)], &|i| with_residual[i], mean, sigma)
+}
+
+/// Inner products of whitened columns (lower triangle) and with the residual, with some directions projected out.
+pub(crate) fn products_of(
+    columns: &[&[f64]],
+    directions: &[Vec<f64>],
+    residual: &[f64],
+) -> (Vec<Vec<f64>>, Vec<f64>) {
     let along: Vec<Vec<f64>> =
         columns.iter().map(|column| directions.iter().map(|other| dot(column, other)).collect()).collect();
     let on_residual: Vec<f64> = directions.iter().map(|other| dot(other, residual)).collect();
-    let with_residual: Vec<f64> = columns
-        .iter()
-        .zip(&along)
-        .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
-        .collect();
-    let of = |i: usize, j: usize| dot(&columns[i], &columns[j]) - dot(&along[i], &along[j]);
-    crate::evidence::log_odds(&of, &|i| with_residual[i], mean, sigma)
+    let with_residual =
+        columns.iter().zip(&along).map(|(column, along)| dot(column, residual) - dot(along, &on_residual));
+    let products = (0..columns.len())
+        .map(|i| (0..=i).map(|j| dot(columns[i], columns[j]) - dot(&along[i], &along[j])).collect());
+    (products.collect(), with_residual.collect())
 }
 
 /// The direction to be projected out for a column whose amplitude has a 1-σ uncertainty, given the other directions.

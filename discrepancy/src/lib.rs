@@ -15,6 +15,7 @@ pub mod compare;
 mod constants;
 mod drawing;
 mod evidence;
+mod explanation;
 pub mod finding;
 mod floor;
 mod generic;

@@ -128,7 +128,7 @@ pub fn reconcile(
     progress(0.6);
     let windows = Windows::of(&gram);
     progress(0.7);
-    let selection = select(&mut gram, &windows, threshold);
+    let selection = select(&mut gram, &windows);
     progress(0.8);
     let generics: Generics = generic::search(&gram, &selection, threshold);
     let rest = Remainder::of(&gram, &selection.terms());

@@ -1,46 +1,45 @@
-//! Forward selection: the best explanation that passes every check, then the next, conditioned on it; then backward
-//! elimination.
+//! Search of the explanations: each is extended by every effect that the data may require in addition, and the best
+//! of each size are extended again (beam search).
 
-use equipoise_core::effect::{Columns, Effect, PARAMETERS_MAX};
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{
-    CHECKED_MAX, CLEAR_LEAD, EFFECTS_MAX, ELIMINATION, MODEL_ERROR, MODEL_ERROR_AT_EDGES, NEGLIGIBLE_MAX,
-    ONSET_S, RIVAL, THRESHOLD_INFLATION, WEIGHT_BY_CONTACT,
-};
+use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, PRINTED_PROBABILITY_MIN};
 use crate::evidence::Estimate;
+use crate::explanation::{Explanation, Member, Posterior, misfit_columns};
 use crate::finding::{Candidate as Considered, SetAside};
 use crate::gram::Gram;
-use crate::plausibility::{
-    implausibility, insufficient_evidence, is_by_forces_only, is_negligible, is_no_better_than_gain,
-    log_odds_by_cop,
-};
+use crate::plausibility::{implausibility, is_negligible};
 use crate::refine;
-use crate::rows::Rows;
 use crate::trials::{Trial, trials};
 use crate::windows::{self, Windows};
 
-/// An accepted effect.
+/// An effect of the most probable explanation.
 #[derive(Debug, Clone)]
 pub(crate) struct Accepted {
     /// The term in the Gram matrix.
     pub(crate) term: usize,
     /// Name with place.
     pub(crate) name: String,
-    /// Log Bayes factor when it was accepted.
+    /// Log Bayes factor when it was added.
     pub(crate) log_odds: f64,
-    /// All alternatives considered, best first.
-    pub(crate) considered: Vec<Considered>,
+    /// Probability of this name.
+    pub(crate) probability: f64,
+    /// Names that may stand in its place, most probable first.
+    pub(crate) rivals: Vec<Considered>,
 }
 
-/// Result of the selection.
+/// Result of the search.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Selection {
-    /// Accepted effects, in the order of acceptance.
+    /// Effects of the most probable explanation, in the order in which they were added; none that is negligible.
     pub(crate) accepted: Vec<Accepted>,
-    /// Rejected explanations.
+    /// Rejected effects.
     pub(crate) set_aside: Vec<SetAside>,
-    /// Candidates of the last step, in which none was accepted.
+    /// Effects by themselves, best first.
     pub(crate) considered: Vec<Considered>,
 }
 
@@ -65,61 +64,161 @@ enum Cause {
     Part(Candidate),
 }
 
-/// Selects the effects that the data require, one after the other.
-pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, threshold: f64) -> Selection {
+/// Searches the explanations; adds the effects of the most probable one to the Gram matrix, with their misfit.
+pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
+    let (size_max, lead) = BEAM;
     let mut selection = Selection::default();
-    let mut inflated = 0.0_f64;
-    let mut negligible = 0;
-    while selection.accepted.len() < EFFECTS_MAX {
-        let hypotheses = hypotheses(gram, windows, &selection);
-        let considered = considered(&hypotheses);
-        let may_be_negligible = negligible < NEGLIGIBLE_MAX;
-        match best_hypothesis(gram, &hypotheses, threshold.max(inflated), may_be_negligible, &mut selection) {
-            Choice::Accepted(term, log_odds) => {
-                let name = gram.terms[term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
-                inflated = inflated.max(threshold_inflation(gram, &selection.terms(), term, log_odds));
-                selection.set_aside.retain(|other| other.name != name);
-                selection.accepted.push(Accepted { term, name, log_odds, considered });
-                marginalise_model_error(gram, &selection.terms());
-            }
-            Choice::Negligible(candidate, value) => {
-                negligible += 1;
-                add_sensor_noise(gram, &candidate, &value);
-            }
-            Choice::None => {
-                selection.considered = considered;
-                break;
+    let mut all = vec![Explanation::NONE];
+    let mut front = all.clone();
+    while !front.is_empty() {
+        let mut children = Vec::new();
+        for explanation in &front {
+            for child in extended(gram, windows, explanation, &mut selection) {
+                all.push(child.clone());
+                if child.log_posterior <= explanation.log_posterior {
+                    continue;
+                }
+                children.push(child);
             }
         }
+        let mut children = distinct(children);
+        children.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        let best = all.iter().map(|one| one.log_posterior).fold(0.0, f64::max);
+        children.retain(|child| child.log_posterior > best - lead && child.members.len() < MEMBERS_MAX);
+        children.truncate(size_max);
+        front = children;
     }
-    eliminate_backward(gram, &mut selection, threshold);
+    let posterior = Posterior::of(distinct(all));
+    accept(gram, &posterior, &mut selection);
     selection
 }
 
-/// Result of one step of the selection.
-enum Choice {
-    /// An accepted term, with its log odds.
-    Accepted(usize, f64),
-    /// A negligible effect, with its parameters, explains more than all relevant ones.
-    Negligible(Candidate, Vec<f64>),
-    /// No hypothesis passes.
-    None,
+/// The better of those with the same effects.
+fn distinct(all: Vec<Explanation>) -> Vec<Explanation> {
+    let mut by_key: BTreeMap<Vec<String>, Explanation> = BTreeMap::new();
+    for one in all {
+        match by_key.entry(one.key()) {
+            Entry::Occupied(mut known) if known.get().log_posterior < one.log_posterior => {
+                known.insert(one);
+            }
+            Entry::Occupied(_) => {}
+            Entry::Vacant(free) => {
+                free.insert(one);
+            }
+        }
+    }
+    by_key.into_values().collect()
 }
 
-/// Counts a negligible effect as one more error of the sensors: it must not support any other conclusion.
-fn add_sensor_noise(gram: &mut Gram<'_>, candidate: &Candidate, value: &[f64]) {
-    let columns = gram.whitened(candidate.count(), |block| candidate.columns(gram.rows, block));
-    for (column, value) in columns.iter().zip(value) {
-        if *value != 0.0 {
+/// Adds the effects of the most probable explanation to the Gram matrix. Negligible ones count as one more error of the
+/// sensors: they must not support any other conclusion.
+fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection) {
+    let Some(best) = posterior.explanations.first() else { return };
+    let probabilities = posterior.of_names();
+    for member in best.members.iter().filter(|member| member.is_negligible) {
+        let columns =
+            gram.whitened(member.candidate.count(), |block| member.candidate.columns(gram.rows, block));
+        for (column, value) in columns.iter().zip(&member.value).filter(|(_, value)| **value != 0.0) {
             gram.marginalise_sensor_error(column, value.abs());
         }
+    }
+    for member in best.members.iter().filter(|member| !member.is_negligible) {
+        let term = gram.add_candidate(member.candidate.clone());
+        let name = member.candidate.name();
+        let probability = probabilities.get(&name).copied().unwrap_or(0.0);
+        let rivals = posterior.rivals(&name).into_iter().map(|(name, probability)| {
+            let log_odds = selection.considered.iter().find(|other| other.name == name);
+            Considered { log_odds: log_odds.map_or(0.0, |other| other.log_odds), name, probability }
+        });
+        let rivals = rivals.collect();
+        selection.accepted.push(Accepted { term, name, log_odds: member.log_odds, probability, rivals });
+        marginalise_misfit(gram, &selection.terms(), term);
+    }
+    for considered in &mut selection.considered {
+        considered.probability = probabilities.get(&considered.name).copied().unwrap_or(0.0);
+    }
+    for (name, &probability) in &probabilities {
+        let is_listed = selection.considered.iter().any(|considered| considered.name == *name);
+        if !is_listed && probability > PRINTED_PROBABILITY_MIN {
+            selection.considered.push(Considered { name: name.clone(), log_odds: 0.0, probability });
+        }
+    }
+    selection.set_aside.retain(|other| !probabilities.contains_key(&other.name));
+}
+
+/// The explanation with each effect in addition that the data may require.
+fn extended(
+    gram: &Gram<'_>,
+    windows: &Windows,
+    explanation: &Explanation,
+    selection: &mut Selection,
+) -> Vec<Explanation> {
+    let mut conditioned = gram.clone();
+    let mut terms = Vec::new();
+    for member in &explanation.members {
+        let term = conditioned.add_candidate(member.candidate.clone());
+        terms.push(term);
+        marginalise_misfit(&mut conditioned, &terms, term);
+    }
+    let hypotheses = hypotheses(&conditioned, windows, &terms);
+    if explanation.members.is_empty() {
+        selection.considered = considered(&hypotheses);
+    }
+    let mut children = Vec::new();
+    for hypothesis in hypotheses.iter().take(CHECKED_MAX).filter(|hypothesis| hypothesis.log_odds > 0.0) {
+        let Hypothesis { name, log_odds, cause } = hypothesis;
+        let terms_before = conditioned.terms.len();
+        let term = match cause {
+            Cause::Term(term) => refine::refine(&mut conditioned, *term, &terms),
+            Cause::Part(candidate) => {
+                let exact = windows::refine(&conditioned, candidate, &terms);
+                let term = conditioned.add_candidate(exact);
+                refine::refine(&mut conditioned, term, &terms)
+            }
+        };
+        let why = match member(&conditioned, &terms, term, *log_odds) {
+            Ok(member) => {
+                let why = member.is_negligible.then(|| "below the negligible size".to_owned());
+                children.push(explanation.with(gram, member));
+                why
+            }
+            Err(why) => Some(why),
+        };
+        if let Some(why) = why.filter(|_| selection.set_aside.iter().all(|other| other.name != *name)) {
+            selection.set_aside.push(SetAside { name: name.clone(), log_odds: *log_odds, why });
+        }
+        conditioned.truncate(terms_before);
+    }
+    children
+}
+
+/// A term as member of an explanation, or why it cannot be one.
+fn member(gram: &Gram<'_>, others: &[usize], term: usize, log_odds: f64) -> Result<Member, String> {
+    let cannot_be_fitted = || "cannot be fitted".to_owned();
+    let estimate = estimate_last(gram, others, term).ok_or_else(cannot_be_fitted)?;
+    let candidate = gram.terms[term].candidate.as_ref().ok_or_else(cannot_be_fitted)?;
+    if let Some(why) = implausibility(candidate, &estimate.value) {
+        return Err(why);
+    }
+    if cancels_accepted(gram, others, candidate, &estimate.value) {
+        return Err("would cancel an effect that is already named".to_owned());
+    }
+    let is_negligible = is_negligible(candidate, &estimate.value);
+    Ok(Member::of(gram, candidate.clone(), estimate.value, log_odds, is_negligible))
+}
+
+/// Marginalises the deviations of the newest term from its equation.
+fn marginalise_misfit(gram: &mut Gram<'_>, terms: &[usize], term: usize) {
+    let Some(candidate) = gram.terms[term].candidate.clone() else { return };
+    let Some(estimate) = estimate_last(gram, terms, term) else { return };
+    for (column, fraction) in misfit_columns(gram, &candidate, &estimate.value) {
+        gram.marginalise(&column, fraction);
     }
 }
 
 /// All hypotheses, best first: the whole work, or a part of it where the gain suffices.
-fn hypotheses(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<Hypothesis> {
-    let terms = selection.terms();
-    let conditioned = gram.conditioned_on(&terms);
+fn hypotheses(gram: &Gram<'_>, windows: &Windows, terms: &[usize]) -> Vec<Hypothesis> {
+    let conditioned = gram.conditioned_on(terms);
     let accepted: Vec<&Candidate> =
         terms.iter().filter_map(|&term| gram.terms[term].candidate.as_ref()).collect();
     let is_accepted = |candidate: &Candidate| accepted.iter().any(|accepted| overlap(accepted, candidate));
@@ -129,7 +228,7 @@ fn hypotheses(gram: &Gram<'_>, windows: &Windows, selection: &Selection) -> Vec<
         .filter(|trial| !gram.terms[trial.term].candidate.as_ref().is_some_and(&is_accepted))
         .map(of_trial)
         .collect();
-    for part in windows.best(gram, &terms) {
+    for part in windows.best(gram, terms) {
         let name = part.candidate.name();
         // An accepted effect may act again at another time, but not twice at once.
         if is_accepted(&part.candidate) {
@@ -177,99 +276,12 @@ fn considered(hypotheses: &[Hypothesis]) -> Vec<Considered> {
     hypotheses
         .iter()
         .take(CHECKED_MAX)
-        .map(|hypothesis| Considered { name: hypothesis.name.clone(), log_odds: hypothesis.log_odds })
+        .map(|hypothesis| Considered {
+            name: hypothesis.name.clone(),
+            log_odds: hypothesis.log_odds,
+            probability: 0.0,
+        })
         .collect()
-}
-
-/// The best hypothesis that passes all checks; those ranked before it are set aside.
-fn best_hypothesis(
-    gram: &mut Gram<'_>,
-    hypotheses: &[Hypothesis],
-    threshold: f64,
-    may_be_negligible: bool,
-    selection: &mut Selection,
-) -> Choice {
-    let terms = selection.terms();
-    let mut negligible: Option<(f64, Choice)> = None;
-    let checked = hypotheses.iter().take(CHECKED_MAX);
-    for hypothesis in checked.take_while(|hypothesis| hypothesis.log_odds > threshold) {
-        let log_odds = hypothesis.log_odds;
-        let terms_before = gram.terms.len();
-        let term = match &hypothesis.cause {
-            Cause::Term(term) => refine::refine(gram, *term, &terms),
-            Cause::Part(candidate) => {
-                let exact = windows::refine(gram, candidate, &terms);
-                let term = gram.add_candidate(exact);
-                refine::refine(gram, term, &terms)
-            }
-        };
-        let Some(why) = objection(gram, selection, term, log_odds) else {
-            return match negligible {
-                Some((odds, negligible)) if odds > log_odds + RIVAL.0.max(RIVAL.1 * odds) => {
-                    gram.truncate(terms_before);
-                    negligible
-                }
-                _ => Choice::Accepted(term, log_odds),
-            };
-        };
-        if negligible.is_none() && may_be_negligible {
-            negligible = as_negligible(gram, &terms, term).map(|choice| (log_odds, choice));
-        }
-        gram.truncate(terms_before);
-        if !selection.set_aside.iter().any(|other| other.name == hypothesis.name) {
-            selection.set_aside.push(SetAside { name: hypothesis.name.clone(), log_odds, why });
-        }
-    }
-    negligible.map_or(Choice::None, |(_, choice)| choice)
-}
-
-/// A hypothesis rejected only because it is negligible.
-fn as_negligible(gram: &Gram<'_>, accepted: &[usize], term: usize) -> Option<Choice> {
-    let candidate = gram.terms[term].candidate.as_ref()?;
-    let value = estimate_last(gram, accepted, term)?.value;
-    is_negligible(candidate, &value).then(|| Choice::Negligible(candidate.clone(), value))
-}
-
-/// Reason why a term is not accepted, if there is one.
-fn objection(gram: &Gram<'_>, selection: &Selection, term: usize, log_odds: f64) -> Option<String> {
-    let why = insufficient_evidence(gram, term, log_odds)
-        .or_else(|| variation_of_contact(gram, selection, term, log_odds));
-    if why.is_some() {
-        return why;
-    }
-    let accepted = selection.terms();
-    let Some(estimate) = estimate_last(gram, &accepted, term) else {
-        return Some("cannot be fitted".to_owned());
-    };
-    let candidate = gram.terms[term].candidate.as_ref()?;
-    if let Some(why) = implausibility(candidate, &estimate.value) {
-        return Some(why);
-    }
-    if cancels_accepted(gram, &accepted, candidate, &estimate.value) {
-        return Some("cancels an effect already named".to_owned());
-    }
-    if is_no_better_than_gain(gram, &accepted, term) {
-        return Some("supported by its weight only: a gain of the force explains the same".to_owned());
-    }
-    is_by_forces_only(gram, &accepted, term, log_odds)
-        .then(|| "supported by the forces only, not by the centre of pressure".to_owned())
-}
-
-/// A contact is never constant: a weight next to it may be its variation.
-fn variation_of_contact(
-    gram: &Gram<'_>,
-    selection: &Selection,
-    term: usize,
-    log_odds: f64,
-) -> Option<String> {
-    let candidate = gram.terms[term].candidate.as_ref()?;
-    let is_contact = |accepted: &&Accepted| {
-        let candidate = gram.terms[accepted.term].candidate.as_ref();
-        candidate.is_some_and(|candidate| candidate.effect == Effect::HandContact)
-    };
-    let contact = selection.accepted.iter().find(is_contact)?;
-    (acts_as_weight(candidate) && log_odds < WEIGHT_BY_CONTACT * contact.log_odds)
-        .then(|| "a varying push explains the same".to_owned())
 }
 
 /// Whether an effect acts like a weight.
@@ -293,81 +305,9 @@ pub(crate) fn estimate_last(gram: &Gram<'_>, accepted: &[usize], term: usize) ->
     Some(Estimate { value: estimate.value[from..].to_vec(), sigma: estimate.sigma[from..].to_vec() })
 }
 
-/// Spurious evidence elsewhere that an effect's own model error may cause, in log odds: a fraction of its evidence from
-/// the centre of pressure. The force detects a weight with much more evidence, which does not move the pressure.
-fn threshold_inflation(gram: &Gram<'_>, accepted: &[usize], term: usize, log_odds: f64) -> f64 {
-    let [contact, orientation, other] = THRESHOLD_INFLATION;
-    let fraction = match gram.terms[term].candidate.as_ref().map(|candidate| candidate.effect) {
-        Some(Effect::HandContact) => contact,
-        Some(Effect::SegmentHeading | Effect::SegmentMisalignment) => orientation,
-        _ => other,
-    };
-    fraction * log_odds_by_cop(gram, accepted, term).clamp(0.0, log_odds)
-}
-
-/// Marginalises deviations of the newest effect from its equation: its strength may vary by a fraction, and at its
-/// edges by all of it.
-fn marginalise_model_error(gram: &mut Gram<'_>, accepted: &[usize]) {
-    let Some(&term) = accepted.last() else { return };
-    let Some(candidate) = gram.terms[term].candidate.clone() else { return };
-    let Some(estimate) = estimate_last(gram, accepted, term) else { return };
-    let value = padded(&estimate.value);
-    let rows = gram.rows;
-    for (peak_s, half_s, fraction) in error_hats(rows, &candidate) {
-        let columns = gram.whitened(1, |block| {
-            let near = (1.0 - (rows.time_s(block) - peak_s).abs() / half_s).max(0.0);
-            let (cop_m, force_n) = if near > 0.0 && block >= rows.work_from {
-                candidate.columns(rows, block).times(&value)
-            } else {
-                ([0.0; 2], [0.0; 3])
-            };
-            let mut columns = Columns::zero(1);
-            columns.cop_m[0] = cop_m.map(|value| near * value);
-            columns.force_n[0] = force_n.map(|value| near * value);
-            columns
-        });
-        gram.marginalise(&columns[0], fraction);
-    }
-}
-
-/// Hat functions over the work in which the strength of an effect may deviate: peak, half width, s, and fraction, 1-σ.
-fn error_hats(rows: &Rows<'_>, candidate: &Candidate) -> Vec<(f64, f64, f64)> {
-    if rows.work_from >= rows.len() {
-        return Vec::new();
-    }
-    let [contact, other] = MODEL_ERROR;
-    let (fraction, pieces) = if candidate.effect == Effect::HandContact { contact } else { other };
-    let (first_s, last_s) = (rows.time_s(rows.work_from), rows.time_s(rows.len() - 1));
-    let piece_s = (last_s - first_s + 1e-6) / f64::from(pieces);
-    let mut hats: Vec<(f64, f64, f64)> =
-        (0..pieces).map(|piece| (first_s + (f64::from(piece) + 0.5) * piece_s, piece_s, fraction)).collect();
-    if let Scope::Span(edges_s) = candidate.scope {
-        hats.extend(edges_s.map(|edge_s| (edge_s, ONSET_S, MODEL_ERROR_AT_EDGES)));
-    }
-    hats
-}
-
 /// Pads the values to the maximum number of parameters of an effect.
 pub(crate) fn padded(value: &[f64]) -> [f64; PARAMETERS_MAX] {
     let mut all = [0.0; PARAMETERS_MAX];
     all.iter_mut().zip(value).for_each(|(all, value)| *all = *value);
     all
-}
-
-/// Backward elimination: removes effects that the others explain by now.
-fn eliminate_backward(gram: &Gram<'_>, selection: &mut Selection, threshold: f64) {
-    let mut index = 0;
-    while selection.accepted.len() > 1 && index < selection.accepted.len() {
-        let all = selection.terms();
-        let rest: Vec<usize> = all.iter().copied().filter(|&term| term != all[index]).collect();
-        let gain = gram.log_odds(&all) - gram.log_odds(&rest);
-        if gain < ELIMINATION * threshold {
-            let removed = selection.accepted.remove(index);
-            let name = gram.terms[removed.term].candidate.as_ref().map(Candidate::name).unwrap_or_default();
-            let why = "effects accepted later explain the same".to_owned();
-            selection.set_aside.push(SetAside { name, log_odds: gain, why });
-        } else {
-            index += 1;
-        }
-    }
 }

@@ -4,7 +4,8 @@ use equipoise_core::effect::Effect;
 
 use crate::block::Phase;
 use crate::constants::{
-    BY_CONTACT, CLEAN_BOUNDS, GENERIC_GAIN, GENERIC_LEAD, PIECE_BLOCKS_MIN, PIECES, REMAINDER, RIVAL,
+    BY_CONTACT, CLEAN_BOUNDS, GENERIC_GAIN, GENERIC_LEAD, NAMED_PROBABILITY, PIECE_BLOCKS_MIN, PIECES,
+    REMAINDER,
 };
 use crate::finding::Verdict;
 use crate::floor::of_phase;
@@ -118,20 +119,9 @@ pub(crate) fn verdict(
     match selection.accepted.first() {
         None if rest.is_beyond_noise() => Verdict::Unexplained,
         None => Verdict::None,
-        Some(_) if selection.accepted.iter().any(|accepted| !accepted.rivals().is_empty()) => {
+        Some(_) if selection.accepted.iter().any(|accepted| accepted.probability < NAMED_PROBABILITY) => {
             Verdict::Ambiguous
         }
         Some(_) => Verdict::Named,
-    }
-}
-
-impl crate::select::Accepted {
-    /// Effects that explain the data equally well, by name.
-    pub(crate) fn rivals(&self) -> Vec<&crate::finding::Candidate> {
-        let margin = RIVAL.0.max(RIVAL.1 * self.log_odds);
-        self.considered
-            .iter()
-            .filter(|other| other.name != self.name && other.log_odds > self.log_odds - margin)
-            .collect()
     }
 }

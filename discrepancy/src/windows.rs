@@ -3,6 +3,7 @@
 
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
+use faer::Mat;
 
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
@@ -11,7 +12,7 @@ use crate::constants::{
 };
 use crate::evidence::log_odds;
 use crate::gram::Gram;
-use crate::linear::dot;
+use crate::linear::{dot, inner};
 use crate::rows::Rows;
 
 /// An effect in the best-fitting part of the work.
@@ -30,8 +31,8 @@ pub(crate) struct Part {
 /// One candidate, whitened piece by piece.
 struct Pieces {
     candidate: Candidate,
-    columns: Vec<Vec<f64>>,
-    products: Vec<Vec<f64>>,
+    columns: Mat<f64>,
+    products: Mat<f64>,
 }
 
 /// All temporary candidates, prepared for repeated searches.
@@ -74,25 +75,27 @@ impl Windows {
     /// The best part for each candidate, conditioned on the accepted terms; best first.
     pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize]) -> Vec<Part> {
         let (directions, residual) = gram.directions_given(accepted);
+        let others = Mat::from_fn(residual.len(), directions.len() + 1, |row, column| {
+            directions.get(column).map_or(residual[row], |direction| direction[row])
+        });
+        let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, &residual)).collect();
         let mut parts: Vec<Part> =
-            self.pieces.iter().filter_map(|pieces| self.best_part(pieces, &directions, &residual)).collect();
+            self.pieces.iter().filter_map(|pieces| self.best_part(pieces, &others, &on_residual)).collect();
         parts.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
         parts
     }
 
-    fn best_part(&self, pieces: &Pieces, directions: &[Vec<f64>], residual: &[f64]) -> Option<Part> {
+    /// The best part of a candidate. `others`: the directions to be projected out, then the residual.
+    fn best_part(&self, pieces: &Pieces, others: &Mat<f64>, on_residual: &[f64]) -> Option<Part> {
         let count = pieces.candidate.count();
-        let along: Vec<Vec<f64>> = pieces
-            .columns
-            .iter()
-            .map(|column| directions.iter().map(|direction| dot(column, direction)).collect())
+        let (with_others, directions) = (inner(pieces.columns.as_ref(), others.as_ref()), on_residual.len());
+        let along: Vec<Vec<f64>> = (0..pieces.columns.ncols())
+            .map(|column| (0..directions).map(|direction| with_others[(column, direction)]).collect())
             .collect();
-        let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, residual)).collect();
-        let with_residual: Vec<f64> = pieces
-            .columns
+        let with_residual: Vec<f64> = along
             .iter()
-            .zip(&along)
-            .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
+            .enumerate()
+            .map(|(column, along)| with_others[(column, directions)] - dot(along, on_residual))
             .collect();
         let sums = Sums::of(pieces, &along, &with_residual, count);
         let (mean, sigma) = (&pieces.candidate.mean, &pieces.candidate.sigma);
@@ -115,7 +118,7 @@ impl Windows {
         let log_odds_of_same = best - penalty - PART_MODEL_ERROR_OF_SAME * best.max(0.0);
         let log_odds = best - penalty - PART_MODEL_ERROR * best.max(0.0);
         let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);
-        let candidate = Candidate { scope, ..pieces.candidate.clone() };
+        let candidate = Candidate { scope, log_prior: -penalty, ..pieces.candidate.clone() };
         Some(Part { candidate, log_odds, log_odds_of_same, log_odds_of_whole })
     }
 }
@@ -172,11 +175,9 @@ impl Pieces {
                 }
             }));
         }
-        let products = columns
-            .iter()
-            .enumerate()
-            .map(|(i, column)| columns[..=i].iter().map(|other| dot(column, other)).collect())
-            .collect();
+        let rows = gram.residual.len();
+        let columns = Mat::from_fn(rows, columns.len(), |row, column| columns[column][row]);
+        let products = inner(columns.as_ref(), columns.as_ref());
         Pieces { candidate, columns, products }
     }
 }
@@ -190,11 +191,8 @@ struct Sums {
 
 impl Sums {
     fn of(pieces: &Pieces, along: &[Vec<f64>], with_residual: &[f64], count: usize) -> Sums {
-        let length = pieces.columns.len() / count;
-        let reduced = |i: usize, j: usize| {
-            let (i, j) = (i.max(j), i.min(j));
-            pieces.products[i][j] - dot(&along[i], &along[j])
-        };
+        let length = pieces.columns.ncols() / count;
+        let reduced = |i: usize, j: usize| pieces.products[(i, j)] - dot(&along[i], &along[j]);
         let mut products = vec![vec![0.0; (length + 1) * count * count]; length + 1];
         let mut residual_sums = vec![vec![0.0; count]; length + 1];
         for a in 0..length {

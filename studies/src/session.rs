@@ -228,7 +228,12 @@ impl Session {
             let every = (GROUND_GLIMPSE_S * f64::from(self.rig.plate_hz)) as usize;
             let ground = self.ground_due(every.max(1));
             let tick = Tick { cycle: self.cycle, due_ns: self.now_ns };
-            step(&self.settings, &mut self.memory, tick, Inputs { suit, ground: &ground, body: None, command: None });
+            step(
+                &self.settings,
+                &mut self.memory,
+                tick,
+                Inputs { suit, ground: &ground, body: None, command: None },
+            );
         }
         self.suit_next = self.suit_next.max(self.rig.suit_number_at(self.now_ns) + 1);
     }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use equipoise_core::effect::Effect;
 
-use crate::finding::{Finding, Generic, Named, Verdict};
+use crate::finding::{Finding, Generic, Named, Verdict, percent};
 
 use super::Compared;
 
@@ -89,9 +89,9 @@ impl fmt::Display for EffectLine<'_> {
         for (name, estimate) in parameters {
             write!(f, ", {name} {:.4} ± {:.4}", estimate.value, estimate.sigma)?;
         }
-        write!(f, " (log odds {:.1}", named.log_odds)?;
+        write!(f, " (probability {}, log odds {:.1}", percent(named.probability), named.log_odds)?;
         if let Some(next) = &named.runner_up {
-            write!(f, "; next best {} {:.1}", next.name, next.log_odds)?;
+            write!(f, "; in its place {} {}", next.name, percent(next.probability))?;
         }
         f.write_str(")\n")?;
         if !named.family.is_empty() {

@@ -270,7 +270,7 @@ fn origin() -> Origin {
 }
 
 fn candidate(name: &str, log_odds: f64) -> Candidate {
-    Candidate { name: name.to_owned(), log_odds }
+    Candidate { name: name.to_owned(), log_odds, probability: 0.0 }
 }
 
 fn set_aside(name: &str, log_odds: f64, why: &str) -> SetAside {
@@ -294,7 +294,8 @@ pub(crate) fn named(work_s: f64) -> Sample {
             ("mx_kg_m".to_owned(), parameter(0.0041, 0.0093, "kg m")),
         ]),
         log_odds: 204.3,
-        runner_up: Some(candidate("worn_mass RightForearm", 181.9)),
+        probability: 0.981,
+        runner_up: None,
         family: Vec::new(),
     };
     let finding = Finding {

@@ -28,6 +28,12 @@ const FOR_OUTSIDE: [(&str, &[&str]); 2] = [
     ),
 ];
 
+/// One label for all that have the same columns, so that no data distinguish them: a misaligned sensor is a changed φ of
+/// its segment.
+pub fn same_columns(label: &str) -> String {
+    label.replace("unbalanced_parameters", "segment_misalignment")
+}
+
 /// Whether two labels belong to one family; a label belongs to its own.
 pub fn are_family(one: &str, other: &str) -> bool {
     one == other

@@ -5,14 +5,16 @@
 //! is computed from the session's own gap before and the true size of the effect, `√(before² − effect²)`, but not below
 //! the reported noise floor.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::families::{are_family, is_declared_for};
+use super::families::{are_family, is_declared_for, same_columns};
 use super::truth::Truth;
 
-/// Candidates within this log odds of the first belong to the set of an ambiguous finding; and their maximum number.
-const WITHIN: (f64, usize) = (5.0, 4);
+/// Names of an ambiguous finding with at least this probability belong to its set.
+const RIVAL_PROBABILITY_MIN: f64 = 0.05;
 
 /// Class of a session by its hidden effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -73,6 +75,9 @@ pub struct Judged {
     pub named: Vec<String>,
     /// Named effects, and for an ambiguous finding the close candidates.
     pub set: Vec<String>,
+    /// Stated probability of each name.
+    #[serde(default)]
+    pub stated: BTreeMap<String, f64>,
     /// The strongest named effect is the hidden one, by name and place.
     pub exact: bool,
     /// Exact, or in the declared family, or in the set of an ambiguous finding.
@@ -115,6 +120,7 @@ pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>,
         verdict: "failed".to_owned(),
         named: Vec::new(),
         set: Vec::new(),
+        stated: BTreeMap::new(),
         exact: false,
         family: false,
         found: 0,
@@ -163,9 +169,12 @@ impl Judged {
                 self.named.push(label);
             }
         }
+        self.stated = stated(finding);
         self.set = self.named.clone();
         if self.verdict == "ambiguous" {
-            self.set.extend(close_candidates(finding));
+            let probable =
+                self.stated.iter().filter(|(_, probability)| **probability >= RIVAL_PROBABILITY_MIN);
+            self.set.extend(probable.map(|(name, _)| name.clone()));
         }
         self.compare_names();
         self.declared = self.named.iter().any(|label| is_declared_for(&self.kind, label));
@@ -196,11 +205,18 @@ impl Judged {
             return;
         }
         let hidden = &self.hidden[0];
-        self.exact = self.verdict == "named" && self.named.first() == Some(hidden);
+        self.exact = self.verdict == "named"
+            && self.named.first().is_some_and(|first| same_columns(first) == same_columns(hidden));
         let first_is_family = self.named.first().is_some_and(|answer| are_family(hidden, answer));
         let in_the_set =
             self.verdict == "ambiguous" && self.set.iter().any(|answer| are_family(hidden, answer));
         self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
+    }
+
+    /// Whether a name is one of what is hidden; effects with the same columns count as one name.
+    pub fn is_right(&self, name: &str) -> bool {
+        let in_catalogue = matches!(self.class, Class::Single | Class::Pair);
+        in_catalogue && self.hidden.iter().any(|hidden| same_columns(hidden) == same_columns(name))
     }
 
     /// Whether a clean session has another verdict than `none`.
@@ -214,18 +230,16 @@ impl Judged {
     }
 }
 
-/// The first candidates of an ambiguous finding, without spans or other additions to name and place.
-fn close_candidates(finding: &Value) -> Vec<String> {
-    let candidates = finding["candidates"].as_array().map(Vec::as_slice).unwrap_or_default();
-    let odds = |candidate: &Value| candidate["log_odds"].as_f64().unwrap_or(f64::NEG_INFINITY);
-    let best = candidates.iter().map(odds).fold(f64::NEG_INFINITY, f64::max);
-    candidates
+/// Names of a finding with their stated probabilities: those of its effects, and of all candidates.
+fn stated(finding: &Value) -> BTreeMap<String, f64> {
+    let list = |key: &str| finding[key].as_array().map(Vec::as_slice).unwrap_or_default();
+    let candidates = list("candidates").iter().filter_map(|candidate| {
+        Some((candidate["name"].as_str()?.to_owned(), candidate["probability"].as_f64()?))
+    });
+    let effects = list("effects")
         .iter()
-        .filter(|candidate| odds(candidate) >= best - WITHIN.0)
-        .filter_map(|candidate| candidate["name"].as_str())
-        .map(str::to_owned)
-        .take(WITHIN.1)
-        .collect()
+        .filter_map(|effect| Some((reported_label(effect), effect["probability"].as_f64()?)));
+    candidates.chain(effects).map(|(name, probability)| (same_columns(&name), probability)).collect()
 }
 
 fn compare(hidden: &super::truth::Hidden, answer: &Value) -> Vec<Compared> {

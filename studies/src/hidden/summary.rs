@@ -10,9 +10,19 @@ use crate::tally::percent;
 /// An effect counts as detected at a size from this fraction of sessions on.
 const DETECTED: f64 = 0.8;
 
+/// Edges of the bins of stated probabilities.
+const STATED_BINS: [f64; 8] = [0.02, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.1];
+
 /// All tables.
 pub fn tables(judged: &[Judged]) -> Vec<Table> {
-    vec![overview(judged), by_size(judged), confusion(judged), outside(judged), parameters(judged)]
+    vec![
+        overview(judged),
+        reliability(judged),
+        by_size(judged),
+        confusion(judged),
+        outside(judged),
+        parameters(judged),
+    ]
 }
 
 fn share(part: usize, whole: usize) -> Cell {
@@ -58,6 +68,27 @@ fn overview(judged: &[Judged]) -> Table {
         of(&partly),
     );
     let pair = |one: &Judged| one.class == Class::Pair;
+    let of_size = |one: &Judged| {
+        one.class == Class::Single && !one.from_beginning && one.sizes.iter().all(|size| *size >= 1.0)
+    };
+    let first = |one: &Judged| one.named.first().is_some_and(|first| one.is_right(first));
+    add(
+        "single from the detectable size on: first name right".into(),
+        of(&|one| of_size(one) && first(one)),
+        of(&of_size),
+    );
+    let named = |one: &Judged| one.verdict == "named";
+    let all_right = |one: &Judged| one.named.iter().all(|name| one.is_right(name));
+    add(
+        "single from the detectable size on: verdict named, all names right".into(),
+        of(&|one| of_size(one) && named(one) && all_right(one)),
+        of(&of_size),
+    );
+    add(
+        "single from the detectable size on: verdict named, a wrong name".into(),
+        of(&|one| of_size(one) && named(one) && !all_right(one)),
+        of(&of_size),
+    );
     add("pairs: both found".into(), of(&|one| pair(one) && one.found == 2), of(&pair));
     add("pairs: at least one found".into(), of(&|one| pair(one) && one.found > 0), of(&pair));
     let clean = |one: &Judged| one.class == Class::Clean;
@@ -106,6 +137,42 @@ fn overview(judged: &[Judged]) -> Table {
     table.note(
         "present during identification: excluded from the rows by size, because identification absorbs a part of the effect",
     );
+    table
+}
+
+/// Stated probabilities against how often the name was right. An unexplained finding states no names.
+fn reliability(judged: &[Judged]) -> Table {
+    let mut table = Table::new(
+        "Reliability of the stated probabilities",
+        &["stated from", "to", "names", "mean stated %", "right %"],
+    );
+    let stated: Vec<(f64, bool)> = judged
+        .iter()
+        .filter(|one| one.verdict != "unexplained")
+        .flat_map(|one| one.stated.iter().map(|(name, probability)| (*probability, one.is_right(name))))
+        .filter(|(probability, _)| *probability >= STATED_BINS[0])
+        .collect();
+    let mut error = 0.0;
+    for bin in STATED_BINS.windows(2) {
+        let inside: Vec<&(f64, bool)> =
+            stated.iter().filter(|(probability, _)| (bin[0]..bin[1]).contains(probability)).collect();
+        let count = inside.len() as f64;
+        let mean = inside.iter().map(|(probability, _)| probability).sum::<f64>() / count;
+        let right = inside.iter().filter(|(_, right)| *right).count() as f64 / count;
+        if inside.is_empty() {
+            continue;
+        }
+        error += (mean - right).abs() * count / stated.len() as f64;
+        table.push(vec![
+            Cell::Number(bin[0]),
+            Cell::Number(bin[1].min(1.0)),
+            (inside.len() as u64).into(),
+            Cell::Number(100.0 * mean),
+            Cell::Number(100.0 * right),
+        ]);
+    }
+    table.note(format!("expected calibration error: {error:.3}"));
+    table.note("effects with the same columns count as one name; names of unexplained findings are left out");
     table
 }
 

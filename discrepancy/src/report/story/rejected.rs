@@ -5,24 +5,25 @@ use super::super::document::{Section, Table, Text, code, strong};
 use super::super::figures_by_row;
 use super::super::words::{self, odds};
 use super::equivalent_sets;
-use crate::finding::{Named, SetAside, Verdict};
+use crate::constants::NAMED_PROBABILITY;
+use crate::finding::{Named, SetAside, Verdict, percent};
 
 pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
     let mut section = Section::new("3. Rejected effects");
     section.say(format!(
-        "Every effect of the catalogue was tested, alone and in addition to those accepted before it. The threshold is a log \
-         odds of {}: the data must be {} times more likely with the effect than without it. It accounts for the number of \
-         effects tested.",
-        odds(report.picture.threshold_log_odds),
-        words::times(report.picture.threshold_log_odds).unwrap_or_else(|| "less than 2".to_owned())
+        "Every effect of the catalogue was tested, alone and in addition to others, each with its own misfit. An effect is \
+         named from a probability of {} on; less certain ones are ambiguous. By chance alone, an effect reaches log odds of {} \
+         in one of a hundred recordings like this one.",
+        percent(NAMED_PROBABILITY),
+        odds(report.picture.threshold_log_odds)
     ));
     section
         .figures(figures_by_row::evidence(finding, report.picture.threshold_log_odds).into_iter().collect());
     section.list(finding.effects.iter().map(runner_up).collect());
     if finding.verdict == Verdict::Ambiguous {
         for set in equivalent_sets(report).iter().filter(|set| set.len() > 1) {
-            section.say("These effects explain the data equally well:");
+            section.say("These data do not distinguish:");
             let in_words = |name: &String| code(name).plain(": ").plain(words::candidate(name));
             section.list(set.iter().map(in_words).collect());
         }
@@ -37,17 +38,20 @@ pub(super) fn section(report: &Report) -> Section {
 /// The second-best explanation of a named effect's evidence, in words.
 fn runner_up(named: &Named) -> Text {
     let text = strong(words::candidate(&words::full_name(named))).plain(format!(
-        " makes the data {} times more likely than without it (log odds {}). ",
+        ": probability {}; by itself it makes the data {} times more likely (log odds {}). ",
+        percent(named.probability),
         words::times(named.log_odds).unwrap_or_else(|| "less than 2".to_owned()),
         odds(named.log_odds)
     ));
-    let Some(second) = &named.runner_up else { return text.plain("No other effect is close.") };
-    let behind = named.log_odds - second.log_odds;
-    let how = match words::times(-behind) {
-        Some(factor) => format!("{factor} times more likely, but rejected"),
-        None => words::less_likely(behind),
+    let Some(second) = &named.runner_up else {
+        return text.plain(format!(
+            "No other effect in its place has {} or more.",
+            percent(1.0 - NAMED_PROBABILITY)
+        ));
     };
-    text.plain("Next best: ").strong(words::candidate(&second.name)).plain(format!(", {how}."))
+    text.plain("In its place: ")
+        .strong(words::candidate(&second.name))
+        .plain(format!(", probability {}.", percent(second.probability)))
 }
 
 fn table(report: &Report, set_aside: &[SetAside]) -> Table {

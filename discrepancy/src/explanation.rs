@@ -1,0 +1,275 @@
+//! Explanations: sets of effects that act together, each with its own misfit, and their posterior probabilities.
+//!
+//! No effect acts exactly as its equation says: its strength varies over time, and its onset takes a while. Every
+//! explanation therefore carries these deviations in its own covariance before it is compared with others. The size of
+//! the misfit is not known; the evidence is averaged over a prior of it (MacKay, Neural Computation 4 (1992), 415–447).
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
+use equipoise_core::effect::{Columns, Effect};
+use faer::Mat;
+
+use crate::candidate::{Candidate, Scope, place_log_prior};
+use crate::constants::{
+    CHANGE_PRIOR, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR, MODEL_ERROR_AT_EDGES, ONSET_S,
+    PRINTED_PROBABILITY_MIN,
+};
+use crate::evidence::{log_odds, log_sum_exp};
+use crate::gram::{Gram, whiten_each};
+use crate::linear::{dot, inner};
+use crate::rows::Rows;
+
+/// An effect of an explanation.
+#[derive(Debug, Clone)]
+pub(crate) struct Member {
+    /// The effect, refined.
+    pub(crate) candidate: Candidate,
+    /// Its parameters when it was added.
+    pub(crate) value: Vec<f64>,
+    /// Log Bayes factor when it was added.
+    pub(crate) log_odds: f64,
+    /// Whether it is too small to be reported.
+    pub(crate) is_negligible: bool,
+    /// Its whitened contribution.
+    effect: Vec<f64>,
+    /// Whitened columns: its own, then those of its misfit.
+    columns: Vec<Vec<f64>>,
+    /// Misfit of each column behind its own, 1-σ as a fraction.
+    misfit: Vec<f64>,
+}
+
+impl Member {
+    /// An effect with these parameters, and the deviations from its equation: its strength may vary by a fraction, and
+    /// at its edges by all of it.
+    pub(crate) fn of(
+        gram: &Gram<'_>,
+        candidate: Candidate,
+        value: Vec<f64>,
+        log_odds: f64,
+        is_negligible: bool,
+    ) -> Member {
+        let mut columns = gram.whitened(candidate.count(), |block| candidate.columns(gram.rows, block));
+        let mut effect = vec![0.0; gram.residual.len()];
+        for (column, value) in columns.iter().zip(&value) {
+            effect.iter_mut().zip(column).for_each(|(sum, column)| *sum += value * column);
+        }
+        let mut misfit = Vec::new();
+        for (column, fraction) in misfit_columns(gram, &candidate, &value) {
+            columns.push(column);
+            misfit.push(fraction);
+        }
+        Member { candidate, value, log_odds, is_negligible, effect, columns, misfit }
+    }
+
+    /// 1-σ of its deviations, as a fraction.
+    fn fraction(&self) -> f64 {
+        let [contact, other] = MODEL_ERROR;
+        if self.candidate.effect == Effect::HandContact { contact.0 } else { other.0 }
+    }
+
+    /// Log prior of this effect at this place, with this shape and time span.
+    fn log_prior(&self) -> f64 {
+        let effect = self.candidate.effect;
+        let places = effect.places().iter().map(|&place| place_log_prior(effect, place));
+        let prior = EFFECT_PRIOR.iter().find(|(of, _)| *of == effect).map_or(1.0, |(_, prior)| *prior);
+        let hardly_changes = matches!(
+            effect,
+            Effect::PlateYaw
+                | Effect::PlateGain
+                | Effect::PlateCrosstalk
+                | Effect::PlateHeight
+                | Effect::ForceGain
+                | Effect::PlateLowpass
+                | Effect::SuitLag
+                | Effect::Inertia
+        );
+        let is_temporary = matches!(self.candidate.scope, Scope::Span(_));
+        let of_span = if hardly_changes && is_temporary { CHANGE_PRIOR.ln() } else { 0.0 };
+        of_span + (prior / (1.0 - prior)).ln() - log_sum_exp(&places.collect::<Vec<f64>>())
+            + self.candidate.log_prior
+    }
+}
+
+/// Whitened columns of an effect's misfit, and 1-σ of each as a fraction: hat functions over the work in which each
+/// parameter may deviate by a fraction of the effect's size, and at onset and end by all of it.
+pub(crate) fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f64]) -> Vec<(Vec<f64>, f64)> {
+    let rows = gram.rows;
+    let count = candidate.count();
+    // Size of the effect in units of the prior, since the parameters' units differ.
+    let squares: f64 = value.iter().zip(&candidate.sigma).map(|(value, sigma)| (value / sigma).powi(2)).sum();
+    let size = (squares / count as f64).sqrt();
+    let columns_at: Vec<Columns> = (0..rows.len())
+        .map(
+            |block| {
+                if block < rows.work_from { Columns::zero(count) } else { candidate.columns(rows, block) }
+            },
+        )
+        .collect();
+    let hats = hats(rows, candidate);
+    let whitened = whiten_each(rows, gram.noise, hats.len() * count, |block, column| {
+        let (peak_s, half_s, _) = hats[column / count];
+        let parameter = column % count;
+        let near = (1.0 - (rows.time_s(block) - peak_s).abs() / half_s).max(0.0);
+        let scale = near * size * candidate.sigma[parameter];
+        let at = &columns_at[block];
+        (at.cop_m[parameter].map(|value| scale * value), at.force_n[parameter].map(|value| scale * value))
+    });
+    let fractions = hats.iter().flat_map(|&(_, _, fraction)| std::iter::repeat_n(fraction, count));
+    whitened.into_iter().zip(fractions).collect()
+}
+
+/// Peak, half width, s, and 1-σ as a fraction of each deviation.
+fn hats(rows: &Rows<'_>, candidate: &Candidate) -> Vec<(f64, f64, f64)> {
+    if rows.work_from >= rows.len() {
+        return Vec::new();
+    }
+    let [contact, other] = MODEL_ERROR;
+    let (fraction, pieces) = if candidate.effect == Effect::HandContact { contact } else { other };
+    let (first_s, last_s) = (rows.time_s(rows.work_from), rows.time_s(rows.len() - 1));
+    let piece_s = (last_s - first_s + 1e-6) / f64::from(pieces);
+    let mut hats: Vec<(f64, f64, f64)> =
+        (0..pieces).map(|piece| (first_s + (f64::from(piece) + 0.5) * piece_s, piece_s, fraction)).collect();
+    if let Scope::Span(edges_s) = candidate.scope {
+        hats.extend(edges_s.map(|edge_s| (edge_s, ONSET_S, MODEL_ERROR_AT_EDGES)));
+    }
+    hats
+}
+
+/// A set of effects that act together.
+#[derive(Debug, Clone)]
+pub(crate) struct Explanation {
+    /// The effects, in the order in which they were added.
+    pub(crate) members: Vec<Rc<Member>>,
+    /// Log posterior up to a constant; 0 without effects.
+    pub(crate) log_posterior: f64,
+}
+
+impl Explanation {
+    /// No effect.
+    pub(crate) const NONE: Explanation = Explanation { members: Vec::new(), log_posterior: 0.0 };
+
+    /// The same with one more effect.
+    pub(crate) fn with(&self, gram: &Gram<'_>, member: Member) -> Explanation {
+        let members: Vec<Rc<Member>> = self.members.iter().cloned().chain([Rc::new(member)]).collect();
+        let log_posterior = log_evidence(gram, &members) + members.iter().map(|m| m.log_prior()).sum::<f64>();
+        Explanation { members, log_posterior }
+    }
+
+    /// Names of its effects, sorted.
+    pub(crate) fn key(&self) -> Vec<String> {
+        let mut names: Vec<String> = self.members.iter().map(|member| member.candidate.name()).collect();
+        names.sort();
+        names
+    }
+
+    /// Names of those that are not negligible, each once.
+    fn names(&self) -> Vec<String> {
+        let relevant = self.members.iter().filter(|member| !member.is_negligible);
+        let mut names: Vec<String> = relevant.map(|member| member.candidate.name()).collect();
+        names.sort();
+        names.dedup();
+        names
+    }
+}
+
+/// Log Bayes factor of some effects together, with their misfit, against none; averaged over the size of the misfit.
+fn log_evidence(gram: &Gram<'_>, members: &[Rc<Member>]) -> f64 {
+    let of_scales = MISFIT_SCALES.map(|scale| log_evidence_at(gram, members, scale));
+    (log_sum_exp(&of_scales) - (MISFIT_SCALES.len() as f64).ln()) / EVIDENCE_TEMPER
+}
+
+/// The same with misfit of this size.
+fn log_evidence_at(gram: &Gram<'_>, members: &[Rc<Member>], scale: f64) -> f64 {
+    // Independent deviations of each row: a fraction of each effect's own contribution.
+    let variance = |row: usize| {
+        let of_members =
+            members.iter().map(|member| (scale * member.fraction() * member.effect[row]).powi(2));
+        1.0 + of_members.sum::<f64>()
+    };
+    let variance: Vec<f64> = (0..gram.residual.len()).map(variance).collect();
+    let weight: Vec<f64> = variance.iter().map(|variance| 1.0 / variance.sqrt()).collect();
+    let columns: Vec<&Vec<f64>> =
+        members.iter().flat_map(|member| &member.columns).chain([&gram.residual]).collect();
+    let weighted =
+        Mat::from_fn(weight.len(), columns.len(), |row, column| weight[row] * columns[column][row]);
+    let products = inner(weighted.as_ref(), weighted.as_ref());
+    let last = columns.len() - 1;
+    let mean: Vec<f64> = members
+        .iter()
+        .flat_map(|member| member.candidate.mean.iter().copied().chain(member.misfit.iter().map(|_| 0.0)))
+        .collect();
+    let sigma: Vec<f64> = members
+        .iter()
+        .flat_map(|member| {
+            let misfit = member.misfit.iter().map(move |fraction| scale * fraction);
+            member.candidate.sigma.iter().copied().chain(misfit)
+        })
+        .collect();
+    let log_det: f64 = variance.iter().map(|variance| variance.ln()).sum();
+    log_odds(&|i, j| products[(i, j)], &|i| products[(i, last)], &mean, &sigma)
+        + 0.5 * (dot(&gram.residual, &gram.residual) - products[(last, last)] - log_det)
+}
+
+/// Whether two names stand for the same columns: a misaligned sensor is a changed φ of its segment.
+fn have_same_columns(one: &str, other: &str) -> bool {
+    let [misaligned, unbalanced] =
+        [Effect::SegmentMisalignment, Effect::UnbalancedParameters].map(Effect::name);
+    let class = |name: &str| name.replace(unbalanced, misaligned);
+    class(one) == class(other)
+}
+
+/// Posterior over explanations.
+#[derive(Debug, Clone)]
+pub(crate) struct Posterior {
+    /// Explanations, most probable first.
+    pub(crate) explanations: Vec<Explanation>,
+    /// Their probabilities.
+    probabilities: Vec<f64>,
+}
+
+impl Posterior {
+    /// Of some explanations; at least one is required.
+    pub(crate) fn of(mut explanations: Vec<Explanation>) -> Posterior {
+        explanations.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        let logs: Vec<f64> = explanations.iter().map(|one| one.log_posterior).collect();
+        let total = log_sum_exp(&logs);
+        Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
+    }
+
+    /// Probability of each name, of those that are not negligible. Effects with the same columns count together: no data
+    /// distinguish them.
+    pub(crate) fn of_names(&self) -> BTreeMap<String, f64> {
+        let mut names: BTreeMap<String, f64> =
+            self.explanations.iter().flat_map(Explanation::names).map(|name| (name, 0.0)).collect();
+        for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
+            let acting = explanation.names();
+            for (name, sum) in &mut names {
+                if acting.iter().any(|acting| have_same_columns(acting, name)) {
+                    *sum += probability;
+                }
+            }
+        }
+        names
+    }
+
+    /// Names that may stand in place of one: probable enough, and in most of their explanations without it.
+    pub(crate) fn rivals(&self, name: &str) -> Vec<(String, f64)> {
+        let mut instead: BTreeMap<String, f64> = BTreeMap::new();
+        for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
+            let names = explanation.names();
+            if !names.iter().any(|other| have_same_columns(other, name)) {
+                for other in names {
+                    *instead.entry(other).or_insert(0.0) += probability;
+                }
+            }
+        }
+        let best = self.explanations.first().map(Explanation::names).unwrap_or_default();
+        let mut rivals: Vec<(String, f64)> = instead
+            .into_iter()
+            .filter(|(other, probability)| *probability > PRINTED_PROBABILITY_MIN && !best.contains(other))
+            .collect();
+        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+        rivals
+    }
+}
