@@ -273,42 +273,28 @@ pub(crate) const PART_MODEL_ERROR_OF_SAME: f64 = 0.02;
 
 // Explanations.
 
-/// Probability that an effect acts in a session in question, before its data are seen. Unit: 1. Origin: judgement, to
-/// be changed where the causes of a station are known: loads are carried more often than sensors fail.
-pub(crate) const EFFECT_PRIOR: [(Effect, f64); 18] = [
-    (Effect::HandLoad, 0.15),
-    (Effect::HandContact, 0.05),
-    (Effect::WornMass, 0.15),
-    (Effect::PlateOffset, 0.1),
-    (Effect::PlateYaw, 0.05),
-    (Effect::PlateGain, 0.03),
-    (Effect::PlateCrosstalk, 0.03),
-    (Effect::PlateHeight, 0.03),
-    (Effect::ForceGain, 0.03),
-    (Effect::PlateDrift, 0.05),
-    (Effect::PlateLowpass, 0.03),
-    (Effect::SuitLag, 0.05),
-    (Effect::SuitHeadingDrift, 0.05),
-    (Effect::SegmentHeading, 0.05),
-    (Effect::SegmentMisalignment, 0.05),
-    (Effect::Inertia, 0.03),
-    (Effect::PeriodicSway, 0.03),
-    (Effect::UnbalancedParameters, 0.03),
+/// Probability that each of these effects acts in a session in question, before its data are seen. Unit: 1. Origin:
+/// judgement, to be changed where the causes at a station are known.
+pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
+    (0.15, &[Effect::HandLoad, Effect::WornMass]),
+    (0.1, &[Effect::PlateOffset]),
+    (0.05, &[Effect::HandContact, Effect::PlateYaw, Effect::PlateDrift, Effect::SuitLag]),
+    (0.05, &[Effect::SuitHeadingDrift, Effect::SegmentHeading, Effect::SegmentMisalignment]),
 ];
+/// The same of any other effect. Unit: 1. Origin: judgement.
+pub(crate) const OTHER_PRIOR: f64 = 0.03;
 /// Prior odds that a plate's axes, gains or filter, a clock or the model's inertia change for a part of the work. Unit:
 /// 1. Origin: judgement.
 pub(crate) const CHANGE_PRIOR: f64 = 0.02;
 /// Factors on [`MODEL_ERROR`] over which the evidence is averaged. Unit: 1. Origin: chosen: a decade.
 pub(crate) const MISFIT_SCALES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
-/// Divisor of every log Bayes factor, since the noise model is not exact. Unit: 1. Origin: bench: the reliability of the
-/// probabilities on seeds 1001 to 1003.
+/// Divisor of log Bayes factors: the noise model is not exact. Unit: 1. Origin: bench (reliability, seed 1001).
 pub(crate) const EVIDENCE_TEMPER: f64 = 2.0;
 /// A name is established from this probability on. Unit: 1. Origin: convention.
 pub(crate) const NAMED_PROBABILITY: f64 = 0.95;
 /// Names below this probability are no rivals. Unit: 1. Origin: derived: the complement of the former.
 pub(crate) const PRINTED_PROBABILITY_MIN: f64 = 1.0 - NAMED_PROBABILITY;
-/// Explanations that are extended at each size, and how far behind the best one they may be. Unit: 1, log posterior.
-/// Origin: budget; derived: a thousandth of the probability.
+/// Explanations extended at each size, and their largest lag behind the best. Unit: 1, log posterior. Origin: budget.
 pub(crate) const BEAM: (usize, f64) = (3, 7.0);
 /// Effects of an explanation, negligible ones included, at most. Unit: 1. Origin: budget.
 pub(crate) const MEMBERS_MAX: usize = 6;

@@ -13,7 +13,7 @@ use faer::Mat;
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
     CHANGE_PRIOR, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR, MODEL_ERROR_AT_EDGES, ONSET_S,
-    PRINTED_PROBABILITY_MIN,
+    OTHER_PRIOR, PRINTED_PROBABILITY_MIN,
 };
 use crate::evidence::{log_odds, log_sum_exp};
 use crate::gram::{Gram, whiten_each};
@@ -72,7 +72,8 @@ impl Member {
     fn log_prior(&self) -> f64 {
         let effect = self.candidate.effect;
         let places = effect.places().iter().map(|&place| place_log_prior(effect, place));
-        let prior = EFFECT_PRIOR.iter().find(|(of, _)| *of == effect).map_or(1.0, |(_, prior)| *prior);
+        let listed = EFFECT_PRIOR.iter().find(|(_, effects)| effects.contains(&effect));
+        let prior = listed.map_or(OTHER_PRIOR, |(prior, _)| *prior);
         let hardly_changes = matches!(
             effect,
             Effect::PlateYaw
