@@ -283,25 +283,25 @@ pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
 ];
 /// The same of any other effect. Unit: 1. Origin: judgement.
 pub(crate) const OTHER_PRIOR: f64 = 0.03;
-/// Prior odds that a plate's axes, gains or filter, a clock or the model's inertia change for a part of the work. Unit:
-/// 1. Origin: judgement.
+/// Factor on the prior where a plate's axes, height, gains or filter, or a clock, change for a part of the work. Unit: 1.
+/// Origin: judgement.
 pub(crate) const CHANGE_PRIOR: f64 = 0.02;
-/// Factors on [`MODEL_ERROR`] over which the evidence is averaged. Unit: 1. Origin: chosen: a decade.
+/// Factors on [`MODEL_ERROR`] over which the evidence is averaged. Unit: 1. Origin: chosen: one and a half decades.
 pub(crate) const MISFIT_SCALES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
 /// Divisor of log Bayes factors: the noise model is not exact. Unit: 1. Origin: bench (reliability, seed 1001).
 pub(crate) const EVIDENCE_TEMPER: f64 = 2.0;
 /// A name is established from this probability on. Unit: 1. Origin: convention.
 pub(crate) const NAMED_PROBABILITY: f64 = 0.95;
-/// Names below this probability are no rivals. Unit: 1. Origin: derived: the complement of the former.
-pub(crate) const PRINTED_PROBABILITY_MIN: f64 = 1.0 - NAMED_PROBABILITY;
-/// Explanations extended at each size, and their largest lag behind the best. Unit: 1, log posterior. Origin: budget.
+/// Names below this probability are no rivals. Unit: 1. Origin: derived: the complement of [`NAMED_PROBABILITY`].
+pub(crate) const RIVAL_PROBABILITY_MIN: f64 = 1.0 - NAMED_PROBABILITY;
+/// Explanations extended at each size, and their largest deficit to the best. Unit: 1, log posterior. Origin: budget.
 pub(crate) const BEAM: (usize, f64) = (3, 7.0);
 /// Effects of an explanation, negligible ones included, at most. Unit: 1. Origin: budget.
 pub(crate) const MEMBERS_MAX: usize = 6;
 
 // Selection.
 
-/// Log odds of a named effect, at least. Unit: log odds. Origin: bench (clean sessions; 8 in the prototype).
+/// Log odds of a generic term, at least. Unit: log odds. Origin: bench (clean sessions; 8 in the prototype).
 pub(crate) const LOG_ODDS_MIN: f64 = 10.0;
 /// Clean sessions that are drawn for the level reached by chance. Unit: 1. Origin: budget (200 in the prototype).
 pub(crate) const DRAWS: usize = 100;
@@ -310,7 +310,7 @@ pub(crate) const CHANCE_QUANTILE: f64 = 0.99;
 /// Seeds of the draws for catalogue and library: fixed, so that equal recordings give equal findings. Unit: 1. Origin:
 /// arbitrary.
 pub(crate) const SEEDS: [u64; 2] = [0x5eed, 0x0dd5];
-/// A clear lead, e.g. of a mass over a gain of the force, of a part over the whole, or of a term by the CoP alone.
+/// A clear lead, e.g. of a part over the whole, or of a generic term by the CoP alone.
 /// Unit: log odds. Origin: prototype; reference: "strong" in Kass and Raftery, J. Am. Stat. Assoc. 90 (1995), 773–795.
 pub(crate) const CLEAR_LEAD: f64 = 3.0;
 /// Best hypotheses that are checked in each step. Unit: 1. Origin: prototype.

@@ -83,13 +83,24 @@ impl Conditioned {
 }
 
 /// Log Bayes factor of `θ ~ N(mean, sigma²)` against `θ = 0`, from inner products: with `h = with_residual − G mean`,
-/// `h·mean + ½ meanᵀ G mean + ½ hᵀ A⁻¹ h − ½ ln det(A diag(sigma²))`, where `A = G + diag(1/sigma²)`.
+/// `h·mean + ½ meanᵀ G mean + ½ hᵀ A⁻¹ h − ½ ln det(A diag(sigma²))`, where `A = G + diag(1/sigma²)`; 0 if `A` cannot be
+/// factored.
 pub(crate) fn log_odds(
     products: &dyn Fn(usize, usize) -> f64,
     with_residual: &dyn Fn(usize) -> f64,
     mean: &[f64],
     sigma: &[f64],
 ) -> f64 {
+    checked_log_odds(products, with_residual, mean, sigma).unwrap_or(0.0)
+}
+
+/// The same; `None` if `A` cannot be factored.
+pub(crate) fn checked_log_odds(
+    products: &dyn Fn(usize, usize) -> f64,
+    with_residual: &dyn Fn(usize) -> f64,
+    mean: &[f64],
+    sigma: &[f64],
+) -> Option<f64> {
     let count = mean.len();
     let mut by_mean = 0.0;
     let mut right = vec![0.0; count];
@@ -99,13 +110,9 @@ pub(crate) fn log_odds(
         right[i] = (with_residual(i) - by_prior) * sigma[i];
     }
     let scaled = |i: usize, j: usize| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j);
-    match small_factor(count, &scaled) {
-        Some((lower, half_log_det)) => {
-            let solved = forward_substitution(&lower, &right);
-            by_mean - half_log_det + 0.5 * solved.iter().map(|value| value * value).sum::<f64>()
-        }
-        None => 0.0,
-    }
+    let (lower, half_log_det) = small_factor(count, &scaled)?;
+    let solved = forward_substitution(&lower, &right);
+    Some(by_mean - half_log_det + 0.5 * solved.iter().map(|value| value * value).sum::<f64>())
 }
 
 /// Posterior mean and 1-σ; `None` if the columns are not separable.

@@ -4,7 +4,7 @@
 //! explanation therefore carries these deviations in its own covariance before it is compared with others. The size of
 //! the misfit is not known; the evidence is averaged over a prior of it (MacKay, Neural Computation 4 (1992), 415–447).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
 use equipoise_core::effect::{Columns, Effect};
@@ -13,11 +13,12 @@ use faer::Mat;
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
     CHANGE_PRIOR, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR, MODEL_ERROR_AT_EDGES, ONSET_S,
-    OTHER_PRIOR, PRINTED_PROBABILITY_MIN,
+    OTHER_PRIOR, RIVAL_PROBABILITY_MIN,
 };
-use crate::evidence::{log_odds, log_sum_exp};
+use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::gram::{Gram, whiten_each};
 use crate::linear::{dot, inner};
+use crate::plausibility::is_negligible;
 use crate::rows::Rows;
 
 /// An effect of an explanation.
@@ -25,47 +26,50 @@ use crate::rows::Rows;
 pub(crate) struct Member {
     /// The effect, refined.
     pub(crate) candidate: Candidate,
-    /// Its parameters when it was added.
+    /// Its parameters, fitted with the other effects of the explanation.
     pub(crate) value: Vec<f64>,
-    /// Log Bayes factor when it was added.
+    /// Log Bayes factor when it was added to the others.
     pub(crate) log_odds: f64,
     /// Whether it is too small to be reported.
     pub(crate) is_negligible: bool,
-    /// Its whitened contribution.
+    whitened: Rc<Whitened>,
+}
+
+/// Whitened columns of an effect.
+#[derive(Debug, Default)]
+struct Whitened {
+    /// Its contribution.
     effect: Vec<f64>,
-    /// Whitened columns: its own, then those of its misfit.
+    /// Its own columns, then those of its misfit.
     columns: Vec<Vec<f64>>,
     /// Misfit of each column behind its own, 1-σ as a fraction.
     misfit: Vec<f64>,
 }
 
 impl Member {
-    /// An effect with these parameters, and the deviations from its equation: its strength may vary by a fraction, and
-    /// at its edges by all of it.
-    pub(crate) fn of(
-        gram: &Gram<'_>,
-        candidate: Candidate,
-        value: Vec<f64>,
-        log_odds: f64,
-        is_negligible: bool,
-    ) -> Member {
+    /// An effect with these parameters, and its deviations from its equation.
+    pub(crate) fn new(gram: &Gram<'_>, candidate: Candidate, value: Vec<f64>, log_odds: f64) -> Member {
         let mut columns = gram.whitened(candidate.count(), |block| candidate.columns(gram.rows, block));
         let mut effect = vec![0.0; gram.residual.len()];
         for (column, value) in columns.iter().zip(&value) {
             effect.iter_mut().zip(column).for_each(|(sum, column)| *sum += value * column);
         }
-        let mut misfit = Vec::new();
-        for (column, fraction) in misfit_columns(gram, &candidate, &value) {
-            columns.push(column);
-            misfit.push(fraction);
+        let (of_misfit, misfit): (Vec<Vec<f64>>, Vec<f64>) =
+            misfit_columns(gram, &candidate, &value).into_iter().unzip();
+        columns.extend(of_misfit);
+        let is_negligible = is_negligible(&candidate, &value);
+        Member {
+            candidate,
+            value,
+            log_odds,
+            is_negligible,
+            whitened: Rc::new(Whitened { effect, columns, misfit }),
         }
-        Member { candidate, value, log_odds, is_negligible, effect, columns, misfit }
     }
 
-    /// 1-σ of its deviations, as a fraction.
-    fn fraction(&self) -> f64 {
-        let [contact, other] = MODEL_ERROR;
-        if self.candidate.effect == Effect::HandContact { contact.0 } else { other.0 }
+    /// The same with the parameters of another fit; its misfit keeps its size.
+    pub(crate) fn refitted(&self, value: Vec<f64>) -> Member {
+        Member { is_negligible: is_negligible(&self.candidate, &value), value, ..self.clone() }
     }
 
     /// Log prior of this effect at this place, with this shape and time span.
@@ -83,7 +87,6 @@ impl Member {
                 | Effect::ForceGain
                 | Effect::PlateLowpass
                 | Effect::SuitLag
-                | Effect::Inertia
         );
         let is_temporary = matches!(self.candidate.scope, Scope::Span(_));
         let of_span = if hardly_changes && is_temporary { CHANGE_PRIOR.ln() } else { 0.0 };
@@ -120,13 +123,18 @@ pub(crate) fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f6
     whitened.into_iter().zip(fractions).collect()
 }
 
+/// Deviation of an effect from its equation, 1-σ as a fraction, and the number of pieces of the work.
+fn model_error(effect: Effect) -> (f64, u32) {
+    let [contact, other] = MODEL_ERROR;
+    if effect == Effect::HandContact { contact } else { other }
+}
+
 /// Peak, half width, s, and 1-σ as a fraction of each deviation.
 fn hats(rows: &Rows<'_>, candidate: &Candidate) -> Vec<(f64, f64, f64)> {
     if rows.work_from >= rows.len() {
         return Vec::new();
     }
-    let [contact, other] = MODEL_ERROR;
-    let (fraction, pieces) = if candidate.effect == Effect::HandContact { contact } else { other };
+    let (fraction, pieces) = model_error(candidate.effect);
     let (first_s, last_s) = (rows.time_s(rows.work_from), rows.time_s(rows.len() - 1));
     let piece_s = (last_s - first_s + 1e-6) / f64::from(pieces);
     let mut hats: Vec<(f64, f64, f64)> =
@@ -141,7 +149,7 @@ fn hats(rows: &Rows<'_>, candidate: &Candidate) -> Vec<(f64, f64, f64)> {
 #[derive(Debug, Clone)]
 pub(crate) struct Explanation {
     /// The effects, in the order in which they were added.
-    pub(crate) members: Vec<Rc<Member>>,
+    pub(crate) members: Vec<Member>,
     /// Log posterior up to a constant; 0 without effects.
     pub(crate) log_posterior: f64,
 }
@@ -150,11 +158,17 @@ impl Explanation {
     /// No effect.
     pub(crate) const NONE: Explanation = Explanation { members: Vec::new(), log_posterior: 0.0 };
 
-    /// The same with one more effect.
-    pub(crate) fn with(&self, gram: &Gram<'_>, member: Member) -> Explanation {
-        let members: Vec<Rc<Member>> = self.members.iter().cloned().chain([Rc::new(member)]).collect();
-        let log_posterior = log_evidence(gram, &members) + members.iter().map(|m| m.log_prior()).sum::<f64>();
-        Explanation { members, log_posterior }
+    /// These effects together; `None` if they cannot be separated numerically.
+    pub(crate) fn of(gram: &Gram<'_>, members: Vec<Member>) -> Option<Explanation> {
+        let log_prior: f64 = members.iter().map(Member::log_prior).sum();
+        let log_posterior = log_evidence(gram, &members)? + log_prior;
+        log_posterior.is_finite().then_some(Explanation { members, log_posterior })
+    }
+
+    /// The same without columns, for the posterior: they occupy megabytes.
+    pub(crate) fn without_columns(&self) -> Explanation {
+        let bare = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
+        Explanation { members: self.members.iter().map(bare).collect(), ..*self }
     }
 
     /// Names of its effects, sorted.
@@ -175,45 +189,44 @@ impl Explanation {
 }
 
 /// Log Bayes factor of some effects together, with their misfit, against none; averaged over the size of the misfit.
-fn log_evidence(gram: &Gram<'_>, members: &[Rc<Member>]) -> f64 {
-    let of_scales = MISFIT_SCALES.map(|scale| log_evidence_at(gram, members, scale));
-    (log_sum_exp(&of_scales) - (MISFIT_SCALES.len() as f64).ln()) / EVIDENCE_TEMPER
+fn log_evidence(gram: &Gram<'_>, members: &[Member]) -> Option<f64> {
+    let of_scales: Option<Vec<f64>> =
+        MISFIT_SCALES.iter().map(|&scale| log_evidence_at(gram, members, scale)).collect();
+    Some((log_sum_exp(&of_scales?) - (MISFIT_SCALES.len() as f64).ln()) / EVIDENCE_TEMPER)
 }
 
 /// The same with misfit of this size.
-fn log_evidence_at(gram: &Gram<'_>, members: &[Rc<Member>], scale: f64) -> f64 {
+fn log_evidence_at(gram: &Gram<'_>, members: &[Member], scale: f64) -> Option<f64> {
     // Independent deviations of each row: a fraction of each effect's own contribution.
     let variance = |row: usize| {
-        let of_members =
-            members.iter().map(|member| (scale * member.fraction() * member.effect[row]).powi(2));
-        1.0 + of_members.sum::<f64>()
+        let of_member = |member: &Member| {
+            let (fraction, _) = model_error(member.candidate.effect);
+            (scale * fraction * member.whitened.effect[row]).powi(2)
+        };
+        1.0 + members.iter().map(of_member).sum::<f64>()
     };
     let variance: Vec<f64> = (0..gram.residual.len()).map(variance).collect();
     let weight: Vec<f64> = variance.iter().map(|variance| 1.0 / variance.sqrt()).collect();
     let columns: Vec<&Vec<f64>> =
-        members.iter().flat_map(|member| &member.columns).chain([&gram.residual]).collect();
+        members.iter().flat_map(|member| &member.whitened.columns).chain([&gram.residual]).collect();
     let weighted =
         Mat::from_fn(weight.len(), columns.len(), |row, column| weight[row] * columns[column][row]);
     let products = inner(weighted.as_ref(), weighted.as_ref());
     let last = columns.len() - 1;
-    let mean: Vec<f64> = members
-        .iter()
-        .flat_map(|member| member.candidate.mean.iter().copied().chain(member.misfit.iter().map(|_| 0.0)))
-        .collect();
-    let sigma: Vec<f64> = members
-        .iter()
-        .flat_map(|member| {
-            let misfit = member.misfit.iter().map(move |fraction| scale * fraction);
-            member.candidate.sigma.iter().copied().chain(misfit)
-        })
-        .collect();
+    let (mut mean, mut sigma) = (Vec::with_capacity(last), Vec::with_capacity(last));
+    for Member { candidate, whitened, .. } in members {
+        mean.extend(candidate.mean.iter().copied().chain(whitened.misfit.iter().map(|_| 0.0)));
+        sigma.extend(
+            candidate.sigma.iter().copied().chain(whitened.misfit.iter().map(|fraction| scale * fraction)),
+        );
+    }
     let log_det: f64 = variance.iter().map(|variance| variance.ln()).sum();
-    log_odds(&|i, j| products[(i, j)], &|i| products[(i, last)], &mean, &sigma)
-        + 0.5 * (dot(&gram.residual, &gram.residual) - products[(last, last)] - log_det)
+    let of_effects = checked_log_odds(&|i, j| products[(i, j)], &|i| products[(i, last)], &mean, &sigma)?;
+    Some(of_effects + 0.5 * (dot(&gram.residual, &gram.residual) - products[(last, last)] - log_det))
 }
 
 /// Whether two names stand for the same columns: a misaligned sensor is a changed φ of its segment.
-fn have_same_columns(one: &str, other: &str) -> bool {
+fn same_columns(one: &str, other: &str) -> bool {
     let [misaligned, unbalanced] =
         [Effect::SegmentMisalignment, Effect::UnbalancedParameters].map(Effect::name);
     let class = |name: &str| name.replace(unbalanced, misaligned);
@@ -238,37 +251,37 @@ impl Posterior {
         Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
     }
 
-    /// Probability of each name, of those that are not negligible. Effects with the same columns count together: no data
-    /// distinguish them.
-    pub(crate) fn of_names(&self) -> BTreeMap<String, f64> {
-        let mut names: BTreeMap<String, f64> =
-            self.explanations.iter().flat_map(Explanation::names).map(|name| (name, 0.0)).collect();
-        for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
-            let acting = explanation.names();
-            for (name, sum) in &mut names {
-                if acting.iter().any(|acting| have_same_columns(acting, name)) {
-                    *sum += probability;
-                }
-            }
-        }
-        names
+    /// Names of all explanations, of effects that are not negligible.
+    pub(crate) fn names(&self) -> BTreeSet<String> {
+        self.explanations.iter().flat_map(Explanation::names).collect()
     }
 
-    /// Names that may stand in place of one: probable enough, and in most of their explanations without it.
+    /// Probability that an effect of this name acts. Effects with the same columns count as one: no data distinguish
+    /// them.
+    pub(crate) fn of_name(&self, name: &str) -> f64 {
+        let acts =
+            |explanation: &Explanation| explanation.names().iter().any(|acting| same_columns(acting, name));
+        let each = self.explanations.iter().zip(&self.probabilities);
+        each.filter(|(explanation, _)| acts(explanation)).map(|(_, probability)| probability).sum()
+    }
+
+    /// Names that act in explanations without this one, with a total probability above [`RIVAL_PROBABILITY_MIN`]; none
+    /// that is part of the most probable explanation. Most probable first.
     pub(crate) fn rivals(&self, name: &str) -> Vec<(String, f64)> {
         let mut instead: BTreeMap<String, f64> = BTreeMap::new();
         for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
             let names = explanation.names();
-            if !names.iter().any(|other| have_same_columns(other, name)) {
+            if !names.iter().any(|other| same_columns(other, name)) {
                 for other in names {
                     *instead.entry(other).or_insert(0.0) += probability;
                 }
             }
         }
         let best = self.explanations.first().map(Explanation::names).unwrap_or_default();
+        let is_in_best = |other: &str| best.iter().any(|named| same_columns(named, other));
         let mut rivals: Vec<(String, f64)> = instead
             .into_iter()
-            .filter(|(other, probability)| *probability > PRINTED_PROBABILITY_MIN && !best.contains(other))
+            .filter(|(other, probability)| *probability > RIVAL_PROBABILITY_MIN && !is_in_best(other))
             .collect();
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         rivals

@@ -34,11 +34,11 @@ pub struct Finding {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
-    /// Effects of the catalogue explain the residual.
+    /// Effects of the catalogue explain the residual; each is certain enough ([`Named::probability`] of 0.95 or more).
     Named,
     /// No effect is detectable in these data.
     None,
-    /// Several effects explain the residual equally well.
+    /// An effect of the most probable explanation is not certain.
     Ambiguous,
     /// No effect of the catalogue explains part of the residual.
     Unexplained,
@@ -80,8 +80,8 @@ pub struct Estimate {
 pub struct Candidate {
     /// Name with place: `worn_mass T8`.
     pub name: String,
-    /// Log Bayes factor against no effect, by itself; 0 if it is not among the best by itself.
-    pub log_odds: f64,
+    /// Log Bayes factor against no effect, by itself; `None` if it is not among the best by itself.
+    pub log_odds: Option<f64>,
     /// Probability that it acts.
     pub probability: f64,
 }

@@ -27,17 +27,15 @@ pub(crate) fn is_negligible(candidate: &Candidate, value: &[f64]) -> bool {
     candidate.size(value) < min
 }
 
-/// Reason to reject an explanation by its parameters, if there is one.
-pub(crate) fn implausibility(candidate: &Candidate, value: &[f64]) -> Option<String> {
+/// Why an effect cannot have these parameters, if it cannot.
+pub(crate) fn impossibility(candidate: &Candidate, value: &[f64]) -> Option<&'static str> {
     match candidate.effect {
-        Effect::HandLoad if value[0] < 0.0 => return Some("the mass is negative".to_owned()),
-        Effect::PlateLowpass if value[0] < FILTER_FACTOR_MIN => {
-            return Some("the filter is reversed".to_owned());
-        }
+        Effect::HandLoad if value[0] < 0.0 => return Some("the mass is negative"),
+        Effect::PlateLowpass if value[0] < FILTER_FACTOR_MIN => return Some("the filter is reversed"),
         _ => {}
     }
     let arm_m = candidate.effect.arm_sigma_m(candidate.place)?;
     let moment_kg_m = value.iter().skip(1).map(|moment| moment * moment).sum::<f64>().sqrt();
     (moment_kg_m > ARMS_MAX * arm_m * value[0].abs() && value.len() > 1)
-        .then(|| "the mass is outside its place".to_owned())
+        .then_some("the mass is outside its place")
 }

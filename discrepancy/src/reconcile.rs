@@ -26,7 +26,7 @@ use crate::{answer, drawing};
 /// Options of a reconciliation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Options {
-    /// Minimum log Bayes factor of a named effect; the level reached by chance on these data may be higher.
+    /// Minimum log Bayes factor of a generic term; the level reached by chance on these data may be higher.
     pub least_log_odds: f64,
     /// Number of simulated clean sessions from which the level reached by chance is estimated.
     pub draws: usize,

@@ -2,7 +2,7 @@
 
 use equipoise_core::effect::Effect;
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
     CURVATURE_STEP, CUTOFF_RANGE, DRIFT_RANGE_S, GOLDEN_STEPS, LAG_MIN_S, LAG_RANGE_S, LAGS_S,
     MOMENT_MASS_MIN_KG, ROTATION_STEPS, SHAPE_FACTOR_SIGMA, SWAY_RANGE_HZ,
@@ -27,6 +27,10 @@ pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> us
 fn relinearised(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -> usize {
     candidate.sigma = Candidate::new(candidate.effect, candidate.place, 0.0, candidate.scope).sigma;
     candidate.mean = vec![0.0; candidate.sigma.len()];
+    // The prior is that of any angle again, not that of one component of the mixture of headings.
+    if !matches!(candidate.scope, Scope::Span(_)) {
+        candidate.log_prior = place_log_prior(candidate.effect, candidate.place);
+    }
     for _ in 0..ROTATION_STEPS {
         let term = gram.add_candidate(candidate.clone());
         let Some(fitted) = crate::select::estimate_last(gram, accepted, term) else { return term };

@@ -7,15 +7,19 @@ use std::collections::btree_map::Entry;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, PRINTED_PROBABILITY_MIN};
+use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, RIVAL_PROBABILITY_MIN};
 use crate::evidence::Estimate;
 use crate::explanation::{Explanation, Member, Posterior, misfit_columns};
 use crate::finding::{Candidate as Considered, SetAside};
 use crate::gram::Gram;
-use crate::plausibility::{implausibility, is_negligible};
+use crate::plausibility::impossibility;
 use crate::refine;
 use crate::trials::{Trial, trials};
 use crate::windows::{self, Windows};
+
+/// Reasons to set an effect aside.
+const NOT_FITTED: &str = "cannot be fitted";
+const NEGLIGIBLE: &str = "below the negligible size";
 
 /// An effect of the most probable explanation.
 #[derive(Debug, Clone)]
@@ -66,7 +70,7 @@ enum Cause {
 
 /// Searches the explanations; adds the effects of the most probable one to the Gram matrix, with their misfit.
 pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
-    let (size_max, lead) = BEAM;
+    let (size_max, behind_max) = BEAM;
     let mut selection = Selection::default();
     let mut all = vec![Explanation::NONE];
     let mut front = all.clone();
@@ -74,22 +78,19 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
         let mut children = Vec::new();
         for explanation in &front {
             for child in extended(gram, windows, explanation, &mut selection) {
-                all.push(child.clone());
-                if child.log_posterior <= explanation.log_posterior {
-                    continue;
+                all.push(child.without_columns());
+                if child.log_posterior > explanation.log_posterior && child.members.len() < MEMBERS_MAX {
+                    children.push(child);
                 }
-                children.push(child);
             }
         }
-        let mut children = distinct(children);
-        children.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         let best = all.iter().map(|one| one.log_posterior).fold(0.0, f64::max);
-        children.retain(|child| child.log_posterior > best - lead && child.members.len() < MEMBERS_MAX);
-        children.truncate(size_max);
-        front = children;
+        front = distinct(children);
+        front.retain(|child| child.log_posterior > best - behind_max);
+        front.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+        front.truncate(size_max);
     }
-    let posterior = Posterior::of(distinct(all));
-    accept(gram, &posterior, &mut selection);
+    accept(gram, &Posterior::of(distinct(all)), &mut selection);
     selection
 }
 
@@ -114,7 +115,6 @@ fn distinct(all: Vec<Explanation>) -> Vec<Explanation> {
 /// sensors: they must not support any other conclusion.
 fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection) {
     let Some(best) = posterior.explanations.first() else { return };
-    let probabilities = posterior.of_names();
     for member in best.members.iter().filter(|member| member.is_negligible) {
         let columns =
             gram.whitened(member.candidate.count(), |block| member.candidate.columns(gram.rows, block));
@@ -125,25 +125,34 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
     for member in best.members.iter().filter(|member| !member.is_negligible) {
         let term = gram.add_candidate(member.candidate.clone());
         let name = member.candidate.name();
-        let probability = probabilities.get(&name).copied().unwrap_or(0.0);
-        let rivals = posterior.rivals(&name).into_iter().map(|(name, probability)| {
-            let log_odds = selection.considered.iter().find(|other| other.name == name);
-            Considered { log_odds: log_odds.map_or(0.0, |other| other.log_odds), name, probability }
-        });
-        let rivals = rivals.collect();
+        let rival = |(name, probability): (String, f64)| Considered {
+            log_odds: log_odds_alone(&selection.considered, &name),
+            name,
+            probability,
+        };
+        let rivals = posterior.rivals(&name).into_iter().map(rival).collect();
+        let probability = posterior.of_name(&name);
         selection.accepted.push(Accepted { term, name, log_odds: member.log_odds, probability, rivals });
         marginalise_misfit(gram, &selection.terms(), term);
     }
+    selection.accepted.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+    let names = posterior.names();
     for considered in &mut selection.considered {
-        considered.probability = probabilities.get(&considered.name).copied().unwrap_or(0.0);
+        considered.probability = posterior.of_name(&considered.name);
     }
-    for (name, &probability) in &probabilities {
+    for name in &names {
+        let probability = posterior.of_name(name);
         let is_listed = selection.considered.iter().any(|considered| considered.name == *name);
-        if !is_listed && probability > PRINTED_PROBABILITY_MIN {
-            selection.considered.push(Considered { name: name.clone(), log_odds: 0.0, probability });
+        if !is_listed && probability > RIVAL_PROBABILITY_MIN {
+            selection.considered.push(Considered { name: name.clone(), log_odds: None, probability });
         }
     }
-    selection.set_aside.retain(|other| !probabilities.contains_key(&other.name));
+    selection.set_aside.retain(|other| posterior.of_name(&other.name) == 0.0);
+}
+
+/// Log Bayes factor of an effect by itself, if it is among the best by itself.
+fn log_odds_alone(considered: &[Considered], name: &str) -> Option<f64> {
+    considered.iter().find(|considered| considered.name == name)?.log_odds
 }
 
 /// The explanation with each effect in addition that the data may require.
@@ -176,15 +185,19 @@ fn extended(
                 refine::refine(&mut conditioned, term, &terms)
             }
         };
-        let why = match member(&conditioned, &terms, term, *log_odds) {
-            Ok(member) => {
-                let why = member.is_negligible.then(|| "below the negligible size".to_owned());
-                children.push(explanation.with(gram, member));
+        let why = match members(&conditioned, explanation, &terms, term, *log_odds) {
+            Ok(members) => {
+                let is_negligible = members.last().is_some_and(|member| member.is_negligible);
+                let child = Explanation::of(gram, members);
+                let why =
+                    if child.is_none() { Some(NOT_FITTED) } else { is_negligible.then_some(NEGLIGIBLE) };
+                children.extend(child);
                 why
             }
             Err(why) => Some(why),
         };
         if let Some(why) = why.filter(|_| selection.set_aside.iter().all(|other| other.name != *name)) {
+            let why = why.to_owned();
             selection.set_aside.push(SetAside { name: name.clone(), log_odds: *log_odds, why });
         }
         conditioned.truncate(terms_before);
@@ -192,19 +205,29 @@ fn extended(
     children
 }
 
-/// A term as member of an explanation, or why it cannot be one.
-fn member(gram: &Gram<'_>, others: &[usize], term: usize, log_odds: f64) -> Result<Member, String> {
-    let cannot_be_fitted = || "cannot be fitted".to_owned();
-    let estimate = estimate_last(gram, others, term).ok_or_else(cannot_be_fitted)?;
-    let candidate = gram.terms[term].candidate.as_ref().ok_or_else(cannot_be_fitted)?;
-    if let Some(why) = implausibility(candidate, &estimate.value) {
-        return Err(why);
+/// The effects of an explanation and one more, fitted together; or why they cannot act together.
+fn members(
+    gram: &Gram<'_>,
+    explanation: &Explanation,
+    terms: &[usize],
+    term: usize,
+    log_odds: f64,
+) -> Result<Vec<Member>, &'static str> {
+    let candidate = gram.terms[term].candidate.as_ref().ok_or(NOT_FITTED)?;
+    let all: Vec<usize> = terms.iter().copied().chain([term]).collect();
+    let mut values = gram.estimate(&all).ok_or(NOT_FITTED)?.value;
+    let newest = values.split_off(values.len() - candidate.count());
+    let mut members = Vec::with_capacity(all.len());
+    for member in &explanation.members {
+        let rest = values.split_off(member.candidate.count());
+        members.push(member.refitted(std::mem::replace(&mut values, rest)));
     }
-    if cancels_accepted(gram, others, candidate, &estimate.value) {
-        return Err("would cancel an effect that is already named".to_owned());
+    if cancels_member(gram, terms, candidate, &newest) {
+        return Err("would cancel another effect of the same explanation");
     }
-    let is_negligible = is_negligible(candidate, &estimate.value);
-    Ok(Member::of(gram, candidate.clone(), estimate.value, log_odds, is_negligible))
+    members.push(Member::new(gram, candidate.clone(), newest, log_odds));
+    let impossible = members.iter().find_map(|member| impossibility(&member.candidate, &member.value));
+    impossible.map_or(Ok(members), Err)
 }
 
 /// Marginalises the deviations of the newest term from its equation.
@@ -278,7 +301,7 @@ fn considered(hypotheses: &[Hypothesis]) -> Vec<Considered> {
         .take(CHECKED_MAX)
         .map(|hypothesis| Considered {
             name: hypothesis.name.clone(),
-            log_odds: hypothesis.log_odds,
+            log_odds: Some(hypothesis.log_odds),
             probability: 0.0,
         })
         .collect()
@@ -291,7 +314,7 @@ fn acts_as_weight(candidate: &Candidate) -> bool {
 
 /// Whether a weight is negative next to a named one: removing a load that was just added is implausible. A contact may
 /// have any direction.
-fn cancels_accepted(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
+fn cancels_member(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
     let mut others = accepted.iter().filter_map(|&term| gram.terms[term].candidate.as_ref());
     let is_negative = acts_as_weight(candidate) && candidate.effect != Effect::HandContact && value[0] < 0.0;
     is_negative && others.any(acts_as_weight)

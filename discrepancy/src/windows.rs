@@ -57,6 +57,15 @@ fn can_be_temporary(candidate: &Candidate) -> bool {
     }
 }
 
+/// Number of shapes that are tried in parts of the work.
+fn shapes_in_parts(effect: Effect) -> f64 {
+    match effect {
+        Effect::SuitLag => PART_LAGS_S.len() as f64,
+        Effect::PlateLowpass => PART_CUTOFFS_HZ.len() as f64,
+        _ => 1.0,
+    }
+}
+
 impl Windows {
     /// Prepares the candidates that may be temporary.
     pub(crate) fn of(gram: &Gram<'_>) -> Windows {
@@ -113,8 +122,8 @@ impl Windows {
         let (from, to, best) =
             pairs.map(|(from, to)| (from, to, score(from, to))).max_by(|a, b| a.2.total_cmp(&b.2))?;
         let parts = (last * (last + 1) / 2) as f64;
-        let penalty =
-            parts.ln() + 2.0_f64.ln() - place_log_prior(pieces.candidate.effect, pieces.candidate.place);
+        let penalty = parts.ln() + 2.0_f64.ln() + shapes_in_parts(pieces.candidate.effect).ln()
+            - place_log_prior(pieces.candidate.effect, pieces.candidate.place);
         let log_odds_of_same = best - penalty - PART_MODEL_ERROR_OF_SAME * best.max(0.0);
         let log_odds = best - penalty - PART_MODEL_ERROR * best.max(0.0);
         let scope = Scope::Span([self.edges_s[from], self.edges_s[to]]);

@@ -18,8 +18,8 @@
 //! load. Nor does a body at rest contradict a lag, and there no lag changes a result. If no lag explains a sample with
 //! the previous load, the load has changed, and all sums restart.
 //!
-//! A rejected lag is accepted again when the sums of all others have ended. After a gap of the ground's samples all others
-//! count as possible: no delay grows without a gap, for what arrived once does not arrive again.
+//! A rejected lag is accepted again when the sums of all others are below [`HINT`]. After a gap of the ground's samples all
+//! others begin at [`EVIDENCE`]: no delay grows without a gap, for what arrived once does not arrive again.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -54,7 +54,8 @@ const SETTLES_S: f64 = 0.28;
 /// Stored samples, at intervals of at least `SPACING_NS`: the largest lag, and the samples on both sides of it.
 const RING: usize = 36;
 const SPACING_NS: u64 = 12_000_000;
-/// Longer gaps restart the test, ns: a delay that grows by the smallest alternative makes one.
+/// Longer gaps of the suit restart the test; those of the ground set all sums to [`EVIDENCE`]: a delay that grows by the
+/// smallest alternative makes one. Unit: ns.
 const GAP_MAX_NS: u64 = 100_000_000;
 
 /// Vertical force and the suit's prediction at one snapshot.

@@ -82,12 +82,14 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
     let rows: Vec<Row> = finding
         .candidates
         .iter()
-        .filter(|candidate| candidate.log_odds.is_finite())
+        .filter_map(|candidate| {
+            Some((candidate, candidate.log_odds.filter(|log_odds| log_odds.is_finite())?))
+        })
         .take(candidates_max)
-        .map(|candidate| {
+        .map(|(candidate, log_odds)| {
             let look = if named.contains(&candidate.name) { Look::After } else { Look::Noise };
-            let caption = words::odds(candidate.log_odds);
-            Row { name: candidate.name.clone(), values: vec![(look, candidate.log_odds)], caption }
+            let caption = words::odds(log_odds);
+            Row { name: candidate.name.clone(), values: vec![(look, log_odds)], caption }
         })
         .collect();
     if rows.is_empty() {
@@ -104,7 +106,7 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
             .to_owned(),
         label: "log odds against the unchanged model".to_owned(),
         rows,
-        rule: Some((threshold, format!("threshold: {}", words::odds(threshold)))),
+        rule: Some((threshold, format!("by chance: {}", words::odds(threshold)))),
         bars: true,
         legend,
     };

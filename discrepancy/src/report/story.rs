@@ -9,7 +9,7 @@ mod remainder;
 use super::Report;
 use super::document::{Document, Section, Table, Text, code, strong};
 use super::words::{self, number, ratio};
-use crate::finding::{Estimate, Finding, Named, Verdict};
+use crate::finding::{Estimate, Finding, Named, Verdict, percent};
 
 /// The whole report.
 pub(super) fn document(report: &Report) -> Document {
@@ -43,11 +43,14 @@ fn headline(report: &Report) -> Text {
         Verdict::None => "These data show no effect that the model lacks.".into(),
         Verdict::Named => Text::from("The model lacks ").strong(effects).plain("."),
         Verdict::Ambiguous => {
-            let sets = equivalent_sets(report).into_iter().map(|set| {
-                enumeration_with(&set.iter().map(|name| words::candidate(name)).collect::<Vec<_>>(), "or")
+            let likely = finding.effects.iter().map(|named| {
+                let name = words::candidate(&words::full_name(named));
+                let rivals = named.family.iter().map(|name| words::candidate(name));
+                let all = std::iter::once(name).chain(rivals).collect::<Vec<_>>();
+                format!("{} ({})", enumeration_with(&all, "or"), percent(named.probability))
             });
-            Text::from("The model lacks an effect, but these data do not determine which one: ")
-                .strong(sets.collect::<Vec<_>>().join("; and "))
+            Text::from("These data do not establish which effect the model lacks. Most likely: ")
+                .strong(likely.collect::<Vec<_>>().join("; and "))
                 .plain(".")
         }
         Verdict::Unexplained if finding.effects.is_empty() => unexplained(finding),
@@ -113,21 +116,6 @@ fn numbers(finding: &Finding) -> Vec<[String; 3]> {
 /// Whether "after" differs from "before".
 fn changed(finding: &Finding) -> bool {
     !finding.effects.is_empty()
-}
-
-/// Sets of effects that explain the data equally well: each named effect with its indistinguishable alternatives; if
-/// none was accepted, the close rivals of the first candidate.
-fn equivalent_sets(report: &Report) -> Vec<Vec<String>> {
-    let with_family = |named: &Named| -> Vec<String> {
-        std::iter::once(words::full_name(named)).chain(named.family.iter().cloned()).collect()
-    };
-    if !report.finding.effects.is_empty() {
-        return report.finding.effects.iter().map(with_family).collect();
-    }
-    let candidates = &report.finding.candidates;
-    let best = candidates.first().map_or(0.0, |best| best.log_odds);
-    let near = candidates.iter().filter(|each| best - each.log_odds < report.picture.threshold_log_odds);
-    vec![near.map(|candidate| candidate.name.clone()).collect()]
 }
 
 /// "a, b and c".

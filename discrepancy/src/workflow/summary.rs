@@ -58,7 +58,7 @@ fn verdict(finding: &Finding) -> String {
         (Verdict::Named, 1) => "named: the model lacks one effect".to_owned(),
         (Verdict::Named, count) => format!("named: the model lacks {count} effects"),
         (Verdict::None, _) => "none: these data show no effect that the model lacks".to_owned(),
-        (Verdict::Ambiguous, _) => "ambiguous: several effects explain the gap equally well".to_owned(),
+        (Verdict::Ambiguous, _) => "ambiguous: the most likely effects are not certain".to_owned(),
         (Verdict::Unexplained, 0) => {
             "unexplained: the residual contains an effect that is not in the catalogue".to_owned()
         }

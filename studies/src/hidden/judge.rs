@@ -73,7 +73,7 @@ pub struct Judged {
     pub verdict: String,
     /// Named effects, strongest first.
     pub named: Vec<String>,
-    /// Named effects, and for an ambiguous finding the close candidates.
+    /// Named effects, and for an ambiguous finding all names with at least [`RIVAL_PROBABILITY_MIN`].
     pub set: Vec<String>,
     /// Stated probability of each name.
     #[serde(default)]
@@ -230,7 +230,8 @@ impl Judged {
     }
 }
 
-/// Names of a finding with their stated probabilities: those of its effects, and of all candidates.
+/// Stated probability of each name of a finding, of its effects and of all candidates; effects with the same columns are
+/// one name.
 fn stated(finding: &Value) -> BTreeMap<String, f64> {
     let list = |key: &str| finding[key].as_array().map(Vec::as_slice).unwrap_or_default();
     let candidates = list("candidates").iter().filter_map(|candidate| {
@@ -239,7 +240,12 @@ fn stated(finding: &Value) -> BTreeMap<String, f64> {
     let effects = list("effects")
         .iter()
         .filter_map(|effect| Some((reported_label(effect), effect["probability"].as_f64()?)));
-    candidates.chain(effects).map(|(name, probability)| (same_columns(&name), probability)).collect()
+    let mut stated: BTreeMap<String, f64> = BTreeMap::new();
+    for (name, probability) in candidates.chain(effects) {
+        let known = stated.entry(same_columns(&name)).or_insert(0.0);
+        *known = known.max(probability);
+    }
+    stated
 }
 
 fn compare(hidden: &super::truth::Hidden, answer: &Value) -> Vec<Compared> {

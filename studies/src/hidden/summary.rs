@@ -34,6 +34,49 @@ fn singles(judged: &[Judged]) -> impl Iterator<Item = &Judged> {
     judged.iter().filter(|one| one.class == Class::Single && !one.from_beginning)
 }
 
+/// A criterion: its description, and whether a session counts and whether it is met.
+type Criterion = (&'static str, fn(&Judged) -> bool, fn(&Judged) -> bool);
+
+const CRITERIA: [Criterion; 11] = [
+    ("present during identification: exact or in the family", is_early, |one| one.family),
+    ("in part of the work or with a change of sign: exact or in the family", is_partial, |one| one.family),
+    ("single from the detectable size on: first name right", is_detectable, |one| {
+        one.named.first().is_some_and(|first| one.is_right(first))
+    }),
+    ("single from the detectable size on: verdict named, all names right", is_detectable, |one| {
+        is_named(one) && one.named.iter().all(|name| one.is_right(name))
+    }),
+    ("single from the detectable size on: verdict named, a wrong name", is_detectable, |one| {
+        is_named(one) && !one.named.iter().all(|name| one.is_right(name))
+    }),
+    ("pairs: both found", |one| one.class == Class::Pair, |one| one.found == 2),
+    ("pairs: at least one found", |one| one.class == Class::Pair, |one| one.found > 0),
+    ("clean: verdict named (false positive)", |one| one.class == Class::Clean, is_named),
+    ("clean: verdict other than none", |one| one.class == Class::Clean, Judged::is_false_alarm),
+    (
+        "outside the catalogue: unexplained, ambiguous or a declared family",
+        |one| one.class == Class::Outside,
+        |one| ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared,
+    ),
+    ("sessions without a finding", |_| true, |one| one.verdict == "failed"),
+];
+
+fn is_early(one: &Judged) -> bool {
+    one.class == Class::Single && one.from_beginning
+}
+
+fn is_partial(one: &Judged) -> bool {
+    one.class == Class::Single && one.comes_and_goes
+}
+
+fn is_detectable(one: &Judged) -> bool {
+    one.class == Class::Single && !one.from_beginning && one.sizes.iter().all(|size| *size >= 1.0)
+}
+
+fn is_named(one: &Judged) -> bool {
+    one.verdict == "named"
+}
+
 fn overview(judged: &[Judged]) -> Table {
     let mut table =
         Table::new(format!("Blind bench: {} sessions", judged.len()), &["criterion", "count", "of", "%"]);
@@ -43,81 +86,19 @@ fn overview(judged: &[Judged]) -> Table {
     for size in RUNGS {
         let at: Vec<&Judged> = singles(judged).filter(|one| one.sizes == [size]).collect();
         let count = |is: fn(&Judged) -> bool| at.iter().filter(|one| is(one)).count();
-        add(
-            format!("first named effect exact at {size} times the detectable size"),
-            count(|one| one.exact),
-            at.len(),
-        );
-        add(
-            format!("first named effect exact or in the family at {size} times the detectable size"),
-            count(|one| one.family),
-            at.len(),
-        );
+        let what = format!("first named effect exact at {size} times the detectable size");
+        add(what, count(|one| one.exact), at.len());
+        let what = format!("first named effect exact or in the family at {size} times the detectable size");
+        add(what, count(|one| one.family), at.len());
     }
-    let of = |is: &dyn Fn(&Judged) -> bool| judged.iter().filter(|one| is(one)).count();
-    let early = |one: &Judged| one.class == Class::Single && one.from_beginning;
-    add(
-        "present during identification: exact or in the family".into(),
-        of(&|one| early(one) && one.family),
-        of(&early),
-    );
-    let partly = |one: &Judged| one.class == Class::Single && one.comes_and_goes;
-    add(
-        "in part of the work or with a change of sign: exact or in the family".into(),
-        of(&|one| partly(one) && one.family),
-        of(&partly),
-    );
-    let pair = |one: &Judged| one.class == Class::Pair;
-    let of_size = |one: &Judged| {
-        one.class == Class::Single && !one.from_beginning && one.sizes.iter().all(|size| *size >= 1.0)
-    };
-    let first = |one: &Judged| one.named.first().is_some_and(|first| one.is_right(first));
-    add(
-        "single from the detectable size on: first name right".into(),
-        of(&|one| of_size(one) && first(one)),
-        of(&of_size),
-    );
-    let named = |one: &Judged| one.verdict == "named";
-    let all_right = |one: &Judged| one.named.iter().all(|name| one.is_right(name));
-    add(
-        "single from the detectable size on: verdict named, all names right".into(),
-        of(&|one| of_size(one) && named(one) && all_right(one)),
-        of(&of_size),
-    );
-    add(
-        "single from the detectable size on: verdict named, a wrong name".into(),
-        of(&|one| of_size(one) && named(one) && !all_right(one)),
-        of(&of_size),
-    );
-    add("pairs: both found".into(), of(&|one| pair(one) && one.found == 2), of(&pair));
-    add("pairs: at least one found".into(), of(&|one| pair(one) && one.found > 0), of(&pair));
-    let clean = |one: &Judged| one.class == Class::Clean;
-    add(
-        "clean: verdict named (false positive)".into(),
-        of(&|one| clean(one) && one.verdict == "named"),
-        of(&clean),
-    );
-    add("clean: verdict other than none".into(), of(&Judged::is_false_alarm), of(&clean));
-    let is_outside = |one: &Judged| one.class == Class::Outside;
-    let is_acceptable =
-        |one: &Judged| ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared;
-    add(
-        "outside the catalogue: unexplained, ambiguous or a declared family".into(),
-        of(&|one| is_outside(one) && is_acceptable(one)),
-        of(&is_outside),
-    );
-    add("sessions without a finding".into(), of(&|one| one.verdict == "failed"), judged.len());
-    let compared: Vec<f64> = judged
-        .iter()
-        .filter(|one| one.exact)
-        .flat_map(|one| &one.parameters)
-        .map(|one| one.off().abs())
-        .collect();
-    add(
-        "parameters of exactly named effects within 2 sigma".into(),
-        compared.iter().filter(|off| **off <= 2.0).count(),
-        compared.len(),
-    );
+    for (what, counts, is_met) in CRITERIA {
+        let of: Vec<&Judged> = judged.iter().filter(|one| counts(one)).collect();
+        add(what.to_owned(), of.iter().filter(|one| is_met(one)).count(), of.len());
+    }
+    let exact = judged.iter().filter(|one| one.exact).flat_map(|one| &one.parameters);
+    let off: Vec<f64> = exact.map(|one| one.off().abs()).collect();
+    let within = off.iter().filter(|off| **off <= 2.0).count();
+    add("parameters of exactly named effects within 2 sigma".into(), within, off.len());
     let hidden = |one: &&Judged| one.class == Class::Single && one.family;
     let over: Vec<f64> = judged.iter().filter(hidden).filter_map(Judged::over_the_oracle).collect();
     add(
@@ -125,6 +106,11 @@ fn overview(judged: &[Judged]) -> Table {
         over.iter().filter(|over| **over <= 1.1).count(),
         over.len(),
     );
+    notes(&mut table, judged, over);
+    table
+}
+
+fn notes(table: &mut Table, judged: &[Judged], over: Vec<f64>) {
     let middle = |values: Vec<f64>| {
         crate::tally::quartiles(values)
             .map_or("-".into(), |[_, median, upper]| format!("median {median:.2}, upper quartile {upper:.2}"))
@@ -137,7 +123,6 @@ fn overview(judged: &[Judged]) -> Table {
     table.note(
         "present during identification: excluded from the rows by size, because identification absorbs a part of the effect",
     );
-    table
 }
 
 /// Stated probabilities against how often the name was right. An unexplained finding states no names.
@@ -156,12 +141,12 @@ fn reliability(judged: &[Judged]) -> Table {
     for bin in STATED_BINS.windows(2) {
         let inside: Vec<&(f64, bool)> =
             stated.iter().filter(|(probability, _)| (bin[0]..bin[1]).contains(probability)).collect();
-        let count = inside.len() as f64;
-        let mean = inside.iter().map(|(probability, _)| probability).sum::<f64>() / count;
-        let right = inside.iter().filter(|(_, right)| *right).count() as f64 / count;
         if inside.is_empty() {
             continue;
         }
+        let count = inside.len() as f64;
+        let mean = inside.iter().map(|(probability, _)| probability).sum::<f64>() / count;
+        let right = inside.iter().filter(|(_, right)| *right).count() as f64 / count;
         error += (mean - right).abs() * count / stated.len() as f64;
         table.push(vec![
             Cell::Number(bin[0]),

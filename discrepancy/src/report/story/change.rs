@@ -14,10 +14,9 @@ pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
     if finding.verdict == Verdict::Ambiguous && !finding.effects.is_empty() {
         section.say(if finding.ask_next.is_some() {
-            "This is the most likely of several effects that fit equally well. Confirm it by the measurement of step 6 \
-             before use."
+            "This is the most likely explanation, but it is not certain. Confirm it by the measurement of step 6 before use."
         } else {
-            "This is the most likely of several effects that fit equally well. Inspect which of them is present before use."
+            "This is the most likely explanation, but it is not certain. Inspect whether it is present before use."
         });
     }
     if finding.verdict == Verdict::Unexplained && mostly_unexplained(finding) {
@@ -84,14 +83,10 @@ fn parameters(named: &Named) -> Table {
 
 fn nothing(report: &Report, section: &mut Section) {
     section.say(match report.finding.verdict {
-        Verdict::Ambiguous => {
-            "Nothing is added to the model, because several effects fit equally well. Step 6 states how to distinguish \
-             them."
-        }
         Verdict::Unexplained => {
             "Nothing is added to the model, because no effect of the catalogue fits. Step 6 describes the unexplained part."
         }
-        Verdict::Named | Verdict::None => "Nothing is added to the model, because these data show no effect that it lacks.",
+        Verdict::Named | Verdict::Ambiguous | Verdict::None => "Nothing is added to the model, because these data show no effect that it lacks.",
     });
     let table = unseen(&report.picture.unseen);
     if !table.rows.is_empty() {

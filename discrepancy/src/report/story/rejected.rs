@@ -4,9 +4,8 @@ use super::super::Report;
 use super::super::document::{Section, Table, Text, code, strong};
 use super::super::figures_by_row;
 use super::super::words::{self, odds};
-use super::equivalent_sets;
-use crate::constants::NAMED_PROBABILITY;
-use crate::finding::{Named, SetAside, Verdict, percent};
+use crate::constants::{NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN};
+use crate::finding::{Named, SetAside, percent};
 
 pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
@@ -14,23 +13,21 @@ pub(super) fn section(report: &Report) -> Section {
     section.say(format!(
         "Every effect of the catalogue was tested, alone and in addition to others, each with its own misfit. An effect is \
          named from a probability of {} on; less certain ones are ambiguous. By chance alone, an effect reaches log odds of {} \
-         in one of a hundred recordings like this one.",
+         in at most one of a hundred recordings like this one.",
         percent(NAMED_PROBABILITY),
         odds(report.picture.threshold_log_odds)
     ));
     section
         .figures(figures_by_row::evidence(finding, report.picture.threshold_log_odds).into_iter().collect());
     section.list(finding.effects.iter().map(runner_up).collect());
-    if finding.verdict == Verdict::Ambiguous {
-        for set in equivalent_sets(report).iter().filter(|set| set.len() > 1) {
-            section.say("These data do not distinguish:");
-            let in_words = |name: &String| code(name).plain(": ").plain(words::candidate(name));
-            section.list(set.iter().map(in_words).collect());
-        }
+    for named in finding.effects.iter().filter(|named| !named.family.is_empty()) {
+        section.say(format!("These data do not distinguish {} from:", words::full_name(named)));
+        let in_words = |name: &String| code(name).plain(": ").plain(words::candidate(name));
+        section.list(named.family.iter().map(in_words).collect());
     }
     section.table(table(report, &finding.set_aside));
     if finding.candidates.is_empty() && finding.set_aside.is_empty() {
-        section.say("No candidate is close to the threshold.");
+        section.say("No effect makes the data more likely.");
     }
     section
 }
@@ -38,16 +35,14 @@ pub(super) fn section(report: &Report) -> Section {
 /// The second-best explanation of a named effect's evidence, in words.
 fn runner_up(named: &Named) -> Text {
     let text = strong(words::candidate(&words::full_name(named))).plain(format!(
-        ": probability {}; by itself it makes the data {} times more likely (log odds {}). ",
+        ": probability {}; in addition to the effects above it makes the data {} times more likely (log odds {}). ",
         percent(named.probability),
         words::times(named.log_odds).unwrap_or_else(|| "less than 2".to_owned()),
         odds(named.log_odds)
     ));
     let Some(second) = &named.runner_up else {
-        return text.plain(format!(
-            "No other effect in its place has {} or more.",
-            percent(1.0 - NAMED_PROBABILITY)
-        ));
+        return text
+            .plain(format!("No other effect in its place has {} or more.", percent(RIVAL_PROBABILITY_MIN)));
     };
     text.plain("In its place: ")
         .strong(words::candidate(&second.name))
@@ -56,7 +51,7 @@ fn runner_up(named: &Named) -> Text {
 
 fn table(report: &Report, set_aside: &[SetAside]) -> Table {
     let mut table = Table::new(&["rejected", "description", "reason", "relative to the best", ">log odds"]);
-    let best = report.finding.candidates.first().map(|candidate| candidate.log_odds);
+    let best = report.finding.candidates.first().and_then(|candidate| candidate.log_odds);
     for each in set_aside {
         let against = best.map_or("–".to_owned(), |best| words::less_likely(best - each.log_odds));
         table.rows.push(vec![
