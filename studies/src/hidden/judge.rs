@@ -307,10 +307,11 @@ pub(super) mod tests {
     ) -> Value {
         let effects = effects.iter().map(|(name, place, parameters)| {
             json!({"name": name, "where": place, "parameters": parameters, "log_odds": 40.0,
-                   "runner_up": null, "family": []})
+                   "probability": 0.98, "runner_up": null, "family": []})
         });
-        let candidates =
-            candidates.iter().map(|(name, log_odds)| json!({"name": name, "log_odds": log_odds}));
+        let candidates = candidates
+            .iter()
+            .map(|(name, probability)| json!({"name": name, "log_odds": 20.0, "probability": probability}));
         json!({
             "verdict": verdict,
             "effects": effects.collect::<Vec<_>>(),
@@ -351,12 +352,19 @@ pub(super) mod tests {
     #[test]
     fn an_ambiguous_answer_is_right_if_its_set_holds_the_truth() {
         let candidates =
-            [("plate_gain", 20.0), ("plate_crosstalk", 18.0), ("hand_load right", 17.0), ("plate_yaw", 3.0)];
+            [("plate_gain", 0.6), ("plate_crosstalk", 0.2), ("hand_load right", 0.15), ("plate_yaw", 0.03)];
         let answer = finding("ambiguous", &[], &candidates);
         let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
         assert!(!judged.exact && judged.family);
         let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
         assert!(!judge(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
+    }
+
+    #[test]
+    fn effects_with_the_same_columns_are_one_name_with_the_larger_probability() {
+        let candidates = [("segment_misalignment T8", 0.8), ("unbalanced_parameters T8", 0.0)];
+        let judged = judge(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
+        assert_eq!(judged.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
     }
 
     #[test]

@@ -334,6 +334,11 @@ mod tests {
         assert_eq!(row("first named effect exact at 2")[1..3], [Cell::Count(1), Cell::Count(2)]);
         assert_eq!(row("clean: verdict other than none")[1..3], [Cell::Count(0), Cell::Count(1)]);
         assert_eq!(confusion(&judged).rows().len(), 3);
-        assert_eq!(tables(&judged).len(), 5);
+        assert_eq!(tables(&judged).len(), 6);
+        // Two names with 0.98, of which one is right.
+        let reliability = reliability(&judged);
+        assert_eq!(reliability.rows().len(), 1, "{:?}", reliability.rows());
+        assert_eq!(reliability.rows()[0][2], Cell::Count(2));
+        assert_eq!(reliability.rows()[0][4], Cell::Number(50.0));
     }
 }
