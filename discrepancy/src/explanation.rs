@@ -265,6 +265,17 @@ impl Posterior {
         each.filter(|(explanation, _)| acts(explanation)).map(|(_, probability)| probability).sum()
     }
 
+    /// Probability that an effect of this name, or one in its place, acts: of all explanations except those with nothing
+    /// but other names of the most probable one.
+    pub(crate) fn of_name_or_rival(&self, name: &str) -> f64 {
+        let best = self.explanations.first().map(Explanation::names).unwrap_or_default();
+        let is_other = |acting: &String| best.contains(acting) && !same_columns(acting, name);
+        let each = self.explanations.iter().zip(&self.probabilities);
+        each.filter(|(explanation, _)| !explanation.names().iter().all(is_other))
+            .map(|(_, probability)| probability)
+            .sum()
+    }
+
     /// Names that act in explanations without this one, with a total probability above [`RIVAL_PROBABILITY_MIN`]; none
     /// that is part of the most probable explanation. Most probable first.
     pub(crate) fn rivals(&self, name: &str) -> Vec<(String, f64)> {

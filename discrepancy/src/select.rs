@@ -7,7 +7,9 @@ use std::collections::btree_map::Entry;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, RIVAL_PROBABILITY_MIN};
+use crate::constants::{
+    BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN,
+};
 use crate::evidence::Estimate;
 use crate::explanation::{Explanation, Member, Posterior, misfit_columns};
 use crate::finding::{Candidate as Considered, SetAside};
@@ -20,6 +22,7 @@ use crate::windows::{self, Windows};
 /// Reasons to set an effect aside.
 const NOT_FITTED: &str = "cannot be fitted";
 const NEGLIGIBLE: &str = "below the negligible size";
+const NOT_ESTABLISHED: &str = "may as well be absent";
 
 /// An effect of the most probable explanation.
 #[derive(Debug, Clone)]
@@ -111,18 +114,25 @@ fn distinct(all: Vec<Explanation>) -> Vec<Explanation> {
     by_key.into_values().collect()
 }
 
-/// Adds the effects of the most probable explanation to the Gram matrix. Negligible ones count as one more error of the
-/// sensors: they must not support any other conclusion.
+/// Adds the effects of the most probable explanation to the Gram matrix. Negligible ones, and those that may as well be
+/// absent, count as one more error of the sensors: they must not support any other conclusion.
 fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection) {
     let Some(best) = posterior.explanations.first() else { return };
-    for member in best.members.iter().filter(|member| member.is_negligible) {
+    let is_established = |member: &Member| {
+        !member.is_negligible && posterior.of_name_or_rival(&member.candidate.name()) >= NAMED_PROBABILITY
+    };
+    for member in best.members.iter().filter(|member| !is_established(member)) {
+        if !member.is_negligible {
+            let (name, why) = (member.candidate.name(), NOT_ESTABLISHED.to_owned());
+            selection.set_aside.push(SetAside { name, log_odds: member.log_odds, why });
+        }
         let columns =
             gram.whitened(member.candidate.count(), |block| member.candidate.columns(gram.rows, block));
         for (column, value) in columns.iter().zip(&member.value).filter(|(_, value)| **value != 0.0) {
             gram.marginalise_sensor_error(column, value.abs());
         }
     }
-    for member in best.members.iter().filter(|member| !member.is_negligible) {
+    for member in best.members.iter().filter(|member| is_established(member)) {
         let term = gram.add_candidate(member.candidate.clone());
         let name = member.candidate.name();
         let rival = |(name, probability): (String, f64)| Considered {
@@ -147,7 +157,7 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
             selection.considered.push(Considered { name: name.clone(), log_odds: None, probability });
         }
     }
-    selection.set_aside.retain(|other| posterior.of_name(&other.name) == 0.0);
+    selection.set_aside.retain(|other| other.why == NOT_ESTABLISHED || posterior.of_name(&other.name) == 0.0);
 }
 
 /// Log Bayes factor of an effect by itself, if it is among the best by itself.
