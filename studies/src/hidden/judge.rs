@@ -14,7 +14,7 @@ use super::families::{are_family, is_declared_for, same_columns};
 use super::truth::Truth;
 
 /// Names of an ambiguous finding with at least this probability belong to its set.
-const RIVAL_PROBABILITY_MIN: f64 = 0.05;
+pub const RIVAL_PROBABILITY_MIN: f64 = 0.05;
 
 /// Class of a session by its hidden effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
