@@ -36,22 +36,22 @@ pub(crate) fn open_topic<M: Topic>(bus: &Bus) -> Result<(String, Factory<M>), Bu
     Ok((name, factory))
 }
 
-/// Ports of a publisher without the generic types of iceoryx2, which every crate that holds a publisher would otherwise
+/// Port of a publisher without the generic types of iceoryx2, which every crate that holds a publisher would otherwise
 /// compile again; see [`Topic::open_publisher`].
-trait Port<M> {
+trait PublisherPort<M> {
     fn send(&self, message: &M) -> Result<usize, BusError>;
     fn update_connections(&self) -> Result<(), BusError>;
     fn subscriber_count(&self) -> usize;
     fn publisher_count(&self) -> usize;
 }
 
-struct Ports<M: Topic> {
+struct IceoryxPort<M: Topic> {
     port: IceoryxPublisher<ipc::Service, M, ()>,
     factory: Factory<M>,
     name: String,
 }
 
-impl<M: Topic> Port<M> for Ports<M> {
+impl<M: Topic> PublisherPort<M> for IceoryxPort<M> {
     fn send(&self, message: &M) -> Result<usize, BusError> {
         let sample = self.port.loan_uninit().map_err(BusError::failed("send", &self.name))?;
         sample.write_payload(*message).send().map_err(BusError::failed("send", &self.name))
@@ -72,7 +72,7 @@ impl<M: Topic> Port<M> for Ports<M> {
 
 /// Publishes messages of one type. Readers never block it.
 pub struct Publisher<M: Topic> {
-    port: Box<dyn Port<M>>,
+    port: Box<dyn PublisherPort<M>>,
     name: String,
 }
 
@@ -93,7 +93,7 @@ impl<M: Topic> Publisher<M> {
                 .backpressure_strategy(BackpressureStrategy::DiscardData)
                 .create()
         })?;
-        Ok(Publisher { port: Box::new(Ports { port, factory, name: name.clone() }), name })
+        Ok(Publisher { port: Box::new(IceoryxPort { port, factory, name: name.clone() }), name })
     }
 
     /// Copies one message into shared memory for every subscriber; returns their number.

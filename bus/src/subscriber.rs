@@ -10,17 +10,17 @@ use iceoryx2::prelude::{PortFactory as _, ipc};
 use iceoryx2::sample::Sample;
 use std::fmt;
 
-/// Ports of a subscriber without the generic types of iceoryx2, which every crate that holds a subscriber would otherwise
+/// Port of a subscriber without the generic types of iceoryx2, which every crate that holds a subscriber would otherwise
 /// compile again; see [`Topic::open_publisher`].
-trait Port<M> {
-    /// Passes the oldest unread message to `read`; `false` if there is none.
-    fn receive(&mut self, read: &mut dyn FnMut(&M)) -> Result<bool, BusError>;
+trait SubscriberPort<M> {
+    /// Passes the oldest unread message to `read`, if there is one.
+    fn receive(&mut self, read: &mut dyn FnMut(&M)) -> Result<(), BusError>;
     fn latest(&mut self) -> Result<Option<M>, BusError>;
     fn writer(&self) -> u128;
     fn publisher_count(&self) -> usize;
 }
 
-struct Ports<M: Topic> {
+struct IceoryxPort<M: Topic> {
     port: IceoryxSubscriber<ipc::Service, M, ()>,
     factory: Factory<M>,
     name: String,
@@ -28,7 +28,7 @@ struct Ports<M: Topic> {
     writer: u128,
 }
 
-impl<M: Topic> Ports<M> {
+impl<M: Topic> IceoryxPort<M> {
     fn next(&mut self) -> Result<Option<Sample<ipc::Service, M, ()>>, BusError> {
         let sample = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
         if let Some(sample) = &sample {
@@ -38,13 +38,12 @@ impl<M: Topic> Ports<M> {
     }
 }
 
-impl<M: Topic> Port<M> for Ports<M> {
-    fn receive(&mut self, read: &mut dyn FnMut(&M)) -> Result<bool, BusError> {
-        let sample = self.next()?;
-        if let Some(sample) = &sample {
+impl<M: Topic> SubscriberPort<M> for IceoryxPort<M> {
+    fn receive(&mut self, read: &mut dyn FnMut(&M)) -> Result<(), BusError> {
+        if let Some(sample) = self.next()? {
             read(sample.payload());
         }
-        Ok(sample.is_some())
+        Ok(())
     }
 
     fn latest(&mut self) -> Result<Option<M>, BusError> {
@@ -70,7 +69,7 @@ impl<M: Topic> Port<M> for Ports<M> {
 
 /// Reads messages of one type, oldest first. Reconnects to a restarted publisher by itself.
 pub struct Subscriber<M: Topic> {
-    port: Box<dyn Port<M>>,
+    port: Box<dyn SubscriberPort<M>>,
     name: String,
     depth: usize,
 }
@@ -96,7 +95,7 @@ impl<M: Topic> Subscriber<M> {
         let port = take(bus, &name, place, SubscriberCreateError::ExceedsMaxSupportedSubscribers, || {
             factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
         })?;
-        let port = Box::new(Ports { port, factory, name: name.clone(), depth, writer: 0 });
+        let port = Box::new(IceoryxPort { port, factory, name: name.clone(), depth, writer: 0 });
         Ok(Subscriber { port, name, depth })
     }
 

@@ -243,9 +243,8 @@ pub(crate) struct Posterior {
 }
 
 impl Posterior {
-    /// Of some explanations; at least one is required.
-    pub(crate) fn of(mut explanations: Vec<Explanation>) -> Posterior {
-        explanations.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    /// Of some explanations, at least one, most probable first.
+    pub(crate) fn of(explanations: Vec<Explanation>) -> Posterior {
         let logs: Vec<f64> = explanations.iter().map(|one| one.log_posterior).collect();
         let total = log_sum_exp(&logs);
         Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
@@ -296,5 +295,54 @@ impl Posterior {
             .collect();
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         rivals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::{Segment, Side};
+    use equipoise_core::effect::Place;
+
+    use super::*;
+
+    fn explanation(effects: &[(Effect, Place)], weight: f64) -> Explanation {
+        let member = |&(effect, place): &(Effect, Place)| Member {
+            candidate: Candidate::new(effect, place, 0.0, Scope::Work),
+            value: Vec::new(),
+            log_odds: 0.0,
+            is_negligible: false,
+            whitened: Rc::default(),
+        };
+        Explanation { members: effects.iter().map(member).collect(), log_posterior: weight.ln() }
+    }
+
+    fn is(value: f64, expected: f64) {
+        assert!((value - expected).abs() < 1e-12, "{value} instead of {expected}");
+    }
+
+    #[test]
+    fn probabilities_of_names_are_sums_over_explanations() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let forearm = (Effect::WornMass, Place::Segment(Segment::RightForearm));
+        let [misaligned, unbalanced] = [Effect::SegmentMisalignment, Effect::UnbalancedParameters]
+            .map(|effect| (effect, Place::Segment(Segment::T8)));
+        let posterior = Posterior::of(vec![
+            explanation(&[load, misaligned], 0.4),
+            explanation(&[load, unbalanced], 0.2),
+            explanation(&[forearm, misaligned], 0.2),
+            explanation(&[load], 0.1),
+            explanation(&[], 0.1),
+        ]);
+        is(posterior.of_name("hand_load right"), 0.7);
+        // One name, since no data distinguish them.
+        is(posterior.of_name("segment_misalignment T8"), 0.8);
+        is(posterior.of_name("unbalanced_parameters T8"), 0.8);
+        let rivals = posterior.rivals("hand_load right");
+        assert_eq!(rivals.len(), 1, "{rivals:?}");
+        assert_eq!(rivals[0].0, "worn_mass RightForearm");
+        is(rivals[0].1, 0.2);
+        // Something carries the load in all explanations but the last; nothing replaces T8 in the last two.
+        is(posterior.of_name_or_rival("hand_load right"), 0.9);
+        is(posterior.of_name_or_rival("segment_misalignment T8"), 0.8);
     }
 }

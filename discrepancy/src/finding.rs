@@ -12,7 +12,7 @@ pub struct Finding {
     pub verdict: Verdict,
     /// Named effects, strongest first.
     pub effects: Vec<Named>,
-    /// Effects by themselves, by log odds, each with the probability that it acts.
+    /// The best effects by themselves, by log odds; then others of the explanations. Each with the probability that it acts.
     pub candidates: Vec<Candidate>,
     /// Rejected candidates with reasons.
     pub set_aside: Vec<SetAside>,

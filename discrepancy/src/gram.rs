@@ -297,25 +297,16 @@ pub(crate) fn score(
     mean: &[f64],
     sigma: &[f64],
 ) -> f64 {
-    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
-    let (products, with_residual) = products_of(&columns, directions, residual);
-    crate::evidence::log_odds(&|i, j| products[i.max(j)][i.min(j)], &|i| with_residual[i], mean, sigma)
-}
-
-/// Inner products of whitened columns (lower triangle) and with the residual, with some directions projected out.
-pub(crate) fn products_of(
-    columns: &[&[f64]],
-    directions: &[Vec<f64>],
-    residual: &[f64],
-) -> (Vec<Vec<f64>>, Vec<f64>) {
     let along: Vec<Vec<f64>> =
         columns.iter().map(|column| directions.iter().map(|other| dot(column, other)).collect()).collect();
     let on_residual: Vec<f64> = directions.iter().map(|other| dot(other, residual)).collect();
-    let with_residual =
-        columns.iter().zip(&along).map(|(column, along)| dot(column, residual) - dot(along, &on_residual));
-    let products = (0..columns.len())
-        .map(|i| (0..=i).map(|j| dot(columns[i], columns[j]) - dot(&along[i], &along[j])).collect());
-    (products.collect(), with_residual.collect())
+    let with_residual: Vec<f64> = columns
+        .iter()
+        .zip(&along)
+        .map(|(column, along)| dot(column, residual) - dot(along, &on_residual))
+        .collect();
+    let of = |i: usize, j: usize| dot(&columns[i], &columns[j]) - dot(&along[i], &along[j]);
+    crate::evidence::log_odds(&of, &|i| with_residual[i], mean, sigma)
 }
 
 /// The direction to be projected out for a column whose amplitude has a 1-σ uncertainty, given the other directions.

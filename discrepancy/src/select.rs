@@ -1,8 +1,7 @@
 //! Search of the explanations: each is extended by every effect that the data may require in addition, and the best
 //! of each size are extended again (beam search).
 
-use std::collections::BTreeMap;
-use std::collections::btree_map::Entry;
+use std::collections::BTreeSet;
 
 use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 
@@ -42,7 +41,7 @@ pub(crate) struct Accepted {
 /// Result of the search.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Selection {
-    /// Effects of the most probable explanation, in the order in which they were added; none that is negligible.
+    /// Reported effects of the most probable explanation, by log odds.
     pub(crate) accepted: Vec<Accepted>,
     /// Rejected effects.
     pub(crate) set_aside: Vec<SetAside>,
@@ -90,28 +89,18 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
         let best = all.iter().map(|one| one.log_posterior).fold(0.0, f64::max);
         front = distinct(children);
         front.retain(|child| child.log_posterior > best - behind_max);
-        front.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
         front.truncate(size_max);
     }
     accept(gram, &Posterior::of(distinct(all)), &mut selection);
     selection
 }
 
-/// The better of those with the same effects.
-fn distinct(all: Vec<Explanation>) -> Vec<Explanation> {
-    let mut by_key: BTreeMap<Vec<String>, Explanation> = BTreeMap::new();
-    for one in all {
-        match by_key.entry(one.key()) {
-            Entry::Occupied(mut known) if known.get().log_posterior < one.log_posterior => {
-                known.insert(one);
-            }
-            Entry::Occupied(_) => {}
-            Entry::Vacant(free) => {
-                free.insert(one);
-            }
-        }
-    }
-    by_key.into_values().collect()
+/// The best of those with the same effects, most probable first.
+fn distinct(mut all: Vec<Explanation>) -> Vec<Explanation> {
+    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
+    let mut keys = BTreeSet::new();
+    all.retain(|explanation| keys.insert(explanation.key()));
+    all
 }
 
 /// Adds the effects of the most probable explanation to the Gram matrix. Negligible ones, and those that may as well be
@@ -146,15 +135,14 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
         marginalise_misfit(gram, &selection.terms(), term);
     }
     selection.accepted.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
-    let names = posterior.names();
     for considered in &mut selection.considered {
         considered.probability = posterior.of_name(&considered.name);
     }
-    for name in &names {
-        let probability = posterior.of_name(name);
-        let is_listed = selection.considered.iter().any(|considered| considered.name == *name);
+    for name in posterior.names() {
+        let probability = posterior.of_name(&name);
+        let is_listed = selection.considered.iter().any(|considered| considered.name == name);
         if !is_listed && probability > RIVAL_PROBABILITY_MIN {
-            selection.considered.push(Considered { name: name.clone(), log_odds: None, probability });
+            selection.considered.push(Considered { name, log_odds: None, probability });
         }
     }
     selection.set_aside.retain(|other| other.why == NOT_ESTABLISHED || posterior.of_name(&other.name) == 0.0);

@@ -358,6 +358,35 @@ mod tests {
     }
 
     #[test]
+    fn after_a_gap_of_the_ground_the_lag_is_rejected_until_the_data_exclude_all_others() {
+        let mut test = LagTest::zeroed();
+        let mut accepted_s = None;
+        for index in 0..600_u32 {
+            let time_s = f64::from(index) / 60.0;
+            let specific = GRAVITY_M_PER_S2 + acceleration_m_per_s2(time_s);
+            let now = Sample {
+                time_ns: 1_000_000_000 + (time_s * 1e9) as u64,
+                force_n: (MASS_KG + 11.0) * specific,
+                unloaded_n: MASS_KG * specific,
+                load_weight_m_per_s2: specific,
+            };
+            if index == 300 {
+                assert!(!test.is_rejected());
+                test.ingest_ground_gap(GAP_MAX_NS);
+                assert!(!test.is_rejected(), "an ordinary interval");
+                test.ingest_ground_gap(GAP_MAX_NS + 1);
+                assert!(test.is_rejected());
+            }
+            test.update(now, 2.5, 100.0, WINDOW_S);
+            if index >= 300 && !test.is_rejected() {
+                accepted_s = accepted_s.or(Some(time_s - 5.0));
+            }
+        }
+        let accepted_s = accepted_s.expect("accepted again");
+        assert!((0.1..2.0).contains(&accepted_s), "after {accepted_s} s");
+    }
+
+    #[test]
     fn a_body_at_rest_contradicts_no_lag() {
         let late = |time_s: f64| if time_s > 5.0 { 0.3 } else { 0.0 };
         assert_eq!(work(20.0, 0.0, late, |_| 11.0).0, None);
