@@ -288,7 +288,7 @@ impl Config {
         self.overload.apply(&mut settings);
         if let Some(loaded) = &self.loaded_model {
             settings.model = loaded.model();
-            settings.pose_request = loaded.file().ask.as_ref().and_then(Ask::pose_to_take);
+            settings.pose_requests = loaded.file().ask.as_ref().map(Ask::pose_requests).unwrap_or_default();
         }
         settings
     }

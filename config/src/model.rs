@@ -89,7 +89,8 @@ impl LoadedModel {
 pub fn suggestion(state: &State, ask: Option<&Ask>) -> Option<Cow<'static, str>> {
     let name = LIBRARY.get(state.suggested_pose as usize)?.name;
     // During identification the filter's suggestion takes precedence.
-    let Some(ask) = ask.filter(|ask| state.converged == 1 && ask.pose.as_deref() == Some(name)) else {
+    let Some(ask) = ask.filter(|ask| state.converged == 1 && ask.poses.iter().any(|pose| pose == name))
+    else {
         return Some(Cow::Borrowed(name));
     };
     let turn = if ask.turn_deg == 0.0 { String::new() } else { format!("{}, ", turn(ask.turn_deg)) };

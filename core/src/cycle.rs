@@ -78,7 +78,8 @@ pub use identification::{BodySource, Identification, NO_POSE};
 pub use memory::{Memory, SubjectState};
 pub use reported_body::{BodyRejection, ReportedBody};
 pub use settings::{
-    Accelerations, Method, Motion, PoseChoice, PoseRequest, PriorKind, Settings, Similar, StopRule,
+    Accelerations, Method, Motion, POSE_REQUESTS_MAX, PoseChoice, PoseRequest, PriorKind, Settings, Similar,
+    StopRule,
 };
 pub use stored_state::{Registration, StoredState};
 pub use tare::Tare;

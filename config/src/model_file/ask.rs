@@ -1,24 +1,30 @@
-//! `[ask]`: the pose or motion that would discriminate between two explanations of the file's recording.
+//! `[ask]`: the experiment that would discriminate between explanations of the file's recording.
 
 use std::fmt::Write as _;
 
-use equipoise_core::cycle::PoseRequest;
+use equipoise_core::cycle::{POSE_REQUESTS_MAX, PoseRequest};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::limits::{ASK_MAX, NAME_MAX};
 use super::text;
 
-/// A pose or motion that separates two explanations.
+/// An experiment that separates explanations: poses, a step, standing, or fast motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ask {
-    /// The explanations, by name with place.
+    /// The two most probable explanations, by name with place.
     pub between: [String; 2],
-    /// Name of the pose of the core's library to hold; `None` for a step, standing or a motion.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub pose: Option<String>,
+    /// Names of the poses of the core's library to hold, one after the other, at most [`POSE_REQUESTS_MAX`]; empty for a
+    /// step, standing or a motion. Also accepted: one name.
+    #[serde(
+        default,
+        alias = "pose",
+        deserialize_with = "one_or_many",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub poses: Vec<String>,
     /// Rotation of the body before, degrees to the left.
     #[serde(default)]
     pub turn_deg: f64,
@@ -33,6 +39,26 @@ pub struct Ask {
     pub fast: bool,
     /// Difference of the two predictions, 1-σ of the noise.
     pub separation_sigma: f64,
+    /// Expected decrease of the entropy of the names' probabilities, nats.
+    #[serde(default)]
+    pub information_nats: f64,
+    /// Probability that one explanation is certain afterwards, in [0, 1].
+    #[serde(default)]
+    pub decides: f64,
+}
+
+/// A list of names, or one name.
+fn one_or_many<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged, expecting = "a name or a list of names")]
+    enum Names {
+        One(String),
+        Many(Vec<String>),
+    }
+    Ok(match Names::deserialize(deserializer)? {
+        Names::One(name) => vec![name],
+        Names::Many(names) => names,
+    })
 }
 
 impl Ask {
@@ -40,7 +66,11 @@ impl Ask {
     pub fn sentence(&self) -> String {
         let [one, other] = &self.between;
         let what = self.what();
-        format!("{what}: {one} and {other} then differ by {:.1} times the noise", self.separation_sigma)
+        format!(
+            "{what}: {one} and {other} then differ by {:.1} times the noise; decides with {:.0} %",
+            self.separation_sigma,
+            100.0 * self.decides
+        )
     }
 
     /// The instruction for the worker on the plate.
@@ -63,10 +93,11 @@ impl Ask {
                 side(left_m, ["to the left", "to the right"])
             );
         }
-        let pose = self.pose.as_deref().unwrap_or("stand straight, arms down");
-        match self.turn_deg {
-            0.0 => format!("hold this pose: {pose}"),
-            turn_deg => format!("{} and hold this pose: {pose}", turn(turn_deg)),
+        let turned =
+            if self.turn_deg == 0.0 { String::new() } else { format!("{} and ", turn(self.turn_deg)) };
+        match self.poses.as_slice() {
+            [pose] => format!("{turned}hold this pose: {pose}"),
+            poses => format!("{turned}hold these poses, one after the other: {}", poses.join("; ")),
         }
     }
 }
@@ -85,8 +116,8 @@ pub(super) fn write(file: &mut String, ask: &Ask) {
     let [one, other] = ask.between.each_ref().map(|name| toml::Value::from(name.as_str()).to_string());
     // Writing to a string cannot fail.
     let _ = write!(file, "\n# {}\n[ask]\nbetween = [{one}, {other}]\n", ask.what());
-    if let Some(pose) = &ask.pose {
-        let _ = writeln!(file, "pose = {}", toml::Value::from(pose.as_str()));
+    if !ask.poses.is_empty() {
+        let _ = writeln!(file, "poses = {}", toml::Value::from(ask.poses.clone()));
     }
     for (key, value) in [("turn_deg", ask.turn_deg), ("still_s", ask.still_s)] {
         if value != 0.0 {
@@ -99,7 +130,14 @@ pub(super) fn write(file: &mut String, ask: &Ask) {
     if ask.fast {
         let _ = writeln!(file, "fast = true");
     }
-    let _ = writeln!(file, "separation_sigma = {:?}", ask.separation_sigma);
+    let evidence = [
+        ("separation_sigma", ask.separation_sigma),
+        ("information_nats", ask.information_nats),
+        ("decides", ask.decides),
+    ];
+    for (key, value) in evidence {
+        let _ = writeln!(file, "{key} = {value:?}");
+    }
 }
 
 /// The invalid key and its error message; comparisons with NaN are false, so NaN is rejected too.
@@ -110,31 +148,34 @@ pub(super) fn check(ask: &Ask) -> Result<(), (String, String)> {
     if !ask.between.iter().all(is_shown) {
         return refuse("between", format!("give two names of 1 to {NAME_MAX} characters"));
     }
-    if let Some(pose) = &ask.pose
-        && index_of(pose).is_none()
-    {
+    if let Some(pose) = ask.poses.iter().find(|pose| index_of(pose).is_none()) {
         let known: Vec<&str> = LIBRARY.iter().map(|posture| posture.name).collect();
         let what = format!("`{pose}` is no pose of the library{}", text::hint(pose, &known));
-        return refuse("pose", what);
+        return refuse("poses", what);
     }
-    let [turn_deg, step_m, still_s, separation_sigma] = ASK_MAX;
+    if ask.poses.len() > POSE_REQUESTS_MAX {
+        return refuse("poses", format!("give at most {POSE_REQUESTS_MAX} poses"));
+    }
+    let [turn_deg, step_m, still_s, separation_sigma, information_nats] = ASK_MAX;
     let numbers = [
         ("turn_deg", ask.turn_deg, [-turn_deg, turn_deg]),
         ("step_m", ask.step_m[0], [-step_m, step_m]),
         ("step_m", ask.step_m[1], [-step_m, step_m]),
         ("still_s", ask.still_s, [0.0, still_s]),
         ("separation_sigma", ask.separation_sigma, [0.0, separation_sigma]),
+        ("information_nats", ask.information_nats, [0.0, information_nats]),
+        ("decides", ask.decides, [0.0, 1.0]),
     ];
     for (key, value, [min, max]) in numbers {
         if !(min..=max).contains(&value) {
             return refuse(key, format!("{value} is not between {min} and {max}"));
         }
     }
-    let things = [ask.pose.is_some(), ask.step_m != [0.0; 2], ask.still_s > 0.0, ask.fast];
+    let things = [!ask.poses.is_empty(), ask.step_m != [0.0; 2], ask.still_s > 0.0, ask.fast];
     if things.into_iter().filter(|thing| *thing).count() != 1 {
-        return refuse("pose", "ask for one thing: a pose, step_m, still_s or fast".to_owned());
+        return refuse("poses", "ask for one thing: poses, step_m, still_s or fast".to_owned());
     }
-    if ask.turn_deg != 0.0 && ask.pose.is_none() {
+    if ask.turn_deg != 0.0 && ask.poses.is_empty() {
         return refuse("turn_deg", "a turn goes with a pose".to_owned());
     }
     Ok(())
@@ -145,10 +186,10 @@ fn index_of(pose: &str) -> Option<usize> {
 }
 
 impl Ask {
-    /// The pose for the loop's guidance; `None` if no pose is requested.
-    pub fn pose_to_take(&self) -> Option<PoseRequest> {
-        let pose = index_of(self.pose.as_deref()?)?;
-        Some(PoseRequest { pose, turn_rad: self.turn_deg.to_radians() })
+    /// The poses for the loop's guidance; all `None` if no pose is requested.
+    pub fn pose_requests(&self) -> [Option<PoseRequest>; POSE_REQUESTS_MAX] {
+        let turn_rad = self.turn_deg.to_radians();
+        std::array::from_fn(|index| Some(PoseRequest { pose: index_of(self.poses.get(index)?)?, turn_rad }))
     }
 }
 
@@ -164,10 +205,10 @@ mod tests {
     fn what_is_asked_for_is_written_read_and_given_to_the_loop() {
         let file = ModelFile::parse(ASK, "m.toml").unwrap();
         let ask = file.ask.clone().unwrap();
-        let asked = ask.pose_to_take().unwrap();
+        let [Some(asked), None, None, None] = ask.pose_requests() else { panic!("{ask:?}") };
         assert_eq!((LIBRARY[asked.pose].name, asked.turn_rad.to_degrees()), ("both arms up", 90.0));
         let sentence = "turn by 90° to the left and hold this pose: both arms up: hand_load right and worn_mass T8 then \
-                        differ by 4.2 times the noise";
+                        differ by 4.2 times the noise; decides with 0 %";
         assert_eq!(ask.sentence(), sentence);
         let again = |ask: Ask| {
             let written = ModelFile { ask: Some(ask), ..ModelFile::default() };
@@ -175,7 +216,18 @@ mod tests {
             written.ask.unwrap()
         };
         again(ask.clone());
-        let other = Ask { pose: None, turn_deg: 0.0, ..ask };
+        let poses: Vec<String> = LIBRARY[1..4].iter().map(|posture| posture.name.to_owned()).collect();
+        let several = again(Ask { poses, decides: 0.9, ..ask.clone() });
+        assert!(
+            several.sentence().contains("hold these poses, one after the other"),
+            "{}",
+            several.sentence()
+        );
+        assert_eq!(
+            several.pose_requests().map(|one| one.map(|one| one.pose)),
+            [Some(1), Some(2), Some(3), None]
+        );
+        let other = Ask { poses: Vec::new(), turn_deg: 0.0, ..ask };
         for (one, what) in [
             (Ask { fast: true, ..other.clone() }, "squat quickly"),
             (Ask { still_s: 180.0, ..other.clone() }, "stand still for 3 minutes"),
@@ -183,7 +235,7 @@ mod tests {
         ] {
             let one = again(one);
             assert!(one.sentence().contains(what), "{}", one.sentence());
-            assert_eq!(one.pose_to_take(), None, "that is no pose");
+            assert_eq!(one.pose_requests(), [None; POSE_REQUESTS_MAX], "that is no pose");
         }
     }
 
@@ -197,7 +249,7 @@ mod tests {
             (
                 "both arms up",
                 "both arms upp",
-                "m.toml, ask, pose: `both arms upp` is no pose of the library; did you mean",
+                "m.toml, ask, poses: `both arms upp` is no pose of the library; did you mean",
             ),
             ("90.0", "900.0", "ask, turn_deg: 900 is not between -180 and 180"),
             ("4.25", "nan", "ask, separation_sigma"),

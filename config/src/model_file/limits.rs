@@ -19,5 +19,5 @@ pub(super) const LARGEST: [(&str, f64); 8] = [
     ("Hz", 500.0),
     ("", 1.5),
 ];
-/// Largest turn, step, standing and separation of a request in a model file. °, m, s, σ.
-pub(super) const ASK_MAX: [f64; 4] = [180.0, 1.0, 3600.0, 1e9];
+/// Largest turn, step, standing, separation and information of a request in a model file. °, m, s, σ, nats.
+pub(super) const ASK_MAX: [f64; 5] = [180.0, 1.0, 3600.0, 1e9, 1e3];

@@ -1,13 +1,13 @@
 //! Stage `compare_with_suggestion`: distance from the suggested pose.
 //!
-//! Also the pose that a model file requests because it discriminates between two explanations of the data: suggested after
-//! identification, until it was held.
+//! Also the poses that a model file requests because they discriminate between explanations of the data: suggested after
+//! identification, one after the other, each until it was held.
 
 use bytemuck::{Pod, Zeroable};
 
 use super::differentiate::Instant;
 use super::identification::Identification;
-use super::settings::{PoseRequest, Settings};
+use super::settings::{POSE_REQUESTS_MAX, PoseRequest, Settings};
 use super::stillness::Stillness;
 use super::{NO_POSE, POSE_REACHED_RAD};
 use crate::body::{JOINTS, Segment};
@@ -18,13 +18,13 @@ use crate::static_pose::rms_joint_angle;
 /// Tolerance of a requested turn of the body, rad.
 const TURNED_WITHIN_RAD: f64 = core::f64::consts::FRAC_PI_6;
 
-/// State of the requested pose.
+/// State of the requested poses.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct PoseRequestState {
-    /// 1 once it was held, or skipped by command.
+    /// Number of poses that were held, or skipped by command.
     done: u64,
-    /// 1 once it was first requested.
+    /// 1 once the first was requested.
     begun: u64,
     /// Heading of the subject at that time, rad to the left of world X.
     heading_rad: f64,
@@ -36,12 +36,11 @@ impl PoseRequestState {
         self.begun = 0;
     }
 
-    /// The pose that the model file requests now: none during identification, and none twice.
+    /// The pose that the model file requests now: none during identification.
     fn requested(&self, settings: &Settings, subject: &Identification) -> Option<PoseRequest> {
         let is_identified = subject.identified == 1 && subject.identifying == 0;
-        settings
-            .pose_request
-            .filter(|request| is_identified && self.done == 0 && request.pose < settings.library.len())
+        let next = settings.pose_requests.get(self.done as usize).copied().flatten();
+        next.filter(|request| is_identified && request.pose < settings.library.len())
     }
 
     /// Index of the suggested pose: that of the identification, else that of the model file; [`NO_POSE`] for none.
@@ -55,7 +54,7 @@ impl PoseRequestState {
     /// Skips the pose that the model file requests; `false` if none is requested.
     pub(super) fn skip(&mut self, settings: &Settings, subject: &Identification) -> bool {
         let is_requested = self.requested(settings, subject).is_some();
-        self.done |= u64::from(is_requested);
+        self.done += u64::from(is_requested);
         is_requested
     }
 
@@ -72,7 +71,7 @@ impl PoseRequestState {
 
     /// Whether flags and number are in range; a stored memory is checked before use.
     pub(super) fn is_sound(&self) -> bool {
-        self.done <= 1 && self.begun <= 1 && self.heading_rad.is_finite()
+        self.done <= POSE_REQUESTS_MAX as u64 && self.begun <= 1 && self.heading_rad.is_finite()
     }
 }
 
@@ -96,7 +95,7 @@ pub(super) fn compare_with_suggestion(
         if remaining_rad > TURNED_WITHIN_RAD {
             mismatch_rad = mismatch_rad.max(remaining_rad);
         }
-        state.done = u64::from(stillness.is_static && mismatch_rad < POSE_REACHED_RAD);
+        state.done += u64::from(stillness.is_static && mismatch_rad < POSE_REACHED_RAD);
     }
     mismatch_rad
 }

@@ -70,6 +70,9 @@ pub enum StopRule {
     },
 }
 
+/// Largest number of poses that a model file requests.
+pub const POSE_REQUESTS_MAX: usize = 4;
+
 /// A pose that the model file requests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PoseRequest {
@@ -159,8 +162,8 @@ pub struct Settings {
     pub limits: TorqueLimits,
     /// Model terms besides the body: effects that were identified and named.
     pub model: Model,
-    /// Pose requested after identification, which discriminates between explanations of the model's data.
-    pub pose_request: Option<PoseRequest>,
+    /// Poses requested after identification, which discriminate between explanations of the model's data.
+    pub pose_requests: [Option<PoseRequest>; POSE_REQUESTS_MAX],
     /// Poses that may be suggested, at most [`crate::pose_suggestion::LIBRARY_MAX`].
     pub library: &'static [Posture],
 }
@@ -218,7 +221,7 @@ impl Settings {
             level_margin_share: 0.02,
             limits: TorqueLimits::default(),
             model: Model::default(),
-            pose_request: None,
+            pose_requests: [None; POSE_REQUESTS_MAX],
             library: &[],
         }
     }

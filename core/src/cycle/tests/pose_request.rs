@@ -1,4 +1,4 @@
-//! A pose that a model file requests is suggested after identification, until it was held or skipped.
+//! Poses that a model file requests are suggested after identification, each until it was held or skipped.
 
 use super::bench::*;
 use super::*;
@@ -22,7 +22,7 @@ fn turned(posture: &Posture, by_deg: i16) -> Posture {
 /// An identified subject for whom the model file requests a pose.
 fn identified(turn_rad: f64) -> (Person, Bench) {
     let mut bench =
-        Bench::new(|settings| settings.pose_request = Some(PoseRequest { pose: WANTED, turn_rad }));
+        Bench::new(|settings| settings.pose_requests[0] = Some(PoseRequest { pose: WANTED, turn_rad }));
     let person = Person::real();
     bench.hold(&person, &postures()[0], None, 500);
     assert_ne!(bench.state().suggested_pose, WANTED as u32, "identification suggests its own poses");
@@ -49,6 +49,20 @@ fn a_requested_pose_is_suggested_until_it_was_held() {
 }
 
 #[test]
+fn several_poses_are_requested_in_their_order() {
+    let (person, mut bench) = identified(0.0);
+    bench.settings.pose_requests[1] = Some(PoseRequest { pose: 5, turn_rad: 0.0 });
+    bench.hold(&person, &postures()[5], None, 1000);
+    assert_eq!(bench.state().suggested_pose, WANTED as u32, "the second does not replace the first");
+    bench.hold(&person, &postures()[WANTED], None, 1000);
+    assert_eq!(bench.state().suggested_pose, 5);
+    bench.command(CommandKind::PoseSkip);
+    bench.hold(&person, &postures()[8], None, 100);
+    assert_eq!(bench.state().suggested_pose, NONE);
+    assert!(bench.memory.is_sound());
+}
+
+#[test]
 fn a_requested_turn_is_part_of_the_pose() {
     let (person, mut bench) = identified(core::f64::consts::FRAC_PI_2);
     let wanted = turned(&postures()[WANTED], 0);
@@ -70,7 +84,7 @@ fn a_requested_pose_can_be_skipped_and_must_be_in_the_library() {
     bench.hold(&person, &postures()[8], None, 100);
     assert_eq!(bench.state().suggested_pose, NONE);
     let (person, mut bench) = identified(0.0);
-    bench.settings.pose_request = Some(PoseRequest { pose: 20, turn_rad: 0.0 });
+    bench.settings.pose_requests[0] = Some(PoseRequest { pose: 20, turn_rad: 0.0 });
     bench.hold(&person, &postures()[8], None, 100);
     assert_eq!(bench.state().suggested_pose, NONE);
 }
