@@ -58,7 +58,7 @@ pub(crate) fn assemble(
         selection.accepted.iter().filter_map(|one| fitted(gram, &accepted, one)).collect();
     let effects =
         selection.accepted.iter().zip(&terms).filter_map(|(one, fitted)| named(gram, one, fitted)).collect();
-    let ask = ask(gram, selection, &floor);
+    let ask = ask(gram.rows, selection, &floor);
     let finding = Finding {
         verdict,
         effects,

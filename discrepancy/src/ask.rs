@@ -1,198 +1,314 @@
-//! The next pose or motion that discriminates between explanations which these data cannot separate. Candidates are all
-//! poses of the library (also turned and displaced), long standing and fast motion; the choice maximises the separation
-//! of the predictions of the two leading explanations.
+//! The next experiment: the poses, step, standing or motion with the largest expected information about which effects
+//! act (D. V. Lindley, Ann. Math. Stat. 27 (1956), 986–1005).
+//!
+//! Each probable explanation predicts the response, with the uncertainty of its parameters, its misfit and the noise.
+//! Responses are drawn from these predictions; the mean decrease of the entropy of the names' probabilities is the
+//! expected information.
+
+mod experiment;
 
 use equipoise_config::model_file::Ask;
-use equipoise_core::body::{SEGMENTS, Segment, Side};
-use equipoise_core::effect::{Effect, Observation};
-use equipoise_core::pose_suggestion::library::LIBRARY;
-use nalgebra::{UnitQuaternion, Vector3};
+use faer::Mat;
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
 
-use crate::candidate::Candidate;
-use crate::constants::{FASTER, RELATIVE, SEPARATION_MIN, STANDING_S, STEP_M, TURNS_DEG};
-use crate::evidence::Estimate;
+use crate::candidate::{Candidate, Scope};
+use crate::constants::{
+    EVIDENCE_TEMPER, FASTER, INFORMATION_MIN, MISFIT_SCALES, NAMED_PROBABILITY, OPEN_END_BLOCKS, RESPONSES,
+    SEEDS,
+};
+use crate::evidence::log_sum_exp;
+use crate::explanation::{Predictor, model_error};
 use crate::floor::Floor;
-use crate::gram::Gram;
-use crate::linear::norm;
-use crate::select::{Selection, estimate_last, padded};
-use crate::trials::trials;
+use crate::linear::{Factor, product};
+use crate::rows::Rows;
+use crate::select::{Selection, padded};
+use crate::trials::normal;
+use experiment::{Experiment, Measurement};
 
-/// An explanation with its fitted parameters.
-struct Hypothesis {
-    candidate: Candidate,
-    estimate: Estimate,
-}
+use equipoise_core::effect::Effect;
 
-/// The pose or motion that best separates the two leading explanations; `None` if there are no two, or if none
-/// separates them.
-pub(crate) fn ask(gram: &Gram<'_>, selection: &Selection, floor: &Floor) -> Option<Ask> {
-    let [one, other] = leading(gram, selection)?;
-    let sigma: [f64; 3] = std::array::from_fn(|axis| floor.root_mean_square(axis, |_| true).max(1e-6));
-    let separation = |a: [f64; 3], b: [f64; 3]| {
-        (0..3).map(|axis| ((a[axis] - b[axis]) / sigma[axis]).powi(2)).sum::<f64>().sqrt()
+/// Signals of a measurement: centre of pressure x, y (m), vertical force (N).
+const SIGNALS: usize = 3;
+
+/// The experiment with the largest expected information; `None` if one set of names is certain already, or if no
+/// experiment is informative.
+pub(crate) fn ask(rows: &Rows<'_>, selection: &Selection, floor: &Floor) -> Option<Ask> {
+    let question = Question::of(rows, &selection.predictors, floor)?;
+    let best_of = |experiments: Vec<Experiment>| {
+        let rated = experiments.into_iter().filter_map(|one| Some((question.outlook(&one)?, one)));
+        rated.reduce(|best, one| if one.0.information_nats > best.0.information_nats { one } else { best })
     };
-    let between = [one.candidate.name(), other.candidate.name()];
-    let mut best: Option<Ask> = None;
-    let mut consider = |separation_sigma: f64, what: Ask| {
-        let max = best.as_ref().map_or(SEPARATION_MIN, |best| best.separation_sigma);
-        if separation_sigma.is_finite() && separation_sigma > max {
-            best = Some(Ask { separation_sigma, between: between.clone(), ..what });
+    let mut best = best_of(experiment::single(rows))?;
+    while let Some(longer) = best_of(experiment::with_another_pose(rows, &best.1)) {
+        if longer.0.information_nats <= best.0.information_nats {
+            break;
         }
-    };
-    for (what, seen) in activities(gram) {
-        consider(separation(one.predicts(gram, &seen), other.predicts(gram, &seen)), what);
+        best = longer;
     }
-    let fast = fastest(gram)?;
-    let what = Ask { fast: true, ..empty() };
-    consider(separation(one.predicts_at(gram, fast), other.predicts_at(gram, fast)), what);
-    best
+    let (Outlook { information_nats, decides, separation_sigma }, Experiment { ask, .. }) = best;
+    let between = question.between();
+    (information_nats >= INFORMATION_MIN).then_some(Ask {
+        between,
+        information_nats,
+        decides,
+        separation_sigma,
+        ..ask
+    })
 }
 
-/// An empty request, to be filled in.
-fn empty() -> Ask {
-    Ask {
-        between: Default::default(),
-        pose: None,
-        turn_deg: 0.0,
-        step_m: [0.0; 2],
-        still_s: 0.0,
-        fast: false,
-        separation_sigma: 0.0,
+/// The probable explanations, and what their predictions are compared with.
+struct Question<'a> {
+    rows: &'a Rows<'a>,
+    predictors: &'a [Predictor],
+    /// Probability of each.
+    prior: Vec<f64>,
+    /// Of each explanation: the first one with the same names.
+    class: Vec<usize>,
+    /// Noise of each signal, 1-σ.
+    sigma: [f64; SIGNALS],
+}
+
+/// What is expected of an experiment.
+struct Outlook {
+    /// Expected information, nats.
+    information_nats: f64,
+    /// Probability that one set of names is certain afterwards.
+    decides: f64,
+    /// Difference of the predictions of the two most probable sets of names, 1-σ of the noise.
+    separation_sigma: f64,
+}
+
+/// Predicted signals of an experiment.
+struct Response {
+    mean: Vec<f64>,
+    factor: Factor,
+}
+
+impl<'a> Question<'a> {
+    /// `None` if one set of names is certain.
+    fn of(rows: &'a Rows<'a>, predictors: &'a [Predictor], floor: &Floor) -> Option<Question<'a>> {
+        let first =
+            |one: &Predictor| predictors.iter().position(|other| other.names == one.names).unwrap_or(0);
+        let question = Question {
+            rows,
+            predictors,
+            prior: predictors.iter().map(|one| one.probability).collect(),
+            class: predictors.iter().map(first).collect(),
+            sigma: std::array::from_fn(|axis| floor.root_mean_square(axis, |_| true).max(1e-6)),
+        };
+        (!is_decided(&of_classes(&question.class, &question.prior))).then_some(question)
+    }
+
+    /// The two most probable sets of names, as indices of predictors.
+    fn leading(&self) -> [usize; 2] {
+        let sums = of_classes(&self.class, &self.prior);
+        let mut order: Vec<usize> = (0..sums.len()).collect();
+        order.sort_by(|&a, &b| sums[b].total_cmp(&sums[a]));
+        [order[0], *order.get(1).unwrap_or(&order[0])]
+    }
+
+    /// A name of each of the two most probable sets that the other lacks.
+    fn between(&self) -> [String; 2] {
+        let [one, other] = self.leading().map(|index| &self.predictors[index].names);
+        let own = |names: &[String], others: &[String]| {
+            let own = names.iter().find(|name| !others.contains(name));
+            own.cloned().unwrap_or_else(|| "no such effect".to_owned())
+        };
+        [own(one, other), own(other, one)]
+    }
+
+    /// What is expected of an experiment; `None` if a prediction is degenerate.
+    fn outlook(&self, experiment: &Experiment) -> Option<Outlook> {
+        let responses: Vec<Response> = self
+            .predictors
+            .iter()
+            .map(|one| self.response(one, &experiment.measurements))
+            .collect::<Option<_>>()?;
+        let (information_nats, decides) = information(&self.prior, &self.class, &responses);
+        Some(Outlook { information_nats, decides, separation_sigma: self.separation_sigma(&responses) })
+    }
+
+    /// Distance of the predictions of the two most probable sets of names, 1-σ of the noise.
+    fn separation_sigma(&self, responses: &[Response]) -> f64 {
+        let [one, other] = self.leading().map(|index| &responses[index].mean);
+        let differences = one.iter().zip(other).enumerate();
+        differences.map(|(i, (a, b))| ((a - b) / self.sigma[i % SIGNALS]).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Predicted signals of all measurements, with the covariance of the parameters, of the misfit and of the noise.
+    fn response(&self, predictor: &Predictor, measurements: &[Measurement]) -> Option<Response> {
+        let size = SIGNALS * measurements.len();
+        let mut mean = vec![0.0; size];
+        let mut variance: Vec<f64> = (0..size).map(|i| self.sigma[i % SIGNALS].powi(2)).collect();
+        let mut jacobian = Mat::zeros(size, predictor.value.len());
+        let log_scales = MISFIT_SCALES.iter().map(|scale: &f64| scale.ln()).sum::<f64>();
+        let scale = (log_scales / MISFIT_SCALES.len() as f64).exp();
+        let mut first = 0;
+        for candidate in &predictor.effects {
+            let count = candidate.count();
+            let value = &predictor.value[first..first + count];
+            let misfit = scale * model_error(candidate.effect).0;
+            for (index, measurement) in measurements.iter().enumerate() {
+                let change = self.change(candidate, value, measurement);
+                for signal in 0..SIGNALS {
+                    let row = SIGNALS * index + signal;
+                    mean[row] += change.mean[signal];
+                    variance[row] += (misfit * change.mean[signal]).powi(2);
+                    for parameter in 0..count {
+                        jacobian[(row, first + parameter)] = change.per_unit[parameter][signal];
+                    }
+                }
+            }
+            first += count;
+        }
+        let spread =
+            product(product(jacobian.as_ref(), predictor.covariance.as_ref()).as_ref(), jacobian.transpose());
+        let covariance =
+            Mat::from_fn(size, size, |i, j| spread[(i, j)] + if i == j { variance[i] } else { 0.0 });
+        Some(Response { mean, factor: Factor::of(&covariance)? })
+    }
+
+    /// Change of the signals by an effect.
+    fn change(&self, candidate: &Candidate, value: &[f64], measurement: &Measurement) -> Change {
+        let (columns, value, factor) = match measurement {
+            Measurement::Static(_) if has_ended(candidate, self.rows) => return Change::default(),
+            Measurement::Static(seen) => {
+                let mut term = candidate.term(self.rows, candidate.parameters(value));
+                term.span_s[1] = f64::INFINITY;
+                (term.columns(seen), term.value, 1.0)
+            }
+            Measurement::Fast(block) if is_of_motion(candidate.effect) => {
+                (candidate.columns(self.rows, *block), padded(value), FASTER)
+            }
+            // The same posture was measured already.
+            Measurement::Fast(_) => return Change::default(),
+        };
+        let mut change = Change::default();
+        for (parameter, per_unit) in change.per_unit.iter_mut().enumerate() {
+            let ([x, y], [_, _, z]) = (columns.cop_m[parameter], columns.force_n[parameter]);
+            *per_unit = [x, y, z].map(|part| factor * part);
+            for (sum, part) in change.mean.iter_mut().zip(per_unit) {
+                *sum += value[parameter] * *part;
+            }
+        }
+        change
     }
 }
 
-impl Hypothesis {
-    /// Predicted change for a hypothetical observation: centre of pressure x, y (m), vertical force (N).
-    fn predicts(&self, gram: &Gram<'_>, seen: &Observation) -> [f64; 3] {
-        let mut term = self.candidate.term(gram.rows, self.candidate.parameters(&self.estimate.value));
-        term.span_s[1] = f64::INFINITY;
-        let ([x, y], [_, _, z]) = term.columns(seen).times(&term.value);
-        [x, y, z]
-    }
-
-    /// Predicted change at a block if its motion were faster.
-    fn predicts_at(&self, gram: &Gram<'_>, block: usize) -> [f64; 3] {
-        let columns = self.candidate.columns(gram.rows, block);
-        let value = padded(&self.estimate.value);
-        let ([x, y], [_, _, z]) = columns.times(&value);
-        let is_of_motion =
-            matches!(self.candidate.effect, Effect::SuitLag | Effect::PlateLowpass | Effect::Inertia);
-        let factor = if is_of_motion { FASTER } else { 1.0 };
-        [x, y, z].map(|part| factor * part)
+impl Response {
+    /// Log likelihoods of signals, one column each, up to a constant.
+    fn log_likelihoods(&self, drawn: &Mat<f64>) -> Vec<f64> {
+        let mut off = Mat::from_fn(drawn.nrows(), drawn.ncols(), |i, j| drawn[(i, j)] - self.mean[i]);
+        self.factor.whiten_from(0, &mut off);
+        let square = |j: usize| off.col_as_slice(j).iter().map(|value| value * value).sum::<f64>();
+        (0..off.ncols()).map(|j| -0.5 * square(j) - self.factor.half_log_det()).collect()
     }
 }
 
-/// The first named effect with a rival or a near relative, and that alternative.
-fn leading(gram: &Gram<'_>, selection: &Selection) -> Option<[Hypothesis; 2]> {
-    for accepted in &selection.accepted {
-        let others: Vec<usize> =
-            selection.terms().into_iter().filter(|&term| term != accepted.term).collect();
-        let candidate = gram.terms[accepted.term].candidate.clone()?;
-        let rivals: Vec<String> = accepted.rivals.iter().map(|rival| rival.name.clone()).collect();
-        let near = accepted.log_odds - RELATIVE.0.max(RELATIVE.1 * accepted.log_odds);
-        let is_relative =
-            |other: &Candidate| candidate.effect.is_family_of(candidate.place, other.effect, other.place);
-        let alternative = trials(gram, &gram.conditioned_on(&others)).into_iter().find(|trial| {
-            let other = gram.terms[trial.term].candidate.as_ref();
-            trial.name != accepted.name
-                && (rivals.contains(&trial.name) || (trial.log_odds > near && other.is_some_and(is_relative)))
-        });
-        if let Some(trial) = alternative {
-            let one = Hypothesis { estimate: estimate_last(gram, &others, accepted.term)?, candidate };
-            let candidate = gram.terms[trial.term].candidate.clone()?;
-            return Some([
-                one,
-                Hypothesis { estimate: estimate_last(gram, &others, trial.term)?, candidate },
-            ]);
+/// Expected decrease of the entropy of the classes' probabilities, nats, and the probability that one class is certain
+/// afterwards, if one of some explanations predicts the response. `prior` and `class`: of each explanation.
+fn information(prior: &[f64], class: &[usize], responses: &[Response]) -> (f64, f64) {
+    let size = responses.first().map_or(0, |response| response.mean.len());
+    let mut random = Pcg64Mcg::seed_from_u64(SEEDS[2]);
+    let mut standard = Mat::zeros(size, RESPONSES);
+    for response in 0..RESPONSES {
+        standard.col_as_slice_mut(response).iter_mut().for_each(|value| *value = normal(&mut random));
+    }
+    let (mut information_nats, mut decides) = (entropy(&of_classes(class, prior)), 0.0);
+    for (truth, probability) in responses.iter().zip(prior) {
+        let spread = product(truth.factor.lower(), standard.as_ref());
+        let drawn = Mat::from_fn(size, RESPONSES, |i, j| truth.mean[i] + spread[(i, j)]);
+        let log_likelihoods: Vec<Vec<f64>> =
+            responses.iter().map(|one| one.log_likelihoods(&drawn)).collect();
+        for response in 0..RESPONSES {
+            let log_weights: Vec<f64> = (0..prior.len())
+                .map(|index| prior[index].ln() + log_likelihoods[index][response] / EVIDENCE_TEMPER)
+                .collect();
+            let total = log_sum_exp(&log_weights);
+            let posterior: Vec<f64> = log_weights.iter().map(|weight| (weight - total).exp()).collect();
+            let classes = of_classes(class, &posterior);
+            let weight = probability / RESPONSES as f64;
+            information_nats -= weight * entropy(&classes);
+            decides += weight * f64::from(u8::from(is_decided(&classes)));
         }
     }
-    None
+    (information_nats, decides)
 }
 
-/// All activities that can be requested of a standing subject, as the model would observe them.
-fn activities(gram: &Gram<'_>) -> Vec<(Ask, Observation)> {
-    let rows = gram.rows;
-    let Some(last) = rows.blocks.last() else { return Vec::new() };
-    let seen = &last.observation;
-    let mut list = Vec::new();
-    for posture in LIBRARY {
-        for turn_deg in TURNS_DEG {
-            let what = Ask { pose: Some(posture.name.to_owned()), turn_deg, ..empty() };
-            list.push((what, standing(seen, &posture.world_from_segment(), turn_deg, [0.0; 2])));
-        }
+/// Sums of the probabilities of each class, at the index of the class.
+fn of_classes(class: &[usize], probabilities: &[f64]) -> Vec<f64> {
+    let mut sums = vec![0.0; probabilities.len()];
+    class.iter().zip(probabilities).for_each(|(&class, probability)| sums[class] += probability);
+    sums
+}
+
+fn is_decided(classes: &[f64]) -> bool {
+    classes.iter().any(|probability| *probability >= NAMED_PROBABILITY)
+}
+
+/// Change of the signals by an effect, and per unit of its parameters.
+#[derive(Default)]
+struct Change {
+    mean: [f64; SIGNALS],
+    per_unit: [[f64; SIGNALS]; equipoise_core::effect::PARAMETERS_MAX],
+}
+
+/// Whether an effect grows with the speed of the motion.
+fn is_of_motion(effect: Effect) -> bool {
+    matches!(effect, Effect::SuitLag | Effect::PlateLowpass | Effect::Inertia)
+}
+
+/// Whether an effect has ended before the end of the work.
+fn has_ended(candidate: &Candidate, rows: &Rows<'_>) -> bool {
+    let Scope::Span([_, to_s]) = candidate.scope else { return false };
+    to_s < rows.time_s(rows.len() - 1) - OPEN_END_BLOCKS * rows.session.block_s
+}
+
+/// Entropy of probabilities, nats.
+fn entropy(probabilities: &[f64]) -> f64 {
+    let some = probabilities.iter().filter(|probability| **probability > 0.0);
+    -some.map(|probability| probability * probability.ln()).sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn response(mean: f64) -> Response {
+        Response { mean: vec![mean], factor: Factor::of(&Mat::identity(1, 1)).unwrap() }
     }
-    let straight = LIBRARY[0].world_from_segment();
-    let step_m = [STEP_M, STEP_M];
-    list.push((Ask { step_m, ..empty() }, standing(seen, &straight, 0.0, step_m)));
-    let mut later = standing(seen, &straight, 0.0, [0.0; 2]);
-    later.time_s += STANDING_S;
-    list.push((Ask { still_s: STANDING_S, ..empty() }, later));
-    list
-}
 
-/// The block of the work with the largest acceleration.
-fn fastest(gram: &Gram<'_>) -> Option<usize> {
-    let acceleration = |block: usize| norm(gram.rows.blocks[block].observation.com_acceleration_m_per_s2);
-    (gram.rows.work_from..gram.rows.len()).max_by(|&a, &b| acceleration(a).total_cmp(&acceleration(b)))
-}
-
-/// A static subject of this skeleton in a pose, turned by an angle about the feet and displaced from the present
-/// position.
-fn standing(
-    like: &Observation,
-    rotation: &[UnitQuaternion<f64>; SEGMENTS],
-    turn_deg: f64,
-    step_m: [f64; 2],
-) -> Observation {
-    let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * turn_deg.to_radians());
-    let rotation = rotation.map(|own| turn * own);
-    let origin = origins_in_pose(like, &rotation, step_m);
-    let com = Segment::ALL
-        .iter()
-        .map(|segment| rotation[segment.index()] * Vector3::from(like.phi_m[segment.index()]))
-        .fold(origin[0], |sum, part| sum + part);
-    let cop_m = [com.x, com.y];
-    let force_n = [0.0, 0.0, like.mass_kg * 9.81];
-    Observation {
-        feet_m: [like.feet_m[0] + step_m[0], like.feet_m[1] + step_m[1]],
-        origin_m: origin.map(Into::into),
-        origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
-        rotation: rotation.map(|own| {
-            let matrix = own.to_rotation_matrix();
-            [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
-        }),
-        rotation_acceleration_per_s2: [[[0.0; 3]; 3]; SEGMENTS],
-        com_m: com.into(),
-        com_acceleration_m_per_s2: [0.0; 3],
-        turning_m: [0.0; 2],
-        slope: [0.0; 2],
-        cop_predicted_m: cop_m,
-        force_predicted_n: force_n,
-        cop_measured_m: cop_m,
-        force_measured_n: force_n,
-        ..*like
+    #[test]
+    fn information_is_between_nothing_and_the_entropy_of_the_prior() {
+        let prior = [0.5, 0.3, 0.2];
+        let of = |means: [f64; 3], class: &[usize]| information(&prior, class, &means.map(response));
+        let (same, decides) = of([1.0; 3], &[0, 1, 2]);
+        assert!(same.abs() < 1e-12 && decides == 0.0, "equal predictions: {same}, {decides}");
+        let (all, decides) = of([0.0, 30.0, 60.0], &[0, 1, 2]);
+        assert!((all - entropy(&prior)).abs() < 1e-6 && decides > 0.999_999, "{all}, {decides}");
+        // The first two have the same names: only the third counts.
+        let (names, _) = of([0.0, 30.0, 60.0], &[0, 0, 2]);
+        assert!((names - entropy(&[0.8, 0.2])).abs() < 1e-6, "{names}");
+        let [near, far] = [1.0, 3.0].map(|apart| of([0.0, apart, 2.0 * apart], &[0, 1, 2]));
+        assert!(0.0 < near.0 && near.0 < far.0 && near.1 < far.1 && far.1 < 1.0, "{near:?} {far:?}");
     }
-}
 
-/// Segment origins in a pose, with the middle between the feet in its place, plus a step.
-fn origins_in_pose(
-    like: &Observation,
-    rotation: &[UnitQuaternion<f64>; SEGMENTS],
-    step_m: [f64; 2],
-) -> [Vector3<f64>; SEGMENTS] {
-    let seen = |segment: Segment| Vector3::from(like.origin_m[segment.index()]);
-    let mut origin = [Vector3::zeros(); SEGMENTS];
-    for segment in Segment::ALL {
-        let Some(parent) = segment.parent() else { continue };
-        let rows = like.rotation[parent.index()];
-        let along = seen(segment) - seen(parent);
-        let own = Vector3::from_fn(|k, _| (0..3).map(|axis| rows[axis][k] * along[axis]).sum::<f64>());
-        origin[segment.index()] = origin[parent.index()] + rotation[parent.index()] * own;
+    #[test]
+    fn half_the_evidence_of_two_equally_probable_responses_is_that_of_a_numerical_integral() {
+        // Means ±1, noise 1, evidence divided by 2: posterior 1/(1 + exp(−y)); entropy integrated over N(1, 1).
+        let step = 1e-3;
+        let expected: f64 = (-8_000..8_000)
+            .map(|k| {
+                let y = 1.0 + step * f64::from(k);
+                let density = (-0.5 * (y - 1.0f64).powi(2)).exp() / (2.0 * std::f64::consts::PI).sqrt();
+                let first = 1.0 / (1.0 + (-y).exp());
+                step * density * entropy(&[first, 1.0 - first])
+            })
+            .sum();
+        let (nats, _) = information(&[0.5, 0.5], &[0, 1], &[response(1.0), response(-1.0)]);
+        let expected = std::f64::consts::LN_2 - expected;
+        // 64 draws.
+        assert!((nats - expected).abs() < 0.1, "{nats} instead of {expected}");
     }
-    let middle = |origin: &dyn Fn(Segment) -> Vector3<f64>| {
-        Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
-    };
-    let shift =
-        middle(&seen) - middle(&|segment| origin[segment.index()]) + Vector3::new(step_m[0], step_m[1], 0.0);
-    origin.map(|origin| origin + shift)
 }

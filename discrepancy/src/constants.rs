@@ -307,9 +307,9 @@ pub(crate) const LOG_ODDS_MIN: f64 = 10.0;
 pub(crate) const DRAWS: usize = 100;
 /// Quantile of the level reached by chance. Unit: 1. Origin: prototype.
 pub(crate) const CHANCE_QUANTILE: f64 = 0.99;
-/// Seeds of the draws for catalogue and library: fixed, so that equal recordings give equal findings. Unit: 1. Origin:
+/// Seeds of the draws for catalogue, library and experiments: fixed, so that equal recordings give equal findings. Unit: 1. Origin:
 /// arbitrary.
-pub(crate) const SEEDS: [u64; 2] = [0x5eed, 0x0dd5];
+pub(crate) const SEEDS: [u64; 3] = [0x5eed, 0x0dd5, 0xa5c5];
 /// A clear lead, e.g. of a part over the whole, or of a generic term by the CoP alone.
 /// Unit: log odds. Origin: prototype; reference: "strong" in Kass and Raftery, J. Am. Stat. Assoc. 90 (1995), 773–795.
 pub(crate) const CLEAR_LEAD: f64 = 3.0;
@@ -405,8 +405,8 @@ pub(crate) const GOES_WITH: (f64, usize) = (0.25, 8);
 
 // Next measurement.
 
-/// Family members within this lead, or fraction of the winner's, are separated. Unit: log odds, 1. Origin: bench.
-pub(crate) const RELATIVE: (f64, f64) = (15.0, 0.15);
+/// Responses that are drawn for each explanation and experiment. Unit: 1. Origin: budget.
+pub(crate) const RESPONSES: usize = 32;
 /// Turns that may be requested. Unit: °, to the left. Origin: prototype.
 pub(crate) const TURNS_DEG: [f64; 3] = [0.0, 90.0, 180.0];
 /// Step forward and to the left that may be requested. Unit: m. Origin: chosen.
@@ -415,8 +415,8 @@ pub(crate) const STEP_M: f64 = 0.15;
 pub(crate) const STANDING_S: f64 = 180.0;
 /// Speed of requested fast motion over the fastest observed one. Unit: 1. Origin: chosen.
 pub(crate) const FASTER: f64 = 2.0;
-/// Smaller separations do not justify a measurement. Unit: noise 1-σ. Origin: bench.
-pub(crate) const SEPARATION_MIN: f64 = 0.5;
+/// Smaller expected information does not justify an experiment. Unit: nats. Origin: chosen.
+pub(crate) const INFORMATION_MIN: f64 = 0.05;
 
 // Report and model file.
 

@@ -14,6 +14,13 @@ pub(crate) struct Estimate {
     pub(crate) sigma: Vec<f64>,
 }
 
+impl Estimate {
+    fn of((value, covariance): (Vec<f64>, Mat<f64>)) -> Estimate {
+        let sigma = (0..value.len()).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
+        Estimate { value, sigma }
+    }
+}
+
 /// Inner products conditioned on the accepted terms.
 #[derive(Debug, Clone)]
 pub(crate) struct Conditioned {
@@ -26,9 +33,14 @@ pub(crate) struct Conditioned {
 impl Gram<'_> {
     /// Parameters of some terms, fitted together.
     pub(crate) fn estimate(&self, terms: &[usize]) -> Option<Estimate> {
+        self.posterior(terms).map(Estimate::of)
+    }
+
+    /// The same as mean and covariance.
+    pub(crate) fn posterior(&self, terms: &[usize]) -> Option<(Vec<f64>, Mat<f64>)> {
         let columns = self.columns_of(terms);
         let (mean, sigma) = self.priors(terms);
-        estimate(
+        posterior(
             &|i, j| self.products[columns[i]][columns[j]],
             &|i| self.with_residual[columns[i]],
             &mean,
@@ -122,6 +134,16 @@ pub(crate) fn estimate(
     mean: &[f64],
     sigma: &[f64],
 ) -> Option<Estimate> {
+    posterior(products, with_residual, mean, sigma).map(Estimate::of)
+}
+
+/// The same as mean and covariance.
+fn posterior(
+    products: &dyn Fn(usize, usize) -> f64,
+    with_residual: &dyn Fn(usize) -> f64,
+    mean: &[f64],
+    sigma: &[f64],
+) -> Option<(Vec<f64>, Mat<f64>)> {
     let count = mean.len();
     // In units of the prior's sigma, so that metres and newtons are comparable.
     let scaled =
@@ -131,8 +153,8 @@ pub(crate) fn estimate(
     let value = (0..count)
         .map(|i| sigma[i] * (0..count).map(|j| inverse[(i, j)] * right[j]).sum::<f64>())
         .collect::<Vec<_>>();
-    let spread = (0..count).map(|i| sigma[i] * inverse[(i, i)].max(0.0).sqrt()).collect();
-    value.iter().all(|value| value.is_finite()).then_some(Estimate { value, sigma: spread })
+    let covariance = Mat::from_fn(count, count, |i, j| sigma[i] * sigma[j] * inverse[(i, j)]);
+    value.iter().all(|value| value.is_finite()).then_some((value, covariance))
 }
 
 /// Cholesky of a few rows: the factor row by row, and half the logarithm of the determinant.

@@ -12,8 +12,8 @@ use faer::Mat;
 
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
-    CHANGE_PRIOR, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR, MODEL_ERROR_AT_EDGES, ONSET_S,
-    OTHER_PRIOR, RIVAL_PROBABILITY_MIN,
+    CHANGE_PRIOR, CHECKED_MAX, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR,
+    MODEL_ERROR_AT_EDGES, ONSET_S, OTHER_PRIOR, RIVAL_PROBABILITY_MIN,
 };
 use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::gram::{Gram, whiten_each};
@@ -124,7 +124,7 @@ pub(crate) fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f6
 }
 
 /// Deviation of an effect from its equation, 1-σ as a fraction, and the number of pieces of the work.
-fn model_error(effect: Effect) -> (f64, u32) {
+pub(crate) fn model_error(effect: Effect) -> (f64, u32) {
     let [contact, other] = MODEL_ERROR;
     if effect == Effect::HandContact { contact } else { other }
 }
@@ -225,12 +225,31 @@ fn log_evidence_at(gram: &Gram<'_>, members: &[Member], scale: f64) -> Option<f6
     Some(of_effects + 0.5 * (dot(&gram.residual, &gram.residual) - products[(last, last)] - log_det))
 }
 
-/// Whether two names stand for the same columns: a misaligned sensor is a changed φ of its segment.
-fn same_columns(one: &str, other: &str) -> bool {
+/// The name of all effects with the same columns: a misaligned sensor is a changed φ of its segment.
+fn class(name: &str) -> String {
     let [misaligned, unbalanced] =
         [Effect::SegmentMisalignment, Effect::UnbalancedParameters].map(Effect::name);
-    let class = |name: &str| name.replace(unbalanced, misaligned);
+    name.replace(unbalanced, misaligned)
+}
+
+/// Whether two names stand for the same columns.
+fn same_columns(one: &str, other: &str) -> bool {
     class(one) == class(other)
+}
+
+/// An explanation with fitted parameters, for predictions.
+#[derive(Debug, Clone)]
+pub(crate) struct Predictor {
+    /// Names of its effects that are not negligible, sorted; one name for those with the same columns.
+    pub(crate) names: Vec<String>,
+    /// Probability of the explanation, relative to the other predictors.
+    pub(crate) probability: f64,
+    /// Its effects.
+    pub(crate) effects: Vec<Candidate>,
+    /// Parameters of all effects in sequence.
+    pub(crate) value: Vec<f64>,
+    /// Their covariance.
+    pub(crate) covariance: Mat<f64>,
 }
 
 /// Posterior over explanations.
@@ -248,6 +267,30 @@ impl Posterior {
         let logs: Vec<f64> = explanations.iter().map(|one| one.log_posterior).collect();
         let total = log_sum_exp(&logs);
         Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
+    }
+
+    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out.
+    pub(crate) fn predictors(
+        &self,
+        fit: impl Fn(&Explanation) -> Option<(Vec<f64>, Mat<f64>)>,
+    ) -> Vec<Predictor> {
+        let mut predictors: Vec<Predictor> = self
+            .explanations
+            .iter()
+            .zip(&self.probabilities)
+            .take(CHECKED_MAX)
+            .filter_map(|(explanation, &probability)| {
+                let (value, covariance) = fit(explanation)?;
+                let mut names: Vec<String> = explanation.names().iter().map(|name| class(name)).collect();
+                names.sort();
+                names.dedup();
+                let effects = explanation.members.iter().map(|member| member.candidate.clone()).collect();
+                Some(Predictor { names, probability, effects, value, covariance })
+            })
+            .collect();
+        let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();
+        predictors.iter_mut().for_each(|predictor| predictor.probability /= total);
+        predictors
     }
 
     /// Names of all explanations, of effects that are not negligible.

@@ -4,13 +4,14 @@
 use std::collections::BTreeSet;
 
 use equipoise_core::effect::{Effect, PARAMETERS_MAX};
+use faer::Mat;
 
 use crate::candidate::{Candidate, Scope};
 use crate::constants::{
     BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN,
 };
 use crate::evidence::Estimate;
-use crate::explanation::{Explanation, Member, Posterior, misfit_columns};
+use crate::explanation::{Explanation, Member, Posterior, Predictor, misfit_columns};
 use crate::finding::{Candidate as Considered, SetAside};
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
@@ -47,6 +48,8 @@ pub(crate) struct Selection {
     pub(crate) set_aside: Vec<SetAside>,
     /// Effects by themselves, best first.
     pub(crate) considered: Vec<Considered>,
+    /// The most probable explanations, for predictions.
+    pub(crate) predictors: Vec<Predictor>,
 }
 
 impl Selection {
@@ -91,8 +94,25 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
         front.retain(|child| child.log_posterior > best - behind_max);
         front.truncate(size_max);
     }
-    accept(gram, &Posterior::of(distinct(all)), &mut selection);
+    let posterior = Posterior::of(distinct(all));
+    selection.predictors = posterior.predictors(|explanation| {
+        let (conditioned, terms) = conditioned(gram, explanation);
+        if terms.is_empty() { Some((Vec::new(), Mat::new())) } else { conditioned.posterior(&terms) }
+    });
+    accept(gram, &posterior, &mut selection);
     selection
+}
+
+/// The Gram matrix with the effects of an explanation as terms and their misfit marginalised, and these terms.
+fn conditioned<'a>(gram: &Gram<'a>, explanation: &Explanation) -> (Gram<'a>, Vec<usize>) {
+    let mut conditioned = gram.clone();
+    let mut terms = Vec::new();
+    for member in &explanation.members {
+        let term = conditioned.add_candidate(member.candidate.clone());
+        terms.push(term);
+        marginalise_misfit(&mut conditioned, &terms, term);
+    }
+    (conditioned, terms)
 }
 
 /// The best of those with the same effects, most probable first.
@@ -160,13 +180,7 @@ fn extended(
     explanation: &Explanation,
     selection: &mut Selection,
 ) -> Vec<Explanation> {
-    let mut conditioned = gram.clone();
-    let mut terms = Vec::new();
-    for member in &explanation.members {
-        let term = conditioned.add_candidate(member.candidate.clone());
-        terms.push(term);
-        marginalise_misfit(&mut conditioned, &terms, term);
-    }
+    let (mut conditioned, terms) = conditioned(gram, explanation);
     let hypotheses = hypotheses(&conditioned, windows, &terms);
     if explanation.members.is_empty() {
         selection.considered = considered(&hypotheses);

@@ -54,6 +54,9 @@ pub struct AskChoices {
     /// Do not pass the spans to the program; it determines them itself
     #[arg(long)]
     find_spans: bool,
+    /// Experiments that the simulated person does at the program's request (`bench` only)
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    experiments: usize,
     /// Write the result of each session and the tables as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -61,7 +64,7 @@ pub struct AskChoices {
 
 impl AskChoices {
     fn asking(&self) -> Asking {
-        Asking { program: self.program.clone(), finds_spans: self.find_spans }
+        Asking { program: self.program.clone(), finds_spans: self.find_spans, experiments: self.experiments }
     }
 }
 

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::families::{are_family, is_declared_for, same_columns};
+use super::scenario::Experiment;
 use super::truth::Truth;
 
 /// Names of an ambiguous finding with at least this probability belong to its set.
@@ -98,6 +99,9 @@ pub struct Judged {
     pub length_s: f64,
     /// Error message if there is no finding.
     pub failure: Option<String>,
+    /// Experiments that the program asked for and got.
+    #[serde(default)]
+    pub experiments: Vec<Experiment>,
 }
 
 /// Evaluates a printed finding; `twin_mm` is the gap before of the clean twin.
@@ -131,6 +135,7 @@ pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>,
         seconds,
         length_s: truth.length_s,
         failure: None,
+        experiments: Vec::new(),
     };
     match printed {
         Ok(finding) => judged.take(truth, finding, twin_mm),

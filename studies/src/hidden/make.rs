@@ -8,7 +8,7 @@ use equipoise_simulator::random::Random;
 use super::effects::{Circumstances, Drawn};
 use super::ladder::{self, RUNGS};
 use super::recording::{self, Noise, Station};
-use super::scenario::{self, Lengths};
+use super::scenario::{self, Experiment, Lengths};
 use super::truth::Truth;
 use crate::subject::{Subject, ask_all};
 
@@ -90,7 +90,7 @@ pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, S
     let plans = plans(order)?;
     prepare(order)?;
     let made = ask_all(&plans, |plan| {
-        let truth = make_one(plan, order)?;
+        let truth = make_one(plan, order, &[])?;
         done(&truth);
         Ok(truth)
     });
@@ -110,12 +110,17 @@ pub fn prepare(order: &Order) -> Result<(), String> {
     Ok(())
 }
 
-/// Makes one session.
+/// Makes one session, continued by experiments.
 ///
 /// # Errors
 /// A message: a file exists or cannot be written.
-pub fn make_one(plan: &Plan, order: &Order) -> Result<Truth, String> {
-    let Session { subject, noise, script, drawn, reports_reference } = draw(plan, order.fast);
+pub fn make_one(plan: &Plan, order: &Order, experiments: &[Experiment]) -> Result<Truth, String> {
+    let Session { subject, noise, script, mut drawn, reports_reference } = draw(plan, order.fast);
+    let without_s = script.length_s;
+    let script = experiments.iter().fold(script, scenario::Script::continued);
+    for effect in drawn.effects.iter_mut().filter(|effect| effect.span_s[1] >= without_s) {
+        effect.span_s[1] = script.length_s;
+    }
     let clean = Station::new(&script, Default::default(), noise, plan.seed);
     let mut station = Station::new(&script, drawn.hidden.clone(), noise, plan.seed);
     // Slightly fewer poses than there are, so that identification has ended when free work begins.

@@ -1,4 +1,4 @@
-//! Activity of the worker: standing, poses, free work, and steps to other places on the plate.
+//! Activity of the worker: standing, poses, free work, steps to other places on the plate, and requested experiments.
 
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::balance::Standing;
@@ -8,6 +8,7 @@ use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::random::Random;
 use equipoise_simulator::walk::Place;
 use nalgebra::Vector2;
+use serde::{Deserialize, Serialize};
 
 use super::truth::{Spans, Standing as Stands};
 use crate::subject::Subject;
@@ -36,10 +37,30 @@ const FIRST_S: f64 = 4.0;
 const HELD_S: f64 = 2.5;
 /// From pose to pose, s.
 const MOVE_S: f64 = 1.2;
+/// A requested pose is held for this long, s.
+const ASKED_S: f64 = 4.0;
+/// Requested quick squats, and the time down or up of one, s.
+const SQUATS: (u32, f64) = (5, 0.8);
 /// Standing up straight before a step, s.
 const RISE_S: f64 = 1.2;
 /// A turn by this angle separates errors of the plate's axes from those of the body's, degrees.
 const TURNED_DEG: f64 = 25.0;
+
+/// An experiment that a program asks for, as in the field `ask` of its finding.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Experiment {
+    /// Poses of the library, by name.
+    #[serde(default)]
+    pub poses: Vec<String>,
+    /// Turn of the body before, degrees to the left.
+    pub turn_deg: f64,
+    /// Step before, forward and to the left, m.
+    pub step_m: [f64; 2],
+    /// Duration of static standing, s.
+    pub still_s: f64,
+    /// Fast motion.
+    pub fast: bool,
+}
 
 /// A session's script, played.
 #[derive(Debug, Clone)]
@@ -111,7 +132,50 @@ struct Player {
     now_s: f64,
 }
 
+impl Script {
+    /// The same session, continued by an experiment at its end; its work lasts as long.
+    pub fn continued(self, experiment: &Experiment) -> Script {
+        let Script { worker, mut spans, length_s, places, turned } = self;
+        let mut played = Player { worker, places, now_s: length_s };
+        played.experiment(experiment);
+        let Player { worker, places, now_s } = played;
+        spans.work[1] = now_s;
+        Script { worker, spans, length_s: now_s, places, turned }
+    }
+}
+
 impl Player {
+    /// Does what a program asks for.
+    fn experiment(&mut self, ask: &Experiment) {
+        self.worker.intend(&Intention::STAND, self.now_s, RISE_S);
+        self.now_s += RISE_S;
+        if let Some(last) = self.places.last().copied()
+            && (ask.turn_deg != 0.0 || ask.step_m != [0.0; 2])
+        {
+            let [x, y] = last.middle_m;
+            self.go(Place {
+                middle_m: Vector2::new(x + ask.step_m[0], y + ask.step_m[1]),
+                heading_rad: (last.heading_deg + ask.turn_deg).to_radians(),
+            });
+        }
+        if ask.fast {
+            let (count, over_s) = SQUATS;
+            let down = Intention { pelvis_drop: 0.2, pelvis_deg: [15.0, 0.0, 0.0], ..Intention::STAND };
+            for _ in 0..count {
+                for intention in [&down, &Intention::STAND] {
+                    self.worker.intend(intention, self.now_s, over_s);
+                    self.now_s += over_s;
+                }
+            }
+        }
+        let asked = ask.poses.iter().filter_map(|pose| LIBRARY.iter().find(|posture| posture.name == pose));
+        for posture in asked {
+            self.worker.take_pose(posture, self.now_s, MOVE_S);
+            self.now_s += MOVE_S + ASKED_S;
+        }
+        self.now_s += if ask.still_s > 0.0 { ask.still_s } else { ASKED_S };
+    }
+
     fn take_poses(&mut self, [fewest, most]: [usize; 2], random: &mut Random) {
         let count = fewest + random.between(0.0, (most - fewest + 1) as f64) as usize;
         let mut order: Vec<usize> = (1..LIBRARY.len()).collect();

@@ -9,6 +9,7 @@ use serde_json::Value;
 
 use super::judge::{Judged, judge};
 use super::make::{self, Order};
+use super::scenario::Experiment;
 use super::truth::Truth;
 use crate::subject::ask_all;
 
@@ -19,6 +20,8 @@ pub struct Asking {
     pub program: PathBuf,
     /// Whether the program has to find the spans itself.
     pub finds_spans: bool,
+    /// Largest number of experiments that the simulated person does for the program, one after the other, in [`bench`].
+    pub experiments: usize,
 }
 
 impl Asking {
@@ -75,7 +78,7 @@ pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
     sessions.sort();
     asking.check()?;
     let judged = ask_all(&sessions, |session| {
-        let judged = score_one(&Files::of(folder, session), asking)?;
+        let (judged, _) = score_one(&Files::of(folder, session), asking)?;
         done(&judged);
         Ok(judged)
     });
@@ -91,18 +94,27 @@ pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
     asking.check()?;
     make::prepare(order)?;
     let judged = ask_all(&plans, |plan| {
-        make::make_one(plan, order)?;
-        let files = Files::of(&order.out, &plan.session);
-        let judged = score_one(&files, asking);
-        files.delete();
-        let judged = judged?;
-        done(&judged);
-        Ok(judged)
+        let mut experiments = Vec::new();
+        loop {
+            let files = Files::of(&order.out, &plan.session);
+            let scored = make::make_one(plan, order, &experiments).and_then(|_| score_one(&files, asking));
+            files.delete();
+            let (judged, next) = scored?;
+            match next.filter(|_| experiments.len() < asking.experiments) {
+                Some(next) => experiments.push(next),
+                None => {
+                    let judged = Judged { experiments, ..judged };
+                    done(&judged);
+                    return Ok(judged);
+                }
+            }
+        }
     });
     judged.into_iter().collect()
 }
 
-fn score_one(files: &Files, asking: &Asking) -> Result<Judged, String> {
+/// Evaluates one session; also returns the experiment that the program asks for.
+fn score_one(files: &Files, asking: &Asking) -> Result<(Judged, Option<Experiment>), String> {
     let text = std::fs::read_to_string(&files.truth)
         .map_err(|error| format!("cannot read {}: {error}", files.truth.display()))?;
     let truth: Truth =
@@ -111,11 +123,12 @@ fn score_one(files: &Files, asking: &Asking) -> Result<Judged, String> {
     let started = Instant::now();
     let printed = ask(&files.recording, &truth, asking);
     let seconds = started.elapsed().as_secs_f64();
+    let next = printed.as_ref().ok().and_then(|finding| serde_json::from_value(finding["ask"].clone()).ok());
     let twin_mm = files.twin.as_ref().and_then(|twin| {
         let finding = ask(twin, &truth, asking).ok()?;
         finding["gap"]["before_mm"].as_f64()
     });
-    Ok(judge(&truth, printed.as_ref().map_err(String::as_str), twin_mm, seconds))
+    Ok((judge(&truth, printed.as_ref().map_err(String::as_str), twin_mm, seconds), next))
 }
 
 /// Runs `reconcile` on a recording; returns its output, or the reason if there is none.
@@ -181,7 +194,8 @@ mod tests {
         let load = json!({"mass_kg": {"value": 0.52, "sigma": 0.05, "unit": "kg"}});
         let said = finding("named", &[("hand_load", json!({"hand": "right"}), load)], &[]);
         let asked = "--identify 0.000:60.000 --work 180.000:270.000 --reference 60.000:180.000 --json --out";
-        let asking = Asking { program: program(folder.path(), &said, asked), finds_spans: false };
+        let asking =
+            Asking { program: program(folder.path(), &said, asked), finds_spans: false, experiments: 0 };
         let judged = score(folder.path(), &asking, |_| {}).unwrap();
         assert_eq!(judged.len(), 2);
         assert!(judged[0].exact && judged[0].class == Class::Single, "{:?}", judged[0].failure);
@@ -192,7 +206,11 @@ mod tests {
     fn a_refusal_is_reported_with_the_last_line_of_the_program() {
         let folder = tempfile::tempdir().unwrap();
         sessions(folder.path());
-        let asking = Asking { program: program(folder.path(), &json!({}), "--identify"), finds_spans: true };
+        let asking = Asking {
+            program: program(folder.path(), &json!({}), "--identify"),
+            finds_spans: true,
+            experiments: 0,
+        };
         let judged = score(folder.path(), &asking, |_| {}).unwrap();
         assert_eq!(judged[0].verdict, "failed");
         let failure = judged[0].failure.as_deref().unwrap();
@@ -202,14 +220,14 @@ mod tests {
     #[test]
     fn a_folder_without_truth_is_an_error_that_says_what_to_do() {
         let folder = tempfile::tempdir().unwrap();
-        let asking = Asking { program: PathBuf::from("equipoise"), finds_spans: false };
+        let asking = Asking { program: PathBuf::from("equipoise"), finds_spans: false, experiments: 0 };
         assert!(
             score(folder.path(), &asking, |_| {})
                 .unwrap_err()
                 .contains("generate sessions first with hidden make")
         );
         sessions(folder.path());
-        let asking = Asking { program: folder.path().join("none"), finds_spans: false };
+        let asking = Asking { program: folder.path().join("none"), finds_spans: false, experiments: 0 };
         assert!(score(folder.path(), &asking, |_| {}).unwrap_err().contains("cargo build --release"));
     }
 }

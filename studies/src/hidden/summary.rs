@@ -116,6 +116,8 @@ fn notes(table: &mut Table, judged: &[Judged], over: Vec<f64>) {
             .map_or("-".into(), |[_, median, upper]| format!("median {median:.2}, upper quartile {upper:.2}"))
     };
     table.note(format!("gap after / oracle's gap, where exact or in the family: {}", middle(over)));
+    let with = |count: usize| judged.iter().filter(|one| one.experiments.len() >= count).count();
+    table.note(format!("sessions with an experiment: {}, with two or more: {}", with(1), with(2)));
     table.note(format!("run time, s: {}", middle(judged.iter().map(|one| one.seconds).collect())));
     let per_ten_minutes = judged.iter().map(|one| one.seconds / one.length_s * 600.0).collect();
     table.note(format!("run time for ten minutes of recording, s: {}", middle(per_ten_minutes)));

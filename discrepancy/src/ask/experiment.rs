@@ -1,0 +1,163 @@
+//! Experiments that can be requested of a standing subject, as the model would observe them.
+
+use equipoise_config::model_file::Ask;
+use equipoise_core::body::{SEGMENTS, Segment, Side};
+use equipoise_core::cycle::POSE_REQUESTS_MAX;
+use equipoise_core::effect::Observation;
+use equipoise_core::pose_suggestion::Posture;
+use equipoise_core::pose_suggestion::library::LIBRARY;
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::constants::{STANDING_S, STEP_M, TURNS_DEG};
+use crate::linear::norm;
+use crate::rows::Rows;
+
+/// One measurement of an experiment.
+#[derive(Debug, Clone)]
+pub(super) enum Measurement {
+    /// A static subject.
+    Static(Box<Observation>),
+    /// The motion of a block of the work, faster.
+    Fast(usize),
+}
+
+/// A request and its measurements.
+#[derive(Debug, Clone)]
+pub(super) struct Experiment {
+    /// The request; evidence and names are filled in later.
+    pub(super) ask: Ask,
+    /// Its measurements.
+    pub(super) measurements: Vec<Measurement>,
+}
+
+/// An empty request, to be filled in.
+fn empty() -> Ask {
+    Ask {
+        between: Default::default(),
+        poses: Vec::new(),
+        turn_deg: 0.0,
+        step_m: [0.0; 2],
+        still_s: 0.0,
+        fast: false,
+        separation_sigma: 0.0,
+        information_nats: 0.0,
+        decides: 0.0,
+    }
+}
+
+/// Every experiment with at most one pose.
+pub(super) fn single(rows: &Rows<'_>) -> Vec<Experiment> {
+    let Some(last) = rows.blocks.last() else { return Vec::new() };
+    let seen = &last.observation;
+    let at_rest = |ask: Ask, seen: Observation| Experiment {
+        ask,
+        measurements: vec![Measurement::Static(Box::new(seen))],
+    };
+    let straight = LIBRARY[0].world_from_segment();
+    let step_m = [STEP_M, STEP_M];
+    let mut later = standing(seen, &straight, 0.0, [0.0; 2]);
+    later.time_s += STANDING_S;
+    let mut list = vec![
+        at_rest(Ask { step_m, ..empty() }, standing(seen, &straight, 0.0, step_m)),
+        at_rest(Ask { still_s: STANDING_S, ..empty() }, later),
+        Experiment { ask: Ask { fast: true, ..empty() }, measurements: fastest(rows) },
+    ];
+    for posture in LIBRARY {
+        for turn_deg in TURNS_DEG {
+            let poses = vec![posture.name.to_owned()];
+            let seen = standing(seen, &posture.world_from_segment(), turn_deg, [0.0; 2]);
+            list.push(at_rest(Ask { poses, turn_deg, ..empty() }, seen));
+        }
+    }
+    list
+}
+
+/// The experiment with each further pose of the library in addition; none if it is not one of poses, or complete.
+pub(super) fn with_another_pose(rows: &Rows<'_>, experiment: &Experiment) -> Vec<Experiment> {
+    let ask = &experiment.ask;
+    let Some(last) = rows.blocks.last() else { return Vec::new() };
+    if ask.poses.is_empty() || ask.poses.len() >= POSE_REQUESTS_MAX {
+        return Vec::new();
+    }
+    let extended = |posture: &Posture| {
+        let mut longer = experiment.clone();
+        longer.ask.poses.push(posture.name.to_owned());
+        let seen = standing(&last.observation, &posture.world_from_segment(), ask.turn_deg, [0.0; 2]);
+        longer.measurements.push(Measurement::Static(Box::new(seen)));
+        longer
+    };
+    LIBRARY
+        .iter()
+        .filter(|posture| !ask.poses.iter().any(|pose| pose == posture.name))
+        .map(extended)
+        .collect()
+}
+
+/// The blocks of the work with the largest accelerations.
+fn fastest(rows: &Rows<'_>) -> Vec<Measurement> {
+    let acceleration = |&block: &usize| norm(rows.blocks[block].observation.com_acceleration_m_per_s2);
+    let mut blocks: Vec<usize> = (rows.work_from..rows.len()).collect();
+    blocks.sort_by(|a, b| acceleration(b).total_cmp(&acceleration(a)));
+    blocks.into_iter().take(POSE_REQUESTS_MAX).map(Measurement::Fast).collect()
+}
+
+/// A static subject of this skeleton in a pose, turned by an angle about the feet and displaced from the present
+/// position.
+fn standing(
+    like: &Observation,
+    rotation: &[UnitQuaternion<f64>; SEGMENTS],
+    turn_deg: f64,
+    step_m: [f64; 2],
+) -> Observation {
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * turn_deg.to_radians());
+    let rotation = rotation.map(|own| turn * own);
+    let origin = origins_in_pose(like, &rotation, step_m);
+    let com = Segment::ALL
+        .iter()
+        .map(|segment| rotation[segment.index()] * Vector3::from(like.phi_m[segment.index()]))
+        .fold(origin[0], |sum, part| sum + part);
+    let cop_m = [com.x, com.y];
+    let force_n = [0.0, 0.0, like.mass_kg * 9.81];
+    Observation {
+        feet_m: [like.feet_m[0] + step_m[0], like.feet_m[1] + step_m[1]],
+        origin_m: origin.map(Into::into),
+        origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
+        rotation: rotation.map(|own| {
+            let matrix = own.to_rotation_matrix();
+            [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)]))
+        }),
+        rotation_acceleration_per_s2: [[[0.0; 3]; 3]; SEGMENTS],
+        com_m: com.into(),
+        com_acceleration_m_per_s2: [0.0; 3],
+        turning_m: [0.0; 2],
+        slope: [0.0; 2],
+        cop_predicted_m: cop_m,
+        force_predicted_n: force_n,
+        cop_measured_m: cop_m,
+        force_measured_n: force_n,
+        ..*like
+    }
+}
+
+/// Segment origins in a pose, with the middle between the feet in its place, plus a step.
+fn origins_in_pose(
+    like: &Observation,
+    rotation: &[UnitQuaternion<f64>; SEGMENTS],
+    step_m: [f64; 2],
+) -> [Vector3<f64>; SEGMENTS] {
+    let seen = |segment: Segment| Vector3::from(like.origin_m[segment.index()]);
+    let mut origin = [Vector3::zeros(); SEGMENTS];
+    for segment in Segment::ALL {
+        let Some(parent) = segment.parent() else { continue };
+        let rows = like.rotation[parent.index()];
+        let along = seen(segment) - seen(parent);
+        let own = Vector3::from_fn(|k, _| (0..3).map(|axis| rows[axis][k] * along[axis]).sum::<f64>());
+        origin[segment.index()] = origin[parent.index()] + rotation[parent.index()] * own;
+    }
+    let middle = |origin: &dyn Fn(Segment) -> Vector3<f64>| {
+        Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
+    };
+    let shift =
+        middle(&seen) - middle(&|segment| origin[segment.index()]) + Vector3::new(step_m[0], step_m[1], 0.0);
+    origin.map(|origin| origin + shift)
+}
