@@ -21,6 +21,7 @@ use crate::evidence::log_sum_exp;
 use crate::explanation::{Predictor, model_error};
 use crate::floor::Floor;
 use crate::linear::{Factor, product};
+use crate::picture::Signal;
 use crate::rows::Rows;
 use crate::select::{Selection, padded};
 use crate::trials::normal;
@@ -28,8 +29,8 @@ use experiment::{Experiment, Measurement};
 
 use equipoise_core::effect::Effect;
 
-/// Signals of a measurement: centre of pressure x, y (m), vertical force (N).
-const SIGNALS: usize = 3;
+/// Number of signals of a measurement: centre of pressure x, y (m), vertical force (N).
+const SIGNALS: usize = Signal::ALL.len();
 
 /// The experiment with the largest expected information; `None` if one set of names is certain already, or if no
 /// experiment is informative.
