@@ -285,8 +285,13 @@ fn the_corners_of_a_plate_are_turned_with_it() {
     };
     let expected = [[0.8, 2.3], [1.2, 2.3], [1.2, 1.7], [0.8, 1.7]];
     for (corner, expected) in frame.corners_m().unwrap().iter().zip(expected) {
-        assert!((corner[0] - expected[0]).abs() < 1e-9 && (corner[1] - expected[1]).abs() < 1e-9, "{corner:?}");
+        assert!(
+            (corner[0] - expected[0]).abs() < 1e-9 && (corner[1] - expected[1]).abs() < 1e-9,
+            "{corner:?}"
+        );
     }
     assert_eq!(FrameConfig::default().corners_m(), None);
-    assert!(refusal(KISTLER, "[ground.frame]", "[ground.frame]\nsize_m = [600, 400]").contains("0.01 to 10 m"));
+    assert!(
+        refusal(KISTLER, "[ground.frame]", "[ground.frame]\nsize_m = [600, 400]").contains("0.01 to 10 m")
+    );
 }

@@ -4,8 +4,8 @@ use std::io::Write as _;
 use std::sync::LazyLock;
 
 use axum::Router;
-use axum::http::header::{self, HeaderMap, HeaderValue};
 use axum::http::StatusCode;
+use axum::http::header::{self, HeaderMap, HeaderValue};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use flate2::Compression;
@@ -78,7 +78,9 @@ fn listed<'a>(headers: &'a HeaderMap, name: &header::HeaderName) -> impl Iterato
 fn accepts_gzip(entry: &str) -> bool {
     let mut parts = entry.split(';').map(str::trim);
     parts.next().is_some_and(|name| name.eq_ignore_ascii_case("gzip"))
-        && parts.filter_map(|part| part.strip_prefix("q=")).all(|weight| weight.parse::<f32>().is_ok_and(|q| q > 0.0))
+        && parts
+            .filter_map(|part| part.strip_prefix("q="))
+            .all(|weight| weight.parse::<f32>().is_ok_and(|q| q > 0.0))
 }
 
 fn gzip(text: &str) -> Vec<u8> {

@@ -33,7 +33,8 @@ const ANSWER_HEADERS: [(HeaderName, HeaderValue); 5] = [
 const PAGES: [&str; 2] = ["/", "/engineer"];
 const TOKEN_MISSING: &str = "This page needs its token: open it once with ?token=TOKEN at the end of its address, or \
                              send Authorization: Bearer TOKEN.\n";
-const TOKEN_WRONG: &str = "The token is wrong. `equipoise token` creates one; the page reads it from its token file.\n";
+const TOKEN_WRONG: &str =
+    "The token is wrong. `equipoise token` creates one; the page reads it from its token file.\n";
 
 /// Access rules of the page.
 #[derive(Debug, Clone)]

@@ -92,7 +92,8 @@ fn files_are_compressed_and_sent_once() {
     let request = |path: &str, header: &str| {
         let mut stream = TcpStream::connect(page.address()).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
-        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{header}\r\n").unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{header}\r\n")
+            .unwrap();
         let mut bytes = Vec::new();
         stream.read_to_end(&mut bytes).unwrap();
         let end = bytes.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
@@ -100,7 +101,10 @@ fn files_are_compressed_and_sent_once() {
         (String::from_utf8(bytes).unwrap(), body)
     };
     let (head, plain) = request("/worker.js", "");
-    assert!(!head.contains("content-encoding") && head.contains("cache-control: private, no-cache"), "{head}");
+    assert!(
+        !head.contains("content-encoding") && head.contains("cache-control: private, no-cache"),
+        "{head}"
+    );
     let (head, packed) = request("/worker.js", "Accept-Encoding: br, gzip\r\n");
     assert!(head.contains("content-encoding: gzip") && head.contains("vary: accept-encoding"), "{head}");
     assert!(packed.starts_with(&[0x1f, 0x8b]) && 3 * packed.len() < plain.len(), "{} bytes", packed.len());

@@ -27,7 +27,7 @@ applyTheme(() => {
 const decider = new Decider();
 const hold = new Hold();
 let numbersShown = -Infinity;
-let shownKind = "";
+let numbersOf = "";
 
 // A canvas provides only one kind of context: without WebGL it is replaced.
 function makeFigure() {
@@ -60,8 +60,9 @@ function draw(now) {
   drawMarks(element("marks"), view, shown, posing ? movements(frame.segment_origin_m, frame.suggested.segment_origin_m, deviations) : [], language());
   showWords(shown);
   showHold(shown, now);
-  if (now - numbersShown < NUMBERS_EVERY_MS && shown.kind === shownKind) return;
-  [numbersShown, shownKind] = [now, shown.kind];
+  const situation = `${shown.kind} ${shown.held}`;
+  if (now - numbersShown < NUMBERS_EVERY_MS && situation === numbersOf) return;
+  [numbersShown, numbersOf] = [now, situation];
   showMatch(shown, deviations);
   showProgress(shown);
   showLoad(shown);
