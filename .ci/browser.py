@@ -234,7 +234,9 @@ class Browser:
         return json.loads(self.run(AXE_RUN))
 
     def keep(self, name):
-        data = self.ask("Page.captureScreenshot", format="png")["data"]
+        """The whole page, beyond the window too."""
+        whole = self.ask("Page.getLayoutMetrics")["cssContentSize"]
+        data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={**whole, "scale": 1})["data"]
         with open(os.path.join(SHOTS, f"{name}.png"), "wb") as file:
             file.write(base64.b64decode(data))
 

@@ -232,7 +232,7 @@ fn help(frame: &mut Frame<'_>, area: Rect) {
         "?                this help, and away again",
         "",
         "Bars: overload torque over the joint's limit,",
-        "the worst joint first; colours and signs as on the page.",
+        "worst joint first, colours and signs as on the page.",
         "Plate, from above, forward is up: + CoP measured,",
         "o CoP of the body alone with 2 σ, x CoM,",
         "L and R hands, lines: feet and support.",
