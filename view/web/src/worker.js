@@ -60,6 +60,8 @@ function draw(now) {
   drawMarks(element("marks"), view, shown, posing ? movements(frame.segment_origin_m, frame.suggested.segment_origin_m, deviations) : [], language());
   showWords(shown);
   showHold(shown, now);
+  // Without data no event ends the hold.
+  if (shown.held) redraw();
   const situation = `${shown.kind} ${shown.held}`;
   if (now - numbersShown < NUMBERS_EVERY_MS && situation === numbersOf) return;
   [numbersShown, numbersOf] = [now, situation];
