@@ -140,6 +140,8 @@ address = "{plate}"
 counts_per_newton = 1000000
 counts_per_newton_metre = 1000000
 measures = "action"
+[ground.frame]
+size_m = [0.6, 0.6]
 [subject]
 id = "demo"
 height_m = 1.77

@@ -236,6 +236,8 @@ fn frames(
     let target_m = (config.identification.stop == StopConfig::PredictedCop)
         .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
     let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
+    // One of two plates would be a wrong picture of the ground.
+    let plate_corners_m = config.ground.frame.corners_m().filter(|_| config.ground.second.is_none());
     move || {
         requests.fetch_add(1, Ordering::Relaxed);
         let state = newest.upgrade()?.lock().ok().and_then(|newest| *newest)?;
@@ -249,6 +251,7 @@ fn frames(
         let mut frame = PageFrame::new(state);
         frame.suggested = suggested;
         frame.cop_sigma_target_m = target_m;
+        frame.plate_corners_m = plate_corners_m;
         Some(frame)
     }
 }

@@ -13,7 +13,13 @@ import time
 import zenoh
 
 GREY, RESET = "\033[90m", "\033[0m"
-COLOURS = {"green": "\033[32m", "orange": "\033[33m", "red": "\033[31m", "above_max": "\033[97;41m"}
+# Those of view/src/levels.json.
+COLOURS = {
+    "green": "\033[38;2;23;32;43;48;2;0;158;115m",
+    "orange": "\033[38;2;23;32;43;48;2;240;173;0m",
+    "red": "\033[38;2;255;255;255;48;2;201;60;0m",
+    "above_max": "\033[38;2;255;255;255;48;2;106;27;110m",
+}
 # Undecided might be any of those before it.
 WORST = ["none", "green", "orange", "red", "undecided", "above_max"]
 

@@ -169,6 +169,9 @@ pub struct FrameConfig {
     pub yaw_deg: f64,
     /// Walking surface above the sensor's origin, m.
     pub surface_height_m: f64,
+    /// Lengths of the surface along the sensor's x and y, m, centred on its origin.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub size_m: Option<[f64; 2]>,
 }
 
 /// Direction of a sensor's z axis.
@@ -408,7 +411,19 @@ impl FrameConfig {
         if self.origin_m.iter().any(|metres| metres.abs() > 100.0) || self.surface_height_m.abs() > 2.0 {
             return Err(("ground.frame", "metres are expected; a plate 100 m away is a mistake".to_owned()));
         }
+        if self.size_m.is_some_and(|size_m| !size_m.iter().all(|length_m| (0.01..=10.0).contains(length_m))) {
+            return Err(("ground.frame.size_m", "two lengths from 0.01 to 10 m are expected".to_owned()));
+        }
         Ok(())
+    }
+
+    /// Corners of the surface in the suit world, in turn, m; `None` without `size_m`.
+    pub fn corners_m(&self) -> Option<[[f64; 2]; 4]> {
+        let [half_x, half_y] = self.size_m?.map(|length_m| 0.5 * length_m);
+        let (sin, cos) = self.yaw_deg.to_radians().sin_cos();
+        let [x, y, _] = self.origin_m;
+        let corner = |[a, b]: [f64; 2]| [x + cos * a - sin * b, y + sin * a + cos * b];
+        Some([[half_x, half_y], [half_x, -half_y], [-half_x, -half_y], [-half_x, half_y]].map(corner))
     }
 }
 

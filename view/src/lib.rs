@@ -7,6 +7,7 @@
 pub mod banner;
 pub mod foxglove;
 pub mod incident_words;
+pub mod levels;
 pub mod metrics;
 pub mod page;
 #[cfg(test)]

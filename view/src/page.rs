@@ -8,6 +8,7 @@
 //! its `Host`, and responses do not permit other origins. Addresses other than loopback are served only with a
 //! [`Token`], which every request must contain. The cost of a connection is bounded (`connections.rs`, `guard.rs`).
 
+mod assets;
 pub(crate) mod connections;
 mod engineer;
 mod frame;

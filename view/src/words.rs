@@ -8,6 +8,7 @@ use equipoise_core::body::{Joint, Segment};
 use equipoise_core::cycle::{BodyRejection, BodySource, POSE_REACHED_RAD};
 use equipoise_core::message::state::{FootOutlineSource, Phase};
 use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
 use serde::Serialize;
 
 use crate::state_json::level_name;
@@ -197,7 +198,8 @@ pub fn worst_joint(state: &State) -> Option<Joint> {
     crate::state_json::worst_joint(state)
 }
 
-/// Where to move the load, seen from the worker; `None` while nothing is known or nothing would help.
+/// Where to move the load, seen from the worker; `None` without valid torques, while the level of the worst joint is
+/// undecided, or if no direction helps.
 ///
 /// The direction is taken against the worker's own front, which the line between the hips shows.
 pub fn advice(state: &State) -> Option<&'static str> {
@@ -206,7 +208,10 @@ pub fn advice(state: &State) -> Option<&'static str> {
 
 /// The same as the name of a sentence: `closer`, `away`, `left` or `right`.
 pub(crate) fn advice_name(state: &State) -> Option<&'static str> {
-    worst_joint(state)?;
+    let worst = worst_joint(state)?;
+    if state.joint_level[worst.index()] == Level::Undecided as u32 {
+        return None;
+    }
     let [x, y, _] = state.advice_direction;
     let hip = |segment: Segment| state.segment_origin_m[segment.index()];
     let (left, right) = (hip(Segment::LeftUpperLeg), hip(Segment::RightUpperLeg));
@@ -249,7 +254,6 @@ fn capitalised(text: &str) -> String {
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
-    use equipoise_core::overload::Level;
 
     #[test]
     fn every_reason_and_joint_has_words_of_its_own() {
@@ -342,6 +346,8 @@ mod tests {
         // The left hip of a worker who faces +X points along +Y.
         state.segment_origin_m[Segment::LeftUpperLeg.index()] = [0.0, 0.2, 0.9];
         assert_eq!(advice(&state), Some("Bring the load closer"));
+        let undecided = State { joint_level: [Level::Undecided as u32; _], ..state };
+        assert_eq!(advice(&undecided), None, "the level is uncertain");
         // The same direction, with the worker turned left by quarter turns.
         let turned: [([f64; 3], &str); 3] = [
             ([-0.2, 0.0, 0.9], "Move the load to your left"),

@@ -274,3 +274,24 @@ fn a_second_device_is_checked_with_its_own_keys() {
     assert!(message.contains("ground.second.moticon.width_m: 9 m is no insole's width"), "{message}");
     assert_eq!(message.split(':').next(), Some(&*format!("c.toml, line {}", text.lines().count())));
 }
+
+#[test]
+fn the_corners_of_a_plate_are_turned_with_it() {
+    let frame = FrameConfig {
+        origin_m: [1.0, 2.0, 0.0],
+        yaw_deg: 90.0,
+        size_m: Some([0.6, 0.4]),
+        ..FrameConfig::default()
+    };
+    let expected = [[0.8, 2.3], [1.2, 2.3], [1.2, 1.7], [0.8, 1.7]];
+    for (corner, expected) in frame.corners_m().unwrap().iter().zip(expected) {
+        assert!(
+            (corner[0] - expected[0]).abs() < 1e-9 && (corner[1] - expected[1]).abs() < 1e-9,
+            "{corner:?}"
+        );
+    }
+    assert_eq!(FrameConfig::default().corners_m(), None);
+    assert!(
+        refusal(KISTLER, "[ground.frame]", "[ground.frame]\nsize_m = [600, 400]").contains("0.01 to 10 m")
+    );
+}

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
+use equipoise_view::levels::LevelStyle;
 use equipoise_view::words;
 
 use crate::report::escaped;
@@ -22,13 +23,13 @@ const BAR: f64 = 14.0;
 /// Number of columns of the drawing.
 const COLUMNS: usize = 240;
 
-/// Colours of Okabe and Ito, distinguishable with any colour vision, and the height of the bar.
-const STYLES: [(Level, &str, f64); 5] = [
-    (Level::Undecided, "#9aa5b1", 0.12),
-    (Level::Green, "#009e73", 0.25),
-    (Level::Orange, "#e69f00", 0.5),
-    (Level::Red, "#d55e00", 0.75),
-    (Level::AboveMax, "#cc79a7", 1.0),
+/// Heights of the bars.
+const HEIGHTS: [(Level, f64); 5] = [
+    (Level::Undecided, 0.12),
+    (Level::Green, 0.25),
+    (Level::Orange, 0.5),
+    (Level::Red, 0.75),
+    (Level::AboveMax, 1.0),
 ];
 
 /// Draws the joints with valid torques; `None` if there are none.
@@ -80,7 +81,7 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
         }
     }
     let width = (WIDTH - RIGHT - NAMES) / COLUMNS as f64;
-    for (level, colour, share) in STYLES {
+    for (level, share) in HEIGHTS {
         let height = BAR * share;
         let mut path = String::new();
         let mut from = 0;
@@ -93,15 +94,16 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
             from += run.max(1);
         }
         if !path.is_empty() {
-            let _ = write!(out, "<path fill=\"{colour}\" d=\"{path}\"/>");
+            let _ = write!(out, "<path fill=\"{}\" d=\"{path}\"/>", LevelStyle::of(level).colour);
         }
     }
 }
 
 fn legend(out: &mut String) {
     let mut left = 8.0;
-    for (level, colour, share) in STYLES {
+    for (level, share) in HEIGHTS {
         let (name, height) = (words::level(level as u32), BAR * share);
+        let colour = &LevelStyle::of(level).colour;
         let _ = write!(
             out,
             "<path fill=\"{colour}\" d=\"M{left:.0} 37h14v-{height:.1}h-14z\"/>\

@@ -9,9 +9,12 @@ use equipoise_core::overload::Level;
 use nalgebra::{UnitQuaternion, Vector3 as Vector};
 
 use super::primitives::{Color, Line, LineType, Pose, Sphere, Vector3};
+use crate::levels::LevelStyle;
 
 const BONE_M: f64 = 0.03;
 const HEAD_M: f64 = 0.2;
+/// Diameter of the sphere of the highest level.
+const JOINT_M: f64 = 0.13;
 const FLOOR_LINE_M: f64 = 0.008;
 
 /// Colours of the present and the suggested pose (the paper's Fig. 5: blue and black).
@@ -52,14 +55,9 @@ pub(super) fn joints(state: &State) -> Vec<Sphere> {
 
 /// Diameter, m, and colour of a level.
 pub(super) fn look(level: Level) -> (f64, Color) {
-    match level {
-        Level::None => (0.045, Color::new(0.62, 0.62, 0.62, 1.0)),
-        Level::Undecided => (0.055, Color::new(0.8, 0.8, 0.8, 1.0)),
-        Level::Green => (0.06, Color::new(0.18, 0.65, 0.3, 1.0)),
-        Level::Orange => (0.08, Color::new(0.95, 0.6, 0.1, 1.0)),
-        Level::Red => (0.1, Color::new(0.85, 0.15, 0.12, 1.0)),
-        Level::AboveMax => (0.13, Color::new(0.5, 0.0, 0.2, 1.0)),
-    }
+    let style = LevelStyle::of(level);
+    let [r, g, b] = style.rgb().map(|part| f64::from(part) / 255.0);
+    (JOINT_M * style.size, Color::new(r, g, b, 1.0))
 }
 
 /// The support polygon on the floor: convex hull of both foot outlines, scaled by body height. `None` if the feet have

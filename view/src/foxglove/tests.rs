@@ -80,12 +80,14 @@ fn joints_are_coloured_and_sized_by_their_level_and_grey_when_withheld() {
         let json = parsed(&drawn(state));
         entity(&json, "figure")["spheres"][1 + joint.index()]["size"]["x"].as_f64().unwrap()
     };
-    assert_eq!(diameter(&state, Joint::ALL[0]), above.0);
-    assert_eq!(diameter(&state, Joint::ALL[1]), none.0);
+    // Lengths are rounded to 0.1 mm.
+    let is = |drawn_m: f64, expected_m: f64| (drawn_m - expected_m).abs() < 1e-4;
+    assert!(is(diameter(&state, Joint::ALL[0]), above.0));
+    assert!(is(diameter(&state, Joint::ALL[1]), none.0));
     for (reason, name) in Validity::NAMES.iter().filter(|(reason, _)| *reason != Validity::SUIT_STALE) {
         let mut withheld = state;
         withheld.valid = reason.0;
-        assert_eq!(diameter(&withheld, Joint::ALL[0]), none.0, "{name}");
+        assert!(is(diameter(&withheld, Joint::ALL[0]), none.0), "{name}");
     }
 }
 

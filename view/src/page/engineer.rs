@@ -130,9 +130,11 @@ async fn act(desk: Desk, headers: &HeaderMap, command: Option<PageCommand>) -> R
     if !is_from_here(headers) {
         return refused(StatusCode::FORBIDDEN, "Commands are taken from this page itself only.\n");
     }
-    let given = headers.get(COMMAND_HEADER).and_then(|value| value.to_str().ok());
-    if !given.is_some_and(|given| token.is_secret(given)) {
-        return refused(StatusCode::UNAUTHORIZED, "This needs the command token.\n");
+    let Some(given) = headers.get(COMMAND_HEADER) else {
+        return refused(StatusCode::UNAUTHORIZED, "A command needs the command token.\n");
+    };
+    if !given.to_str().is_ok_and(|given| token.is_secret(given)) {
+        return refused(StatusCode::UNAUTHORIZED, "The command token is wrong.\n");
     }
     let Some(command) = command else {
         return refused(StatusCode::NOT_FOUND, "There is no such command, or its subject is no id.\n");

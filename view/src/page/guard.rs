@@ -21,14 +21,20 @@ const CONTENT_SECURITY_POLICY: &str = "default-src 'none'; script-src 'self'; st
 const REPORT_POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox; \
      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
-const ANSWER_HEADERS: [(HeaderName, HeaderValue); 6] = [
+const ANSWER_HEADERS: [(HeaderName, HeaderValue); 5] = [
     (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(CONTENT_SECURITY_POLICY)),
     (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
     (header::X_FRAME_OPTIONS, HeaderValue::from_static("DENY")),
     (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
-    (header::CACHE_CONTROL, HeaderValue::from_static("no-store")),
     (HeaderName::from_static("cross-origin-resource-policy"), HeaderValue::from_static("same-origin")),
 ];
+
+/// Paths at which a browser exchanges the token for the cookie.
+const PAGES: [&str; 2] = ["/", "/engineer"];
+const TOKEN_MISSING: &str = "This page needs its token: open it once with ?token=TOKEN at the end of its address, or \
+                             send Authorization: Bearer TOKEN.\n";
+const TOKEN_WRONG: &str =
+    "The token is wrong. `equipoise token` creates one; the page reads it from its token file.\n";
 
 /// Access rules of the page.
 #[derive(Debug, Clone)]
@@ -50,6 +56,10 @@ pub(crate) async fn guard(State(access): State<Access>, request: Request, next: 
         None => next.run(request).await,
     };
     response.headers_mut().extend(ANSWER_HEADERS);
+    // Only the pages' own files may be stored: they have a tag.
+    if !response.headers().contains_key(header::ETAG) {
+        response.headers_mut().insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    }
     if is_report {
         response
             .headers_mut()
@@ -79,8 +89,10 @@ impl Access {
             return None;
         }
         match token_of(request.uri()) {
-            Some(given) if token.is_secret(given) => Some(self.welcome(token)),
-            _ => Some(wanting()),
+            Some(given) if token.is_secret(given) => Some(self.welcome(token, request.uri().path())),
+            Some(_) => Some(unauthorised(TOKEN_WRONG)),
+            None if request.headers().contains_key(header::AUTHORIZATION) => Some(unauthorised(TOKEN_WRONG)),
+            None => Some(unauthorised(TOKEN_MISSING)),
         }
     }
 
@@ -106,25 +118,26 @@ impl Access {
     ///
     /// Uses a page with a refresh instead of a redirect: after a click in an e-mail, a redirect would still count as
     /// cross-site, and the browser would not send the SameSite cookie.
-    fn welcome(&self, token: &Token) -> Response {
+    fn welcome(&self, token: &Token, path: &str) -> Response {
         let cookie =
             format!("{}={}; Path=/; HttpOnly; SameSite=Strict", self.cookie_name(), token.cookie_value());
-        let page = "<!doctype html><title>Equipoise</title><meta http-equiv=\"refresh\" content=\"0; url=/\">\
-                    <p><a href=\"/\">To the page</a>";
+        let page = format!(
+            "<!doctype html><title>Equipoise</title><meta http-equiv=\"refresh\" content=\"0; url={path}\">\
+             <p><a href=\"{path}\">To the page</a>"
+        );
         ([(header::SET_COOKIE, cookie)], Html(page)).into_response()
     }
 }
 
-fn wanting() -> Response {
-    let sentence = "This page needs its token: open it once with ?token=TOKEN at the end of its address, or send \
-                    Authorization: Bearer TOKEN.\n";
+fn unauthorised(sentence: &'static str) -> Response {
     (StatusCode::UNAUTHORIZED, [(header::WWW_AUTHENTICATE, "Bearer realm=\"equipoise\"")], sentence)
         .into_response()
 }
 
-/// The token in a URL; accepted for `/` only.
+/// The token in a URL; accepted for the two pages only.
 fn token_of(uri: &Uri) -> Option<&str> {
-    uri.query().filter(|_| uri.path() == "/")?.split('&').find_map(|pair| pair.strip_prefix("token="))
+    let query = uri.query().filter(|_| PAGES.contains(&uri.path()))?;
+    query.split('&').find_map(|pair| pair.strip_prefix("token="))
 }
 
 fn target_bytes(uri: &Uri) -> usize {

@@ -17,26 +17,9 @@ use tokio_stream::{Stream, StreamExt};
 use super::guard::{Access, guard};
 use super::newest::{Newest, follow};
 use super::station::Engineer;
-use super::{PageFrame, connections, engineer};
+use super::{PageFrame, assets, connections, engineer};
 
-const HTML: &str = "text/html; charset=utf-8";
-const SCRIPT: &str = "text/javascript; charset=utf-8";
-const STYLE: &str = "text/css; charset=utf-8";
-
-/// A static file of the pages: path on the server, content type, content.
-type Asset = (&'static str, &'static str, &'static str);
-
-/// All files. `view/web` builds them; `view/assets/LIBRARIES.md` lists the libraries in them.
-const ASSETS: [Asset; 8] = [
-    ("/", HTML, include_str!("../../assets/worker.html")),
-    ("/worker.js", SCRIPT, include_str!("../../assets/worker.js")),
-    ("/worker.css", STYLE, include_str!("../../assets/worker.css")),
-    ("/engineer", HTML, include_str!("../../assets/engineer.html")),
-    ("/engineer.js", SCRIPT, include_str!("../../assets/engineer.js")),
-    ("/engineer.css", STYLE, include_str!("../../assets/engineer.css")),
-    ("/icon.svg", "image/svg+xml", include_str!("../../assets/icon.svg")),
-    ("/libraries", "text/plain; charset=utf-8", include_str!("../../assets/LIBRARIES.md")),
-];
+const NOT_FOUND: &str = "This address has no page. Worker's page: /, engineer's page: /engineer.\n";
 
 /// Serves until `stopped` completes (or its sender is dropped).
 pub(super) async fn serve<F>(
@@ -52,7 +35,10 @@ pub(super) async fn serve<F>(
     let follower = tokio::spawn(follow(feed, newest));
     let (more, telling) = engineer.map(engineer::routes).unzip();
     let telling = telling.map(tokio::spawn);
-    let routes = pages(watched).merge(more.unwrap_or_default()).layer(from_fn_with_state(access, guard));
+    let routes = pages(watched)
+        .merge(more.unwrap_or_default())
+        .fallback(|| std::future::ready((StatusCode::NOT_FOUND, NOT_FOUND)))
+        .layer(from_fn_with_state(access, guard));
     // Aborting both tasks drops the senders, which ends the event streams.
     let farewell = || {
         follower.abort();
@@ -64,13 +50,8 @@ pub(super) async fn serve<F>(
 }
 
 fn pages(newest: watch::Receiver<Newest>) -> Router {
-    let file = |kind: &'static str, text: &'static str| {
-        get(move || std::future::ready(([(header::CONTENT_TYPE, kind)], text)))
-    };
-    ASSETS
-        .iter()
-        .fold(Router::new(), |routes, (path, kind, text)| routes.route(path, file(kind, text)))
-        .route("/healthz", file("text/plain; charset=utf-8", "ok\n"))
+    assets::routes()
+        .route("/healthz", get(|| std::future::ready("ok\n")))
         .route("/events", get(events))
         .route("/api/state", get(state))
         .with_state(newest)

@@ -2,6 +2,7 @@
 
 use equipoise_core::body::Joint;
 use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
@@ -9,13 +10,13 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::{cut, faint, heading};
-use crate::state_json::level_name;
+use crate::levels::LevelStyle;
 use crate::words;
 
 /// Length of the longest joint name in words.
 const NAME_WIDTH: usize = 22;
-/// Width of torque, level and fatigue after the bar.
-const FIGURES_WIDTH: usize = 40;
+/// Width of level, torque and fatigue after the bar.
+const FIGURES_WIDTH: usize = 45;
 /// Narrower bars are not informative and are left out.
 const BAR_MIN: usize = 6;
 const BAR_MAX: usize = 40;
@@ -44,31 +45,31 @@ fn worst_first(state: &State) -> Vec<(Joint, Option<f64>)> {
 
 fn overload(state: &State, width: usize) -> Vec<Line<'static>> {
     let wide = width >= 1 + NAME_WIDTH + BAR_MIN + FIGURES_WIDTH;
-    let name_width = if wide { NAME_WIDTH } else { 15 };
-    let figures_width = if wide { FIGURES_WIDTH } else { 19 };
+    let name_width = if wide { NAME_WIDTH } else { 14 };
+    let figures_width = if wide { FIGURES_WIDTH } else { 24 };
     let bar_width = width.saturating_sub(name_width + figures_width + 3).min(BAR_MAX);
     let row = |(joint, share): (Joint, Option<f64>)| {
         let index = joint.index();
         let level = state.joint_level[index];
-        let style = Style::new().fg(colour(level));
+        let style = LevelStyle::of(Level::from_number(level).unwrap_or(Level::None));
         let (torque_nm, sigma_nm) = (words::torque_nm(state, joint), state.torque_sigma_nm[index]);
         let bar =
             share.filter(|_| bar_width >= BAR_MIN).map_or_else(String::new, |share| bar(share, bar_width));
         let figures = if wide {
             let tired = 100.0 * state.fatigue[index];
             format!(
-                "{:<10}{torque_nm:>4.0} ± {sigma_nm:.0} of {:.0} N m, tired {tired:.0} %",
-                words::level(level),
+                "{torque_nm:>5.0} ± {sigma_nm:.0} of {:.0} N m, tired {tired:.0} %",
                 state.torque_limit_nm[index]
             )
         } else {
-            format!("{:<10}{torque_nm:>4.0} N m", words::level(level))
+            format!("{torque_nm:>5.0} N m")
         };
         let pad = if bar_width >= BAR_MIN { bar_width } else { 0 };
         Line::from(vec![
             Span::raw(format!(" {:<name_width$} ", cut(words::joint(joint), name_width as u16))),
-            Span::styled(format!("{bar:<pad$} "), style),
-            Span::styled(figures, style),
+            Span::styled(format!("{bar:<pad$} "), Style::new().fg(colour(style))),
+            badge(level, style),
+            Span::raw(figures),
         ])
     };
     let title = heading("Overload, worst first");
@@ -105,13 +106,15 @@ fn bar(share: f64, width: usize) -> String {
     format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])
 }
 
-/// Colour of a level; its name is displayed as well.
-fn colour(level: u32) -> Color {
-    match level_name(level) {
-        "green" => Color::Green,
-        "orange" => Color::Yellow,
-        "red" => Color::Red,
-        "above_max" => Color::Magenta,
-        _ => Color::Gray,
-    }
+/// Style of a level's bar.
+fn colour(style: &LevelStyle) -> Color {
+    let [r, g, b] = style.rgb();
+    Color::Rgb(r, g, b)
+}
+
+/// Sign and word of a level, legible on any ground.
+fn badge(level: u32, style: &LevelStyle) -> Span<'static> {
+    let [r, g, b] = style.ink_rgb();
+    let text = format!(" {} {:<10} ", style.sign, words::level(level));
+    Span::styled(text, Style::new().fg(Color::Rgb(r, g, b)).bg(colour(style)))
 }

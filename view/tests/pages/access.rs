@@ -93,6 +93,11 @@ fn beyond_loopback_nothing_is_served_without_the_token() {
     ] {
         assert_eq!(status(&get(&page, &target, "")), 401, "{target}");
     }
+    for wrong in [get(&page, "/engineer?token=wrong", ""), get(&page, "/", "Authorization: Bearer wrong\r\n")]
+    {
+        assert!(wrong.contains("The token is wrong"), "{wrong}");
+    }
+    assert!(get(&page, &format!("/engineer?token={SECRET}"), "").contains("url=/engineer"));
     page.stop();
 }
 

@@ -103,6 +103,8 @@ fn a_viewer_may_not_command() {
         assert_eq!(status, 401, "{headers}: {answer}");
     }
     assert!(known.commands.lock().unwrap().is_empty());
+    let (_, answer) = response_to(&page, "POST", target, &format!("{bearer}{}", with(VIEWING)));
+    assert!(answer.ends_with("The command token is wrong.\n"), "{answer}");
     let (status, _) = response_to(&page, "POST", target, &format!("{bearer}{}", with(COMMANDING)));
     assert_eq!((status, known.commands.lock().unwrap().len()), (200, 1));
     page.stop();

@@ -81,7 +81,39 @@ fn the_page_and_all_it_needs_come_from_here() {
     for path in ["/worker.js", "/worker.css", "/icon.svg", "/libraries", "/healthz"] {
         assert!(answer(&page, path, "localhost:1").starts_with("HTTP/1.1 200"), "{path}");
     }
-    assert!(answer(&page, "/nothing", "localhost").starts_with("HTTP/1.1 404"));
+    let nothing = answer(&page, "/nothing", "localhost");
+    assert!(nothing.starts_with("HTTP/1.1 404") && nothing.contains("Worker's page: /"), "{nothing}");
+    page.stop();
+}
+
+#[test]
+fn files_are_compressed_and_sent_once() {
+    let page = running();
+    let request = |path: &str, header: &str| {
+        let mut stream = TcpStream::connect(page.address()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{header}\r\n")
+            .unwrap();
+        let mut bytes = Vec::new();
+        stream.read_to_end(&mut bytes).unwrap();
+        let end = bytes.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+        let body = bytes.split_off(end + 4);
+        (String::from_utf8(bytes).unwrap(), body)
+    };
+    let (head, plain) = request("/worker.js", "");
+    assert!(
+        !head.contains("content-encoding") && head.contains("cache-control: private, no-cache"),
+        "{head}"
+    );
+    let (head, packed) = request("/worker.js", "Accept-Encoding: br, gzip\r\n");
+    assert!(head.contains("content-encoding: gzip") && head.contains("vary: accept-encoding"), "{head}");
+    assert!(packed.starts_with(&[0x1f, 0x8b]) && 3 * packed.len() < plain.len(), "{} bytes", packed.len());
+    let tag = head.lines().find_map(|line| line.strip_prefix("etag: ")).unwrap();
+    let (head, body) = request("/worker.js", &format!("If-None-Match: {tag}\r\n"));
+    assert!(head.starts_with("HTTP/1.1 304") && body.is_empty(), "{head}");
+    let (head, _) = request("/worker.css", &format!("If-None-Match: {tag}\r\n"));
+    assert!(head.starts_with("HTTP/1.1 200"), "each file has its own tag: {head}");
+    assert!(request("/api/state", "").0.contains("cache-control: no-store"));
     page.stop();
 }
 

@@ -1,4 +1,4 @@
-// The body's tree and its colours. A test compares both lists with the body of the core.
+// The body's tree. A test compares both lists with the body of the core.
 
 // Parent of each segment, in MVN's order: pelvis, spine, head, right arm, left arm, right leg, left leg.
 export const PARENT = [-1, 0, 1, 2, 3, 4, 5, 4, 7, 8, 9, 4, 11, 12, 13, 0, 15, 16, 17, 0, 19, 20, 21];
@@ -13,15 +13,11 @@ export const JOINT = [
 ];
 
 export const HEAD = 6;
+// Height of the ankle above the floor, and of the crown above the joint of the head.
+const [ANKLE_M, HEAD_M] = [0.09, 0.2];
 export const HANDS = [10, 14];
 export const TOES = [18, 22];
 export const FEET = [[17, 18], [21, 22]];
-
-// Size and sign distinguish the levels without colour.
-export const LEVELS = {
-  none: { radius: 0.018, sign: "" }, green: { radius: 0.032, sign: "" }, orange: { radius: 0.046, sign: "–" },
-  red: { radius: 0.054, sign: "!" }, above_max: { radius: 0.064, sign: "✕" }, undecided: { radius: 0.036, sign: "?" },
-};
 
 // Radius of each segment's bone from its parent's origin, m; those of the torso are trunk radii.
 export const BONE_RADIUS = [
@@ -49,11 +45,11 @@ export function bones(origins) {
 
 export const headCentre = (origins) => tip(origins, HEAD, 0.09);
 
-// Displayed level of a joint.
-export const levelOf = (frame, joint) => frame.state.joints?.[joint]?.level ?? "none";
-
-export function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+// Height of the worker when standing upright, m: the bones from floor to head, in any pose.
+export function standingHeight(origins) {
+  const chain = [1, 2, 3, 4, 5, HEAD, 20, 21];
+  const bonesM = chain.reduce((sum, segment) => sum + norm(sub(origins[segment], origins[PARENT[segment]])), 0);
+  return bonesM + ANKLE_M + HEAD_M;
 }
 
 // Resizes a canvas to its box at device resolution and returns a cleared context in CSS pixels.

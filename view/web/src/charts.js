@@ -1,11 +1,13 @@
 // Time series charts: data and style; drawn by uPlot.
 import uPlot from "uplot";
 import { withGaps } from "./gaps.js";
+import { colour } from "./theme.js";
 
-const HUES = ["#1f6feb", "#d6293e", "#1f9d55", "#e07b00", "#6d5bd0", "#0e8fa3", "#b2478f", "#6b7a12"];
-const grid = { stroke: "#e3e8ef", width: 1 };
+// Legible on both themes.
+const HUES = ["#3b82f6", "#d9463f", "#1f9d6b", "#d07a00", "#8b74e8", "#0e8fa3", "#c2579f", "#7c8c1a"];
+const grid = { stroke: () => colour("grid"), width: 1 };
 const noPoints = { points: { show: false } };
-const axis = (more = {}) => ({ grid, ticks: grid, stroke: "#566273", font: "11px system-ui, 'DejaVu Sans', sans-serif", ...more });
+const axis = (more = {}) => ({ grid, ticks: grid, stroke: () => colour("soft"), font: "11px system-ui, 'DejaVu Sans', sans-serif", ...more });
 const SHOWN_MIN_S = 5;
 // Time axis: seconds before now, which is at the right edge.
 const ago = (u, splits) => splits.map((at) => `${Number(at.toFixed(1))} s`);
@@ -42,9 +44,9 @@ export class ResidualChart extends Chart {
     const edge = (label) => ({ label, stroke: "transparent", ...noPoints });
     super(element, {
       series: [{ label: "t", value: () => "" }, line(words.forward, HUES[0]), line(words.left, HUES[3]), edge(words.noise), edge("\u00a0")],
-      bands: [{ series: [3, 4], fill: "#1f6feb1f" }],
+      bands: [{ series: [3, 4], fill: "#3b82f62b" }],
       scales: { y: { range: (u, low, high) => [Math.min(-15, low ?? 0), Math.max(15, high ?? 0)] } },
-      legend: { show: true, live: false, markers: { fill: (u, i) => (i === 3 ? "#1f6feb33" : null) } },
+      legend: { show: true, live: false, markers: { fill: (u, i) => (i === 3 ? "#3b82f640" : null) } },
     }, [[], [], [], [], []]);
     this.rows = [];
   }
@@ -73,7 +75,7 @@ export class ConvergenceChart extends Chart {
   constructor(element, words) {
     const line = (label, stroke, more = {}) => ({ label, stroke, width: 2, ...noPoints, ...more });
     super(element, {
-      series: [{ label: "t" }, line(words.variance, HUES[4]), line(words.cop_sigma, HUES[0]), line(words.target, "#566273", { dash: [6, 5], width: 1.2 })],
+      series: [{ label: "t" }, line(words.variance, HUES[4]), line(words.cop_sigma, HUES[0]), line(words.target, () => colour("soft"), { dash: [6, 5], width: 1.2 })],
       scales: { y: { distr: 3 } }, axes: [axis({ values: ago }), axis({ size: 46, values: (u, splits) => splits.map((v) => (v == null ? "" : String(v))) })],
       legend: { show: true, live: false },
     }, [[], [], [], []]);

@@ -5,6 +5,7 @@ import { t } from "./words.js";
 
 // Longer than any command takes. Without it, a lost connection would block the buttons.
 const RESPONSE_TIMEOUT_MS = 30_000;
+const UNAUTHORISED = 401;
 
 export function commands(element) {
   const buttons = [...document.querySelectorAll("[data-command]")];
@@ -26,7 +27,7 @@ export function commands(element) {
       const response = await fetch(`/api/command/${name}${subject}`, {
         method: "POST", headers: { "X-Equipoise-Command": element("token").value }, signal: AbortSignal.timeout(RESPONSE_TIMEOUT_MS),
       });
-      showReply(response.ok ? "done" : "refused", (await response.text()).trim());
+      showReply(response.ok ? "done" : "refused", response.status === UNAUTHORISED ? t("ui.token_wrong") : (await response.text()).trim());
     } catch {
       showReply("refused", t("reason.lost"));
     }

@@ -3,6 +3,7 @@ import { ConvergenceChart, PhiChart, ResidualChart } from "./charts.js";
 import { commands } from "./commands.js";
 import { drawPlate } from "./plate.js";
 import { Stream, painter, setText } from "./stream.js";
+import { applyTheme } from "./theme.js";
 import { has, instruction, languageSwitch, reason, t } from "./words.js";
 
 const NUMBERS_EVERY_MS = 250;
@@ -178,6 +179,10 @@ function makeCharts() {
 }
 
 window.addEventListener("resize", redraw);
+applyTheme(() => {
+  makeCharts();
+  redraw();
+});
 languageSwitch(element("languages"), () => {
   makeCharts();
   numbersShown = -Infinity;

@@ -1,19 +1,13 @@
-// 3D figure: worker in blue, suggested pose in black, and a ball on each joint whose colour, size and sign show the level.
+// 3D figure: the worker, and the suggested pose as a translucent body.
 import {
-  AmbientLight, CanvasTexture, CircleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, DynamicDrawUsage,
-  GridHelper, InstancedMesh, LineBasicMaterial, LineLoop, BufferGeometry, Matrix4, Mesh, MeshBasicMaterial,
-  MeshLambertMaterial, PerspectiveCamera, Quaternion, Scene, SphereGeometry, Sprite, SpriteMaterial, SRGBColorSpace,
-  Vector3, WebGLRenderer,
+  AmbientLight, BufferGeometry, CircleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, DynamicDrawUsage, Float32BufferAttribute,
+  InstancedMesh, LineBasicMaterial, LineLoop, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
+  PerspectiveCamera, Quaternion, Scene, ShapeGeometry, Shape, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
-import { FEET, JOINT, LEVELS, bones, colour, headCentre, levelOf } from "./body.js";
+import { FEET, bones, headCentre } from "./body.js";
 import { isPlaced } from "./match.js";
-import { Orbit } from "./orbit.js";
-import { ViewCentre } from "./view_centre.js";
+import { colour } from "./theme.js";
 
-const DISTANCE_M = 5.5;
-// Includes raised hands, enlarged by perspective, and a margin below the floor.
-const SHOWN_HEIGHT_M = 2.65;
-const SHOWN_WIDTH_M = 2.0;
 // The suggested pose is thinner, so that the worker's limbs cover it once they match.
 const GHOST_THICKNESS = 0.72;
 const BONES = 26;
@@ -89,86 +83,54 @@ class Body {
   }
 }
 
-// Material of a ball with its level's sign.
-function ball(level) {
-  const canvas = Object.assign(document.createElement("canvas"), { width: 96, height: 96 });
-  const context = canvas.getContext("2d");
-  // Small highlight only, so that the colour matches the legend.
-  const light = context.createRadialGradient(34, 30, 1, 36, 32, 20);
-  light.addColorStop(0, "#ffffff90");
-  light.addColorStop(1, "#ffffff00");
-  context.beginPath();
-  context.arc(48, 48, 42, 0, 2 * Math.PI);
-  for (const fill of [colour(level), light]) {
-    context.fillStyle = fill;
-    context.fill();
-  }
-  context.lineWidth = 7;
-  context.strokeStyle = "#ffffff";
-  context.stroke();
-  context.fillStyle = "#ffffff";
-  context.font = "700 56px system-ui, 'DejaVu Sans', sans-serif";
-  context.textAlign = "center";
-  context.textBaseline = "middle";
-  context.fillText(LEVELS[level].sign, 48, 51);
-  const map = new CanvasTexture(canvas);
-  map.colorSpace = SRGBColorSpace;
-  return new SpriteMaterial({ map, depthTest: false, transparent: true });
-}
-
-export class Figure3d extends Orbit {
+export class Figure3d {
   constructor(canvas) {
-    super(canvas);
     this.canvas = canvas;
     // Throws where the browser has no WebGL.
     this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
-    this.viewCentre = new ViewCentre();
     this.scene = new Scene();
     this.camera = new PerspectiveCamera();
     this.camera.up.set(0, 0, 1);
-    this.lights();
+    this.lamp = new DirectionalLight("#ffffff", 2.0);
+    this.scene.add(new AmbientLight("#ffffff", 1.7), this.lamp, this.lamp.target);
     this.floor();
-    this.worker = new Body(this.scene, { material: new MeshLambertMaterial({ color: colour("you") }), order: 0 });
+    this.skin = new MeshLambertMaterial();
+    this.worker = new Body(this.scene, { material: this.skin, order: 0 });
     // Depth pass first, then one blended pass: otherwise overlapping limbs would be darker.
     this.ghost = new Body(this.scene, { material: new MeshBasicMaterial({ colorWrite: false }), order: 1, thickness: GHOST_THICKNESS });
-    this.ghost.addPass(this.scene, new MeshLambertMaterial({ transparent: true, opacity: 0.7 }), 2);
-    this.shades = { black: new Color("#0b0e12"), placed: new Color(colour("green")) };
-    this.materials = Object.fromEntries(Object.keys(LEVELS).map((level) => [level, ball(level)]));
-    this.joints = JOINT.map(() => {
-      const sprite = new Sprite(this.materials.none);
-      sprite.renderOrder = 3;
-      this.scene.add(sprite);
-      return sprite;
-    });
-  }
-
-  lights() {
-    this.scene.add(new AmbientLight("#ffffff", 1.7));
-    this.lamp = new DirectionalLight("#ffffff", 2.0);
-    this.scene.add(this.lamp, this.lamp.target);
+    this.ghost.addPass(this.scene, new MeshLambertMaterial({ transparent: true, opacity: 0.75 }), 2);
+    this.recolour();
   }
 
   floor() {
-    this.ground = new Mesh(new CircleGeometry(1.35, 64), new MeshBasicMaterial({ color: colour("floor"), side: DoubleSide }));
+    const material = (more) => new MeshBasicMaterial({ side: DoubleSide, ...more });
+    this.ground = new Mesh(new CircleGeometry(1.35, 64), material());
     this.ground.renderOrder = -2;
-    this.grid = new GridHelper(2, 8, colour("grid"), colour("grid"));
-    this.grid.rotation.x = Math.PI / 2;
-    this.shadows = FEET.map(() => new Mesh(new CircleGeometry(0.16, 32), new MeshBasicMaterial({ color: "#000000", transparent: true, opacity: 0.12, depthWrite: false })));
-    this.plate = new LineLoop(new BufferGeometry(), new LineBasicMaterial({ color: colour("none") }));
-    this.scene.add(this.ground, this.grid, this.plate, ...this.shadows);
+    const lines = Array.from({ length: 9 }, (_, k) => (k - 4) / 4).flatMap((at) => [at, -1, 0, at, 1, 0, -1, at, 0, 1, at, 0]);
+    this.grid = new LineSegments(new BufferGeometry().setAttribute("position", new Float32BufferAttribute(lines, 3)), new LineBasicMaterial());
+    this.plate = new Mesh(new BufferGeometry(), material());
+    this.edge = new LineLoop(new BufferGeometry(), new LineBasicMaterial());
+    this.shadows = FEET.map(() => new Mesh(new CircleGeometry(0.16, 32), material({ color: "#000000", transparent: true, opacity: 0.18, depthWrite: false })));
+    this.scene.add(this.ground, this.grid, this.plate, this.edge, ...this.shadows);
+  }
+
+  // Takes the colours of the theme.
+  recolour() {
+    this.shades = Object.fromEntries(["you", "ghost", "placed", "none"].map((name) => [name, new Color(colour(name))]));
+    for (const [name, mesh] of [["floor", this.ground], ["grid", this.grid], ["plate", this.plate], ["soft", this.edge]]) mesh.material.color.set(colour(name));
   }
 
   // `frame` is null while no data are available. `deviations`: angle of each limb from the suggested pose, rad.
-  draw(frame, deviations, reachedRad) {
+  draw(view, frame, faded, deviations, reachedRad) {
     const origins = frame?.segment_origin_m;
-    const [x, y, z] = this.viewCentre.update(origins);
-    this.ground.position.set(x, y, z - 0.004);
-    this.grid.position.set(Math.round(x * 4) / 4, Math.round(y * 4) / 4, z - 0.002);
-    this.plate.visible = Boolean(frame?.plate_corners_m);
-    if (this.plate.visible) this.plate.geometry.setFromPoints(frame.plate_corners_m.map(([a, b]) => new Vector3(a, b, z)));
+    const [x, y, z] = view.centre;
+    this.ground.position.set(x, y, z - 0.006);
+    this.grid.position.set(Math.round(x * 4) / 4, Math.round(y * 4) / 4, z - 0.004);
+    this.drawPlate(frame?.plate_corners_m, z - 0.002);
+    this.skin.color.copy(this.shades[faded ? "none" : "you"]);
     if (origins) this.worker.show(origins);
     else this.worker.hide();
-    if (frame?.suggested) this.ghost.show(frame.suggested.segment_origin_m, (segment) => this.shadeOf(segment, deviations, reachedRad));
+    if (origins && frame.suggested) this.ghost.show(frame.suggested.segment_origin_m, (segment) => this.shades[isPlaced(segment, deviations, reachedRad) ? "placed" : "ghost"]);
     else this.ghost.hide();
     this.shadows.forEach((shadow, i) => {
       shadow.visible = Boolean(origins);
@@ -176,53 +138,37 @@ export class Figure3d extends Orbit {
       const [heel, toe] = FEET[i].map((segment) => origins[segment]);
       shadow.position.set((heel[0] + toe[0]) / 2, (heel[1] + toe[1]) / 2, z);
     });
-    this.drawJoints(frame, origins);
-    this.aimCamera([x, y, z + 1.06]);
+    this.aimCamera(view);
     this.renderer.render(this.scene, this.camera);
     // For tests of the page.
-    this.canvas.dataset.drawn = [origins && "worker", frame?.suggested && "suggested"].filter(Boolean).join(" ");
     this.canvas.dataset.triangles = String(this.renderer.info.render.triangles);
   }
 
-  shadeOf(segment, deviations, reachedRad) {
-    return isPlaced(segment, deviations, reachedRad) ? this.shades.placed : this.shades.black;
+  drawPlate(corners, z) {
+    this.plate.visible = this.edge.visible = Boolean(corners);
+    const key = JSON.stringify(corners);
+    this.plate.position.z = this.edge.position.z = z;
+    if (!corners || key === this.plateKey) return;
+    this.plateKey = key;
+    this.plate.geometry = new ShapeGeometry(new Shape(corners.map(([a, b]) => new Vector2(a, b))));
+    this.edge.geometry.setFromPoints(corners.map(([a, b]) => new Vector3(a, b, 0.001)));
   }
 
-  drawJoints(frame, origins) {
-    // Levels are available only after identification.
-    const evaluated = origins && frame.state.phase === "monitoring";
-    this.joints.forEach((sprite, i) => {
-      sprite.visible = Boolean(evaluated);
-      if (!evaluated) return;
-      const level = levelOf(frame, JOINT[i]);
-      sprite.material = this.materials[level] ?? this.materials.none;
-      sprite.scale.setScalar(2 * (LEVELS[level] ?? LEVELS.none).radius);
-      sprite.position.fromArray(origins[i + 1]);
-    });
-  }
-
-  aimCamera(target) {
-    const { width, height } = this.canvas.getBoundingClientRect();
+  aimCamera(view) {
     const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    if (this.width !== width || this.height !== height || this.ratio !== ratio) {
-      [this.width, this.height, this.ratio] = [width, height, ratio];
+    if (this.width !== view.width || this.height !== view.height || this.ratio !== ratio) {
+      [this.width, this.height, this.ratio] = [view.width, view.height, ratio];
       this.renderer.setPixelRatio(ratio);
-      this.renderer.setSize(width, height, false);
-      this.camera.aspect = width / Math.max(height, 1);
-      const shown = Math.max(SHOWN_HEIGHT_M, SHOWN_WIDTH_M / this.camera.aspect);
-      this.camera.fov = 2 * Math.atan(shown / 2 / DISTANCE_M) * 180 / Math.PI;
-      this.camera.updateProjectionMatrix();
+      this.renderer.setSize(this.width, this.height, false);
     }
-    const { towards, right } = this.axes();
-    this.camera.position.set(...target.map((v, i) => v + DISTANCE_M * towards[i]));
+    this.camera.aspect = view.width / Math.max(view.height, 1);
+    this.camera.fov = view.fov;
+    this.camera.updateProjectionMatrix();
+    const { eye, target, towards, right } = view;
+    this.camera.position.set(...eye);
     this.camera.lookAt(...target);
     this.lamp.position.set(...target.map((v, i) => v + 2 * towards[i] - 2 * right[i] + (i === 2 ? 2.5 : 0)));
     this.lamp.target.position.set(...target);
-  }
-
-  // Canvas position of a world point, CSS pixels.
-  project(point) {
-    const clip = from.fromArray(point).project(this.camera);
-    return [(clip.x + 1) * this.width / 2, (1 - clip.y) * this.height / 2];
+    this.canvas.style.transform = view.mirrored ? "scaleX(-1)" : "";
   }
 }

@@ -1,6 +1,6 @@
 // Deviation of the worker's pose from the suggested one per limb, from the directions of the bones: independent of stature and
 // position. For display only; the daemon's `pose_mismatch_rad` decides.
-import { PARENT, sub } from "./body.js";
+import { PARENT, norm, sub } from "./body.js";
 
 // Segments whose bone, from the parent's origin, is part of a limb.
 export const LIMBS = {
@@ -8,6 +8,10 @@ export const LIMBS = {
 };
 // The suit's estimate of spine and feet deviates from a library pose by some degrees.
 export const LIMB_REACHED_RAD = 0.35;
+
+// Segment whose origin an arrow moves to that of the suggested pose: of a leg the pelvis, since the feet stay.
+const LIMB_END = { back: 5, head: 6, right_arm: 10, left_arm: 14, right_leg: 0, left_leg: 0 };
+const ARROW_MIN_M = 0.1;
 
 function angle(a, b) {
   const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -38,4 +42,13 @@ export function share(mismatchRad, reachedRad) {
 export function isPlaced(segment, deviations, reachedRad) {
   const limb = Object.keys(LIMBS).find((name) => LIMBS[name].includes(segment));
   return Boolean(limb && deviations && deviations[limb] <= reachedRad);
+}
+
+// Movements that place the deviating limbs, as pairs of points.
+export function movements(worker, suggested, deviations) {
+  const isOff = (limb) => deviations[limb] > LIMB_REACHED_RAD;
+  // The head moves with the back.
+  const limbs = Object.keys(LIMB_END).filter((limb) => isOff(limb) && !(limb === "head" && isOff("back")));
+  return [...new Set(limbs.map((limb) => LIMB_END[limb]))].map((segment) => [worker[segment], suggested[segment]])
+    .filter(([from, to]) => norm(sub(to, from)) > ARROW_MIN_M);
 }

@@ -1,5 +1,6 @@
 // Plate from above. World X (forward) is up, world Y (left) is left.
-import { FEET, colour, prepared } from "./body.js";
+import { FEET, prepared } from "./body.js";
+import { colour } from "./theme.js";
 
 const SHOWN_MIN_M = 0.62;
 
@@ -31,7 +32,7 @@ export function drawPlate(canvas, frame) {
     // Support polygon.
     path(context, hull(feet.flatMap(footOutline)).map(at));
     context.closePath();
-    context.fillStyle = "#dfe7f3";
+    context.fillStyle = colour("pressed");
     context.fill();
     context.setLineDash([5, 4]);
     stroke(context, colour("soft"), 1.2);

@@ -1,27 +1,33 @@
-// Worker's page. Levels, reasons and validity come from the daemon, texts from the tables.
-import { JOINT, LEVELS } from "./body.js";
+// Worker's page: draws the view that decision.js derives. Levels, reasons and validity come from the daemon, texts from the
+// tables.
+import { Decider } from "./decision.js";
 import { Figure2d } from "./figure2d.js";
 import { Figure3d } from "./figure3d.js";
 import { Hold } from "./hold.js";
-import { LIMB_REACHED_RAD, limbDeviations, share, worstLimb } from "./match.js";
-import { load } from "./numbers.js";
+import { setLevel } from "./levels.js";
+import { drawMarks } from "./marks.js";
+import { LIMB_REACHED_RAD, limbDeviations, movements, share, worstLimb } from "./match.js";
+import { load, number } from "./numbers.js";
 import { Stream, painter, setText } from "./stream.js";
+import { applyTheme } from "./theme.js";
+import { View } from "./view.js";
 import { capitalised, instruction, language, languageSwitch, reason, t } from "./words.js";
 
 // Faster changes are not readable.
 const NUMBERS_EVERY_MS = 250;
-const FATIGUE_ROWS = 5;
+const FATIGUE_ROWS = 3;
 const FATIGUE_MIN = 0.01;
-const CONNECTION = {
-  waiting: { pill: "ui.connecting", reason: "connecting", tone: "calm" },
-  live: { pill: "ui.live" },
-  silent: { pill: "ui.no_data", reason: "silent", tone: "warn" },
-  lost: { pill: "ui.no_connection", reason: "lost", tone: "alarm" },
-};
+const PILL = { waiting: "ui.connecting", live: "ui.live", silent: "ui.no_data", lost: "ui.no_connection" };
 
 const element = (id) => document.getElementById(id);
+applyTheme(() => {
+  figure.recolour();
+  redraw();
+});
+const decider = new Decider();
 const hold = new Hold();
 let numbersShown = -Infinity;
+let numbersOf = "";
 
 // A canvas provides only one kind of context: without WebGL it is replaced.
 function makeFigure() {
@@ -41,48 +47,52 @@ function makeFigure() {
 const figure = makeFigure();
 const redraw = painter(draw);
 const stream = new Stream("/events", ["frame"], redraw);
+const view = new View(element("figure"), showTurn);
 
 function draw(now) {
-  const newest = stream.newest();
-  // The suggested pose is drawn at the worker's position, and omitted while that is unavailable.
-  const frame = newest && (newest.segment_origin_m ? newest : { ...newest, suggested: undefined });
-  const deviations = frame?.suggested && frame.segment_origin_m
-    ? limbDeviations(frame.segment_origin_m, frame.suggested.segment_origin_m) : null;
-  figure.draw(frame, deviations, LIMB_REACHED_RAD);
-  showWords(frame);
-  showHold(frame, now);
-  showWorstLabel(frame);
-  if (now - numbersShown > NUMBERS_EVERY_MS || !frame) {
-    numbersShown = now;
-    showMatch(frame, deviations);
-    showProgress(frame);
-    showJoints(frame);
-  }
+  const shown = decider.decide(now, stream.connection, stream.newest());
+  const { frame, faded } = shown.figure;
+  const { width, height } = element("figure").getBoundingClientRect();
+  view.update(frame, width, height);
+  const posing = shown.posing && frame?.suggested && !faded;
+  const deviations = posing ? limbDeviations(frame.segment_origin_m, frame.suggested.segment_origin_m) : null;
+  figure.draw(view, frame, faded, deviations, LIMB_REACHED_RAD);
+  drawMarks(element("marks"), view, shown, posing ? movements(frame.segment_origin_m, frame.suggested.segment_origin_m, deviations) : [], language());
+  showWords(shown);
+  showHold(shown, now);
+  // Without data no event ends the hold.
+  if (shown.held) redraw();
+  const situation = `${shown.kind} ${shown.held}`;
+  if (now - numbersShown < NUMBERS_EVERY_MS && situation === numbersOf) return;
+  [numbersShown, numbersOf] = [now, situation];
+  showMatch(shown, deviations);
+  showProgress(shown);
+  showLoad(shown);
+  showFatigue(shown.fatigue);
 }
 
-function showWords(frame) {
-  const connection = CONNECTION[stream.connection];
+function showWords(shown) {
   const { dataset } = document.body;
   dataset.connection = stream.connection;
-  dataset.phase = frame?.phase_name ?? "";
-  dataset.posing = String(Boolean(frame?.suggested));
-  setText(element("connection"), t(connection.pill));
-  setText(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
-  const headline = frame ? instruction(frame.instruction) : connection.reason ? instruction({ key: `reason.${connection.reason}` }) : "";
-  setText(element("instruction"), headline);
-  element("instruction").dataset.tone = frame ? frame.instruction.tone : connection.tone ?? "calm";
-  element("no-picture").hidden = Boolean(frame?.segment_origin_m);
-  showReasons(frame ? frame.reasons : connection.reason ? [{ name: connection.reason, fault: stream.connection === "lost" }] : []);
+  dataset.phase = shown.phase;
+  dataset.kind = shown.kind;
+  dataset.held = String(Boolean(shown.held));
+  setText(element("connection"), t(PILL[stream.connection]));
+  setText(element("phase"), shown.phase && t(`phase.${shown.phase}`));
+  setText(element("instruction"), instruction(shown.banner));
+  element("banner").dataset.tone = shown.tone;
+  element("badge").hidden = !shown.level;
+  if (shown.level) setLevel(element("badge"), shown.level);
+  element("no-picture").hidden = Boolean(shown.figure.frame);
+  element("levels").hidden = shown.kind !== "load";
+  element("poses-legend").hidden = !shown.posing;
+  element("plate-legend").hidden = !shown.figure.frame;
+  showReasons(shown.reasons);
 }
 
 function showReasons(reasons) {
-  // These need no action and are in the headline already.
-  const relevant = reasons.filter(({ name }) => !["not_identified", "below_load_threshold"].includes(name));
-  // During an equipment fault, the other reasons are its consequences: omit them.
-  const faults = relevant.filter(({ fault }) => fault);
-  const shown = faults.length ? faults : relevant;
-  element("reasons-card").hidden = shown.length === 0;
-  const lines = shown.map(reason);
+  element("reasons-card").hidden = reasons.length === 0;
+  const lines = reasons.map(reason);
   const key = lines.join("\n");
   if (element("reasons").dataset.key === key) return;
   element("reasons").dataset.key = key;
@@ -90,46 +100,25 @@ function showReasons(reasons) {
     const [what, ...rest] = line.split(": ");
     const item = document.createElement("li");
     const head = document.createElement("b");
-    head.textContent = what;
+    head.textContent = `${reasons[i].fault ? "! " : ""}${what}`;
     item.append(head, capitalised(rest.join(": ")));
-    item.dataset.reason = shown[i].name;
-    item.classList.toggle("fault", shown[i].fault);
+    item.dataset.reason = reasons[i].name;
+    item.classList.toggle("fault", reasons[i].fault);
     return item;
   }));
 }
 
-// Whether the worker should take a pose now.
-const isPoseRequested = (frame) => Boolean(frame?.suggested && frame.phase_name !== "degraded" && frame.state.pose_mismatch_rad !== undefined && frame.segment_origin_m);
-
-function showHold(frame, now) {
-  const reached = isPoseRequested(frame) && frame.state.pose_mismatch_rad < frame.pose_reached_rad;
-  const ring = hold.update(now, {
-    origins: frame?.segment_origin_m, reached, isStatic: frame?.state.static_pose, poses: frame?.state.poses_used ?? null,
+function showHold({ posing, held, figure: { frame } }, now) {
+  const state = frame?.state;
+  const reached = posing && !held && state.pose_mismatch_rad < frame.pose_reached_rad;
+  const { remainingS, share: filled, done } = hold.update(now, {
+    origins: frame?.segment_origin_m, reached, isStatic: state?.static_pose, poses: state?.poses_used ?? null,
   });
-  const shown = ring.done || reached;
-  const full = ring.done || ring.share === 1;
-  element("hold").hidden = !shown;
-  element("hold").dataset.state = full ? "full" : "filling";
-  element("hold-fill").style.strokeDashoffset = String(100 * (1 - (ring.done ? 1 : ring.share)));
-  setText(element("hold-text"), t(ring.done ? "ui.hold_done" : ring.share > 0.3 ? "ui.hold_keep" : "ui.hold_still"));
-}
-
-function showWorstLabel(frame) {
-  const worst = frame?.worst;
-  const label = element("worst-label");
-  const shown = Boolean(worst && frame.segment_origin_m && !["none", "green"].includes(worst.level));
-  label.hidden = !shown;
-  if (!shown) return;
-  setText(label, `${capitalised(t(`joint.${worst.joint}`))}: ${t(`level.${worst.level}`)}`);
-  label.dataset.level = worst.level;
-  const [x, y] = figure.project(frame.segment_origin_m[JOINT.indexOf(worst.joint) + 1]);
-  const { width } = figure.canvas.getBoundingClientRect();
-  // Next to the body, if the space suffices.
-  const [[middle], wide] = [figure.project(frame.segment_origin_m[0]), label.offsetWidth];
-  const sides = [x + 50, x - 50 - wide];
-  if (x < middle) sides.reverse();
-  const left = sides.find((side) => side >= 8 && side + wide + 8 <= width) ?? Math.max(8, (width - wide) / 2);
-  label.style.transform = `translate(${left.toFixed(0)}px, ${(y - label.offsetHeight / 2).toFixed(0)}px)`;
+  element("hold").hidden = !done && !reached;
+  element("hold").dataset.state = done || filled === 1 ? "full" : "filling";
+  element("hold-fill").style.strokeDashoffset = String(100 * (1 - (done ? 1 : filled)));
+  setText(element("hold-left"), done ? "✓" : `${number(remainingS, 1, language())} s`);
+  setText(element("hold-text"), t(done ? "ui.hold_done" : "ui.hold_still"));
 }
 
 function fill(bar, part) {
@@ -138,21 +127,21 @@ function fill(bar, part) {
   bar.setAttribute("aria-valuenow", (100 * part).toFixed(0));
 }
 
-function showMatch(frame, deviations) {
-  element("match-card").hidden = !isPoseRequested(frame);
-  if (!isPoseRequested(frame)) return;
-  const part = share(frame.state.pose_mismatch_rad, frame.pose_reached_rad);
-  setText(element("match-share"), `${(100 * part).toFixed(0)} %`);
+function showMatch({ posing, held, figure: { frame } }, deviations) {
+  element("match-card").hidden = !posing;
+  if (!posing) return;
+  const part = held ? 0 : share(frame.state.pose_mismatch_rad, frame.pose_reached_rad);
+  setText(element("match-share"), held ? "–" : `${(100 * part).toFixed(0)} %`);
   fill(element("match-bar"), part);
-  const limb = part < 1 && worstLimb(deviations);
+  const limb = !held && part < 1 && worstLimb(deviations);
   setText(element("match-words"), part >= 1 ? t("ui.match_good") : limb ? t("ui.match_limb", { limb: t(`limb.${limb}`) }) : "");
 }
 
-function showProgress(frame) {
-  const state = frame?.state;
-  element("progress-card").hidden = frame?.phase_name !== "identifying";
-  if (!state) return;
-  const [sigma, target] = [state.predicted_cop_sigma_m, frame.cop_sigma_target_m];
+function showProgress({ calibrating, held, figure: { frame } }) {
+  element("progress-card").hidden = !calibrating;
+  if (!calibrating || held || !frame) return;
+  const { state, cop_sigma_target_m: target } = frame;
+  const sigma = state.predicted_cop_sigma_m;
   const part = state.converged ? 1 : sigma && target ? Math.min(0.99, target / sigma) : Math.min(0.9, state.poses_used / 8);
   const count = state.poses_used;
   setText(element("poses"), t(count === 0 ? "ui.progress_none" : count === 1 ? "ui.progress_one" : "ui.progress_many", { count }));
@@ -161,65 +150,54 @@ function showProgress(frame) {
   setText(element("progress-words"), t(`ui.progress_${words}`));
 }
 
-function showJoints(frame) {
-  const state = frame?.state;
-  const shown = frame?.phase_name === "monitoring";
-  element("joints-card").hidden = !shown;
-  if (!shown) return;
-  const worst = frame.worst;
-  element("worst").hidden = !worst;
-  if (worst) {
-    const dot = element("worst").querySelector(".dot");
-    dot.dataset.level = worst.level;
-    setText(dot, LEVELS[worst.level]?.sign ?? "");
-    setText(element("worst-name"), capitalised(t(`joint.${worst.joint}`)));
-    setText(element("worst-level"), t(`level.${worst.level}`));
-  }
-  setText(element("joints-words"), worst ? "" : t("ui.joints_unloaded"));
-  element("advice").hidden = !frame.advice_name;
-  setText(element("advice"), frame.advice_name ? t(`advice.${frame.advice_name}`) : "");
-  setText(element("load"), load(state.lifted_mass_kg, language()));
-  showFatigue(state.fatigue ?? {});
+function showLoad({ kind, loadKg, advice }) {
+  element("load-card").hidden = kind !== "load";
+  setText(element("load"), load(loadKg, language()));
+  element("advice").hidden = !advice;
+  setText(element("advice"), advice ? t(`advice.${advice}`) : "");
 }
 
 function showFatigue(fatigue) {
-  const fatigued = Object.entries(fatigue).filter(([, part]) => part >= FATIGUE_MIN).sort((a, b) => b[1] - a[1]).slice(0, FATIGUE_ROWS);
+  element("fatigue-card").hidden = !fatigue;
+  const fatigued = Object.entries(fatigue ?? {}).filter(([, part]) => part >= FATIGUE_MIN).sort((a, b) => b[1] - a[1]).slice(0, FATIGUE_ROWS);
   const rows = fatigued.map(([joint, part]) => {
     const row = document.createElement("li");
     const bar = document.createElement("div");
     bar.className = "bar";
     bar.append(document.createElement("i"));
     const name = capitalised(t(`joint.${joint}`));
-    row.append(name, bar);
-    row.dataset.joint = joint;
+    row.append(name, Object.assign(document.createElement("b"), { textContent: `${(100 * part).toFixed(0)} %` }), bar);
     bar.setAttribute("role", "meter");
     bar.setAttribute("aria-label", name);
     fill(bar, Math.min(1, part));
     return row;
   });
-  if (!rows.length) {
-    const none = document.createElement("li");
-    none.className = "soft";
-    none.textContent = t("ui.fatigue_none");
-    rows.push(none);
-  }
+  if (!rows.length) rows.push(Object.assign(document.createElement("li"), { textContent: t("ui.fatigue_none") }));
   element("fatigue").replaceChildren(...rows);
 }
 
-const views = [...document.querySelectorAll("[data-azimuth]")];
-for (const view of views) {
-  view.addEventListener("click", () => {
-    figure.azimuth = Number(view.dataset.azimuth);
-    figure.elevation = 12;
-    figure.onturn();
-  });
+// A badge and a name for each level, highest first.
+function showLevels() {
+  element("levels").replaceChildren(...["above_max", "red", "orange", "green", "undecided", "none"].map((name) => {
+    const [item, badge, text] = ["li", "i", "span"].map((kind) => document.createElement(kind));
+    badge.className = "badge";
+    setLevel(badge, name);
+    text.textContent = t(`level.${name}`);
+    item.append(badge, text);
+    return item;
+  }));
 }
-figure.onturn = () => {
-  for (const view of views) view.setAttribute("aria-pressed", String(Number(view.dataset.azimuth) === figure.azimuth));
+
+const views = [...document.querySelectorAll("[data-azimuth]")];
+for (const button of views) button.addEventListener("click", () => view.look(Number(button.dataset.azimuth), "mirrored" in button.dataset));
+function showTurn() {
+  for (const button of views) button.setAttribute("aria-pressed", String(!view.turned && Number(button.dataset.azimuth) === view.azimuth));
   redraw();
-};
+}
+views[0].click();
 window.addEventListener("resize", redraw);
 languageSwitch(element("languages"), () => {
   numbersShown = -Infinity;
+  showLevels();
   redraw();
 });

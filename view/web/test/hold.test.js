@@ -6,13 +6,13 @@ import { Hold } from "../src/hold.js";
 const standing = () => Array.from({ length: 23 }, (_, i) => [0, 0, i / 10]);
 const moved = (by) => standing().map(([x, y, z]) => [x + by, y, z]);
 
-test("the ring fills during stillness and is full only for a static pose", () => {
+test("the ring counts down during stillness and ends only with a static pose", () => {
   const hold = new Hold();
-  const share = (now, isStatic = false, origins = standing()) => hold.update(now, { origins, reached: true, isStatic, poses: 0 }).share;
-  assert.equal(share(0), 0);
-  assert.ok(share(400) > 0.3 && share(400) < 0.6);
-  assert.ok(share(60_000) < 1, "not full by time alone");
-  assert.equal(share(60_010, true), 1);
+  const at = (now, isStatic = false, origins = standing()) => hold.update(now, { origins, reached: true, isStatic, poses: 0 });
+  assert.deepEqual(at(0), { remainingS: 0.9, share: 0, done: false });
+  assert.ok(Math.abs(at(400).remainingS - 0.5) < 1e-9);
+  assert.equal(at(60_000).remainingS, 0.1, "not at its end by time alone");
+  assert.deepEqual(at(60_010, true), { remainingS: 0, share: 1, done: false });
 });
 
 test("motion or another pose resets the ring", () => {

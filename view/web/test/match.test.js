@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { PARENT } from "../src/body.js";
-import { LIMBS, isPlaced, limbDeviations, share, worstLimb } from "../src/match.js";
+import { LIMBS, isPlaced, limbDeviations, movements, share, worstLimb } from "../src/match.js";
 
 // Every bone straight up, 10 cm long.
 const body = () => {
@@ -39,4 +39,12 @@ test("agreement is 1 exactly where the daemon accepts the pose", () => {
   assert.ok(share(0.21, 0.2) < 1);
   assert.ok(share(1.0, 0.2) < share(0.5, 0.2));
   assert.equal(share(3, 0.2), 0);
+});
+
+test("an arrow leads from each deviating limb to its place", () => {
+  const [worker, suggested] = [body(), body()];
+  const hand = LIMBS.right_arm[2];
+  suggested[hand] = suggested[hand].map((v, axis) => v + (axis === 0 ? 0.3 : 0));
+  assert.deepEqual(movements(worker, suggested, limbDeviations(worker, suggested)), [[worker[hand], suggested[hand]]]);
+  assert.deepEqual(movements(worker, worker, limbDeviations(worker, worker)), []);
 });
