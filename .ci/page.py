@@ -22,7 +22,8 @@ TRIES = 4
 # Conditions on the newest frame, at which the page is frozen.
 POSING = """(last) => {
   const frame = last && JSON.parse(last);
-  return frame?.phase_name === 'identifying' && frame.suggested && frame.segment_origin_m && frame.state.pose_mismatch_rad > frame.pose_reached_rad;
+  return frame?.phase_name === 'identifying' && frame.suggested && frame.segment_origin_m
+    && frame.state.cop_measured && !frame.state.static_pose && frame.state.pose_mismatch_rad > frame.pose_reached_rad;
 }"""
 HOLDS = POSING.replace(" > ", " < ")
 LEVEL = "(last) => last && JSON.parse(last).worst?.level === '{}'"
