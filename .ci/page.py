@@ -19,10 +19,14 @@ SECRET = "of-the-test-0123456789abcdefghij"
 START_S = 60.0
 TRIES = 4
 
-# Conditions on the page, or on the newest frame, at which it is frozen.
-HOLDS = "() => { const one = document.getElementById('hold'); return one && !one.hidden && one.dataset.state === 'filling'; }"
+# Conditions on the newest frame, at which the page is frozen.
+POSING = """(last) => {
+  const frame = last && JSON.parse(last);
+  return frame?.phase_name === 'identifying' && frame.suggested && frame.segment_origin_m
+    && frame.state.cop_measured && !frame.state.static_pose && frame.state.pose_mismatch_rad > frame.pose_reached_rad;
+}"""
+HOLDS = POSING.replace(" > ", " < ")
 LEVEL = "(last) => last && JSON.parse(last).worst?.level === '{}'"
-POSING = "() => { const one = document.getElementById('match-card'); return one && !one.hidden && document.body.dataset.phase === 'identifying'; }"
 
 
 def wait_for(url, server):

@@ -55,9 +55,10 @@ function draw(now) {
   const { width, height } = element("figure").getBoundingClientRect();
   view.update(frame, width, height);
   const posing = shown.posing && frame?.suggested && !faded;
+  const reached = posing && frame.state.pose_mismatch_rad < frame.pose_reached_rad;
   const deviations = posing ? limbDeviations(frame.segment_origin_m, frame.suggested.segment_origin_m) : null;
   figure.draw(view, frame, faded, deviations, LIMB_REACHED_RAD);
-  drawMarks(element("marks"), view, shown, posing ? movements(frame.segment_origin_m, frame.suggested.segment_origin_m, deviations) : [], language());
+  drawMarks(element("marks"), view, shown, posing && !reached ? movements(frame.segment_origin_m, frame.suggested.segment_origin_m, deviations) : [], language());
   showWords(shown);
   showHold(shown, now);
   // Without data no event ends the hold.
