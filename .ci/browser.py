@@ -43,7 +43,7 @@ LOOK = """(() => {
     if (walker.currentNode.textContent.trim() && parent.tagName !== "NOSCRIPT" && parent.checkVisibility()) texts.push(parent);
   }
   return JSON.stringify({
-    ...document.body?.dataset, phaseText: text("phase"), instruction: text("instruction"),
+    ...document.body?.dataset, frozen: Boolean(window.isFrozen), phaseText: text("phase"), instruction: text("instruction"),
     drawn: data("marks").drawn ?? "", triangles: Number(data("figure").triangles ?? 0), lang: document.documentElement.lang,
     figureShare: Number(data("marks").figurePx ?? 0) / innerHeight,
     textPx: Math.min(...texts.map((one) => parseFloat(getComputedStyle(one).fontSize))),
@@ -66,7 +66,7 @@ LOOK = """(() => {
   });
 })()"""
 
-NOTHING = {"connection": None, "phase": "", "phaseText": "", "instruction": "", "drawn": "", "triangles": 0, "figure": "", "figureShare": 0.0,
+NOTHING = {"connection": None, "frozen": False, "phase": "", "phaseText": "", "instruction": "", "drawn": "", "triangles": 0, "figure": "", "figureShare": 0.0,
            "textPx": 0.0, "clipped": [], "lang": "", "link": "", "hold": False, "match": False, "progress": False, "loaded": False, "fatigue": False,
            "level": "", "load": "", "advice": "", "flat": False, "wide": False, "covered": False, "apart": 0.0, "model": "",
            "reasons": [], "plate": "", "residual": 0, "convergence": 0, "parameters": 0, "latency": 0, "sensors": [],
@@ -80,7 +80,7 @@ FREEZE = """(() => {
     addEventListener(name, listener) {
       super.addEventListener(name, (event) => {
         if (event.type !== "frame") { listener(event); return; }
-        if (!frozen.data && window.freezeWhen?.(this.last)) frozen = { data: this.last };
+        if (!frozen.data && window.freezeWhen?.(this.last)) [frozen, window.isFrozen] = [{ data: this.last }, true];
         this.last = frozen.data ?? event.data;
         listener({ data: this.last });
       });

@@ -103,7 +103,9 @@ def poses(browser, url):
                               "a figure in 3D, the pose to take, how well it is met, and progress")
     report(f"\"{seen['phaseText']}\", \"{seen['instruction']}\", {seen['triangles']} triangles")
     browser.open(url, HOLDS)
-    browser.look_until(lambda seen: seen["hold"], "the ring")
+    # The person of the demonstration takes the suggested poses; that of `simulate` takes its own.
+    browser.look_until(lambda seen: seen["frozen"] and seen["hold"], "the ring")
+    browser.shoot("worker-hold-still")
 
 
 def loaded_after_identification(browser, url):
@@ -176,10 +178,10 @@ def identification(browser, server, url):
     time.sleep(5)
     share = (cpu_s(server) - begun[0]) / (time.monotonic() - begun[1])
     report(f"one worker's page at 60 Hz costs its server {100 * share:.1f} % of a core")
-    for name, condition, language in (("worker-identifying", POSING, "en"), ("worker-identifying-de", POSING, "de"), ("worker-hold-still", HOLDS, "en")):
+    for name, language in (("worker-identifying", "en"), ("worker-identifying-de", "de")):
         restart_identification(url)
-        browser.open(url, condition)
-        browser.look_until(lambda seen, ring=condition is HOLDS: seen["phase"] == "identifying" and seen["match"] and (seen["hold"] or not ring), name)
+        browser.open(url, POSING)
+        browser.look_until(lambda seen: seen["frozen"] and seen["match"], name)
         browser.select_language(language)
         browser.shoot(name)
         browser.select_language("en")
@@ -221,7 +223,7 @@ def levels(browser, url):
     # Heavy loads are often undecided, so their levels are awaited only for the pictures.
     for level in ("green", "orange", "red", "above_max") if SHOTS else ("green", "orange"):
         browser.open(url, LEVEL.format(level))
-        seen = browser.look_until(lambda seen: seen["level"] == level and in_3d(seen), f"a joint whose level is {level}")
+        seen = browser.look_until(lambda seen: seen["frozen"] and seen["level"] == level and in_3d(seen), f"a joint whose level is {level}")
         report(f"\"{seen['instruction']}\", load {seen['load']}, \"{seen['advice']}\"")
         if level not in ("orange", "red") and seen["advice"]:
             raise RuntimeError(f"advice at level {level}: {seen['advice']}")
