@@ -12,5 +12,6 @@ pub mod install;
 pub mod metrics_feed;
 pub mod page_feed;
 mod page_tokens;
+mod progress_bar;
 mod provenance;
 pub mod receipt;
