@@ -15,3 +15,5 @@ mod page_tokens;
 mod progress_bar;
 mod provenance;
 pub mod receipt;
+pub mod subject_data;
+pub mod subject_export;
