@@ -70,10 +70,22 @@ def check_csv(folder, topic):
     return f"{topic} {len(parquet)} rows of {len(parquet.columns)} columns"
 
 
+def check_json_lines(folder, topic):
+    parquet = pyarrow.parquet.read_table(f"{folder}/{topic}.parquet")
+    with open(f"{folder}/{topic}.jsonl", encoding="utf-8") as lines:
+        rows = [json.loads(line) for line in lines]
+    assert len(rows) == parquet.num_rows, topic
+    for number in range(0, len(rows), 50):
+        there = {name: value for name, value in parquet.slice(number, 1).to_pylist()[0].items() if value is not None}
+        assert rows[number] == there, f"{topic} row {number}"
+
+
 def main():
     folder = sys.argv[1]
     states = check_states(folder)
     topics = [check_csv(folder, topic) for topic in ("state", "suit", "ground", "cycle")]
+    for topic in ("state", "suit", "ground", "cycle"):
+        check_json_lines(folder, topic)
     print(f"parquet: {states} states are the replay's; " + ", ".join(topics))
 
 

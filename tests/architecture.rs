@@ -29,7 +29,6 @@ const MAY_USE: [(&str, &[&str]); 24] = [
     ("recording", &["core", "latency", "bus", "files", "adapters", "config", "station", "view"]),
     // Ordinary consumers, which forward what they read.
     ("gateways", &["core", "client", "config", "station"]),
-    // Reads recordings.
     ("export", &["core", "adapters"]),
     ("gateways/foxglove", &["core", "client", "gateways", "view"]),
     ("gateways/mqtt", &["core", "client", "files", "gateways", "view"]),
@@ -54,6 +53,7 @@ const MAY_USE: [(&str, &[&str]); 24] = [
             "discrepancy",
             "view",
             "gateways",
+            "export",
         ],
     ),
     ("clients/rust", &["core", "bus"]),

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
-use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_daemon::station_file::StationFile;
-use equipoise_files::atomic_file::{TemporaryFile, process_runs, remove_abandoned_files, write_atomically};
+use equipoise_files::atomic_file::{process_runs, write_atomically};
 use equipoise_files::open_regular;
-use equipoise_recording::record::signature::{SIGNATURE_ENDING, signature_of};
 use equipoise_station::state_directory::{NoStateDirectory, StateDirectory};
 use equipoise_station::status::{self, Status};
+
+use crate::subject_data::{RecordingData, RecordingFile, StateData, names};
 
 /// Time limit for a daemon to rewrite its station file, and for a recorder to close a file that was removed.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -124,15 +124,25 @@ impl Deletion {
             Err(reason) => return Err(reason.into()),
         }
         for directory in self.directories.clone() {
-            let before = self.deleted.len() + self.changed.len();
-            self.clear_profiles(id, &directory)?;
-            for path in files_in(&directory.stations())? {
-                self.clear_station(id, path)?;
+            let is_used = self.users.iter().any(|user| user.directory.path() == directory.path());
+            let data = StateData::find(id, &directory, is_used)?;
+            for path in data.profiles {
+                remove(&path)?;
+                self.deleted.push(path);
             }
-            let used = self.users.iter().any(|user| user.directory.path() == directory.path());
-            if used || self.deleted.len() + self.changed.len() > before {
-                self.clear_flights(&directory.flights())?;
+            sync(&directory.profiles());
+            for (path, file) in data.stations {
+                self.clear_station(id, path, file)?;
             }
+            for path in data.leftovers {
+                remove(&path)?;
+            }
+            for path in data.flights {
+                remove(&path)?;
+                self.flights.push(path);
+            }
+            sync(&directory.flights());
+            self.unknown.extend(data.unknown);
         }
         Ok(())
     }
@@ -155,58 +165,24 @@ impl Deletion {
         ))
     }
 
-    fn clear_profiles(&mut self, id: &str, directory: &StateDirectory) -> anyhow::Result<()> {
-        // Subject ids contain no dot, so the prefix is unambiguous.
-        let own = format!("{id}.");
-        let is_own =
-            |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&own));
-        for path in files_in(&directory.profiles())?.into_iter().filter(|path| is_own(path)) {
-            remove(&path)?;
-            self.deleted.push(path);
-        }
-        sync(&directory.profiles());
-        Ok(())
-    }
-
-    fn clear_flights(&mut self, folder: &Path) -> anyhow::Result<()> {
-        let is_record = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "mcap");
-        for path in files_in(folder)?.into_iter().filter(is_record) {
-            remove(&path)?;
-            self.flights.push(path);
-        }
-        remove_abandoned_files(folder, |of| of.ends_with(".mcap"));
-        sync(folder);
-        Ok(())
-    }
-
-    fn clear_station(&mut self, id: &str, path: PathBuf) -> anyhow::Result<()> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if let Some(temporary) = TemporaryFile::named(&name) {
-            // Leftover of an interrupted write; a running daemon may still be writing it.
-            return if temporary.is_abandoned { remove(&path) } else { Ok(()) };
-        }
-        let names = |file: &StationFile| file.subject.as_ref().is_some_and(|subject| subject.in_use == id);
-        match StationFile::read(&path) {
-            Ok(Some(file)) if names(&file) && self.running.contains(&file.station) => {
-                let started = Instant::now();
-                while StationFile::read(&path).is_ok_and(|file| file.as_ref().is_some_and(names)) {
-                    if started.elapsed() > TIMEOUT {
-                        bail!("{} still names {id}: its daemon does not write it", path.display());
-                    }
-                    std::thread::sleep(Duration::from_millis(20));
+    /// Removes the mention of the subject in a station's file.
+    fn clear_station(&mut self, id: &str, path: PathBuf, mut file: StationFile) -> anyhow::Result<()> {
+        if self.running.contains(&file.station) {
+            // Its daemon writes it itself.
+            let started = Instant::now();
+            while StationFile::read(&path).is_ok_and(|file| file.is_some_and(|file| names(&file, id))) {
+                if started.elapsed() > TIMEOUT {
+                    bail!("{} still names {id}: its daemon does not write it", path.display());
                 }
-                self.changed.push(path);
+                std::thread::sleep(Duration::from_millis(20));
             }
-            Ok(Some(mut file)) if names(&file) => {
-                file.subject = None;
-                let unwritten = || format!("cannot write {}", path.display());
-                let text = file.to_toml().with_context(unwritten)?;
-                write_atomically(&path, text.as_bytes()).with_context(unwritten)?;
-                self.changed.push(path);
-            }
-            Ok(_) => {}
-            Err(reason) => self.unknown.push(reason.to_string()),
+        } else {
+            file.subject = None;
+            let unwritten = || format!("cannot write {}", path.display());
+            let text = file.to_toml().with_context(unwritten)?;
+            write_atomically(&path, text.as_bytes()).with_context(unwritten)?;
         }
+        self.changed.push(path);
         Ok(())
     }
 
@@ -215,83 +191,28 @@ impl Deletion {
     /// # Errors
     /// The folder cannot be read, or a recording cannot be removed.
     pub fn search_recordings(&mut self, id: &str, folder: &Path, delete: bool) -> anyhow::Result<()> {
-        if !folder.is_dir() {
-            bail!("--recordings {}: there is no such folder", folder.display());
-        }
-        for path in self.below(folder) {
-            if is_signature(&path) {
+        let data = RecordingData::find(id, folder)?;
+        self.unknown.extend(data.unknown);
+        self.skipped.extend(data.skipped);
+        for RecordingFile { path, signature, .. } in data.recordings {
+            if !delete {
+                self.recordings.push(path);
                 continue;
             }
-            if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("mcap")) {
-                self.skipped.push(path);
-                continue;
+            let written = being_written(&path);
+            remove(&path)?;
+            remove(&signature)?;
+            sync(path.parent().unwrap_or(folder));
+            if written.is_some_and(|file| !is_released(&file)) {
+                self.unknown.push(format!(
+                    "{}: its name is gone, but what writes it has it still open: stop that recorder, then it is gone",
+                    path.display()
+                ));
             }
-            match Recording::open(&path) {
-                Ok(recording) if !holds(recording.header(), id) => {}
-                Ok(_) if delete => {
-                    let written = being_written(&path);
-                    remove(&path)?;
-                    remove(&signature_of(&path))?;
-                    sync(path.parent().unwrap_or(folder));
-                    if written.is_some_and(|file| !is_released(&file)) {
-                        self.unknown.push(format!(
-                            "{}: its name is gone, but what writes it has it still open: stop that recorder, then it is \
-                             gone",
-                            path.display()
-                        ));
-                    }
-                    self.deleted.push(path);
-                }
-                Ok(_) => self.recordings.push(path),
-                Err(reason) => self.unknown.push(format!("{}: {reason}", path.display())),
-            }
+            self.deleted.push(path);
         }
         Ok(())
     }
-
-    /// All files below a folder; links are not followed, and unreadable folders are reported.
-    fn below(&mut self, folder: &Path) -> Vec<PathBuf> {
-        let (mut files, mut folders) = (Vec::new(), vec![folder.to_owned()]);
-        while let Some(folder) = folders.pop() {
-            let entries = match fs::read_dir(&folder) {
-                Ok(entries) => entries,
-                Err(reason) => {
-                    self.unknown.push(format!("{}: {reason}", folder.display()));
-                    continue;
-                }
-            };
-            for entry in entries.flatten() {
-                match entry.file_type() {
-                    Ok(kind) if kind.is_dir() => folders.push(entry.path()),
-                    Ok(kind) if kind.is_file() => files.push(entry.path()),
-                    _ => self.skipped.push(entry.path()),
-                }
-            }
-        }
-        files.sort();
-        files
-    }
-}
-
-/// Whether a file is the signature of a recording, by its name: it is removed with the recording and contains no
-/// personal data.
-fn is_signature(path: &Path) -> bool {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    name.strip_suffix(SIGNATURE_ENDING).is_some_and(|of| of.to_ascii_lowercase().ends_with(".mcap"))
-}
-
-/// Whether a recording's header names the subject.
-fn holds(header: &RecordingHeader, id: &str) -> bool {
-    let table = |text: &str| text.parse::<toml::Table>().unwrap_or_default();
-    let configured = |text: &str| {
-        table(text).get("subject").and_then(|subject| subject.get("id")).and_then(|found| found.as_str())
-            == Some(id)
-    };
-    let profiled = |text: &str| table(text).get("subject").and_then(toml::Value::as_str) == Some(id);
-    let profiles = std::iter::once(&header.subject_toml).chain(&header.later_subjects_toml);
-    let configs = std::iter::once(&header.config_toml)
-        .chain(header.reloads.values().map(|reloaded| &reloaded.config_toml));
-    profiles.into_iter().any(|text| profiled(text)) || configs.into_iter().any(|text| configured(text))
 }
 
 /// Whether a daemon writes profiles, which is the default.
@@ -302,25 +223,6 @@ fn stores_profiles(facts: &Status) -> bool {
     let found =
         ["save_profile", "remember"].into_iter().find_map(|key| subject.and_then(|keys| keys.get(key)));
     found.and_then(toml::Value::as_bool).unwrap_or(true)
-}
-
-/// The files of a folder; none if the folder does not exist.
-fn files_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
-    let unread = || format!("cannot read {}: run this as the user of the daemon", folder.display());
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(error).with_context(unread),
-    };
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry.with_context(unread)?.path();
-        if path.is_file() {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
 }
 
 fn remove(path: &Path) -> anyhow::Result<()> {

@@ -12,5 +12,8 @@ pub mod install;
 pub mod metrics_feed;
 pub mod page_feed;
 mod page_tokens;
+mod progress_bar;
 mod provenance;
 pub mod receipt;
+pub mod subject_data;
+pub mod subject_export;

@@ -1,158 +1,172 @@
-//! A recording's messages as a table for other programs: every field a column, a row a message; Parquet or CSV.
+//! Recordings in the formats of other programs: tables (CSV, JSON lines, Parquet), files of OpenSim, C3D.
 //!
-//! A value that must not be used is null in Parquet and an empty field in CSV, by the same rules as in the JSON of a state.
-//! A crate of its own, for Parquet's takes longer to build than the rest of what reads recordings.
+//! Tables hold every field of a message. Motion formats hold joint centres, ground reaction and overload torques at a fixed
+//! rate. A value that must not be used is marked as invalid as each format does it, by the rules of the state's JSON.
 //!
-//! Floors, ground first: `names` → [`rules`] → [`columns`](mod@columns) → `csv`, `parquet`, `part` → here
+//! Layers, lowest first: `part`, `progress`, `identity` → [`table`], `motion` → `opensim` → `c3d` → here
 #![forbid(unsafe_code)]
 
-pub mod columns;
-mod csv;
-mod names;
-mod parquet;
+mod c3d;
+mod identity;
+mod motion;
+mod opensim;
 mod part;
-pub mod rules;
+mod progress;
+pub mod table;
 
-use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use equipoise_adapters::recording::{Recording, RecordingHeader};
-use equipoise_core::message::{CycleRecord, GroundSample, State, SuitSample};
+use equipoise_adapters::recording::Recording;
 
-use columns::{Column, Row, columns};
-use part::Part;
-use rules::Exported;
+use motion::{Motion, Source};
+use opensim::Kind;
+pub use progress::Progress;
+pub use table::Topic;
+use table::{Form, Job};
 
-/// Which messages.
+/// Reported for a recording that ends before its footer.
+const TRUNCATED: &str = "the recording was cut short: the data after its last complete chunk are missing";
+
+/// Format of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Topic {
-    /// Published states, a row a cycle
-    State,
-    /// Samples of the suit
-    Suit,
-    /// Samples of the ground
-    Ground,
-    /// Stamps of each cycle
-    Cycle,
+pub enum Format {
+    /// Table: comma-separated values
+    Csv,
+    /// Table: JSON lines
+    Jsonl,
+    /// Table: Apache Parquet
+    Parquet,
+    /// OpenSim: ground reaction as external load
+    Mot,
+    /// OpenSim: overload torques with 1-sigma
+    Sto,
+    /// OpenSim: joint centres
+    Trc,
+    /// OpenSim: these three files in a folder
+    Opensim,
+    /// Points, moments and a force platform
+    C3d,
 }
 
-/// What became of it.
+impl Format {
+    /// The format of a file by the ending of its name.
+    ///
+    /// # Errors
+    /// An unknown ending.
+    pub fn of(out: &Path) -> anyhow::Result<Format> {
+        let ending = out.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
+        Ok(match ending.as_deref() {
+            Some("csv") => Format::Csv,
+            Some("jsonl") => Format::Jsonl,
+            Some("parquet") => Format::Parquet,
+            Some("mot") => Format::Mot,
+            Some("sto") => Format::Sto,
+            Some("trc") => Format::Trc,
+            Some("c3d") => Format::C3d,
+            _ => bail!(
+                "--out {}: give a name that ends in .csv, .jsonl, .parquet, .mot, .sto, .trc or .c3d, or a folder with \
+                 --format opensim",
+                out.display()
+            ),
+        })
+    }
+
+    /// Whether the output is a table of messages.
+    pub fn is_table(self) -> bool {
+        matches!(self, Format::Csv | Format::Jsonl | Format::Parquet)
+    }
+}
+
+/// An export.
+#[derive(Debug, Clone, Copy)]
+pub struct Export<'a> {
+    /// Recording with samples, and with states unless `states` is given.
+    pub recording: &'a Path,
+    /// States computed from it by a replay.
+    pub states: Option<&'a Path>,
+    /// Whether that replay began without the memory of the live loop, because a configuration was given.
+    pub is_afresh: bool,
+    /// Messages of a table.
+    pub topic: Topic,
+    /// Format of the output.
+    pub format: Format,
+    /// Begin and end, s since the begin of the recording; `None` for all of it.
+    pub span_s: Option<[f64; 2]>,
+    /// File or folder to write.
+    pub out: &'a Path,
+}
+
+/// A written file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Summary {
-    /// Rows written.
+pub struct Written {
+    /// Path of the file.
+    pub path: PathBuf,
+    /// Rows or frames.
     pub rows: u64,
-    /// Columns of each.
+    /// Columns, or points and channels.
     pub columns: usize,
-    /// What of the file could not be used, in words.
+}
+
+/// Result of an export.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Summary {
+    /// Written files.
+    pub files: Vec<Written>,
+    /// Remarks on values that are left out.
+    pub notes: Vec<String>,
+    /// Data of the recording that could not be read.
     pub rejected: Vec<String>,
 }
 
-/// Exports one topic of a recording into a file, which is there whole or not at all.
-///
-/// # Errors
-/// The recording cannot be read or has no such message, an unknown ending, a file that cannot be written.
-pub fn export(recording: &Path, topic: Topic, out: &Path) -> anyhow::Result<Summary> {
-    let form = Form::of(out)?;
-    let recording = Recording::open(recording).with_context(|| recording.display().to_string())?;
-    let part = Part::next_to(out)?;
-    let summary = match topic {
-        Topic::State => write::<State>(&recording, form, &part, "state"),
-        Topic::Suit => write::<SuitSample>(&recording, form, &part, "sample of a suit"),
-        Topic::Ground => write::<GroundSample>(&recording, form, &part, "sample of the ground"),
-        Topic::Cycle => write::<CycleRecord>(&recording, form, &part, "cycle record"),
-    }?;
-    part.take_place(out)?;
-    Ok(summary)
-}
-
-/// What kind of table a name asks for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Form {
-    Csv,
-    Parquet,
-}
-
-impl Form {
-    fn of(out: &Path) -> anyhow::Result<Form> {
-        let ending = out.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase());
-        match ending.as_deref() {
-            Some("csv") => Ok(Form::Csv),
-            Some("parquet") => Ok(Form::Parquet),
-            _ => bail!("--out {}: give a name that ends in .parquet or .csv", out.display()),
+impl Export<'_> {
+    /// Writes the output; each file is complete or absent.
+    ///
+    /// # Errors
+    /// The recording cannot be read or has no such values, or a file cannot be written.
+    pub fn run(&self, progress: &mut Progress<'_>) -> anyhow::Result<Summary> {
+        let open = |path: &Path| Recording::open(path).with_context(|| path.display().to_string());
+        let recording = open(self.recording)?;
+        let computed = self.states.map(open).transpose()?;
+        let states = computed.as_ref().unwrap_or(&recording);
+        let mut summary = Summary::default();
+        let form = match self.format {
+            Format::Csv => Some(Form::Csv),
+            Format::Jsonl => Some(Form::JsonLines),
+            Format::Parquet => Some(Form::Parquet),
+            Format::Mot | Format::Sto | Format::Trc | Format::Opensim | Format::C3d => None,
+        };
+        if let Some(form) = form {
+            let recording = if self.topic == Topic::State { states } else { &recording };
+            let job = Job { recording, topic: self.topic, form, span_s: self.span_s, out: self.out };
+            summary.files.push(job.run(&mut summary.rejected, progress)?);
+            return Ok(summary);
         }
+        let source = Source { states, samples: &recording, is_afresh: self.is_afresh, span_s: self.span_s };
+        self.write_motion(source, &mut summary, progress)?;
+        Ok(summary)
     }
-}
 
-fn write<M: Exported>(recording: &Recording, form: Form, part: &Part, what: &str) -> anyhow::Result<Summary> {
-    let columns = columns::<M>();
-    let mut sink = sink::<M>(recording.header(), form, part.file()?, &columns)?;
-    let started_ns = recording.header().started_monotonic_ns;
-    let mut summary = Summary { rows: 0, columns: columns.len(), rejected: Vec::new() };
-    for timed in recording.entries() {
-        match timed {
-            Ok(timed) => {
-                if let Some(message) = M::of(&timed.entry) {
-                    summary.rows += 1;
-                    sink.write(&Row::of(message, &columns, started_ns))?;
-                }
+    fn write_motion(
+        &self,
+        source: Source<'_>,
+        summary: &mut Summary,
+        progress: &mut Progress<'_>,
+    ) -> anyhow::Result<()> {
+        let motion = Motion::survey(source, progress)?;
+        let report = match self.format {
+            Format::Mot => opensim::write_file(&motion, Kind::GroundReaction, self.out, progress),
+            Format::Sto => opensim::write_file(&motion, Kind::Torques, self.out, progress),
+            Format::Trc => opensim::write_file(&motion, Kind::JointCentres, self.out, progress),
+            Format::C3d => {
+                let subjects = identity::subjects(source.samples.header());
+                c3d::write(&motion, &subjects, self.out, progress)
             }
-            Err(damage) => summary.rejected.push(damage.to_string()),
-        }
+            Format::Opensim | Format::Csv | Format::Jsonl | Format::Parquet => {
+                opensim::write_folder(&motion, self.out, progress)
+            }
+        }?;
+        (summary.files, summary.notes, summary.rejected) = (report.files, report.notes, motion.rejected);
+        Ok(())
     }
-    if recording.truncated() {
-        let cut = "the recording was cut short: the data after its last complete chunk are missing";
-        summary.rejected.push(cut.to_owned());
-    }
-    if summary.rows == 0 {
-        let summary: String =
-            summary.rejected.iter().map(|summary| format!("\nrejected: {summary}")).collect();
-        bail!("there is no {what} in it{summary}");
-    }
-    sink.finish()?;
-    Ok(summary)
-}
-
-/// Where rows go.
-trait Sink {
-    fn write(&mut self, row: &Row) -> anyhow::Result<()>;
-    fn finish(&mut self) -> anyhow::Result<()>;
-}
-
-fn sink<M: Exported>(
-    header: &RecordingHeader,
-    form: Form,
-    file: File,
-    columns: &[Column],
-) -> anyhow::Result<Box<dyn Sink>> {
-    Ok(match form {
-        Form::Csv => Box::new(csv::Table::begin(file, columns)?),
-        Form::Parquet => Box::new(parquet::Table::begin(file, columns, metadata::<M>(header, columns))?),
-    })
-}
-
-/// What stands in the footer of a Parquet file, by key.
-fn metadata<M: Exported>(header: &RecordingHeader, columns: &[Column]) -> Vec<(String, String)> {
-    let units: serde_json::Map<String, serde_json::Value> =
-        columns.iter().filter_map(|column| Some((column.name.clone(), column.unit?.into()))).collect();
-    // Accepts recordings of any release: only these two keys are read, and a configuration without them is exported as
-    // it is.
-    let config: toml::Table = header.config_toml.parse().unwrap_or_default();
-    let text =
-        |value: Option<&toml::Value>| value.and_then(toml::Value::as_str).unwrap_or_default().to_owned();
-    let configured = text(config.get("subject").and_then(|subject| subject.get("id")));
-    let pairs = [
-        ("type_name", M::TYPE_NAME.to_owned()),
-        ("schema_hash", format!("{:016x}", M::SCHEMA_HASH)),
-        ("software_version", header.software_version.clone()),
-        ("exported_by", env!("CARGO_PKG_VERSION").to_owned()),
-        ("station", text(config.get("station"))),
-        ("subject", header.subjects(&configured).join(", ")),
-        ("started_monotonic_ns", header.started_monotonic_ns.to_string()),
-        ("started_unix_ns", header.started_unix_ns.to_string()),
-        ("units", serde_json::Value::Object(units).to_string()),
-        ("names", names::numbers().to_string()),
-        ("config_toml", header.config_toml.clone()),
-    ];
-    pairs.into_iter().map(|(key, value)| (format!("equipoise.{key}"), value)).collect()
 }

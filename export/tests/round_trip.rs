@@ -1,9 +1,8 @@
-//! Tables by the program, read back: what is there is what a state's JSON says, and what is not there is not in it.
+//! Tables read back: each value equals that of the state's JSON, and an invalid one is absent.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
@@ -11,6 +10,7 @@ use equipoise_core::body::Joint;
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample, Validity};
+use equipoise_export::{Export, Format, Progress, Summary, Topic};
 use equipoise_view::StateJson;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
@@ -85,22 +85,41 @@ fn write<M: equipoise_adapters::recording::topic::Recorded>(
     path
 }
 
-fn export(recording: &Path, out: &Path, topic: &str) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise-export"));
-    command.arg(recording).arg("--out").arg(out).args(["--topic", topic]).output().unwrap()
+fn export(recording: &Path, out: &Path, topic: Topic) -> anyhow::Result<Summary> {
+    let format = Format::of(out)?;
+    let export = Export { recording, states: None, is_afresh: false, topic, format, span_s: None, out };
+    export.run(&mut Progress::new(&mut |_, _| {}))
 }
 
-/// Both tables of a recording, which must hold the same; and the footer.
-fn tables(folder: &TempDir, recording: &Path, topic: &str) -> (Vec<Row>, BTreeMap<String, String>) {
-    let [csv, parquet] = ["csv", "parquet"].map(|ending| {
-        let out = folder.path().join(format!("{topic}.{ending}"));
-        let ended = export(recording, &out, topic);
-        assert_eq!(ended.status.code(), Some(0), "{ended:?}");
+/// All tables of a recording, which must hold the same; and the footer.
+fn tables(folder: &TempDir, recording: &Path, topic: Topic) -> (Vec<Row>, BTreeMap<String, String>) {
+    let [csv, json, parquet] = ["csv", "jsonl", "parquet"].map(|ending| {
+        let out = folder.path().join(format!("{topic:?}.{ending}"));
+        assert_eq!(export(recording, &out, topic).unwrap().rejected, [] as [String; 0]);
         out
     });
     let (rows, footer) = read_parquet(&parquet);
-    assert_eq!(read_csv(&csv), rows, "{topic}");
+    assert_eq!(read_csv(&csv), rows, "{topic:?}");
+    assert_eq!(read_json_lines(&json), rows, "{topic:?}");
     (rows, footer)
+}
+
+fn read_json_lines(path: &Path) -> Vec<Row> {
+    let value = |(name, value): (&String, &serde_json::Value)| {
+        let text = match value {
+            serde_json::Value::String(text) if text.is_empty() => return None,
+            serde_json::Value::String(text) => text.clone(),
+            // As CSV and Parquet print them, 5 and not 5.0.
+            number if number.is_f64() => number.as_f64().unwrap().to_string(),
+            number => number.to_string(),
+        };
+        Some((name.clone(), text))
+    };
+    let row = |line: &str| {
+        let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(line).unwrap();
+        object.iter().filter_map(value).collect()
+    };
+    std::fs::read_to_string(path).unwrap().lines().map(row).collect()
 }
 
 fn read_parquet(path: &Path) -> (Vec<Row>, BTreeMap<String, String>) {
@@ -207,7 +226,7 @@ fn a_table_of_states_is_their_json() {
     let folder = tempfile::tempdir().unwrap();
     let mut numbers = Numbers(7);
     let states: Vec<State> = (1..=STATES).map(|cycle| state(cycle, &mut numbers)).collect();
-    let (rows, footer) = tables(&folder, &write(&folder, &states, |state| state.time_ns), "state");
+    let (rows, footer) = tables(&folder, &write(&folder, &states, |state| state.time_ns), Topic::State);
     assert_eq!(rows.len(), states.len());
     let (pairs, mut there, mut withheld) = (pairs(), 0, 0);
     for (state, row) in states.iter().zip(&rows) {
@@ -241,7 +260,7 @@ fn samples_lose_what_was_not_measured_and_nothing_else() {
     suit.blocks = SuitBlocks::CentreOfMass as u32;
     suit.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; SEGMENTS];
     (suit.com_m, suit.position_m[1]) = ([0.1, 0.2, 0.3], [1.5, 0.0, 0.0]);
-    let (rows, _) = tables(&folder, &write(&folder, &[suit], |suit| suit.sample_time_ns), "suit");
+    let (rows, _) = tables(&folder, &write(&folder, &[suit], |suit| suit.sample_time_ns), Topic::Suit);
     let [row] = &rows[..] else { panic!("{} rows", rows.len()) };
     assert_eq!(
         (row["t_s"].as_str(), row["com_m_y"].as_str(), row["position_m_L5_x"].as_str()),
@@ -258,7 +277,7 @@ fn samples_lose_what_was_not_measured_and_nothing_else() {
     let insole = GroundSample { not_measured: 1, per_foot: 1, foot_vertical_n: [700.0, 0.0], ..ground };
     let faulty = GroundSample { device_status: 5, ..ground };
     let all = [ground, insole, faulty];
-    let (rows, _) = tables(&folder, &write(&folder, &all, |ground| ground.sample_time_ns), "ground");
+    let (rows, _) = tables(&folder, &write(&folder, &all, |ground| ground.sample_time_ns), Topic::Ground);
     let has = |row: usize, name: &str| rows[row].contains_key(name);
     assert!(has(0, "force_n_x") && has(0, "moment_nm_y") && !has(0, "foot_vertical_n_left"));
     assert!(
@@ -275,7 +294,7 @@ fn stamps_of_what_did_not_happen_are_not_there() {
     let folder = tempfile::tempdir().unwrap();
     let record =
         CycleRecord { cycle: 3, due_ns: STARTED_NS + 1, woken_ns: STARTED_NS + 9, ..CycleRecord::zeroed() };
-    let (rows, _) = tables(&folder, &write(&folder, &[record], |record| record.due_ns), "cycle");
+    let (rows, _) = tables(&folder, &write(&folder, &[record], |record| record.due_ns), Topic::Cycle);
     assert_eq!(rows[0]["woken_ns"], (STARTED_NS + 9).to_string());
     for name in ["published_ns", "suit_first", "suit_arrival_ns", "command_argument_0"] {
         assert!(!rows[0].contains_key(name), "{name}");
@@ -283,19 +302,18 @@ fn stamps_of_what_did_not_happen_are_not_there() {
 }
 
 #[test]
-fn what_is_not_there_is_said_and_leaves_no_file() {
+fn a_missing_message_is_reported_and_leaves_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let recording =
         write(&folder, &[State { time_ns: STARTED_NS, ..State::zeroed() }], |state| state.time_ns);
     for (name, topic, why) in [
-        ("none.parquet", "cycle", "there is no cycle record in it"),
-        ("none.xlsx", "state", "ends in .parquet or .csv"),
+        ("none.parquet", Topic::Cycle, "there is no cycle record in it"),
+        ("none.xlsx", Topic::State, "ends in .csv, .jsonl, .parquet"),
     ] {
         let out = folder.path().join(name);
-        let ended = export(&recording, &out, topic);
-        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
-        assert!(ended.status.code() == Some(1) && said.contains(why), "{said}");
-        assert!(!out.exists() && !folder.path().join(format!("{name}.part")).exists());
+        let message = format!("{:#}", export(&recording, &out, topic).unwrap_err());
+        assert!(message.contains(why), "{message}");
+        assert!(!out.exists() && std::fs::read_dir(folder.path()).unwrap().count() == 1);
     }
     // A truncated recording is exported up to the damage.
     let mut numbers = Numbers(1);
@@ -304,7 +322,31 @@ fn what_is_not_there_is_said_and_leaves_no_file() {
     let bytes = std::fs::read(write(&folder, &states, |state| state.time_ns)).unwrap();
     std::fs::write(&recording, &bytes[..bytes.len() / 2]).unwrap();
     let out = folder.path().join("cut.parquet");
-    let ended = export(&recording, &out, "state");
-    assert_eq!(ended.status.code(), Some(3), "{ended:?}");
+    assert!(!export(&recording, &out, Topic::State).unwrap().rejected.is_empty());
     assert!((1..STATES as usize).contains(&read_parquet(&out).0.len()));
+}
+
+#[test]
+fn a_span_selects_rows_by_their_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut numbers = Numbers(3);
+    let states: Vec<State> = (1..=100).map(|cycle| state(cycle, &mut numbers)).collect();
+    let (recording, out) = (write(&folder, &states, |state| state.time_ns), folder.path().join("part.csv"));
+    let export = |span_s: [f64; 2]| {
+        let (topic, format) = (Topic::State, Format::Csv);
+        let export = Export {
+            recording: &recording,
+            states: None,
+            is_afresh: false,
+            topic,
+            format,
+            span_s: Some(span_s),
+            out: &out,
+        };
+        export.run(&mut Progress::new(&mut |_, _| {}))
+    };
+    export([0.01, 0.02]).unwrap();
+    let times: Vec<String> = read_csv(&out).iter().map(|row| row["t_s"].clone()).collect();
+    assert_eq!((times.len(), &*times[0], &*times[10]), (11, "0.01", "0.02"));
+    assert!(export([5.0, 6.0]).unwrap_err().to_string().contains("from 5 to 6 s"));
 }

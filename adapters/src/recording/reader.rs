@@ -173,6 +173,11 @@ pub struct Entries<'a> {
 }
 
 impl Entries<'_> {
+    /// Fraction of the file that has been read, 0 to 1.
+    pub fn fraction_read(&self) -> f64 {
+        self.at as f64 / self.recording.end as f64
+    }
+
     /// Reads the next record of the file that is a chunk, or a schema, channel or message outside a chunk.
     fn read_record(&mut self) -> Result<(), ReadError> {
         let at_byte = self.at;

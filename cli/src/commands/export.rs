@@ -1,122 +1,135 @@
-//! `equipoise export`: a recording as a table for other programs; the table is written by a program of its own.
+//! `equipoise export`: a recording in the format of another program.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use anyhow::{Context, bail};
-use clap::ValueEnum;
+use anyhow::bail;
 use equipoise_adapters::recording::Entry;
+use equipoise_export::{Export, Format, Progress, Summary, Topic};
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::Input;
 
-use super::Outcome;
+use super::{Outcome, span};
+use crate::progress_bar::Bar;
 
-/// The program that writes tables.
-const PROGRAM: &str = "equipoise-export";
-
-/// Write a recording as a table: Parquet or CSV, a row a message, a column a number
+/// Write a recording in the format of another program: tables, OpenSim, C3D
 ///
-/// Every field of the message; joints, segments and axes by name; times in seconds of the recording's clock next to the
-/// stamps. A value that must not be used is null (Parquet) or empty (CSV). A Parquet file says in its footer what units,
-/// numbers and bits mean, and holds the configuration. docs/export.md has the columns.
+/// The ending of --out selects the format. Tables (.csv, .jsonl, .parquet): a row a message, a column a number; an invalid
+/// value is empty, absent or null. OpenSim (.mot, .sto, .trc, or all of them with --format opensim) and C3D: ground reaction,
+/// overload torques with 1-sigma and joint centres at the rate of the suit; states are computed by a replay if the recording
+/// has none. docs/export.md has columns, axes, units and the marks of invalid values.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise export shift.mcap --out shift.parquet\n  equipoise export shift.mcap --out \
-                        ground.csv --topic ground\n  python3 -c 'import pandas; \
-                        print(pandas.read_parquet(\"shift.parquet\").describe())'\n\nTables are written by the program \
-                        equipoise-export, which is in the directory of this one:\n  cargo build --release -p \
-                        equipoise-export\n\nExit code 3: part of the recording was damaged or is missing; what could be \
-                        read is written."
+                        ground.csv --topic ground\n  equipoise export shift.mcap --out shift.c3d --span 60:90\n  equipoise \
+                        export shift.mcap --format opensim --out shift-opensim\n\nExit code 3: part of the recording was \
+                        damaged or is missing; what could be read is written."
 )]
 pub(super) struct Arguments {
-    /// Recording; of a capture states only
+    /// Recording; of a capture tables of states only
     file: PathBuf,
-    /// Table to write: .parquet or .csv
+    /// File to write, or folder with --format opensim
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Which messages
+    /// Format; by the ending of --out if not given
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Messages of a table
     #[arg(long, value_enum, default_value = "state")]
     topic: Topic,
+    /// Part of the recording: begin and end, seconds since its begin
+    #[arg(long, value_name = "A:B")]
+    span: Option<String>,
     /// Configuration to compute the states with, in place of those recorded
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Topic {
-    /// States of the loop, a row a cycle; computed by a replay where the recording has no states
-    State,
-    /// Samples of the suit
-    Suit,
-    /// Samples of the ground
-    Ground,
-    /// Stamps of each cycle
-    Cycle,
-}
-
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let Arguments { file, out, topic, config } = arguments;
+    let Arguments { file, out, topic, config, .. } = arguments;
     if is_same_file(file, out) {
         bail!("--out {} is the recording itself; choose another name", out.display());
     }
-    let input = Input::open(file)?;
-    let Input::Recording(recording) = &input else {
-        if *topic != Topic::State {
-            bail!("{} is a capture: make a recording of it by `equipoise import` first", file.display());
-        }
-        return replayed(&input, arguments);
-    };
-    let is_state = |entry: &Entry| matches!(entry, Entry::State(_));
-    let recorded = || recording.entries().map_while(Result::ok).any(|timed| is_state(&timed.entry));
-    if *topic == Topic::State && (config.is_some() || !recorded()) {
-        return replayed(&input, arguments);
+    let format = arguments.format.map_or_else(|| Format::of(out), Ok)?;
+    if *topic != Topic::State && !format.is_table() {
+        bail!("--topic is for tables; {} holds values of states", out.display());
     }
-    write(file, *topic, out)
+    let span_s = span("--span", arguments.span.as_deref())?.map(|span| [span.from_s, span.to_s]);
+    let export = Export {
+        recording: file,
+        states: None,
+        is_afresh: config.is_some(),
+        topic: *topic,
+        format,
+        span_s,
+        out,
+    };
+    let input = Input::open(file)?;
+    let needs_replay = match &input {
+        Input::Recording(recording) => {
+            let is_state = |entry: &Entry| matches!(entry, Entry::State(_));
+            let recorded = || recording.entries().map_while(Result::ok).any(|timed| is_state(&timed.entry));
+            *topic == Topic::State && (config.is_some() || !recorded())
+        }
+        _ if *topic == Topic::State && format.is_table() => true,
+        _ => bail!("{} is a capture: make a recording of it by `equipoise import` first", file.display()),
+    };
+    let bar = Bar::new(false);
+    if needs_replay { replayed(&input, export, config.as_deref(), &bar) } else { write(&export, &bar) }
 }
 
-/// Computes the states first, into a temporary recording next to the table, which is removed afterwards.
-fn replayed(input: &Input, arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let mut states: OsString = arguments.out.as_os_str().to_owned();
+/// Computes the states first, into a temporary recording next to the output, which is removed afterwards.
+fn replayed(input: &Input, export: Export<'_>, config: Option<&Path>, bar: &Bar) -> anyhow::Result<Outcome> {
+    // Without a slash at the end of a folder's name.
+    let mut states: OsString = export.out.components().as_path().as_os_str().to_owned();
     states.push(format!(".{}.mcap", std::process::id()));
     let states = PathBuf::from(states);
-    let outcome = compute(input, arguments, &states);
+    let outcome = compute(input, export, config, &states, bar);
     // The recording is only an intermediate result; remove it even if the export failed.
     let _ = std::fs::remove_file(&states);
     outcome
 }
 
-fn compute(input: &Input, arguments: &Arguments, states: &Path) -> anyhow::Result<Outcome> {
-    let config = arguments.config.as_deref();
+fn compute(
+    input: &Input,
+    export: Export<'_>,
+    config: Option<&Path>,
+    states: &Path,
+    bar: &Bar,
+) -> anyhow::Result<Outcome> {
     let chosen = input.configuration(config)?;
     let replay = Replay { input, config: &chosen.config, as_recorded: config.is_none(), residual_s: None };
+    bar.update("computing states by a replay", 0.0);
     let summary = replay.run(Some(states))?;
-    println!("{}: {} states computed by a replay", arguments.file.display(), summary.cycles);
+    bar.clear();
+    println!("{}: {} states computed by a replay", export.recording.display(), summary.cycles);
     for rejected in &summary.skipped.rejected {
         eprintln!("rejected: {rejected}");
     }
-    let written = write(states, Topic::State, &arguments.out)?;
+    let is_capture = !matches!(input, Input::Recording(_));
+    let export = match is_capture {
+        // A capture is no recording of samples; its table of states needs none.
+        true => Export { recording: states, ..export },
+        false => Export { states: Some(states), ..export },
+    };
+    let written = write(&export, &Bar::new(false))?;
     Ok(if summary.skipped.rejected.is_empty() { written } else { Outcome::PartRejected })
 }
 
-/// Has the table written.
-fn write(recording: &Path, topic: Topic, out: &Path) -> anyhow::Result<Outcome> {
-    let here = std::env::current_exe().context("where this program lies")?;
-    let program = here.with_file_name(PROGRAM);
-    let topic = topic.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
-    let ended =
-        Command::new(&program).arg(recording).arg("--out").arg(out).args(["--topic", &topic]).status();
-    let ended = ended.with_context(|| {
-        format!(
-            "cannot start {}: build it with cargo build --release -p {PROGRAM}, into the directory of this program",
-            program.display()
-        )
-    })?;
-    match ended.code() {
-        Some(0) => Ok(Outcome::Done),
-        Some(3) => Ok(Outcome::PartRejected),
-        _ => bail!("{PROGRAM} did not write {}: it says why above", out.display()),
+fn write(export: &Export<'_>, bar: &Bar) -> anyhow::Result<Outcome> {
+    let written = export.run(&mut Progress::new(&mut |doing, fraction| bar.update(doing, fraction)));
+    bar.clear();
+    let Summary { files, notes, rejected } = written?;
+    for file in &files {
+        println!("{}: {} rows of {} columns", file.path.display(), file.rows, file.columns);
     }
+    for note in &notes {
+        println!("{note}");
+    }
+    for reason in &rejected {
+        eprintln!("rejected: {reason}");
+    }
+    Ok(if rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }
 
 fn is_same_file(a: &Path, b: &Path) -> bool {

@@ -20,8 +20,8 @@ struct DestinationArguments {
 
 /// Install this program as a service: units, user, directories, a configuration if there is none
 ///
-/// Gateways that are separate programs (equipoise-gateway-KIND) and equipoise-export are installed too if they are in the
-/// directory of this program. Those that are missing are listed, with the unit to enable for each [gateways.KIND] of the
+/// Gateways that are separate programs (equipoise-gateway-KIND) are installed too if they are in the directory of this
+/// program. Those that are missing are listed, with the unit to enable for each [gateways.KIND] of the
 /// configuration.
 #[derive(Debug, clap::Args)]
 #[command(

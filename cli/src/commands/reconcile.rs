@@ -2,7 +2,6 @@
 //! is added.
 
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use anyhow::{Context, bail};
 use equipoise_config::Config;
@@ -10,15 +9,15 @@ use equipoise_config::model::LoadedModel;
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
 use equipoise_discrepancy::spans::Given;
+use equipoise_discrepancy::workflow::Reconcile;
 use equipoise_discrepancy::workflow::output::{Results, folders};
 use equipoise_discrepancy::workflow::summary::Summary;
-use equipoise_discrepancy::workflow::{Progress, Reconcile};
 use equipoise_files::sha256_of;
 use equipoise_recording::replay::input::{Chosen, Input};
 use equipoise_recording::replay::skipped_lines;
-use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{Outcome, span};
+use crate::progress_bar::Bar;
 
 /// Locate discrepancies between model and measurement, name the missing effect, add it to the model
 ///
@@ -94,10 +93,10 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
     }
     let reconcile = Reconcile { input: &input, config: &chosen.config, given };
     let bar = Bar::new(arguments.json);
-    let compared = reconcile.compare(&mut |progress| bar.update(progress))?;
+    let compared = reconcile.compare(&mut |progress| bar.update(progress.doing, progress.share))?;
     let mut outcome =
         equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
-            bar.update(Progress { doing: "testing effects", share });
+            bar.update("testing effects", share);
         })?;
     bar.clear();
     let written = match folder {
@@ -143,37 +142,4 @@ fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-/// Progress bar on a terminal.
-struct Bar(Option<ProgressBar>);
-
-impl Bar {
-    fn new(json: bool) -> Bar {
-        let is_interactive = !json && std::io::IsTerminal::is_terminal(&std::io::stderr());
-        Bar(is_interactive.then(|| {
-            let style = ProgressStyle::with_template("{msg:<32} {wide_bar} {percent:>3} % {eta}");
-            let bar =
-                ProgressBar::new(1000).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar.enable_steady_tick(Duration::from_millis(200));
-            bar
-        }))
-    }
-
-    fn update(&self, progress: Progress) {
-        if let Some(bar) = &self.0 {
-            let at = (1000.0 * progress.share.clamp(0.0, 1.0)) as u64;
-            if bar.message() != progress.doing {
-                bar.set_message(progress.doing);
-                bar.reset_eta();
-            }
-            bar.set_position(at);
-        }
-    }
-
-    fn clear(&self) {
-        if let Some(bar) = &self.0 {
-            bar.finish_and_clear();
-        }
-    }
 }

@@ -11,10 +11,13 @@ use equipoise_station::state_directory::StateDirectory;
 use super::{Outcome, StationArgument};
 use crate::client;
 use crate::deletion::Deletion;
+use crate::progress_bar::Bar;
+use crate::subject_export::{INDEX, SubjectExport};
 
-/// List, load, save or delete workers' profiles, take a lift back
+/// List, load, save, export or delete workers' profiles, take a lift back
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:\n  equipoise subject list\n  equipoise subject load anon-1\n  equipoise \
+                        subject export anon-1 --out anon-1.tar --recordings ~/recordings --with-recordings\n  equipoise \
                         subject delete anon-1 --recordings ~/recordings --with-recordings")]
 pub(super) struct Arguments {
     #[command(subcommand)]
@@ -44,6 +47,28 @@ enum Action {
     UndoLift {
         #[command(flatten)]
         station: StationArgument,
+    },
+    /// Export all stored data of a subject, as for a request by that person
+    ///
+    /// Copies what `subject delete` removes: profile, list of lifts, entries of stations, recordings. Flight records name no
+    /// subject and may be of another person, as recordings of several subjects are: read index.json before handing the
+    /// export over. Prints what is not exported.
+    #[command(
+        after_help = "Example:\n  equipoise subject export anon-1 --out anon-1.tar --recordings ~/recordings \
+                            --with-recordings"
+    )]
+    Export {
+        /// Pseudonymous id
+        id: String,
+        /// New folder, or archive if the name ends in .tar
+        #[arg(long, value_name = "DIR|FILE")]
+        out: PathBuf,
+        /// List recordings of the subject in this folder and below
+        #[arg(long, value_name = "DIR")]
+        recordings: Option<PathBuf>,
+        /// Copy those recordings too
+        #[arg(long, requires = "recordings")]
+        with_recordings: bool,
     },
     /// Delete a subject for good
     ///
@@ -77,6 +102,9 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         Action::UndoLift { station } => {
             println!("{}", client::request(&station.station, CommandKind::UndoLift, "")?);
             Ok(Outcome::Done)
+        }
+        Action::Export { id, out, recordings, with_recordings } => {
+            export(id, out, recordings.as_deref(), *with_recordings)
         }
         Action::Delete { id, recordings, with_recordings } => {
             delete(id, recordings.as_deref(), *with_recordings)
@@ -126,10 +154,66 @@ fn list_folder(directory: &Path) -> anyhow::Result<Outcome> {
     Ok(if refused { Outcome::PartRejected } else { Outcome::Done })
 }
 
-fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow::Result<Outcome> {
+fn check_id(id: &str) -> anyhow::Result<()> {
     if !equipoise_config::is_plain(id) {
         bail!("a subject's id is made of letters, digits, '-' and '_'");
     }
+    Ok(())
+}
+
+fn no_profile(id: &str, directories: &[StateDirectory]) -> anyhow::Error {
+    let searched: Vec<String> =
+        directories.iter().map(|found| found.profiles().display().to_string()).collect();
+    anyhow::anyhow!(
+        "there is no profile {id} in {}; another place is named by STATE_DIRECTORY",
+        searched.join(" nor in ")
+    )
+}
+
+fn export(id: &str, out: &Path, recordings: Option<&Path>, with_recordings: bool) -> anyhow::Result<Outcome> {
+    check_id(id)?;
+    let mut export = SubjectExport::find(id, StateDirectory::of_environment())?;
+    if let Some(folder) = recordings {
+        export.search_recordings(id, folder, with_recordings)?;
+    }
+    if !export.found() {
+        return Err(no_profile(id, &export.directories));
+    }
+    let bar = Bar::new(false);
+    let written = export.write(id, out, &mut |fraction| bar.update("copying", fraction));
+    bar.clear();
+    written?;
+    for file in &export.files {
+        println!("{} is exported", file.path.display());
+    }
+    for path in &export.not_copied {
+        println!("NOT exported: {} holds data of {id}; --with-recordings copies it too", path.display());
+    }
+    for reason in &export.unknown {
+        println!("NOT looked into: {reason}");
+    }
+    for path in &export.skipped {
+        println!("NOT looked into: {} is no .mcap file", path.display());
+    }
+    for file in export.shared(id) {
+        println!("note: {} holds data of other subjects too", file.path.display());
+    }
+    if export.has_uncertain() {
+        println!("note: flight records and leftovers name no subject and may be of another: see {INDEX}");
+    }
+    match recordings {
+        Some(_) => println!("NOT looked for: reports, model files and replays made from recordings; backups"),
+        None => println!(
+            "NOT looked for: recordings (name their folder with --recordings DIR); reports, model files and replays \
+             made from them; backups"
+        ),
+    }
+    println!("{}: {} files, and {INDEX}", out.display(), export.files.len());
+    Ok(if export.unknown.is_empty() { Outcome::Done } else { Outcome::PartRejected })
+}
+
+fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow::Result<Outcome> {
+    check_id(id)?;
     let mut deletion = Deletion::default();
     // Daemons first, so that none of them writes deleted files again.
     deletion.request_from_daemons(|station| client::request(station, CommandKind::SubjectDelete, id))?;
@@ -159,12 +243,7 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
         println!("NOT looked into: {} is no .mcap file", path.display());
     }
     if !deletion.found() {
-        let searched: Vec<String> =
-            deletion.directories.iter().map(|found| found.profiles().display().to_string()).collect();
-        bail!(
-            "there is no profile {id} in {}; another place is named by STATE_DIRECTORY",
-            searched.join(" nor in ")
-        );
+        return Err(no_profile(id, &deletion.directories));
     }
     if let Some(missing) = deletion.missing(id) {
         bail!("{missing}");

@@ -7,12 +7,11 @@ use equipoise_gateways::StationFile;
 use super::{ADMIN_UNITS, CONFIGURATION_FILE, Destination};
 
 /// Programs that are built separately and located in the directory of `equipoise`.
-pub const PROGRAMS: [&str; 5] = [
+pub const PROGRAMS: [&str; 4] = [
     "equipoise-gateway-opcua",
     "equipoise-gateway-mqtt",
     "equipoise-gateway-zenoh",
     "equipoise-gateway-foxglove",
-    "equipoise-export",
 ];
 
 /// Those present in the directory of `program`.

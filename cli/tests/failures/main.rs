@@ -50,6 +50,7 @@ mod startup;
 mod station;
 mod streams;
 mod subject_deletion;
+mod subject_export;
 mod suit_sources;
 mod two_plates;
 mod usage;

@@ -1,6 +1,7 @@
-//! The report of a recording. Its numbers are compared with the JSON lines of a replay.
+//! Report and exports of a recording, compared with a replay.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+mod export;
 mod page;
 mod report;
 mod session;

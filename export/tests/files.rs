@@ -1,13 +1,13 @@
-//! How a table comes to be: whose it is called, who may read it, and what of others' stays as it is.
+//! Subject, file mode and atomic replacement of a table.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::message::State;
+use equipoise_export::{Export, Format, Progress, Summary, Topic};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
 fn recording(path: &Path, subject: &str, later: &[&str]) {
@@ -25,9 +25,10 @@ fn recording(path: &Path, subject: &str, later: &[&str]) {
     recorder.finish().unwrap();
 }
 
-fn export(recording: &Path, out: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise-export"));
-    command.arg(recording).arg("--out").arg(out).output().unwrap()
+fn export(recording: &Path, out: &Path) -> anyhow::Result<Summary> {
+    let (topic, format) = (Topic::State, Format::of(out)?);
+    let export = Export { recording, states: None, is_afresh: false, topic, format, span_s: None, out };
+    export.run(&mut Progress::new(&mut |_, _| {}))
 }
 
 #[test]
@@ -44,7 +45,7 @@ fn the_subject_is_who_was_in_use() {
     {
         let (made, out) = (folder.path().join(format!("{number}.mcap")), folder.path().join("out.parquet"));
         recording(&made, subject, later);
-        assert_eq!(export(&made, &out).status.code(), Some(0));
+        export(&made, &out).unwrap();
         let reader = SerializedFileReader::new(std::fs::File::open(&out).unwrap()).unwrap();
         let pairs = reader.metadata().file_metadata().key_value_metadata().unwrap();
         let found = pairs.iter().find(|pair| pair.key == "equipoise.subject").unwrap();
@@ -60,13 +61,13 @@ fn a_table_is_not_for_everybody_and_what_others_have_stays() {
     for name in ["notes.txt.part", "out.csv.part", "half.csv.part"] {
         std::fs::write(file(name), "another's").unwrap();
     }
-    assert_eq!(export(&file("made.mcap"), &file("notes.txt")).status.code(), Some(1));
-    assert_eq!(export(&file("made.mcap"), &file("out.csv")).status.code(), Some(0));
+    assert!(export(&file("made.mcap"), &file("notes.txt")).is_err());
+    export(&file("made.mcap"), &file("out.csv")).unwrap();
     let mode = std::fs::metadata(file("out.csv")).unwrap().permissions().mode();
     assert_eq!(mode & 0o027, 0, "{mode:o}: no more than a recording's");
     // A folder with the result's name cannot be replaced; no partial file may remain.
     std::fs::create_dir(file("half.csv")).unwrap();
-    assert_eq!(export(&file("made.mcap"), &file("half.csv")).status.code(), Some(1));
+    assert!(export(&file("made.mcap"), &file("half.csv")).is_err());
     for name in ["notes.txt.part", "out.csv.part", "half.csv.part"] {
         assert_eq!(std::fs::read_to_string(file(name)).unwrap(), "another's", "{name}");
     }

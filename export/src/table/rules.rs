@@ -104,7 +104,9 @@ impl Exported for State {
             "nis" => self.nis > 0.0,
             "prior_inflation" => self.prior_inflation > 0.0,
             "suit_skew_s" | "suit_skew_sigma_s" => self.suit_skew_sigma_s > 0.0,
-            "segment_origin_m" => unless(Validity::SUIT_STALE) && self.suit_sample_time_ns != 0,
+            "segment_origin_m" => {
+                unless(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) && self.suit_sample_time_ns != 0
+            }
             _ => true,
         }
     }

@@ -1,0 +1,197 @@
+//! States of a recording as frames at a fixed rate, as motion formats require.
+//!
+//! Layers, lowest first: `frame` → `resample`, `free_moment` → here
+
+pub(crate) mod frame;
+mod free_moment;
+pub(crate) mod resample;
+
+use anyhow::{Context, bail};
+use bytemuck::Zeroable;
+use equipoise_adapters::recording::{Entry, Recording, TimedEntry};
+use equipoise_core::cycle::Tare;
+use equipoise_core::message::State;
+
+use crate::Progress;
+use frame::Frame;
+use free_moment::{FreeMoments, TareHistory};
+use resample::{Grid, Resampler};
+
+/// Where the values come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Source<'a> {
+    /// Recording with states.
+    pub(crate) states: &'a Recording,
+    /// Recording with the samples from which the states were computed; often the same.
+    pub(crate) samples: &'a Recording,
+    /// Whether a replay computed the states from the samples without the live loop's memory, so without its tare.
+    pub(crate) is_afresh: bool,
+    /// Begin and end, s since the begin of the recording.
+    pub(crate) span_s: Option<[f64; 2]>,
+}
+
+/// The frames of a recording; each iteration reads the file.
+#[derive(Debug)]
+pub(crate) struct Motion<'a> {
+    source: Source<'a>,
+    moments: FreeMoments,
+    /// Times of the frames.
+    pub(crate) grid: Grid,
+    /// Data that could not be read.
+    pub(crate) rejected: Vec<String>,
+}
+
+impl<'a> Motion<'a> {
+    /// Determines rate, number of frames and free moments.
+    ///
+    /// # Errors
+    /// The recording has fewer than two instants in the span.
+    pub(crate) fn survey(source: Source<'a>, progress: &mut Progress<'_>) -> anyhow::Result<Motion<'a>> {
+        let mut survey = Survey::new(source);
+        progress.begin("determining the rate");
+        let mut entries = source.states.entries();
+        while let Some(timed) = entries.next() {
+            match timed {
+                Ok(timed) => survey.ingest_state(&timed),
+                Err(damage) => survey.rejected.push(damage.to_string()),
+            }
+            progress.update(entries.fraction_read());
+        }
+        for timed in source.samples.entries().map_while(Result::ok) {
+            survey.ingest_sample(&timed);
+        }
+        if source.states.truncated() {
+            survey.rejected.push(crate::TRUNCATED.to_owned());
+        }
+        let Survey { times_ns, ground_ns, mut tares, has_cycles, rejected, .. } = survey;
+        let grid = Grid::over(&times_ns).with_context(|| {
+            let lines: String = rejected.iter().map(|reason| format!("\nrejected: {reason}")).collect();
+            format!("fewer than two instants with results{}{lines}", in_span(source.span_s))
+        })?;
+        // Without cycle records the states were computed by a replay, which begins without a tare.
+        let is_untared = source.is_afresh || !has_cycles;
+        tares.begin_with(is_untared.then(Tare::zeroed));
+        let mut moments = FreeMoments::new(ground_ns, grid.period_ns() / 2);
+        progress.begin("free moments");
+        let mut entries = source.samples.entries();
+        while let Some(Ok(timed)) = entries.next() {
+            if let Entry::Ground(sample) = &timed.entry {
+                moments.ingest(sample, &tares);
+            }
+            progress.update(entries.fraction_read());
+        }
+        Ok(Motion { source, moments, grid, rejected })
+    }
+
+    /// Passes every frame to `visit`, in order.
+    ///
+    /// # Errors
+    /// The error of `visit`.
+    pub(crate) fn frames(
+        &self,
+        progress: &mut Progress<'_>,
+        visit: &mut dyn FnMut(usize, &Frame) -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        let (mut resampler, mut index, mut instant) = (Resampler::new(self.grid), 0, 0);
+        let mut instants = Instants::new(self.source);
+        let mut entries = self.source.states.entries();
+        while let Some(timed) = entries.next() {
+            // Damage ends the iteration; the survey has reported it.
+            let Ok(timed) = timed else { continue };
+            if let Some(state) = instants.next(&timed) {
+                let frame = Frame::of(state, self.moments.surface_z_m(), self.moments.at(instant));
+                instant += 1;
+                resampler.push(frame, &mut |frame| {
+                    visit(index, frame)?;
+                    index += 1;
+                    Ok(())
+                })?;
+            }
+            progress.update(entries.fraction_read());
+        }
+        if index != self.grid.frames {
+            bail!("the recording changed while it was read: {index} of {} frames", self.grid.frames);
+        }
+        Ok(())
+    }
+
+    /// Height of the walking surface, m; NaN without a ground sample.
+    pub(crate) fn surface_z_m(&self) -> f64 {
+        self.moments.surface_z_m()
+    }
+
+    /// Seconds since the begin of the recording.
+    pub(crate) fn time_s(&self, time_ns: u64) -> f64 {
+        (time_ns as f64 - self.source.states.header().started_monotonic_ns as f64) / 1e9
+    }
+}
+
+fn in_span(span_s: Option<[f64; 2]>) -> String {
+    span_s.map_or_else(String::new, |[from, to]| format!(" from {from} to {to} s: choose another --span"))
+}
+
+/// Distinguishes new instants from repetitions: the loop publishes each result until the next one.
+#[derive(Debug)]
+struct Instants {
+    last_ns: u64,
+    span_ns: [u64; 2],
+}
+
+impl Instants {
+    fn new(source: Source<'_>) -> Instants {
+        let started_ns = source.states.header().started_monotonic_ns;
+        let at = |seconds: f64| started_ns.saturating_add((seconds * 1e9) as u64);
+        Instants { last_ns: 0, span_ns: source.span_s.map_or([0, u64::MAX], |span| span.map(at)) }
+    }
+
+    /// The state of an entry if it has a later sample time than all before and is in the span.
+    fn next<'e>(&mut self, timed: &'e TimedEntry) -> Option<&'e State> {
+        let Entry::State(state) = &timed.entry else { return None };
+        let [from_ns, to_ns] = self.span_ns;
+        let is_new = state.suit_sample_time_ns > self.last_ns
+            && (from_ns..=to_ns).contains(&state.suit_sample_time_ns);
+        is_new.then(|| {
+            self.last_ns = state.suit_sample_time_ns;
+            &**state
+        })
+    }
+}
+
+/// What one reading of both recordings determines.
+struct Survey {
+    instants: Instants,
+    times_ns: Vec<u64>,
+    /// The same times on the clock of the ground.
+    ground_ns: Vec<u64>,
+    tares: TareHistory,
+    has_cycles: bool,
+    rejected: Vec<String>,
+}
+
+impl Survey {
+    fn new(source: Source<'_>) -> Survey {
+        Survey {
+            instants: Instants::new(source),
+            times_ns: Vec::new(),
+            ground_ns: Vec::new(),
+            tares: TareHistory::default(),
+            has_cycles: false,
+            rejected: Vec::new(),
+        }
+    }
+
+    fn ingest_state(&mut self, timed: &TimedEntry) {
+        let Some(state) = self.instants.next(timed) else { return };
+        let time_ns = state.suit_sample_time_ns;
+        // The suit's t corresponds to the ground's t − skew.
+        let ground_ns = time_ns.saturating_add_signed(-(state.suit_skew_s * 1e9) as i64);
+        self.times_ns.push(time_ns);
+        // Ascending even if the estimate of the skew changes.
+        self.ground_ns.push(ground_ns.max(self.ground_ns.last().copied().unwrap_or(0)));
+    }
+
+    fn ingest_sample(&mut self, timed: &TimedEntry) {
+        self.has_cycles |= matches!(timed.entry, Entry::Cycle(_));
+        self.tares.ingest(timed);
+    }
+}

@@ -1,0 +1,170 @@
+//! Moment about the vertical through the centre of pressure, from ground samples: states do not hold it.
+
+use equipoise_adapters::recording::{Entry, TimedEntry};
+use equipoise_core::cycle::{StoredState, Tare};
+use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::{Component, GroundSample};
+
+/// The tare in use over time: adapters publish samples without it.
+#[derive(Debug, Default)]
+pub(super) struct TareHistory {
+    /// Times, CLOCK_MONOTONIC ns, and the tare from then on; `None` if it is unavailable.
+    changes: Vec<(u64, Option<Tare>)>,
+}
+
+impl TareHistory {
+    /// Ingests an entry: a checkpoint holds the tare, a tare command replaces it.
+    pub(super) fn ingest(&mut self, timed: &TimedEntry) {
+        match &timed.entry {
+            Entry::Checkpoint(checkpoint) => {
+                if let Some(memory) = checkpoint.memory() {
+                    let mut stored = bytemuck::zeroed_box::<StoredState>();
+                    stored.copy_from(memory);
+                    self.changes.push((timed.log_time_ns, Some(stored.tare)));
+                }
+            }
+            Entry::Cycle(cycle) if cycle.command == CommandKind::Tare as u32 => {
+                self.changes.push((cycle.due_ns, None));
+            }
+            _ => {}
+        }
+    }
+
+    /// The tare at the begin: `first` if states were computed without a stored one, otherwise that of the first
+    /// checkpoint unless a command replaced it before.
+    pub(super) fn begin_with(&mut self, first: Option<Tare>) {
+        self.changes.sort_by_key(|(time_ns, _)| *time_ns);
+        if let Some(tare) = first {
+            self.changes.retain(|(_, tare)| tare.is_none());
+            self.changes.insert(0, (0, Some(tare)));
+        } else if let Some((time_ns, Some(_))) = self.changes.first_mut() {
+            *time_ns = 0;
+        }
+    }
+
+    fn at(&self, time_ns: u64) -> Option<&Tare> {
+        let after = self.changes.partition_point(|(from_ns, _)| *from_ns <= time_ns);
+        self.changes[..after].last()?.1.as_ref()
+    }
+}
+
+/// Mean free moment of the ground samples around each instant.
+#[derive(Debug)]
+pub(super) struct FreeMoments {
+    /// Times of the instants on the clock of the ground, CLOCK_MONOTONIC ns; ascending.
+    times_ns: Vec<u64>,
+    /// Half the interval between instants, ns.
+    half_ns: u64,
+    /// Sum of the moments, N m, and number of samples.
+    sums: Vec<(f64, u32)>,
+    /// Height of the walking surface, m; NaN before the first sample.
+    surface_z_m: f64,
+}
+
+impl FreeMoments {
+    pub(super) fn new(times_ns: Vec<u64>, half_ns: u64) -> FreeMoments {
+        let sums = vec![(0.0, 0); times_ns.len()];
+        FreeMoments { times_ns, half_ns, sums, surface_z_m: f64::NAN }
+    }
+
+    /// Ingests a ground sample, with the tare not yet subtracted.
+    pub(super) fn ingest(&mut self, sample: &GroundSample, tares: &TareHistory) {
+        if self.surface_z_m.is_nan() {
+            self.surface_z_m = sample.surface_z_m;
+        }
+        let after = self.times_ns.partition_point(|time_ns| *time_ns < sample.sample_time_ns);
+        let distance_ns = |index: &usize| self.times_ns[*index].abs_diff(sample.sample_time_ns);
+        let around = after.saturating_sub(1)..(after + 1).min(self.times_ns.len());
+        let Some(nearest) = around.min_by_key(distance_ns) else { return };
+        if distance_ns(&nearest) > self.half_ns {
+            return;
+        }
+        let Some(tare) = tares.at(sample.sample_time_ns) else { return };
+        if let Some(moment_nm) = free_moment_nm(sample, tare) {
+            self.sums[nearest].0 += moment_nm;
+            self.sums[nearest].1 += 1;
+        }
+    }
+
+    /// Height of the walking surface, m; NaN without a ground sample.
+    pub(super) fn surface_z_m(&self) -> f64 {
+        self.surface_z_m
+    }
+
+    /// Mean free moment around an instant, N m; NaN without a sample.
+    pub(super) fn at(&self, instant: usize) -> f64 {
+        let (sum_nm, count) = self.sums.get(instant).copied().unwrap_or_default();
+        sum_nm / f64::from(count)
+    }
+}
+
+/// Free moment of a sample, N m; `None` if its devices do not measure it or no person is on the plate.
+fn free_moment_nm(sample: &GroundSample, tare: &Tare) -> Option<f64> {
+    let tared = GroundSample {
+        force_n: std::array::from_fn(|axis| sample.force_n[axis] - tare.force_n[axis]),
+        moment_nm: std::array::from_fn(|axis| sample.moment_nm[axis] - tare.moment_nm[axis]),
+        ..*sample
+    };
+    let [x, y] = tared.cop_m().ok()?;
+    let [fx, fy, _] = tared.force_n;
+    let is_measured = tared.measures(Component::Shear) && tared.measures(Component::FreeMoment);
+    is_measured.then_some(tared.moment_nm[2] - (x * fy - y * fx))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+    use equipoise_core::message::CycleRecord;
+
+    /// A sample of a force at a point of the surface with a free moment, plus an offset of the plate.
+    fn sample(time_ns: u64, free_moment_nm: f64, offset: &Tare) -> GroundSample {
+        let ([x, y, z], [fx, fy, fz]) = ([0.1, -0.2, 0.03], [15.0, -25.0, 700.0]);
+        let moment_nm = [y * fz - z * fy, z * fx - x * fz, x * fy - y * fx + free_moment_nm];
+        GroundSample {
+            sample_time_ns: time_ns,
+            force_n: std::array::from_fn(|axis| [fx, fy, fz][axis] + offset.force_n[axis]),
+            moment_nm: std::array::from_fn(|axis| moment_nm[axis] + offset.moment_nm[axis]),
+            surface_z_m: z,
+            ..GroundSample::zeroed()
+        }
+    }
+
+    fn history(first: Option<Tare>, tared_ns: &[u64]) -> TareHistory {
+        let mut history = TareHistory::default();
+        for due_ns in tared_ns {
+            let cycle =
+                CycleRecord { due_ns: *due_ns, command: CommandKind::Tare as u32, ..Zeroable::zeroed() };
+            history.ingest(&TimedEntry { log_time_ns: *due_ns, entry: cycle.into() });
+        }
+        history.begin_with(first);
+        history
+    }
+
+    #[test]
+    fn the_free_moment_is_what_the_force_at_its_point_does_not_explain() {
+        let offset = Tare { force_n: [1.0, -2.0, 30.0], moment_nm: [4.0, 5.0, -6.0], ..Tare::zeroed() };
+        let tares = history(Some(offset), &[]);
+        let mut moments = FreeMoments::new(vec![100, 200], 50);
+        for (time_ns, moment_nm) in [(60, 2.0), (140, 4.0), (199, -1.0), (300, 99.0)] {
+            moments.ingest(&sample(time_ns, moment_nm, &offset), &tares);
+        }
+        assert!((moments.at(0) - 3.0).abs() < 1e-9 && (moments.at(1) + 1.0).abs() < 1e-9);
+        assert!(moments.at(2).is_nan() && moments.surface_z_m() == 0.03);
+        for not_measured in [Component::Shear as u32, Component::Tilt as u32, Component::FreeMoment as u32] {
+            let part = GroundSample { not_measured, ..sample(0, 1.0, &offset) };
+            assert_eq!(free_moment_nm(&part, &offset), None);
+        }
+    }
+
+    #[test]
+    fn after_a_tare_command_the_free_moment_is_unavailable_until_a_checkpoint() {
+        let tares = history(Some(Tare::zeroed()), &[150]);
+        let mut moments = FreeMoments::new(vec![100, 200], 50);
+        for time_ns in [100, 200] {
+            moments.ingest(&sample(time_ns, 1.0, &Tare::zeroed()), &tares);
+        }
+        assert!((moments.at(0) - 1.0).abs() < 1e-9 && moments.at(1).is_nan());
+        assert!(history(None, &[]).at(100).is_none(), "no checkpoint: the tare is unavailable");
+    }
+}
