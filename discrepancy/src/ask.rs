@@ -220,11 +220,13 @@ fn information(prior: &[f64], class: &[usize], responses: &[Response]) -> (f64, 
     for (truth, probability) in responses.iter().zip(prior) {
         let spread = product(truth.factor.lower(), standard.as_ref());
         let drawn = Mat::from_fn(size, RESPONSES, |i, j| truth.mean[i] + spread[(i, j)]);
-        let log_likelihoods: Vec<Vec<f64>> =
-            responses.iter().map(|one| one.log_likelihoods(&drawn)).collect();
-        for response in 0..RESPONSES {
-            let log_weights: Vec<f64> = (0..prior.len())
-                .map(|index| prior[index].ln() + log_likelihoods[index][response] / EVIDENCE_TEMPER)
+        let of_each: Vec<Vec<f64>> = responses.iter().map(|one| one.log_likelihoods(&drawn)).collect();
+        let of_responses = (0..RESPONSES).map(|response| of_each.iter().map(move |one| one[response]));
+        for log_likelihoods in of_responses {
+            let log_weights: Vec<f64> = prior
+                .iter()
+                .zip(log_likelihoods)
+                .map(|(prior, log_likelihood)| prior.ln() + log_likelihood / EVIDENCE_TEMPER)
                 .collect();
             let total = log_sum_exp(&log_weights);
             let posterior: Vec<f64> = log_weights.iter().map(|weight| (weight - total).exp()).collect();
