@@ -20,7 +20,7 @@ pub struct Asking {
     pub program: PathBuf,
     /// Whether the program has to find the spans itself.
     pub finds_spans: bool,
-    /// Largest number of experiments that the simulated person does for the program, one after the other, in [`bench`].
+    /// Largest number of experiments that the simulated person does for the program, one after the other, in [`bench()`].
     pub experiments: usize,
 }
 
