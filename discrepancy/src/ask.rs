@@ -8,6 +8,7 @@
 mod experiment;
 
 use equipoise_config::model_file::Ask;
+use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 use faer::Mat;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
@@ -27,8 +28,6 @@ use crate::select::{Selection, padded};
 use crate::trials::normal;
 use experiment::{Experiment, Measurement};
 
-use equipoise_core::effect::Effect;
-
 /// Number of signals of a measurement: centre of pressure x, y (m), vertical force (N).
 const SIGNALS: usize = Signal::ALL.len();
 
@@ -47,14 +46,15 @@ pub(crate) fn ask(rows: &Rows<'_>, selection: &Selection, floor: &Floor) -> Opti
         }
         best = longer;
     }
-    let (Outlook { information_nats, decides, separation_sigma }, Experiment { ask, .. }) = best;
+    let (Outlook { information_nats, decides }, experiment) = best;
+    let separation_sigma = question.separation_sigma(&question.responses(&experiment)?);
     let between = question.between();
     (information_nats >= INFORMATION_MIN).then_some(Ask {
         between,
         information_nats,
         decides,
         separation_sigma,
-        ..ask
+        ..experiment.ask
     })
 }
 
@@ -76,8 +76,6 @@ struct Outlook {
     information_nats: f64,
     /// Probability that one set of names is certain afterwards.
     decides: f64,
-    /// Difference of the predictions of the two most probable sets of names, 1-σ of the noise.
-    separation_sigma: f64,
 }
 
 /// Predicted signals of an experiment.
@@ -87,7 +85,7 @@ struct Response {
 }
 
 impl<'a> Question<'a> {
-    /// `None` if one set of names is certain.
+    /// `None` if one set of names is certain, or if no explanation could be fitted.
     fn of(rows: &'a Rows<'a>, predictors: &'a [Predictor], floor: &Floor) -> Option<Question<'a>> {
         let first =
             |one: &Predictor| predictors.iter().position(|other| other.names == one.names).unwrap_or(0);
@@ -98,7 +96,8 @@ impl<'a> Question<'a> {
             class: predictors.iter().map(first).collect(),
             sigma: std::array::from_fn(|axis| floor.root_mean_square(axis, |_| true).max(1e-6)),
         };
-        (!is_decided(&of_classes(&question.class, &question.prior))).then_some(question)
+        let is_open = !predictors.is_empty() && !is_decided(&of_classes(&question.class, &question.prior));
+        is_open.then_some(question)
     }
 
     /// The two most probable sets of names, as indices of predictors.
@@ -121,13 +120,13 @@ impl<'a> Question<'a> {
 
     /// What is expected of an experiment; `None` if a prediction is degenerate.
     fn outlook(&self, experiment: &Experiment) -> Option<Outlook> {
-        let responses: Vec<Response> = self
-            .predictors
-            .iter()
-            .map(|one| self.response(one, &experiment.measurements))
-            .collect::<Option<_>>()?;
-        let (information_nats, decides) = information(&self.prior, &self.class, &responses);
-        Some(Outlook { information_nats, decides, separation_sigma: self.separation_sigma(&responses) })
+        let (information_nats, decides) = information(&self.prior, &self.class, &self.responses(experiment)?);
+        Some(Outlook { information_nats, decides })
+    }
+
+    /// The prediction of each explanation; `None` if one is degenerate.
+    fn responses(&self, experiment: &Experiment) -> Option<Vec<Response>> {
+        self.predictors.iter().map(|one| self.response(one, &experiment.measurements)).collect()
     }
 
     /// Distance of the predictions of the two most probable sets of names, 1-σ of the noise.
@@ -254,7 +253,7 @@ fn is_decided(classes: &[f64]) -> bool {
 #[derive(Default)]
 struct Change {
     mean: [f64; SIGNALS],
-    per_unit: [[f64; SIGNALS]; equipoise_core::effect::PARAMETERS_MAX],
+    per_unit: [[f64; SIGNALS]; PARAMETERS_MAX],
 }
 
 /// Whether an effect grows with the speed of the motion.

@@ -13,7 +13,7 @@ use faer::Mat;
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
     CHANGE_PRIOR, CHECKED_MAX, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR,
-    MODEL_ERROR_AT_EDGES, ONSET_S, OTHER_PRIOR, RIVAL_PROBABILITY_MIN,
+    MODEL_ERROR_AT_EDGES, NAMED_PROBABILITY, ONSET_S, OTHER_PRIOR, RIVAL_PROBABILITY_MIN,
 };
 use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::gram::{Gram, whiten_each};
@@ -269,11 +269,15 @@ impl Posterior {
         Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
     }
 
-    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out.
+    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out. None if one explanation
+    /// is certain: there is nothing to decide.
     pub(crate) fn predictors(
         &self,
         fit: impl Fn(&Explanation) -> Option<(Vec<f64>, Mat<f64>)>,
     ) -> Vec<Predictor> {
+        if self.probabilities.first().is_some_and(|most| *most >= NAMED_PROBABILITY) {
+            return Vec::new();
+        }
         let mut predictors: Vec<Predictor> = self
             .explanations
             .iter()
@@ -387,5 +391,19 @@ mod tests {
         // Something carries the load in all explanations but the last; nothing replaces T8 in the last two.
         is(posterior.of_name_or_rival("hand_load right"), 0.9);
         is(posterior.of_name_or_rival("segment_misalignment T8"), 0.8);
+    }
+
+    #[test]
+    fn predictors_are_fitted_only_while_something_is_open() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let of = |weight| Posterior::of(vec![explanation(&[load], weight), explanation(&[], 1.0 - weight)]);
+        let certain = of(0.96).predictors(|_| panic!("nothing is to be fitted"));
+        assert!(certain.is_empty());
+        // The first cannot be fitted.
+        let open = of(0.9).predictors(|one| one.members.is_empty().then(|| (Vec::new(), Mat::new())));
+        assert_eq!(open.len(), 1);
+        assert!(open[0].names.is_empty());
+        is(open[0].probability, 1.0);
+        assert!(of(0.9).predictors(|_| None).is_empty());
     }
 }

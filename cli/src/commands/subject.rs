@@ -170,6 +170,27 @@ fn no_profile(id: &str, directories: &[StateDirectory]) -> anyhow::Error {
     )
 }
 
+/// Prints files that could not be read, and files that are no recordings.
+fn print_not_read(unknown: &[String], skipped: &[PathBuf]) {
+    for reason in unknown {
+        println!("NOT looked into: {reason}");
+    }
+    for path in skipped {
+        println!("NOT looked into: {} is no .mcap file", path.display());
+    }
+}
+
+/// Prints which data of a subject no command searches.
+fn print_not_searched(recordings: Option<&Path>) {
+    match recordings {
+        Some(_) => println!("NOT looked for: reports, model files and replays made from recordings; backups"),
+        None => println!(
+            "NOT looked for: recordings (name their folder with --recordings DIR); reports, model files and replays \
+             made from them; backups"
+        ),
+    }
+}
+
 fn export(id: &str, out: &Path, recordings: Option<&Path>, with_recordings: bool) -> anyhow::Result<Outcome> {
     check_id(id)?;
     let mut export = SubjectExport::find(id, StateDirectory::of_environment())?;
@@ -189,25 +210,14 @@ fn export(id: &str, out: &Path, recordings: Option<&Path>, with_recordings: bool
     for path in &export.not_copied {
         println!("NOT exported: {} holds data of {id}; --with-recordings copies it too", path.display());
     }
-    for reason in &export.unknown {
-        println!("NOT looked into: {reason}");
-    }
-    for path in &export.skipped {
-        println!("NOT looked into: {} is no .mcap file", path.display());
-    }
+    print_not_read(&export.unknown, &export.skipped);
     for file in export.shared(id) {
         println!("note: {} holds data of other subjects too", file.path.display());
     }
     if export.has_uncertain() {
         println!("note: flight records and leftovers name no subject and may be of another: see {INDEX}");
     }
-    match recordings {
-        Some(_) => println!("NOT looked for: reports, model files and replays made from recordings; backups"),
-        None => println!(
-            "NOT looked for: recordings (name their folder with --recordings DIR); reports, model files and replays \
-             made from them; backups"
-        ),
-    }
+    print_not_searched(recordings);
     println!("{}: {} files, and {INDEX}", out.display(), export.files.len());
     Ok(if export.unknown.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }
@@ -236,24 +246,13 @@ fn delete(id: &str, recordings: Option<&Path>, with_recordings: bool) -> anyhow:
     for path in &deletion.recordings {
         println!("NOT deleted: {} holds data of {id}; --with-recordings deletes it too", path.display());
     }
-    for reason in &deletion.unknown {
-        println!("NOT looked into: {reason}");
-    }
-    for path in &deletion.skipped {
-        println!("NOT looked into: {} is no .mcap file", path.display());
-    }
+    print_not_read(&deletion.unknown, &deletion.skipped);
     if !deletion.found() {
         return Err(no_profile(id, &deletion.directories));
     }
     if let Some(missing) = deletion.missing(id) {
         bail!("{missing}");
     }
-    match recordings {
-        Some(_) => println!("NOT looked for: reports, model files and replays made from recordings; backups"),
-        None => println!(
-            "NOT looked for: recordings (name their folder with --recordings DIR); reports, model files and replays \
-             made from them; backups"
-        ),
-    }
+    print_not_searched(recordings);
     Ok(if deletion.unknown.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }
