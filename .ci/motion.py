@@ -32,7 +32,7 @@ def station(vector):
     return [x, -z, y]
 
 
-class Judge:
+class Validator:
     def __init__(self, times, columns):
         self.times, self.columns = times, columns
 
@@ -57,7 +57,7 @@ class Judge:
         return compared
 
 
-def check_ground(judge, path):
+def check_ground(validator, path):
     table, storage = opensim.TimeSeriesTable(path), opensim.Storage(path)
     labels, times = list(table.getColumnLabels()), list(table.getIndependentColumn())
     assert labels[:6] == [f"ground_force_{kind}{axis}" for kind in "vp" for axis in AXES], labels
@@ -66,16 +66,16 @@ def check_ground(judge, path):
     assert numpy.isfinite(values).all(), "OpenSim's tools read no NaN"
     assert numpy.ptp(numpy.diff(times)) < 2e-6, "a .mot file has a constant interval"
     for axis, force in zip(AXES, station(values[:, :3].T)):
-        judge.compare(".mot", times, force, f"ground_force_n_{axis}", FORCE_N)
+        validator.compare(".mot", times, force, f"ground_force_n_{axis}", FORCE_N)
     for axis, point in zip("xy", station(values[:, 3:6].T)):
-        judge.compare(".mot", times, point, f"cop_measured_m_{axis}", CENTRE_M)
+        validator.compare(".mot", times, point, f"cop_measured_m_{axis}", CENTRE_M)
     if len(labels) == 9:
         free = values[:, 7]
         assert (values[:, [6, 8]] == 0).all() and numpy.abs(free).max() < 30, f"free moment of {free.max()} N m"
     return f"{len(times)} rows of {len(labels)} ground columns"
 
 
-def check_torques(judge, path):
+def check_torques(validator, path):
     table, storage = opensim.TimeSeriesTable(path), opensim.Storage(path)
     labels, times = list(table.getColumnLabels()), list(table.getIndependentColumn())
     values = table.getMatrix().to_numpy()
@@ -83,12 +83,12 @@ def check_torques(judge, path):
     for first in range(0, len(labels), 4):
         joint = labels[first].removesuffix("_overload_torque_x")
         for axis, torque in zip(AXES, station(values[:, first:first + 3].T)):
-            judge.compare(".sto", times, torque, f"torque_nm_{joint}_{axis}", TORQUE_NM)
-        judge.compare(".sto", times, values[:, first + 3], f"torque_sigma_nm_{joint}", TORQUE_NM)
+            validator.compare(".sto", times, torque, f"torque_nm_{joint}_{axis}", TORQUE_NM)
+        validator.compare(".sto", times, values[:, first + 3], f"torque_sigma_nm_{joint}", TORQUE_NM)
     return f"{len(times)} rows of torques"
 
 
-def check_markers(judge, path, segments):
+def check_markers(validator, path, segments):
     table, markers = opensim.TimeSeriesTableVec3(path), opensim.MarkerData(path)
     times, names = list(table.getIndependentColumn()), list(table.getColumnLabels())
     assert markers.getNumFrames() == len(times) == int(table.getTableMetaDataString("NumFrames"))
@@ -98,17 +98,17 @@ def check_markers(judge, path, segments):
     values = flat.getMatrix().to_numpy() / 1000
     for index, segment in enumerate(segments):
         for axis, position in zip(AXES, station(values[:, 3 * index:3 * index + 3].T)):
-            judge.compare(".trc", times, position, f"segment_origin_m_{segment}_{axis}", POINT_M)
+            validator.compare(".trc", times, position, f"segment_origin_m_{segment}_{axis}", POINT_M)
     return f"{len(times)} frames of {len(names)} markers"
 
 
-def check_c3d(judge, path, segments):
+def check_c3d(validator, path, segments):
     file = ezc3d.c3d(path, extract_forceplat_data=True)
     parameters, points = file["parameters"], file["data"]["points"]
     frames, rate = points.shape[2], parameters["POINT"]["RATE"]["value"][0]
     begin = parameters["EQUIPOISE"]["BEGIN_S"]["value"][0]
     # The begin has 32 bits, so the times are taken from the table.
-    start = judge.times[numpy.argmin(numpy.abs(judge.times - begin))]
+    start = validator.times[numpy.argmin(numpy.abs(validator.times - begin))]
     times = start + numpy.arange(frames) / rate
     labels = parameters["POINT"]["LABELS"]["value"]
     assert len(labels) == len(set(labels)) == 47 and labels[23:25] == ["CentreOfMass", "CentreOfPressure"], labels
@@ -117,33 +117,33 @@ def check_c3d(judge, path, segments):
     assert ((residuals < 0) == numpy.isnan(points[0])).all() and (residuals < 0).any() and (residuals >= 0).any()
     for index, segment in enumerate(segments):
         for axis in range(3):
-            judge.compare("C3D", times, points[axis, index] / 1000, f"segment_origin_m_{segment}_{AXES[axis]}", POINT_M)
+            validator.compare("C3D", times, points[axis, index] / 1000, f"segment_origin_m_{segment}_{AXES[axis]}", POINT_M)
     for axis in range(3):
-        judge.compare("C3D", times, points[axis, 25] / 1000, f"torque_nm_L5S1_{AXES[axis]}", TORQUE_NM)
+        validator.compare("C3D", times, points[axis, 25] / 1000, f"torque_nm_L5S1_{AXES[axis]}", TORQUE_NM)
     platform = file["data"]["platform"][0]
     assert platform["unit_force"] == "N" and platform["unit_moment"] == "Nmm"
     for axis in range(3):
-        judge.compare("platform", times, platform["force"][axis], f"ground_force_n_{AXES[axis]}", FORCE_N)
+        validator.compare("platform", times, platform["force"][axis], f"ground_force_n_{AXES[axis]}", FORCE_N)
     loaded = platform["force"][2] > 100
     for axis in range(2):
         centre = numpy.where(loaded, platform["center_of_pressure"][axis] / 1000, math.nan)
-        judge.compare("platform", times, centre, f"cop_measured_m_{AXES[axis]}", CENTRE_M)
+        validator.compare("platform", times, centre, f"cop_measured_m_{AXES[axis]}", CENTRE_M)
     sigma = file["data"]["analogs"][0, 6] / 1000
-    judge.compare("C3D", times, sigma, "torque_sigma_nm_L5S1", TORQUE_NM)
+    validator.compare("C3D", times, sigma, "torque_sigma_nm_L5S1", TORQUE_NM)
     return f"{frames} C3D frames"
 
 
 def main():
     folder = sys.argv[1]
     opensim.Logger.setLevelString("warn")
-    judge = Judge(*instants(f"{folder}/live.parquet"))
-    segments = [name.removeprefix("segment_origin_m_").removesuffix("_x") for name in judge.columns
+    validator = Validator(*instants(f"{folder}/live.parquet"))
+    segments = [name.removeprefix("segment_origin_m_").removesuffix("_x") for name in validator.columns
                 if name.startswith("segment_origin_m_") and name.endswith("_x")]
     results = [
-        check_ground(judge, f"{folder}/opensim/ground_reaction.mot"),
-        check_torques(judge, f"{folder}/opensim/overload_torques.sto"),
-        check_markers(judge, f"{folder}/opensim/joint_centres.trc", segments),
-        check_c3d(judge, f"{folder}/live.c3d", segments),
+        check_ground(validator, f"{folder}/opensim/ground_reaction.mot"),
+        check_torques(validator, f"{folder}/opensim/overload_torques.sto"),
+        check_markers(validator, f"{folder}/opensim/joint_centres.trc", segments),
+        check_c3d(validator, f"{folder}/live.c3d", segments),
     ]
     print("motion: " + ", ".join(results))
 

@@ -86,7 +86,7 @@ pub struct Export<'a> {
     /// States computed from it by a replay.
     pub states: Option<&'a Path>,
     /// Whether that replay began without the memory of the live loop, because a configuration was given.
-    pub is_afresh: bool,
+    pub is_replayed: bool,
     /// Messages of a table.
     pub topic: Topic,
     /// Format of the output.
@@ -142,7 +142,8 @@ impl Export<'_> {
             summary.files.push(job.run(&mut summary.rejected, progress)?);
             return Ok(summary);
         }
-        let source = Source { states, samples: &recording, is_afresh: self.is_afresh, span_s: self.span_s };
+        let source =
+            Source { states, samples: &recording, is_replayed: self.is_replayed, span_s: self.span_s };
         self.write_motion(source, &mut summary, progress)?;
         Ok(summary)
     }

@@ -25,7 +25,7 @@ pub(crate) struct Source<'a> {
     /// Recording with the samples from which the states were computed; often the same.
     pub(crate) samples: &'a Recording,
     /// Whether a replay computed the states from the samples without the live loop's memory, so without its tare.
-    pub(crate) is_afresh: bool,
+    pub(crate) is_replayed: bool,
     /// Begin and end, s since the begin of the recording.
     pub(crate) span_s: Option<[f64; 2]>,
 }
@@ -69,7 +69,7 @@ impl<'a> Motion<'a> {
             format!("fewer than two instants with results{}{lines}", in_span(source.span_s))
         })?;
         // Without cycle records the states were computed by a replay, which begins without a tare.
-        let is_untared = source.is_afresh || !has_cycles;
+        let is_untared = source.is_replayed || !has_cycles;
         tares.begin_with(is_untared.then(Tare::zeroed));
         let mut moments = FreeMoments::new(ground_ns, grid.period_ns() / 2);
         progress.begin("free moments");

@@ -27,7 +27,7 @@ fn recording(path: &Path, subject: &str, later: &[&str]) {
 
 fn export(recording: &Path, out: &Path) -> anyhow::Result<Summary> {
     let (topic, format) = (Topic::State, Format::of(out)?);
-    let export = Export { recording, states: None, is_afresh: false, topic, format, span_s: None, out };
+    let export = Export { recording, states: None, is_replayed: false, topic, format, span_s: None, out };
     export.run(&mut Progress::new(&mut |_, _| {}))
 }
 

@@ -87,7 +87,7 @@ fn write<M: equipoise_adapters::recording::topic::Recorded>(
 
 fn export(recording: &Path, out: &Path, topic: Topic) -> anyhow::Result<Summary> {
     let format = Format::of(out)?;
-    let export = Export { recording, states: None, is_afresh: false, topic, format, span_s: None, out };
+    let export = Export { recording, states: None, is_replayed: false, topic, format, span_s: None, out };
     export.run(&mut Progress::new(&mut |_, _| {}))
 }
 
@@ -337,7 +337,7 @@ fn a_span_selects_rows_by_their_time() {
         let export = Export {
             recording: &recording,
             states: None,
-            is_afresh: false,
+            is_replayed: false,
             topic,
             format,
             span_s: Some(span_s),

@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let export = Export {
         recording: file,
         states: None,
-        is_afresh: config.is_some(),
+        is_replayed: config.is_some(),
         topic: *topic,
         format,
         span_s,
