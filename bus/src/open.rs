@@ -13,11 +13,14 @@ use iceoryx2::service::builder::request_response::{
     RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-/// Somebody else may be creating or removing the service at this moment: how often to try again, and after what.
+/// A port's place may belong to a process that died: how often to try again, and after what.
 const ATTEMPTS: usize = 20;
 const PAUSE: Duration = Duration::from_millis(5);
+/// Another process may be creating or removing the service. While it waits for a processor of a busy machine, the
+/// service's files are as incomplete as damaged ones; they are damaged if they still are after this time.
+const SETTLING_MAX: Duration = Duration::from_secs(3);
 
 /// Why a service did not open, whatever its kind.
 pub(crate) enum Refusal {
@@ -82,20 +85,23 @@ pub(crate) fn open_or_create<F, E: Into<Refusal>>(
 ) -> Result<F, BusError> {
     let service_name = ServiceName::new(name).map_err(BusError::failed("name a service", name))?;
     let attributes = required(schema).map_err(BusError::failed("describe the schema", name))?;
-    let mut refusal = Refusal::InFlux(String::new());
-    for _ in 0..ATTEMPTS {
-        refusal = match attempt(&service_name, &attributes) {
+    let started = Instant::now();
+    let refusal = loop {
+        let refusal = match attempt(&service_name, &attributes) {
             Ok(factory) => return Ok(factory),
             Err(error) => error.into(),
         };
-        match refusal {
-            Refusal::InFlux(_) => {}
+        let may_pass = match refusal {
+            Refusal::InFlux(_) | Refusal::Damaged => true,
             // Dead nodes occupy ports until they are removed.
-            Refusal::NodesFull if bus.clear_away_the_dead() != (0, 0) => {}
-            _ => break,
+            Refusal::NodesFull => bus.clear_away_the_dead() != (0, 0),
+            _ => false,
+        };
+        if !may_pass || started.elapsed() > SETTLING_MAX {
+            break refusal;
         }
         thread::sleep(PAUSE);
-    }
+    };
     let service = name.to_owned();
     Err(match refusal {
         Refusal::Schema => {

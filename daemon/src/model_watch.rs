@@ -112,11 +112,15 @@ pub struct ModelWatch {
 impl ModelWatch {
     /// Ingests a state; returns a discrepancy to report, at most once in five minutes.
     pub fn update(&mut self, state: &State) -> Option<Suspicion> {
-        if state.phase != Phase::Monitoring as u32 {
-            // The subject or its identification may have changed, or a sensor is silent.
-            self.samples.clear();
-            self.current = None;
-            return None;
+        match Phase::from_number(state.phase) {
+            Some(Phase::Monitoring) => {}
+            // A sensor is silent; subject and identification stay.
+            Some(Phase::Degraded) => return None,
+            _ => {
+                self.samples.clear();
+                self.current = None;
+                return None;
+            }
         }
         let sample = ResidualSample::of(state)?;
         if self.samples.back().is_some_and(|last| sample.time_ns <= last.time_ns) {

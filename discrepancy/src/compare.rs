@@ -1,8 +1,8 @@
 //! Reduces snapshots to blocks: the model's predictions and the plate's measurements, averaged over a fraction of a
 //! second.
 //!
-//! Suit and ground pass through the same local parabola (Savitzky and Golay) over samples at the same times, so that
-//! filtering does not appear as an effect. This module does not read files: snapshots are pushed one by one, in any
+//! Accelerations are those of a local parabola (Savitzky and Golay); pose and ground are averaged with the weights with
+//! which it averages the true second derivative, so that filtering does not appear as an effect. This module does not read files: snapshots are pushed one by one, in any
 //! number, and memory stays bounded (one second of snapshots and at most [`Options::blocks_max`] blocks).
 //!
 //! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `store` → this file.

@@ -193,6 +193,22 @@ fn a_new_identification_restarts_the_watch() {
 }
 
 #[test]
+fn a_silent_sensor_delays_the_watch_but_discards_nothing() {
+    let mut watch = ModelWatch::default();
+    let reported: Vec<u64> = (1..=50)
+        .filter(|second| {
+            let mut state = state(*second, [0.05, 0.0], true, 0.0);
+            if second % 10 < 4 {
+                state.phase = Phase::Degraded as u32;
+            }
+            watch.update(&state).is_some()
+        })
+        .collect();
+    // The first sample is that of second 4.
+    assert_eq!(reported, [44]);
+}
+
+#[test]
 fn few_outliers_are_no_suspicion() {
     let mut watch = ModelWatch::default();
     for second in 1..=120 {

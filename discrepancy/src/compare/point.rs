@@ -39,7 +39,7 @@ pub(super) struct Point {
     /// Predictions by the loop's equations.
     pub(super) cop_predicted_m: [f64; 2],
     pub(super) force_predicted_n: [f64; 3],
-    /// Measurements of the plate, through the same parabola.
+    /// Measurements of the plate, averaged as the accelerations are.
     pub(super) cop_measured_m: [f64; 2],
     pub(super) force_measured_n: [f64; 3],
 }
