@@ -1,11 +1,13 @@
 //! A block: means of predictions and measurements over a fraction of a second of a session.
 
+use std::f64::consts::TAU;
+
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 
-pub use crate::constants::{CUTOFFS_HZ, LAGS_S};
+pub use crate::constants::LAGS_S;
 
-/// Change of the prediction by a lag or a filter: centre of pressure, m, and force, N.
+/// Change of the measurements by a lag or a filter: centre of pressure, m, and force, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     /// Of the centre of pressure, m.
@@ -17,6 +19,12 @@ pub struct Change {
 impl Change {
     /// No change.
     pub const NONE: Change = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
+
+    /// Adds another one, scaled.
+    pub(crate) fn add(&mut self, scale: f64, other: &Change) {
+        self.cop_m.iter_mut().zip(other.cop_m).for_each(|(sum, other_m)| *sum += scale * other_m);
+        self.force_n.iter_mut().zip(other.force_n).for_each(|(sum, other_n)| *sum += scale * other_n);
+    }
 }
 
 /// Phase of the recording to which a block belongs.
@@ -51,8 +59,23 @@ pub struct Block {
     pub joint_rad: [[f64; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,
-    /// Change of the prediction by each of [`LAGS_S`].
+    /// Change of the measurements by each of [`LAGS_S`].
     pub by_lag: [Change; LAGS_S.len()],
-    /// Change of the prediction by each of [`CUTOFFS_HZ`].
-    pub by_cutoff: [Change; CUTOFFS_HZ.len()],
+}
+
+impl Block {
+    /// Change by a first-order low-pass filter in the plate: what it passes is `m = x − τ ṁ` of what acts, `x`.
+    pub(crate) fn by_cutoff(&self, cutoff_hz: f64) -> Change {
+        let later = LAGS_S.partition_point(|lag_s| *lag_s < 0.0);
+        let [near_s, far_s] = [LAGS_S[later], LAGS_S[later + 1]];
+        // The rate from the symmetrical lags nearest to zero, exact for a polynomial of the fourth degree.
+        let scale_s = 2.0 * near_s * far_s * (far_s * far_s - near_s * near_s) * TAU * cutoff_hz;
+        let [near, far] = [far_s.powi(3) / scale_s, -near_s.powi(3) / scale_s];
+        let mut change = Change::NONE;
+        for (steps, weight) in [(0, near), (1, far)] {
+            change.add(-weight, &self.by_lag[later + steps]);
+            change.add(weight, &self.by_lag[later - 1 - steps]);
+        }
+        change
+    }
 }

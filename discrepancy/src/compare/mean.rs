@@ -9,7 +9,7 @@ use super::point::Point;
 use super::window::{Window, matrix};
 use super::worker::Worker;
 use crate::block::{Block, Change, Phase};
-use crate::constants::{BLOCK_REACH, CUTOFFS_HZ, LAGS_S};
+use crate::constants::{BLOCK_REACH, LAGS_S};
 
 /// A block under construction.
 #[derive(Debug)]
@@ -24,7 +24,6 @@ pub(super) struct BlockMean {
     /// Times of the first and the last point, s.
     reach_s: [f64; 2],
     sum: Sum,
-    by_cutoff: [Change; CUTOFFS_HZ.len()],
     /// Number of the first contributing snapshot, and the summed weights of each in values and second derivatives.
     first_snapshot: usize,
     weights: Vec<[f64; 2]>,
@@ -70,7 +69,6 @@ impl BlockMean {
             count: 0.0,
             reach_s: [f64::INFINITY, f64::NEG_INFINITY],
             sum: Sum::default(),
-            by_cutoff: [Change::NONE; CUTOFFS_HZ.len()],
             first_snapshot: 0,
             weights: Vec::new(),
             bodies: Box::new(Bodies {
@@ -83,8 +81,8 @@ impl BlockMean {
         }
     }
 
-    /// Adds a point and the change by each filter at it.
-    pub(super) fn add(&mut self, point: &Point, by_cutoff: &[Change; CUTOFFS_HZ.len()]) {
+    /// Adds a point.
+    pub(super) fn add(&mut self, point: &Point) {
         self.count += 1.0;
         self.stance = point.stance;
         self.has_inertia = point.has_inertia;
@@ -105,10 +103,6 @@ impl BlockMean {
         add(&mut sum.force_predicted_n, &point.force_predicted_n);
         add(&mut sum.cop_measured_m, &point.cop_measured_m);
         add(&mut sum.force_measured_n, &point.force_measured_n);
-        for (sum, change) in self.by_cutoff.iter_mut().zip(by_cutoff) {
-            add(&mut sum.cop_m, &change.cop_m);
-            add(&mut sum.force_n, &change.force_n);
-        }
         self.weigh_snapshots(point);
     }
 
@@ -202,9 +196,6 @@ impl BlockMean {
             joint_rad: joint_rad(&bodies.quaternion, heading_rad),
             heading_rad,
             by_lag,
-            by_cutoff: self
-                .by_cutoff
-                .map(|sum| Change { cop_m: mean(sum.cop_m, count), force_n: mean(sum.force_n, count) }),
         }
     }
 }

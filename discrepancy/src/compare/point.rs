@@ -9,6 +9,7 @@ use nalgebra::Vector3;
 use super::options::Options;
 use super::window::{Neighbourhood, Window};
 use super::worker::Worker;
+use crate::block::Change;
 use crate::constants::{ACCELERATION_MAX_M_PER_S2, SPECIFIC_FORCE_MIN_M_PER_S2, TURNING_MAX_M};
 
 /// Predictions and measurements at one snapshot.
@@ -32,8 +33,7 @@ pub(super) struct Point {
     pub(super) com_acceleration_m_per_s2: Vector3<f64>,
     /// Shift of the centre of pressure by the rotation of trunk, right arm, left arm, legs, m.
     pub(super) turning_by_group_m: [[f64; 2]; 4],
-    /// Horizontal over vertical force: of the suit, and as used in the prediction.
-    pub(super) slope_by_suit: [f64; 2],
+    /// Horizontal over vertical force, as used in the prediction.
     pub(super) slope: [f64; 2],
     pub(super) slope_is_measured: bool,
     /// Predictions by the loop's equations.
@@ -96,7 +96,6 @@ impl Point {
             com_velocity_m_per_s: sums.velocity,
             com_acceleration_m_per_s2: sums.acceleration,
             turning_by_group_m,
-            slope_by_suit,
             slope,
             slope_is_measured,
             cop_predicted_m: [0.0; 2],
@@ -122,14 +121,16 @@ impl Point {
         [0, 1].map(|axis| self.turning_by_group_m.iter().map(|group| group[axis]).sum())
     }
 
-    /// Part of the predicted centre of pressure that a timing error changes, m: all of the suit's quantities, with
-    /// measured shear held constant.
-    pub(super) fn by_suit_m(&self, slope_held: Option<[f64; 2]>) -> [f64; 2] {
+    /// What the plate measured of the quantities that the suit measures: with measured shear, the centre of pressure
+    /// without the shear's part, since that has the plate's own timing in measurement and prediction. Without inertia
+    /// the prediction follows the centre of mass only, which is therefore used.
+    pub(super) fn measured_motion(&self) -> Change {
         if !self.has_inertia {
-            return [self.com_m.x, self.com_m.y];
+            return Change { cop_m: [self.com_m.x, self.com_m.y], force_n: [0.0; 3] };
         }
-        let (slope, turning_m) = (slope_held.unwrap_or(self.slope_by_suit), self.turning_m());
-        [0, 1].map(|axis| self.com_m[axis] - (self.com_m.z - self.floor_m) * slope[axis] + turning_m[axis])
+        let held = if self.slope_is_measured { self.com_m.z - self.floor_m } else { 0.0 };
+        let cop_m = [0, 1].map(|axis| self.cop_measured_m[axis] + held * self.slope[axis]);
+        Change { cop_m, force_n: self.force_measured_n }
     }
 
     /// Whether the motion is moderate: no jump, no impact.
