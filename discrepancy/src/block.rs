@@ -1,13 +1,11 @@
 //! A block: means of predictions and measurements over a fraction of a second of a session.
 
-use std::f64::consts::TAU;
-
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 
-pub use crate::constants::LAGS_S;
+pub use crate::constants::{CUTOFFS_HZ, LAGS_S};
 
-/// Change of the measurements by a lag or a filter: centre of pressure, m, and force, N.
+/// Change of the residual by a lag or a filter: centre of pressure, m, and force, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     /// Of the centre of pressure, m.
@@ -59,23 +57,8 @@ pub struct Block {
     pub joint_rad: [[f64; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,
-    /// Change of the measurements by each of [`LAGS_S`].
+    /// Change by each of [`LAGS_S`].
     pub by_lag: [Change; LAGS_S.len()],
-}
-
-impl Block {
-    /// Change by a first-order low-pass filter in the plate: what it passes is `m = x − τ ṁ` of what acts, `x`.
-    pub(crate) fn by_cutoff(&self, cutoff_hz: f64) -> Change {
-        let later = LAGS_S.partition_point(|lag_s| *lag_s < 0.0);
-        let [near_s, far_s] = [LAGS_S[later], LAGS_S[later + 1]];
-        // The rate from the symmetrical lags nearest to zero, exact for a polynomial of the fourth degree.
-        let scale_s = 2.0 * near_s * far_s * (far_s * far_s - near_s * near_s) * TAU * cutoff_hz;
-        let [near, far] = [far_s.powi(3) / scale_s, -near_s.powi(3) / scale_s];
-        let mut change = Change::NONE;
-        for (steps, weight) in [(0, near), (1, far)] {
-            change.add(-weight, &self.by_lag[later + steps]);
-            change.add(weight, &self.by_lag[later - 1 - steps]);
-        }
-        change
-    }
+    /// Change by each of [`CUTOFFS_HZ`].
+    pub by_cutoff: [Change; CUTOFFS_HZ.len()],
 }

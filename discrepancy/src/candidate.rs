@@ -125,7 +125,7 @@ impl Candidate {
         let at = rows.blocks[block];
         match self.effect {
             Effect::SuitLag => of_change(lag_change(at, self.shape)),
-            Effect::PlateLowpass => of_change(at.by_cutoff(self.shape)),
+            Effect::PlateLowpass => of_change(cutoff_change(at, self.shape)),
             _ => self.term(rows, self.about).columns(&at.observation),
         }
     }
@@ -260,6 +260,16 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
         std::cmp::Ordering::Greater => (LAGS_S[i - 1], block.by_lag[i - 1]),
     };
     interpolated(lag_s, LAGS_S.len() + 1, at)
+}
+
+/// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
+pub(crate) fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
+    let last = CUTOFFS_HZ.len();
+    let at = |i: usize| match i {
+        0 => (0.0, Change::NONE),
+        _ => (1.0 / CUTOFFS_HZ[last - i], block.by_cutoff[last - i]),
+    };
+    interpolated(1.0 / cutoff_hz, last + 1, at)
 }
 
 /// Lagrange's cubic through the four knots nearest to a value; knots ascending.

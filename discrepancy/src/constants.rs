@@ -57,6 +57,8 @@ pub(crate) const MASK_KEPT_S: f64 = 3.0;
 pub(crate) const POINTS_KEPT_S: f64 = 1.5;
 /// No interpolation between predictions farther apart. Unit: s. Origin: bench.
 pub(crate) const INTERPOLATION_GAP_S: f64 = 0.25;
+/// Step from a time to both sides for a rate. Unit: s. Origin: derived, below the interval of suit samples.
+pub(crate) const RATE_STEP_S: f64 = 0.01;
 /// Snapshots on each side of a parabola, at least. Unit: 1. Origin: bench (a parabola needs three points).
 pub(crate) const WINDOW_SIDE_MIN: usize = 2;
 /// Each side covers this fraction of half the window; else values belong to another time. Unit: 1. Origin: bench.
@@ -73,11 +75,11 @@ pub(crate) const ACCELERATION_MAX_M_PER_S2: f64 = 6.0;
 pub(crate) const TURNING_MAX_M: f64 = 0.3;
 /// Model error of each parameter of the chain: gliding joints, a bending spine; 1-σ. Unit: m. Origin: bench.
 pub(crate) const CHAIN_ERROR_M: f64 = 0.002;
-/// Lags whose change of the measurements each block stores; negative: the suit is early. Unit: s. Origin: prototype.
+/// Lags whose change each block stores; negative: the suit is early. Unit: s. Origin: prototype.
 pub const LAGS_S: [f64; 13] =
     [-0.12, -0.08, -0.05, -0.03, -0.02, -0.01, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18];
-/// Cutoffs of a first-order filter that are tried first. Unit: Hz. Origin: prototype; 7 Hz added.
-pub(crate) const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
+/// Cutoffs of a first-order filter whose change each block stores. Unit: Hz. Origin: prototype; 7 Hz added.
+pub const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
 
 // Phases of a recording, and the blocks that are used.
 

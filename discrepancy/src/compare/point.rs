@@ -121,16 +121,26 @@ impl Point {
         [0, 1].map(|axis| self.turning_by_group_m.iter().map(|group| group[axis]).sum())
     }
 
-    /// What the plate measured of the quantities that the suit measures: with measured shear, the centre of pressure
-    /// without the shear's part, since that has the plate's own timing in measurement and prediction. Without inertia
-    /// the prediction follows the centre of mass only, which is therefore used.
-    pub(super) fn measured_motion(&self) -> Change {
+    /// Centre of pressure, m, and force, N, as predicted from the suit: without the part of measured shear, which has
+    /// the plate's timing.
+    pub(super) fn predicted_motion(&self) -> Change {
         if !self.has_inertia {
             return Change { cop_m: [self.com_m.x, self.com_m.y], force_n: [0.0; 3] };
         }
-        let held = if self.slope_is_measured { self.com_m.z - self.floor_m } else { 0.0 };
-        let cop_m = [0, 1].map(|axis| self.cop_measured_m[axis] + held * self.slope[axis]);
-        Change { cop_m, force_n: self.force_measured_n }
+        Change { cop_m: self.without_shear(self.cop_predicted_m), force_n: self.force_predicted_n }
+    }
+
+    /// The same as measured. Without inertia the prediction is that of a still body, and the measurement is not used.
+    pub(super) fn measured_motion(&self) -> Change {
+        if !self.has_inertia {
+            return self.predicted_motion();
+        }
+        Change { cop_m: self.without_shear(self.cop_measured_m), force_n: self.force_measured_n }
+    }
+
+    fn without_shear(&self, cop_m: [f64; 2]) -> [f64; 2] {
+        let height_m = if self.slope_is_measured { self.com_m.z - self.floor_m } else { 0.0 };
+        [0, 1].map(|axis| cop_m[axis] + height_m * self.slope[axis])
     }
 
     /// Whether the motion is moderate: no jump, no impact.

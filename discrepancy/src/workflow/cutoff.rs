@@ -3,6 +3,7 @@
 use equipoise_core::effect::{Effect, Model};
 
 use crate::block::Block;
+use crate::candidate::cutoff_change;
 
 /// Subtracts the contribution of the model's terms from the plate's measurements, block by block. A lag of the suit is
 /// excluded: the cycle has already corrected the sample times.
@@ -11,7 +12,7 @@ pub(super) fn subtract(blocks: &mut [Block], model: &Model) {
         let (mut cop_m, mut force_n) = model.change(&block.observation);
         let filters = model.at(block.observation.time_s).filter(|term| term.effect == Effect::PlateLowpass);
         for filter in filters {
-            let change = block.by_cutoff(filter.shape);
+            let change = cutoff_change(block, filter.shape);
             for (sum, part) in cop_m.iter_mut().zip(change.cop_m) {
                 *sum += part;
             }
