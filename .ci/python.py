@@ -21,8 +21,8 @@ from equipoise import Joint, ProgramError, _arrays
 
 RECORDING = "session.mcap"
 NOTEBOOKS = os.path.abspath("clients/python/notebooks")
-# Compared value by value: the end, in which a load was lifted.
-LAST_S = 20
+# Compared value by value: the end, in which a load was lifted, s.
+LAST_S = 10
 IMAGE_BYTES_MIN = 10_000
 
 
@@ -77,7 +77,7 @@ def check_bytes(states):
     compared = 0
     with open(RECORDING, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        begin_ns = reader.get_summary().statistics.message_end_time - int(1e9 * LAST_S / 2)
+        begin_ns = reader.get_summary().statistics.message_end_time - int(1e9 * LAST_S)
         for _, _, _, state in reader.iter_decoded_messages(["/equipoise/state"], starting_at=begin_ns):
             published = state.torque_nm[3 * Joint.RIGHT_KNEE:][:3] if state.valid == 0 else [numpy.nan] * 3
             assert numpy.array_equal(torque_nm[place[state.cycle]], published, equal_nan=True), f"cycle {state.cycle}"

@@ -30,5 +30,5 @@ install_wheel() { # EXTRAS, PACKAGE...
     shift
     cp -r clients/python "$scratch/python"
     "${pip[@]}" wheel --no-deps --wheel-dir "$scratch/wheel" "$scratch/python"
-    "${pip[@]}" install "$(echo "$scratch"/wheel/equipoise-*.whl)[$extras]" "$@"
+    "${pip[@]}" install --no-compile "$(echo "$scratch"/wheel/equipoise-*.whl)[$extras]" "$@"
 }
