@@ -22,3 +22,13 @@ make_venv() { # FOLDER
         python3 -m venv "$1"
     }
 }
+
+# The Python package as a wheel, which `$scratch/venv` gets with these extras and packages. Building leaves files next to the
+# source: it is a copy.
+install_wheel() { # EXTRAS, PACKAGE...
+    local pip=("$scratch/venv/bin/pip" --disable-pip-version-check --quiet) extras=$1
+    shift
+    cp -r clients/python "$scratch/python"
+    "${pip[@]}" wheel --no-deps --wheel-dir "$scratch/wheel" "$scratch/python"
+    "${pip[@]}" install --no-compile "$(echo "$scratch"/wheel/equipoise-*.whl)[$extras]" "$@"
+}

@@ -1,5 +1,5 @@
 //! Validates a JSON value against a JSON schema, with the features that this crate's schemas use (tests only;
-//! `.ci/python-mcap` uses an independent validator).
+//! `.ci/python-mcap.py` uses an independent validator).
 
 use serde_json::Value;
 

@@ -1,4 +1,4 @@
-"""Reads an Equipoise station's states and reports their latency.
+"""Reads an Equipoise station's states and reports their latency; reads, plots and computes recordings.
 
     import equipoise
 
@@ -13,8 +13,12 @@
 A `Reading` is a current state; otherwise a `NoReading` states the reason, and its truth value is false. Values of a
 state may be invalid: see `reasons`. Library and daemon must be of one release and run as the same user; the directory
 of the bus is that of EQUIPOISE_BUS_ROOT, as for the daemon. `equipoise.udp` reads datagrams on any machine.
+
+    states = equipoise.read_recording("session.mcap", columns=["torque_nm", "torque_sigma_nm", "torque_limit_nm"])
+    equipoise.plot.torque(states, "L5S1")
 """
 
+from . import plot
 from ._arrays import to_pandas
 from ._bus import BusError
 from ._messages import (
@@ -44,7 +48,9 @@ from ._messages import (
     State,
 )
 from .consumer import Consumer, latest, subscribe
+from .program import ProgramError, reconcile, replay
 from .reading import NoReading, NoStateReason, Reading
+from .recording import iter_recording, read_recording, to_numpy
 
 __all__ = [
     "JOINTS",
@@ -69,6 +75,7 @@ __all__ = [
     "NoReading",
     "Unavailable",
     "Phase",
+    "ProgramError",
     "ConsumerReceipt",
     "Reading",
     "Reason",
@@ -76,7 +83,13 @@ __all__ = [
     "FootOutline",
     "State",
     "NoStateReason",
+    "iter_recording",
     "latest",
+    "plot",
+    "read_recording",
+    "reconcile",
+    "replay",
     "subscribe",
+    "to_numpy",
     "to_pandas",
 ]

@@ -9,6 +9,8 @@ import ctypes
 import enum
 from typing import NamedTuple, Optional
 
+from ._flags import Flags
+
 
 class Service(NamedTuple):
     """A service: every process must open it with the same settings."""
@@ -247,7 +249,7 @@ class ConsumerReceipt(ctypes.Structure):
 assert ctypes.sizeof(ConsumerReceipt) == 12416
 
 
-class Reason(enum.IntFlag):
+class Reason(Flags):
     """Invalid reasons: bits of `State.valid`."""
 
     SUIT_STALE = 1
@@ -308,14 +310,14 @@ class Sharing(enum.IntEnum):
     MEASURED = 1
 
 
-class Unavailable(enum.IntFlag):
+class Unavailable(Flags):
     """Quantities that the station's sensors do not provide: bits of `State.unavailable`."""
 
     SUIT_COM = 1
     SHEAR = 2
 
 
-class GroundDevice(enum.IntFlag):
+class GroundDevice(Flags):
     """Devices in the ground sample: bits of `State.ground_devices`."""
 
     PLATE = 1

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING, List, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, List, NamedTuple, Optional, Tuple, Union
 
 from ._arrays import view
-from ._messages import INVALIDATES_GROUND_FORCE, INVALIDATES_TORQUES, Joint, Reason, State
+from ._messages import INVALIDATES_GROUND_FORCE, INVALIDATES_TORQUES, Joint, Level, Phase, Reason, State
+from ._names import joint_name, joint_of
 
 if TYPE_CHECKING:
     from ._arrays import Array
@@ -34,22 +35,37 @@ class Reading(NamedTuple):
     def __bool__(self) -> bool:
         return True
 
+    def __repr__(self) -> str:
+        state = self.state
+        if self.invalidated_by(INVALIDATES_TORQUES):
+            torque = f"no torques: {self.reasons}"
+        else:
+            at = state.worst_joint
+            x, y, z = state.torque_nm[3 * at : 3 * at + 3]
+            torque = (
+                f"{joint_name(Joint(at))} {(x * x + y * y + z * z) ** 0.5:.1f} ± {state.torque_sigma_nm[at]:.1f} N m "
+                f"of {state.torque_limit_nm[at]:.0f}, {Level(state.joint_level[at]).name.lower()}"
+            )
+        phase = Phase(state.phase).name.lower()
+        return f"<Reading: cycle {state.cycle}, {phase}, {self.age_ns / 1e6:.1f} ms old; {torque}>"
+
     @property
     def reasons(self) -> Reason:
-        """The invalid reasons of the state."""
+        """The invalid reasons of the state; they print as their names."""
         return Reason(self.state.valid)
 
     @property
     def reason_names(self) -> List[str]:
         """Public names of `reasons`, lowest bit first."""
-        return [(reason.name or "").lower() for reason in Reason if self.state.valid & reason]
+        return self.reasons.names
 
     def invalidated_by(self, reasons: Reason) -> bool:
         """Whether one of `reasons` is raised; the value that they invalidate is then 0."""
         return bool(self.state.valid & reasons)
 
-    def torque_nm(self, joint: Joint) -> Optional[Tuple[float, float, float]]:
-        """The overload torque of a joint, world axes, N m; None while it is invalid."""
+    def torque_nm(self, joint: Union[Joint, str]) -> Optional[Tuple[float, float, float]]:
+        """The overload torque of a joint, world axes, N m; None while it is invalid. A name: `RightKnee`, `right knee`."""
+        joint = joint_of(joint)
         if self.invalidated_by(INVALIDATES_TORQUES):
             return None
         x, y, z = self.state.torque_nm[3 * joint : 3 * joint + 3]
@@ -97,3 +113,6 @@ class NoReading(NamedTuple):
 
     def __str__(self) -> str:
         return self.text
+
+    def __repr__(self) -> str:
+        return f"<NoReading: {self.text}>"

@@ -33,6 +33,8 @@ import ctypes
 import enum
 from typing import NamedTuple, Optional
 
+from ._flags import Flags
+
 
 class Service(NamedTuple):
     """A service: every process must open it with the same settings."""
@@ -116,7 +118,7 @@ fn numbered(name_of: impl Fn(u32) -> Option<&'static str>) -> Vec<(String, u64)>
 
 fn enumerations(out: &mut String) {
     let reasons = Validity::NAMES.iter().map(|(reason, name)| (constant_case(name), reason.0));
-    enumeration(out, "Reason(enum.IntFlag)", "Invalid reasons: bits of `State.valid`.", reasons);
+    enumeration(out, "Reason(Flags)", "Invalid reasons: bits of `State.valid`.", reasons);
     for (set, name) in Validity::FLAG_SETS {
         writeln!(out, "INVALIDATES_{} = Reason({})", constant_case(name), set.0).unwrap();
     }
@@ -135,14 +137,14 @@ fn enumerations(out: &mut String) {
     let given = Unavailable::NAMES.map(|(what, name)| (constant_case(name), u64::from(what as u32)));
     enumeration(
         out,
-        "Unavailable(enum.IntFlag)",
+        "Unavailable(Flags)",
         "Quantities that the station's sensors do not provide: bits of `State.unavailable`.",
         given,
     );
     let devices = GroundDevice::NAMES.map(|(device, name)| (constant_case(name), u64::from(device as u32)));
     enumeration(
         out,
-        "GroundDevice(enum.IntFlag)",
+        "GroundDevice(Flags)",
         "Devices in the ground sample: bits of `State.ground_devices`.",
         devices,
     );
