@@ -5,8 +5,8 @@ export const MISSING = "—";
 
 const offline = (connection) => ({ waiting: "connecting", silent: "silent", lost: "lost" })[connection] ?? "connecting";
 
-// `set` is the set of flags that invalidates the value (`Validity::FLAG_SETS`); `unavailable` the name of a quantity that the
-// sensors may lack.
+// `set` is the set of flags that invalidates the value (`Validity::FLAG_SETS`); `flag` a single one; `unavailable` the
+// name of a quantity that the sensors may lack.
 const QUANTITIES = [
   { name: "load", set: "lifted_mass", unit: "kg", digits: 1, of: (state) => [state.lifted_mass_kg, state.lifted_mass_sigma_kg] },
   { name: "reach", set: "torques", unit: "m", digits: 2, of: (state) => [state.reach_m, state.reach_sigma_m] },
@@ -14,7 +14,7 @@ const QUANTITIES = [
   { name: "vertical_force", set: "ground_force", unit: "N", digits: 0, of: (state) => [state.vertical_force_n] },
   { name: "shear", set: "ground_force", unavailable: "shear", unit: "N", digits: 0,
     of: ({ ground_force_n: force }) => [force && Math.hypot(force[0], force[1])] },
-  { name: "mass", unit: "kg", digits: 1, of: (state) => [state.mass_kg] },
+  { name: "mass", flag: "mass_unknown", unit: "kg", digits: 1, of: (state) => [state.mass_kg] },
   { name: "l5s1_moment", set: "low_back", unit: "N m", digits: 0, of: (state) => [state.l5s1_moment_nm, state.l5s1_moment_sigma_nm] },
   { name: "l5s1_compression", set: "low_back", unit: "N", digits: 0, of: (state) => [state.l5s1_compression_n, state.l5s1_compression_sigma_n] },
   { name: "lifts", unit: "", digits: 0, of: (state) => [state.lifts] },
@@ -33,14 +33,15 @@ export const withheldBy = (connection, frame, set) => (frame ? frame.withheld?.[
 
 // All quantities: name, text, and for a missing value the name of the reason.
 export function quantities(connection, frame, language) {
-  return QUANTITIES.map(({ name, set, unavailable, unit, digits, significant, of }) => {
+  return QUANTITIES.map(({ name, set, flag, unavailable, unit, digits, significant, of }) => {
     const parts = frame && of(frame.state);
     if (Number.isFinite(parts?.[0])) {
       const text = significant ? parts[0].toLocaleString(language, { maximumSignificantDigits: digits }) : withSigma(parts, digits, unit, language);
       return { name, text, reason: "" };
     }
     const lacking = frame?.state.unavailable?.includes(unavailable) ? "not_measured" : "not_available";
-    return { name, text: MISSING, reason: withheldBy(connection, frame, set) || lacking };
+    const raised = frame?.state.valid?.includes(flag) ? flag : "";
+    return { name, text: MISSING, reason: withheldBy(connection, frame, set) || raised || lacking };
   });
 }
 

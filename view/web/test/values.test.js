@@ -21,6 +21,10 @@ test("a valid value is displayed, a withheld one has its reason", () => {
   assert.deepEqual(shown.mass, [MISSING, "not_available"]);
 });
 
+test("a flag that concerns one quantity is its reason", () => {
+  assert.deepEqual(named("live", { state: { valid: ["mass_unknown"] } }).mass, [MISSING, "mass_unknown"]);
+});
+
 test("what the sensors do not measure is named", () => {
   const shown = named("live", { state: { unavailable: ["shear"], vertical_force_n: 1 } });
   assert.deepEqual(shown.shear, [MISSING, "not_measured"]);
