@@ -48,16 +48,24 @@ LOOK = """(() => {
     figureShare: Number(data("marks").figurePx ?? 0) / innerHeight,
     textPx: Math.min(...texts.map((one) => parseFloat(getComputedStyle(one).fontSize))),
     clipped: texts.filter((one) => getComputedStyle(one).display !== "inline" && one.clientWidth && one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent.trim()),
+    outside: texts.filter((one) => {
+      const [box, card] = [one, one.closest(".chart, .card, .notice, .banner, [role=tooltip]")].map((each) => each?.getBoundingClientRect());
+      return card && box.width && (box.left < card.left - 1 || box.right > card.right + 1 || box.top < card.top - 1 || box.bottom > card.bottom + 1);
+    }).map((one) => one.textContent.trim()),
     link: document.querySelector(".other")?.textContent ?? "", hold: shown("hold"), match: shown("match-card"), progress: shown("progress-card"),
     loaded: shown("load-card"), fatigue: shown("fatigue-card"), level: shown("badge") ? data("badge").level ?? "" : "",
     load: text("load"), advice: shown("advice") ? text("advice") : "", flat: shown("flat-note"),
     wide: document.documentElement.scrollWidth > document.documentElement.clientWidth,
-    covered: overlap("header, .banner, .stage, .card, footer") || overlap(".legend, .views, .hold"), apart: parseFloat(text("apart")) || 0,
+    covered: overlap("header, .notice, .banner, .stage, .card, footer") || overlap(".values > div") || overlap("[role=tabpanel] > *") || overlap("header > *") || overlap(".legend, .views, .hold"), apart: parseFloat(text("apart")) || 0,
     reasons: [...document.querySelectorAll("#reasons li")].map((li) => li.dataset.reason ?? li.textContent),
     plate: data("plate").drawn ?? "", residual: Number(data("residual").points ?? 0),
     convergence: Number(data("convergence").points ?? 0), parameters: Number(document.querySelector("#phi")?.dataset.curves ?? 0),
     latency: document.querySelectorAll("#latency tr").length, sensors: [...document.querySelectorAll("#sensors tr")].map((row) => [...row.cells].map((cell) => cell.textContent)),
     model: shown("model") ? text("model-what") : "",
+    quantities: Object.fromEntries([...document.querySelectorAll("[data-quantity]")].map((one) => [one.dataset.quantity, ["b", "small"].map((kind) => one.querySelector(kind).textContent)])),
+    joints: [...document.querySelectorAll("#joints tr")].map((row) => row.querySelector(".torque").textContent), jointsWhy: text("joints-why"),
+    tab: document.querySelector("[role=tab][aria-selected=true]")?.dataset.tab ?? "", token: `${data("token-state").kind ?? ""}: ${text("token-state")}`,
+    workers: [...document.querySelectorAll("#subject option")].map(({ value }) => value).filter(Boolean),
     incidents: [...document.querySelectorAll("#incidents li")].map((li) => li.dataset.incident ?? ""), incidentsText: text("incidents"),
     words: Object.fromEntries([...document.querySelectorAll("[data-t]")].map((one) => [one.dataset.t, one.textContent])),
     reply: `${data("reply").kind ?? ""}: ${text("reply")}`,
@@ -67,18 +75,21 @@ LOOK = """(() => {
 })()"""
 
 NOTHING = {"connection": None, "frozen": False, "phase": "", "phaseText": "", "instruction": "", "drawn": "", "triangles": 0, "figure": "", "figureShare": 0.0,
-           "textPx": 0.0, "clipped": [], "lang": "", "link": "", "hold": False, "match": False, "progress": False, "loaded": False, "fatigue": False,
+           "textPx": 0.0, "clipped": [], "outside": [], "lang": "", "link": "", "hold": False, "match": False, "progress": False, "loaded": False, "fatigue": False,
            "level": "", "load": "", "advice": "", "flat": False, "wide": False, "covered": False, "apart": 0.0, "model": "",
            "reasons": [], "plate": "", "residual": 0, "convergence": 0, "parameters": 0, "latency": 0, "sensors": [],
-           "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0, "busy": 0}
+           "quantities": {}, "joints": [], "jointsWhy": "", "tab": "", "token": "", "workers": [], "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0, "busy": 0}
 
 # Once the page shows the expected content, it receives the same data repeatedly: a picture takes longer than a pose is held.
+# Frames and facts may be altered first: states of sensors and names that the simulation does not have.
 FREEZE = """(() => {
   const Real = window.EventSource;
   let frozen = {};
   window.EventSource = class extends Real {
     addEventListener(name, listener) {
       super.addEventListener(name, (event) => {
+        const alter = window.alter?.[event.type];
+        if (alter) event = { type: event.type, data: JSON.stringify(alter(JSON.parse(event.data))) };
         if (event.type !== "frame") { listener(event); return; }
         if (!frozen.data && window.freezeWhen?.(this.last)) [frozen, window.isFrozen] = [{ data: this.last }, true];
         this.last = frozen.data ?? event.data;
@@ -119,15 +130,18 @@ class Browser:
         os.close(writes)
         self.to, self.of = from_us, to_us
         self.server = None
-        self.buffer, self.number, self.errors, self.session = b"", 0, [], None
+        self.buffer, self.number, self.method, self.errors, self.session = b"", 0, "", [], None
         target = self.ask("Target.createTarget", url="about:blank")["targetId"]
         self.session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Runtime", "Log", "Page"):
             self.ask(f"{domain}.enable")
+        # Pictures have no scroll bar, whose width would be cut off.
+        self.ask("Emulation.setScrollbarsHidden", hidden=True)
         self.show(TABLET, "light")
 
     def ask(self, method, **params):
         self.number += 1
+        self.method = method
         message = {"id": self.number, "method": method, "params": params}
         if self.session:
             message["sessionId"] = self.session
@@ -147,7 +161,7 @@ class Browser:
             ready, _, _ = select.select([self.of], [], [], max(0.0, until - time.monotonic()))
             chunk = os.read(self.of, 1 << 16) if ready else b""
             if not chunk:
-                raise RuntimeError("the browser does not answer")
+                raise RuntimeError("the browser has ended" if ready else f"the browser did not answer request {self.number} ({self.method}) in 30 s")
             self.buffer += chunk
         line, self.buffer = self.buffer.split(b"\0", 1)
         return json.loads(line)
@@ -169,8 +183,10 @@ class Browser:
     def run(self, script):
         return self.ask("Runtime.evaluate", expression=script, awaitPromise=True)["result"].get("value")
 
-    def open(self, url, freeze_when="null"):
-        script = f"{FREEZE}; window.freezeWhen = {freeze_when};"
+    def open(self, url, freeze_when="null", alter="null"):
+        script = f"{FREEZE}; window.freezeWhen = {freeze_when}; window.alter = {alter};"
+        # An address that differs only in its fragment would not be loaded again.
+        self.ask("Page.navigate", url="about:blank")
         once = self.ask("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
         self.ask("Page.navigate", url=url)
         self.look_until(lambda seen: seen["lang"], url)
@@ -217,6 +233,7 @@ class Browser:
             "content wider than the window": seen["wide"],
             "one part covers another": seen["covered"],
             f"clipped text: {seen['clipped']}": seen["clipped"],
+            f"text outside its card: {seen['outside']}": seen["outside"],
             f"text of {seen['textPx']} px": is_worker and size == DESKTOP and seen["textPx"] < TEXT_PX_MIN,
             f"a figure of {seen['figureShare']:.2f} of the height": "worker" in seen["drawn"] and size == DESKTOP and seen["figureShare"] < FIGURE_SHARE_MIN,
             **{f"axe-core: {finding}": True for finding in self.axe()},

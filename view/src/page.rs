@@ -1,7 +1,7 @@
 //! The worker's page: a small web server on loopback, in a thread and a runtime of its own, never in the loop.
 //!
 //! It is read-only, except for commands with a separate token (`engineer.rs`). `/` is the worker's page, `/engineer`
-//! the engineer's, `/events` the state as Server-Sent Events, `/api/state` the newest state once
+//! the engineer's, `/events` the state as Server-Sent Events (`?hz=RATE` at a lower rate), `/api/state` the newest state once
 //! ([`crate::state_json`]), `/healthz` confirms that the page is served.
 //!
 //! A browser can be tricked by any site into sending requests to `127.0.0.1`; therefore a request must name loopback in
@@ -11,6 +11,7 @@
 mod assets;
 pub(crate) mod connections;
 mod engineer;
+mod event_stream;
 mod frame;
 pub(crate) mod guard;
 mod newest;

@@ -4,6 +4,8 @@
 
 pub mod table;
 
+use std::collections::BTreeMap;
+
 use equipoise_core::body::{Joint, Segment};
 use equipoise_core::cycle::{BodyRejection, BodySource, POSE_REACHED_RAD};
 use equipoise_core::message::state::{FootOutlineSource, Phase};
@@ -30,6 +32,13 @@ pub fn reasons(state: &State) -> Vec<Reason> {
     let mut reasons: Vec<Reason> = state.validity().names().map(reason).collect();
     reasons.sort_by_key(|reason| !reason.fault);
     reasons
+}
+
+/// The withheld quantities by their public names ([`Validity::FLAG_SETS`]), each with its first reason, faults first.
+pub(crate) fn withheld(state: &State) -> BTreeMap<&'static str, &'static str> {
+    let reasons = reasons(state);
+    let first = |set: &Validity| reasons.iter().find(|reason| set.names().any(|name| name == reason.name));
+    Validity::FLAG_SETS.iter().filter_map(|(set, name)| Some((*name, first(set)?.name))).collect()
 }
 
 /// What is wrong with the equipment, rather than with what the worker does.

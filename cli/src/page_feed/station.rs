@@ -19,6 +19,7 @@ use equipoise_core::time::{NS_PER_S, seconds};
 use equipoise_daemon::realtime::now_ns;
 use equipoise_files::read_text;
 use equipoise_latency::{PathHistograms, Report};
+use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status;
 use equipoise_view::page::{PageCommand, Station};
 use serde_json::{Value, json};
@@ -112,6 +113,18 @@ impl Station for StationData {
 
     fn report(&self) -> Option<String> {
         read_text(self.report.as_ref()?, REPORT_BYTES_MAX).ok()
+    }
+
+    fn subjects(&self) -> Vec<String> {
+        let Ok(directory) = StateDirectory::of_station(&self.station) else { return Vec::new() };
+        let files = std::fs::read_dir(directory.profiles()).into_iter().flatten().filter_map(Result::ok);
+        let id = |path: PathBuf| {
+            let is_profile = path.extension().is_some_and(|extension| extension == "toml");
+            is_profile.then(|| Some(path.file_stem()?.to_str()?.to_owned())).flatten()
+        };
+        let mut ids: Vec<String> = files.filter_map(|file| id(file.path())).collect();
+        ids.sort();
+        ids
     }
 
     fn command(&self, command: &PageCommand) -> Result<String, String> {

@@ -59,13 +59,17 @@ impl Asset {
             return (StatusCode::NOT_MODIFIED, cached, caching).into_response();
         }
         let kind = [(header::CONTENT_TYPE, self.kind)];
-        let takes_gzip = listed(request, &header::ACCEPT_ENCODING).any(accepts_gzip);
-        if takes_gzip && !self.gzip.is_empty() {
+        if takes_gzip(request) && !self.gzip.is_empty() {
             let encoding = [(header::CONTENT_ENCODING, "gzip")];
             return (cached, caching, kind, encoding, self.gzip.as_slice()).into_response();
         }
         (cached, caching, kind, self.text).into_response()
     }
+}
+
+/// Whether a request accepts a response compressed by gzip.
+pub(super) fn takes_gzip(request: &HeaderMap) -> bool {
+    listed(request, &header::ACCEPT_ENCODING).any(accepts_gzip)
 }
 
 /// The comma-separated values of a header.

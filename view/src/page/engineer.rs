@@ -1,6 +1,6 @@
-//! The engineer's routes: facts, history, report, and commands, the only write access.
+//! The engineer's routes: facts, history, report, the stored workers, and commands, the only write access.
 //!
-//! A command is a `POST` without a body that has the command token in a header of its own. Neither a form nor another
+//! The ids of the stored workers are listed for the command token only. A command is a `POST` without a body that has the command token in a header of its own. Neither a form nor another
 //! site's script can send that header (the browser's preflight request is refused), and the cookie of the page does not
 //! count: read access does not permit commands. A foreign `Origin` is refused even with the token.
 
@@ -12,7 +12,7 @@ use axum::Router;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::http::header::{self, HeaderMap};
-use axum::response::sse::{Event, Sse};
+use axum::response::sse::Event;
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
 use tokio::sync::{Semaphore, watch};
@@ -20,6 +20,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_stream::wrappers::WatchStream;
 use tokio_stream::{Stream, StreamExt};
 
+use super::event_stream;
 use super::station::{Engineer, PageCommand, Station};
 
 /// Header with the command token.
@@ -53,6 +54,7 @@ pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + 
         .route("/events/station", get(events))
         .route("/api/history", get(history))
         .route("/report", get(report))
+        .route("/api/subjects", get(subjects))
         .route("/api/command/{name}", post(command))
         .route("/api/command/{name}/{subject}", post(command_on))
         .with_state(desk);
@@ -78,14 +80,14 @@ async fn tell(station: Arc<dyn Station>, sender: Arc<watch::Sender<Facts>>) {
     }
 }
 
-async fn events(State(desk): State<Desk>) -> Response {
+async fn events(State(desk): State<Desk>, headers: HeaderMap) -> Response {
     match desk.sender.upgrade() {
-        Some(sender) => Sse::new(stream(sender.subscribe())).into_response(),
+        Some(sender) => event_stream::response(&headers, stream(sender.subscribe())),
         None => (StatusCode::SERVICE_UNAVAILABLE, "The page is ending.\n").into_response(),
     }
 }
 
-fn stream(facts: watch::Receiver<Facts>) -> impl Stream<Item = Result<Event, Infallible>> {
+fn stream(facts: watch::Receiver<Facts>) -> impl Stream<Item = Result<Event, Infallible>> + Send + use<> {
     WatchStream::new(facts).map(|facts| {
         Ok(match facts {
             Some(facts) => Event::default().event("station").data(facts),
@@ -107,6 +109,20 @@ async fn report(State(desk): State<Desk>) -> Response {
     }
 }
 
+async fn subjects(State(desk): State<Desk>, headers: HeaderMap) -> Response {
+    if let Some(refusal) = desk.refusal(&headers) {
+        return refusal;
+    }
+    let station = desk.engineer.station;
+    match tokio::task::spawn_blocking(move || station.subjects()).await {
+        Ok(ids) => {
+            let list = serde_json::Value::from(ids).to_string();
+            ([(header::CONTENT_TYPE, "application/json")], list).into_response()
+        }
+        Err(_) => refused(StatusCode::INTERNAL_SERVER_ERROR, "The page failed to list the workers.\n"),
+    }
+}
+
 async fn command(State(desk): State<Desk>, headers: HeaderMap, Path(name): Path<String>) -> Response {
     act(desk, &headers, PageCommand::named(&name, None)).await
 }
@@ -119,22 +135,35 @@ async fn command_on(
     act(desk, &headers, PageCommand::named(&name, Some(&subject))).await
 }
 
-async fn act(desk: Desk, headers: &HeaderMap, command: Option<PageCommand>) -> Response {
-    let refused = |status: StatusCode, sentence: &'static str| (status, sentence).into_response();
-    let Some(token) = &desk.engineer.command_token else {
-        return refused(
-            StatusCode::FORBIDDEN,
-            "This page takes no commands: [page] command_token_file is not set.\n",
-        );
-    };
-    if !is_from_here(headers) {
-        return refused(StatusCode::FORBIDDEN, "Commands are taken from this page itself only.\n");
+fn refused(status: StatusCode, sentence: &'static str) -> Response {
+    (status, sentence).into_response()
+}
+
+impl Desk {
+    /// The refusal of a request without the command token or from another site; `None` if it is permitted.
+    fn refusal(&self, headers: &HeaderMap) -> Option<Response> {
+        let Some(token) = &self.engineer.command_token else {
+            return Some(refused(
+                StatusCode::FORBIDDEN,
+                "This page takes no commands: [page] command_token_file is not set.\n",
+            ));
+        };
+        if !is_from_here(headers) {
+            return Some(refused(StatusCode::FORBIDDEN, "Commands are taken from this page itself only.\n"));
+        }
+        let Some(given) = headers.get(COMMAND_HEADER) else {
+            return Some(refused(StatusCode::UNAUTHORIZED, "A command needs the command token.\n"));
+        };
+        if !given.to_str().is_ok_and(|given| token.is_secret(given)) {
+            return Some(refused(StatusCode::UNAUTHORIZED, "The command token is wrong.\n"));
+        }
+        None
     }
-    let Some(given) = headers.get(COMMAND_HEADER) else {
-        return refused(StatusCode::UNAUTHORIZED, "A command needs the command token.\n");
-    };
-    if !given.to_str().is_ok_and(|given| token.is_secret(given)) {
-        return refused(StatusCode::UNAUTHORIZED, "The command token is wrong.\n");
+}
+
+async fn act(desk: Desk, headers: &HeaderMap, command: Option<PageCommand>) -> Response {
+    if let Some(refusal) = desk.refusal(headers) {
+        return refusal;
     }
     let Some(command) = command else {
         return refused(StatusCode::NOT_FOUND, "There is no such command, or its subject is no id.\n");

@@ -1,10 +1,15 @@
 //! What the page draws: one frame, and its JSON.
 
+use std::collections::BTreeMap;
+use std::io;
+
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::POSE_REACHED_RAD;
 use equipoise_core::message::{State, Validity};
 use equipoise_core::time::seconds;
 use serde::Serialize;
+use serde_json::Serializer;
+use serde_json::ser::{CompactFormatter, Formatter};
 
 use crate::banner::Headline;
 use crate::state_json::{StateJson, level_name};
@@ -33,9 +38,10 @@ impl PageFrame {
     /// The object that the page's script reads: the state, and what it means in words.
     pub(super) fn to_text(&self, headline: &Headline) -> serde_json::Result<String> {
         let state = &self.state;
-        serde_json::to_string(&FrameJson {
+        let frame = FrameJson {
             state: self.state_json(),
             headline,
+            withheld: words::withheld(state),
             worst: words::worst_joint(state).map(|joint| Worst {
                 joint: joint.name(),
                 text: words::joint(joint),
@@ -55,7 +61,10 @@ impl PageFrame {
             pose_reached_rad: POSE_REACHED_RAD,
             cop_sigma_target_m: self.cop_sigma_target_m,
             plate_corners_m: self.plate_corners_m,
-        })
+        };
+        let mut text = Vec::new();
+        frame.serialize(&mut Serializer::with_formatter(&mut text, DisplayPrecision))?;
+        String::from_utf8(text).map_err(serde::ser::Error::custom)
     }
 
     /// The name of the suggested pose.
@@ -74,6 +83,9 @@ struct FrameJson<'a> {
     state: StateJson<'a>,
     #[serde(flatten)]
     headline: &'a Headline,
+    /// Withheld quantities ([`Validity::FLAG_SETS`]) with the first reason.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    withheld: BTreeMap<&'static str, &'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     worst: Option<Worst>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -97,6 +109,22 @@ struct Suggested<'a> {
     segment_origin_m: [[f64; 3]; SEGMENTS],
 }
 
+/// Writes numbers with four decimals and at least five significant digits, more than the page displays.
+struct DisplayPrecision;
+
+impl Formatter for DisplayPrecision {
+    fn write_f64<W: ?Sized + io::Write>(&mut self, writer: &mut W, value: f64) -> io::Result<()> {
+        CompactFormatter.write_f64(writer, rounded(value))
+    }
+}
+
+fn rounded(value: f64) -> f64 {
+    let decimals = (4.0 - value.abs().log10().floor()).clamp(4.0, 20.0);
+    let scale = 10_f64.powf(decimals);
+    let result = (value * scale).round() / scale;
+    if result.is_finite() { result } else { value }
+}
+
 /// A picture needs no more than tenths of a millimetre, and sixty a second are half as long with them.
 fn drawn(origins_m: [[f64; 3]; SEGMENTS]) -> [[f64; 3]; SEGMENTS] {
     origins_m.map(|origin| origin.map(|metres| (metres * 1e4).round() / 1e4))
@@ -114,6 +142,21 @@ struct Worst {
 #[cfg(test)]
 mod tests {
     use equipoise_core::body::{Joint, Segment};
+
+    use super::rounded;
+
+    #[test]
+    fn numbers_have_four_decimals_or_five_digits() {
+        for (value, expected) in [
+            (0.0, "0"),
+            (12_345.678_91, "12345.6789"),
+            (-1.0 / 3.0, "-0.33333"),
+            (5.123_456_7e-5, "0.000051235"),
+            (f64::MAX, &f64::MAX.to_string()),
+        ] {
+            assert_eq!(rounded(value).to_string(), expected);
+        }
+    }
 
     /// The script has a copy of the body's tree, since it draws the lines of the figure.
     #[test]

@@ -1,23 +1,23 @@
 //! The routes, and the lifetime of the server.
 
-use std::convert::Infallible;
 use std::net::TcpListener;
 
 use axum::Router;
-use axum::extract::State;
-use axum::http::{StatusCode, header};
+use axum::extract::{RawQuery, State};
+use axum::http::StatusCode;
+use axum::http::header::{self, HeaderMap};
 use axum::middleware::from_fn_with_state;
-use axum::response::sse::{Event, Sse};
+use axum::response::sse::Event;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use tokio::sync::{oneshot, watch};
+use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
-use tokio_stream::{Stream, StreamExt};
 
 use super::guard::{Access, guard};
 use super::newest::{Newest, follow};
 use super::station::Engineer;
-use super::{PageFrame, assets, connections, engineer};
+use super::{PageFrame, assets, connections, engineer, event_stream};
 
 const NOT_FOUND: &str = "This address has no page. Worker's page: /, engineer's page: /engineer.\n";
 
@@ -60,13 +60,19 @@ fn pages(newest: watch::Receiver<Newest>) -> Router {
 /// Sends the newest frame at once, then every newer one; a slow client skips frames.
 async fn events(
     State(newest): State<watch::Receiver<Newest>>,
-) -> Sse<impl Stream<Item = Result<Event, Infallible>>> {
-    Sse::new(WatchStream::new(newest).map(|newest| {
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+) -> Response {
+    let events = WatchStream::new(newest).map(|newest| {
         Ok(match newest {
             Newest::Silent => Event::default().event("silent").data("{}"),
             Newest::State { frame, .. } => Event::default().event("frame").data(frame),
         })
-    }))
+    });
+    match event_stream::interval_of(query.as_deref()) {
+        Some(interval) => event_stream::response(&headers, events.throttle(interval)),
+        None => event_stream::response(&headers, events),
+    }
 }
 
 async fn state(State(newest): State<watch::Receiver<Newest>>) -> Response {

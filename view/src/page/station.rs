@@ -58,6 +58,9 @@ pub trait Station: Send + Sync + 'static {
     /// The report on effects that the model lacks, an HTML file; `None` if there is none. May block on the disk.
     fn report(&self) -> Option<String>;
 
+    /// Pseudonymous ids of the stored profiles, in alphabetical order. May block on the disk.
+    fn subjects(&self) -> Vec<String>;
+
     /// Sends a command to the daemon and returns its reply. May block on the daemon, about two seconds.
     ///
     /// # Errors

@@ -33,6 +33,10 @@ impl Station for Known {
         Some("<style>p{}</style><p>what the model lacks".to_owned())
     }
 
+    fn subjects(&self) -> Vec<String> {
+        vec!["anon-1".to_owned(), "anon-2".to_owned()]
+    }
+
     fn command(&self, command: &PageCommand) -> Result<String, String> {
         self.commands.lock().unwrap().push(command.clone());
         match command {
@@ -107,6 +111,16 @@ fn a_viewer_may_not_command() {
     assert!(answer.ends_with("The command token is wrong.\n"), "{answer}");
     let (status, _) = response_to(&page, "POST", target, &format!("{bearer}{}", with(COMMANDING)));
     assert_eq!((status, known.commands.lock().unwrap().len()), (200, 1));
+    page.stop();
+}
+
+#[test]
+fn the_stored_workers_are_listed_for_the_command_token_only() {
+    let (page, _) = page(None, Some(COMMANDING));
+    let (status, answer) = response_to(&page, "GET", "/api/subjects", &with(COMMANDING));
+    assert!(status == 200 && answer.ends_with(r#"["anon-1","anon-2"]"#), "{answer}");
+    assert_eq!(response_to(&page, "GET", "/api/subjects", &with(VIEWING)).0, 401);
+    assert_eq!(response_to(&page, "GET", "/api/subjects", "").0, 401);
     page.stop();
 }
 

@@ -39,7 +39,8 @@ class Chart {
 
 // Residual (measured minus estimated CoP) of the last 30 s, with ± 2σ of measurement and estimate.
 export class ResidualChart extends Chart {
-  constructor(element, words) {
+  // `rows` are those of an earlier chart, in other colours or words.
+  constructor(element, words, rows = []) {
     const line = (label, stroke) => ({ label, stroke, width: 1.8, spanGaps: false, ...noPoints, value: (u, v) => (v == null ? "–" : v.toFixed(1)) });
     const edge = (label) => ({ label, stroke: "transparent", ...noPoints });
     super(element, {
@@ -48,7 +49,8 @@ export class ResidualChart extends Chart {
       scales: { y: { range: (u, low, high) => [Math.min(-15, low ?? 0), Math.max(15, high ?? 0)] } },
       legend: { show: true, live: false, markers: { fill: (u, i) => (i === 3 ? "#3b82f640" : null) } },
     }, [[], [], [], [], []]);
-    this.rows = [];
+    this.rows = rows;
+    this.changed = rows.length > 0;
   }
 
   add({ t, cop_measured: a, cop_estimated: b, cop_sigma: s, cop_measured_sigma: m = [0, 0] }) {
@@ -58,9 +60,15 @@ export class ResidualChart extends Chart {
     if (last && t < last[0]) this.rows = [];
     const both = a && b;
     const band = both && s ? 2000 * Math.max(...[0, 1].map((i) => Math.hypot(s[i], m[i]))) : null;
-    this.rows.push([t, both ? 1000 * (a[0] - b[0]) : null, both ? 1000 * (a[1] - b[1]) : null, band, band === null ? null : -band]);
+    const row = [t, both ? 1000 * (a[0] - b[0]) : null, both ? 1000 * (a[1] - b[1]) : null, band, band === null ? null : -band];
+    this.rows.push(Object.assign(row, { cop: a }));
     while (this.rows[0][0] < t - 30) this.rows.shift();
     this.changed = true;
+  }
+
+  // The measured CoP at each time; undefined where it is not valid.
+  get trail() {
+    return this.rows.map(({ cop }) => cop);
   }
 
   paint() {

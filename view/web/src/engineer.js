@@ -1,10 +1,16 @@
-// Engineer's page: estimates with uncertainty, identification, latency, sensors, incidents and commands.
+// Engineer's page: torques against limits, load, ground and low back with their uncertainty; in tabs identification, latency,
+// sensors and commands.
 import { ConvergenceChart, PhiChart, ResidualChart } from "./charts.js";
 import { commands } from "./commands.js";
+import { IncidentList, span } from "./incidents.js";
+import { JointTable } from "./joints.js";
+import { number } from "./numbers.js";
 import { drawPlate } from "./plate.js";
 import { Stream, painter, setText } from "./stream.js";
+import { explanations, tabs } from "./tabs.js";
 import { applyTheme } from "./theme.js";
-import { has, instruction, languageSwitch, reason, t } from "./words.js";
+import { MISSING, quantities, withheldBy } from "./values.js";
+import { has, instruction, language, languageSwitch, reason, t } from "./words.js";
 
 const NUMBERS_EVERY_MS = 250;
 // As many as the server stores.
@@ -21,7 +27,10 @@ let numbersShown = -Infinity;
 let shownFacts = null;
 
 const redraw = painter(draw);
-const frames = new Stream("/events", ["frame"], redraw);
+const joints = new JointTable(element("joints"));
+const incidents = new IncidentList(element("incidents"));
+// As many as the residual has points.
+const frames = new Stream("/events?hz=10", ["frame"], redraw);
 const station = new Stream("/events/station", ["station"], redraw);
 
 // Curves from before this page was opened.
@@ -33,10 +42,10 @@ fetch("/api/history").then((response) => (response.ok ? response.json() : null))
 function draw(now) {
   const frame = frames.newest();
   const facts = station.newest();
-  drawPlate(element("plate"), frame);
   element("plate").style.visibility = frame ? "" : "hidden";
   element("plate").dataset.drawn = [frame?.state.cop_measured && "measured", frame?.state.cop_estimated && "estimated", frame?.segment_origin_m && "support"].filter(Boolean).join(" ");
   if (frame) charts.residual.add(frame.state);
+  drawPlate(element("plate"), frame, charts.residual.trail);
   if (now - numbersShown < NUMBERS_EVERY_MS && frame) return;
   numbersShown = now;
   if (frame) record(frame.state);
@@ -45,6 +54,8 @@ function draw(now) {
   charts.phi.paint(history.parameters);
   element("phi-none").hidden = history.parameters.length > 0;
   showHead(frame, facts);
+  showValues(frame);
+  showIdentification(frame);
   showSensors(frame, facts);
   if (facts !== shownFacts) showFacts(facts);
   shownFacts = facts;
@@ -67,13 +78,12 @@ function showHead(frame, facts) {
   dataset.phase = frame?.phase_name ?? "";
   setText(element("connection"), t(pill));
   setText(element("station"), facts?.station ?? "");
+  setText(element("subject-now"), facts?.daemon ? facts.daemon.subject || t("ui.unnamed") : "");
   setText(element("phase"), frame ? t(`phase.${frame.phase_name}`) : "");
   element("silent").hidden = !reasonName;
   setText(element("silent"), reasonName ? t(`reason.${reasonName}`) : "");
-  const { cop_measured: a, cop_estimated: b, nis, poses_used: poses, suit_com: suit } = frame?.state ?? {};
-  setText(element("apart"), a && b ? `${(1000 * Math.hypot(a[0] - b[0], a[1] - b[1])).toFixed(1)} mm` : "–");
-  setText(element("nis"), nis === undefined ? "–" : nis.toFixed(2));
-  setText(element("poses"), poses === undefined ? "–" : String(poses));
+  const { cop_measured: a, cop_estimated: b, suit_com: suit } = frame?.state ?? {};
+  setText(element("apart"), a && b ? `${number(1000 * Math.hypot(a[0] - b[0], a[1] - b[1]), 1, language())} mm` : missing(frame, a ? "cop_estimated" : "cop_measured"));
   element("suit-com-legend").hidden = !suit;
   const reasons = frame?.reasons ?? [];
   const key = reasons.map(({ name }) => name).join() + document.documentElement.lang;
@@ -86,6 +96,43 @@ function showHead(frame, facts) {
     item.classList.toggle("fault", one.fault);
     return item;
   }));
+}
+
+// What is missing, without what to do.
+const brief = (name) => (has(`reason.${name}`) ? instruction({ key: `reason.${name}` }) : t(`ui.${name}`));
+
+const missing = (frame, set) => `${MISSING} ${brief(withheldBy(frames.connection, frame, set) || "not_available")}`;
+
+function showValues(frame) {
+  setText(element("joints-why"), frame?.state.joints ? "" : missing(frame, "torques"));
+  joints.show(frame);
+  const shown = quantities(frames.connection, frame, language());
+  if (!element("values").children.length) element("values").append(...shown.map(() => fact()));
+  shown.forEach(({ name, text, reason: why }, i) => {
+    const [label, value, small] = element("values").children[i].querySelectorAll("dt, b, small");
+    element("values").children[i].dataset.quantity = name;
+    setText(label, t(`ui.${name}`));
+    setText(value, text);
+    setText(small, why && brief(why));
+  });
+}
+
+function fact() {
+  const [group, label, definition, value, why] = ["div", "dt", "dd", "b", "small"].map((kind) => document.createElement(kind));
+  definition.append(value, why);
+  group.append(label, definition);
+  return group;
+}
+
+function showIdentification(frame) {
+  const { nis, poses_used: poses, variance_max_m2: variance, predicted_cop_sigma_m: sigma } = frame?.state ?? {};
+  const target = frame?.cop_sigma_target_m;
+  const millimetres = (metres) => number(1000 * metres, 1, language());
+  const none = missing(frame);
+  setText(element("poses"), poses === undefined ? none : String(poses));
+  setText(element("nis"), nis === undefined ? none : number(nis, 2, language()));
+  setText(element("variance"), variance === undefined ? none : millimetres(Math.sqrt(variance)));
+  setText(element("cop-sigma"), sigma === undefined ? none : `${millimetres(sigma)}${target ? ` (${t("ui.target")}: ${millimetres(target)})` : ""}`);
 }
 
 function showFacts(facts) {
@@ -102,9 +149,9 @@ function showFacts(facts) {
   const { latency, daemon } = facts ?? {};
   const loop = [["cycles", latency?.cycles], ["deadlines", latency?.deadlines_missed], ["skipped", latency?.slots_skipped],
     ["faults", daemon?.loop_faults?.join(" + ")], ["subject", daemon && (daemon.subject || t("ui.unnamed"))]];
-  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`)], ["dd", value ?? "–"]].map(([kind, text]) =>
+  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`)], ["dd", value ?? MISSING]].map(([kind, text]) =>
     Object.assign(document.createElement(kind), { textContent: text }))));
-  showIncidents(facts?.incidents);
+  incidents.show(facts?.incidents);
   if (facts?.parameters && facts.parameters.cycle !== history.parameters.at(-1)?.cycle) {
     // Other names: another reduction; a lower cycle: the daemon was restarted. Start a new chart in both cases.
     const last = history.parameters.at(-1);
@@ -119,12 +166,12 @@ function showSensors(frame, facts) {
     const ageNs = frame?.state[`${stream}_age_ns`];
     const health = facts?.adapters?.find((one) => one.stream === stream);
     const silent = health && health.age_s > ADAPTER_SILENT_AFTER_S;
-    const adapter = silent ? t("ui.adapter_silent", { span: span(health.age_s) }) : health ? t("ui.adapter_speaks") : "–";
+    const adapter = silent ? t("ui.adapter_silent", { span: span(health.age_s) }) : health ? t("ui.adapter_speaks") : MISSING;
     const current = health && !silent;
     const stale = frame?.reasons.some(({ name }) => name === `${stream}_stale`);
     return {
       faults: [false, Boolean(stale), Boolean(silent)],
-      cells: [t(`ui.${stream}`), ageNs === undefined ? "–" : age(ageNs * 1e-9), adapter, current ? `${health.rate_hz.toFixed(0)} Hz` : "–", health?.lost ?? "–", health?.refused ?? "–"],
+      cells: [t(`ui.${stream}`), ageNs === undefined ? MISSING : age(ageNs * 1e-9), adapter, current ? `${health.rate_hz.toFixed(0)} Hz` : MISSING, health?.lost ?? MISSING, health?.refused ?? MISSING],
     };
   });
   const key = JSON.stringify(streams);
@@ -136,43 +183,21 @@ function showSensors(frame, facts) {
 
 const age = (seconds) => (seconds < 1 ? `${(1000 * seconds).toFixed(1)} ms` : span(seconds));
 
-function rows(id, table, titles = []) {
+function rows(id, table, notes = []) {
   element(id).replaceChildren(...table.map((cells, i) => {
     const row = document.createElement("tr");
     row.append(...cells.map((text, k) => Object.assign(document.createElement(k ? "td" : "th"), { textContent: text })));
-    if (titles[i]) row.title = titles[i];
+    row.cells[0].scope = "row";
+    if (notes[i]) row.cells[0].append(Object.assign(document.createElement("small"), { textContent: notes[i] }));
     return row;
   }));
-}
-
-function span(seconds) {
-  return seconds < 120 ? `${seconds.toFixed(0)} s` : seconds < 7200 ? `${(seconds / 60).toFixed(0)} min` : `${(seconds / 3600).toFixed(0)} h`;
-}
-
-// `incidents` is null if no daemon publishes them: unknown, not none.
-function showIncidents(incidents) {
-  const sorted = [...(incidents ?? [])].sort((a, b) => Number(b.active) - Number(a.active));
-  const items = sorted.map((one) => {
-    const item = document.createElement("li");
-    item.classList.toggle("active", one.active);
-    item.dataset.incident = one.name;
-    const [head, more, todo] = ["b", "small", "small"].map((kind) => document.createElement(kind));
-    const translated = (part, fallback) => (has(`incident.${one.name}.${part}`) ? t(`incident.${one.name}.${part}`) : fallback);
-    head.textContent = translated("meaning", one.name);
-    more.textContent = `${one.name}: ${one.active ? t("ui.goes_on", { span: span(one.duration_s) }) : t("ui.was", { count: one.count, span: span(one.ended_ago_s) })}${one.message ? ` – ${one.message}` : ""}`;
-    todo.textContent = `${t("ui.to_do")}: ${translated("do", "")}`;
-    item.append(head, more, ...(one.active ? [todo] : []));
-    return item;
-  });
-  if (!items.length) items.push(Object.assign(document.createElement("li"), { textContent: t(incidents ? "ui.incidents_none" : "ui.incidents_unknown"), className: "soft" }));
-  element("incidents").replaceChildren(...items);
 }
 
 function makeCharts() {
   for (const id of ["residual", "convergence", "phi"]) element(id).replaceChildren();
   const words = (names) => Object.fromEntries(names.map((name) => [name, t(`ui.${name}`)]));
   charts = {
-    residual: new ResidualChart(element("residual"), words(["forward", "left", "noise"])),
+    residual: new ResidualChart(element("residual"), words(["forward", "left", "noise"]), charts?.residual.rows),
     convergence: new ConvergenceChart(element("convergence"), words(["variance", "cop_sigma", "target"])),
     phi: new PhiChart(element("phi")),
   };
@@ -183,6 +208,8 @@ applyTheme(() => {
   makeCharts();
   redraw();
 });
+tabs(element("tabs"));
+explanations();
 languageSwitch(element("languages"), () => {
   makeCharts();
   numbersShown = -Infinity;

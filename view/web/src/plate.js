@@ -4,7 +4,8 @@ import { colour } from "./theme.js";
 
 const SHOWN_MIN_M = 0.62;
 
-export function drawPlate(canvas, frame) {
+// `trail`: earlier measured CoP.
+export function drawPlate(canvas, frame, trail) {
   const { context, width, height } = prepared(canvas);
   if (!frame) return;
   const { cop_measured: measured, cop_estimated: estimated, cop_sigma: sigma } = frame.state;
@@ -44,6 +45,14 @@ export function drawPlate(canvas, frame) {
     path(context, [[heel[0] - 0.25 * ax, heel[1] - 0.25 * ay], [ball[0] + 0.3 * ax, ball[1] + 0.3 * ay]].map(at));
     stroke(context, colour("line"), 0.09 * scale);
   }
+  context.globalAlpha = 0.45;
+  for (const [i, to] of trail.entries()) {
+    const from = trail[i - 1];
+    if (!from || !to) continue;
+    path(context, [at(from), at(to)]);
+    stroke(context, colour("soft"), 1);
+  }
+  context.globalAlpha = 1;
   if (measured && estimated) {
     path(context, [at(estimated), at(measured)]);
     stroke(context, colour("soft"), 1.5);

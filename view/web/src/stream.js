@@ -16,6 +16,13 @@ export class Stream {
     this.frame = null;
     this.lastEventAt = performance.now();
     this.connect();
+    // A page that the browser keeps for its back button would keep its connection too, of which a browser opens six.
+    addEventListener("pagehide", () => this.source.close());
+    addEventListener("pageshow", ({ persisted }) => {
+      if (!persisted) return;
+      this.setConnection("waiting");
+      this.connect();
+    });
     // The browser reconnects automatically, but gives up after some errors and does not detect a frozen server.
     setInterval(() => {
       const now = performance.now();

@@ -24,6 +24,8 @@ function setUp(t) {
   let now = 0;
   FakeEventSource.made = [];
   globalThis.EventSource = FakeEventSource;
+  const page = new EventTarget();
+  globalThis.addEventListener = page.addEventListener.bind(page);
   t.mock.timers.enable({ apis: ["setInterval"] });
   t.mock.method(performance, "now", () => now);
   const stream = new Stream("/events", ["frame"], () => {});
@@ -33,8 +35,20 @@ function setUp(t) {
       t.mock.timers.tick(1000);
     }
   };
-  return { stream, after };
+  return { stream, after, page };
 }
+
+test("a page that is left closes its connection, and connects again when it returns", (t) => {
+  const { stream, page } = setUp(t);
+  const { made } = FakeEventSource;
+  made[0].emit("frame", "{}");
+  page.dispatchEvent(new Event("pagehide"));
+  assert.equal(made[0].readyState, FakeEventSource.CLOSED);
+  page.dispatchEvent(Object.assign(new Event("pageshow"), { persisted: false }));
+  assert.equal(made.length, 1);
+  page.dispatchEvent(Object.assign(new Event("pageshow"), { persisted: true }));
+  assert.deepEqual([made.length, stream.connection, stream.newest()], [2, "waiting", null]);
+});
 
 test("events keep the connection", (t) => {
   const { stream, after } = setUp(t);
