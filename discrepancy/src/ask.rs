@@ -235,7 +235,8 @@ fn information(prior: &[f64], class: &[usize], responses: &[Response]) -> (f64, 
             decides += weight * f64::from(u8::from(is_decided(&classes)));
         }
     }
-    (information_nats, decides)
+    // The weights' sum may exceed 1 by rounding.
+    (information_nats, decides.min(1.0))
 }
 
 /// Sums of the probabilities of each class, at the index of the class.

@@ -305,26 +305,44 @@ impl Posterior {
     /// Probability that an effect of this name acts. Effects with the same columns count as one: no data distinguish
     /// them.
     pub(crate) fn of_name(&self, name: &str) -> f64 {
-        let acts =
-            |explanation: &Explanation| explanation.names().iter().any(|acting| same_columns(acting, name));
-        let each = self.explanations.iter().zip(&self.probabilities);
-        each.filter(|(explanation, _)| acts(explanation)).map(|(_, probability)| probability).sum()
+        self.total(|names| names.iter().any(|acting| same_columns(acting, name)))
+    }
+
+    /// Names of the most probable explanation that are established: the probability that the effect, or one in its
+    /// place, acts is at least [`NAMED_PROBABILITY`]. The least probable is left out until all are: of two that may
+    /// replace each other, one is then the other's rival.
+    pub(crate) fn established(&self) -> Vec<String> {
+        let mut names = self.explanations.first().map(Explanation::names).unwrap_or_default();
+        while let Some((least, probability)) = names
+            .iter()
+            .enumerate()
+            .map(|(place, name)| (place, self.of_name_or_rival(name, &names)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            && probability < NAMED_PROBABILITY
+        {
+            names.remove(least);
+        }
+        names
     }
 
     /// Probability that an effect of this name, or one in its place, acts: of all explanations except those with nothing
-    /// but other names of the most probable one.
-    pub(crate) fn of_name_or_rival(&self, name: &str) -> f64 {
-        let best = self.explanations.first().map(Explanation::names).unwrap_or_default();
-        let is_other = |acting: &String| best.contains(acting) && !same_columns(acting, name);
+    /// but others of some names.
+    fn of_name_or_rival(&self, name: &str, names: &[String]) -> f64 {
+        let is_other = |acting: &String| names.contains(acting) && !same_columns(acting, name);
+        self.total(|acting| !acting.iter().all(is_other))
+    }
+
+    /// Probability of the explanations with such names.
+    fn total(&self, is_such: impl Fn(&[String]) -> bool) -> f64 {
         let each = self.explanations.iter().zip(&self.probabilities);
-        each.filter(|(explanation, _)| !explanation.names().iter().all(is_other))
-            .map(|(_, probability)| probability)
-            .sum()
+        let such = each.filter(|(explanation, _)| is_such(&explanation.names()));
+        // The sum may exceed 1 by rounding.
+        such.map(|(_, probability)| probability).sum::<f64>().min(1.0)
     }
 
     /// Names that act in explanations without this one, with a total probability above [`RIVAL_PROBABILITY_MIN`]; none
-    /// that is part of the most probable explanation. Most probable first.
-    pub(crate) fn rivals(&self, name: &str) -> Vec<(String, f64)> {
+    /// that is established itself. Most probable first.
+    pub(crate) fn rivals(&self, name: &str, established: &[String]) -> Vec<(String, f64)> {
         let mut instead: BTreeMap<String, f64> = BTreeMap::new();
         for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
             let names = explanation.names();
@@ -334,11 +352,10 @@ impl Posterior {
                 }
             }
         }
-        let best = self.explanations.first().map(Explanation::names).unwrap_or_default();
-        let is_in_best = |other: &str| best.iter().any(|named| same_columns(named, other));
+        let is_established = |other: &str| established.iter().any(|named| same_columns(named, other));
         let mut rivals: Vec<(String, f64)> = instead
             .into_iter()
-            .filter(|(other, probability)| *probability > RIVAL_PROBABILITY_MIN && !is_in_best(other))
+            .filter(|(other, probability)| *probability > RIVAL_PROBABILITY_MIN && !is_established(other))
             .collect();
         rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
         rivals
@@ -384,13 +401,30 @@ mod tests {
         // One name, since no data distinguish them.
         is(posterior.of_name("segment_misalignment T8"), 0.8);
         is(posterior.of_name("unbalanced_parameters T8"), 0.8);
-        let rivals = posterior.rivals("hand_load right");
+        let rivals = posterior.rivals("hand_load right", &posterior.explanations[0].names());
         assert_eq!(rivals.len(), 1, "{rivals:?}");
         assert_eq!(rivals[0].0, "worn_mass RightForearm");
         is(rivals[0].1, 0.2);
         // Something carries the load in all explanations but the last; nothing replaces T8 in the last two.
-        is(posterior.of_name_or_rival("hand_load right"), 0.9);
-        is(posterior.of_name_or_rival("segment_misalignment T8"), 0.8);
+        let best = posterior.explanations[0].names();
+        is(posterior.of_name_or_rival("hand_load right", &best), 0.9);
+        is(posterior.of_name_or_rival("segment_misalignment T8", &best), 0.8);
+        assert!(posterior.established().is_empty());
+    }
+
+    #[test]
+    fn of_two_effects_that_replace_each_other_the_more_probable_one_is_established() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let forearm = (Effect::WornMass, Place::Segment(Segment::RightForearm));
+        let posterior = Posterior::of(vec![
+            explanation(&[load, forearm], 0.4),
+            explanation(&[load], 0.37),
+            explanation(&[forearm], 0.2),
+            explanation(&[], 0.03),
+        ]);
+        let established = posterior.established();
+        assert_eq!(established, ["hand_load right"]);
+        assert_eq!(posterior.rivals("hand_load right", &established)[0].0, "worn_mass RightForearm");
     }
 
     #[test]

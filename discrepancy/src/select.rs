@@ -7,9 +7,7 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 use faer::Mat;
 
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{
-    BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN,
-};
+use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, RIVAL_PROBABILITY_MIN};
 use crate::evidence::Estimate;
 use crate::explanation::{Explanation, Member, Posterior, Predictor, misfit_columns};
 use crate::finding::{Candidate as Considered, SetAside};
@@ -127,9 +125,9 @@ fn distinct(mut all: Vec<Explanation>) -> Vec<Explanation> {
 /// absent, count as one more error of the sensors: they must not support any other conclusion.
 fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection) {
     let Some(best) = posterior.explanations.first() else { return };
-    let is_established = |member: &Member| {
-        !member.is_negligible && posterior.of_name_or_rival(&member.candidate.name()) >= NAMED_PROBABILITY
-    };
+    let established = posterior.established();
+    let is_established =
+        |member: &Member| !member.is_negligible && established.contains(&member.candidate.name());
     for member in best.members.iter().filter(|member| !is_established(member)) {
         if !member.is_negligible {
             let (name, why) = (member.candidate.name(), NOT_ESTABLISHED.to_owned());
@@ -149,7 +147,7 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
             name,
             probability,
         };
-        let rivals = posterior.rivals(&name).into_iter().map(rival).collect();
+        let rivals = posterior.rivals(&name, &established).into_iter().map(rival).collect();
         let probability = posterior.of_name(&name);
         selection.accepted.push(Accepted { term, name, log_odds: member.log_odds, probability, rivals });
         marginalise_misfit(gram, &selection.terms(), term);

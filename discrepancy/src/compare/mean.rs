@@ -156,13 +156,7 @@ impl BlockMean {
     }
 
     /// The block.
-    pub(super) fn block(
-        self,
-        phase: Phase,
-        still: bool,
-        timing: &Timing,
-        worker: &Worker,
-    ) -> Block {
+    pub(super) fn block(self, phase: Phase, still: bool, timing: &Timing, worker: &Worker) -> Block {
         let (sum, bodies, count) = (&self.sum, &*self.bodies, self.count);
         let heading_rad = heading_rad(&bodies.rotation);
         let turning_by_group_m = sum.turning_by_group_m.map(|group| mean(group, count));
