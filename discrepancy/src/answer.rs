@@ -9,9 +9,8 @@ use serde_json::Value;
 use crate::ask::ask;
 use crate::candidate::{Candidate, Scope, place_name};
 use crate::constants::{OPEN_END_BLOCKS, PARAMETER_ERROR};
-use crate::finding::{AxisGap, Estimate, Finding, Gap, Named, Verdict};
+use crate::finding::{AxisGap, Estimate, Finding, Gap, Generic, Named, Verdict};
 use crate::floor::{Floor, root_mean};
-use crate::generic::Generics;
 use crate::gram::Gram;
 use crate::holdout::HeldOut;
 use crate::locate::locate;
@@ -47,13 +46,12 @@ pub(crate) struct Residuals<'a> {
 pub(crate) fn assemble(
     gram: &Gram<'_>,
     selection: &Selection,
-    generics: &Generics,
+    generics: Vec<Generic>,
     residuals: Residuals<'_>,
-    threshold: f64,
 ) -> Answer {
     let Residuals { held, rest, floor } = residuals;
     let accepted = selection.terms();
-    let verdict = verdict(selection, generics, &rest, threshold);
+    let verdict = verdict(selection, &rest);
     let terms: Vec<Fitted> =
         selection.accepted.iter().filter_map(|one| fitted(gram, &accepted, one)).collect();
     let effects =
@@ -64,7 +62,11 @@ pub(crate) fn assemble(
         effects,
         candidates: selection.considered.clone(),
         set_aside: selection.set_aside.clone(),
-        unexplained: if verdict == Verdict::Unexplained { generics.after.clone() } else { Vec::new() },
+        unexplained: match verdict {
+            Verdict::Unexplained if generics.is_empty() => selection.outside.clone().into_iter().collect(),
+            Verdict::Unexplained => generics,
+            _ => Vec::new(),
+        },
         gap: gap(gram, &floor, held),
         spans: locate(gram, &floor, &held.before),
         ask_next: ask.as_ref().map(Ask::sentence),

@@ -19,10 +19,11 @@ use crate::constants::{
     SEEDS,
 };
 use crate::evidence::log_sum_exp;
-use crate::explanation::{Predictor, model_error};
+use crate::explanation::model_error;
 use crate::floor::Floor;
 use crate::linear::{Factor, product};
 use crate::picture::Signal;
+use crate::posterior::Predictor;
 use crate::rows::Rows;
 use crate::select::{Selection, padded};
 use crate::trials::normal;

@@ -282,6 +282,10 @@ pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
     (0.05, &[Effect::HandContact, Effect::PlateYaw, Effect::PlateDrift, Effect::SuitLag]),
     (0.05, &[Effect::SuitHeadingDrift, Effect::SegmentHeading, Effect::SegmentMisalignment]),
 ];
+/// The same of anything outside the catalogue, and the number of its terms that are compared next to an explanation.
+/// Unit: 1. Origin: judgement; budget.
+pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
+pub(crate) const OUTSIDE_MAX: usize = 2;
 /// The same of any other effect. Unit: 1. Origin: judgement.
 pub(crate) const OTHER_PRIOR: f64 = 0.03;
 /// Factor on the prior where a plate's axes, height, gains or filter, or a clock, change for a part of the work. Unit: 1.
@@ -374,14 +378,6 @@ pub(crate) const PIECE_BLOCKS_MIN: usize = 5;
 /// Clean sessions stay below: mean square over the clean work's of CoP and force, correlation of neighbours, worst
 /// piece. Unit: 1, 1, σ. Origin: bench.
 pub(crate) const CLEAN_BOUNDS: ([f64; 2], f64, f64) = ([2.0, 3.0], 0.35, 14.0);
-/// Gain of a generic term beyond the threshold, and fraction of the explained. Unit: log odds, 1. Origin: bench.
-pub(crate) const GENERIC_GAIN: (f64, f64) = (4.0, 0.12);
-/// A smaller fraction of the explained evidence is no further effect, even beyond noise. Unit: 1. Origin: bench.
-pub(crate) const REMAINDER: f64 = 0.04;
-/// The last two fractions next to a contact, which varies. Unit: 1. Origin: bench.
-pub(crate) const BY_CONTACT: [f64; 2] = [0.25, 0.2];
-/// Lead of generic terms over the catalogue, or fraction. Unit: log odds, 1. Origin: bench.
-pub(crate) const GENERIC_LEAD: (f64, f64) = (8.0, 0.15);
 /// Folds of the cross-validation. Unit: 1. Origin: prototype.
 pub(crate) const FOLDS: usize = 5;
 /// Intervals of a fold: neighbouring blocks share their noise. Unit: 1. Origin: bench.

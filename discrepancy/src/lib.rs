@@ -26,6 +26,7 @@ mod locate;
 mod noise;
 pub mod picture;
 mod plausibility;
+mod posterior;
 pub mod reconcile;
 mod refine;
 pub mod report;

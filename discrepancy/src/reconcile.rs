@@ -9,7 +9,7 @@ use crate::candidate;
 use crate::constants::{CLEAN_BLOCKS_MIN, DRAWS, LOG_ODDS_MIN, WORK_BLOCKS_MIN};
 use crate::finding::Finding;
 use crate::floor::{Floor, stances_m};
-use crate::generic::{self, Generics};
+use crate::generic;
 use crate::gram::Gram;
 use crate::holdout::held_out;
 use crate::noise::Noise;
@@ -128,9 +128,10 @@ pub fn reconcile(
     progress(0.6);
     let windows = Windows::of(&gram);
     progress(0.7);
-    let selection = select(&mut gram, &windows);
+    let library = generic::library(&gram);
+    let selection = select(&mut gram, &windows, &library);
     progress(0.8);
-    let generics: Generics = generic::search(&gram, &selection, threshold);
+    let generics = generic::search(&gram, &library, &selection.terms(), threshold);
     let rest = Remainder::of(&gram, &selection.terms());
     let stances_m = stances_m(&gram, &rest.after);
     let mut held = held_out(&gram, &selection.terms(), &stances_m)
@@ -138,8 +139,7 @@ pub fn reconcile(
     progress(0.9);
     let floor = Floor::of(&gram, &stances_m);
     held.subtract_expected(&floor.mean);
-    let answer =
-        answer::assemble(&gram, &selection, &generics, Residuals { held: &held, rest, floor }, threshold);
+    let answer = answer::assemble(&gram, &selection, generics, Residuals { held: &held, rest, floor });
     let picture = drawing::picture(&gram, &selection, &held, &answer, threshold);
     progress(1.0);
     Ok(Outcome { finding: answer.finding, terms: answer.terms, picture })

@@ -7,12 +7,14 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 use faer::Mat;
 
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, RIVAL_PROBABILITY_MIN};
+use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, OUTSIDE_MAX, RIVAL_PROBABILITY_MIN};
 use crate::evidence::Estimate;
-use crate::explanation::{Explanation, Member, Posterior, Predictor, misfit_columns};
-use crate::finding::{Candidate as Considered, SetAside};
+use crate::explanation::{Explanation, Member, Outside, misfit_columns};
+use crate::finding::{Candidate as Considered, Generic, SetAside};
+use crate::generic::Search;
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
+use crate::posterior::{Posterior, Predictor};
 use crate::refine;
 use crate::trials::{Trial, trials};
 use crate::windows::{self, Windows};
@@ -27,8 +29,6 @@ const NOT_ESTABLISHED: &str = "may as well be absent";
 pub(crate) struct Accepted {
     /// The term in the Gram matrix.
     pub(crate) term: usize,
-    /// Name with place.
-    pub(crate) name: String,
     /// Log Bayes factor when it was added.
     pub(crate) log_odds: f64,
     /// Probability of this name.
@@ -46,6 +46,9 @@ pub(crate) struct Selection {
     pub(crate) set_aside: Vec<SetAside>,
     /// Effects by themselves, best first.
     pub(crate) considered: Vec<Considered>,
+    /// Probability that something outside the catalogue acts, and what it most probably is.
+    pub(crate) outside_probability: f64,
+    pub(crate) outside: Option<Generic>,
     /// The most probable explanations, for predictions.
     pub(crate) predictors: Vec<Predictor>,
 }
@@ -72,7 +75,7 @@ enum Cause {
 }
 
 /// Searches the explanations; adds the effects of the most probable one to the Gram matrix, with their misfit.
-pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
+pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Search) -> Selection {
     let (size_max, behind_max) = BEAM;
     let mut selection = Selection::default();
     let mut all = vec![Explanation::NONE];
@@ -92,13 +95,32 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows) -> Selection {
         front.retain(|child| child.log_posterior > best - behind_max);
         front.truncate(size_max);
     }
-    let posterior = Posterior::of(distinct(all));
+    let posterior = Posterior::of(with_outside(gram, library, distinct(all)));
+    selection.outside_probability = posterior.of_outside();
+    selection.outside = posterior.outside();
     selection.predictors = posterior.predictors(|explanation| {
         let (conditioned, terms) = conditioned(gram, explanation);
         if terms.is_empty() { Some((Vec::new(), Mat::new())) } else { conditioned.posterior(&terms) }
     });
     accept(gram, &posterior, &mut selection);
     selection
+}
+
+/// The same explanations, and the most probable ones, and none, each with something outside the catalogue as well.
+fn with_outside(gram: &Gram<'_>, library: &Search, mut all: Vec<Explanation>) -> Vec<Explanation> {
+    let best = all.iter().enumerate();
+    let extended: Vec<Explanation> = best
+        .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.members.is_empty())
+        .flat_map(|(_, explanation)| {
+            let (conditioned, terms) = conditioned(gram, explanation);
+            let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
+            let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
+            let extended = outside.filter_map(|outside| explanation.with_outside(gram, outside));
+            extended.map(|one| one.without_columns()).collect::<Vec<Explanation>>()
+        })
+        .collect();
+    all.extend(extended);
+    distinct(all)
 }
 
 /// The Gram matrix with the effects of an explanation as terms and their misfit marginalised, and these terms.
@@ -149,7 +171,7 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
         };
         let rivals = posterior.rivals(&name, &established).into_iter().map(rival).collect();
         let probability = posterior.of_name(&name);
-        selection.accepted.push(Accepted { term, name, log_odds: member.log_odds, probability, rivals });
+        selection.accepted.push(Accepted { term, log_odds: member.log_odds, probability, rivals });
         marginalise_misfit(gram, &selection.terms(), term);
     }
     selection.accepted.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
@@ -198,7 +220,7 @@ fn extended(
         let why = match members(&conditioned, explanation, &terms, term, *log_odds) {
             Ok(members) => {
                 let is_negligible = members.last().is_some_and(|member| member.is_negligible);
-                let child = Explanation::of(gram, members);
+                let child = Explanation::of(gram, members, None);
                 let why =
                     if child.is_none() { Some(NOT_FITTED) } else { is_negligible.then_some(NEGLIGIBLE) };
                 children.extend(child);

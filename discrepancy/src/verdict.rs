@@ -1,15 +1,9 @@
 //! Compares the residual after the accepted effects with that of clean sessions; and the verdict.
 
-use equipoise_core::effect::Effect;
-
 use crate::block::Phase;
-use crate::constants::{
-    BY_CONTACT, CLEAN_BOUNDS, GENERIC_GAIN, GENERIC_LEAD, NAMED_PROBABILITY, PIECE_BLOCKS_MIN, PIECES,
-    REMAINDER,
-};
+use crate::constants::{CLEAN_BOUNDS, NAMED_PROBABILITY, PIECE_BLOCKS_MIN, PIECES};
 use crate::finding::Verdict;
 use crate::floor::of_phase;
-use crate::generic::Generics;
 use crate::gram::Gram;
 use crate::linear::dot;
 use crate::select::Selection;
@@ -94,29 +88,9 @@ fn worst_piece_sigma(gram: &Gram<'_>, after: &[f64]) -> f64 {
 }
 
 /// The verdict.
-pub(crate) fn verdict(
-    selection: &Selection,
-    generics: &Generics,
-    rest: &Remainder,
-    threshold: f64,
-) -> Verdict {
-    let explained: f64 = selection.accepted.iter().map(|accepted| accepted.log_odds).sum();
-    let left = generics.after.iter().map(|generic| generic.log_odds).fold(0.0, f64::max);
-    let alone = generics.alone;
-    let first = selection.accepted.iter().map(|accepted| accepted.log_odds).fold(0.0, f64::max);
-    let lead = |named: f64| named + GENERIC_LEAD.0.max(GENERIC_LEAD.1 * named);
-    // Several terms at once must exceed the threshold again; one unlike every catalogue effect already has.
-    let outdone = alone > threshold + lead(explained) || generics.unlike > lead(first);
-    let gain = if explained > 0.0 { GENERIC_GAIN.0 } else { 0.0 };
-    let contact = Effect::HandContact.name();
-    let varies = selection.accepted.iter().any(|accepted| accepted.name.starts_with(contact));
-    // A large effect leaves a residual, since its equation is not exact.
-    let [of_gain, of_remainder] = if varies { BY_CONTACT } else { [GENERIC_GAIN.1, REMAINDER] };
-    let gains = left > (threshold + gain).max(of_gain * explained);
-    if gains || outdone || (rest.is_beyond_noise() && left > threshold.max(of_remainder * explained)) {
-        return Verdict::Unexplained;
-    }
+pub(crate) fn verdict(selection: &Selection, rest: &Remainder) -> Verdict {
     match selection.accepted.first() {
+        _ if selection.outside_probability >= 0.5 => Verdict::Unexplained,
         None if rest.is_beyond_noise() => Verdict::Unexplained,
         None => Verdict::None,
         Some(_) if selection.accepted.iter().any(|accepted| accepted.probability < NAMED_PROBABILITY) => {

@@ -13,8 +13,6 @@ use crate::rows::Rows;
 pub(crate) struct Entry {
     /// Description.
     pub(crate) what: String,
-    /// Whether no catalogue effect is a part of it.
-    pub(crate) is_unlike_catalogue: bool,
     /// Whether it is an error of the suit: evidence must then come from the centre of pressure, since accelerations
     /// alone are weak evidence.
     pub(crate) is_suit_error: bool,
@@ -28,12 +26,7 @@ impl Entry {
     /// An entry defined block by block.
     pub(crate) fn of(rows: &Rows<'_>, what: String, sigma: &[f64], of: impl Fn(usize) -> Columns) -> Entry {
         let columns = (rows.work_from..rows.len()).map(of).collect();
-        Entry { what, is_unlike_catalogue: true, is_suit_error: false, sigma: sigma.to_vec(), columns }
-    }
-
-    /// The same entry, marked as partly in the catalogue.
-    pub(crate) fn partly_in_catalogue(self) -> Entry {
-        Entry { is_unlike_catalogue: false, ..self }
+        Entry { what, is_suit_error: false, sigma: sigma.to_vec(), columns }
     }
 
     /// The same entry, marked as an error of the suit.
@@ -66,7 +59,7 @@ fn forces(rows: &Rows<'_>) -> Vec<Entry> {
         let sigma = [GENERIC_FORCE_N, GENERIC_FORCE_N, GENERIC_FORCE_N, GENERIC_STIFFNESS_N_PER_M];
         list.push(Entry::of(rows, what, &sigma, |block| spring(rows, block, at(block))));
     }
-    list.into_iter().map(Entry::partly_in_catalogue).collect()
+    list
 }
 
 /// A force in the world's axes at a point of the body, N.
@@ -108,16 +101,14 @@ fn plate_errors(rows: &Rows<'_>) -> Vec<Entry> {
         entry("an error of the centre of pressure proportional to speed", &[speed_s; 2], &|block| {
             let [x, y, _] = rows.blocks[block].com_velocity_m_per_s;
             pair([x, 0.0], [0.0, y])
-        })
-        .partly_in_catalogue(),
+        }),
         entry("a linear map of the centre of pressure", &[linear; 4], &|block| {
             let [x, y] = seen(block).cop_predicted_m;
             let mut columns = Columns::zero(4);
             (columns.cop_m[0], columns.cop_m[1]) = ([x, 0.0], [y, 0.0]);
             (columns.cop_m[2], columns.cop_m[3]) = ([0.0, x], [0.0, y]);
             columns
-        })
-        .partly_in_catalogue(),
+        }),
         entry("an error of the vertical force that depends on position", &FORCE_MAP, &|block| {
             let [x, y] = seen(block).cop_predicted_m;
             let force_n = seen(block).force_predicted_n[2];
@@ -126,8 +117,7 @@ fn plate_errors(rows: &Rows<'_>) -> Vec<Entry> {
             columns.force_n[1][2] = force_n * x;
             columns.force_n[2][2] = force_n * y;
             columns
-        })
-        .partly_in_catalogue(),
+        }),
     ];
     for (a, b, what) in [(0, 0, "forward squared"), (0, 1, "forward times left"), (1, 1, "left squared")] {
         let what = format!("a quadratic error of the centre of pressure: {what}");

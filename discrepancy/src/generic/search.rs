@@ -1,12 +1,13 @@
 //! Greedy search of a library by the evidence, term after term, and the level that it reaches by chance.
 
+use equipoise_core::effect::Columns;
 use faer::Mat;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use super::library::Entry;
 use crate::constants::{CLEAR_LEAD, DRAWS, SEEDS};
-use crate::evidence::log_odds;
+use crate::evidence::{estimate, log_odds};
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
 use crate::linear::{dot, inner};
@@ -14,11 +15,23 @@ use crate::trials::normal;
 
 /// A library, whitened.
 #[derive(Debug, Clone)]
-pub(super) struct Search {
+pub(crate) struct Search {
     entries: Vec<Entry>,
     /// First column of each entry.
     first: Vec<usize>,
     columns: Mat<f64>,
+}
+
+/// A fitted term of the library.
+pub(crate) struct Term<'a> {
+    /// Description and log odds.
+    pub(crate) generic: Generic,
+    /// Its columns at every block of the work, and whitened.
+    pub(crate) columns_at: &'a [Columns],
+    pub(crate) columns: Vec<Vec<f64>>,
+    /// Prior 1-σ and fitted values of its parameters.
+    pub(crate) sigma: &'a [f64],
+    pub(crate) value: Vec<f64>,
 }
 
 /// Quantities of every entry once some directions are projected out: products of its columns, products with the
@@ -68,27 +81,14 @@ impl Search {
         accepted: &[usize],
         threshold: f64,
         max: usize,
-        is_tested: impl Fn(&Entry) -> bool,
     ) -> Vec<Generic> {
-        let (mut directions, residual) = if accepted.is_empty() {
-            (gram.sensor_errors.clone(), gram.residual.clone())
-        } else {
-            gram.directions_given(accepted)
-        };
+        let (mut directions, residual) = gram.directions_given(accepted);
         let mut projected = self.projected(&directions, &residual);
         let mut accepted_terms = Vec::new();
         while accepted_terms.len() < max {
-            let mut scores: Vec<(f64, usize)> = (0..self.entries.len())
-                .filter(|&entry| is_tested(&self.entries[entry]))
-                .map(|entry| (self.score(&projected, entry), entry))
-                .filter(|(log_odds, _)| *log_odds > threshold)
-                .collect();
-            scores.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let is_supported = |index: usize| {
-                !self.entries[index].is_suit_error
-                    || self.log_odds_by_cop(gram, index, &directions, &residual) > CLEAR_LEAD
-            };
-            let Some((log_odds, index)) = scores.into_iter().find(|&(_, index)| is_supported(index)) else {
+            let Some((log_odds, index)) =
+                self.supported(gram, &projected, (&directions, &residual), threshold).next()
+            else {
                 break;
             };
             let entry = &self.entries[index];
@@ -100,6 +100,52 @@ impl Search {
             }
         }
         accepted_terms
+    }
+
+    /// Entries whose log odds exceed a threshold, best first; an error of the suit must show in the centre of pressure.
+    fn supported<'a>(
+        &'a self,
+        gram: &'a Gram<'_>,
+        projected: &Projected,
+        (directions, residual): (&'a [Vec<f64>], &'a [f64]),
+        threshold: f64,
+    ) -> impl Iterator<Item = (f64, usize)> + 'a {
+        let mut scores: Vec<(f64, usize)> = (0..self.entries.len())
+            .map(|entry| (self.score(projected, entry), entry))
+            .filter(|(log_odds, _)| *log_odds > threshold)
+            .collect();
+        scores.sort_by(|a, b| b.0.total_cmp(&a.0));
+        scores.into_iter().filter(move |&(_, index)| {
+            !self.entries[index].is_suit_error
+                || self.log_odds_by_cop(gram, index, directions, residual) > CLEAR_LEAD
+        })
+    }
+
+    /// The best terms next to some accepted ones, at most `max`, fitted.
+    pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize], max: usize) -> Vec<Term<'_>> {
+        let (directions, residual) = gram.directions_given(accepted);
+        let projected = self.projected(&directions, &residual);
+        let supported = self.supported(gram, &projected, (&directions, &residual), 0.0);
+        let best = supported.take(max).filter_map(|(log_odds, index)| {
+            let (entry, first) = (&self.entries[index], self.first[index]);
+            let (sigma, products) = (&entry.sigma, &projected.products[index]);
+            let fitted = estimate(
+                &|i, j| products[i * sigma.len() + j],
+                &|i| projected.with_residual[first + i],
+                &vec![0.0; sigma.len()],
+                sigma,
+            )?;
+            let columns =
+                (first..first + sigma.len()).map(|k| self.columns.col_as_slice(k).to_vec()).collect();
+            let generic = Generic { what: entry.what.clone(), log_odds };
+            Some(Term { generic, columns_at: &entry.columns, columns, sigma, value: fitted.value })
+        });
+        best.collect()
+    }
+
+    /// Number of terms.
+    pub(crate) fn len(&self) -> usize {
+        self.entries.len()
     }
 
     fn score(&self, projected: &Projected, entry: usize) -> f64 {

@@ -17,6 +17,9 @@ use super::truth::Truth;
 /// Names of an ambiguous finding with at least this probability belong to its set.
 pub const RIVAL_PROBABILITY_MIN: f64 = 0.05;
 
+/// The stated name of anything outside the catalogue.
+const OUTSIDE: &str = "outside the catalogue";
+
 /// Class of a session by its hidden effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -220,8 +223,20 @@ impl Judged {
 
     /// Whether a name is one of what is hidden; effects with the same columns count as one name.
     pub fn is_right(&self, name: &str) -> bool {
-        let in_catalogue = matches!(self.class, Class::Single | Class::Pair);
-        in_catalogue && self.hidden.iter().any(|hidden| same_columns(hidden) == same_columns(name))
+        match self.class {
+            Class::Single | Class::Pair => {
+                self.hidden.iter().any(|hidden| same_columns(hidden) == same_columns(name))
+            }
+            Class::Outside => name == OUTSIDE,
+            Class::Clean => false,
+        }
+    }
+
+    /// Stated probabilities that may be counted: an unexplained finding states no names.
+    pub fn statements(&self) -> impl Iterator<Item = (f64, bool)> {
+        let counts = |name: &str| self.verdict != "unexplained" || name == OUTSIDE;
+        let stated = self.stated.iter().filter(move |(name, _)| counts(name));
+        stated.map(|(name, probability)| (*probability, self.is_right(name)))
     }
 
     /// Whether a clean session has another verdict than `none`.

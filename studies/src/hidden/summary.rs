@@ -127,7 +127,7 @@ fn notes(table: &mut Table, judged: &[Judged], over: Vec<f64>) {
     );
 }
 
-/// Stated probabilities against how often the name was right. An unexplained finding states no names.
+/// Stated probabilities against how often the name was right.
 fn reliability(judged: &[Judged]) -> Table {
     let mut table = Table::new(
         "Reliability of the stated probabilities",
@@ -135,8 +135,7 @@ fn reliability(judged: &[Judged]) -> Table {
     );
     let stated: Vec<(f64, bool)> = judged
         .iter()
-        .filter(|one| one.verdict != "unexplained")
-        .flat_map(|one| one.stated.iter().map(|(name, probability)| (*probability, one.is_right(name))))
+        .flat_map(Judged::statements)
         .filter(|(probability, _)| *probability >= STATED_BINS[0])
         .collect();
     let mut error = 0.0;
@@ -159,7 +158,7 @@ fn reliability(judged: &[Judged]) -> Table {
         ]);
     }
     table.note(format!("expected calibration error: {error:.3}"));
-    table.note("effects with the same columns count as one name; names of unexplained findings are left out");
+    table.note("effects with the same columns count as one name; of unexplained findings only what is outside the catalogue");
     table
 }
 

@@ -1,0 +1,256 @@
+//! Posterior probabilities of explanations and of the names in them.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use equipoise_core::effect::Effect;
+use faer::Mat;
+
+use crate::candidate::Candidate;
+use crate::constants::{CHECKED_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN};
+use crate::evidence::log_sum_exp;
+use crate::explanation::Explanation;
+use crate::finding::Generic;
+
+/// The name of all effects with the same columns: a misaligned sensor is a changed φ of its segment.
+fn class(name: &str) -> String {
+    let [misaligned, unbalanced] =
+        [Effect::SegmentMisalignment, Effect::UnbalancedParameters].map(Effect::name);
+    name.replace(unbalanced, misaligned)
+}
+
+/// Whether two names stand for the same columns.
+fn same_columns(one: &str, other: &str) -> bool {
+    class(one) == class(other)
+}
+
+/// The name of anything outside the catalogue.
+pub(crate) const OUTSIDE: &str = "outside the catalogue";
+
+/// An explanation with fitted parameters, for predictions.
+#[derive(Debug, Clone)]
+pub(crate) struct Predictor {
+    /// Names of its effects that are not negligible, sorted; one name for those with the same columns.
+    pub(crate) names: Vec<String>,
+    /// Probability of the explanation, relative to the other predictors.
+    pub(crate) probability: f64,
+    /// Its effects.
+    pub(crate) effects: Vec<Candidate>,
+    /// Parameters of all effects in sequence.
+    pub(crate) value: Vec<f64>,
+    /// Their covariance.
+    pub(crate) covariance: Mat<f64>,
+}
+
+/// Posterior over explanations.
+#[derive(Debug, Clone)]
+pub(crate) struct Posterior {
+    /// Explanations, most probable first.
+    pub(crate) explanations: Vec<Explanation>,
+    /// Their probabilities.
+    probabilities: Vec<f64>,
+}
+
+impl Posterior {
+    /// Of some explanations, at least one, most probable first.
+    pub(crate) fn of(explanations: Vec<Explanation>) -> Posterior {
+        let logs: Vec<f64> = explanations.iter().map(|one| one.log_posterior).collect();
+        let total = log_sum_exp(&logs);
+        Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
+    }
+
+    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out. None if one explanation
+    /// is certain: there is nothing to decide.
+    pub(crate) fn predictors(
+        &self,
+        fit: impl Fn(&Explanation) -> Option<(Vec<f64>, Mat<f64>)>,
+    ) -> Vec<Predictor> {
+        if self.probabilities.first().is_some_and(|most| *most >= NAMED_PROBABILITY) {
+            return Vec::new();
+        }
+        let mut predictors: Vec<Predictor> = self
+            .explanations
+            .iter()
+            .zip(&self.probabilities)
+            // A term outside the catalogue predicts nothing.
+            .filter(|(explanation, _)| explanation.outside.is_none())
+            .take(CHECKED_MAX)
+            .filter_map(|(explanation, &probability)| {
+                let (value, covariance) = fit(explanation)?;
+                let mut names: Vec<String> = explanation.names().iter().map(|name| class(name)).collect();
+                names.sort();
+                names.dedup();
+                let effects = explanation.members.iter().map(|member| member.candidate.clone()).collect();
+                Some(Predictor { names, probability, effects, value, covariance })
+            })
+            .collect();
+        let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();
+        predictors.iter_mut().for_each(|predictor| predictor.probability /= total);
+        predictors
+    }
+
+    /// Probability that something outside the catalogue acts.
+    pub(crate) fn of_outside(&self) -> f64 {
+        self.total(|names| names.iter().any(|name| name == OUTSIDE))
+    }
+
+    /// The most probable term outside the catalogue.
+    pub(crate) fn outside(&self) -> Option<Generic> {
+        let mut outside = self.explanations.iter().filter_map(|explanation| explanation.outside.as_ref());
+        outside.next().map(|outside| outside.generic.clone())
+    }
+
+    /// Names of all explanations, of effects that are not negligible.
+    pub(crate) fn names(&self) -> BTreeSet<String> {
+        self.explanations.iter().flat_map(Explanation::names).collect()
+    }
+
+    /// Probability that an effect of this name acts. Effects with the same columns count as one: no data distinguish
+    /// them.
+    pub(crate) fn of_name(&self, name: &str) -> f64 {
+        self.total(|names| names.iter().any(|acting| same_columns(acting, name)))
+    }
+
+    /// Names of the most probable explanation that are established: the probability that the effect, or one in its
+    /// place, acts is at least [`NAMED_PROBABILITY`]. The least probable is left out until all are: of two that may
+    /// replace each other, one is then the other's rival.
+    pub(crate) fn established(&self) -> Vec<String> {
+        let mut names = self.explanations.first().map(Explanation::names).unwrap_or_default();
+        while let Some((least, probability)) = names
+            .iter()
+            .enumerate()
+            .map(|(place, name)| (place, self.of_name_or_rival(name, &names)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            && probability < NAMED_PROBABILITY
+        {
+            names.remove(least);
+        }
+        names
+    }
+
+    /// Probability that an effect of this name, or one in its place, acts: of all explanations except those with nothing
+    /// but others of some names.
+    fn of_name_or_rival(&self, name: &str, names: &[String]) -> f64 {
+        let is_other = |acting: &String| names.contains(acting) && !same_columns(acting, name);
+        self.total(|acting| !acting.iter().all(is_other))
+    }
+
+    /// Probability of the explanations with such names.
+    fn total(&self, is_such: impl Fn(&[String]) -> bool) -> f64 {
+        let each = self.explanations.iter().zip(&self.probabilities);
+        let such = each.filter(|(explanation, _)| is_such(&explanation.names()));
+        // The sum may exceed 1 by rounding.
+        such.map(|(_, probability)| probability).sum::<f64>().min(1.0)
+    }
+
+    /// Names that act in explanations without this one, with a total probability above [`RIVAL_PROBABILITY_MIN`]; none
+    /// that is established itself. Most probable first.
+    pub(crate) fn rivals(&self, name: &str, established: &[String]) -> Vec<(String, f64)> {
+        let mut instead: BTreeMap<String, f64> = BTreeMap::new();
+        for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
+            let names = explanation.names();
+            if !names.iter().any(|other| same_columns(other, name)) {
+                for other in names {
+                    *instead.entry(other).or_insert(0.0) += probability;
+                }
+            }
+        }
+        let is_established = |other: &str| established.iter().any(|named| same_columns(named, other));
+        let mut rivals: Vec<(String, f64)> = instead
+            .into_iter()
+            .filter(|(other, probability)| *probability > RIVAL_PROBABILITY_MIN && !is_established(other))
+            .collect();
+        rivals.sort_by(|a, b| b.1.total_cmp(&a.1));
+        rivals
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::{Segment, Side};
+    use equipoise_core::effect::Place;
+
+    use super::*;
+    use crate::candidate::Scope;
+    use crate::explanation::{Member, Outside};
+
+    fn explanation(effects: &[(Effect, Place)], weight: f64) -> Explanation {
+        let member = |&(effect, place): &(Effect, Place)| {
+            Member::without_columns(Candidate::new(effect, place, 0.0, Scope::Work))
+        };
+        let members = effects.iter().map(member).collect();
+        Explanation { members, outside: None, log_posterior: weight.ln() }
+    }
+
+    fn is(value: f64, expected: f64) {
+        assert!((value - expected).abs() < 1e-12, "{value} instead of {expected}");
+    }
+
+    #[test]
+    fn probabilities_of_names_are_sums_over_explanations() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let forearm = (Effect::WornMass, Place::Segment(Segment::RightForearm));
+        let [misaligned, unbalanced] = [Effect::SegmentMisalignment, Effect::UnbalancedParameters]
+            .map(|effect| (effect, Place::Segment(Segment::T8)));
+        let posterior = Posterior::of(vec![
+            explanation(&[load, misaligned], 0.4),
+            explanation(&[load, unbalanced], 0.2),
+            explanation(&[forearm, misaligned], 0.2),
+            explanation(&[load], 0.1),
+            explanation(&[], 0.1),
+        ]);
+        is(posterior.of_name("hand_load right"), 0.7);
+        // One name, since no data distinguish them.
+        is(posterior.of_name("segment_misalignment T8"), 0.8);
+        is(posterior.of_name("unbalanced_parameters T8"), 0.8);
+        let rivals = posterior.rivals("hand_load right", &posterior.explanations[0].names());
+        assert_eq!(rivals.len(), 1, "{rivals:?}");
+        assert_eq!(rivals[0].0, "worn_mass RightForearm");
+        is(rivals[0].1, 0.2);
+        // Something carries the load in all explanations but the last; nothing replaces T8 in the last two.
+        let best = posterior.explanations[0].names();
+        is(posterior.of_name_or_rival("hand_load right", &best), 0.9);
+        is(posterior.of_name_or_rival("segment_misalignment T8", &best), 0.8);
+        assert!(posterior.established().is_empty());
+    }
+
+    #[test]
+    fn of_two_effects_that_replace_each_other_the_more_probable_one_is_established() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let forearm = (Effect::WornMass, Place::Segment(Segment::RightForearm));
+        let posterior = Posterior::of(vec![
+            explanation(&[load, forearm], 0.4),
+            explanation(&[load], 0.37),
+            explanation(&[forearm], 0.2),
+            explanation(&[], 0.03),
+        ]);
+        let established = posterior.established();
+        assert_eq!(established, ["hand_load right"]);
+        assert_eq!(posterior.rivals("hand_load right", &established)[0].0, "worn_mass RightForearm");
+    }
+
+    #[test]
+    fn what_is_outside_the_catalogue_is_a_rival_of_every_name() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let outside = Explanation { outside: Some(Outside::named("a spring")), ..explanation(&[], 0.3) };
+        let posterior = Posterior::of(vec![explanation(&[load], 0.68), outside, explanation(&[], 0.02)]);
+        is(posterior.of_outside(), 0.3);
+        let established = posterior.established();
+        assert_eq!(established, ["hand_load right"]);
+        let rivals = posterior.rivals("hand_load right", &established);
+        assert_eq!((rivals.len(), rivals[0].0.as_str()), (1, OUTSIDE));
+    }
+
+    #[test]
+    fn predictors_are_fitted_only_while_something_is_open() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let of = |weight| Posterior::of(vec![explanation(&[load], weight), explanation(&[], 1.0 - weight)]);
+        let certain = of(0.96).predictors(|_| panic!("nothing is to be fitted"));
+        assert!(certain.is_empty());
+        // The first cannot be fitted.
+        let open = of(0.9).predictors(|one| one.members.is_empty().then(|| (Vec::new(), Mat::new())));
+        assert_eq!(open.len(), 1);
+        assert!(open[0].names.is_empty());
+        is(open[0].probability, 1.0);
+        assert!(of(0.9).predictors(|_| None).is_empty());
+    }
+}
