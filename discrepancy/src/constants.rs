@@ -282,9 +282,9 @@ pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
     (0.05, &[Effect::HandContact, Effect::PlateYaw, Effect::PlateDrift, Effect::SuitLag]),
     (0.05, &[Effect::SuitHeadingDrift, Effect::SegmentHeading, Effect::SegmentMisalignment]),
 ];
-/// The same of anything outside the catalogue, and the number of its terms that are compared next to an explanation.
-/// Unit: 1. Origin: judgement; budget.
+/// The same of anything outside the catalogue. Unit: 1. Origin: judgement.
 pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
+/// Its terms that are compared next to an explanation. Unit: 1. Origin: budget.
 pub(crate) const OUTSIDE_MAX: usize = 2;
 /// The same of any other effect. Unit: 1. Origin: judgement.
 pub(crate) const OTHER_PRIOR: f64 = 0.03;
