@@ -169,7 +169,7 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     }
     strangers = {name: serve(name) for name in refused}
     right = serve("right")
-    watcher.until("online", "online".__eq__)
+    watcher.until("online", lambda message: message == "online")
     summary = watcher.until("a summary", lambda message: isinstance(message, dict))
     assert summary["withheld"] == ["daemon_silent"] and summary["levels"] is None, summary
     for name, reason in refused.items():
@@ -208,9 +208,9 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     # The gateway dies.
     right.kill()
     right.wait()
-    watcher.until("the last will", "offline".__eq__)
+    watcher.until("the last will", lambda message: message == "offline")
     right = serve("right")
-    watcher.until("online again", "online".__eq__)
+    watcher.until("online again", lambda message: message == "online")
     watcher.until("a summary again", lambda message: isinstance(message, dict))
     print("mqtt: the broker publishes the gateway's last will after SIGKILL, and the next gateway is online")
 
@@ -227,7 +227,7 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     print(f"mqtt: {grown_mib:.1f} MiB more after 20 s of a broker that hangs; summaries came again by themselves")
 
     right.terminate()
-    watcher.until("a farewell", "offline".__eq__)
+    watcher.until("a farewell", lambda message: message == "offline")
     assert right.wait(30) == 0
     lost = [line for line in (scratch / "right.err").read_text().splitlines() if "ended:" in line][-1]
     assert int(lost.split(" lost")[0].split()[-1]) > 0, f"nothing was counted as lost: {lost}"
