@@ -13,8 +13,10 @@ import subprocess
 import sys
 import time
 
+import grafana
 import paho.mqtt.client as mqtt
 
+PAGE = pathlib.Path(__file__).parent.parent / "docs/consumers/mqtt.md"
 PATIENCE_S = 120
 JOINTS = 22
 LEVELS = {"green", "orange", "red", "above_max", "undecided"}
@@ -55,7 +57,7 @@ class Watcher:
     """Everything that the broker hands on below `equipoise/`."""
 
     def __init__(self, port, scratch):
-        self.messages, self.seen = queue.Queue(), []
+        self.messages, self.seen, self.payloads = queue.Queue(), [], {}
         self.client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id="watcher")
         self.client.username_pw_set("watcher", "secret")
         self.client.tls_set(ca_certs=str(scratch / "ours.pem"), tls_version=ssl.PROTOCOL_TLS_CLIENT)
@@ -76,6 +78,7 @@ class Watcher:
             message = self.messages.get(timeout=left_s)
         topic, text = message.topic, message.payload.decode()
         self.seen.append(topic)
+        self.payloads.setdefault(topic, []).append(text)
         assert topic in ("equipoise/demo/summary", "equipoise/demo/online"), f"{topic}: {text}"
         if topic.endswith("/summary"):
             # A dashboard that comes late must not be shown an old one.
@@ -115,9 +118,8 @@ class Clock:
 
 def judge_page():
     """The page's snippet takes what is new, nothing that a broker kept, and outlives a clock that was ahead."""
-    page = pathlib.Path(__file__).parent.parent / "docs/consumers/mqtt.md"
     clock, snippet = Clock(), {}
-    exec(page.read_text().split("```python\n")[1].split("```")[0], snippet)
+    exec(PAGE.read_text().split("```python\n")[1].split("```")[0], snippet)
     snippet["time"] = clock
 
     def hear(name, payload):
@@ -233,6 +235,8 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     assert int(lost.split(" lost")[0].split()[-1]) > 0, f"nothing was counted as lost: {lost}"
     watcher.client.loop_stop()
     print(f"mqtt: {lost.split('ended: ')[1]}")
+    shown = grafana.check_topics("demo", watcher.payloads, PAGE.read_text())
+    print(f"mqtt: {shown} panels of the Grafana dashboard have data from {sum(map(len, watcher.payloads.values()))} messages")
 
 
 def main(port, scratch, mosquitto, gateway, *demo):
