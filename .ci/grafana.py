@@ -1,9 +1,9 @@
 """Dashboards of examples/grafana: structure, Grafana's schema (`@grafana/schema`), queries against a Prometheus.
 
-grafana.py schema FOLDER: checks the structure of all dashboards and writes FOLDER/dashboards.ts, whose compilation compares
-each with the types of the schema.
-grafana.py query PROMETHEUS INSTANCE SUIT-PORT PERSON: every query of the dashboard "prometheus" returns data about a lifting
-simulated human; then the process PERSON, its sensors, is ended.
+grafana.py schema FOLDER: checks the structure of all dashboards and writes FOLDER/dashboards.ts, whose compilation
+compares each with the types of the schema.
+grafana.py query PROMETHEUS INSTANCE SUIT-PORT SIMULATION: every query of the dashboard "prometheus" returns data of a
+station with a simulated human who lifts; SIMULATION is the process of its sensors, which is ended.
 """
 
 import json
@@ -104,7 +104,8 @@ def typescript(names):
     lines = ["import type { Dashboard } from '@grafana/schema';"]
     for kind, module in modules.items():
         folder = kind.replace("-", "")
-        lines.append(f"import type * as {folder} from '@grafana/schema/dist/esm/raw/composable/{folder}/panelcfg/x/{module}';")
+        path = f"@grafana/schema/dist/esm/raw/composable/{folder}/panelcfg/x/{module}"
+        lines.append(f"import type * as {folder} from '{path}';")
     lines.append(TYPES)
     for name in names:
         dashboard = load(name)
@@ -112,10 +113,11 @@ def typescript(names):
         for panel in panels(dashboard):
             kind, constant = panel["type"].replace("-", ""), f"{name}_{panel['id']}"
             lines.append(f"export const {constant}: Json<{kind}.Options> = {json.dumps(panel['options'])};")
-            custom = panel["fieldConfig"]["defaults"].get("custom", {})
-            listed = {key: value for key, value in custom.items() if key not in UNLISTED.get(panel["type"], ())}
-            if listed:
-                lines.append(f"export const {constant}_custom: Json<{kind}.FieldConfig> = {json.dumps(listed)};")
+            custom = dict(panel["fieldConfig"]["defaults"].get("custom", {}))
+            for key in UNLISTED.get(panel["type"], ()):
+                custom.pop(key, None)
+            if custom:
+                lines.append(f"export const {constant}_custom: Json<{kind}.FieldConfig> = {json.dumps(custom)};")
     return "\n".join(lines) + "\n"
 
 
@@ -130,9 +132,20 @@ class Prometheus:
         variables = {**self.variables, "__range": f"{range_s}s", "__rate_interval": f"{4 * self.interval_s}s"}
         return re.sub(r"\$(\w+)", lambda match: variables[match[1]], expression)
 
+    def wait_until_ready(self):
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                urllib.request.urlopen(f"{self.url}/-/ready", timeout=10).close()
+                return
+            except OSError as error:
+                assert time.monotonic() < end, error
+                time.sleep(0.2)
+
     def get(self, path, **parameters):
+        url = f"{self.url}/api/v1/{path}?{urllib.parse.urlencode(parameters)}"
         try:
-            with urllib.request.urlopen(f"{self.url}/api/v1/{path}?{urllib.parse.urlencode(parameters)}", timeout=10) as response:
+            with urllib.request.urlopen(url, timeout=10) as response:
                 return json.load(response)["data"]
         except urllib.error.HTTPError as error:
             raise AssertionError(f"{parameters}: {error.read().decode()}") from error
@@ -142,10 +155,10 @@ class Prometheus:
         end_s = time.time()
         expression = self.expand(target["expr"], int(end_s - self.start_s) + 1)
         if target.get("instant"):
-            result = self.get("query", query=expression, time=end_s)["result"]
+            data = self.get("query", query=expression, time=end_s)
         else:
-            result = self.get("query_range", query=expression, start=self.start_s, end=end_s, step=self.interval_s)["result"]
-        samples = [sample for series in result for sample in series.get("values", [series.get("value")])]
+            data = self.get("query_range", query=expression, start=self.start_s, end=end_s, step=self.interval_s)
+        samples = [sample for series in data["result"] for sample in series.get("values", [series.get("value")])]
         return sum(value != "NaN" for _, value in samples)
 
     def without_data(self, dashboard):
@@ -197,10 +210,12 @@ def check_topics(station, messages, page):
     """Every panel of the dashboard "mqtt" has data from these messages (topic: payloads) of documented topics."""
     dashboard = load("mqtt")
     for panel in panels(dashboard):
-        title = panel["title"]
+        title, defaults = panel["title"], panel["fieldConfig"]["defaults"]
         for target in panel["targets"]:
-            assert f"`{target['topic'].replace('$station', 'STATION')}`" in page, f"{title}: {target['topic']} is not documented"
-            fields = transform(fields_of(messages[target["topic"].replace("$station", station)]), panel.get("transformations", []))
+            topic = target["topic"]
+            assert f"`{topic.replace('$station', 'STATION')}`" in page, f"{title}: {topic} is not documented"
+            fields = fields_of(messages[topic.replace("$station", station)])
+            fields = transform(fields, panel.get("transformations", []))
             if panel["type"] == "stat":
                 shown = panel["options"]["reduceOptions"]["fields"].strip("/")
                 fields = {name: values for name, values in fields.items() if re.search(shown, name)}
@@ -210,8 +225,9 @@ def check_topics(station, messages, page):
             for name, values in fields.items():
                 assert any(value is not None for value in values), f"{title}: no value of {name}"
             for override in panel["fieldConfig"]["overrides"]:
-                assert override["matcher"]["options"] in fields, f"{title}: {override['matcher']} not in {sorted(fields)}"
-            mapped = [value for mapping in panel["fieldConfig"]["defaults"].get("mappings", []) for value in mapping["options"]]
+                name = override["matcher"]["options"]
+                assert name in fields, f"{title}: {name} is not in {sorted(fields)}"
+            mapped = [value for mapping in defaults.get("mappings", []) for value in mapping["options"]]
             received = {value for values in fields.values() for value in values if isinstance(value, str)}
             assert not mapped or received <= set(mapped), f"{title}: no text for {received - set(mapped)}"
     return len(panels(dashboard))
@@ -227,20 +243,22 @@ def schema(folder):
     for name in names:
         check_structure(load(name))
     (pathlib.Path(folder) / "dashboards.ts").write_text(typescript(names))
-    print(f"grafana: {sum(len(panels(load(name))) for name in names)} panels of {len(names)} dashboards are well-formed")
+    count = sum(len(panels(load(name))) for name in names)
+    print(f"grafana: {count} panels of {len(names)} dashboards are well-formed")
 
 
-def query(url, instance, suit_port, person):
+def query(url, instance, suit_port, simulation):
     dashboard = load("prometheus")
     variables = {"job": "equipoise", "station": "metrics", "instance": instance}
     prometheus = Prometheus(url, variables, interval_s=1)
 
     def wait(without):
         end = time.monotonic() + PATIENCE_S
-        while missing := {panel: expression for panel, expression in prometheus.without_data(dashboard) if panel not in without}:
+        while missing := [panel for panel in prometheus.without_data(dashboard) if panel[0] not in without]:
             assert time.monotonic() < end, f"no data: {json.dumps(missing, indent=1)}"
             time.sleep(1)
 
+    prometheus.wait_until_ready()
     # A datagram that the adapter refuses.
     with socket.socket(type=socket.SOCK_DGRAM) as sender:
         for _ in range(PATIENCE_S):
@@ -249,12 +267,12 @@ def query(url, instance, suit_port, person):
             if prometheus.query({"expr": REFUSED, "instant": True}):
                 break
     wait(AFTER_A_FAULT)
-    os.kill(int(person), signal.SIGTERM)
+    os.kill(int(simulation), signal.SIGTERM)
     wait(set())
     prometheus.check_variables(dashboard)
     queries = [target for panel in panels(dashboard) for target in panel["targets"]]
-    samples = sum(prometheus.query(target) for target in queries)
-    print(f"grafana: a Prometheus answers {len(queries)} queries of {len(panels(dashboard))} panels with {samples} samples")
+    samples, count = sum(map(prometheus.query, queries)), len(panels(dashboard))
+    print(f"grafana: a Prometheus answers {len(queries)} queries of {count} panels with {samples} samples")
 
 
 if __name__ == "__main__":
