@@ -13,8 +13,10 @@ import subprocess
 import sys
 import time
 
+import grafana
 import paho.mqtt.client as mqtt
 
+PAGE = pathlib.Path(__file__).parent.parent / "docs/consumers/mqtt.md"
 PATIENCE_S = 120
 JOINTS = 22
 LEVELS = {"green", "orange", "red", "above_max", "undecided"}
@@ -55,7 +57,7 @@ class Watcher:
     """Everything that the broker hands on below `equipoise/`."""
 
     def __init__(self, port, scratch):
-        self.messages, self.seen = queue.Queue(), []
+        self.messages, self.seen, self.payloads = queue.Queue(), [], {}
         self.client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2, client_id="watcher")
         self.client.username_pw_set("watcher", "secret")
         self.client.tls_set(ca_certs=str(scratch / "ours.pem"), tls_version=ssl.PROTOCOL_TLS_CLIENT)
@@ -76,6 +78,7 @@ class Watcher:
             message = self.messages.get(timeout=left_s)
         topic, text = message.topic, message.payload.decode()
         self.seen.append(topic)
+        self.payloads.setdefault(topic, []).append(text)
         assert topic in ("equipoise/demo/summary", "equipoise/demo/online"), f"{topic}: {text}"
         if topic.endswith("/summary"):
             # A dashboard that comes late must not be shown an old one.
@@ -115,9 +118,8 @@ class Clock:
 
 def judge_page():
     """The page's snippet takes what is new, nothing that a broker kept, and outlives a clock that was ahead."""
-    page = pathlib.Path(__file__).parent.parent / "docs/consumers/mqtt.md"
     clock, snippet = Clock(), {}
-    exec(page.read_text().split("```python\n")[1].split("```")[0], snippet)
+    exec(PAGE.read_text().split("```python\n")[1].split("```")[0], snippet)
     snippet["time"] = clock
 
     def hear(name, payload):
@@ -169,7 +171,7 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     }
     strangers = {name: serve(name) for name in refused}
     right = serve("right")
-    watcher.until("online", "online".__eq__)
+    watcher.until("online", lambda message: message == "online")
     summary = watcher.until("a summary", lambda message: isinstance(message, dict))
     assert summary["withheld"] == ["daemon_silent"] and summary["levels"] is None, summary
     for name, reason in refused.items():
@@ -208,9 +210,9 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     # The gateway dies.
     right.kill()
     right.wait()
-    watcher.until("the last will", "offline".__eq__)
+    watcher.until("the last will", lambda message: message == "offline")
     right = serve("right")
-    watcher.until("online again", "online".__eq__)
+    watcher.until("online again", lambda message: message == "online")
     watcher.until("a summary again", lambda message: isinstance(message, dict))
     print("mqtt: the broker publishes the gateway's last will after SIGKILL, and the next gateway is online")
 
@@ -227,12 +229,14 @@ def judge(port, scratch, mosquitto, gateway, demo, start):
     print(f"mqtt: {grown_mib:.1f} MiB more after 20 s of a broker that hangs; summaries came again by themselves")
 
     right.terminate()
-    watcher.until("a farewell", "offline".__eq__)
+    watcher.until("a farewell", lambda message: message == "offline")
     assert right.wait(30) == 0
     lost = [line for line in (scratch / "right.err").read_text().splitlines() if "ended:" in line][-1]
     assert int(lost.split(" lost")[0].split()[-1]) > 0, f"nothing was counted as lost: {lost}"
     watcher.client.loop_stop()
     print(f"mqtt: {lost.split('ended: ')[1]}")
+    shown = grafana.check_topics("demo", watcher.payloads, PAGE.read_text())
+    print(f"mqtt: {shown} panels of the Grafana dashboard have data from {sum(map(len, watcher.payloads.values()))} messages")
 
 
 def main(port, scratch, mosquitto, gateway, *demo):
