@@ -151,6 +151,30 @@ fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
 }
 
 #[test]
+fn between_samples_a_lag_does_not_flatten_motion() {
+    let omega_rad_per_s = std::f64::consts::TAU * 1.5;
+    let moved = |amplitude_m: f64| {
+        blocks(options(0.0, 12.0), 60.0, 12.0, move |time_s, snapshot| {
+            let sideways_m = amplitude_m * (omega_rad_per_s * time_s).sin();
+            shift(snapshot, [sideways_m, 0.0, 0.0]);
+            snapshot.ground.moment_nm[1] -= sideways_m * snapshot.ground.force_n[2];
+        })
+    };
+    // Second differences of measurement and prediction enter with opposite signs.
+    let residual_m =
+        |block: &Block| 0.5 * (block.observation.cop_measured_m[0] - block.observation.cop_predicted_m[0]);
+    let (swaying, standing) = (moved(0.02), moved(0.0));
+    let later = LAGS_S.partition_point(|lag_s| *lag_s < 0.0);
+    let second_difference = 2.0 * (1.0 - (omega_rad_per_s * LAGS_S[later]).cos());
+    let largest_m = swaying.iter().map(|block| residual_m(block).abs()).fold(0.0, f64::max);
+    for (block, still) in swaying.iter().zip(&standing) {
+        let bent_m = block.by_lag[later].cop_m[0] + block.by_lag[later - 1].cop_m[0];
+        let expected_m = second_difference * (residual_m(block) - residual_m(still));
+        assert!((bent_m - expected_m).abs() < 0.05 * second_difference * largest_m, "{bent_m} {expected_m}");
+    }
+}
+
+#[test]
 fn measured_shear_is_believed_and_held_by_lags() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, snapshot| {
         let shear_n = 20.0 * time_s;
