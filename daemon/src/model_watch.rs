@@ -130,6 +130,7 @@ impl ModelWatch {
         self.samples.retain(|other| sample.time_ns - other.time_ns < WINDOW_NS);
         let first_ns = self.samples.front().map_or(sample.time_ns, |first| first.time_ns);
         if sample.time_ns - first_ns < SPAN_MIN_NS {
+            self.current = None;
             return None;
         }
         self.current = self.evaluate();

@@ -3,9 +3,9 @@
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 
-pub use crate::constants::{CUTOFFS_HZ, LAGS_S};
+pub use crate::constants::LAGS_S;
 
-/// Change of the residual by a lag or a filter: centre of pressure, m, and force, N.
+/// A change or a rate: of the centre of pressure, m (m/s), and of the force, N (N/s).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Change {
     /// Of the centre of pressure, m.
@@ -59,6 +59,6 @@ pub struct Block {
     pub heading_rad: f64,
     /// Change by each of [`LAGS_S`].
     pub by_lag: [Change; LAGS_S.len()],
-    /// Change by each of [`CUTOFFS_HZ`].
-    pub by_cutoff: [Change; CUTOFFS_HZ.len()],
+    /// Rate of the measurements.
+    pub rate: Change,
 }

@@ -1,5 +1,7 @@
 //! Candidates: every effect of the catalogue, at every place where it can act, with every shape of a coarse grid.
 
+use std::f64::consts::TAU;
+
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
 
@@ -262,14 +264,11 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
     interpolated(lag_s, LAGS_S.len() + 1, at)
 }
 
-/// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
+/// Change by a first-order filter in the plate, which passes `m = x − τ ṁ` of what acts, `x`.
 pub(crate) fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
-    let last = CUTOFFS_HZ.len();
-    let at = |i: usize| match i {
-        0 => (0.0, Change::NONE),
-        _ => (1.0 / CUTOFFS_HZ[last - i], block.by_cutoff[last - i]),
-    };
-    interpolated(1.0 / cutoff_hz, last + 1, at)
+    let mut change = Change::NONE;
+    change.add(-1.0 / (TAU * cutoff_hz), &block.rate);
+    change
 }
 
 /// Lagrange's cubic through the four knots nearest to a value; knots ascending.
@@ -281,12 +280,7 @@ fn interpolated(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -
         let (knot, change) = at(i);
         let weight: f64 =
             (first..first + 4).filter(|&j| j != i).map(|j| (value - at(j).0) / (knot - at(j).0)).product();
-        for (sum, change) in sum.cop_m.iter_mut().zip(change.cop_m) {
-            *sum += weight * change;
-        }
-        for (sum, change) in sum.force_n.iter_mut().zip(change.force_n) {
-            *sum += weight * change;
-        }
+        sum.add(weight, &change);
     }
     sum
 }

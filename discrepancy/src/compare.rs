@@ -24,7 +24,6 @@ use equipoise_core::motion::Snapshot;
 
 use crate::block::Block;
 use crate::constants::{MASK_KEPT_S, POINTS_KEPT_S};
-use changes::Filters;
 use mean::BlockMean;
 pub use options::Options;
 use point::Point;
@@ -38,7 +37,6 @@ pub struct Comparison {
     worker: Worker,
     options: Options,
     window: Window,
-    filters: Filters,
     points: VecDeque<Point>,
     /// Static-pose flag of the loop, by time.
     still: VecDeque<(f64, bool)>,
@@ -64,7 +62,6 @@ impl Comparison {
     pub fn new(worker: Worker, options: Options) -> Comparison {
         Comparison {
             window: Window::new(options.half_window_s, options.block_s),
-            filters: Filters::default(),
             points: VecDeque::new(),
             still: VecDeque::new(),
             masked_s: VecDeque::new(),
@@ -90,7 +87,6 @@ impl Comparison {
                 self.interrupt();
             } else if snapshot.stance != last.stance {
                 self.mask(time_s, self.options.stance_margin_s);
-                self.filters = Filters::default();
             }
         }
         self.last = Some(Last { time_s, stance: snapshot.stance });
@@ -129,13 +125,12 @@ impl Comparison {
         if !point.is_moderate() {
             self.mask(point.time_s, self.options.half_window_s);
         }
-        let by_cutoff = self.filters.step(&point);
         let number = (point.time_s / self.options.block_s).floor();
         if let Some(full) = self.filling.take_if(|mean| mean.number != number) {
             self.close(full);
         }
         let filling = self.filling.get_or_insert_with(|| BlockMean::new(number, &self.options));
-        filling.add(&point, &by_cutoff);
+        filling.add(&point);
         self.points.push_back(point);
     }
 
@@ -166,7 +161,6 @@ impl Comparison {
         }
         self.window.clear();
         self.points.clear();
-        self.filters = Filters::default();
     }
 
     /// Releases blocks whose neighbourhood is complete at `now_s`, and drops data that is no longer required.

@@ -78,8 +78,8 @@ pub(crate) const CHAIN_ERROR_M: f64 = 0.002;
 /// Lags whose change each block stores; negative: the suit is early. Unit: s. Origin: prototype.
 pub const LAGS_S: [f64; 13] =
     [-0.12, -0.08, -0.05, -0.03, -0.02, -0.01, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18];
-/// Cutoffs of a first-order filter whose change each block stores. Unit: Hz. Origin: prototype; 7 Hz added.
-pub const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
+/// Cutoffs of a first-order filter that are tried first. Unit: Hz. Origin: prototype; 7 Hz added.
+pub(crate) const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
 
 // Phases of a recording, and the blocks that are used.
 
@@ -282,12 +282,14 @@ pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
     (0.05, &[Effect::HandContact, Effect::PlateYaw, Effect::PlateDrift, Effect::SuitLag]),
     (0.05, &[Effect::SuitHeadingDrift, Effect::SegmentHeading, Effect::SegmentMisalignment]),
 ];
-/// The same of anything outside the catalogue. Unit: 1. Origin: judgement.
-pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
-/// Its terms that are compared next to an explanation. Unit: 1. Origin: budget.
-pub(crate) const OUTSIDE_MAX: usize = 2;
 /// The same of any other effect. Unit: 1. Origin: judgement.
 pub(crate) const OTHER_PRIOR: f64 = 0.03;
+/// The same of anything outside the catalogue. Unit: 1. Origin: judgement.
+pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
+/// Terms outside the catalogue that are compared next to an explanation. Unit: 1. Origin: budget.
+pub(crate) const OUTSIDE_MAX: usize = 2;
+/// From this probability on the residual is called unexplained. Unit: 1. Origin: more probable than not.
+pub(crate) const UNEXPLAINED_PROBABILITY: f64 = 0.5;
 /// Factor on the prior where a plate's axes, height, gains or filter, or a clock, change for a part of the work. Unit: 1.
 /// Origin: judgement.
 pub(crate) const CHANGE_PRIOR: f64 = 0.02;

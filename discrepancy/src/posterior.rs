@@ -6,7 +6,7 @@ use equipoise_core::effect::Effect;
 use faer::Mat;
 
 use crate::candidate::Candidate;
-use crate::constants::{CHECKED_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN};
+use crate::constants::{CHECKED_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN, UNEXPLAINED_PROBABILITY};
 use crate::evidence::log_sum_exp;
 use crate::explanation::Explanation;
 use crate::finding::Generic;
@@ -84,13 +84,18 @@ impl Posterior {
             })
             .collect();
         let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();
+        if total <= 0.0 {
+            return Vec::new();
+        }
         predictors.iter_mut().for_each(|predictor| predictor.probability /= total);
         predictors
     }
 
-    /// Probability that something outside the catalogue acts.
-    pub(crate) fn of_outside(&self) -> f64 {
-        self.total(|names| names.iter().any(|name| name == OUTSIDE))
+    /// Whether something outside the catalogue is more probable than not, or the only thing in its place that is
+    /// established.
+    pub(crate) fn is_outside(&self) -> bool {
+        self.of_name(OUTSIDE) >= UNEXPLAINED_PROBABILITY
+            || self.established().iter().any(|name| name == OUTSIDE)
     }
 
     /// The most probable term outside the catalogue.
@@ -233,11 +238,19 @@ mod tests {
         let load = (Effect::HandLoad, Place::Hand(Side::Right));
         let outside = Explanation { outside: Some(Outside::named("a spring")), ..explanation(&[], 0.3) };
         let posterior = Posterior::of(vec![explanation(&[load], 0.68), outside, explanation(&[], 0.02)]);
-        is(posterior.of_outside(), 0.3);
+        is(posterior.of_name(OUTSIDE), 0.3);
+        assert!(!posterior.is_outside());
         let established = posterior.established();
         assert_eq!(established, ["hand_load right"]);
         let rivals = posterior.rivals("hand_load right", &established);
         assert_eq!((rivals.len(), rivals[0].0.as_str()), (1, OUTSIDE));
+        // Something acts, most probably none of the catalogue.
+        let forearm = (Effect::WornMass, Place::Segment(Segment::RightForearm));
+        let outside = Explanation { outside: Some(Outside::named("a spring")), ..explanation(&[], 0.45) };
+        assert!(
+            Posterior::of(vec![outside, explanation(&[load], 0.4), explanation(&[forearm], 0.15)])
+                .is_outside()
+        );
     }
 
     #[test]

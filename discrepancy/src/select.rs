@@ -46,8 +46,8 @@ pub(crate) struct Selection {
     pub(crate) set_aside: Vec<SetAside>,
     /// Effects by themselves, best first.
     pub(crate) considered: Vec<Considered>,
-    /// Probability that something outside the catalogue acts, and what it most probably is.
-    pub(crate) outside_probability: f64,
+    /// Whether something outside the catalogue acts, and what it most probably is.
+    pub(crate) is_outside: bool,
     pub(crate) outside: Option<Generic>,
     /// The most probable explanations, for predictions.
     pub(crate) predictors: Vec<Predictor>,
@@ -96,7 +96,7 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Search) -
         front.truncate(size_max);
     }
     let posterior = Posterior::of(with_outside(gram, library, distinct(all)));
-    selection.outside_probability = posterior.of_outside();
+    selection.is_outside = posterior.is_outside();
     selection.outside = posterior.outside();
     selection.predictors = posterior.predictors(|explanation| {
         let (conditioned, terms) = conditioned(gram, explanation);

@@ -89,8 +89,10 @@ fn worst_piece_sigma(gram: &Gram<'_>, after: &[f64]) -> f64 {
 
 /// The verdict.
 pub(crate) fn verdict(selection: &Selection, rest: &Remainder) -> Verdict {
+    if selection.is_outside {
+        return Verdict::Unexplained;
+    }
     match selection.accepted.first() {
-        _ if selection.outside_probability >= 0.5 => Verdict::Unexplained,
         None if rest.is_beyond_noise() => Verdict::Unexplained,
         None => Verdict::None,
         Some(_) if selection.accepted.iter().any(|accepted| accepted.probability < NAMED_PROBABILITY) => {
