@@ -190,9 +190,9 @@ fn noise_is_neither_a_lag_nor_a_filter() {
         let [with_residual, square] = products.fold([0.0; 2], |sum, [a, b]| [sum[0] + a, sum[1] + b]);
         with_residual / square
     };
-    for lag in 0..LAGS_S.len() {
+    for (lag, lag_s) in LAGS_S.iter().enumerate() {
         let factor = fitted(&|block| block.by_lag[lag].cop_m[0]);
-        assert!(factor.abs() < 0.4, "{} {factor}", LAGS_S[lag]);
+        assert!(factor.abs() < 0.4, "{lag_s} {factor}");
     }
     let factor = fitted(&|block| cutoff_change(block, 3.0).cop_m[0]);
     assert!(factor.abs() < 0.1, "{factor}");
