@@ -2,8 +2,9 @@
 //! second.
 //!
 //! Accelerations are those of a local parabola (Savitzky and Golay); pose and ground are averaged with the weights with
-//! which it averages the true second derivative, so that filtering does not appear as an effect. This module does not read files: snapshots are pushed one by one, in any
-//! number, and memory stays bounded (one second of snapshots and at most [`Options::blocks_max`] blocks).
+//! which it averages the true second derivative, so that filtering does not appear as an effect. This module does not
+//! read files: snapshots are pushed one by one, in any number, and memory stays bounded (one second of snapshots and at
+//! most [`Options::blocks_max`] blocks).
 //!
 //! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `store` → this file.
 
