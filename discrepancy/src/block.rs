@@ -3,7 +3,7 @@
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 
-pub use crate::constants::LAGS_S;
+pub use crate::constants::{CUTOFFS_HZ, LAGS_S};
 
 /// A change or a rate: of the centre of pressure, m (m/s), and of the force, N (N/s).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +59,6 @@ pub struct Block {
     pub heading_rad: f64,
     /// Change by each of [`LAGS_S`].
     pub by_lag: [Change; LAGS_S.len()],
-    /// Rate of the measurements.
-    pub rate: Change,
+    /// Change by each of [`CUTOFFS_HZ`].
+    pub by_cutoff: [Change; CUTOFFS_HZ.len()],
 }

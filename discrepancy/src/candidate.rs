@@ -1,7 +1,5 @@
 //! Candidates: every effect of the catalogue, at every place where it can act, with every shape of a coarse grid.
 
-use std::f64::consts::TAU;
-
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{self, Columns, Effect, PARAMETERS_MAX, Place};
 
@@ -264,11 +262,15 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
     interpolated(lag_s, LAGS_S.len() + 1, at)
 }
 
-/// Change by a first-order filter in the plate, which passes `m = x − τ ṁ` of what acts, `x`.
+/// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
 pub(crate) fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
-    let mut change = Change::NONE;
-    change.add(-1.0 / (TAU * cutoff_hz), &block.rate);
-    change
+    let last = CUTOFFS_HZ.len();
+    let at = |i: usize| match i {
+        0 => (0.0, Change::NONE),
+        _ => (1.0 / CUTOFFS_HZ[last - i], block.by_cutoff[last - i]),
+    };
+    // Slower filters than the slowest stored one change as much as that.
+    interpolated(1.0 / cutoff_hz.max(CUTOFFS_HZ[0]), last + 1, at)
 }
 
 /// Lagrange's cubic through the four knots nearest to a value; knots ascending.

@@ -25,6 +25,7 @@ use equipoise_core::motion::Snapshot;
 
 use crate::block::Block;
 use crate::constants::{MASK_KEPT_S, POINTS_KEPT_S};
+use changes::Filters;
 use mean::BlockMean;
 pub use options::Options;
 use point::Point;
@@ -38,6 +39,7 @@ pub struct Comparison {
     worker: Worker,
     options: Options,
     window: Window,
+    filters: Filters,
     points: VecDeque<Point>,
     /// Static-pose flag of the loop, by time.
     still: VecDeque<(f64, bool)>,
@@ -63,6 +65,7 @@ impl Comparison {
     pub fn new(worker: Worker, options: Options) -> Comparison {
         Comparison {
             window: Window::new(options.half_window_s, options.block_s),
+            filters: Filters::default(),
             points: VecDeque::new(),
             still: VecDeque::new(),
             masked_s: VecDeque::new(),
@@ -88,6 +91,7 @@ impl Comparison {
                 self.interrupt();
             } else if snapshot.stance != last.stance {
                 self.mask(time_s, self.options.stance_margin_s);
+                self.filters = Filters::default();
             }
         }
         self.last = Some(Last { time_s, stance: snapshot.stance });
@@ -126,12 +130,13 @@ impl Comparison {
         if !point.is_moderate() {
             self.mask(point.time_s, self.options.half_window_s);
         }
+        let by_cutoff = self.filters.step(&point);
         let number = (point.time_s / self.options.block_s).floor();
         if let Some(full) = self.filling.take_if(|mean| mean.number != number) {
             self.close(full);
         }
         let filling = self.filling.get_or_insert_with(|| BlockMean::new(number, &self.options));
-        filling.add(&point);
+        filling.add(&point, &by_cutoff);
         self.points.push_back(point);
     }
 
@@ -162,6 +167,7 @@ impl Comparison {
         }
         self.window.clear();
         self.points.clear();
+        self.filters = Filters::default();
     }
 
     /// Releases blocks whose neighbourhood is complete at `now_s`, and drops data that is no longer required.

@@ -78,8 +78,8 @@ pub(crate) const CHAIN_ERROR_M: f64 = 0.002;
 /// Lags whose change each block stores; negative: the suit is early. Unit: s. Origin: prototype.
 pub const LAGS_S: [f64; 13] =
     [-0.12, -0.08, -0.05, -0.03, -0.02, -0.01, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.18];
-/// Cutoffs of a first-order filter that are tried first. Unit: Hz. Origin: prototype; 7 Hz added.
-pub(crate) const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
+/// Cutoffs of a first-order filter whose change each block stores. Unit: Hz. Origin: prototype; 7 Hz added.
+pub const CUTOFFS_HZ: [f64; 8] = [0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 4.5, 7.0];
 
 // Phases of a recording, and the blocks that are used.
 

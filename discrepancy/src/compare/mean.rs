@@ -9,8 +9,8 @@ use super::options::Options;
 use super::point::Point;
 use super::window::{Window, matrix};
 use super::worker::Worker;
-use crate::block::{Block, Phase};
-use crate::constants::BLOCK_REACH;
+use crate::block::{Block, Change, Phase};
+use crate::constants::{BLOCK_REACH, CUTOFFS_HZ};
 
 /// A block under construction.
 #[derive(Debug)]
@@ -25,6 +25,7 @@ pub(super) struct BlockMean {
     /// Times of the first and the last point, s.
     reach_s: [f64; 2],
     sum: Sum,
+    by_cutoff: [Change; CUTOFFS_HZ.len()],
     /// Number of the first contributing snapshot, and the summed weights of each in values and second derivatives.
     first_snapshot: usize,
     weights: Vec<[f64; 2]>,
@@ -70,6 +71,7 @@ impl BlockMean {
             count: 0.0,
             reach_s: [f64::INFINITY, f64::NEG_INFINITY],
             sum: Sum::default(),
+            by_cutoff: [Change::NONE; CUTOFFS_HZ.len()],
             first_snapshot: 0,
             weights: Vec::new(),
             bodies: Box::new(Bodies {
@@ -82,8 +84,8 @@ impl BlockMean {
         }
     }
 
-    /// Adds a point.
-    pub(super) fn add(&mut self, point: &Point) {
+    /// Adds a point and the change of its prediction by each filter.
+    pub(super) fn add(&mut self, point: &Point, by_cutoff: &[Change; CUTOFFS_HZ.len()]) {
         self.count += 1.0;
         self.stance = point.stance;
         self.has_inertia = point.has_inertia;
@@ -104,6 +106,7 @@ impl BlockMean {
         add(&mut sum.force_predicted_n, &point.force_predicted_n);
         add(&mut sum.cop_measured_m, &point.cop_measured_m);
         add(&mut sum.force_measured_n, &point.force_measured_n);
+        self.by_cutoff.iter_mut().zip(by_cutoff).for_each(|(sum, change)| sum.add(1.0, change));
         self.weigh_snapshots(point);
     }
 
@@ -191,7 +194,7 @@ impl BlockMean {
             joint_rad: joint_rad(&bodies.quaternion, heading_rad),
             heading_rad,
             by_lag: timing.by_lag,
-            rate: timing.rate,
+            by_cutoff: std::array::from_fn(|k| timing.by_cutoff(k, &self.by_cutoff[k], count)),
         }
     }
 }

@@ -47,7 +47,7 @@ impl Options {
 
     /// Time after which all data around a block are available, s.
     pub(super) fn delay_s(&self) -> f64 {
-        let latest_lag_s = 0.5 * LAGS_S[LAGS_S.len() - 1];
+        let latest_lag_s = LAGS_S[LAGS_S.len() - 1];
         // A point is complete half a window and at most a gap after its time.
         let predicted_s = latest_lag_s + self.half_window_s + self.gap_max_s;
         self.stance_margin_s.max(predicted_s)

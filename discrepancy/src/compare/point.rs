@@ -121,25 +121,25 @@ impl Point {
         [0, 1].map(|axis| self.turning_by_group_m.iter().map(|group| group[axis]).sum())
     }
 
-    /// Centre of pressure, m, and force, N, as predicted from the suit; `without_shear`: the centre of pressure without
-    /// the part of the shear, which has the plate's timing where it is measured.
-    pub(super) fn predicted_motion(&self, without_shear: bool) -> Change {
+    /// Centre of pressure, m, and force, N, as predicted from the suit: without the part of measured shear, which has
+    /// the plate's timing.
+    pub(super) fn predicted_motion(&self) -> Change {
         if !self.has_inertia {
             return Change { cop_m: [self.com_m.x, self.com_m.y], force_n: [0.0; 3] };
         }
-        Change { cop_m: self.cop_m(self.cop_predicted_m, without_shear), force_n: self.force_predicted_n }
+        Change { cop_m: self.without_shear(self.cop_predicted_m), force_n: self.force_predicted_n }
     }
 
     /// The same as measured. Without inertia the prediction is that of a still body, and the measurement is not used.
-    pub(super) fn measured_motion(&self, without_shear: bool) -> Change {
+    pub(super) fn measured_motion(&self) -> Change {
         if !self.has_inertia {
-            return self.predicted_motion(without_shear);
+            return self.predicted_motion();
         }
-        Change { cop_m: self.cop_m(self.cop_measured_m, without_shear), force_n: self.force_measured_n }
+        Change { cop_m: self.without_shear(self.cop_measured_m), force_n: self.force_measured_n }
     }
 
-    fn cop_m(&self, cop_m: [f64; 2], without_shear: bool) -> [f64; 2] {
-        let height_m = if without_shear { self.com_m.z - self.floor_m } else { 0.0 };
+    fn without_shear(&self, cop_m: [f64; 2]) -> [f64; 2] {
+        let height_m = if self.slope_is_measured { self.com_m.z - self.floor_m } else { 0.0 };
         [0, 1].map(|axis| cop_m[axis] + height_m * self.slope[axis])
     }
 

@@ -4,14 +4,10 @@ use equipoise_core::frame::{Pose, SuitWorld};
 use equipoise_core::message::GroundSample;
 use equipoise_core::sesc::Phi;
 use nalgebra::{UnitQuaternion, Vector3};
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
 
 use super::*;
-use crate::block::{LAGS_S, Phase};
-use crate::candidate::cutoff_change;
+use crate::block::{CUTOFFS_HZ, LAGS_S, Phase};
 use crate::session::Spans;
-use crate::trials::normal;
 
 const BEGIN_NS: u64 = 5_000_000_000;
 const MASS_KG: f64 = 70.0;
@@ -148,61 +144,40 @@ fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
         assert!((change.cop_m[0] - speed_m_per_s * lag_s).abs() < 1e-9, "{change:?}");
         assert!(change.cop_m[1].abs() < 1e-9 && change.force_n[2].abs() < 1e-6);
     }
-    for cutoff_hz in [0.4, 3.0, 20.0] {
-        let (change, delay_s) = (cutoff_change(last, cutoff_hz), 1.0 / (std::f64::consts::TAU * cutoff_hz));
+    for (change, cutoff_hz) in last.by_cutoff.iter().zip(CUTOFFS_HZ) {
+        let delay_s = 1.0 / (std::f64::consts::TAU * cutoff_hz);
         assert!((change.cop_m[0] + speed_m_per_s * delay_s).abs() < 1e-6, "{cutoff_hz} {change:?}");
     }
 }
 
-/// Blocks of a body that stands while the plate's centre of pressure moves forward.
-fn only_plate_moves(forward_m: impl Fn(u64) -> f64) -> Vec<Block> {
-    blocks(options(0.0, 40.0), 60.0, 40.0, |time_s, snapshot| {
-        let sample = (60.0 * time_s).round() as u64;
-        snapshot.ground.moment_nm[1] -= forward_m(sample) * snapshot.ground.force_n[2];
-    })
-}
-
 #[test]
 fn between_samples_a_lag_does_not_flatten_motion() {
-    let omega_rad_per_s = std::f64::consts::TAU * 3.0;
-    let blocks = only_plate_moves(|sample| 0.02 * (omega_rad_per_s * sample as f64 / 60.0 + 1.0).sin());
-    let [near, far] = [0.03, 0.05].map(|lag_s| LAGS_S.iter().position(|known_s| *known_s == lag_s).unwrap());
-    let half_turn = |lag: usize| (0.5 * omega_rad_per_s * LAGS_S[lag]).sin();
-    let largest_m = blocks.iter().map(|block| block.by_lag[far].cop_m[0].abs()).fold(0.0, f64::max);
-    for block in &blocks {
-        let expected_m = block.by_lag[near].cop_m[0] * half_turn(far) / half_turn(near);
-        assert!((block.by_lag[far].cop_m[0] - expected_m).abs() < 0.003 * largest_m);
-    }
-}
-
-#[test]
-fn noise_is_neither_a_lag_nor_a_filter() {
-    let mut random = Pcg64Mcg::seed_from_u64(1);
-    let noise_m: Vec<f64> = (0..2400).map(|_| 0.01 * normal(&mut random)).collect();
-    let blocks = only_plate_moves(|sample| noise_m[sample as usize]);
-    let mean_m =
-        blocks.iter().map(|block| block.observation.cop_measured_m[0]).sum::<f64>() / blocks.len() as f64;
-    let fitted = |column_m: &dyn Fn(&Block) -> f64| {
-        let products = blocks.iter().map(|block| {
-            let residual_m = block.observation.cop_measured_m[0] - mean_m;
-            [residual_m * column_m(block), column_m(block) * column_m(block)]
-        });
-        let [with_residual, square] = products.fold([0.0; 2], |sum, [a, b]| [sum[0] + a, sum[1] + b]);
-        with_residual / square
+    let omega_rad_per_s = std::f64::consts::TAU * 1.5;
+    let moved = |amplitude_m: f64| {
+        blocks(options(0.0, 12.0), 60.0, 12.0, move |time_s, snapshot| {
+            let sideways_m = amplitude_m * (omega_rad_per_s * time_s).sin();
+            shift(snapshot, [sideways_m, 0.0, 0.0]);
+            snapshot.ground.moment_nm[1] -= sideways_m * snapshot.ground.force_n[2];
+        })
     };
-    for (lag, lag_s) in LAGS_S.iter().enumerate() {
-        let factor = fitted(&|block| block.by_lag[lag].cop_m[0]);
-        assert!(factor.abs() < 0.4, "{lag_s} {factor}");
+    // Second differences of measurement and prediction enter with opposite signs.
+    let residual_m =
+        |block: &Block| 0.5 * (block.observation.cop_measured_m[0] - block.observation.cop_predicted_m[0]);
+    let (swaying, standing) = (moved(0.02), moved(0.0));
+    let later = LAGS_S.partition_point(|lag_s| *lag_s < 0.0);
+    let second_difference = 2.0 * (1.0 - (omega_rad_per_s * LAGS_S[later]).cos());
+    let largest_m = swaying.iter().map(|block| residual_m(block).abs()).fold(0.0, f64::max);
+    for (block, still) in swaying.iter().zip(&standing) {
+        let bent_m = block.by_lag[later].cop_m[0] + block.by_lag[later - 1].cop_m[0];
+        let expected_m = second_difference * (residual_m(block) - residual_m(still));
+        assert!((bent_m - expected_m).abs() < 0.05 * second_difference * largest_m, "{bent_m} {expected_m}");
     }
-    let factor = fitted(&|block| cutoff_change(block, 3.0).cop_m[0]);
-    assert!(factor.abs() < 0.1, "{factor}");
 }
 
 #[test]
 fn measured_shear_is_believed_and_held_by_lags() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, snapshot| {
-        // Exactly zero would count as not measured.
-        let shear_n = 20.0 * (time_s + 1.0);
+        let shear_n = 20.0 * time_s;
         *snapshot = made(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);
         // The body would fall; but its centre of pressure is where this shear requires.
         let height_m = equipoise_core::sesc::centre_of_mass(&snapshot.pose(), &worker().phi).z;
@@ -211,7 +186,7 @@ fn measured_shear_is_believed_and_held_by_lags() {
     });
     for block in &blocks {
         let seen = &block.observation;
-        let slope = 20.0 * (seen.time_s + 1.0) / (MASS_KG * GRAVITY_M_PER_S2);
+        let slope = 20.0 * seen.time_s / (MASS_KG * GRAVITY_M_PER_S2);
         assert!(seen.slope_is_measured);
         assert!((seen.slope[0] - slope).abs() < 1e-6 && (seen.slope[1] + slope).abs() < 1e-6);
         let moved = seen.com_m[0] - (seen.com_m[2] - seen.floor_m) * slope;

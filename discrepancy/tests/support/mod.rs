@@ -4,7 +4,7 @@ use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton
 use equipoise_core::effect::{Effect, Observation, PARAMETERS_MAX, Place, Term};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::sesc::Phi;
-use equipoise_discrepancy::block::{Block, Change, LAGS_S, Phase};
+use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
 use equipoise_discrepancy::session::{PARAMETERS, Session, Spans};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
@@ -225,7 +225,7 @@ impl Walk {
             joint_rad,
             heading_rad: 0.0,
             by_lag: [none; LAGS_S.len()],
-            rate: none,
+            by_cutoff: [none; CUTOFFS_HZ.len()],
         }
     }
 }
