@@ -2,6 +2,7 @@
 
 use std::io;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -21,8 +22,8 @@ use super::subscriptions::Subscriptions;
 
 /// Interval at which the screen is drawn and adapts to a new size; a key draws it immediately.
 const DRAW_INTERVAL: Duration = Duration::from_millis(100);
-/// After a signal the screen ends with its next drawing. If that takes longer than this, the terminal accepts no output
-/// (flow control, a stopped multiplexer).
+/// After a signal the screen ends with its next drawing. A write that takes longer than this is blocked: the terminal
+/// accepts no output (flow control, a stopped multiplexer).
 const BLOCKED_AFTER: Duration = Duration::from_secs(2);
 
 /// Shows the station until a key, a signal, the time or the end of the terminal ends it.
@@ -34,9 +35,10 @@ pub(super) fn run(station: &str, until: &Until) -> anyhow::Result<()> {
     let mut subscriptions = Subscriptions::open(station)?;
     // It also restores the terminal before a panic is reported.
     let mut terminal = ratatui::try_init().context("cannot draw on this terminal")?;
-    end_if_blocked()?;
-    let result = draw_until(&mut terminal, station, &mut subscriptions, until);
-    let restored = ratatui::try_restore();
+    let writes = Arc::new(AtomicU64::new(0));
+    end_if_blocked(Arc::clone(&writes))?;
+    let result = draw_until(&mut terminal, station, &mut subscriptions, until, &writes);
+    let restored = counted(&writes, ratatui::try_restore);
     if restored.is_err() {
         // Dropping it would show the cursor and print that this failed: a panic where standard error is closed, too.
         std::mem::forget(terminal);
@@ -48,15 +50,30 @@ pub(super) fn run(station: &str, until: &Until) -> anyhow::Result<()> {
     }
 }
 
-/// Ends the process when it is still there some time after a signal: a write that blocks does not return for a flag.
-fn end_if_blocked() -> io::Result<()> {
+/// Counts the begin and the end of a write: the number is odd while one is in progress.
+fn counted<T>(writes: &AtomicU64, write: impl FnOnce() -> T) -> T {
+    writes.fetch_add(1, Ordering::Relaxed);
+    let result = write();
+    writes.fetch_add(1, Ordering::Relaxed);
+    result
+}
+
+/// Ends the process if a write is blocked after a signal: it does not return for a flag. A process that merely waits for
+/// a processor ends by itself.
+fn end_if_blocked(writes: Arc<AtomicU64>) -> io::Result<()> {
     let mut signals = Signals::new([SIGTERM, SIGINT, SIGHUP, SIGQUIT])?;
     std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-        if signals.forever().next().is_some() {
+        if signals.forever().next().is_none() {
+            return;
+        }
+        loop {
+            let before = writes.load(Ordering::Relaxed);
             std::thread::sleep(BLOCKED_AFTER);
-            // The other screen cannot be left, which needs a write.
-            let _ = disable_raw_mode();
-            std::process::exit(1);
+            if before % 2 == 1 && writes.load(Ordering::Relaxed) == before {
+                // The other screen cannot be left, which needs a write.
+                let _ = disable_raw_mode();
+                std::process::exit(1);
+            }
         }
     })?;
     Ok(())
@@ -73,6 +90,7 @@ fn draw_until(
     station: &str,
     subscriptions: &mut Subscriptions,
     until: &Until,
+    writes: &AtomicU64,
 ) -> io::Result<End> {
     let stdin = io::stdin();
     let mut help = false;
@@ -97,8 +115,8 @@ fn draw_until(
             now_ns: now_ns(),
             help,
         };
-        match terminal.draw(|frame| draw(frame, &watch)) {
-            Ok(_) => {}
+        match counted(writes, || terminal.draw(|frame| draw(frame, &watch)).map(|_| ())) {
+            Ok(()) => {}
             Err(error) if is_terminal_gone(&error) => return Ok(End::TerminalGone),
             Err(error) => return Err(error),
         }
