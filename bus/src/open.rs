@@ -15,8 +15,9 @@ use iceoryx2::service::builder::request_response::{
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// A port's place may belong to a process that died: how often to try again, and after what.
+/// How often to try again for a port whose place may belong to a process that died.
 const ATTEMPTS: usize = 20;
+/// Pause before another attempt, for a port or a service.
 const PAUSE: Duration = Duration::from_millis(5);
 /// Another process may be creating or removing the service. While it waits for a processor of a busy machine, the
 /// service's files are as incomplete as damaged ones; they are damaged if they still are after this time.

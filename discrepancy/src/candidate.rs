@@ -125,7 +125,7 @@ impl Candidate {
         let at = rows.blocks[block];
         match self.effect {
             Effect::SuitLag => of_change(lag_change(at, self.shape)),
-            Effect::PlateLowpass => of_change(cutoff_change(at, self.shape)),
+            Effect::PlateLowpass => of_change(cutoff_change(&at.by_cutoff, self.shape)),
             _ => self.term(rows, self.about).columns(&at.observation),
         }
     }
@@ -263,11 +263,11 @@ fn lag_change(block: &Block, lag_s: f64) -> Change {
 }
 
 /// Change by a cutoff frequency: interpolated between the stored ones, over the time constant.
-pub(crate) fn cutoff_change(block: &Block, cutoff_hz: f64) -> Change {
+pub(crate) fn cutoff_change(by_cutoff: &[Change; CUTOFFS_HZ.len()], cutoff_hz: f64) -> Change {
     let last = CUTOFFS_HZ.len();
     let at = |i: usize| match i {
         0 => (0.0, Change::NONE),
-        _ => (1.0 / CUTOFFS_HZ[last - i], block.by_cutoff[last - i]),
+        _ => (1.0 / CUTOFFS_HZ[last - i], by_cutoff[last - i]),
     };
     // Slower filters than the slowest stored one change as much as that.
     interpolated(1.0 / cutoff_hz.max(CUTOFFS_HZ[0]), last + 1, at)
@@ -290,6 +290,17 @@ fn interpolated(value: f64, knots: usize, at: impl Fn(usize) -> (f64, Change)) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_filter_between_two_stored_cutoffs_is_interpolated_by_delay() {
+        let by_cutoff =
+            CUTOFFS_HZ.map(|cutoff_hz| Change { cop_m: [1.0 / cutoff_hz, 0.0], force_n: [0.0; 3] });
+        for cutoff_hz in [0.5, 0.6, 1.0, 2.5, 6.9, 7.0, 20.0] {
+            let change = cutoff_change(&by_cutoff, cutoff_hz);
+            assert!((change.cop_m[0] - 1.0 / cutoff_hz).abs() < 1e-12, "{cutoff_hz}");
+        }
+        assert_eq!(cutoff_change(&by_cutoff, 0.4), cutoff_change(&by_cutoff, 0.5));
+    }
 
     #[test]
     fn the_weights_of_the_headings_sum_to_one_and_signs_are_symmetric() {

@@ -16,7 +16,7 @@ use crate::constants::{
 };
 use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::finding::Generic;
-use crate::generic::Term;
+use crate::generic::FittedEntry;
 use crate::gram::{Gram, whiten_each};
 use crate::linear::{dot, inner};
 use crate::plausibility::is_negligible;
@@ -185,7 +185,7 @@ pub(crate) struct Outside {
 
 impl Outside {
     /// A term of the library with its fitted parameters; all `of` terms are equally probable.
-    pub(crate) fn new(gram: &Gram<'_>, term: Term<'_>, of: usize) -> Outside {
+    pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, of: usize) -> Outside {
         let [_, error] = MODEL_ERROR;
         let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats(gram.rows, error, None));
         let priors = [vec![0.0; term.sigma.len()], term.sigma.to_vec(), term.value];
@@ -233,12 +233,12 @@ impl Explanation {
         log_posterior.is_finite().then_some(Explanation { members, outside, log_posterior })
     }
 
-    /// The same effects and something outside the catalogue.
-    pub(crate) fn with_outside(&self, gram: &Gram<'_>, outside: Outside) -> Option<Explanation> {
+    /// Its effects with their columns again.
+    pub(crate) fn members_with_columns(&self, gram: &Gram<'_>) -> Vec<Member> {
         let again = |member: &Member| {
             Member::new(gram, member.candidate.clone(), member.value.clone(), member.log_odds)
         };
-        Explanation::of(gram, self.members.iter().map(again).collect(), Some(outside))
+        self.members.iter().map(again).collect()
     }
 
     /// The same without columns, for the posterior: they occupy megabytes.

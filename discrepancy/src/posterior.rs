@@ -91,8 +91,8 @@ impl Posterior {
         predictors
     }
 
-    /// Whether something outside the catalogue is more probable than not, or the only thing in its place that is
-    /// established.
+    /// Whether something outside the catalogue is more probable than not, or established like an effect of the most
+    /// probable explanation.
     pub(crate) fn is_outside(&self) -> bool {
         self.of_name(OUTSIDE) >= UNEXPLAINED_PROBABILITY
             || self.established().iter().any(|name| name == OUTSIDE)

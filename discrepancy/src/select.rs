@@ -11,7 +11,7 @@ use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, OUTSIDE_MAX, 
 use crate::evidence::Estimate;
 use crate::explanation::{Explanation, Member, Outside, misfit_columns};
 use crate::finding::{Candidate as Considered, Generic, SetAside};
-use crate::generic::Search;
+use crate::generic::Library;
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
 use crate::posterior::{Posterior, Predictor};
@@ -75,7 +75,7 @@ enum Cause {
 }
 
 /// Searches the explanations; adds the effects of the most probable one to the Gram matrix, with their misfit.
-pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Search) -> Selection {
+pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Library) -> Selection {
     let (size_max, behind_max) = BEAM;
     let mut selection = Selection::default();
     let mut all = vec![Explanation::NONE];
@@ -107,15 +107,17 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Search) -
 }
 
 /// The same explanations, and the most probable ones, and none, each with something outside the catalogue as well.
-fn with_outside(gram: &Gram<'_>, library: &Search, mut all: Vec<Explanation>) -> Vec<Explanation> {
-    let best = all.iter().enumerate();
-    let extended: Vec<Explanation> = best
+fn with_outside(gram: &Gram<'_>, library: &Library, mut all: Vec<Explanation>) -> Vec<Explanation> {
+    let extended: Vec<Explanation> = all
+        .iter()
+        .enumerate()
         .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.members.is_empty())
         .flat_map(|(_, explanation)| {
             let (conditioned, terms) = conditioned(gram, explanation);
+            let members = explanation.members_with_columns(gram);
             let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
             let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
-            let extended = outside.filter_map(|outside| explanation.with_outside(gram, outside));
+            let extended = outside.filter_map(|one| Explanation::of(gram, members.clone(), Some(one)));
             extended.map(|one| one.without_columns()).collect::<Vec<Explanation>>()
         })
         .collect();

@@ -44,12 +44,13 @@ pub(super) fn timing(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Opti
     }
     let share = 1.0 / (last - first) as f64;
     for now in points.range(first..last) {
+        let [measured, predicted] = [now.measured_motion(), now.predicted_motion()];
         for (sum, lag_s) in timing.by_lag.iter_mut().zip(LAGS_S) {
             let [earlier, later] = [-lag_s, lag_s].map(|shift_s| around(points, now.time_s + shift_s));
-            sum.add(0.5 * share, &now.measured_motion());
+            sum.add(0.5 * share, &measured);
             add_mean(sum, -0.5 * share, earlier?, Point::measured_motion);
             add_mean(sum, 0.5 * share, later?, Point::predicted_motion);
-            sum.add(-0.5 * share, &now.predicted_motion());
+            sum.add(-0.5 * share, &predicted);
         }
         for step_s in [-RATE_STEP_S, RATE_STEP_S] {
             let then = around(points, now.time_s + step_s)?;

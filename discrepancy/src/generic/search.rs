@@ -15,7 +15,7 @@ use crate::trials::normal;
 
 /// A library, whitened.
 #[derive(Debug, Clone)]
-pub(crate) struct Search {
+pub(crate) struct Library {
     entries: Vec<Entry>,
     /// First column of each entry.
     first: Vec<usize>,
@@ -23,7 +23,7 @@ pub(crate) struct Search {
 }
 
 /// A fitted term of the library.
-pub(crate) struct Term<'a> {
+pub(crate) struct FittedEntry<'a> {
     /// Description and log odds.
     pub(crate) generic: Generic,
     /// Its columns at every block of the work, and whitened.
@@ -41,9 +41,9 @@ struct Projected {
     with_residual: Vec<f64>,
 }
 
-impl Search {
+impl Library {
     /// Whitens all columns at once.
-    pub(super) fn of(gram: &Gram<'_>, entries: Vec<Entry>) -> Search {
+    pub(super) fn of(gram: &Gram<'_>, entries: Vec<Entry>) -> Library {
         let mut first = Vec::with_capacity(entries.len());
         let mut count = 0;
         for entry in &entries {
@@ -51,7 +51,7 @@ impl Search {
             count += entry.sigma.len();
         }
         let columns = whitened(gram, &entries, count);
-        Search { entries, first, columns }
+        Library { entries, first, columns }
     }
 
     /// The best log odds that any entry reaches in [`DRAWS`] draws of white noise.
@@ -122,7 +122,7 @@ impl Search {
     }
 
     /// The best terms next to some accepted ones, at most `max`, fitted.
-    pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize], max: usize) -> Vec<Term<'_>> {
+    pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize], max: usize) -> Vec<FittedEntry<'_>> {
         let (directions, residual) = gram.directions_given(accepted);
         let projected = self.projected(&directions, &residual);
         let supported = self.supported(gram, &projected, (&directions, &residual), 0.0);
@@ -138,7 +138,7 @@ impl Search {
             let columns =
                 (first..first + sigma.len()).map(|k| self.columns.col_as_slice(k).to_vec()).collect();
             let generic = Generic { what: entry.what.clone(), log_odds };
-            Some(Term { generic, columns_at: &entry.columns, columns, sigma, value: fitted.value })
+            Some(FittedEntry { generic, columns_at: &entry.columns, columns, sigma, value: fitted.value })
         });
         best.collect()
     }

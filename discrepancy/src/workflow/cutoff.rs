@@ -12,7 +12,7 @@ pub(super) fn subtract(blocks: &mut [Block], model: &Model) {
         let (mut cop_m, mut force_n) = model.change(&block.observation);
         let filters = model.at(block.observation.time_s).filter(|term| term.effect == Effect::PlateLowpass);
         for filter in filters {
-            let change = cutoff_change(block, filter.shape);
+            let change = cutoff_change(&block.by_cutoff, filter.shape);
             for (sum, part) in cop_m.iter_mut().zip(change.cop_m) {
                 *sum += part;
             }
