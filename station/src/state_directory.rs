@@ -5,6 +5,7 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use crate::status::{self, Status};
 
@@ -85,6 +86,19 @@ impl StateDirectory {
         self.0.join("subjects")
     }
 
+    /// Paths of all profiles, sorted; none without the folder.
+    pub fn profile_files(&self) -> io::Result<Vec<PathBuf>> {
+        let entries = match fs::read_dir(self.profiles()) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(error),
+        };
+        let mut files: Vec<PathBuf> = entries.filter_map(Result::ok).map(|entry| entry.path()).collect();
+        files.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
+        files.sort();
+        Ok(files)
+    }
+
     /// Path of a subject's list of lifts.
     pub fn lifts(&self, subject: &str) -> PathBuf {
         self.profiles().join(format!("{subject}.lifts.csv"))
@@ -145,7 +159,7 @@ mod tests {
     fn a_directory_of_two_names_counts_once() {
         let directory = tempfile::tempdir().unwrap();
         let (real, link) = (directory.path().join("real"), directory.path().join("link"));
-        std::fs::create_dir(&real).unwrap();
+        fs::create_dir(&real).unwrap();
         std::os::unix::fs::symlink(&real, &link).unwrap();
         let mut all = Vec::new();
         for path in [&real, &link, &directory.path().join("other")] {

@@ -115,21 +115,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 fn list() -> anyhow::Result<Outcome> {
     let mut outcome = Outcome::Done;
     for directory in StateDirectory::of_bus()? {
-        if let Outcome::PartRejected = list_folder(&directory.profiles())? {
+        if let Outcome::PartRejected = list_profiles(&directory)? {
             outcome = Outcome::PartRejected;
         }
     }
     Ok(outcome)
 }
 
-fn list_folder(directory: &Path) -> anyhow::Result<Outcome> {
-    let mut files: Vec<_> = match std::fs::read_dir(directory) {
-        Ok(entries) => entries.filter_map(Result::ok).map(|entry| entry.path()).collect(),
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-        Err(error) => return Err(error).with_context(|| format!("cannot read {}", directory.display())),
-    };
-    files.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
-    files.sort();
+fn list_profiles(directory: &StateDirectory) -> anyhow::Result<Outcome> {
+    let folder = directory.profiles();
+    let files = directory.profile_files().with_context(|| format!("cannot read {}", folder.display()))?;
     let mut refused = false;
     for path in &files {
         match Profile::read(path) {
@@ -149,7 +144,7 @@ fn list_folder(directory: &Path) -> anyhow::Result<Outcome> {
         }
     }
     if files.is_empty() {
-        println!("no profiles in {}", directory.display());
+        println!("no profiles in {}", folder.display());
     }
     Ok(if refused { Outcome::PartRejected } else { Outcome::Done })
 }

@@ -117,12 +117,9 @@ impl Station for StationData {
 
     fn subjects(&self) -> Vec<String> {
         let Ok(directory) = StateDirectory::of_station(&self.station) else { return Vec::new() };
-        let files = std::fs::read_dir(directory.profiles()).into_iter().flatten().filter_map(Result::ok);
-        let id = |path: PathBuf| {
-            let is_profile = path.extension().is_some_and(|extension| extension == "toml");
-            is_profile.then(|| Some(path.file_stem()?.to_str()?.to_owned())).flatten()
-        };
-        let mut ids: Vec<String> = files.filter_map(|file| id(file.path())).collect();
+        let files = directory.profile_files().unwrap_or_default();
+        let id = |path: &PathBuf| Some(path.file_stem()?.to_str()?.to_owned());
+        let mut ids: Vec<String> = files.iter().filter_map(id).collect();
         ids.sort();
         ids
     }
