@@ -112,9 +112,12 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
 
     let speed_m_per_s = fastest_m_per_s(&rows);
     let bound_m = CURVATURE * speed_m_per_s * difference_s + WIRE_M;
-    let mut compared = 0;
+    let (mut compared, mut worst_row) = (0, 0);
     let [mut worst_measured_m, mut worst_same_m, mut worst_estimated_m] = [0.0_f64; 3];
-    for (row, [measured, estimated]) in live.iter().filter(|(row, _)| stamps.know_window_of(**row)) {
+    // The loop skips a sample of the suit whose wrench is too late; accelerations around it are then others.
+    let has_window =
+        |row: &u32| stamps.know_window_of(*row) && window_of(*row).all(|near| live.contains_key(&near));
+    for (row, [measured, estimated]) in live.iter().filter(|(row, _)| has_window(row)) {
         let (Some([file_measured, _]), Some([same_measured, same_estimated])) =
             (from_file.get(row), at_live_stamps.get(row))
         else {
@@ -124,7 +127,10 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
         for axis in 0..2 {
             worst_measured_m = worst_measured_m.max((measured[axis] - file_measured[axis]).abs());
             worst_same_m = worst_same_m.max((measured[axis] - same_measured[axis]).abs());
-            worst_estimated_m = worst_estimated_m.max((estimated[axis] - same_estimated[axis]).abs());
+            let apart_m = (estimated[axis] - same_estimated[axis]).abs();
+            if apart_m > worst_estimated_m {
+                (worst_estimated_m, worst_row) = (apart_m, *row);
+            }
         }
     }
     println!(
@@ -139,7 +145,12 @@ fn figaroh_over_the_wires_and_from_the_file_give_the_same_figures() {
     assert!(compared > rows.len() / 2, "{compared} of {}", rows.len());
     assert!(worst_measured_m <= bound_m);
     assert!(worst_same_m <= WIRE_M, "{worst_same_m}");
-    assert!(worst_estimated_m <= WIRE_M + WIRE_IN_MOTION_M, "{worst_estimated_m}");
+    assert!(worst_estimated_m <= WIRE_M + WIRE_IN_MOTION_M, "{worst_estimated_m} at row {worst_row}");
+}
+
+/// The rows on which the accelerations at a row depend.
+fn window_of(row: u32) -> std::ops::RangeInclusive<u32> {
+    row.saturating_sub(WINDOW_ROWS)..=row + WINDOW_ROWS
 }
 
 /// The valid results of a state with a new suit sample.
@@ -177,8 +188,7 @@ impl Stamps {
 
     /// Whether the live stamps of all rows that a row's accelerations depend on are available.
     fn know_window_of(&self, row: u32) -> bool {
-        (row.saturating_sub(WINDOW_ROWS)..=row + WINDOW_ROWS)
-            .all(|row| self.suit.contains_key(&row) && self.ground.contains_key(&row))
+        window_of(row).all(|row| self.suit.contains_key(&row) && self.ground.contains_key(&row))
     }
 
     /// The rows at these times; an unrecorded row at the file's distance from the first recorded one.
