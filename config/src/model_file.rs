@@ -31,6 +31,7 @@ use equipoise_core::effect::{Effect, Model, PARAMETERS_MAX, Place, TERMS_MAX, Te
 use serde::{Deserialize, Serialize};
 
 pub use ask::{Ask, turn};
+pub use limits::largest;
 
 /// The version that is written and read.
 pub const VERSION: u32 = 1;

@@ -3,7 +3,9 @@
 use std::collections::BTreeMap;
 
 use equipoise_config::model_file::Ask;
+use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, Place};
+use faer::Mat;
 use serde_json::Value;
 
 use crate::ask::ask;
@@ -18,6 +20,7 @@ use crate::picture::Signal;
 use crate::reconcile::Fitted;
 use crate::refine::shape_sigma;
 use crate::select::{Accepted, Selection, estimate_last, padded};
+use crate::session::PARAMETERS;
 use crate::verdict::{Remainder, verdict};
 
 /// The finding and the quantities from which it was made.
@@ -80,7 +83,7 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
     let candidate = gram.terms[one.term].candidate.as_ref()?;
     let estimate = estimate_last(gram, accepted, one.term)?;
     let others: Vec<usize> = accepted.iter().copied().filter(|&other| other != one.term).collect();
-    let error = parameter_error(candidate.effect);
+    let error = parameter_error(gram, candidate);
     let is_shaped = matches!(candidate.effect, Effect::PeriodicSway | Effect::SuitLag | Effect::PlateLowpass)
         || (candidate.effect == Effect::PlateDrift && candidate.shape > 0.0);
     let mut term = candidate.term(gram.rows, candidate.parameters(&estimate.value));
@@ -91,11 +94,14 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
         let near_s = OPEN_END_BLOCKS * rows.session.block_s;
         term.span_s[1] = if to_s >= last_s - near_s { f64::INFINITY } else { to_s };
     }
-    let shape_sigma =
-        if is_shaped { shape_sigma(gram, candidate, &others).hypot(error * term.shape) } else { 0.0 };
+    let of_shape = if is_shaped { shape_sigma(gram, candidate, &others) } else { 0.0 };
+    let shape_sigma = of_shape.hypot(if is_shaped { error * term.shape } else { 0.0 });
     let mut sigma = padded(&estimate.sigma);
-    for (sigma, value) in sigma.iter_mut().zip(term.value) {
-        *sigma = sigma.hypot(error * value);
+    let depends_on_shape = is_shaped && !candidate.is_shape_factor();
+    let moved = depends_on_shape.then(|| with_shape_moved(gram, candidate, &others, of_shape)).flatten();
+    let moved = moved.map_or(term.value, |value| padded(&value));
+    for ((sigma, value), moved) in sigma.iter_mut().zip(term.value).zip(moved) {
+        *sigma = sigma.hypot(error * value).hypot(moved - value);
     }
     if candidate.is_shape_factor() {
         sigma[0] = shape_sigma;
@@ -103,14 +109,50 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
     Some(Fitted { term, sigma, shape_sigma, log_odds: one.log_odds })
 }
 
+/// The parameters where the shape is 1 σ larger: those of a drift or a sway depend on its shape.
+fn with_shape_moved(
+    gram: &Gram<'_>,
+    candidate: &Candidate,
+    others: &[usize],
+    shape_sigma: f64,
+) -> Option<Vec<f64>> {
+    let mut moved = gram.clone();
+    let term = moved.add_candidate(Candidate { shape: candidate.shape + shape_sigma, ..candidate.clone() });
+    Some(estimate_last(&moved, others, term)?.value)
+}
+
 /// Model error of an effect's own equation, 1-σ as a fraction of its parameters: bodies are not rigid, filters not of
-/// first order. It adds to the noise.
-fn parameter_error(effect: Effect) -> f64 {
+/// first order, and a rotation moves the identified parameters of its segment. It adds to the noise.
+fn parameter_error(gram: &Gram<'_>, candidate: &Candidate) -> f64 {
     let [of_inertia_and_filter, of_any] = PARAMETER_ERROR;
-    match effect {
-        Effect::Inertia | Effect::PlateLowpass => of_inertia_and_filter,
+    match (candidate.effect, candidate.place) {
+        (Effect::Inertia | Effect::PlateLowpass, _) => of_inertia_and_filter,
+        (Effect::SegmentHeading | Effect::SegmentMisalignment, Place::Segment(segment)) => {
+            of_any.hypot(identification_error(gram, segment))
+        }
         _ => of_any,
     }
+}
+
+/// Error of a segment's parameters after identification and clean work, 1-σ as a fraction of their length.
+fn identification_error(gram: &Gram<'_>, segment: Segment) -> f64 {
+    let (rows, prior_m2) = (gram.rows, &gram.rows.session.prior_covariance_m2);
+    let first = 3 * segment.index();
+    let prior_m2 = |row: usize, axis: usize| prior_m2[row * PARAMETERS + first + axis];
+    let before = 2 * rows.work_from;
+    let mut on_cop = Mat::from_fn(before, 3, |row, axis| {
+        let rotation = &rows.blocks[row / 2].observation.rotation;
+        let moved = |world: usize| {
+            (0..PARAMETERS).map(|j| rotation[j / 3][world][j % 3] * prior_m2(j, axis)).sum::<f64>()
+        };
+        rows.on_cop(row / 2, [moved(0), moved(1), moved(2)])[row % 2]
+    });
+    gram.noise.cop.whiten_from(0, &mut on_cop);
+    let explained_m2: f64 =
+        (0..3).flat_map(|axis| on_cop.col_as_slice(axis)).map(|value| value * value).sum();
+    let before_m2: f64 = (0..3).map(|axis| prior_m2(first + axis, axis)).sum();
+    let phi_m = rows.blocks[0].observation.phi_m[segment.index()];
+    (before_m2 - explained_m2).max(0.0).sqrt() / phi_m.iter().map(|phi| phi * phi).sum::<f64>().sqrt()
 }
 
 fn named(gram: &Gram<'_>, one: &Accepted, fitted: &Fitted) -> Option<Named> {

@@ -15,8 +15,7 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::candidate::{Candidate, Scope};
 use crate::constants::{
-    EVIDENCE_TEMPER, FASTER, INFORMATION_MIN, MISFIT_SCALES, NAMED_PROBABILITY, OPEN_END_BLOCKS, RESPONSES,
-    SEEDS,
+    EVIDENCE_TEMPER, FASTER, INFORMATION_MIN, NAMED_PROBABILITY, OPEN_END_BLOCKS, RESPONSES, SEEDS,
 };
 use crate::evidence::log_sum_exp;
 use crate::explanation::model_error;
@@ -143,13 +142,11 @@ impl<'a> Question<'a> {
         let mut mean = vec![0.0; size];
         let mut variance: Vec<f64> = (0..size).map(|i| self.sigma[i % SIGNALS].powi(2)).collect();
         let mut jacobian = Mat::zeros(size, predictor.value.len());
-        let log_scales = MISFIT_SCALES.iter().map(|scale: &f64| scale.ln()).sum::<f64>();
-        let scale = (log_scales / MISFIT_SCALES.len() as f64).exp();
         let mut first = 0;
         for candidate in &predictor.effects {
             let count = candidate.count();
             let value = &predictor.value[first..first + count];
-            let misfit = scale * model_error(candidate.effect).0;
+            let misfit = predictor.misfit_scale * model_error(candidate.effect).0;
             for (index, measurement) in measurements.iter().enumerate() {
                 let change = self.change(candidate, value, measurement);
                 for signal in 0..SIGNALS {

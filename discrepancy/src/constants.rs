@@ -111,8 +111,7 @@ pub(crate) const SAME_POSE_RAD: f64 = 0.12;
 // Noise of the centre of pressure (docs/discrepancy.md, "The residual and its noise").
 
 /// Prior medians: orientation random walk over 60 s, 12 s, 2.5 s, soft tissue, white, motion, pose, heading random
-/// walk. Unit: rad, rad, rad, rad/rad, m, s, m, rad. Origin: prototype; the first two and the
-/// last: bench.
+/// walk. Unit: rad, rad, rad, rad/rad, m, s, m, rad. Origin: prototype; the first two and the last: bench.
 pub(crate) const COP_SIZES: [f64; 8] = [0.0061, 0.0044, 0.00105, 0.03, 0.0004, 0.003, 0.0015, 0.0157];
 /// 1-σ of their logarithms. Unit: 1. Origin: prototype; the first and the last: bench.
 pub(crate) const COP_SIZES_SIGMA: [f64; 8] = [0.3, 0.4, 0.8, 0.4, 0.6, 0.9, 0.5, 0.35];
@@ -241,9 +240,12 @@ pub(crate) const CUTOFF_RANGE: f64 = 1.6;
 pub(crate) const DRIFT_RANGE_S: [f64; 2] = [8.0, 150.0];
 /// Range of a refined frequency about its grid point. Unit: Hz. Origin: prototype.
 pub(crate) const SWAY_RANGE_HZ: f64 = 0.025;
-/// Step of the curvature from which a shape's 1-σ follows: of a lag or frequency, and fraction of any other. Unit: s or
-/// Hz,
-/// 1. Origin: bench.
+/// Width of a refined effect's prior over that of the catalogue, and its probability. Unit: 1, 1. Origin: chosen: each
+/// doubling of the size is half as probable.
+pub(crate) const SIZE_TAIL: [(f64, f64); 3] = [(1.0, 4.0 / 7.0), (2.0, 2.0 / 7.0), (4.0, 1.0 / 7.0)];
+/// Widest prior of a rotation, 1-σ. Unit: rad. Origin: derived: twice this is a right angle.
+pub(crate) const ROTATION_SIGMA_MAX_RAD: f64 = PI / 4.0;
+/// Step of the curvature for a shape's 1-σ: of a lag or frequency, and fraction of others. Unit: s or Hz, 1. Origin: bench.
 pub(crate) const CURVATURE_STEP: (f64, f64) = (0.002, 0.05);
 /// Edges are refined down to this step. Unit: s. Origin: bench (0.4 s in the prototype).
 pub(crate) const EDGE_STEP_MIN_S: f64 = 0.3;
@@ -262,6 +264,8 @@ pub(crate) const STEP_BLOCKS: (usize, usize) = (6, 2);
 /// Smallest step: CoP forward and left, vertical force. Unit: m, m, N. Origin: bench (the CoP's: smallest offset of
 /// interest).
 pub(crate) const STEP_MIN: [f64; 3] = [0.004, 0.004, 3.0];
+/// Blocks next to a larger step are not used: a wrong effect would fit its course. Unit: [`STEP_MIN`]. Origin: bench.
+pub(crate) const STEP_DROPPED: f64 = 5.0;
 /// A step replaces edges of the grid within this fraction of a piece. Unit: 1. Origin: bench.
 pub(crate) const STEP_REPLACES: f64 = 0.3;
 /// Shortest part of a lag or filter, which do not change for an instant. Unit: s. Origin: bench.
@@ -290,8 +294,8 @@ pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
 pub(crate) const OUTSIDE_MAX: usize = 2;
 /// From this probability on the residual is called unexplained. Unit: 1. Origin: more probable than not.
 pub(crate) const UNEXPLAINED_PROBABILITY: f64 = 0.5;
-/// Factor on the prior where a plate's axes, height, gains or filter, or a clock, change for a part of the work. Unit: 1.
-/// Origin: judgement.
+/// Factor on the prior of a plate's axes, height, gains or filter, or a clock, in a part of the work. Unit: 1. Origin:
+/// judgement.
 pub(crate) const CHANGE_PRIOR: f64 = 0.02;
 /// Factors on [`MODEL_ERROR`] over which the evidence is averaged. Unit: 1. Origin: chosen: one and a half decades.
 pub(crate) const MISFIT_SCALES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
@@ -314,16 +318,15 @@ pub(crate) const LOG_ODDS_MIN: f64 = 10.0;
 pub(crate) const DRAWS: usize = 100;
 /// Quantile of the level reached by chance. Unit: 1. Origin: prototype.
 pub(crate) const CHANCE_QUANTILE: f64 = 0.99;
-/// Seeds of the draws for catalogue, library and experiments: fixed, so that equal recordings give equal findings. Unit: 1. Origin:
-/// arbitrary.
+/// Seeds of draws: catalogue, library, experiments; fixed, for equal findings. Unit: 1. Origin: arbitrary.
 pub(crate) const SEEDS: [u64; 3] = [0x5eed, 0x0dd5, 0xa5c5];
-/// A clear lead, e.g. of a part over the whole, or of a generic term by the CoP alone.
-/// Unit: log odds. Origin: prototype; reference: "strong" in Kass and Raftery, J. Am. Stat. Assoc. 90 (1995), 773–795.
+/// A clear lead, as of a part over the whole. Unit: log odds. Origin: prototype; reference: "strong" in Kass and Raftery,
+/// J. Am. Stat. Assoc. 90 (1995), 773–795.
 pub(crate) const CLEAR_LEAD: f64 = 3.0;
 /// Best hypotheses that are checked in each step. Unit: 1. Origin: prototype.
 pub(crate) const CHECKED_MAX: usize = 8;
-/// Deviation of an accepted contact, and of any other effect, from its equation: 1-σ as a fraction, in this many pieces
-/// of the work. Unit: 1. Origin: prototype; numbers of pieces: bench.
+/// Deviation of a contact, and of any other effect, from its equation: 1-σ as a fraction, in this many pieces of the
+/// work. Unit: 1. Origin: prototype; numbers of pieces: bench.
 pub(crate) const MODEL_ERROR: [(f64, u32); 2] = [(0.25, 40), (0.03, 12)];
 /// The same at onset and end. Unit: 1. Origin: derived: the whole effect is uncertain there.
 pub(crate) const MODEL_ERROR_AT_EDGES: f64 = 1.0;
@@ -387,8 +390,7 @@ pub(crate) const INTERVALS_PER_FOLD: usize = 6;
 /// Error of an effect's equation, 1-σ as a fraction of its parameters: inertia and filter, any other. Unit: 1. Origin:
 /// bench (simulated sessions of known truth).
 pub(crate) const PARAMETER_ERROR: [f64; 2] = [0.1, 0.05];
-/// An effect lasts to the end if it ends within this time of it. Unit: blocks. Origin: derived: the resolution of
-/// edges.
+/// An effect that ends this near the end lasts to it. Unit: blocks. Origin: derived: the resolution of edges.
 pub(crate) const OPEN_END_BLOCKS: f64 = 2.0;
 /// Pieces of the work that are searched for suspicious spans, and blocks of each, at least. Unit: 1. Origin: bench.
 pub(crate) const SPAN_PIECES: (usize, usize) = (30, 3);

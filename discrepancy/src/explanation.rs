@@ -186,13 +186,13 @@ pub(crate) struct Outside {
 impl Outside {
     /// A term of the library with its fitted parameters; all `of` terms are equally probable.
     pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, of: usize) -> Outside {
-        let [_, error] = MODEL_ERROR;
-        let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats(gram.rows, error, None));
+        let hats = hats(gram.rows, term.model_error, None);
+        let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats);
         let priors = [vec![0.0; term.sigma.len()], term.sigma.to_vec(), term.value];
         Outside {
             generic: term.generic,
             log_prior: (OUTSIDE_PRIOR / (1.0 - OUTSIDE_PRIOR) / of as f64).ln(),
-            whitened: Rc::new(Whitened::of(term.columns, priors, misfit, error.0)),
+            whitened: Rc::new(Whitened::of(term.columns, priors, misfit, term.model_error.0)),
         }
     }
 
@@ -213,12 +213,14 @@ pub(crate) struct Explanation {
     pub(crate) outside: Option<Outside>,
     /// Log posterior up to a constant; 0 without effects.
     pub(crate) log_posterior: f64,
+    /// The most probable size of its misfit, over [`MODEL_ERROR`].
+    pub(crate) misfit_scale: f64,
 }
 
 impl Explanation {
     /// No effect.
     pub(crate) const NONE: Explanation =
-        Explanation { members: Vec::new(), outside: None, log_posterior: 0.0 };
+        Explanation { members: Vec::new(), outside: None, log_posterior: 0.0, misfit_scale: 1.0 };
 
     /// These effects together; `None` if they cannot be separated numerically.
     pub(crate) fn of(gram: &Gram<'_>, members: Vec<Member>, outside: Option<Outside>) -> Option<Explanation> {
@@ -229,8 +231,9 @@ impl Explanation {
             .collect();
         let log_prior: f64 = members.iter().map(Member::log_prior).sum();
         let log_prior = log_prior + outside.as_ref().map_or(0.0, |outside| outside.log_prior);
-        let log_posterior = log_evidence(gram, &parts)? + log_prior;
-        log_posterior.is_finite().then_some(Explanation { members, outside, log_posterior })
+        let (log_evidence, misfit_scale) = log_evidence(gram, &parts)?;
+        let log_posterior = log_evidence + log_prior;
+        log_posterior.is_finite().then_some(Explanation { members, outside, log_posterior, misfit_scale })
     }
 
     /// Its effects with their columns again.
@@ -246,6 +249,14 @@ impl Explanation {
         let bare = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
         let outside = self.outside.as_ref().map(|one| Outside { whitened: Rc::default(), ..one.clone() });
         Explanation { members: self.members.iter().map(bare).collect(), outside, ..*self }
+    }
+
+    /// Whether another one begins with the names of its effects.
+    pub(crate) fn is_prefix_of(&self, other: &Explanation) -> bool {
+        let names = |one: &Explanation| -> Vec<String> {
+            one.members.iter().map(|member| member.candidate.name()).collect()
+        };
+        names(other).starts_with(&names(self))
     }
 
     /// Names of its effects, sorted.
@@ -267,11 +278,14 @@ impl Explanation {
     }
 }
 
-/// Log Bayes factor of some parts together, with their misfit, against none; averaged over the size of the misfit.
-fn log_evidence(gram: &Gram<'_>, parts: &[&Whitened]) -> Option<f64> {
+/// Log Bayes factor of some parts together, with their misfit, against none, averaged over the size of the misfit; and
+/// its most probable size.
+fn log_evidence(gram: &Gram<'_>, parts: &[&Whitened]) -> Option<(f64, f64)> {
     let of_scales: Option<Vec<f64>> =
         MISFIT_SCALES.iter().map(|&scale| log_evidence_at(gram, parts, scale)).collect();
-    Some((log_sum_exp(&of_scales?) - (MISFIT_SCALES.len() as f64).ln()) / EVIDENCE_TEMPER)
+    let of_scales = of_scales?;
+    let (_, scale) = of_scales.iter().zip(MISFIT_SCALES).max_by(|a, b| a.0.total_cmp(b.0))?;
+    Some(((log_sum_exp(&of_scales) - (MISFIT_SCALES.len() as f64).ln()) / EVIDENCE_TEMPER, scale))
 }
 
 /// The same with misfit of this size.

@@ -81,6 +81,9 @@ pub(crate) struct Gram<'a> {
     pub(crate) marginalised: Vec<Vec<f64>>,
     /// Those of them that are errors of the sensors, independent of the named effects.
     pub(crate) sensor_errors: Vec<Vec<f64>>,
+    /// Components along them: of each column, and of the residual.
+    along: Vec<Vec<f64>>,
+    residual_along: Vec<f64>,
     /// Inner products of columns, full symmetric matrix.
     pub(crate) products: Vec<Vec<f64>>,
     /// Inner products of columns with the residual.
@@ -99,6 +102,8 @@ impl<'a> Gram<'a> {
             terms: Vec::new(),
             marginalised: Vec::new(),
             sensor_errors: Vec::new(),
+            along: Vec::new(),
+            residual_along: Vec::new(),
             products: Vec::new(),
             with_residual: Vec::new(),
         };
@@ -122,15 +127,18 @@ impl<'a> Gram<'a> {
         term.first = self.columns.len();
         term.is_derived = true;
         for column in columns {
+            let along: Vec<f64> = self.marginalised.iter().map(|other| dot(&column, other)).collect();
+            let others = self.columns.iter().zip(&self.along);
             let mut products: Vec<f64> =
-                self.columns.iter().map(|other| self.projected_product(other, &column)).collect();
-            products.push(self.projected_product(&column, &column));
-            self.with_residual.push(self.projected_product(&column, &self.residual));
+                others.map(|(other, along_other)| dot(other, &column) - dot(along_other, &along)).collect();
+            products.push(dot(&column, &column) - dot(&along, &along));
+            self.with_residual.push(dot(&column, &self.residual) - dot(&along, &self.residual_along));
             for (row, &product) in self.products.iter_mut().zip(&products) {
                 row.push(product);
             }
             self.products.push(products);
             self.columns.push(column);
+            self.along.push(along);
         }
         self.terms.push(term);
         self.terms.len() - 1
@@ -148,6 +156,7 @@ impl<'a> Gram<'a> {
         self.terms.truncate(terms);
         let columns = self.terms.last().map_or(0, |term| term.first + term.count);
         self.columns.truncate(columns);
+        self.along.truncate(columns);
         self.with_residual.truncate(columns);
         self.products.truncate(columns);
         for row in &mut self.products {
@@ -171,6 +180,8 @@ impl<'a> Gram<'a> {
     fn project_out(&mut self, direction: Vec<f64>) {
         let along: Vec<f64> = self.columns.iter().map(|column| dot(column, &direction)).collect();
         let with_residual = dot(&self.residual, &direction);
+        self.along.iter_mut().zip(&along).for_each(|(of_column, &value)| of_column.push(value));
+        self.residual_along.push(with_residual);
         for (i, row) in self.products.iter_mut().enumerate() {
             for (value, other) in row.iter_mut().zip(&along) {
                 *value -= along[i] * other;
@@ -178,11 +189,6 @@ impl<'a> Gram<'a> {
             self.with_residual[i] -= along[i] * with_residual;
         }
         self.marginalised.push(direction);
-    }
-
-    /// Inner product without the marginalised directions.
-    pub(crate) fn projected_product(&self, a: &[f64], b: &[f64]) -> f64 {
-        self.marginalised.iter().fold(dot(a, b), |sum, other| sum - dot(a, other) * dot(b, other))
     }
 
     /// Number of rows of the centre of pressure; those of the forces follow.
@@ -196,6 +202,7 @@ impl<'a> Gram<'a> {
         let count = self.columns.len();
         self.products = (0..count).map(|i| (0..count).map(|j| products[(i, j)]).collect()).collect();
         self.with_residual = self.columns.iter().map(|column| dot(column, &self.residual)).collect();
+        self.along = vec![Vec::new(); count];
     }
 }
 

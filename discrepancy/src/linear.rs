@@ -25,9 +25,10 @@ impl Factor {
         self.lower.nrows()
     }
 
-    /// `L⁻¹ columns`, where the columns are zero above row `from` and only the rest is passed.
+    /// Rows of `L⁻¹ columns`, where the columns are zero above row `from` and only those from there on are passed, all or
+    /// some.
     pub(crate) fn whiten_from(&self, from: usize, columns: &mut Mat<f64>) {
-        let count = self.len() - from;
+        let count = columns.nrows();
         let block = self.lower.as_ref().submatrix(from, from, count, count);
         solve_lower_triangular_in_place(block, columns.as_mut(), Par::Seq);
     }

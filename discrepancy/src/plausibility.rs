@@ -1,5 +1,6 @@
 //! Physical impossibilities of an effect's parameters, and sizes too small to be reported.
 
+use equipoise_config::model_file::largest;
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, Place};
 
@@ -33,6 +34,12 @@ pub(crate) fn impossibility(candidate: &Candidate, value: &[f64]) -> Option<&'st
         Effect::HandLoad if value[0] < 0.0 => return Some("the mass is negative"),
         Effect::PlateLowpass if value[0] < FILTER_FACTOR_MIN => return Some("the filter is reversed"),
         _ => {}
+    }
+    let declared = candidate.effect.parameters_of(candidate.shape);
+    let is_too_large = |(value, unit): (&f64, &str)| value.abs() > largest(unit);
+    if !candidate.is_shape_factor() && value.iter().zip(declared.iter().map(|one| one.unit)).any(is_too_large)
+    {
+        return Some("a parameter is larger than any that a model file may have");
     }
     let arm_m = candidate.effect.arm_sigma_m(candidate.place)?;
     let moment_kg_m = value.iter().skip(1).map(|moment| moment * moment).sum::<f64>().sqrt();

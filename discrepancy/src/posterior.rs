@@ -39,6 +39,8 @@ pub(crate) struct Predictor {
     pub(crate) value: Vec<f64>,
     /// Their covariance.
     pub(crate) covariance: Mat<f64>,
+    /// Size of the effects' misfit, as that of the explanation.
+    pub(crate) misfit_scale: f64,
 }
 
 /// Posterior over explanations.
@@ -80,7 +82,8 @@ impl Posterior {
                 names.sort();
                 names.dedup();
                 let effects = explanation.members.iter().map(|member| member.candidate.clone()).collect();
-                Some(Predictor { names, probability, effects, value, covariance })
+                let misfit_scale = explanation.misfit_scale;
+                Some(Predictor { names, probability, effects, value, covariance, misfit_scale })
             })
             .collect();
         let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();
@@ -183,7 +186,7 @@ mod tests {
             Member::without_columns(Candidate::new(effect, place, 0.0, Scope::Work))
         };
         let members = effects.iter().map(member).collect();
-        Explanation { members, outside: None, log_posterior: weight.ln() }
+        Explanation { members, log_posterior: weight.ln(), ..Explanation::NONE }
     }
 
     fn is(value: f64, expected: f64) {

@@ -5,22 +5,59 @@ use equipoise_core::effect::Effect;
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
     CURVATURE_STEP, CUTOFF_RANGE, DRIFT_RANGE_S, GOLDEN_STEPS, LAG_MIN_S, LAG_RANGE_S, LAGS_S,
-    MOMENT_MASS_MIN_KG, ROTATION_STEPS, SHAPE_FACTOR_SIGMA, SWAY_RANGE_HZ,
+    MOMENT_MASS_MIN_KG, ROTATION_SIGMA_MAX_RAD, ROTATION_STEPS, SHAPE_FACTOR_SIGMA, SIZE_TAIL, SWAY_RANGE_HZ,
 };
-use crate::evidence::estimate;
+use crate::evidence::{estimate, log_odds};
 use crate::gram::Gram;
 
-/// The refined term, added; or the original one if all its parameters are linear.
+/// The refined term, added: its shape where it is not linear, and its prior as wide as the data require.
 pub(crate) fn refine(gram: &mut Gram<'_>, term: usize, accepted: &[usize]) -> usize {
     let Some(candidate) = gram.terms[term].candidate.clone() else { return term };
     if matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment) {
         return relinearised(gram, candidate, accepted);
     }
-    let Some([from, to]) = range(gram, &candidate, term, accepted) else { return term };
+    let range = range(gram, &candidate, term, accepted);
+    let wide = add_wide(gram, candidate.clone(), accepted);
+    let Some([from, to]) = range else { return wide };
+    // A prior that is too narrow would move the shape.
+    let of_shape = gram.terms[wide].candidate.clone().unwrap_or_else(|| candidate.clone());
+    gram.truncate(wide);
     let (directions, residual) = gram.directions_given(accepted);
-    let score = |shape: f64| gram.score_candidate(&with_shape(&candidate, shape), &directions, &residual);
+    let score = |shape: f64| gram.score_candidate(&with_shape(&of_shape, shape), &directions, &residual);
     let best = golden_section(from, to, score);
-    gram.add_candidate(with_shape(&candidate, best))
+    add_wide(gram, with_shape(&candidate, best), accepted)
+}
+
+/// Adds a candidate with the most probable width of its prior: sizes of effects have a heavy tail, and a narrow prior
+/// would shrink a large one and leave the rest of it to others.
+fn add_wide(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -> usize {
+    let term = gram.add_candidate(candidate.clone());
+    if candidate.is_shape_factor() {
+        return term;
+    }
+    let all: Vec<usize> = accepted.iter().copied().chain([term]).collect();
+    let columns = gram.columns_of(&all);
+    let (mean, sigma) = gram.priors(&all);
+    // The prior of a mass's first moment follows the mass already.
+    let widened = if candidate.effect.arm_sigma_m(candidate.place).is_some() { 1 } else { candidate.count() };
+    let first = sigma.len() - candidate.count();
+    let score = |(factor, weight): (f64, f64)| {
+        let mut sigma = sigma.clone();
+        sigma[first..first + widened].iter_mut().for_each(|sigma| *sigma *= factor);
+        let products = |i: usize, j: usize| gram.products[columns[i]][columns[j]];
+        log_odds(&products, &|i| gram.with_residual[columns[i]], &mean, &sigma) + weight.ln()
+    };
+    let is_rotation = matches!(candidate.effect, Effect::SegmentHeading | Effect::SegmentMisalignment);
+    let possible =
+        |&(factor, _): &(f64, f64)| !is_rotation || factor * candidate.sigma[0] <= ROTATION_SIGMA_MAX_RAD;
+    let best = SIZE_TAIL.into_iter().filter(possible).max_by(|&a, &b| score(a).total_cmp(&score(b)));
+    let Some((factor, weight)) = best else { return term };
+    candidate.sigma[..widened].iter_mut().for_each(|sigma| *sigma *= factor);
+    candidate.log_prior += weight.ln();
+    gram.terms[term].sigma.clone_from(&candidate.sigma);
+    gram.terms[term].log_prior = candidate.log_prior;
+    gram.terms[term].candidate = Some(candidate);
+    term
 }
 
 /// Fits a rotation repeatedly, linearised at the last fitted angle, until columns and angle agree.
@@ -32,12 +69,12 @@ fn relinearised(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize
         candidate.log_prior = place_log_prior(candidate.effect, candidate.place);
     }
     for _ in 0..ROTATION_STEPS {
-        let term = gram.add_candidate(candidate.clone());
+        let term = add_wide(gram, candidate.clone(), accepted);
         let Some(fitted) = crate::select::estimate_last(gram, accepted, term) else { return term };
         gram.truncate(term);
         candidate.about = crate::select::padded(&fitted.value);
     }
-    gram.add_candidate(candidate)
+    add_wide(gram, candidate, accepted)
 }
 
 /// The same with another shape; its factor is then fixed.

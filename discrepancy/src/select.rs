@@ -7,7 +7,9 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 use faer::Mat;
 
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{BEAM, CHECKED_MAX, CLEAR_LEAD, MEMBERS_MAX, OUTSIDE_MAX, RIVAL_PROBABILITY_MIN};
+use crate::constants::{
+    BEAM, CHECKED_MAX, CLEAR_LEAD, INTERVAL_MIN_S, MEMBERS_MAX, OUTSIDE_MAX, RIVAL_PROBABILITY_MIN,
+};
 use crate::evidence::Estimate;
 use crate::explanation::{Explanation, Member, Outside, misfit_columns};
 use crate::finding::{Candidate as Considered, Generic, SetAside};
@@ -106,12 +108,13 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Library) 
     selection
 }
 
-/// The same explanations, and the most probable ones, and none, each with something outside the catalogue as well.
+/// The same explanations, and the most probable ones and what the first was extended from, each with something outside
+/// the catalogue as well.
 fn with_outside(gram: &Gram<'_>, library: &Library, mut all: Vec<Explanation>) -> Vec<Explanation> {
     let extended: Vec<Explanation> = all
         .iter()
         .enumerate()
-        .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.members.is_empty())
+        .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.is_prefix_of(&all[0]))
         .flat_map(|(_, explanation)| {
             let (conditioned, terms) = conditioned(gram, explanation);
             let members = explanation.members_with_columns(gram);
@@ -132,7 +135,7 @@ fn conditioned<'a>(gram: &Gram<'a>, explanation: &Explanation) -> (Gram<'a>, Vec
     for member in &explanation.members {
         let term = conditioned.add_candidate(member.candidate.clone());
         terms.push(term);
-        marginalise_misfit(&mut conditioned, &terms, term);
+        marginalise_misfit(&mut conditioned, &terms, term, explanation.misfit_scale);
     }
     (conditioned, terms)
 }
@@ -174,7 +177,7 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
         let rivals = posterior.rivals(&name, &established).into_iter().map(rival).collect();
         let probability = posterior.of_name(&name);
         selection.accepted.push(Accepted { term, log_odds: member.log_odds, probability, rivals });
-        marginalise_misfit(gram, &selection.terms(), term);
+        marginalise_misfit(gram, &selection.terms(), term, best.misfit_scale);
     }
     selection.accepted.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
     for considered in &mut selection.considered {
@@ -264,12 +267,12 @@ fn members(
     impossible.map_or(Ok(members), Err)
 }
 
-/// Marginalises the deviations of the newest term from its equation.
-fn marginalise_misfit(gram: &mut Gram<'_>, terms: &[usize], term: usize) {
+/// Marginalises the deviations of the newest term from its equation, of this size over that of the constants.
+fn marginalise_misfit(gram: &mut Gram<'_>, terms: &[usize], term: usize, scale: f64) {
     let Some(candidate) = gram.terms[term].candidate.clone() else { return };
     let Some(estimate) = estimate_last(gram, terms, term) else { return };
     for (column, fraction) in misfit_columns(gram, &candidate, &estimate.value) {
-        gram.marginalise(&column, fraction);
+        gram.marginalise(&column, scale * fraction);
     }
 }
 
@@ -288,9 +291,10 @@ fn hypotheses(gram: &Gram<'_>, windows: &Windows, terms: &[usize]) -> Vec<Hypoth
     for part in windows.best(gram, terms) {
         let name = part.candidate.name();
         // An accepted effect may act again at another time, but not twice at once.
-        if is_accepted(&part.candidate) {
+        let Some(candidate) = accepted.iter().try_fold(part.candidate, |part, other| beside(part, other))
+        else {
             continue;
-        }
+        };
         match hypotheses.iter_mut().find(|hypothesis| hypothesis.name == name) {
             // Once the effect is established, its time span requires less evidence; here a wrong effect must not be
             // accepted by fitting edges.
@@ -299,11 +303,11 @@ fn hypotheses(gram: &Gram<'_>, windows: &Windows, terms: &[usize]) -> Vec<Hypoth
                     && part.log_odds_of_same > whole.log_odds + CLEAR_LEAD =>
             {
                 let log_odds = whole.log_odds.max(part.log_odds);
-                *whole = Hypothesis { name, log_odds, cause: Cause::Part(part.candidate) };
+                *whole = Hypothesis { name, log_odds, cause: Cause::Part(candidate) };
             }
             None if part.log_odds > part.log_odds_of_whole + CLEAR_LEAD => {
                 let log_odds = part.log_odds;
-                hypotheses.push(Hypothesis { name, log_odds, cause: Cause::Part(part.candidate) });
+                hypotheses.push(Hypothesis { name, log_odds, cause: Cause::Part(candidate) });
             }
             _ => {}
         }
@@ -327,6 +331,23 @@ fn overlap(one: &Candidate, other: &Candidate) -> bool {
             (Scope::Span(one_s), Scope::Span(other_s)) => one_s[0] < other_s[1] && other_s[0] < one_s[1],
             _ => true,
         }
+}
+
+/// The effect in the longer part of its time in which another one does not act, if both are the same and such a part is
+/// long enough.
+fn beside(candidate: Candidate, other: &Candidate) -> Option<Candidate> {
+    if !overlap(&candidate, other) {
+        return Some(candidate);
+    }
+    let (Scope::Span([from_s, to_s]), Scope::Span([other_from_s, other_to_s])) =
+        (candidate.scope, other.scope)
+    else {
+        return None;
+    };
+    let parts_s = [[from_s, other_from_s], [other_to_s, to_s]];
+    let longest_s = parts_s.into_iter().max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
+    let is_long_enough = longest_s[1] - longest_s[0] >= INTERVAL_MIN_S;
+    is_long_enough.then_some(Candidate { scope: Scope::Span(longest_s), ..candidate })
 }
 
 fn considered(hypotheses: &[Hypothesis]) -> Vec<Considered> {

@@ -3,7 +3,7 @@
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX, Place, TERMS_MAX};
 
-use super::limits::{LARGEST, SHAPES, TIME_MAX_S};
+use super::limits::{SHAPES, TIME_MAX_S, largest};
 use super::text::{self, HANDS, Raw, RawEffect, RawParameter};
 use super::{Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 
@@ -185,10 +185,4 @@ fn within(name: &str, value: f64, min: f64, max: f64) -> Result<(), Refusal> {
         return Ok(());
     }
     refuse(&format!("parameters.{name}.value"), format!("{value} is not between {min} and {max}"))
-}
-
-/// Largest value of a parameter with this unit.
-fn largest(unit: &str) -> f64 {
-    let [.., (_, of_others)] = LARGEST;
-    LARGEST.iter().find(|(name, _)| *name == unit).map_or(of_others, |&(_, largest)| largest)
 }

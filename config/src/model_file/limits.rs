@@ -9,7 +9,7 @@ pub(super) const NAME_MAX: usize = 64;
 /// Ranges of a shape in a model file: lag, cutoff, frequency, time constant. s, Hz, Hz, s.
 pub(super) const SHAPES: [[f64; 2]; 4] = [[-0.5, 0.5], [0.05, 500.0], [0.01, 10.0], [0.1, 100_000.0]];
 /// Largest parameter in a model file, by its unit. The last is of all others.
-pub(super) const LARGEST: [(&str, f64); 8] = [
+const LARGEST: [(&str, f64); 8] = [
     ("kg", 150.0),
     ("kg m", 75.0),
     ("N", 2000.0),
@@ -21,3 +21,9 @@ pub(super) const LARGEST: [(&str, f64); 8] = [
 ];
 /// Largest turn, step, standing, separation and information of a request in a model file. °, m, s, σ, nats.
 pub(super) const ASK_MAX: [f64; 5] = [180.0, 1.0, 3600.0, 1e9, 1e3];
+
+/// Largest value of a parameter with this unit.
+pub fn largest(unit: &str) -> f64 {
+    let [.., (_, of_others)] = LARGEST;
+    LARGEST.iter().find(|(name, _)| *name == unit).map_or(of_others, |&(_, largest)| largest)
+}

@@ -5,7 +5,9 @@ use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
 
 use super::{regions, shifts};
-use crate::constants::{COP_MAP, FORCE_MAP, GENERIC_FORCE_N, GENERIC_STIFFNESS_N_PER_M, HYSTERESIS};
+use crate::constants::{
+    COP_MAP, FORCE_MAP, GENERIC_FORCE_N, GENERIC_STIFFNESS_N_PER_M, HYSTERESIS, MODEL_ERROR,
+};
 use crate::rows::Rows;
 
 /// A term of the library.
@@ -16,6 +18,8 @@ pub(crate) struct Entry {
     /// Whether it is an error of the suit: evidence must then come from the centre of pressure, since accelerations
     /// alone are weak evidence.
     pub(crate) is_suit_error: bool,
+    /// Deviation from its equation, as [`MODEL_ERROR`].
+    pub(crate) model_error: (f64, u32),
     /// Prior size of each parameter, 1-σ.
     pub(crate) sigma: Vec<f64>,
     /// Its columns, one for each block of the work.
@@ -26,7 +30,14 @@ impl Entry {
     /// An entry defined block by block.
     pub(crate) fn of(rows: &Rows<'_>, what: String, sigma: &[f64], of: impl Fn(usize) -> Columns) -> Entry {
         let columns = (rows.work_from..rows.len()).map(of).collect();
-        Entry { what, is_suit_error: false, sigma: sigma.to_vec(), columns }
+        let [_, model_error] = MODEL_ERROR;
+        Entry { what, is_suit_error: false, model_error, sigma: sigma.to_vec(), columns }
+    }
+
+    /// The same entry, marked as a force, which varies like a contact.
+    fn into_force(self) -> Entry {
+        let [model_error, _] = MODEL_ERROR;
+        Entry { model_error, ..self }
     }
 
     /// The same entry, marked as an error of the suit.
@@ -38,7 +49,7 @@ impl Entry {
 /// All generic terms, in the work.
 pub(crate) fn all(rows: &Rows<'_>) -> Vec<Entry> {
     let neighbours = shifts::Neighbours::of(rows);
-    let mut list = forces(rows);
+    let mut list: Vec<Entry> = forces(rows).into_iter().map(Entry::into_force).collect();
     list.extend(shifts::joints(&neighbours));
     list.extend(shifts::slips(&neighbours).into_iter().map(Entry::into_suit_error));
     list.extend(regions::all(&neighbours).into_iter().map(Entry::into_suit_error));

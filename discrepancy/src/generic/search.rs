@@ -32,6 +32,8 @@ pub(crate) struct FittedEntry<'a> {
     /// Prior 1-σ and fitted values of its parameters.
     pub(crate) sigma: &'a [f64],
     pub(crate) value: Vec<f64>,
+    /// Deviation from its equation, as [`crate::constants::MODEL_ERROR`].
+    pub(crate) model_error: (f64, u32),
 }
 
 /// Quantities of every entry once some directions are projected out: products of its columns, products with the
@@ -138,7 +140,8 @@ impl Library {
             let columns =
                 (first..first + sigma.len()).map(|k| self.columns.col_as_slice(k).to_vec()).collect();
             let generic = Generic { what: entry.what.clone(), log_odds };
-            Some(FittedEntry { generic, columns_at: &entry.columns, columns, sigma, value: fitted.value })
+            let (columns_at, model_error) = (&*entry.columns, entry.model_error);
+            Some(FittedEntry { generic, columns_at, columns, sigma, value: fitted.value, model_error })
         });
         best.collect()
     }
