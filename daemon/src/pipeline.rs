@@ -139,7 +139,7 @@ impl Pipeline {
             Ok(())
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
-        let (settings, similar) = settings_among(config, &state.profiles());
+        let (settings, similar) = settings_among(config, &state);
         let active_configuration = Arc::new(SharedConfiguration::new(
             ActiveConfiguration { config: config.clone(), settings, similar },
             settings_sender,

@@ -3,12 +3,13 @@
 //! Similarity is a Gaussian kernel over stature and body mass, reduced if the sexes differ. Its widths and factors are
 //! assumptions, not measurements: half of the variation among people of one sex.
 
-use std::path::Path;
+use std::io;
 
 use equipoise_config::Config;
 use equipoise_core::body::{Anthropometry, SEGMENTS, Skeleton};
 use equipoise_core::cycle::{PriorKind, Settings, Similar};
 use equipoise_core::sesc::{PARAMETERS, Phi, Reduction, ReductionKind};
+use equipoise_station::state_directory::StateDirectory;
 
 use crate::profile::Profile;
 
@@ -33,38 +34,39 @@ pub struct Chosen {
 }
 
 /// The settings of a configuration with the parameters of the similar subject for `prior = "similar-subject"`, and its
-/// pseudonym.
-pub fn settings_among(config: &Config, profiles: &Path) -> (Settings, Option<String>) {
+/// pseudonym. Without access to the profiles the prior is the table, and a warning is logged.
+pub fn settings_among(config: &Config, state: &StateDirectory) -> (Settings, Option<String>) {
     let mut settings = config.settings();
     if settings.prior != PriorKind::SimilarSubject {
         return (settings, None);
     }
-    let chosen = choose(&config.subject.id, &settings, profiles);
+    let chosen = choose(&config.subject.id, &settings, state).unwrap_or_else(|error| {
+        let folder = state.profiles();
+        tracing::warn!("no similar subject is searched, cannot read {}: {error}", folder.display());
+        None
+    });
     tracing::info!("{}", describe(chosen.as_ref()));
     settings.similar = chosen.as_ref().map(|chosen| chosen.similar);
     (settings, chosen.map(|chosen| chosen.subject))
 }
 
-/// The most similar of the profiles in a folder for the subject of these settings, excluding that subject's own.
+/// The most similar of the stored subjects for the subject of these settings, excluding that subject itself.
 ///
 /// `None` if the settings request no similar subject, or none is similar. Profiles that cannot be read, are not
-/// completely identified, or lack stature and sex are skipped.
-pub fn choose(subject: &str, settings: &Settings, folder: &Path) -> Option<Chosen> {
+/// completely identified, or lack stature and sex are skipped. Of equally similar subjects the first by name is chosen.
+///
+/// # Errors
+/// The folder of the profiles cannot be read.
+pub fn choose(subject: &str, settings: &Settings, state: &StateDirectory) -> io::Result<Option<Chosen>> {
     if settings.prior != PriorKind::SimilarSubject {
-        return None;
+        return Ok(None);
     }
-    let mut files: Vec<_> =
-        std::fs::read_dir(folder).ok()?.filter_map(Result::ok).map(|entry| entry.path()).collect();
-    // Makes the choice among equally similar subjects deterministic.
-    files.sort();
-    files
-        .iter()
-        .filter(|path| path.extension().is_some_and(|extension| extension == "toml"))
-        .filter_map(|path| Profile::read(path).ok().flatten())
+    let profiles = state.profile_files()?.into_iter().filter_map(|path| Profile::read(&path).ok().flatten());
+    Ok(profiles
         .filter(|profile| profile.subject != subject && profile.identified)
         .filter_map(|profile| compare(&profile, settings))
         .filter(|chosen| chosen.similar.likeness >= LIKENESS_MIN)
-        .reduce(|best, other| if other.similar.likeness > best.similar.likeness { other } else { best })
+        .reduce(|best, other| if other.similar.likeness > best.similar.likeness { other } else { best }))
 }
 
 /// One sentence on the selection.
@@ -125,6 +127,7 @@ mod tests {
     use equipoise_core::cycle::Identification;
     use equipoise_core::frame::{Pose, SuitWorld};
     use equipoise_core::static_pose::WINDOW;
+    use std::path::Path;
 
     fn settings() -> Settings {
         Settings {
@@ -156,24 +159,36 @@ mod tests {
 
     #[test]
     fn the_most_similar_identified_subject_is_chosen() {
-        let folder = tempfile::tempdir().unwrap();
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        let folder = state.profiles();
+        let choose = |settings: &Settings| choose("me", settings, &state).unwrap();
         let build = |height_m, sex| Some(Build { height_m, sex });
-        assert!(choose("me", &settings(), folder.path()).is_none());
-        store(folder.path(), "far", build(1.60, SexConfig::Male), 72.0, 1);
-        assert!(choose("me", &settings(), folder.path()).is_none(), "four widths away");
-        store(folder.path(), "woman", build(1.77, SexConfig::Female), 72.0, 1);
-        assert_eq!(choose("me", &settings(), folder.path()).unwrap().subject, "woman");
-        store(folder.path(), "man", build(1.78, SexConfig::Male), 74.0, 1);
-        store(folder.path(), "me", build(1.77, SexConfig::Male), 72.0, 1);
-        store(folder.path(), "unfinished", build(1.77, SexConfig::Male), 72.0, 0);
-        store(folder.path(), "old", None, 72.0, 1);
-        std::fs::write(folder.path().join("broken.toml"), "format = ").unwrap();
-        let chosen = choose("me", &settings(), folder.path()).unwrap();
+        assert!(choose(&settings()).is_none(), "no folder yet");
+        std::fs::create_dir(&folder).unwrap();
+        store(&folder, "far", build(1.60, SexConfig::Male), 72.0, 1);
+        assert!(choose(&settings()).is_none(), "four widths away");
+        store(&folder, "woman", build(1.77, SexConfig::Female), 72.0, 1);
+        assert_eq!(choose(&settings()).unwrap().subject, "woman");
+        store(&folder, "man", build(1.78, SexConfig::Male), 74.0, 1);
+        store(&folder, "me", build(1.77, SexConfig::Male), 72.0, 1);
+        store(&folder, "unfinished", build(1.77, SexConfig::Male), 72.0, 0);
+        store(&folder, "old", None, 72.0, 1);
+        std::fs::write(folder.join("broken.toml"), "format = ").unwrap();
+        let chosen = choose(&settings()).unwrap();
         assert_eq!(chosen.subject, "man");
         assert!((0.7..0.8).contains(&chosen.similar.likeness));
         assert!(describe(Some(&chosen)).contains("subject man, likeness 0.7"));
         let table = Settings { prior: PriorKind::Table, ..settings() };
-        assert!(choose("me", &table, folder.path()).is_none());
+        assert!(choose(&table).is_none());
+    }
+
+    #[test]
+    fn an_unreadable_folder_is_an_error() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        std::fs::write(state.profiles(), "a file where a folder should be").unwrap();
+        assert!(choose("me", &settings(), &state).is_err());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use equipoise_config::{Config, sensor_network};
 use equipoise_core::cycle::PriorKind;
 use equipoise_daemon::similar;
@@ -44,11 +45,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let settings = config.settings();
     if settings.prior == PriorKind::SimilarSubject {
-        let chosen = similar::choose(
-            &config.subject.id,
-            &settings,
-            &StateDirectory::of_station(&config.station)?.profiles(),
-        );
+        let state = StateDirectory::of_station(&config.station)?;
+        let chosen = similar::choose(&config.subject.id, &settings, &state).with_context(|| {
+            format!("identification.prior = \"similar-subject\" needs to read {}", state.profiles().display())
+        })?;
         println!("{}", similar::describe(chosen.as_ref()));
     }
     Ok(Outcome::Done)
