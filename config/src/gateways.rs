@@ -21,6 +21,8 @@ pub use rtde_values::{Register, Value, rtde_values};
 pub use udp::UdpConfig;
 pub use zenoh::ZenohConfig;
 
+use super::remedy::remedy;
+
 /// Ok, or the key with an invalid value, and the remedy.
 pub type Checked = Result<(), (&'static str, String)>;
 
@@ -62,17 +64,17 @@ impl GatewaysConfig {
         self.foxglove.as_ref().map_or(Ok(()), FoxgloveConfig::check)
     }
 
-    /// Names of the gateways that have a section.
-    pub fn kinds(&self) -> Vec<&'static str> {
+    /// Each gateway that has a section: its name, and the addresses to which it sends or on which it listens.
+    pub fn addresses(&self) -> Vec<(&'static str, String)> {
         let all = [
-            ("udp", self.udp.is_some()),
-            ("rtde", self.rtde.is_some()),
-            ("opcua", self.opcua.is_some()),
-            ("mqtt", self.mqtt.is_some()),
-            ("zenoh", self.zenoh.is_some()),
-            ("foxglove", self.foxglove.is_some()),
+            ("udp", self.udp.as_ref().map(|udp| list(&udp.to))),
+            ("rtde", self.rtde.as_ref().map(|rtde| rtde.robot.to_string())),
+            ("opcua", self.opcua.as_ref().map(|opcua| opcua.listen.to_string())),
+            ("mqtt", self.mqtt.as_ref().map(|mqtt| format!("{}:{}", mqtt.broker, mqtt.port()))),
+            ("zenoh", self.zenoh.as_ref().map(|zenoh| list(&[&zenoh.connect[..], &zenoh.listen].concat()))),
+            ("foxglove", self.foxglove.as_ref().map(|foxglove| foxglove.listen.to_string())),
         ];
-        all.into_iter().filter(|(_, is_there)| *is_there).map(|(kind, _)| kind).collect()
+        all.into_iter().filter_map(|(kind, addresses)| Some((kind, addresses?))).collect()
     }
 
     /// Whether no gateway is configured.
@@ -109,7 +111,7 @@ pub struct StationFile {
 #[derive(Debug, thiserror::Error)]
 pub enum StationFileError {
     /// The file cannot be read.
-    #[error("cannot read the configuration {path}: {source}; name an existing file with --config")]
+    #[error("cannot read the configuration {path}: {source}; {}", remedy(path, source))]
     Read {
         /// Path of the file.
         path: PathBuf,
@@ -142,6 +144,10 @@ impl StationFile {
         file.gateways.each_path(|path| *path = folder.join(&*path));
         Ok(file)
     }
+}
+
+fn list(addresses: &[impl ToString]) -> String {
+    addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
 }
 
 /// A number within bounds.

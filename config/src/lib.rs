@@ -10,6 +10,7 @@ pub mod model;
 pub mod model_file;
 pub mod overload;
 mod recording;
+mod remedy;
 mod renamed;
 pub mod sensor_network;
 pub mod suit;
@@ -171,7 +172,7 @@ impl Default for LatencyConfig {
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
     /// The file cannot be read.
-    #[error("cannot read the configuration {path}: {source}; name an existing file with --config")]
+    #[error("cannot read the configuration {path}: {source}; {}", remedy::remedy(path, source))]
     Read {
         /// Path of the file.
         path: PathBuf,

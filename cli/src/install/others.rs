@@ -51,7 +51,7 @@ pub(super) fn configured(destination: &Destination) -> Vec<String> {
     };
     let wants = Path::new(ADMIN_UNITS).join("equipoise.service.wants");
     let mut message = Vec::new();
-    for kind in file.gateways.kinds() {
+    for (kind, _) in file.gateways.addresses() {
         let (unit, program) = (format!("equipoise-gateway@{kind}"), format!("equipoise-gateway-{kind}"));
         let needs_program = PROGRAMS.contains(&program.as_str());
         if needs_program && !destination.under_root(&destination.program_named(&program)).is_file() {

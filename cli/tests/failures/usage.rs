@@ -17,9 +17,36 @@ fn an_unknown_key_is_named_with_file_line_and_nearest_key() {
     let path = station.write("range.toml", &wrong).display().to_string();
     let message = format!("{path}, line 3: loop.rate_hz: 5000 is not between 100 and 4000");
     station.run(&["check", &path]).assert_failed(1, &[&message]);
+}
 
-    let path = station.write("right.toml", &station.configuration()).display().to_string();
-    assert!(station.run(&["check", &path]).assert_done().contains("station bench, 200 Hz, subject anon-1"));
+#[test]
+fn a_valid_configuration_is_ok_and_what_runs_with_it_is_listed() {
+    let station = Station::new();
+    let gateways = "[gateways.udp]\nto = [\"127.0.0.1:7411\"]\n[gateways.mqtt]\nbroker = \"localhost\"\n";
+    let page = "[page]\nlisten = \"127.0.0.1:8080\"\n";
+    let path =
+        station.write("right.toml", &(station.configuration() + page + gateways)).display().to_string();
+    let checked = station.run(&["check", &path]);
+    let lines: Vec<&str> = checked.assert_done().lines().collect();
+    let (suit, plate) = (station.suit, station.plate);
+    let expected = [
+        format!("{path}: OK"),
+        "  station    bench".to_owned(),
+        "  loop       200 Hz, priority 0".to_owned(),
+        format!("  suit       mvn-udp, suit.listen = {suit}"),
+        format!("  ground     ati-rdt, ground.address = {plate}"),
+        "  subject    anon-1, 1.77 m, 72 kg".to_owned(),
+        "  model      none".to_owned(),
+        "  page       127.0.0.1:8080 (`equipoise view`)".to_owned(),
+        "  gateway    udp, 127.0.0.1:7411".to_owned(),
+        "  gateway    mqtt, localhost:1883".to_owned(),
+    ];
+    assert_eq!(lines, expected);
+    let external = station.configuration().replace("\"mvn-udp\"", "\"external\"");
+    let path = station.write("external.toml", &external).display().to_string();
+    let checked = station.run(&["check", &path]);
+    assert!(checked.assert_done().contains("  suit       external, published by another process"));
+    assert!(checked.stdout.contains("  gateway    none"), "{}", checked.stdout);
 }
 
 #[test]
@@ -32,6 +59,9 @@ fn missing_and_binary_files_are_reported() {
             &["cannot read the configuration /nowhere/e.toml", "No such file", "name an existing file"],
         );
     }
+    let existing = station.write("right.toml", &station.configuration()).display().to_string();
+    let missing = station.file("rihgt.toml").display().to_string();
+    station.run(&["check", &missing]).assert_failed(1, &[&format!("name an existing file: {existing}")]);
     let path = station.file("binary.toml");
     std::fs::write(&path, [0xff, 0xfe, 0x00, 0x80]).expect("a file");
     station.run(&["check", &path.display().to_string()]).assert_failed(1, &["binary.toml", "UTF-8"]);
