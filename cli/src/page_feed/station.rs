@@ -115,13 +115,19 @@ impl Station for StationData {
         read_text(self.report.as_ref()?, REPORT_BYTES_MAX).ok()
     }
 
-    fn subjects(&self) -> Vec<String> {
-        let Ok(directory) = StateDirectory::of_station(&self.station) else { return Vec::new() };
-        let files = directory.profile_files().unwrap_or_default();
+    fn subjects(&self) -> Result<Vec<String>, String> {
+        let directory = StateDirectory::of_station(&self.station).map_err(|error| error.to_string())?;
+        let files = directory.profile_files().map_err(|error| {
+            let folder = directory.profiles();
+            format!(
+                "Cannot list the stored workers in {}: {error}. Run the page as the daemon's user.",
+                folder.display()
+            )
+        })?;
         let id = |path: &PathBuf| Some(path.file_stem()?.to_str()?.to_owned());
         let mut ids: Vec<String> = files.iter().filter_map(id).collect();
         ids.sort();
-        ids
+        Ok(ids)
     }
 
     fn command(&self, command: &PageCommand) -> Result<String, String> {

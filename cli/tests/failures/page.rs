@@ -107,6 +107,28 @@ fn it_waits_for_a_daemon_and_continues_without_it() {
 }
 
 #[test]
+fn workers_that_cannot_be_listed_are_an_error_with_the_reason() {
+    let station = Station::new();
+    let token = station.write("command.token", SECRET);
+    std::fs::set_permissions(&token, std::fs::Permissions::from_mode(0o600)).expect("a secret");
+    let address = free_address().expect("a free port");
+    let page = format!("listen = \"{address}\"\ncommand_token_file = \"command.token\"\n");
+    let mut view = view(&station, &page);
+    let subjects = || {
+        let header = format!("X-Equipoise-Command: {SECRET}\r\n");
+        get(address, "/api/subjects", &header).expect("an answer")
+    };
+    assert_eq!(subjects(), (200, "[]".to_owned()));
+    let folder = station.state_directory().join("subjects");
+    std::fs::create_dir_all(station.state_directory()).expect("a folder");
+    std::fs::write(&folder, "a file where a folder should be").expect("a file");
+    let (status, reason) = subjects();
+    let names_folder = reason.contains(&folder.display().to_string());
+    assert!(status == 500 && names_folder && reason.contains("Not a directory"), "{status}: {reason}");
+    assert_eq!(view.stop(Signal::TERM), Some(0));
+}
+
+#[test]
 fn it_reports_the_latency_of_its_states() {
     let station = Station::new();
     let address = free_address().expect("a free port");

@@ -115,10 +115,11 @@ async fn subjects(State(desk): State<Desk>, headers: HeaderMap) -> Response {
     }
     let station = desk.engineer.station;
     match tokio::task::spawn_blocking(move || station.subjects()).await {
-        Ok(ids) => {
+        Ok(Ok(ids)) => {
             let list = serde_json::Value::from(ids).to_string();
             ([(header::CONTENT_TYPE, "application/json")], list).into_response()
         }
+        Ok(Err(reason)) => (StatusCode::INTERNAL_SERVER_ERROR, reason).into_response(),
         Err(_) => refused(StatusCode::INTERNAL_SERVER_ERROR, "The page failed to list the workers.\n"),
     }
 }

@@ -59,7 +59,10 @@ pub trait Station: Send + Sync + 'static {
     fn report(&self) -> Option<String>;
 
     /// Pseudonymous ids of the stored profiles, in alphabetical order. May block on the disk.
-    fn subjects(&self) -> Vec<String>;
+    ///
+    /// # Errors
+    /// The profiles cannot be listed; contains the text for the page.
+    fn subjects(&self) -> Result<Vec<String>, String>;
 
     /// Sends a command to the daemon and returns its reply. May block on the daemon, about two seconds.
     ///

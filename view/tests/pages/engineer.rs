@@ -18,6 +18,8 @@ const COMMANDING: &str = "commanding-0123456789abcdefghijk";
 struct Known {
     asked_for_facts: AtomicU32,
     commands: Mutex<Vec<PageCommand>>,
+    /// Why the profiles cannot be listed.
+    unlisted: Mutex<Option<String>>,
 }
 
 impl Station for Known {
@@ -33,8 +35,11 @@ impl Station for Known {
         Some("<style>p{}</style><p>what the model lacks".to_owned())
     }
 
-    fn subjects(&self) -> Vec<String> {
-        vec!["anon-1".to_owned(), "anon-2".to_owned()]
+    fn subjects(&self) -> Result<Vec<String>, String> {
+        match &*self.unlisted.lock().unwrap() {
+            Some(reason) => Err(reason.clone()),
+            None => Ok(vec!["anon-1".to_owned(), "anon-2".to_owned()]),
+        }
     }
 
     fn command(&self, command: &PageCommand) -> Result<String, String> {
@@ -116,9 +121,12 @@ fn a_viewer_may_not_command() {
 
 #[test]
 fn the_stored_workers_are_listed_for_the_command_token_only() {
-    let (page, _) = page(None, Some(COMMANDING));
+    let (page, known) = page(None, Some(COMMANDING));
     let (status, answer) = response_to(&page, "GET", "/api/subjects", &with(COMMANDING));
     assert!(status == 200 && answer.ends_with(r#"["anon-1","anon-2"]"#), "{answer}");
+    *known.unlisted.lock().unwrap() = Some("cannot read the profiles".to_owned());
+    let (status, answer) = response_to(&page, "GET", "/api/subjects", &with(COMMANDING));
+    assert!(status == 500 && answer.ends_with("cannot read the profiles"), "{answer}");
     assert_eq!(response_to(&page, "GET", "/api/subjects", &with(VIEWING)).0, 401);
     assert_eq!(response_to(&page, "GET", "/api/subjects", "").0, 401);
     page.stop();

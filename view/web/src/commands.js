@@ -7,6 +7,8 @@ import { t } from "./words.js";
 // Longer than any command takes. Without it, a lost connection would block the buttons.
 const RESPONSE_TIMEOUT_MS = 30_000;
 const UNAUTHORISED = 401;
+// The token was accepted, but the list of workers cannot be read.
+const UNLISTED = 500;
 // A shorter token is checked when the field is left.
 const TOKEN_CHARS_MIN = 32;
 
@@ -29,7 +31,7 @@ export function commands(element) {
     const response = await fetch(address, {
       ...options, headers: { "X-Equipoise-Command": element("token").value }, signal: AbortSignal.timeout(RESPONSE_TIMEOUT_MS),
     });
-    return { ok: response.ok, text: response.status === UNAUTHORISED ? t("ui.token_wrong") : (await response.text()).trim() };
+    return { ok: response.ok, status: response.status, text: response.status === UNAUTHORISED ? t("ui.token_wrong") : (await response.text()).trim() };
   }
 
   // Only the holder of the token gets the list of workers: its request checks the token.
@@ -41,9 +43,13 @@ export function commands(element) {
     const token = element("token").value;
     const answer = await request("/api/subjects").catch(() => ({ ok: false, text: t("reason.lost") }));
     if (token !== element("token").value) return;
-    accepted = answer.ok;
-    showToken(answer.ok ? "done" : "refused", answer.ok ? t("ui.token_accepted") : answer.text);
+    accepted = answer.ok || answer.status === UNLISTED;
+    showToken(accepted ? "done" : "refused", accepted ? t("ui.token_accepted") : answer.text);
     if (answer.ok) list(JSON.parse(answer.text));
+    else if (accepted) {
+      workers.replaceChildren();
+      showReply("refused", answer.text);
+    }
     enable();
   }
 
