@@ -23,6 +23,8 @@ pub struct TraceSummary {
     pub span: Option<(u64, u64)>,
     /// Number of missed deadlines.
     pub deadlines_missed: u64,
+    /// Cycles of the recording without gaps, in file order: numbers restart with the daemon.
+    pub available: Vec<RangeInclusive<u64>>,
     /// Damage that ended the recording; the trace contains everything before it.
     pub damage: Option<ReadError>,
 }
@@ -49,6 +51,7 @@ pub fn write_trace(
                 break;
             }
         };
+        summary.extend_available(record.cycle);
         if cycles.is_none_or(|cycles| cycles.contains(&record.cycle)) {
             for event in events_of(&record, before.as_deref()) {
                 trace.event(&event)?;
@@ -62,6 +65,13 @@ pub fn write_trace(
 }
 
 impl TraceSummary {
+    fn extend_available(&mut self, cycle: u64) {
+        match self.available.last_mut() {
+            Some(last) if last.end().checked_add(1) == Some(cycle) => *last = *last.start()..=cycle,
+            _ => self.available.push(cycle..=cycle),
+        }
+    }
+
     fn ingest(&mut self, record: &CycleRecord) {
         self.cycles += 1;
         self.deadlines_missed += u64::from(record.deadline_missed != 0);

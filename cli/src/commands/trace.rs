@@ -14,6 +14,8 @@ use super::Outcome;
 
 /// The owner writes, the group reads, others have no access.
 const MODE: u32 = 0o640;
+/// Maximum number of ranges in an error message.
+const RANGES_NAMED_MAX: usize = 8;
 
 /// Turn the cycles of a recording or flight record into a trace for Perfetto and chrome://tracing
 ///
@@ -52,10 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let Some((first, last)) = summary.span else {
         // Remove a trace without cycles, which would block the next attempt.
         let _ = std::fs::remove_file(out);
-        bail!(
-            "{} holds no such cycles: look into it with `equipoise replay`, or widen --cycles",
-            file.display()
-        );
+        bail!("{}: {}", file.display(), no_cycles(&summary.available));
     };
     println!(
         "{}: {} cycles, {first} to {last}, {} deadlines missed",
@@ -66,9 +65,36 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if summary.damage.is_some() { Outcome::PartRejected } else { Outcome::Done })
 }
 
+/// Why a trace has no cycles; `available` are the ranges of the recording.
+fn no_cycles(available: &[RangeInclusive<u64>]) -> String {
+    let named = available.iter().take(RANGES_NAMED_MAX);
+    let named: Vec<String> = named.map(|range| format!("{}-{}", range.start(), range.end())).collect();
+    let more = match available.len().saturating_sub(RANGES_NAMED_MAX) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    if named.is_empty() {
+        return "no cycles, which only a recording of `equipoise record` and a flight record have".to_owned();
+    }
+    format!("no such cycles; --cycles selects from {}{more}", named.join(", "))
+}
+
 /// `A-B`, both included.
 fn range(text: &str) -> Result<RangeInclusive<u64>, String> {
     let ends = text.split_once('-').and_then(|(from, to)| Some((from.parse().ok()?, to.parse().ok()?)));
     let message = || "give the first and the last cycle, for example 60000-61000".to_owned();
     ends.filter(|(from, to)| from <= to).map(|(from, to)| from..=to).ok_or_else(message)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_available_ranges_are_named_up_to_a_limit() {
+        assert_eq!(no_cycles(&[7..=9, 1..=4]), "no such cycles; --cycles selects from 7-9, 1-4");
+        let many: Vec<RangeInclusive<u64>> = (0..10).map(|index| 2 * index..=2 * index).collect();
+        assert!(no_cycles(&many).ends_with("14-14 and 2 more"));
+        assert!(no_cycles(&[]).starts_with("no cycles, which only"));
+    }
 }

@@ -163,10 +163,12 @@ fn a_range_holds_its_cycles_and_a_gap_is_reported() {
     let mut records = records();
     let (summary, events) = trace_of(&records, Some(20..=22));
     assert_eq!((summary.cycles, summary.span), (3, Some((20, 22))));
+    assert_eq!(summary.available, [1..=60]);
     let of_cycles = events.iter().filter_map(|event| event["args"]["cycle"].as_u64());
     assert!(of_cycles.clone().all(|cycle| (20..=22).contains(&cycle)) && of_cycles.count() > 0);
     records.drain(10..15);
-    let (_, events) = trace_of(&records, None);
+    let (summary, events) = trace_of(&records, None);
+    assert_eq!(summary.available, [1..=10, 16..=60]);
     let gap = events.iter().find(|event| event["name"] == "not recorded").unwrap();
     assert_eq!((&gap["args"]["cycle"], &gap["args"]["cycles"]), (&Value::from(16), &Value::from(5)));
 }
