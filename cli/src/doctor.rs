@@ -28,6 +28,8 @@ use equipoise_config::Config;
 pub enum Verdict {
     /// As it should be.
     Ok,
+    /// Not examined.
+    Skipped,
     /// It works, but not as well as it could.
     Warn,
     /// It will not work.
@@ -53,6 +55,11 @@ impl Check {
         Check { name, verdict: Verdict::Ok, found: found.into(), fix: None }
     }
 
+    /// Not examined, for a reason.
+    fn skipped(name: &'static str, reason: impl Into<String>) -> Check {
+        Check { verdict: Verdict::Skipped, ..Check::ok(name, reason) }
+    }
+
     fn warn(name: &'static str, found: impl Into<String>, fix: impl Into<String>) -> Check {
         Check { name, verdict: Verdict::Warn, found: found.into(), fix: Some(fix.into()) }
     }
@@ -62,11 +69,18 @@ impl Check {
     }
 }
 
-/// All checks, in the order in which a person would fix things. Without a configuration only the computer is checked,
-/// with the defaults.
-pub fn evaluate(facts: &Facts, config: Option<&Config>, station: Option<&StationFacts>) -> Vec<Check> {
+/// Names of the checks that need a configuration and the bus.
+const STATION: [&str; 3] = ["ports", capacity::SUIT, capacity::PLATE];
+
+/// All checks, in the order in which a person would fix things. Without a configuration the computer is checked with the
+/// defaults. `station` is the configuration with the observed station, or why the station was not examined.
+pub fn evaluate(
+    facts: &Facts,
+    config: Option<&Config>,
+    station: Result<(&Config, &StationFacts), &str>,
+) -> Vec<Check> {
     let tick = config.map(|config| config.tick.clone()).unwrap_or_default();
-    let runs = station.is_some_and(|station| station.daemon.is_some());
+    let runs = station.is_ok_and(|(_, station)| station.daemon.is_some());
     let mut checks = vec![
         machine::user(facts),
         machine::real_time(facts, &tick),
@@ -82,10 +96,12 @@ pub fn evaluate(facts: &Facts, config: Option<&Config>, station: Option<&Station
         directories::state_directory(facts),
         network::receive_buffer(facts),
     ];
-    if let (Some(config), Some(station)) = (config, station) {
-        checks.extend(network::ports(config, station));
-        checks.push(capacity::suit(config, station));
-        checks.push(capacity::plate(config, station));
+    match station {
+        Ok((config, station)) => {
+            checks.extend(network::ports(config, station));
+            checks.extend([capacity::suit(config, station), capacity::plate(config, station)]);
+        }
+        Err(reason) => checks.extend(STATION.map(|name| Check::skipped(name, reason))),
     }
     checks
 }

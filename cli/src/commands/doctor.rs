@@ -116,26 +116,20 @@ fn run_all(arguments: &Options) -> anyhow::Result<Outcome> {
     let name = config.as_ref().map_or(&arguments.station.station, |config| &config.station);
     let facts = Facts::gather(StateDirectory::of_station(name));
     // Without a bus the station cannot be examined; a separate check reports the failure to join.
-    let (station, no_bus) = match config.as_ref().map(StationFacts::gather) {
-        Some(Ok(station)) => (Some(station), None),
-        Some(Err(error)) => (None, Some(error.to_string())),
-        None => (None, None),
+    let station = match &config {
+        Some(config) => StationFacts::gather(config).map_err(|error| error.to_string()),
+        None => Err("no daemon runs: name the configuration with --config".to_owned()),
     };
-    let checks = evaluate(&facts, config.as_ref(), station.as_ref());
-    let note = no_bus.or_else(|| {
-        let unseen = "ports, plate and suit were not looked at: name the configuration with --config";
-        config.is_none().then(|| unseen.to_owned())
-    });
+    let observed = config.as_ref().zip(station.as_ref().ok());
+    let reason = station.as_ref().err().map_or("", String::as_str);
+    let checks = evaluate(&facts, config.as_ref(), observed.ok_or(reason));
     let mut out = std::io::stdout().lock();
     if arguments.json {
-        let report = serde_json::json!({ "checks": checks, "note": note });
+        let report = serde_json::json!({ "checks": checks });
         writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         for check in &checks {
             write_check(&mut out, check)?;
-        }
-        if let Some(note) = &note {
-            writeln!(out, "{note}")?;
         }
     }
     outcome(&checks)
@@ -152,10 +146,11 @@ fn outcome(checks: &[Check]) -> anyhow::Result<Outcome> {
 fn write_check(out: &mut impl Write, check: &Check) -> std::io::Result<()> {
     let verdict = match check.verdict {
         Verdict::Ok => "ok",
+        Verdict::Skipped => "skipped",
         Verdict::Warn => "warn",
         Verdict::Fail => "FAIL",
     };
-    write!(out, "{verdict:<5} {:<21} {}", check.name, check.found)?;
+    write!(out, "{verdict:<7} {:<21} {}", check.name, check.found)?;
     match &check.fix {
         Some(fix) => writeln!(out, " -> {fix}"),
         None => writeln!(out),

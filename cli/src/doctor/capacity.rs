@@ -3,6 +3,7 @@
 use equipoise_config::{Config, SuitSourceKind};
 
 use super::Check;
+use super::ports::Port;
 use super::station::{StationFacts, Streamed};
 
 /// Computing accelerations of a working person requires this sampling rate.
@@ -10,12 +11,20 @@ const SUIT_RATE_MIN_HZ: f64 = 55.0;
 /// A larger force on the empty plate shifts the centre of pressure of a light subject by a centimetre.
 const EMPTY_FORCE_MAX_N: f64 = 5.0;
 
+/// Name of the check of the suit's data.
+pub(super) const SUIT: &str = "MVN stream";
+/// Name of the check of the plate's data.
+pub(super) const PLATE: &str = "plate";
+
 pub(super) fn suit(config: &Config, station: &StationFacts) -> Check {
-    const NAME: &str = "MVN stream";
+    const NAME: &str = SUIT;
     let Some(streamed) = &station.streamed else {
         return match (config.suit.source, station.daemon) {
             (SuitSourceKind::External, None) => {
-                Check::ok(NAME, "not looked at: the suit comes from another process")
+                Check::skipped(NAME, "no daemon runs, and another process receives the suit")
+            }
+            (_, None) if station.suit_port != Port::Free => {
+                Check::skipped(NAME, "no daemon runs, and suit.listen is not free")
             }
             _ => Check::warn(
                 NAME,
@@ -76,9 +85,9 @@ fn refusals(refused: &[(String, u64)]) -> String {
 }
 
 pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
-    const NAME: &str = "plate";
+    const NAME: &str = PLATE;
     if station.daemon.is_none() {
-        return Check::ok(NAME, "not looked at: no daemon runs");
+        return Check::skipped(NAME, "no daemon runs");
     }
     let ground = &station.ground;
     match station.plate_force_n {
@@ -87,9 +96,9 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
             "nothing is heard of it, or it reports a fault",
             format!("is it on, and is {} right? `equipoise status` says more", config.ground.location()),
         ),
-        Some(newtons) if newtons.abs() >= equipoise_core::cycle::memory::EMPTY_PLATE_N => Check::ok(
+        Some(newtons) if newtons.abs() >= equipoise_core::cycle::memory::EMPTY_PLATE_N => Check::skipped(
             NAME,
-            format!("{newtons:.0} N: somebody stands on it, so its zero was not judged{ground}"),
+            format!("{newtons:.0} N: a person stands on it, step off to check its zero{ground}"),
         ),
         Some(newtons) if newtons.abs() > EMPTY_FORCE_MAX_N => Check::warn(
             NAME,
@@ -102,7 +111,7 @@ pub(super) fn plate(config: &Config, station: &StationFacts) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{self, Fail, Ok, Warn};
+    use super::super::Verdict::{self, Fail, Ok, Skipped, Warn};
     use super::*;
 
     fn config() -> Config {
@@ -123,6 +132,8 @@ mod tests {
     fn a_stream_is_evaluated_by_its_received_samples() {
         assert_eq!(of(Some(healthy())).verdict, Ok);
         assert_eq!(of(None).verdict, Warn);
+        let occupied = StationFacts { suit_port: Port::InUse, ..StationFacts::default() };
+        assert_eq!(suit(&config(), &occupied).verdict, Skipped);
         let slow = of(Some(Streamed { rate_hz: 30.0, ..healthy() }));
         assert!(slow.verdict == Warn && slow.fix.unwrap().contains("Stream rate"));
         let euler =
@@ -154,8 +165,8 @@ mod tests {
         };
         assert_eq!(of(Some(7), Some(1.0)), Ok);
         assert_eq!(of(Some(7), Some(-30.0)), Warn);
-        assert_eq!(of(Some(7), Some(706.0)), Ok);
+        assert_eq!(of(Some(7), Some(706.0)), Skipped);
         assert_eq!(of(Some(7), None), Warn);
-        assert_eq!(of(None, None), Ok);
+        assert_eq!(of(None, None), Skipped);
     }
 }

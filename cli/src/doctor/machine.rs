@@ -34,7 +34,7 @@ pub(super) fn real_time(facts: &Facts, tick: &LoopConfig) -> Check {
     const NAME: &str = "real-time priority";
     let asked = u64::from(tick.priority);
     if asked == 0 {
-        return Check::ok(NAME, "not asked for (loop.priority = 0)");
+        return Check::skipped(NAME, "not requested (loop.priority = 0)");
     }
     if facts.has_scheduling_capability {
         return Check::ok(NAME, format!("SCHED_FIFO {asked} may be had (CAP_SYS_NICE)"));
@@ -53,7 +53,7 @@ pub(super) fn real_time(facts: &Facts, tick: &LoopConfig) -> Check {
 pub(super) fn throttling(facts: &Facts) -> Check {
     const NAME: &str = "real-time throttling";
     let (Some(runtime_us), Some(period_us)) = (facts.rt_runtime_us, facts.rt_period_us) else {
-        return Check::ok(NAME, "the kernel does not tell of any");
+        return Check::skipped(NAME, "the kernel does not report it");
     };
     if runtime_us < 0 {
         return Check::ok(NAME, "off: a real-time thread that spins holds its core for ever");
@@ -72,7 +72,7 @@ pub(super) fn throttling(facts: &Facts) -> Check {
 pub(super) fn memory_lock(facts: &Facts, tick: &LoopConfig) -> Check {
     const NAME: &str = "locked memory";
     match facts.memlock_limit {
-        _ if !tick.lock_memory => Check::ok(NAME, "not asked for (loop.lock_memory = false)"),
+        _ if !tick.lock_memory => Check::skipped(NAME, "not requested (loop.lock_memory = false)"),
         Some(limit) if facts.user_id != 0 => Check::warn(
             NAME,
             format!("at most {} kB may be locked, so nothing is", limit / 1024),
@@ -106,7 +106,7 @@ pub(super) fn governor(facts: &Facts) -> Check {
 pub(super) fn core(facts: &Facts, tick: &LoopConfig) -> Check {
     const NAME: &str = "core of the loop";
     match tick.cpu {
-        None => Check::ok(NAME, "not pinned (loop.cpu)"),
+        None => Check::skipped(NAME, "not requested (loop.cpu)"),
         Some(cpu) if cpu >= facts.cores => Check::fail(
             NAME,
             format!(
@@ -149,7 +149,7 @@ pub(super) fn preemption(facts: &Facts) -> Check {
 pub(super) fn clock_source(facts: &Facts) -> Check {
     const NAME: &str = "clock source";
     match facts.clock_source.as_deref() {
-        None => Check::ok(NAME, "the kernel does not tell"),
+        None => Check::skipped(NAME, "the kernel does not report it"),
         Some(source) if GOOD_SOURCES.contains(&source) => Check::ok(NAME, source),
         Some(source) => Check::warn(
             NAME,
@@ -162,7 +162,7 @@ pub(super) fn clock_source(facts: &Facts) -> Check {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Verdict::{Fail, Ok, Warn};
+    use super::super::Verdict::{Fail, Ok, Skipped, Warn};
     use super::*;
 
     fn tick(priority: u32, cpu: Option<usize>) -> LoopConfig {
@@ -188,7 +188,7 @@ mod tests {
         assert_eq!(check(false, Some(80), 80).verdict, Ok);
         assert_eq!(check(false, None, 80).verdict, Ok, "no limit at all");
         assert_eq!(check(true, Some(0), 80).verdict, Ok);
-        assert_eq!(check(false, Some(0), 0).verdict, Ok, "nothing asked");
+        assert_eq!(check(false, Some(0), 0).verdict, Skipped, "not requested");
     }
 
     #[test]
@@ -196,7 +196,7 @@ mod tests {
         let check = |runtime| throttling(&Facts { rt_runtime_us: runtime, ..Facts::healthy() }).verdict;
         assert_eq!(
             [Some(-1), Some(950_000), Some(300_000), Some(0), None].map(check),
-            [Ok, Ok, Warn, Fail, Ok]
+            [Ok, Ok, Warn, Fail, Skipped]
         );
     }
 
@@ -208,7 +208,7 @@ mod tests {
         };
         assert_eq!(check(Some(65_536), 1000, true), Warn);
         assert_eq!(check(Some(65_536), 0, true), Ok);
-        assert_eq!(check(Some(65_536), 1000, false), Ok);
+        assert_eq!(check(Some(65_536), 1000, false), Skipped);
         assert_eq!(check(None, 1000, true), Ok);
     }
 
@@ -228,7 +228,7 @@ mod tests {
     fn a_pinned_loop_needs_an_existing_isolated_core() {
         let facts = Facts { cores: 4, isolated: vec![3], ..Facts::healthy() };
         let check = |cpu| core(&facts, &tick(80, cpu)).verdict;
-        assert_eq!([None, Some(3), Some(2), Some(4)].map(check), [Ok, Ok, Warn, Fail]);
+        assert_eq!([None, Some(3), Some(2), Some(4)].map(check), [Skipped, Ok, Warn, Fail]);
     }
 
     #[test]
@@ -249,6 +249,6 @@ mod tests {
         let check = |source: Option<&str>| {
             clock_source(&Facts { clock_source: source.map(str::to_owned), ..Facts::healthy() }).verdict
         };
-        assert_eq!([Some("tsc"), Some("kvm-clock"), Some("hpet"), None].map(check), [Ok, Ok, Warn, Ok]);
+        assert_eq!([Some("tsc"), Some("kvm-clock"), Some("hpet"), None].map(check), [Ok, Ok, Warn, Skipped]);
     }
 }
