@@ -53,6 +53,11 @@ impl Provenance {
         list_names(&self.devices)
     }
 
+    /// Whether one plate measures all quantities.
+    pub(crate) fn is_one_plate(&self) -> bool {
+        self.devices == ["plate"] && self.not_measured.is_empty()
+    }
+
     pub(crate) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
         write!(out, "  feet    on {}", self.devices())?;
         match self.foot_frame {

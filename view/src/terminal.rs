@@ -1,4 +1,4 @@
-//! Text output of a state: one line for `demo` and pipes, and a small block that `watch` redraws. No escape codes here.
+//! Text output of a state: one line for `demo` and pipes, and a block for `status`. No escape codes here.
 
 use std::fmt::Write as _;
 
@@ -33,7 +33,7 @@ pub fn live_line(state: &State, pose: Option<&str>) -> String {
     parts.join(" | ")
 }
 
-/// A block of lines of at most 80 columns, always the same number, so that it can be redrawn in place.
+/// A block of lines of at most 80 columns: 17, and one for each validity flag in `state.valid`, at most 3.
 pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
     let reasons = words::reasons(state);
     // A silent sensor is also an incident, which is printed below with its remedy.
@@ -44,6 +44,9 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
         .collect::<Vec<_>>();
     let mut block = String::new();
     let mut line = |text: String| {
+        if text.trim().is_empty() {
+            return;
+        }
         // Writing to a String cannot fail.
         let _ = writeln!(block, "{}", text.chars().take(80).collect::<String>().trim_end());
     };
@@ -58,7 +61,6 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
         age(state, Stream::Ground),
         delay(state)
     ));
-    line(String::new());
     line(format!("  load          {}", load(state).unwrap_or_else(withheld)));
     line(format!("  CoP measured  {}", cop(state, Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m)));
     line(format!(
@@ -66,18 +68,16 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
         cop(state, Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m)
     ));
     line(format!("  CoM           {}", centres(state)));
-    line(String::new());
     line(format!("  {:<10}  {:<30}  {:<30}", "overload", "left", "right"));
     for (name, left, right) in ROWS {
         line(format!("  {name:<10}  {:<30}  {:<30}", cell(state, left), cell(state, right)));
     }
-    line(format!("  {:<10}  {:<30}", "lower back", cell(state, "L5S1")));
-    line(format!("  {:<10}  {}", "pressed by", back(state).unwrap_or_else(withheld)));
+    let pressed = back(state).unwrap_or_else(withheld);
+    line(format!("  {:<10}  {:<30}  {pressed}", "lower back", cell(state, "L5S1")));
     line(format!("  {:<10}  {}", "worst", worst(state).unwrap_or_else(withheld)));
     line(format!("  {:<10}  {}", "this shift", shift(state)));
-    line(String::new());
-    for index in 0..3 {
-        line(why.get(index).map_or_else(String::new, |text| format!("  {text}")));
+    for text in why.iter().take(3) {
+        line(format!("  {text}"));
     }
     block
 }
@@ -261,7 +261,7 @@ mod tests {
     fn the_block_shows_the_load_of_the_back_and_the_advice() {
         let block = dashboard(&carrying(), "station-1", None);
         for line in [
-            "  pressed by  2410 ± 390 N on the lowest disc",
+            "  lower back  0 ± 0 N m, not evaluated        2410 ± 390 N on the lowest disc",
             "  worst       left knee, tired 31 %: bring the load closer (0.5 N m per cm)",
             "  this shift  12 lifts, risk of a day like this 7 %, most tired left knee 31 %",
         ] {
@@ -287,7 +287,7 @@ mod tests {
     fn the_block_says_how_far_the_values_lie_behind() {
         let shown = |group_delay_ns| {
             let state = State { suit_age_ns: 4_000_000, group_delay_ns, ..carrying() };
-            dashboard(&state, "station-1", None).lines().nth(4).map(str::to_owned)
+            dashboard(&state, "station-1", None).lines().nth(3).map(str::to_owned)
         };
         assert_eq!(
             shown(66_700_000).as_deref(),
@@ -308,10 +308,10 @@ mod tests {
     }
 
     #[test]
-    fn the_block_never_changes_its_shape() {
-        for valid in [0, Validity::MOVING.0, u64::MAX] {
+    fn the_block_leaves_room_for_sensors_on_a_screen() {
+        for (valid, lines) in [(0, 17), (Validity::MOVING.0, 18), (u64::MAX, 20)] {
             let block = dashboard(&State { valid, ..carrying() }, "station-1", Some("arms out"));
-            assert_eq!(block.lines().count(), 25, "{block}");
+            assert_eq!(block.lines().count(), lines, "{block}");
             assert!(block.lines().all(|line| line.chars().count() <= 80), "{block}");
         }
     }

@@ -54,7 +54,7 @@ pub fn reason(name: &'static str) -> Reason {
 pub fn body(state: &State) -> String {
     let bones = match BodySource::from_number(state.body_source) {
         Some(BodySource::NullPose) => "from the suit's null pose",
-        Some(BodySource::Poses) => "bones learnt from the suit's poses",
+        Some(BodySource::Poses) => "bones learnt from the poses",
         Some(BodySource::Stored) => "bones of the stored profile",
         Some(BodySource::Unknown) | None => "bones not known yet",
     };

@@ -30,13 +30,19 @@ use crate::provenance::Provenance;
 /// Timeout for adapter health and incidents, which are published once a second.
 const HEALTH_TIMEOUT: Duration = Duration::from_millis(1200);
 
-/// Show the current state of a running daemon
+/// Width of the screen.
+const COLUMNS: usize = 80;
+
+/// Show the current state of a running daemon, on one screen
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise status --json | jq .state.phase")]
 pub(super) struct Arguments {
     #[command(flatten)]
     station: StationArgument,
-    /// As JSON
+    /// Show details too: threads, memory, counts of the adapters, time alignment
+    #[arg(long)]
+    all: bool,
+    /// As JSON, with all details
     #[arg(long)]
     json: bool,
 }
@@ -80,19 +86,20 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         write!(out, "{}", dashboard(&state, station, pose.as_deref()))?;
         writeln!(out, "  body    {}", words::body(&state))?;
         for adapter in &adapters {
-            write_adapter(&mut out, adapter)?;
+            writeln!(out, "{}", adapter_line(adapter, arguments.all))?;
         }
-        if let Some(ground) = &ground {
+        if let Some(ground) = ground.filter(|ground| arguments.all || !ground.is_one_plate()) {
             ground.write(&mut out)?;
         }
         if let Some(incidents) = &incidents {
-            incidents.write(&mut out)?;
+            incidents.write(&mut out, arguments.all)?;
         }
-        if let Some(line) = skew(&state, facts.as_ref().and_then(active_configuration).as_ref()) {
+        let skew = skew(&state, facts.as_ref().and_then(active_configuration).as_ref());
+        if let Some((line, _)) = skew.filter(|(_, is_significant)| arguments.all || *is_significant) {
             writeln!(out, "  time    {line}")?;
         }
         if let Some(facts) = &facts {
-            write_facts(&mut out, facts)?;
+            write_facts(&mut out, facts, arguments.all)?;
         }
         if let Some(page) = &page {
             let token = if page.needs_token { "; it needs its token" } else { "" };
@@ -121,25 +128,26 @@ fn active_configuration(facts: &Status) -> Option<Config> {
     Config::parse(&facts.config_toml, "the daemon's configuration").ok()
 }
 
-/// What the motion shows of the skew between both streams, and what to set; `None` while it does not show it.
-fn skew(state: &State, config: Option<&Config>) -> Option<String> {
+/// Estimate of the skew between both streams with the setting that removes it, and whether it is significant; `None` until
+/// there is an estimate.
+fn skew(state: &State, config: Option<&Config>) -> Option<(String, bool)> {
     let (skew_ms, sigma_ms) = (1e3 * state.suit_skew_s, 1e3 * state.suit_skew_sigma_s);
     if sigma_ms <= 0.0 {
         return None;
     }
     let off_ms = skew_ms.abs().round();
     if skew_ms.abs() <= 2.0 * sigma_ms || off_ms < 1.0 {
-        return Some(format!("suit and ground agree within {:.0} ms", (2.0 * sigma_ms).max(1.0)));
+        return Some((format!("suit and ground agree within {:.0} ms", (2.0 * sigma_ms).max(1.0)), false));
     }
     let relation = if skew_ms > 0.0 { "later" } else { "earlier" };
     let found = format!("suit {off_ms:.0} ± {sigma_ms:.0} ms {relation} than the ground");
     let Some(config) = config else {
         let table = if skew_ms > 0.0 { "suit" } else { "ground" };
-        return Some(format!("{found}: add {off_ms:.0} to [{table}] latency_ms"));
+        return Some((format!("{found}: add {off_ms:.0} to [{table}] latency_ms"), true));
     };
     let before = Latencies { suit_ms: config.suit.latency_ms, ground_ms: config.ground.latency_ms };
     let set = latency::advice(config, before, before.without_skew(skew_ms.signum() * off_ms))?;
-    Some(format!("{found}: {set}"))
+    Some((format!("{found}: {set}"), true))
 }
 
 /// An adapter's name and the names of its reasons.
@@ -168,23 +176,23 @@ fn adapter_json(adapter: &AdapterHealth) -> serde_json::Value {
     })
 }
 
-fn write_adapter(out: &mut impl Write, adapter: &AdapterHealth) -> std::io::Result<()> {
-    write!(
-        out,
-        "  {:<7} {:.0} Hz, {} received, {} published, {} lost",
-        reasons(adapter).0,
-        adapter.rate_hz,
-        adapter.received,
-        adapter.published,
-        adapter.lost
-    )?;
+/// One line on an adapter; the counts of its refusals by reason if `all` is set or they fit into the screen's width.
+fn adapter_line(adapter: &AdapterHealth, all: bool) -> String {
+    let AdapterHealth { rate_hz, received, published, lost, .. } = adapter;
+    let mut line = format!("  {:<7} {rate_hz:.0} Hz, ", reasons(adapter).0);
+    if all {
+        line += &format!("{received} received, ");
+    }
+    line += &format!("{published} published, {lost} lost");
     if adapter.block_latency_ns > 0 {
-        write!(out, ", in blocks of {:.0} ms", adapter.block_latency_ns as f64 * 1e-6)?;
+        line += &format!(", in blocks of {:.0} ms", adapter.block_latency_ns as f64 * 1e-6);
     }
-    for (reason, count) in refused(adapter) {
-        write!(out, ", {count} {reason}")?;
+    let by_reason: String = refused(adapter).map(|(reason, count)| format!(", {count} {reason}")).collect();
+    if all || (line.len() + by_reason.len()) <= COLUMNS {
+        return line + &by_reason;
     }
-    writeln!(out)
+    let total: u64 = refused(adapter).map(|(_, count)| count).sum();
+    format!("{line}, {total} refused (--all)")
 }
 
 fn write_thread(out: &mut impl Write, thread: &ThreadStatus) -> std::io::Result<()> {
@@ -207,7 +215,13 @@ fn write_thread(out: &mut impl Write, thread: &ThreadStatus) -> std::io::Result<
     )
 }
 
-fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
+fn write_facts(out: &mut impl Write, facts: &Status, all: bool) -> std::io::Result<()> {
+    if let Some(suspicion) = &facts.model_mismatch {
+        writeln!(out, "  model   {suspicion}")?;
+    }
+    if !all {
+        return Ok(());
+    }
     writeln!(out, "  version {}, process {}, memory {}", facts.version, facts.process_id, facts.memory_lock)?;
     let memory = facts.memory;
     // Locked memory counts every mapping, shared memory once for each; resident memory counts each page once.
@@ -219,9 +233,6 @@ fn write_facts(out: &mut impl Write, facts: &Status) -> std::io::Result<()> {
     if let Some([minor, major]) = facts.loop_faults {
         writeln!(out, "  loop    {minor} minor and {major} major page faults since its warm-up")?;
     }
-    if let Some(suspicion) = &facts.model_mismatch {
-        writeln!(out, "  model   {suspicion}")?;
-    }
     Ok(())
 }
 
@@ -230,11 +241,28 @@ mod tests {
     use super::*;
 
     #[test]
+    fn refusals_are_summed_up_where_their_reasons_do_not_fit() {
+        let mut adapter: AdapterHealth = bytemuck::Zeroable::zeroed();
+        (adapter.stream, adapter.rate_hz, adapter.received, adapter.published) = (1, 60.0, 123, 120);
+        adapter.refused[..2].copy_from_slice(&[2, 1]);
+        let [first, second] = [0, 1].map(|index| SuitRefusal::NAMES[index]);
+        let line = format!("  suit    60 Hz, 120 published, 0 lost, 2 {first}, 1 {second}");
+        assert_eq!(adapter_line(&adapter, false), line);
+        adapter.refused[..8].fill(1);
+        assert_eq!(
+            adapter_line(&adapter, false),
+            "  suit    60 Hz, 120 published, 0 lost, 8 refused (--all)"
+        );
+        let all = adapter_line(&adapter, true);
+        assert!(all.contains("123 received") && all.contains(&format!("1 {first}, 1 {second}")), "{all}");
+    }
+
+    #[test]
     fn a_skew_is_printed_with_the_setting_that_removes_it() {
         let advice = |skew_ms: f64, sigma_ms: f64, config: Option<&Config>| {
             let mut state: State = bytemuck::Zeroable::zeroed();
             (state.suit_skew_s, state.suit_skew_sigma_s) = (1e-3 * skew_ms, 1e-3 * sigma_ms);
-            skew(&state, config)
+            skew(&state, config).map(|(line, _)| line)
         };
         let config = |[suit_ms, ground_ms]: [f64; 2], suit: &str, more: &str| {
             let text = format!(

@@ -72,6 +72,30 @@ fn identification_and_profiles_are_controlled_and_invalid_commands_refused() {
     assert!(!station.profile("anon-1").exists());
 }
 
+#[test]
+fn status_fits_on_a_screen_and_all_adds_the_details() {
+    let station = Station::new();
+    let _person = station.person();
+    let _daemon = station.daemon(&station.configuration());
+    let mut monitor = Monitor::open(&station);
+    monitor.until("both sensors", Monitor::both_fresh);
+    let status = station.run(&["status"]).assert_done().to_owned();
+    // A busy machine may cause incidents, which take further lines.
+    let lines: Vec<&str> = status.lines().filter(|line| !line.starts_with("  INCIDENT")).collect();
+    // The shell's prompt takes the last of 24 lines.
+    assert!(lines.len() < 24, "{status}");
+    assert!(lines.iter().all(|line| line.chars().count() <= 80), "{status}");
+    for part in ["  overload  ", "  body  ", "  suit  ", "  ground  "] {
+        assert!(status.contains(part), "{part}: {status}");
+    }
+    let details = ["  thread loop", "  memory  ", " received, ", "  feet    on plate"];
+    let all = station.run(&["status", "--all"]);
+    for detail in details {
+        assert!(!status.contains(detail), "{detail}: {status}");
+        assert!(all.assert_done().contains(detail), "{detail}: {}", all.stdout);
+    }
+}
+
 /// In a profile's `[shift]`.
 const TWO_LIFTS: &str = "damage = 5e-5
 lifts = 2

@@ -114,7 +114,7 @@ fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() 
     let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("a living daemon").count();
     assert_eq!(threads.len(), tasks);
     assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");
-    let ended = station.run(&["status"]);
+    let ended = station.run(&["status", "--all"]);
     assert!(ended.assert_done().contains("asked other, granted other"), "{}", ended.stdout);
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

@@ -8,6 +8,8 @@ use equipoise_core::time::seconds;
 use equipoise_view::incident_words::{span, words};
 use serde::Serialize;
 
+use super::COLUMNS;
+
 /// Active and past incidents of a station.
 #[derive(Debug, Serialize)]
 pub(super) struct IncidentReport {
@@ -75,7 +77,8 @@ impl IncidentReport {
         IncidentReport { active: active.collect(), past: past.collect() }
     }
 
-    pub(super) fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
+    /// Past incidents on one line, unless `all` is set.
+    pub(super) fn write(&self, out: &mut impl Write, all: bool) -> std::io::Result<()> {
         let as_span = |seconds: f64| span((seconds * 1e9) as u64);
         for (index, Active { name, duration_s, count, message, remedy, has_remedy }) in
             self.active.iter().enumerate()
@@ -88,13 +91,16 @@ impl IncidentReport {
                 writeln!(out, "           to do: {remedy}")?;
             }
         }
-        if !self.past.is_empty() {
-            let past = self.past.iter().map(|Past { name, count, ended_ago_s }| {
-                format!("{name} {count} times, last {} ago", as_span(*ended_ago_s))
-            });
-            writeln!(out, "  past incidents: {}", past.collect::<Vec<_>>().join("; "))?;
+        let past = |Past { name, count, ended_ago_s }: &Past| {
+            format!("{name} {count} times, last {} ago", as_span(*ended_ago_s))
+        };
+        let past: Vec<String> = self.past.iter().map(past).collect();
+        let line = format!("  past incidents: {}", past.join("; "));
+        match past.len() {
+            0 => Ok(()),
+            count if !all && line.len() > COLUMNS => writeln!(out, "  past incidents: {count} kinds (--all)"),
+            _ => writeln!(out, "{line}"),
         }
-        Ok(())
     }
 }
 
@@ -111,7 +117,7 @@ mod tests {
         }
         let printed = |sentences: BTreeMap<String, String>| {
             let mut text = Vec::new();
-            IncidentReport::new(&incidents, &sentences, 0).write(&mut text).unwrap();
+            IncidentReport::new(&incidents, &sentences, 0).write(&mut text, false).unwrap();
             String::from_utf8(text).unwrap()
         };
         let text = printed(BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]));
@@ -132,13 +138,24 @@ mod tests {
         let sentences = BTreeMap::from([("suit_silent".to_owned(), "is it on?".to_owned())]);
         let report = IncidentReport::new(&incidents, &sentences, 80_000_000_000);
         let mut text = Vec::new();
-        report.write(&mut text).unwrap();
+        report.write(&mut text, false).unwrap();
         let text = String::from_utf8(text).unwrap();
         assert!(
             text.starts_with("  INCIDENT suit_silent for 10 s, 2 times so far: is it on?\n  past incidents"),
             "{text}"
         );
         assert!(text.ends_with("past incidents: participant_died 5 times, last 20 s ago\n"), "{text}");
+        incidents.begun = [1; _];
+        let many = IncidentReport::new(&incidents, &sentences, 80_000_000_000);
+        let written = |all: bool| {
+            let mut text = Vec::new();
+            many.write(&mut text, all).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        assert!(
+            written(false).ends_with(&format!("past incidents: {} kinds (--all)\n", Incident::ALL.len() - 1))
+        );
+        assert!(written(true).contains("participant_died 1 times, last 20 s ago"));
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(
             (&json["active"][0]["count"], &json["past"][0]["name"]),
