@@ -49,19 +49,19 @@ pub struct ImportSummary {
     pub skipped: SkippedData,
 }
 
-/// Imports `file`, optionally with the plate's file, into the new recording `out`, with the given configuration or
-/// defaults.
+/// Imports `input`, the opened `file`, optionally with the plate's file, into the new recording `out`, with the given
+/// configuration or defaults.
 ///
 /// # Errors
 /// A file cannot be read or holds no sample, the two cannot be aligned, the configuration is refused, `out` exists or
 /// cannot be written.
 pub fn import(
+    input: &Input,
     file: &Path,
     with: Option<&With<'_>>,
     out: &Path,
     config: Option<&Path>,
 ) -> anyhow::Result<ImportSummary> {
-    let input = Input::open(file)?;
     if let Input::Recording(_) = input {
         bail!("{} is a recording already; give it to `equipoise replay`", file.display());
     }
@@ -81,8 +81,8 @@ pub fn import(
         );
     }
     let plate = PlateFile::open(with.plate, with.options)?;
-    let joined = find(&input, &plate, &chosen.config, with.join)?;
-    let samples = JoinedSamples::new(&input, &plate, &chosen.config, &joined)?;
+    let joined = find(input, &plate, &chosen.config, with.join)?;
+    let samples = JoinedSamples::new(input, &plate, &chosen.config, &joined)?;
     let mut summary = write(Both::Two(Box::new(samples)), file, &chosen, out, input.started_ns())?;
     summary.joined = Some(joined);
     Ok(summary)

@@ -5,9 +5,10 @@
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
 //! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
 //!
-//! Layers, lowest first: `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
+//! Layers, lowest first: `capture_file` → `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
 //! [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
 
+mod capture_file;
 pub mod cross_validation;
 mod feed;
 pub mod fidelity;

@@ -4,7 +4,8 @@
 //! reassembled.
 
 use std::fmt;
-use std::io::{Cursor, Read};
+use std::fs::File;
+use std::io::{self, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use equipoise_files::open_regular;
@@ -84,9 +85,16 @@ impl PcapCapture {
     /// [`PcapError::Io`] or [`PcapError::NotACapture`].
     pub fn open(path: impl AsRef<Path>) -> Result<PcapCapture, PcapError> {
         let path = path.as_ref();
-        let failed = |reason: String| PcapError::Io { path: path.to_owned(), reason };
-        let file = open_regular(path).map_err(|error| failed(error.to_string()))?;
-        PcapCapture::read(Box::new(file), failed)
+        let failed = |error: io::Error| PcapError::Io { path: path.to_owned(), reason: error.to_string() };
+        PcapCapture::of_file(open_regular(path).map_err(failed)?, path)
+    }
+
+    /// The same for an opened file; `path` is its name in errors.
+    ///
+    /// # Errors
+    /// As [`PcapCapture::open`].
+    pub fn of_file(file: File, path: &Path) -> Result<PcapCapture, PcapError> {
+        PcapCapture::read(Box::new(file), |reason| PcapError::Io { path: path.to_owned(), reason })
     }
 
     /// The same for bytes in memory.

@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use mcap::records::{Record, op};
 
@@ -20,6 +21,8 @@ pub struct Recording {
     end: usize,
     header: RecordingHeader,
     truncated: bool,
+    /// Position of the iterator that read last.
+    position: AtomicUsize,
 }
 
 impl Recording {
@@ -47,8 +50,13 @@ impl Recording {
             return Err(ReadError::NotMcap { found: what_it_begins_with(&begin) });
         }
         drop(begin);
-        let mut recording =
-            Recording { store, end: mcap::MAGIC.len(), header: RecordingHeader::default(), truncated: true };
+        let mut recording = Recording {
+            store,
+            end: mcap::MAGIC.len(),
+            header: RecordingHeader::default(),
+            truncated: true,
+            position: AtomicUsize::new(0),
+        };
         recording.scan(failed)?;
         recording.check_first_channels()?;
         Ok(recording)
@@ -63,6 +71,11 @@ impl Recording {
     /// read.
     pub fn truncated(&self) -> bool {
         self.truncated
+    }
+
+    /// Fraction of the file that the iterator which read last has read, 0 to 1; another thread may display it.
+    pub fn fraction_read(&self) -> f64 {
+        self.position.load(Ordering::Relaxed) as f64 / self.end as f64
     }
 
     /// The messages in file order. An error ends the iteration.
@@ -189,6 +202,7 @@ impl Entries<'_> {
             return Ok(());
         };
         self.at = range.end;
+        self.recording.position.store(self.at, Ordering::Relaxed);
         if !HOLDS_MESSAGES.contains(&opcode) {
             return Ok(());
         }

@@ -99,8 +99,7 @@ fn compute(
 ) -> anyhow::Result<Outcome> {
     let chosen = input.configuration(config)?;
     let replay = Replay { input, config: &chosen.config, as_recorded: config.is_none(), residual_s: None };
-    bar.update("computing states by a replay", 0.0);
-    let summary = replay.run(Some(states))?;
+    let summary = bar.follow("computing states by a replay", input, || replay.run(Some(states)))?;
     bar.clear();
     println!("{}: {} states computed by a replay", export.recording.display(), summary.cycles);
     for rejected in &summary.skipped.rejected {

@@ -6,8 +6,10 @@ use anyhow::bail;
 use equipoise_adapters::capture::Units;
 use equipoise_core::time::NS_PER_S;
 use equipoise_recording::import::{Join, PlateOptions, With, import, unix_time};
+use equipoise_recording::replay::input::Input;
 
 use super::{Outcome, seconds};
+use crate::progress_bar::Bar;
 
 /// Turn a capture (.csv, .mvnx, .pcap, .pcapng), or a suit's and a plate's together, into a recording
 ///
@@ -84,8 +86,13 @@ impl Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let Arguments { file, out, config, .. } = arguments;
     let with = arguments.with()?;
-    let summary = import(&arguments.file, with.as_ref(), &arguments.out, arguments.config.as_deref())?;
-    print!("{}: {summary}", arguments.out.display());
+    let input = Input::open(file)?;
+    let bar = Bar::new(false);
+    let summary =
+        bar.follow("importing", &input, || import(&input, file, with.as_ref(), out, config.as_deref()))?;
+    bar.clear();
+    print!("{}: {summary}", out.display());
     Ok(if summary.skipped.rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }

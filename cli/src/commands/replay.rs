@@ -11,6 +11,7 @@ use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::score::SampleSelection;
 
 use super::Outcome;
+use crate::progress_bar::Bar;
 
 /// Replay a recording or a capture: the same computation as live, faster than real time
 ///
@@ -74,30 +75,25 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let work: Option<Span> = super::span("--work", arguments.work.as_deref())?;
     let residual_s = work.map(|span| [span.from_s, span.to_s]);
     let replay = Replay { input: &input, config: &chosen.config, as_recorded, residual_s };
-    let summary = replay.run(arguments.out.as_deref())?;
+    // Keep the display of the progress and the summary out of the results.
+    let is_stream = arguments.out.as_deref().is_some_and(|out| out.as_os_str() == "-");
+    let bar = Bar::new(is_stream);
+    let summary = bar.follow("replaying", &input, || replay.run(arguments.out.as_deref()))?;
     text += &summary.to_string();
     if let Some(blocks) = arguments.cross_validate {
-        text +=
-            &cross_validate(&input, &chosen.config, blocks, SampleSelection::QuasiStatic, arguments.poses)?
-                .to_string();
-        if arguments.unloaded {
-            text += &cross_validate(
-                &input,
-                &chosen.config,
-                blocks,
-                SampleSelection::AllUnloaded,
-                arguments.poses,
-            )?
-            .to_string();
+        let selections = [SampleSelection::QuasiStatic, SampleSelection::AllUnloaded];
+        for selection in selections.into_iter().take(1 + usize::from(arguments.unloaded)) {
+            let validate = || cross_validate(&input, &chosen.config, blocks, selection, arguments.poses);
+            text += &bar.follow("cross-validating", &input, validate)?.to_string();
         }
     }
+    bar.clear();
     if arguments.json {
         let json = format!("{:#}\n", summary.json());
         eprint!("{text}");
         text = json;
     }
-    // Keep the summary out of standard output if it carries the results.
-    if arguments.out.as_deref().is_some_and(|out| out.as_os_str() == "-") {
+    if is_stream {
         eprint!("{text}");
     } else {
         print!("{text}");

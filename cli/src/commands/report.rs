@@ -12,6 +12,7 @@ use equipoise_recording::replay::input::Input;
 use minisign::PublicKey;
 
 use super::Outcome;
+use crate::progress_bar::Bar;
 
 /// Report a session as a page: identification, exposure, lifts, dose, low back, latency, data quality
 ///
@@ -65,7 +66,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(authenticity) = &authenticity {
         println!("{}: {authenticity}", file.display());
     }
-    let mut facts = Facts::gather(&name, &input, chosen, arguments.config.is_none())?;
+    let (bar, as_recorded) = (Bar::new(false), arguments.config.is_none());
+    let mut facts =
+        bar.follow("reading the recording", &input, || Facts::gather(&name, &input, chosen, as_recorded))?;
+    bar.clear();
     facts.authenticity = authenticity.as_ref().map(ToString::to_string);
     let html = page(&document(&facts));
     std::fs::write(&out, &html).with_context(|| format!("cannot write {}", out.display()))?;

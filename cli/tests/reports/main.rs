@@ -3,6 +3,7 @@
 
 mod export;
 mod page;
+mod progress;
 mod report;
 mod session;
 mod workers;

@@ -1,7 +1,7 @@
 //! Input of a replay: a recording, or a capture of another program; and the configuration for it.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
@@ -13,6 +13,7 @@ use equipoise_core::cycle::memory::MEMORY_VERSION;
 use equipoise_core::cycle::{Checkpoint, Settings};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
+use super::capture_file::CaptureFile;
 use super::samples::{Sample, Samples, SkippedData};
 
 /// Default stature, m.
@@ -37,11 +38,11 @@ pub enum Input {
     /// Written by `equipoise record` or `import`.
     Recording(Box<Recording>),
     /// Motion and forces as CSV.
-    Csv(PathBuf),
+    Csv(CaptureFile),
     /// Motion in MVN's export format; no forces.
-    Mvnx(PathBuf),
+    Mvnx(CaptureFile),
     /// Network traffic.
-    Pcap(PathBuf),
+    Pcap(CaptureFile),
 }
 
 /// How many messages of each kind a recording holds.
@@ -78,9 +79,9 @@ impl Input {
                 let recording = Recording::open(path).with_context(|| path.display().to_string())?;
                 Ok(Input::Recording(Box::new(recording)))
             }
-            Some("csv") => Ok(Input::Csv(path.to_owned())),
-            Some("mvnx") => Ok(Input::Mvnx(path.to_owned())),
-            Some("pcap" | "pcapng" | "cap") => Ok(Input::Pcap(path.to_owned())),
+            Some("csv") => Ok(Input::Csv(CaptureFile::new(path))),
+            Some("mvnx") => Ok(Input::Mvnx(CaptureFile::new(path))),
+            Some("pcap" | "pcapng" | "cap") => Ok(Input::Pcap(CaptureFile::new(path))),
             _ => bail!("{}: give a file that ends in .mcap, .csv, .mvnx, .pcap or .pcapng", path.display()),
         }
     }
@@ -98,11 +99,20 @@ impl Input {
     /// # Errors
     /// The file cannot be read.
     pub fn samples(&self, config: &Config) -> anyhow::Result<Samples<'_>> {
+        let (samples, file) = match self {
+            Input::Recording(recording) => return Ok(Samples::of_recording(recording)),
+            Input::Csv(file) => (Samples::of_csv(file, config), file),
+            Input::Mvnx(file) => (Samples::of_mvnx(file, config), file),
+            Input::Pcap(file) => (Samples::of_pcap(file, config), file),
+        };
+        samples.with_context(|| file.path().display().to_string())
+    }
+
+    /// Fraction of the file that the newest pass has read, 0 to 1; another thread may display it.
+    pub fn fraction_read(&self) -> f64 {
         match self {
-            Input::Recording(recording) => Ok(Samples::of_recording(recording)),
-            Input::Csv(path) => Samples::of_csv(path, config).with_context(|| path.display().to_string()),
-            Input::Mvnx(path) => Samples::of_mvnx(path, config).with_context(|| path.display().to_string()),
-            Input::Pcap(path) => Samples::of_pcap(path, config).with_context(|| path.display().to_string()),
+            Input::Recording(recording) => recording.fraction_read(),
+            Input::Csv(file) | Input::Mvnx(file) | Input::Pcap(file) => file.fraction_read(),
         }
     }
 

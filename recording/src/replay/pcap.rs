@@ -1,7 +1,6 @@
 //! Converts captured network traffic to samples with the assemblers of the live adapters.
 
 use std::collections::VecDeque;
-use std::path::Path;
 
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::capture::{PcapCapture, UdpDatagram};
@@ -84,10 +83,10 @@ impl Ground {
 }
 
 impl PcapSamples {
-    /// Opens a capture; ports, avatar, delays, scale and pose of the plate come from the configuration.
-    pub(super) fn open(path: &Path, config: &Config) -> anyhow::Result<PcapSamples> {
+    /// Ports, avatar, delays, scale and pose of the plate come from the configuration.
+    pub(super) fn new(capture: PcapCapture, config: &Config) -> anyhow::Result<PcapSamples> {
         Ok(PcapSamples {
-            capture: PcapCapture::open(path)?,
+            capture,
             suit: SuitAssembler::new(config.suit.settings()),
             suit_sender: OneSender::default(),
             body_cadence: BodyCadence::default(),

@@ -3,16 +3,16 @@
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::BufReader;
-use std::path::Path;
 
 use anyhow::bail;
-use equipoise_adapters::capture::{CsvCapture, CsvError, MvnxCapture};
+use equipoise_adapters::capture::{CsvCapture, MvnxCapture, PcapCapture};
 use equipoise_adapters::recording::{Entries, Entry, Recording};
 use equipoise_config::ground::ati_rdt;
 use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::{GroundSample, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
+use super::capture_file::CaptureFile;
 use super::input::skipped_of;
 use super::pcap::PcapSamples;
 
@@ -83,13 +83,13 @@ impl<'a> Samples<'a> {
         Samples { source: Source::Recording(recording, Box::new(Ordered::new(recording.entries()))) }
     }
 
-    pub(super) fn of_csv(path: &Path, config: &Config) -> Result<Samples<'a>, CsvError> {
-        let capture = Box::new(CsvCapture::open(path)?);
+    pub(super) fn of_csv(file: &CaptureFile, config: &Config) -> anyhow::Result<Samples<'a>> {
+        let capture = Box::new(CsvCapture::new(file.open()?)?);
         Ok(Samples { source: Source::Csv(capture, Latencies::of(config), None) })
     }
 
-    pub(super) fn of_mvnx(path: &Path, config: &Config) -> anyhow::Result<Samples<'a>> {
-        let capture = Box::new(MvnxCapture::open(path)?);
+    pub(super) fn of_mvnx(file: &CaptureFile, config: &Config) -> anyhow::Result<Samples<'a>> {
+        let capture = Box::new(MvnxCapture::new(BufReader::with_capacity(1 << 16, file.open()?))?);
         if let Some(configuration) =
             capture.configuration().filter(|configuration| HALF_BODIES.contains(configuration))
         {
@@ -101,7 +101,7 @@ impl<'a> Samples<'a> {
         Ok(Samples { source: Source::Mvnx(capture, Latencies::of(config), body) })
     }
 
-    pub(super) fn of_pcap(path: &Path, config: &Config) -> anyhow::Result<Samples<'a>> {
+    pub(super) fn of_pcap(file: &CaptureFile, config: &Config) -> anyhow::Result<Samples<'a>> {
         anyhow::ensure!(
             config.ground.source != GroundSourceKind::AtiRdt || ati_rdt::are_counts_given(&config.ground),
             "a capture has no page of the ATI device's settings: set ground.counts_per_newton and \
@@ -111,10 +111,11 @@ impl<'a> Samples<'a> {
             anyhow::bail!(
                 "{}: network captures of two ground devices are not read: [ground.second] needs both, and one alone is not \
                  the whole ground; record with `equipoise record` instead",
-                path.display()
+                file.path().display()
             );
         }
-        Ok(Samples { source: Source::Pcap(Box::new(PcapSamples::open(path, config)?)) })
+        let capture = PcapCapture::of_file(file.open()?, file.path())?;
+        Ok(Samples { source: Source::Pcap(Box::new(PcapSamples::new(capture, config)?)) })
     }
 
     /// Wall-clock time of the first instant, by the clock of the computer that wrote the file, ns since 1970; `None` if
