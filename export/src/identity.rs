@@ -3,7 +3,6 @@
 use equipoise_adapters::recording::RecordingHeader;
 
 /// The station; empty if the configuration does not name it.
-#[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "part of the footer of Parquet files"))]
 pub(crate) fn station(header: &RecordingHeader) -> String {
     text(configuration(header).get("station"))
 }

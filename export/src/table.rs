@@ -9,7 +9,6 @@ pub mod columns;
 mod csv;
 mod json_lines;
 mod names;
-#[cfg(feature = "parquet")]
 mod parquet;
 pub mod rules;
 
@@ -126,7 +125,6 @@ trait Sink {
     fn finish(&mut self) -> anyhow::Result<()>;
 }
 
-#[cfg_attr(not(feature = "parquet"), expect(unused_variables, reason = "only Parquet has a footer"))]
 fn sink<M: Exported>(
     header: &RecordingHeader,
     form: Form,
@@ -136,18 +134,11 @@ fn sink<M: Exported>(
     Ok(match form {
         Form::Csv => Box::new(csv::Table::begin(file, columns)?),
         Form::JsonLines => Box::new(json_lines::Table::begin(file, columns)),
-        #[cfg(feature = "parquet")]
         Form::Parquet => Box::new(parquet::Table::begin(file, columns, footer::<M>(header, columns))?),
-        #[cfg(not(feature = "parquet"))]
-        Form::Parquet => bail!(
-            "this program was built without Parquet: build it with `cargo build --release`, without \
-             --no-default-features, or write .csv or .jsonl"
-        ),
     })
 }
 
 /// What the footer of a Parquet file holds, by key.
-#[cfg(feature = "parquet")]
 fn footer<M: Exported>(header: &RecordingHeader, columns: &[Column]) -> Vec<(String, String)> {
     let units: serde_json::Map<String, serde_json::Value> =
         columns.iter().filter_map(|column| Some((column.name.clone(), column.unit?.into()))).collect();

@@ -191,6 +191,25 @@ fn a_c3d_file_has_the_states_and_marks_invalid_points() {
 }
 
 #[test]
+fn the_default_program_writes_every_format() {
+    let (session, help) = (session(), equipoise(&["export", "--help"]));
+    let help = String::from_utf8_lossy(&help.stdout).into_owned();
+    // A line of the help per format: `          - csv:  Table: ...`.
+    let formats = help.split("--topic").next().unwrap().lines().filter_map(|line| {
+        let (name, _) = line.trim().strip_prefix("- ")?.split_once(':')?;
+        Some(name.to_owned())
+    });
+    let formats: Vec<String> = formats.collect();
+    assert_eq!(formats, ["csv", "jsonl", "parquet", "mot", "sto", "trc", "opensim", "c3d"]);
+    // The tests above write the other formats.
+    for format in ["csv", "jsonl", "parquet"] {
+        let out = session.file(&format!("every.{format}"));
+        let ended = equipoise(&["export", text(&session.states), "--out", text(&out)]);
+        assert!(ended.status.success() && out.exists(), "{format}: {ended:?}");
+    }
+}
+
+#[test]
 fn an_export_without_valid_values_fails_with_a_remedy_and_leaves_no_file() {
     let (session, out) = (session(), |name: &str| session().file(name));
     let (samples, states) = (text(&session.samples), text(&session.states));

@@ -69,7 +69,6 @@ pub(super) fn column(field: &Field, index: usize) -> String {
 }
 
 /// Names of the numbers in states, by column: values, or bits where numbers are bit sets.
-#[cfg_attr(not(feature = "parquet"), expect(dead_code, reason = "part of the footer of Parquet files"))]
 pub(super) fn numbers() -> Value {
     let list = |names: &mut dyn Iterator<Item = &'static str>| -> Value {
         names
