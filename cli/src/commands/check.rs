@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use equipoise_config::ground::GroundConfig;
 use equipoise_config::ground::second::in_second;
-use equipoise_config::{Config, GroundSourceKind, SuitSourceKind, sensor_network};
+use equipoise_config::{Config, GroundSourceKind, LoadedModel, SuitSourceKind, sensor_network};
 use equipoise_core::cycle::PriorKind;
 use equipoise_daemon::similar;
 use equipoise_recording::record::service::signing_key;
@@ -62,7 +62,7 @@ fn summary(config: &Config) -> Vec<(&'static str, String)> {
     let subject = &config.subject;
     let mass = subject.mass_kg.map_or_else(|| "weighed by the plate".to_owned(), |kg| format!("{kg} kg"));
     lines.push(("subject", format!("{}, {} m, {mass}", subject.id, subject.height_m)));
-    let model = config.loaded_model.as_ref().map(|model| model.describe());
+    let model = config.loaded_model.as_ref().map(LoadedModel::describe);
     let model = model.as_deref().map_or("none", |text| text.strip_prefix("model ").unwrap_or(text));
     lines.push(("model", model.to_owned()));
     if let Some(page) = &config.page {
