@@ -2,6 +2,7 @@
 
 mod adapter;
 mod check;
+mod completions;
 mod demo;
 mod doctor;
 mod export;
@@ -89,6 +90,9 @@ enum Command {
     Token(token::Arguments),
     Install(install::Arguments),
     Uninstall(install::UninstallArguments),
+    Completions(completions::Arguments),
+    #[command(hide = true)]
+    ManPages(completions::ManPagesArguments),
 }
 
 /// Which station to talk to.
@@ -132,6 +136,8 @@ pub fn main() -> ExitCode {
         Command::Token(arguments) => token::run(&arguments),
         Command::Install(arguments) => install::run(&arguments),
         Command::Uninstall(arguments) => install::uninstall(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        Command::ManPages(arguments) => completions::man_pages(&arguments),
     };
     match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

@@ -16,8 +16,8 @@ use super::{ConfigArgument, Outcome, log_to_stderr};
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise gateway udp --config /etc/equipoise/equipoise.toml\n\nudp and rtde are part \
-                  of this program. Each other gateway is a separate program, equipoise-gateway-KIND, in the directory of \
-                  this one:\n  cargo build --release -p equipoise-gateway-opcua"
+                  of this program. Each other gateway is a separate program (and package), equipoise-gateway-KIND, in the \
+                  directory of this one:\n  cargo build --release -p equipoise-gateway-opcua"
 )]
 pub(super) struct Arguments {
     /// Kind of the gateway
@@ -72,7 +72,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let name = program.file_name().unwrap_or_default().to_string_lossy().into_owned();
     Err(failed).with_context(|| {
         format!(
-            "cannot start {}: build it with cargo build --release -p {name}, into the directory of this program",
+            "cannot start {}: install the package {name}, or build it into the directory of this program: cargo \
+             build --release -p {name}",
             program.display()
         )
     })

@@ -93,22 +93,27 @@ fn wrong_usage_ends_with_2_and_a_message() {
     }
 }
 
-#[test]
-fn every_command_s_help_shows_an_example() {
-    let station = Station::new();
+/// Names of the commands in the help.
+fn commands(station: &Station) -> Vec<String> {
     let help = station.run(&["--help"]);
-    let commands: Vec<&str> = help
+    let commands: Vec<String> = help
         .assert_done()
         .lines()
         .skip_while(|line| !line.starts_with("Commands:"))
         .skip(1)
         .take_while(|line| line.starts_with("  "))
-        .filter_map(|line| line.split_whitespace().next())
-        .filter(|command| *command != "help")
+        .filter_map(|line| line.split_whitespace().next().map(str::to_owned))
+        .filter(|command| command != "help")
         .collect();
     assert!(commands.len() >= 11, "{commands:?}");
-    for command in commands {
-        let help = station.run(&[command, "--help"]);
+    commands
+}
+
+#[test]
+fn every_command_s_help_shows_an_example() {
+    let station = Station::new();
+    for command in commands(&station) {
+        let help = station.run(&[&command, "--help"]);
         let example = format!("equipoise {command}");
         assert!(
             help.assert_done().split("Example").nth(1).is_some_and(|rest| rest.contains(&example)),
@@ -116,4 +121,23 @@ fn every_command_s_help_shows_an_example() {
             help.stdout
         );
     }
+}
+
+#[test]
+fn every_command_has_completions_and_a_man_page() {
+    let station = Station::new();
+    let (commands, pages) = (commands(&station), station.file("man"));
+    station.run(&["man-pages", &pages.display().to_string()]).assert_done();
+    for command in &commands {
+        let page = pages.join(format!("equipoise-{command}.1"));
+        let text = std::fs::read_to_string(&page).unwrap_or_else(|error| panic!("{command}: {error}"));
+        assert!(text.contains("Example"), "{text}");
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        let completions = station.run(&["completions", shell]);
+        let script = completions.assert_done();
+        assert!(commands.iter().all(|command| script.contains(command.as_str())), "{shell}: {script}");
+    }
+    let file = station.write("file", "no directory").display().to_string();
+    station.run(&["man-pages", &file]).assert_failed(1, &["cannot write man pages", &file]);
 }
