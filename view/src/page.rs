@@ -10,6 +10,7 @@
 
 mod assets;
 pub(crate) mod connections;
+mod demo;
 mod engineer;
 mod event_stream;
 mod frame;
@@ -21,10 +22,13 @@ mod token;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 use tokio::sync::oneshot;
 
+pub use demo::{LiftResult, SimulatedHuman};
 pub use engineer::COMMAND_HEADER;
 pub use frame::PageFrame;
 pub use station::{Engineer, PageCommand, Station};
@@ -75,7 +79,9 @@ pub enum PageError {
 #[derive(Debug)]
 pub struct Page {
     address: SocketAddr,
-    stop: Option<oneshot::Sender<()>>,
+    /// Stops the server; the text is the last event of open pages.
+    stop: Option<oneshot::Sender<Arc<str>>>,
+    streams: Arc<AtomicU64>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -132,14 +138,16 @@ impl Page {
             .map_err(PageError::Start)?;
         let access = guard::Access { loopback_only, token, port: address.port() };
         let (stop, stopped) = oneshot::channel();
+        let streams = Arc::new(AtomicU64::new(0));
+        let opened = Arc::clone(&streams);
         let thread = std::thread::Builder::new()
             .name("page".to_owned())
             .spawn(move || {
-                runtime.block_on(server::serve(listener, access, feed, engineer, stopped));
+                runtime.block_on(server::serve(listener, access, feed, engineer, opened, stopped));
                 runtime.shutdown_background();
             })
             .map_err(PageError::Start)?;
-        Ok(Page { address, stop: Some(stop), thread: Some(thread) })
+        Ok(Page { address, stop: Some(stop), streams, thread: Some(thread) })
     }
 
     /// Address of the listening socket, with the actual port.
@@ -155,6 +163,20 @@ impl Page {
     /// Whether the server still runs; `false` after its feed panicked.
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+
+    /// Number of event streams that viewers have opened so far.
+    pub fn streams_opened(&self) -> u64 {
+        self.streams.load(Ordering::Relaxed)
+    }
+
+    /// Stops the server at the end of a demonstration: open pages keep displaying these results.
+    pub fn end(&mut self, results: &[LiftResult]) {
+        if let Some(stop) = self.stop.take() {
+            // The server has ended by itself if nothing receives it.
+            let _ = stop.send(serde_json::json!({ "results": results }).to_string().into());
+        }
+        self.halt();
     }
 
     /// Closes open connections and waits for the thread, at most about a second.

@@ -35,23 +35,23 @@ const TOO_MANY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nConnection: close\r\n\
     Content-Length: 64\r\n\r\nToo many connections to the page are open; close one, try again\n";
 
-/// Serves `routes` until `stopped` completes (or its sender is dropped); then calls `farewell`, which must end endless
-/// responses.
-pub(crate) async fn serve(
+/// Serves `routes` until `stopped` completes (or its sender is dropped); then calls `farewell` with its value, which must
+/// end endless responses.
+pub(crate) async fn serve<T>(
     listener: TcpListener,
     routes: Router,
-    stopped: oneshot::Receiver<()>,
-    farewell: impl FnOnce(),
+    stopped: oneshot::Receiver<T>,
+    farewell: impl FnOnce(Option<T>),
 ) {
     // Fails only without a reactor; this function runs inside one.
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
     let open = Arc::new(GracefulShutdown::new());
     let taking = tokio::spawn(take(listener, routes, Arc::downgrade(&open)));
-    let _ = stopped.await;
+    let last = stopped.await.ok();
     taking.abort();
     // The task may hold a watcher until it has ended.
     let _ = taking.await;
-    farewell();
+    farewell(last);
     if let Some(open) = Arc::into_inner(open) {
         let _ = timeout(FAREWELL, open.shutdown()).await;
     }

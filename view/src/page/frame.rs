@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::Serializer;
 use serde_json::ser::{CompactFormatter, Formatter};
 
+use super::demo::SimulatedHuman;
 use crate::banner::Headline;
 use crate::state_json::{StateJson, level_name};
 use crate::suggested_pose::SuggestedPose;
@@ -27,12 +28,14 @@ pub struct PageFrame {
     pub cop_sigma_target_m: Option<f64>,
     /// The plate's corners in the station's world, in turn, m.
     pub plate_corners_m: Option<[[f64; 2]; 4]>,
+    /// The simulated human of a demonstration.
+    pub simulated: Option<SimulatedHuman>,
 }
 
 impl PageFrame {
     /// A frame of nothing but a state.
     pub fn new(state: State) -> PageFrame {
-        PageFrame { state, suggested: None, cop_sigma_target_m: None, plate_corners_m: None }
+        PageFrame { state, suggested: None, cop_sigma_target_m: None, plate_corners_m: None, simulated: None }
     }
 
     /// The object that the page's script reads: the state, and what it means in words.
@@ -61,6 +64,7 @@ impl PageFrame {
             pose_reached_rad: POSE_REACHED_RAD,
             cop_sigma_target_m: self.cop_sigma_target_m,
             plate_corners_m: self.plate_corners_m,
+            simulated: self.simulated,
         };
         let mut text = Vec::new();
         frame.serialize(&mut Serializer::with_formatter(&mut text, DisplayPrecision))?;
@@ -101,6 +105,8 @@ struct FrameJson<'a> {
     cop_sigma_target_m: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     plate_corners_m: Option<[[f64; 2]; 4]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    simulated: Option<SimulatedHuman>,
 }
 
 #[derive(Serialize)]

@@ -24,6 +24,8 @@ pub(super) enum Newest {
         /// JSON for `/api/state`.
         state: Arc<str>,
     },
+    /// The demonstration has ended, with these results as JSON.
+    Ended(Arc<str>),
 }
 
 /// Polls `feed` at the page's rate and updates `newest`, for ever.

@@ -1,6 +1,8 @@
 //! The routes, and the lifetime of the server.
 
 use std::net::TcpListener;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use axum::Router;
 use axum::extract::{RawQuery, State};
@@ -21,27 +23,33 @@ use super::{PageFrame, assets, connections, engineer, event_stream};
 
 const NOT_FOUND: &str = "This address has no page. Worker's page: /, engineer's page: /engineer.\n";
 
-/// Serves until `stopped` completes (or its sender is dropped).
+/// Serves until `stopped` completes, whose text is the last event of open pages, or its sender is dropped. Counts opened
+/// event streams in `streams`.
 pub(super) async fn serve<F>(
     listener: TcpListener,
     access: Access,
     feed: F,
     engineer: Option<Engineer>,
-    stopped: oneshot::Receiver<()>,
+    streams: Arc<AtomicU64>,
+    stopped: oneshot::Receiver<Arc<str>>,
 ) where
     F: FnMut() -> Option<PageFrame> + Send + 'static,
 {
     let (newest, watched) = watch::channel(Newest::Silent);
-    let follower = tokio::spawn(follow(feed, newest));
+    let follower = tokio::spawn(follow(feed, newest.clone()));
     let (more, telling) = engineer.map(engineer::routes).unzip();
     let telling = telling.map(tokio::spawn);
-    let routes = pages(watched)
+    let routes = pages(Watched { newest: watched, streams })
         .merge(more.unwrap_or_default())
         .fallback(|| std::future::ready((StatusCode::NOT_FOUND, NOT_FOUND)))
         .layer(from_fn_with_state(access, guard));
-    // Aborting both tasks drops the senders, which ends the event streams.
-    let farewell = || {
+    // Aborting both tasks and dropping the senders ends the event streams, after their last event.
+    let farewell = |last: Option<Arc<str>>| {
         follower.abort();
+        if let Some(last) = last {
+            newest.send_replace(Newest::Ended(last));
+        }
+        drop(newest);
         if let Some(telling) = telling {
             telling.abort();
         }
@@ -49,24 +57,33 @@ pub(super) async fn serve<F>(
     connections::serve(listener, routes, stopped, farewell).await;
 }
 
-fn pages(newest: watch::Receiver<Newest>) -> Router {
+/// What the routes read.
+#[derive(Clone)]
+struct Watched {
+    newest: watch::Receiver<Newest>,
+    streams: Arc<AtomicU64>,
+}
+
+fn pages(watched: Watched) -> Router {
     assets::routes()
         .route("/healthz", get(|| std::future::ready("ok\n")))
         .route("/events", get(events))
         .route("/api/state", get(state))
-        .with_state(newest)
+        .with_state(watched)
 }
 
 /// Sends the newest frame at once, then every newer one; a slow client skips frames.
 async fn events(
-    State(newest): State<watch::Receiver<Newest>>,
+    State(Watched { newest, streams }): State<Watched>,
     RawQuery(query): RawQuery,
     headers: HeaderMap,
 ) -> Response {
+    streams.fetch_add(1, Ordering::Relaxed);
     let events = WatchStream::new(newest).map(|newest| {
         Ok(match newest {
             Newest::Silent => Event::default().event("silent").data("{}"),
             Newest::State { frame, .. } => Event::default().event("frame").data(frame),
+            Newest::Ended(results) => Event::default().event("ended").data(results),
         })
     });
     match event_stream::interval_of(query.as_deref()) {
@@ -75,11 +92,11 @@ async fn events(
     }
 }
 
-async fn state(State(newest): State<watch::Receiver<Newest>>) -> Response {
+async fn state(State(Watched { newest, .. }): State<Watched>) -> Response {
     const JSON: [(header::HeaderName, &str); 1] = [(header::CONTENT_TYPE, "application/json")];
     match &*newest.borrow() {
         Newest::State { state, .. } => (JSON, state.to_string()).into_response(),
-        Newest::Silent => {
+        Newest::Silent | Newest::Ended(_) => {
             let sentence = r#"{"error":"the service has published no state within the last second"}"#;
             (StatusCode::SERVICE_UNAVAILABLE, JSON, sentence).into_response()
         }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use bytemuck::Zeroable;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
+use equipoise_view::page::{LiftResult, SimulatedHuman};
 use equipoise_view::{Page, PageError, PageFrame};
 
 const ANY_PORT: ([u8; 4], u16) = ([127, 0, 0, 1], 0);
@@ -140,6 +141,38 @@ fn a_late_joiner_gets_a_frame_and_then_newer_ones() {
     let (_, second) = next_event(&mut events);
     assert!(second["state"]["cycle"].as_u64() > first["state"]["cycle"].as_u64());
     page.stop();
+}
+
+#[test]
+fn the_last_event_of_a_demonstration_has_its_results() {
+    let mut page = running();
+    assert_eq!(page.streams_opened(), 0);
+    let mut viewers = [events(&page), BufReader::new(ask(&page, "/events?hz=2", "localhost"))];
+    for viewer in &mut viewers {
+        next_event(viewer);
+    }
+    assert_eq!(page.streams_opened(), 2);
+    let human = SimulatedHuman { height_m: 1.77, mass_kg: 72.0, box_kg: Some(4.0) };
+    page.end(&[LiftResult {
+        human,
+        load_kg: 4.25,
+        load_sigma_kg: 0.5,
+        joint: "LeftElbow",
+        level: "green",
+        torque_nm: 6.0,
+        torque_sigma_nm: 1.0,
+    }]);
+    for mut viewer in viewers {
+        let (mut name, mut data) = next_event(&mut viewer);
+        while name != "ended" {
+            (name, data) = next_event(&mut viewer);
+        }
+        let result = &data["results"][0];
+        assert_eq!((&result["load_kg"], &result["human"]["box_kg"]), (&4.25.into(), &4.0.into()), "{data}");
+        let mut rest = String::new();
+        viewer.read_to_string(&mut rest).unwrap();
+        assert!(!rest.contains("event:"), "{rest}");
+    }
 }
 
 #[test]

@@ -12,11 +12,11 @@ const UNLISTED = ["not_identified", "below_load_threshold"];
 const ADVISED = ["orange", "red"];
 const OFFLINE = {
   waiting: { name: "connecting", tone: "calm" }, live: { name: "connecting", tone: "calm" },
-  silent: { name: "silent", tone: "warn" }, lost: { name: "lost", tone: "alarm" },
+  silent: { name: "silent", tone: "warn" }, lost: { name: "lost", tone: "alarm" }, ended: { name: "ended", tone: "calm" },
 };
-
 // Kind of page of one frame:
 // `fault`, `waiting`, `pose` (to be taken and held), `load` (evaluated), `rest` (no load), `withheld` (torques invalid).
+// Without a frame: `offline`, or `ended` after the last event of a demonstration.
 function kindOf(frame) {
   const { state } = frame;
   if (frame.reasons.some(({ fault }) => fault)) return "fault";
@@ -43,7 +43,7 @@ export function viewOf(connection, frame) {
   if (!frame) {
     const { name, tone } = OFFLINE[connection];
     return {
-      kind: "offline", gap: name !== "connecting", phase: "", tone, banner: { key: `reason.${name}` }, level: null,
+      kind: connection === "ended" ? "ended" : "offline", gap: ["silent", "lost"].includes(connection), phase: "", tone, banner: { key: `reason.${name}` }, level: null,
       reasons: [{ name, fault: tone === "alarm" }], posing: false, calibrating: false, fatigue: null, advice: null, loadKg: null,
       figure: { frame: null, faded: false, levels: false },
     };

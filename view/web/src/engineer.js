@@ -18,7 +18,7 @@ const POINTS_MAX = 1200;
 const POINT_EVERY_S = 0.5;
 // Adapters publish their health once a second.
 const ADAPTER_SILENT_AFTER_S = 3;
-const CONNECTION = { waiting: ["ui.connecting", "connecting"], live: ["ui.live"], silent: ["ui.no_data", "silent"], lost: ["ui.no_connection", "lost"] };
+const CONNECTION = { waiting: ["ui.connecting", "connecting"], live: ["ui.live"], silent: ["ui.no_data", "silent"], lost: ["ui.no_connection", "lost"], ended: ["ui.ended", "ended"] };
 
 const element = (id) => document.getElementById(id);
 let charts = null;

@@ -12,19 +12,21 @@ export class Stream {
     this.address = address;
     this.names = names;
     this.changed = changed;
-    this.connection = "waiting"; // or live, silent, lost
+    this.connection = "waiting"; // or live, silent, lost, ended
+    this.results = null; // of a demonstration that has ended
     this.frame = null;
     this.lastEventAt = performance.now();
     this.connect();
     // A page that the browser keeps for its back button would keep its connection too, of which a browser opens six.
     addEventListener("pagehide", () => this.source.close());
     addEventListener("pageshow", ({ persisted }) => {
-      if (!persisted) return;
+      if (!persisted || this.results) return;
       this.setConnection("waiting");
       this.connect();
     });
     // The browser reconnects automatically, but gives up after some errors and does not detect a frozen server.
     setInterval(() => {
+      if (this.results) return;
       const now = performance.now();
       if (now - this.lastEventAt > LOST_AFTER_MS) this.setConnection("lost");
       const timedOut = now - Math.max(this.lastEventAt, this.attemptAt) > RECONNECT_AFTER_MS;
@@ -44,6 +46,12 @@ export class Stream {
       });
     }
     this.source.addEventListener("silent", () => this.receive("silent"));
+    // The last event of a demonstration: its results stay, and no server to reconnect to.
+    this.source.addEventListener("ended", (event) => {
+      this.results = JSON.parse(event.data).results;
+      this.source.close();
+      this.receive("ended");
+    });
     this.source.addEventListener("error", () => this.setConnection("lost"));
   }
 

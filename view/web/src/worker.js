@@ -17,7 +17,7 @@ import { capitalised, instruction, language, languageSwitch, reason, t } from ".
 const NUMBERS_EVERY_MS = 250;
 const FATIGUE_ROWS = 3;
 const FATIGUE_MIN = 0.01;
-const PILL = { waiting: "ui.connecting", live: "ui.live", silent: "ui.no_data", lost: "ui.no_connection" };
+const PILL = { waiting: "ui.connecting", live: "ui.live", silent: "ui.no_data", lost: "ui.no_connection", ended: "ui.ended" };
 
 const element = (id) => document.getElementById(id);
 applyTheme(() => {
@@ -79,7 +79,10 @@ function showWords(shown) {
   dataset.kind = shown.kind;
   dataset.held = String(Boolean(shown.held));
   setText(element("connection"), t(PILL[stream.connection]));
-  setText(element("phase"), shown.phase && t(`phase.${shown.phase}`));
+  setText(element("phase"), [shown.phase && t(`phase.${shown.phase}`), ...simulated(shown.figure.frame?.simulated)].filter(Boolean).join(" · "));
+  for (const part of ["stage", "panels"]) element(part).hidden = shown.kind === "ended";
+  element("results-card").hidden = shown.kind !== "ended";
+  showResults(stream.results ?? []);
   setText(element("instruction"), instruction(shown.banner));
   element("banner").dataset.tone = shown.tone;
   element("badge").hidden = !shown.level;
@@ -89,6 +92,37 @@ function showWords(shown) {
   element("poses-legend").hidden = !shown.posing;
   element("plate-legend").hidden = !shown.figure.frame;
   showReasons(shown.reasons);
+}
+
+// Who is simulated in a demonstration, and what is lifted in truth.
+function simulated(human) {
+  if (!human) return [];
+  const { height_m, mass_kg, box_kg } = human;
+  const values = { height: number(height_m, 2, language()), mass: number(mass_kg, 0, language()) };
+  return [t("ui.simulated", values), box_kg && t("ui.box", { mass: number(box_kg, 0, language()) })];
+}
+
+// The last results of a demonstration that has ended.
+function showResults(results) {
+  element("results-table").hidden = results.length === 0;
+  const key = JSON.stringify([language(), results]);
+  if (element("results").dataset.key === key) return;
+  element("results").dataset.key = key;
+  element("results").replaceChildren(...results.map((one) => {
+    const row = document.createElement("tr");
+    const withSigma = (value, sigma) => `${number(value, 1, language())}\u00a0±\u00a0${number(sigma, 1, language())}`;
+    const cells = [...simulated(one.human), `${withSigma(one.load_kg, one.load_sigma_kg)}\u00a0kg`, capitalised(t(`joint.${one.joint}`)), `${withSigma(one.torque_nm, one.torque_sigma_nm)}\u00a0N\u00a0m`];
+    row.append(...cells.map((text) => Object.assign(document.createElement("td"), { textContent: text })), levelCell(one.level));
+    return row;
+  }));
+}
+
+function levelCell(name) {
+  const [cell, badge] = ["td", "i"].map((kind) => document.createElement(kind));
+  badge.className = "badge";
+  setLevel(badge, name);
+  cell.append(badge, ` ${t(`level.${name}`)}`);
+  return cell;
 }
 
 function showReasons(reasons) {

@@ -61,6 +61,13 @@ test("a gap of less than a second keeps the words, but no value and no advice", 
   }
 });
 
+test("the end of a demonstration is shown at once, and is no fault", () => {
+  const decider = new Decider();
+  decider.decide(0, "live", frame());
+  const ended = decider.decide(1, "ended", null);
+  assert.deepEqual([ended.kind, ended.tone, ended.banner.key, ended.figure.frame], ["ended", "calm", "reason.ended", null]);
+});
+
 test("many short gaps do not add up", () => {
   const decider = new Decider();
   for (let now = 0; now < 10 * HOLD_MS; now += 500) {

@@ -75,6 +75,18 @@ test("an open connection without events is lost and opened again", (t) => {
   assert.deepEqual(stream.newest(), { a: 1 });
 });
 
+test("a demonstration that has ended leaves its results, and is not connected to again", (t) => {
+  const { stream, after, page } = setUp(t);
+  const { made } = FakeEventSource;
+  made[0].emit("frame", "{}");
+  made[0].emit("ended", '{"results":[1]}');
+  assert.deepEqual([stream.connection, stream.newest(), stream.results], ["ended", null, [1]]);
+  assert.equal(made[0].readyState, FakeEventSource.CLOSED);
+  after(60_000);
+  page.dispatchEvent(Object.assign(new Event("pageshow"), { persisted: true }));
+  assert.deepEqual([made.length, stream.connection], [1, "ended"]);
+});
+
 test("every attempt has the same timeout", (t) => {
   const { after } = setUp(t);
   after(60_000);
