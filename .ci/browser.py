@@ -54,7 +54,7 @@ LOOK = """(() => {
     }).map((one) => one.textContent.trim()),
     link: document.querySelector(".other")?.textContent ?? "", hold: shown("hold"), match: shown("match-card"), progress: shown("progress-card"),
     loaded: shown("load-card"), fatigue: shown("fatigue-card"), level: shown("badge") ? data("badge").level ?? "" : "",
-    load: text("load"), advice: shown("advice") ? text("advice") : "", flat: shown("flat-note"),
+    load: text("load"), results: [...document.querySelectorAll("#results tr")].map((row) => [...row.cells].map((cell) => cell.textContent)), advice: shown("advice") ? text("advice") : "", flat: shown("flat-note"),
     wide: document.documentElement.scrollWidth > document.documentElement.clientWidth,
     covered: overlap("header, .notice, .banner, .stage, .card, footer") || overlap(".values > div") || overlap("[role=tabpanel] > *") || overlap("header > *") || overlap(".legend, .views, .hold"), apart: parseFloat(text("apart")) || 0,
     reasons: [...document.querySelectorAll("#reasons li")].map((li) => li.dataset.reason ?? li.textContent),
@@ -76,7 +76,7 @@ LOOK = """(() => {
 
 NOTHING = {"connection": None, "frozen": False, "phase": "", "phaseText": "", "instruction": "", "drawn": "", "triangles": 0, "figure": "", "figureShare": 0.0,
            "textPx": 0.0, "clipped": [], "outside": [], "lang": "", "link": "", "hold": False, "match": False, "progress": False, "loaded": False, "fatigue": False,
-           "level": "", "load": "", "advice": "", "flat": False, "wide": False, "covered": False, "apart": 0.0, "model": "",
+           "level": "", "load": "", "results": [], "advice": "", "flat": False, "wide": False, "covered": False, "apart": 0.0, "model": "",
            "reasons": [], "plate": "", "residual": 0, "convergence": 0, "parameters": 0, "latency": 0, "sensors": [],
            "quantities": {}, "joints": [], "jointsWhy": "", "tab": "", "token": "", "workers": [], "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0, "busy": 0}
 

@@ -1,6 +1,6 @@
 """Opens the pages in headless Chromium, operates them in every phase and checks what they show (browser.py).
 
-page.py demo URL DEMO-COMMAND...          the demonstration: poses, a load, the service's death
+page.py demo URL DEMO-COMMAND...          the demonstration: poses, a load, the service's death, the end
 page.py station URL EQUIPOISE CONFIG SUIT PLATE   a page next to daemon and person: every level, commands, silence, no WebGL
 """
 
@@ -18,6 +18,9 @@ from browser import LANGUAGES, LOOK_S, SHOTS, Browser, Ended
 SECRET = "of-the-test-0123456789abcdefghij"
 START_S = 60.0
 TRIES = 4
+# The demonstration lifts them, in turn; longer than the page waits for a lost server.
+BOXES = ["box of 4\u00a0kg", "box of 10\u00a0kg", "box of 16\u00a0kg"]
+RECONNECTED_S = 8.0
 
 # Conditions on the newest frame, at which the page is frozen.
 POSING = """(last) => {
@@ -104,7 +107,7 @@ def end(browser, server, url):
 
 def demo(browser, start, url, *command):
     """Each scene from the start; repeated if the browser was too late on a slow machine, because the simulation does not wait."""
-    for scene in (poses, loaded_after_identification):
+    for scene, finish in ((poses, end), (loaded_after_identification, keeps_results)):
         for attempt in range(TRIES):
             server = start(*command)
             wait_for(url, server)
@@ -116,7 +119,21 @@ def demo(browser, start, url, *command):
                 if attempt + 1 == TRIES:
                     raise
                 report(f"repeated: {ended}")
-        end(browser, server, url)
+        finish(browser, server, url)
+
+
+def keeps_results(browser, server, url):
+    """The demonstration ends by itself; its page keeps the results, and does not look for a server."""
+    browser.server = None
+    seen = browser.look_until(lambda seen: seen["connection"] == "ended" and seen["results"], "the last results")
+    if code := server.wait(30):
+        raise RuntimeError(f"the demonstration at {url} ended with {code}")
+    time.sleep(RECONNECTED_S)
+    if (later := browser.look()) != seen or any(row[1] not in BOXES or "±" not in row[2] for row in seen["results"]):
+        raise RuntimeError(f"not the results: {seen}, later {later}")
+    report(f"\"{seen['instruction']}\": {'; '.join(' '.join(row[1:]) for row in seen['results'])}")
+    browser.shoot("worker-ended")
+    languages(browser)
 
 
 def poses(browser, url):

@@ -6,7 +6,7 @@ mod station;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -20,7 +20,7 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::status::PageFile;
-use equipoise_view::page::{Engineer, Page, PageFrame};
+use equipoise_view::page::{Engineer, LiftResult, Page, PageFrame, SimulatedHuman};
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
 
@@ -39,6 +39,7 @@ const BUS_CHECK_INTERVAL: Duration = Duration::from_secs(1);
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
+type Simulated = Mutex<Option<SimulatedHuman>>;
 type Receipts = Mutex<ReceiptBuilder>;
 
 /// A page being served, and the thread that feeds it. Dropping it closes connections and leaves the bus.
@@ -48,6 +49,7 @@ pub struct ServedPage {
     newest: Option<Arc<Newest>>,
     threads: Vec<JoinHandle<()>>,
     requests: Arc<AtomicU64>,
+    simulated: Arc<Simulated>,
     file: PageFile,
 }
 
@@ -64,7 +66,8 @@ impl ServedPage {
         let newest = Arc::new(Newest::default());
         let requests = Arc::new(AtomicU64::new(0));
         let receipts = Arc::new(Receipts::new(ReceiptBuilder::new(CONSUMER_NAME, now_ns())));
-        let frames = frames(config, &newest, &receipts, &requests);
+        let simulated = Arc::new(Simulated::default());
+        let frames = frames(config, &newest, &receipts, &requests, Arc::clone(&simulated));
         let page = Page::start_with(page.listen, token, frames, Some(engineer)).context("page.listen")?;
         let feed = start_feed(&config.station, Arc::downgrade(&newest), receipts)?;
         let collecting = station::start_collecting(station_data, Arc::downgrade(&newest))?;
@@ -73,7 +76,14 @@ impl ServedPage {
         if let Err(error) = file.write() {
             warn!("cannot write {}: {error}", file.path.display());
         }
-        Ok(ServedPage { page, newest: Some(newest), threads: vec![feed, collecting], requests, file })
+        Ok(ServedPage {
+            page,
+            newest: Some(newest),
+            threads: vec![feed, collecting],
+            requests,
+            simulated,
+            file,
+        })
     }
 
     /// The page's URL for a browser.
@@ -84,6 +94,21 @@ impl ServedPage {
     /// Whether server and feed are running.
     pub fn is_running(&self) -> bool {
         self.page.is_running() && self.threads.iter().all(|thread| !thread.is_finished())
+    }
+
+    /// Whether a viewer has opened the page.
+    pub fn has_been_viewed(&self) -> bool {
+        self.page.streams_opened() > 0
+    }
+
+    /// Sets the simulated human of the frames from now on.
+    pub fn set_simulated(&self, human: SimulatedHuman) {
+        *self.simulated.lock().unwrap_or_else(PoisonError::into_inner) = Some(human);
+    }
+
+    /// Ends the page of a demonstration: open pages keep displaying these results.
+    pub fn end(mut self, results: &[LiftResult]) {
+        self.page.end(results);
     }
 
     /// Number of frames requested by the page's thread: increments sixty times a second while the thread runs.
@@ -231,6 +256,7 @@ fn frames(
     newest: &Arc<Newest>,
     receipts: &Arc<Receipts>,
     requests: &Arc<AtomicU64>,
+    simulated: Arc<Simulated>,
 ) -> impl FnMut() -> Option<PageFrame> + Send + 'static {
     let (newest, receipts, requests) = (Arc::downgrade(newest), Arc::clone(receipts), Arc::clone(requests));
     let target_m = (config.identification.stop == StopConfig::PredictedCop)
@@ -252,6 +278,7 @@ fn frames(
         frame.suggested = suggested;
         frame.cop_sigma_target_m = target_m;
         frame.plate_corners_m = plate_corners_m;
+        frame.simulated = *simulated.lock().unwrap_or_else(PoisonError::into_inner);
         Some(frame)
     }
 }

@@ -3,28 +3,31 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use anyhow::bail;
-
 use super::{Outcome, log_to_stderr};
 use crate::demo::{self, DemoSettings};
 
-/// Show the whole path on this machine: simulated person, real daemon, page
+/// Show the whole path on this machine, until Ctrl-C: simulated humans, real daemon, page
+///
+/// Two simulated humans of different build take turns: each is identified pose by pose, then lifts boxes of 4, 10 and 16 kg.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  equipoise demo\n  equipoise demo --headless --json --duration 180")]
+#[command(after_help = "Examples:\n  equipoise demo\n  equipoise demo --once --headless --json")]
 pub(super) struct Arguments {
-    /// End after this many seconds at the latest
-    #[arg(long, default_value_t = 240, value_name = "SECONDS")]
-    duration: u64,
+    /// One pass with one simulated human, without waiting for a viewer
+    #[arg(long)]
+    once: bool,
+    /// End after this many seconds at the latest [default with --once: 240]
+    #[arg(long, value_name = "SECONDS")]
+    duration: Option<u64>,
     /// Serve no page
     #[arg(long, conflicts_with = "page")]
     headless: bool,
     /// Loopback address of the page [default: 127.0.0.1:8017, or a free port]
     #[arg(long, value_name = "ADDRESS")]
     page: Option<SocketAddr>,
-    /// Print nothing but the summary, as JSON
+    /// Print nothing but the summary of each pass, as JSON; without waiting for a viewer
     #[arg(long)]
     json: bool,
-    /// Another seed is another person
+    /// Another seed is another person; odd and even ones differ in build
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Name of the station
@@ -41,19 +44,23 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let settings = DemoSettings {
         seed: arguments.seed,
         station: arguments.station.clone(),
-        duration: Duration::from_secs(arguments.duration),
+        once: arguments.once,
+        duration: arguments.duration.map(Duration::from_secs),
         page,
+        for_viewer: page.is_some() && !arguments.once && !arguments.json,
         verbose: !arguments.json,
     };
     let stop = super::stop_on_signals()?;
-    let summary = demo::run(&settings, &stop)?;
-    if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&summary)?);
-    } else {
-        println!("\n{summary}");
-    }
-    if !summary.complete {
-        bail!("the demonstration is not complete: no valid torque, or no still pose, was seen");
+    let passes = demo::run(&settings, &stop, |summary| {
+        if arguments.json {
+            println!("{}", serde_json::to_string_pretty(summary)?);
+        } else {
+            println!("\n{summary}\n");
+        }
+        Ok(())
+    })?;
+    if passes == 0 && !arguments.json {
+        println!("ended before a pass was complete; nothing to summarise");
     }
     Ok(Outcome::Done)
 }

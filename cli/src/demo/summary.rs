@@ -1,19 +1,25 @@
 //! What the demonstration showed, for people and for programs.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
-use equipoise_core::overload::GRAVITY_M_PER_S2;
 use equipoise_daemon::pipeline::Summary;
 use equipoise_latency::Report;
+use equipoise_view::page::{LiftResult, SimulatedHuman};
 use serde::Serialize;
 
-use super::scene::{BOX_KG, JOINTS_SHOWN, Script};
+use super::lift::{BOXES_KG, JOINTS_SHOWN, JointSums, LiftSums, Peak};
+use super::scene::Script;
 
-/// What the demonstration showed.
+/// What one pass of the demonstration showed.
 #[derive(Debug, Clone, Serialize)]
 pub struct DemoSummary {
     /// Whether everything was shown: identified, checked, lifted.
     pub complete: bool,
+    /// Stature of the simulated human, m.
+    pub height_m: f64,
+    /// Body mass of the simulated human, kg.
+    pub mass_kg: f64,
     /// Held poses that entered the filter.
     pub poses_used: u32,
     /// How long identification took, s.
@@ -22,8 +28,8 @@ pub struct DemoSummary {
     pub predicted_cop_sigma_mm: f64,
     /// Estimated versus measured CoP, unloaded, in poses not used for identification.
     pub unloaded_cop: CopError,
-    /// The box.
-    pub lift: Lift,
+    /// The boxes in turn.
+    pub lifts: Vec<Lift>,
     /// Cycles, slots, deadlines.
     pub cycles: u64,
     /// Slots of the schedule that passed without a cycle.
@@ -57,19 +63,45 @@ pub struct CopError {
     pub percent: f64,
 }
 
-/// While lifting.
+/// While lifting one box.
 #[derive(Debug, Clone, Serialize)]
 pub struct Lift {
-    /// What was lifted, kg.
+    /// True mass of the box from the simulator, kg; 0 if it was never lifted completely with a published mass.
     pub mass_kg: f64,
+    /// Mean published mass, kg.
+    pub lifted_mass_kg: f64,
+    /// Mean published 1-σ of it, kg.
+    pub lifted_mass_sigma_kg: f64,
     /// Suit samples with valid torques.
     pub samples: u64,
-    /// Mean published external force, N.
+    /// Mean published vertical external force, N.
     pub delta_f_n: f64,
-    /// The box's weight, N.
+    /// Mean true one, with the inertia of the box, N.
     pub delta_f_true_n: f64,
     /// Joints, right side.
     pub joints: Vec<JointTorque>,
+    /// For each level, suit samples in which a joint has it.
+    pub levels: BTreeMap<&'static str, u64>,
+    /// When a joint came closest to its limit; absent without a decided level.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub peak: Option<PeakTorque>,
+}
+
+/// The instant at which a joint came closest to its limit.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct PeakTorque {
+    /// MVN's name of the joint.
+    pub name: &'static str,
+    /// Published level.
+    pub level: &'static str,
+    /// Published torque, N m.
+    pub torque_nm: f64,
+    /// Published 1-σ, N m.
+    pub sigma_nm: f64,
+    /// True torque, from the simulator, N m.
+    pub true_nm: f64,
+    /// Published torque limit, N m.
+    pub limit_nm: f64,
 }
 
 /// One joint while lifting, means over the samples, N m.
@@ -94,37 +126,21 @@ pub struct JointTorque {
 }
 
 impl DemoSummary {
-    pub(super) fn of(script: Script, pipeline: &Summary) -> DemoSummary {
-        let samples = script.loaded_samples.max(1.0);
-        let joints = JOINTS_SHOWN
-            .iter()
-            .zip(&script.joints)
-            .map(|((joint, name), sums)| JointTorque {
-                joint,
-                name,
-                torque_nm: sums.published_nm / samples,
-                true_nm: sums.true_nm / samples,
-                sigma_nm: sums.sigma_nm / samples,
-                error_nm: (sums.error_nm2 / samples).sqrt(),
-                torque_max_nm: sums.published_max_nm,
-                true_max_nm: sums.true_max_nm,
-            })
-            .collect();
-        let unloaded_cop = cop_error(&script);
+    pub(super) fn of(script: &Script, human: SimulatedHuman, pipeline: &Summary) -> DemoSummary {
+        let unloaded_cop = cop_error(script);
+        let lifts: Vec<Lift> = script.lifts.iter().map(Lift::of).collect();
         let loop_thread = pipeline.threads.iter().find(|report| report.thread == "loop");
         DemoSummary {
-            complete: unloaded_cop.samples > 0 && script.loaded_samples > 0.0,
+            complete: unloaded_cop.samples > 0
+                && lifts.len() == BOXES_KG.len()
+                && script.lifts.iter().all(LiftSums::is_complete),
+            height_m: human.height_m,
+            mass_kg: human.mass_kg,
             poses_used: script.poses_used,
             identified_after_s: script.identified_after_s,
             predicted_cop_sigma_mm: script.predicted_sigma_m * 1e3,
             unloaded_cop,
-            lift: Lift {
-                mass_kg: BOX_KG,
-                samples: script.loaded_samples as u64,
-                delta_f_n: script.delta_f_n / samples,
-                delta_f_true_n: BOX_KG * GRAVITY_M_PER_S2,
-                joints,
-            },
+            lifts,
             cycles: pipeline.cycles.cycles,
             slots_skipped: pipeline.cycles.slots_skipped,
             deadlines_missed: pipeline.cycles.deadlines_missed,
@@ -133,6 +149,64 @@ impl DemoSummary {
             loop_fifo_priority: loop_thread.map_or(0, |report| report.granted.fifo_priority),
         }
     }
+}
+
+impl Lift {
+    fn of(sums: &LiftSums) -> Lift {
+        let samples = sums.samples.max(1.0);
+        let mass_samples = sums.mass.samples.max(1.0);
+        let joint = |((joint, name), sums): (&(&'static str, &'static str), &JointSums)| JointTorque {
+            joint,
+            name,
+            torque_nm: sums.published_nm / samples,
+            true_nm: sums.true_nm / samples,
+            sigma_nm: sums.sigma_nm / samples,
+            error_nm: (sums.error_nm2 / samples).sqrt(),
+            torque_max_nm: sums.published_max_nm,
+            true_max_nm: sums.true_max_nm,
+        };
+        Lift {
+            mass_kg: sums.mass.true_kg / mass_samples,
+            lifted_mass_kg: sums.mass.published_kg / mass_samples,
+            lifted_mass_sigma_kg: sums.mass.sigma_kg / mass_samples,
+            samples: sums.samples as u64,
+            delta_f_n: sums.delta_f_n / samples,
+            delta_f_true_n: sums.delta_f_true_n / samples,
+            joints: JOINTS_SHOWN.iter().zip(&sums.joints).map(joint).collect(),
+            levels: sums.levels.iter().map(|(level, samples)| (level.name(), *samples)).collect(),
+            peak: sums.peak.map(PeakTorque::of),
+        }
+    }
+}
+
+impl PeakTorque {
+    fn of(peak: Peak) -> PeakTorque {
+        PeakTorque {
+            name: peak.joint.name(),
+            level: peak.level.name(),
+            torque_nm: peak.torque_nm,
+            sigma_nm: peak.sigma_nm,
+            true_nm: peak.true_nm,
+            limit_nm: peak.limit_nm,
+        }
+    }
+}
+
+/// Results of the lifts so far, for the page; a lift without a published mass and level has none.
+pub(super) fn page_results(script: &Script, human: SimulatedHuman) -> Vec<LiftResult> {
+    let result = |(sums, box_kg): (&LiftSums, &f64)| {
+        let (lift, peak) = (Lift::of(sums), sums.peak?);
+        (sums.mass.samples > 0.0).then_some(LiftResult {
+            human: SimulatedHuman { box_kg: Some(*box_kg), ..human },
+            load_kg: lift.lifted_mass_kg,
+            load_sigma_kg: lift.lifted_mass_sigma_kg,
+            joint: peak.joint.name(),
+            level: peak.level.name(),
+            torque_nm: peak.torque_nm,
+            torque_sigma_nm: peak.sigma_nm,
+        })
+    };
+    script.lifts.iter().zip(&BOXES_KG).filter_map(result).collect()
 }
 
 fn cop_error(script: &Script) -> CopError {
@@ -157,34 +231,21 @@ impl fmt::Display for DemoSummary {
         let cop = &self.unloaded_cop;
         writeln!(
             f,
-            "identified with {} poses in {:.0} s; predicted CoP standard deviation {:.1} mm",
-            self.poses_used, self.identified_after_s, self.predicted_cop_sigma_mm
-        )?;
-        writeln!(
-            f,
-            "unloaded CoP error in new poses: {:.1} mm forward, {:.1} mm sideways, {:.1} mm",
-            cop.forward_mm, cop.sideways_mm, cop.distance_mm
+            "{:.2} m, {:.0} kg: identified with {} poses in {:.0} s; predicted CoP standard deviation {:.1} mm",
+            self.height_m,
+            self.mass_kg,
+            self.poses_used,
+            self.identified_after_s,
+            self.predicted_cop_sigma_mm
         )?;
         let [forward_mm, sideways_mm] = cop.cop_range_mm;
         writeln!(
             f,
-            "range of the CoP in this session: {forward_mm:.0} mm forward, {sideways_mm:.0} mm sideways; the error is {:.0} % of its \
-             diagonal",
-            cop.percent
+            "unloaded CoP error in new poses: {:.1} mm forward, {:.1} mm sideways, {:.1} mm; {:.0} % of the diagonal of its \
+             range ({forward_mm:.0} x {sideways_mm:.0} mm)",
+            cop.forward_mm, cop.sideways_mm, cop.distance_mm, cop.percent
         )?;
-        writeln!(
-            f,
-            "\nlifting {} kg: external force {:.1} N, true {:.1} N ({} samples with valid torques)",
-            self.lift.mass_kg, self.lift.delta_f_n, self.lift.delta_f_true_n, self.lift.samples
-        )?;
-        writeln!(f, "  joint       published    1-sigma       true      error")?;
-        for joint in &self.lift.joints {
-            writeln!(
-                f,
-                "  {:<10} {:>10.1} {:>10.1} {:>10.1} {:>10.1}",
-                joint.joint, joint.torque_nm, joint.sigma_nm, joint.true_nm, joint.error_nm
-            )?;
-        }
+        self.fmt_lifts(f)?;
         writeln!(
             f,
             "\n{} cycles, {} deadlines missed, {} slots skipped, loop at {}",
@@ -197,5 +258,26 @@ impl fmt::Display for DemoSummary {
             }
         )?;
         write!(f, "{}", self.latency)
+    }
+}
+
+impl DemoSummary {
+    /// A column for each box: published ± 1-σ, and the true value.
+    fn fmt_lifts(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let line = |f: &mut fmt::Formatter<'_>, label: &str, cell: &dyn Fn(&Lift) -> String| {
+            let cells: String = self.lifts.iter().map(|lift| format!("{:>22}", cell(lift))).collect();
+            writeln!(f, "  {label:<10}{cells}")
+        };
+        let value =
+            |published: f64, sigma: f64, real: f64| format!("{published:.1} ± {sigma:.1} ({real:.1})");
+        writeln!(f, "\npublished ± 1-sigma (true); torques of the right side, N m, mean of the lift")?;
+        line(f, "load, kg", &|lift| value(lift.lifted_mass_kg, lift.lifted_mass_sigma_kg, lift.mass_kg))?;
+        for (index, (joint, _)) in JOINTS_SHOWN.iter().enumerate() {
+            line(f, joint, &|lift| {
+                let joint = &lift.joints[index];
+                value(joint.torque_nm, joint.sigma_nm, joint.true_nm)
+            })?;
+        }
+        line(f, "level", &|lift| lift.peak.map_or("-", |peak| peak.level).to_owned())
     }
 }

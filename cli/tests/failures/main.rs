@@ -11,6 +11,7 @@ mod commands;
 #[path = "../common/mod.rs"]
 mod common;
 mod consumers;
+mod demo;
 mod doctor;
 mod exclusive_publishers;
 mod flight;
