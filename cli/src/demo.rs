@@ -92,8 +92,8 @@ pub fn run(
     let page =
         config.page.as_ref().map(|page| ServedPage::start(&config, page, Path::new(""))).transpose()?;
     let start = if settings.for_viewer { StartSignal::awaited() } else { StartSignal::given() };
-    let mut show =
-        Show { settings, stop, begun: Instant::now(), suit, plate, page, start, results: Vec::new() };
+    let (once, begun) = (settings.once, Instant::now());
+    let mut show = Show { settings, stop, begun, suit, plate, page, start, once, results: Vec::new() };
     show.announce();
     let outcome = show.run(report);
     if let Some(page) = show.page.take() {
@@ -111,6 +111,8 @@ struct Show<'a> {
     plate: SocketAddr,
     page: Option<ServedPage>,
     start: StartSignal,
+    /// Whether it ends after one pass.
+    once: bool,
     /// The last results of each simulated human and box.
     results: Vec<LiftResult>,
 }
@@ -122,7 +124,7 @@ struct Subscriptions {
 }
 
 impl Show<'_> {
-    fn announce(&self) {
+    fn announce(&mut self) {
         if !self.settings.verbose {
             return;
         }
@@ -133,6 +135,11 @@ impl Show<'_> {
         println!("page: {}", page.url());
         if self.settings.for_viewer {
             let opened = open_browser(&page.url());
+            if !opened && !self.start.takes_a_key() {
+                println!("Neither a terminal nor a desktop: one pass, without waiting for a viewer.");
+                (self.start, self.once) = (StartSignal::given(), true);
+                return;
+            }
             let browser = if opened { "it opens in your browser" } else { "open it in a browser" };
             let key =
                 if self.start.takes_a_key() { ", or press Enter to start without a viewer" } else { "" };
@@ -145,14 +152,14 @@ impl Show<'_> {
         while let Some(summary) = self.pass(passes)? {
             report(&summary)?;
             // On a busy machine a pass may be incomplete; the next one follows.
-            if self.settings.once && !summary.complete {
+            if self.once && !summary.complete {
                 bail!(
                     "the demo is not complete: no valid torque with one of the boxes, or no static pose without a load \
                      was published; see `equipoise doctor` for the load of this machine"
                 );
             }
             passes += 1;
-            if self.settings.once {
+            if self.once {
                 break;
             }
         }
@@ -199,9 +206,10 @@ impl Show<'_> {
         person: &SimulationHandle,
         human: SimulatedHuman,
     ) -> anyhow::Result<Script> {
-        let DemoSettings { once, duration, verbose, for_viewer, .. } = *self.settings;
+        let DemoSettings { duration, verbose, for_viewer, .. } = *self.settings;
+        let once = self.once;
         let limit = duration.filter(|_| once).unwrap_or(PASS_LIMIT);
-        let mut script = Script::new(if for_viewer { Pace::READABLE } else { Pace::FAST });
+        let mut script = Script::new(if for_viewer && !once { Pace::READABLE } else { Pace::FAST });
         let (mut started, mut last_line) = (None, Instant::now());
         while script.scene() != Scene::Over {
             if self.stop.load(Relaxed) && once {
