@@ -264,8 +264,6 @@ pub(crate) const STEP_BLOCKS: (usize, usize) = (6, 2);
 /// Smallest step: CoP forward and left, vertical force. Unit: m, m, N. Origin: bench (the CoP's: smallest offset of
 /// interest).
 pub(crate) const STEP_MIN: [f64; 3] = [0.004, 0.004, 3.0];
-/// Blocks next to a larger step are not used: a wrong effect would fit its course. Unit: [`STEP_MIN`]. Origin: bench.
-pub(crate) const STEP_DROPPED: f64 = 5.0;
 /// A step replaces edges of the grid within this fraction of a piece. Unit: 1. Origin: bench.
 pub(crate) const STEP_REPLACES: f64 = 0.3;
 /// Shortest part of a lag or filter, which do not change for an instant. Unit: s. Origin: bench.

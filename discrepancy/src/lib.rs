@@ -35,7 +35,6 @@ mod select;
 pub mod session;
 pub mod session_report;
 pub mod spans;
-mod steps;
 mod trials;
 mod verdict;
 mod windows;

@@ -8,9 +8,8 @@ use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::{Columns, misaligned};
 
 use crate::block::{Block, Phase};
-use crate::constants::{BLOCKS_PER_POSE, BLOCKS_USED_MAX, ONSET_S, SAME_POSE_RAD, STEP_DROPPED};
+use crate::constants::{BLOCKS_PER_POSE, BLOCKS_USED_MAX, ONSET_S, SAME_POSE_RAD};
 use crate::session::Session;
-use crate::steps::steps_s;
 
 /// The rows of a session.
 #[derive(Debug, Clone)]
@@ -124,9 +123,7 @@ fn selected(session: &Session) -> Vec<&Block> {
     kept.extend(evenly(of(Phase::Reference), reference_max));
     let [begin_s, _] = session.spans_s.work;
     let mut work = of(Phase::Work);
-    // An effect takes this time to begin, to end or to change.
-    let changes_s: Vec<f64> = steps_s(&work, STEP_DROPPED).into_iter().chain([begin_s]).collect();
-    work.retain(|block| changes_s.iter().all(|at_s| (block.observation.time_s - at_s).abs() > ONSET_S));
+    work.retain(|block| block.observation.time_s > begin_s + ONSET_S);
     kept.extend(evenly(work, work_max));
     kept
 }

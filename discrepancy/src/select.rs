@@ -291,7 +291,8 @@ fn hypotheses(gram: &Gram<'_>, windows: &Windows, terms: &[usize]) -> Vec<Hypoth
     for part in windows.best(gram, terms) {
         let name = part.candidate.name();
         // An accepted effect may act again at another time, but not twice at once.
-        let Some(candidate) = accepted.iter().try_fold(part.candidate, |part, other| beside(part, other))
+        let Some(candidate) =
+            accepted.iter().try_fold(part.candidate, |part, other| without_overlap(part, other))
         else {
             continue;
         };
@@ -335,7 +336,7 @@ fn overlap(one: &Candidate, other: &Candidate) -> bool {
 
 /// The effect in the longer part of its time in which another one does not act, if both are the same and such a part is
 /// long enough.
-fn beside(candidate: Candidate, other: &Candidate) -> Option<Candidate> {
+fn without_overlap(candidate: Candidate, other: &Candidate) -> Option<Candidate> {
     if !overlap(&candidate, other) {
         return Some(candidate);
     }

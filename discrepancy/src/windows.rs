@@ -8,13 +8,12 @@ use faer::Mat;
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
     EDGE_PIECES, EDGE_STEP_MIN_S, INTERVAL_MIN_S, PART_CUTOFFS_HZ, PART_LAGS_S, PART_MODEL_ERROR,
-    PART_MODEL_ERROR_OF_SAME, STEP_REPLACES, TIMING_PART_MIN_S,
+    PART_MODEL_ERROR_OF_SAME, STEP_BLOCKS, STEP_MIN, STEP_REPLACES, STEPS_MAX, TIMING_PART_MIN_S,
 };
 use crate::evidence::log_odds;
 use crate::gram::Gram;
 use crate::linear::{dot, inner};
 use crate::rows::Rows;
-use crate::steps::steps_s;
 
 /// An effect in the best-fitting part of the work.
 #[derive(Debug, Clone)]
@@ -156,19 +155,7 @@ pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize])
             None => step_s *= 0.5,
         }
     }
-    Candidate {
-        scope: Scope::Span(span_s.map(|edge_s| between_blocks_s(gram.rows, edge_s))),
-        ..candidate.clone()
-    }
-}
-
-/// The middle between the blocks of the work before and after a time: they determine an edge no closer.
-fn between_blocks_s(rows: &Rows<'_>, edge_s: f64) -> f64 {
-    let after = (rows.work_from..rows.len()).find(|&block| rows.time_s(block) >= edge_s);
-    match after {
-        Some(after) if after > rows.work_from => 0.5 * (rows.time_s(after - 1) + rows.time_s(after)),
-        _ => edge_s,
-    }
+    Candidate { scope: Scope::Span(span_s), ..candidate.clone() }
 }
 
 /// A mass without its exact position, since a part is short.
@@ -261,7 +248,7 @@ fn ends_s(rows: &Rows<'_>) -> [f64; 2] {
 /// between its own edges.
 fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
     let [from_s, to_s] = ends_s(rows);
-    let steps_s = steps_s(&rows.blocks[rows.work_from..], 1.0);
+    let steps_s = steps_s(rows);
     let is_near_step =
         |at_s: f64| steps_s.iter().any(|step_s| (step_s - at_s).abs() < STEP_REPLACES * piece_s(rows));
     let mut edges_s: Vec<f64> = (1..EDGE_PIECES)
@@ -272,6 +259,51 @@ fn edges_s(rows: &Rows<'_>) -> Vec<f64> {
         .collect();
     edges_s.sort_by(f64::total_cmp);
     edges_s
+}
+
+/// Largest steps of the residual, s; except at a change of stance.
+fn steps_s(rows: &Rows<'_>) -> Vec<f64> {
+    let (side, ignored) = STEP_BLOCKS;
+    let first = rows.work_from + side + ignored;
+    let last = rows.len().saturating_sub(side + ignored);
+    let mut steps: Vec<(f64, usize)> = (first..last.max(first)).map(|at| (step_size(rows, at), at)).collect();
+    steps.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut kept: Vec<usize> = Vec::new();
+    for (size, at) in steps {
+        if size < 1.0 || kept.len() == STEPS_MAX {
+            break;
+        }
+        if kept.iter().all(|&other| at.abs_diff(other) > side) {
+            kept.push(at);
+        }
+    }
+    kept.into_iter().map(|at| 0.5 * (rows.time_s(at - 1) + rows.time_s(at))).collect()
+}
+
+/// Size of the residual's step just before a block, in units of [`STEP_MIN`]: the largest of the channels.
+fn step_size(rows: &Rows<'_>, at: usize) -> f64 {
+    let (side, ignored) = STEP_BLOCKS;
+    let before = at - side - ignored..at - ignored;
+    let after = at + ignored..at + ignored + side;
+    let same_stance = rows.blocks[before.start].stance == rows.blocks[after.end - 1].stance;
+    let value = |block: usize| {
+        let [x, y] = rows.cop_residual_m(block);
+        [x, y, rows.force_residual_n(block, 2)]
+    };
+    (0..3)
+        .filter(|&signal| same_stance || signal == 2)
+        .map(|signal| {
+            let [before, after] =
+                [before.clone(), after.clone()].map(|side| median(side.map(|block| value(block)[signal])));
+            (after - before).abs() / STEP_MIN[signal]
+        })
+        .fold(0.0, f64::max)
+}
+
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]
