@@ -390,3 +390,22 @@ pub(crate) fn padded(value: &[f64]) -> [f64; PARAMETERS_MAX] {
     all.iter_mut().zip(value).for_each(|(all, value)| *all = *value);
     all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_may_act_again_where_it_does_not_act_yet() {
+        let in_span = |span_s: [f64; 2]| {
+            Candidate::new(Effect::ForceGain, equipoise_core::effect::Place::Whole, 0.0, Scope::Span(span_s))
+        };
+        let scope = |one: [f64; 2], other: [f64; 2]| {
+            without_overlap(in_span(one), &in_span(other)).map(|candidate| candidate.scope)
+        };
+        assert_eq!(scope([0.0, 10.0], [20.0, 30.0]), Some(Scope::Span([0.0, 10.0])));
+        assert_eq!(scope([0.0, 21.0], [20.0, 30.0]), Some(Scope::Span([0.0, 20.0])));
+        assert_eq!(scope([29.0, 40.0], [20.0, 30.0]), Some(Scope::Span([30.0, 40.0])));
+        assert_eq!(scope([19.0, 31.0], [20.0, 30.0]), None);
+    }
+}

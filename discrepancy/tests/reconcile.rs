@@ -70,6 +70,18 @@ fn a_plate_that_lies_askew_is_named() {
 }
 
 #[test]
+fn a_large_effect_keeps_its_size() {
+    let mut session = clean(11);
+    // Six times the catalogue's prior.
+    hide(&mut session, Effect::PlateDrift, Place::Whole, &[0.0005, 0.0005], [REFERENCE_S, END_S]);
+    let outcome = answer(&session);
+    let effect = &outcome.finding.effects[0];
+    assert_eq!(effect.name, "plate_drift", "{:#?}", outcome.finding);
+    let [x, y] = ["vx_m_per_s", "vy_m_per_s"].map(|name| effect.parameters[name].value);
+    assert!((x / 0.0005 - 1.0).abs() < 0.05 && (y / 0.0005 - 1.0).abs() < 0.05, "{:?}", effect.parameters);
+}
+
+#[test]
 fn a_strong_push_for_a_while_is_named_with_both_of_its_edges() {
     let mut session = clean(13);
     let hand = Place::Hand(Side::Left);
