@@ -48,7 +48,7 @@ pub struct DemoSettings {
     /// One pass with the human of the seed, at once and as fast as the results permit. Otherwise the humans of this seed
     /// and the next one take turns until a signal or the end of the duration.
     pub once: bool,
-    /// Maximum duration; of one pass [`PASS_LIMIT`] if absent.
+    /// Maximum duration; of one pass 240 s if absent.
     pub duration: Option<Duration>,
     /// Address of the page; `None` for no page.
     pub page: Option<SocketAddr>,
