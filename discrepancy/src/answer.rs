@@ -15,6 +15,7 @@ use crate::finding::{AxisGap, Estimate, Finding, Gap, Generic, Named, Verdict};
 use crate::floor::{Floor, root_mean};
 use crate::gram::Gram;
 use crate::holdout::HeldOut;
+use crate::linear::norm;
 use crate::locate::locate;
 use crate::picture::Signal;
 use crate::reconcile::Fitted;
@@ -95,7 +96,8 @@ fn fitted(gram: &Gram<'_>, accepted: &[usize], one: &Accepted) -> Option<Fitted>
         term.span_s[1] = if to_s >= last_s - near_s { f64::INFINITY } else { to_s };
     }
     let of_shape = if is_shaped { shape_sigma(gram, candidate, &others) } else { 0.0 };
-    let shape_sigma = of_shape.hypot(if is_shaped { error * term.shape } else { 0.0 });
+    // The shape of an effect without one is 0.
+    let shape_sigma = of_shape.hypot(error * term.shape);
     let mut sigma = padded(&estimate.sigma);
     let depends_on_shape = is_shaped && !candidate.is_shape_factor();
     let moved = depends_on_shape.then(|| with_shape_moved(gram, candidate, &others, of_shape)).flatten();
@@ -152,7 +154,7 @@ fn identification_error(gram: &Gram<'_>, segment: Segment) -> f64 {
         (0..3).flat_map(|axis| on_cop.col_as_slice(axis)).map(|value| value * value).sum();
     let before_m2: f64 = (0..3).map(|axis| prior_m2(first + axis, axis)).sum();
     let phi_m = rows.blocks[0].observation.phi_m[segment.index()];
-    (before_m2 - explained_m2).max(0.0).sqrt() / phi_m.iter().map(|phi| phi * phi).sum::<f64>().sqrt()
+    (before_m2 - explained_m2).max(0.0).sqrt() / norm(phi_m)
 }
 
 fn named(gram: &Gram<'_>, one: &Accepted, fitted: &Fitted) -> Option<Named> {
