@@ -27,6 +27,7 @@ mod verify;
 mod view;
 mod watch;
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -145,7 +146,8 @@ pub fn main() -> ExitCode {
         // The reader closed our output early, as in `equipoise watch | head -n 1`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("equipoise: {}", single_line(&error));
+            // Standard error can be a terminal that was closed, where `eprintln!` panics.
+            let _ = writeln!(std::io::stderr(), "equipoise: {}", single_line(&error));
             ExitCode::FAILURE
         }
     }

@@ -1,5 +1,6 @@
 //! `equipoise-daemon`: the service alone, as systemd starts it. `equipoise run` is the same, with the metrics' server.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser};
@@ -23,7 +24,8 @@ fn main() -> ExitCode {
     match run::run(&program.arguments, None) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("equipoise-daemon: {}", process::single_line(&error));
+            // Standard error can be a terminal that was closed, where `eprintln!` panics.
+            let _ = writeln!(std::io::stderr(), "equipoise-daemon: {}", process::single_line(&error));
             ExitCode::FAILURE
         }
     }

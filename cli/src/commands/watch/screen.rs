@@ -12,7 +12,7 @@ use equipoise_view::banner::Banner;
 use equipoise_view::watch::{Watch, draw};
 use ratatui::DefaultTerminal;
 use ratatui::crossterm::terminal::disable_raw_mode;
-use rustix::io::Errno;
+use rustix::termios::tcgetattr;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
 use signal_hook::iterator::Signals;
 
@@ -45,7 +45,7 @@ pub(super) fn run(station: &str, until: &Until) -> anyhow::Result<()> {
     }
     match (result.context("cannot draw on this terminal")?, restored) {
         (End::TerminalGone, _) => Ok(()),
-        (End::Requested, Err(error)) if is_terminal_gone(&error) => Ok(()),
+        (End::Requested, Err(_)) if is_terminal_gone() => Ok(()),
         (End::Requested, restored) => restored.context("cannot restore the terminal: type `reset`"),
     }
 }
@@ -117,7 +117,7 @@ fn draw_until(
         };
         match counted(writes, || terminal.draw(|frame| draw(frame, &watch)).map(|_| ())) {
             Ok(()) => {}
-            Err(error) if is_terminal_gone(&error) => return Ok(End::TerminalGone),
+            Err(_) if is_terminal_gone() => return Ok(End::TerminalGone),
             Err(error) => return Err(error),
         }
         let drawn = Instant::now();
@@ -136,7 +136,8 @@ fn draw_until(
     Ok(End::Requested)
 }
 
-/// Writing to a terminal that was closed fails with EIO.
-fn is_terminal_gone(error: &io::Error) -> bool {
-    Errno::from_io_error(error) == Some(Errno::IO)
+/// A terminal that was closed has no settings. The error of a drawing does not tell: asked for the size of a closed
+/// terminal, crossterm runs `tput` and returns whatever error came last.
+fn is_terminal_gone() -> bool {
+    tcgetattr(io::stdout()).is_err()
 }
