@@ -235,13 +235,18 @@ fn the_pose_of_a_misplaced_plate_is_estimated_and_corrected(station: &Station) {
     let mut daemon = station.daemon_of("wrong.toml", &[]);
     let mut monitor = Monitor::open(station);
     monitor.until("both sensors", |monitor| monitor.both_fresh() && monitor.state.static_pose == 1);
-    for (index, [x, y]) in
-        [[0.095, 0.095], [0.095, -0.095], [-0.095, -0.095], [-0.095, 0.095]].iter().enumerate()
-    {
-        person.go(5.0 + 6.5 * index as f64, Place { middle_m: [*x, *y].into(), heading_rad: 0.0 });
-    }
+    let corners_m = [[0.095, 0.095], [0.095, -0.095], [-0.095, -0.095], [-0.095, 0.095]];
+    let mut next_m = corners_m.iter();
     let process = station.spawn(&["register", "--places", "5", "--json", "--write", &path]);
-    let (code, report, message) = execute(process, |_| {});
+    // The worker walks on once a place was taken, however long that took.
+    let walk = |line: &str| {
+        if line.contains("got it")
+            && let Some([x, y]) = next_m.next()
+        {
+            person.go(2.5, Place { middle_m: [*x, *y].into(), heading_rad: 0.0 });
+        }
+    };
+    let (code, report, message) = execute(process, walk);
     assert_eq!(code, Some(0), "{message}");
     assert_eq!(message.matches("got it").count(), 5, "{message}");
     println!("{report:#}");
