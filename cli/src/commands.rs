@@ -12,6 +12,7 @@ mod import;
 mod install;
 mod latency;
 mod metrics;
+mod model;
 mod reconcile;
 mod record;
 mod register;
@@ -82,6 +83,7 @@ enum Command {
     Report(report::Arguments),
     Export(export::Arguments),
     Reconcile(reconcile::Arguments),
+    Model(model::Arguments),
     Latency(latency::Arguments),
     Metrics(metrics::Arguments),
     #[command(alias = "outlet")]
@@ -129,6 +131,7 @@ pub fn main() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Reconcile(arguments) => reconcile::run(&arguments),
+        Command::Model(arguments) => model::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Metrics(arguments) => metrics::run(&arguments),
         Command::Gateway(arguments) => gateway::run(&arguments),

@@ -69,10 +69,15 @@ impl LoadedModel {
         if self.spans_hold {
             text += ", each in the span of this recording in which it was found";
         }
-        if !left_out.is_empty() {
-            let left_out = names(left_out.into_iter().map(Fitted::name).collect());
-            text +=
-                &format!("; left out, since it ended before the recording it was found in did: {left_out}");
+        let (rejected, ended): (Vec<&Fitted>, Vec<&Fitted>) =
+            left_out.into_iter().partition(|fitted| fitted.is_rejected());
+        if !ended.is_empty() {
+            let ended = names(ended.into_iter().map(Fitted::name).collect());
+            text += &format!("; left out, since it ended before the recording it was found in did: {ended}");
+        }
+        for fitted in rejected {
+            let reason = fitted.review.as_ref().map_or("", |review| review.reason.as_str());
+            text += &format!("; rejected: {} ({reason})", fitted.name());
         }
         if let Some(ask) = &self.file.ask {
             text += &format!("; {}, to tell {} from {}", ask.what(), ask.between[0], ask.between[1]);

@@ -23,6 +23,8 @@
 mod ask;
 mod check;
 mod limits;
+mod merge;
+mod review;
 mod text;
 
 use std::path::PathBuf;
@@ -32,6 +34,8 @@ use serde::{Deserialize, Serialize};
 
 pub use ask::{Ask, turn};
 pub use limits::largest;
+pub use merge::{MergeError, Merged, merge};
+pub use review::{Review, Verdict, with_review};
 
 /// The version that is written and read.
 pub const VERSION: u32 = 1;
@@ -60,7 +64,7 @@ pub struct Provenance {
 }
 
 /// A fitted effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
     /// The effect.
     pub effect: Effect,
@@ -80,14 +84,31 @@ pub struct Fitted {
     pub open_ended: bool,
     /// Log Bayes factor of adding it.
     pub log_odds: f64,
+    /// An engineer's verdict; `None` without one.
+    pub review: Option<Review>,
+}
+
+/// A parameter of a fitted effect.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    /// Name in the file.
+    pub name: &'static str,
+    /// Value, in the unit.
+    pub value: f64,
+    /// 1-σ, in the unit.
+    pub sigma: f64,
+    /// Unit as written in the file.
+    pub unit: &'static str,
 }
 
 /// A whole model file.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct ModelFile {
-    /// Provenance; `None` if it was written by hand.
+    /// Provenance; `None` if it was written by hand or merged.
     pub provenance: Option<Provenance>,
-    /// Effects, at most [`TERMS_MAX`].
+    /// Provenance of the models that were merged into it.
+    pub merged_from: Vec<Provenance>,
+    /// Effects; at most [`TERMS_MAX`] are not rejected.
     pub effects: Vec<Fitted>,
     /// Measurement that separates explanations of its recording; `None` if none is needed.
     pub ask: Option<Ask>,
@@ -140,13 +161,19 @@ impl ModelFile {
 
     /// The model for the loop, and the effects that it leaves out.
     pub fn model(&self, spans: Spans) -> (Model, Vec<&Fitted>) {
-        let is_applied = |fitted: &&Fitted| spans == Spans::Hold || fitted.open_ended;
+        let is_applied =
+            |fitted: &&Fitted| !fitted.is_rejected() && (spans == Spans::Hold || fitted.open_ended);
         let (applied, left_out): (Vec<&Fitted>, Vec<&Fitted>) = self.effects.iter().partition(is_applied);
         let mut terms = [None; TERMS_MAX];
         for (term, fitted) in terms.iter_mut().zip(applied) {
             *term = Some(fitted.term(spans));
         }
         (Model { terms }, left_out)
+    }
+
+    /// The effects that an engineer rejected.
+    pub fn rejected(&self) -> impl Iterator<Item = &Fitted> {
+        self.effects.iter().filter(|fitted| fitted.is_rejected())
     }
 
     /// Whether it was made from a recording with this SHA-256.
@@ -165,6 +192,31 @@ impl Fitted {
             (Spans::Hold, false) => self.span_s,
         };
         Term { effect: self.effect, place: self.place, shape: self.shape, value: self.value, span_s }
+    }
+
+    /// Whether an engineer rejected it.
+    pub fn is_rejected(&self) -> bool {
+        self.review.as_ref().is_some_and(|review| review.verdict == Verdict::Rejected)
+    }
+
+    /// Its parameters, the fitted shape included.
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let shape = self.effect.shape_name().filter(|_| self.shape != 0.0).map(|name| Parameter {
+            name,
+            value: self.shape,
+            sigma: self.shape_sigma,
+            unit: text::shape_unit(self.effect),
+        });
+        let described = self.effect.parameters_of(self.shape).iter().zip(self.value.iter().zip(self.sigma));
+        let values = described.map(|(described, (&value, sigma))| Parameter {
+            name: described.name,
+            value,
+            sigma,
+            unit: described.unit,
+        });
+        // A lag's parameter is its shape.
+        let values = values.filter(|_| !text::shape_is_parameter(self.effect));
+        shape.into_iter().chain(values).collect()
     }
 
     /// Name with place: `worn_mass T8`.

@@ -19,7 +19,7 @@ fn class(name: &str) -> String {
 }
 
 /// Whether two names stand for the same columns.
-fn same_columns(one: &str, other: &str) -> bool {
+pub(crate) fn same_columns(one: &str, other: &str) -> bool {
     class(one) == class(other)
 }
 

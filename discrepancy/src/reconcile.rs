@@ -14,6 +14,7 @@ use crate::gram::Gram;
 use crate::holdout::held_out;
 use crate::noise::Noise;
 use crate::picture::Picture;
+use crate::posterior::same_columns;
 use crate::refine::scale_moment_priors;
 use crate::rows::Rows;
 use crate::select::select;
@@ -24,18 +25,20 @@ use crate::windows::Windows;
 use crate::{answer, drawing};
 
 /// Options of a reconciliation.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Minimum log Bayes factor of a generic term; the level reached by chance on these data may be higher.
     pub least_log_odds: f64,
     /// Number of simulated clean sessions from which the level reached by chance is estimated.
     pub draws: usize,
+    /// Effects that are not there, by name with place: an engineer rejected them.
+    pub excluded: Vec<String>,
 }
 
 impl Default for Options {
     /// Calibrated on clean sessions (docs/discrepancy.md).
     fn default() -> Options {
-        Options { least_log_odds: LOG_ODDS_MIN, draws: DRAWS }
+        Options { least_log_odds: LOG_ODDS_MIN, draws: DRAWS, excluded: Vec::new() }
     }
 }
 
@@ -122,7 +125,9 @@ pub fn reconcile(
     let rows = Rows::of(session);
     let noise = Noise::fit(&rows)?;
     progress(0.4);
-    let mut gram = Gram::of(&rows, &noise, candidate::all(&rows));
+    let mut candidates = candidate::all(&rows);
+    candidates.retain(|candidate| !options.excluded.iter().any(|name| same_columns(name, &candidate.name())));
+    let mut gram = Gram::of(&rows, &noise, candidates);
     scale_moment_priors(&mut gram);
     let threshold = options.least_log_odds.max(chance_level(&gram, options.draws));
     progress(0.6);

@@ -1,4 +1,4 @@
-//! Changes single values of a configuration file and preserves comments, order and everything else.
+//! Changes single values of a file and preserves comments, order and everything else.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt, chown};
@@ -63,17 +63,28 @@ pub fn check(path: &Path) -> anyhow::Result<()> {
     Ok(Config::parse(&text, &path.display().to_string()).map(drop)?)
 }
 
-/// Changes a file atomically; the result must be a valid configuration.
+/// Changes a configuration file atomically; the result must be a valid configuration.
 ///
 /// # Errors
 /// The file cannot be read or written, or the result would be invalid.
 pub fn write(path: &Path, changes: &[Change]) -> anyhow::Result<()> {
+    rewrite(path, |text, name| {
+        Config::parse(text, name)?;
+        let after = apply(text, changes).with_context(|| name.to_owned())?;
+        Config::parse(&after, name)?;
+        Ok(after)
+    })
+}
+
+/// Replaces a file's text atomically by what `change` makes of it and of the file's name; keeps owner and mode.
+///
+/// # Errors
+/// The file cannot be read or written, or the error of `change`: then the file is unchanged.
+pub fn rewrite(path: &Path, change: impl FnOnce(&str, &str) -> anyhow::Result<String>) -> anyhow::Result<()> {
     // Write to the target of a link, so that the link remains.
     let path = fs::canonicalize(path).with_context(|| format!("cannot find {}", path.display()))?;
     let text = read_text(&path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
-    Config::parse(&text, &path.display().to_string())?;
-    let after = apply(&text, changes).with_context(|| path.display().to_string())?;
-    Config::parse(&after, &path.display().to_string())?;
+    let after = change(&text, &path.display().to_string())?;
     let before = fs::metadata(&path)?;
     write_atomically(&path, after.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
     fs::set_permissions(&path, before.permissions())?;

@@ -1,22 +1,25 @@
 //! `equipoise reconcile`: discrepancies between model and measurement, the missing effect, and the gap before and after it
 //! is added.
 
+mod session;
+
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_config::model::LoadedModel;
+use equipoise_config::model_file::Fitted;
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
 use equipoise_discrepancy::spans::Given;
-use equipoise_discrepancy::workflow::Reconcile;
 use equipoise_discrepancy::workflow::output::{Results, folders};
 use equipoise_discrepancy::workflow::summary::Summary;
+use equipoise_discrepancy::workflow::{Compared, Reconcile};
 use equipoise_files::sha256_of;
 use equipoise_recording::replay::input::{Chosen, Input};
 use equipoise_recording::replay::skipped_lines;
 
-use super::{Outcome, span};
+use super::{Outcome, StationArgument, span};
 use crate::progress_bar::Bar;
 
 /// Locate discrepancies between model and measurement, name the missing effect, add it to the model
@@ -30,17 +33,22 @@ use crate::progress_bar::Bar;
     after_help = "Examples:\n  equipoise reconcile shift.mcap --out shift-reconciled\n  equipoise reconcile shift.mcap \
                   --identify 0:95 --reference 95:240 --work 240:900 --json\n  equipoise reconcile capture.csv --config \
                   examples/human-motion.toml --identify 0:30\n  equipoise replay shift.mcap --model \
-                  shift-reconciled/model.toml\n\nExit code 3: part of the data was rejected or is missing; the rest was \
+                  shift-reconciled/model.toml\n  equipoise reconcile --session --station press-3 --out found\n\nExit code 3: part of the data was rejected or is missing; the rest was \
                   used, and the summary lists it."
 )]
 pub(super) struct Arguments {
     /// Recordings or captures; several are processed in sequence
-    #[arg(required = true, value_name = "FILE")]
+    #[arg(required_unless_present = "session", conflicts_with = "session", value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Record a running station, evaluate at each Enter, and ask for the next measurement until the names are certain
+    #[arg(long, requires = "out")]
+    session: bool,
+    #[command(flatten)]
+    station: StationArgument,
     /// Configuration that replaces the recording's own
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Model file of the effects already found
+    /// Model file of the effects already found; those that `equipoise model reject` marked are not considered again
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
     /// Identification poses: begin and end, seconds since the recording's begin
@@ -61,16 +69,16 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
-    let given = Given {
-        identify: span("--identify", arguments.identify.as_deref())?,
-        reference: span("--reference", arguments.reference.as_deref())?,
-        work: span("--work", arguments.work.as_deref())?,
-    };
+    // Wrong spans are refused before any file is read.
+    arguments.given()?;
+    if let Some(folder) = arguments.out.as_deref().filter(|_| arguments.session) {
+        return session::run(arguments, folder);
+    }
     let folders = arguments.out.as_deref().map(|out| folders(out, &arguments.files)).transpose()?;
     let mut outcome = Outcome::Done;
     for (index, file) in arguments.files.iter().enumerate() {
         let folder = folders.as_ref().map(|folders| folders[index].as_path());
-        let of_file = one(arguments, file, folder, given).with_context(|| file.display().to_string())?;
+        let of_file = one(arguments, file, folder).with_context(|| file.display().to_string())?;
         if of_file == Outcome::PartRejected {
             outcome = Outcome::PartRejected;
         }
@@ -78,8 +86,27 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(outcome)
 }
 
-/// Reconciles one file; returns whether all of it was used.
-fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) -> anyhow::Result<Outcome> {
+impl Arguments {
+    fn given(&self) -> anyhow::Result<Given> {
+        Ok(Given {
+            identify: span("--identify", self.identify.as_deref())?,
+            reference: span("--reference", self.reference.as_deref())?,
+            work: span("--work", self.work.as_deref())?,
+        })
+    }
+}
+
+/// A reconciled file.
+struct Evaluated {
+    input: Input,
+    config: Config,
+    /// File, configuration and model, in words.
+    head: String,
+    compared: Compared,
+    outcome: equipoise_discrepancy::Outcome,
+}
+
+fn evaluate(arguments: &Arguments, file: &Path) -> anyhow::Result<Evaluated> {
     let input = Input::open(file)?;
     let mut chosen = input.configuration(arguments.config.as_deref())?;
     same_subject(&input, &chosen)?;
@@ -91,32 +118,64 @@ fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>, given: Given) 
         model.fit_to(file)?;
         head += &format!("{}\n", model.describe());
     }
-    let reconcile = Reconcile { input: &input, config: &chosen.config, given };
+    let config = chosen.config;
+    let reconcile = Reconcile { input: &input, config: &config, given: arguments.given()? };
     let bar = Bar::new(arguments.json);
     let compared = reconcile.compare(&mut |progress| bar.update(progress.doing, progress.share))?;
-    let mut outcome =
-        equipoise_discrepancy::reconcile(&compared.session, &Options::default(), &mut |share| {
-            bar.update("testing effects", share);
-        })?;
+    let rejected = config.loaded_model.iter().flat_map(|model| model.file().rejected());
+    let options = Options { excluded: rejected.map(Fitted::name).collect(), ..Options::default() };
+    let outcome = equipoise_discrepancy::reconcile(&compared.session, &options, &mut |share| {
+        bar.update("testing effects", share);
+    })?;
     bar.clear();
+    Ok(Evaluated { input, config, head, compared, outcome })
+}
+
+impl Evaluated {
+    /// Prints the finding, and what of the file could not be used.
+    fn print(&self, arguments: &Arguments) -> anyhow::Result<()> {
+        let skipped = skipped_lines(&self.compared.skipped);
+        if arguments.json {
+            self.print_finding(arguments)?;
+            eprint!("{skipped}");
+        } else {
+            print!("{}", self.head);
+            self.print_finding(arguments)?;
+            print!("{skipped}");
+        }
+        Ok(())
+    }
+
+    fn print_finding(&self, arguments: &Arguments) -> anyhow::Result<()> {
+        let finding = &self.outcome.finding;
+        if arguments.json {
+            return print_json(finding, arguments.session || arguments.files.len() > 1);
+        }
+        print!("{}", Summary { compared: &self.compared, finding });
+        Ok(())
+    }
+}
+
+/// Reconciles one file and writes the results; returns whether all of it was used.
+fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>) -> anyhow::Result<Outcome> {
+    let mut evaluated = evaluate(arguments, file)?;
     let written = match folder {
         Some(folder) => {
             let command = std::env::args().collect::<Vec<String>>().join(" ");
             let results = Results { folder, file, sha256: &sha256_of(file)?, command };
-            results.write(&reconcile, &compared, &mut outcome)?
+            let Evaluated { input, config, compared, outcome, .. } = &mut evaluated;
+            let reconcile = Reconcile { input, config, given: arguments.given()? };
+            results.write(&reconcile, compared, outcome)?
         }
         None => Vec::new(),
     };
-    let rejected = &compared.skipped.rejected;
-    let summary = Summary { compared: &compared, finding: &outcome.finding };
-    let skipped = skipped_lines(&compared.skipped);
-    if arguments.json {
-        print_json(&outcome.finding, arguments.files.len() > 1)?;
-        eprint!("{skipped}");
-    } else {
-        let written = written.iter().rev().take(3).map(|path| format!("written: {}\n", path.display()));
-        print!("{head}{summary}{}{skipped}", written.collect::<String>());
+    evaluated.print(arguments)?;
+    if !arguments.json {
+        for path in written.iter().rev().take(3) {
+            println!("written: {}", path.display());
+        }
     }
+    let rejected = &evaluated.compared.skipped.rejected;
     Ok(if rejected.is_empty() { Outcome::Done } else { Outcome::PartRejected })
 }
 

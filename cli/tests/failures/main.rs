@@ -37,6 +37,7 @@ mod plate;
 mod private;
 mod process;
 mod random_kills;
+mod reconcile_session;
 mod record_live;
 mod record_pictures;
 mod record_service;

@@ -149,7 +149,7 @@ poses_min = 1000
         )
     }
 
-    fn command<Argument: AsRef<std::ffi::OsStr>>(&self, arguments: &[Argument]) -> Command {
+    pub(crate) fn command<Argument: AsRef<std::ffi::OsStr>>(&self, arguments: &[Argument]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_equipoise"));
         command.args(arguments).env("EQUIPOISE_BUS_ROOT", self.root());
         command.env("STATE_DIRECTORY", self.state_directory()).env("EQUIPOISE_STATION", NAME);

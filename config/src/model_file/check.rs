@@ -14,14 +14,12 @@ pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError>
         let what = format!("version {} is not one that this release reads; it reads {VERSION}", raw.version);
         return wrong(format!("{name}, version"), what);
     }
-    if raw.effect.len() > TERMS_MAX {
-        let what = format!("{} effects; the loop runs at most {TERMS_MAX}", raw.effect.len());
-        return wrong(name.to_owned(), what);
-    }
-    if let Some(provenance) = &raw.provenance
-        && let Err((key, what)) = check_provenance(provenance)
+    let own = raw.provenance.iter().map(|provenance| ("provenance", provenance));
+    for (table, provenance) in own.chain(raw.merged_from.iter().map(|provenance| ("merged_from", provenance)))
     {
-        return wrong(format!("{name}, provenance, {key}"), what);
+        if let Err((key, what)) = check_provenance(provenance) {
+            return wrong(format!("{name}, {table}, {key}"), what);
+        }
     }
     let mut effects = Vec::new();
     for (index, effect) in raw.effect.into_iter().enumerate() {
@@ -30,12 +28,16 @@ pub(super) fn checked(raw: Raw, name: &str) -> Result<ModelFile, ModelFileError>
             Err((key, what)) => return wrong(format!("{name}, effect {}, {key}", index + 1), what),
         }
     }
+    let applied = effects.iter().filter(|fitted| !fitted.is_rejected()).count();
+    if applied > TERMS_MAX {
+        return wrong(name.to_owned(), format!("{applied} effects; the loop runs at most {TERMS_MAX}"));
+    }
     if let Some(ask) = &raw.ask
         && let Err((key, what)) = super::ask::check(ask)
     {
         return wrong(format!("{name}, ask, {key}"), what);
     }
-    Ok(ModelFile { provenance: raw.provenance, effects, ask: raw.ask })
+    Ok(ModelFile { provenance: raw.provenance, merged_from: raw.merged_from, effects, ask: raw.ask })
 }
 
 /// The invalid key and its error message.
@@ -79,9 +81,11 @@ fn fitted(raw: RawEffect) -> Result<Fitted, Refusal> {
     }
     let (shape, shape_sigma) = shape(&raw, effect)?;
     let (value, sigma) = values(&raw, effect, shape)?;
-    let span_s = raw.span_s;
-    let (open_ended, log_odds) = (raw.open_ended, raw.log_odds);
-    Ok(Fitted { effect, place, shape, shape_sigma, value, sigma, span_s, open_ended, log_odds })
+    if let Some(review) = &raw.review {
+        review.check().or_else(|(key, what)| refuse(&format!("review.{key}"), what))?;
+    }
+    let RawEffect { span_s, open_ended, log_odds, review, .. } = raw;
+    Ok(Fitted { effect, place, shape, shape_sigma, value, sigma, span_s, open_ended, log_odds, review })
 }
 
 fn place(raw: &RawEffect, effect: Effect) -> Result<Place, Refusal> {

@@ -46,7 +46,7 @@ fn refusal(text: &str) -> String {
 #[test]
 fn what_stands_in_a_file_is_what_runs() {
     let file = ModelFile::parse(TEXT, "m.toml").unwrap();
-    let [worn, drift] = file.effects[..] else { panic!("two effects") };
+    let [worn, drift] = &file.effects[..] else { panic!("two effects") };
     assert_eq!((worn.effect, worn.place), (Effect::WornMass, Place::Segment(Segment::T8)));
     assert_eq!((worn.value, worn.sigma[0]), ([2.1, 0.0, 0.0, 0.0], 0.05));
     assert_eq!((drift.shape, drift.value), (40.0, [0.02, 0.0, 0.0, 0.0]));
@@ -59,7 +59,7 @@ fn what_stands_in_a_file_is_what_runs() {
     let (elsewhere, left_out) = file.model(Spans::OpenEndedForEver);
     assert_eq!(elsewhere.terms.iter().flatten().count(), 1);
     assert_eq!(elsewhere.terms[0].unwrap().span_s, [0.0, f64::INFINITY]);
-    assert_eq!(left_out, [&drift]);
+    assert_eq!(left_out, [drift]);
 
     assert!(file.is_of("00112233445566778899aabbccddeeff00112233445566778899aabbccddeeff"));
     assert!(!file.is_of(""));
@@ -184,7 +184,8 @@ fn any_fitted() -> impl Strategy<Value = Fitted> {
             let shape_sigma = if shape == 0.0 { 0.0 } else { sigmas[0] };
             let place = effect.places()[place % effect.places().len()];
             let span_s = [from_s, from_s + length_s];
-            Fitted { effect, place, shape, shape_sigma, value, sigma, span_s, open_ended, log_odds }
+            let review = None;
+            Fitted { effect, place, shape, shape_sigma, value, sigma, span_s, open_ended, log_odds, review }
         })
 }
 

@@ -7,7 +7,7 @@ use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{Effect, Place};
 use serde::Deserialize;
 
-use super::{Ask, Fitted, ModelFile, ModelFileError, Provenance, VERSION};
+use super::{Ask, Fitted, ModelFile, ModelFileError, Parameter, Provenance, Review, VERSION};
 
 /// The file as parsed, before validation.
 #[derive(Debug, Deserialize)]
@@ -15,6 +15,8 @@ use super::{Ask, Fitted, ModelFile, ModelFileError, Provenance, VERSION};
 pub(super) struct Raw {
     pub(super) version: u32,
     pub(super) provenance: Option<Provenance>,
+    #[serde(default)]
+    pub(super) merged_from: Vec<Provenance>,
     pub(super) ask: Option<Ask>,
     #[serde(default)]
     pub(super) effect: Vec<RawEffect>,
@@ -29,6 +31,7 @@ pub(super) struct RawEffect {
     pub(super) span_s: [f64; 2],
     pub(super) open_ended: bool,
     pub(super) log_odds: f64,
+    pub(super) review: Option<Review>,
     #[serde(default)]
     pub(super) parameters: BTreeMap<String, RawParameter>,
 }
@@ -85,10 +88,12 @@ pub(super) fn of(file: &ModelFile) -> String {
         "# What the model of this station has in addition to the body. `equipoise check` says whether a configuration with it can \
          be\n# used.\nversion = {VERSION}\n"
     );
-    if let Some(provenance) = &file.provenance {
+    let own = file.provenance.iter().map(|provenance| ("[provenance]", provenance));
+    let merged = file.merged_from.iter().map(|provenance| ("[[merged_from]]", provenance));
+    for (head, provenance) in own.chain(merged) {
         // Every value has a TOML form: strings and numbers.
         let table = toml::to_string(provenance).unwrap_or_default();
-        let _ = write!(text, "\n[provenance]\n{table}");
+        let _ = write!(text, "\n{head}\n{table}");
     }
     if let Some(ask) = &file.ask {
         super::ask::write(&mut text, ask);
@@ -100,27 +105,22 @@ pub(super) fn of(file: &ModelFile) -> String {
 }
 
 fn write_effect(text: &mut String, fitted: &Fitted) {
-    let Fitted { effect, span_s: [from_s, to_s], .. } = *fitted;
+    let [from_s, to_s] = fitted.span_s;
     // Writing to a string cannot fail.
-    let _ = write!(text, "\n[[effect]]\nname = \"{}\"\n", effect.name());
+    let _ = write!(text, "\n[[effect]]\nname = \"{}\"\n", fitted.effect.name());
     if let Some((key, name)) = place_name(fitted.place) {
         let _ = writeln!(text, "where = {{ {key} = \"{name}\" }}");
     }
     let _ = writeln!(text, "span_s = [{from_s:?}, {to_s:?}]");
     let _ = writeln!(text, "open_ended = {}\nlog_odds = {:?}", fitted.open_ended, fitted.log_odds);
-    let mut parameter = |name: &str, value: f64, sigma: f64, unit: &str| {
+    if let Some(review) = &fitted.review {
+        let _ = writeln!(text, "review = {}", review.to_toml());
+    }
+    for Parameter { name, value, sigma, unit } in fitted.parameters() {
         let _ = write!(
             text,
             "[effect.parameters.{name}]\nvalue = {value:?}\nsigma = {sigma:?}\nunit = \"{unit}\"\n"
         );
-    };
-    if let Some(name) = effect.shape_name().filter(|_| fitted.shape != 0.0) {
-        parameter(name, fitted.shape, fitted.shape_sigma, shape_unit(effect));
-    }
-    if !shape_is_parameter(effect) {
-        for (index, described) in effect.parameters_of(fitted.shape).iter().enumerate() {
-            parameter(described.name, fitted.value[index], fitted.sigma[index], described.unit);
-        }
     }
 }
 

@@ -106,6 +106,7 @@ impl Results<'_> {
                 span_s: [term.span_s[0], to_s],
                 open_ended,
                 log_odds: fitted.log_odds,
+                review: None,
             }
         }));
         let provenance = Provenance {
@@ -118,7 +119,12 @@ impl Results<'_> {
             reference_s: spans_s.reference,
             work_s: spans_s.work,
         };
-        ModelFile { provenance: Some(provenance), effects, ask: outcome.finding.ask.clone() }
+        ModelFile {
+            provenance: Some(provenance),
+            effects,
+            ask: outcome.finding.ask.clone(),
+            ..ModelFile::default()
+        }
     }
 
     /// Writes all files into a temporary subfolder, and moves them when all are complete.
