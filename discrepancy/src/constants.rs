@@ -297,7 +297,7 @@ pub(crate) const UNEXPLAINED_PROBABILITY: f64 = 0.5;
 pub(crate) const CHANGE_PRIOR: f64 = 0.02;
 /// Factors on [`MODEL_ERROR`] over which the evidence is averaged. Unit: 1. Origin: chosen: one and a half decades.
 pub(crate) const MISFIT_SCALES: [f64; 4] = [0.3, 1.0, 3.0, 10.0];
-/// Divisor of log Bayes factors: the noise model is not exact. Unit: 1. Origin: bench (reliability, seed 1001).
+/// Divisor of the log likelihood of an experiment's response. Unit: 1. Origin: that of one effect, `explanation.rs`.
 pub(crate) const EVIDENCE_TEMPER: f64 = 2.0;
 /// A name is established from this probability on. Unit: 1. Origin: convention.
 pub(crate) const NAMED_PROBABILITY: f64 = 0.95;

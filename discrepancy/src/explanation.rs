@@ -11,8 +11,8 @@ use faer::Mat;
 
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
-    CHANGE_PRIOR, EFFECT_PRIOR, EVIDENCE_TEMPER, MISFIT_SCALES, MODEL_ERROR, MODEL_ERROR_AT_EDGES, ONSET_S,
-    OTHER_PRIOR, OUTSIDE_PRIOR,
+    CHANGE_PRIOR, EFFECT_PRIOR, MISFIT_SCALES, MODEL_ERROR, MODEL_ERROR_AT_EDGES, ONSET_S, OTHER_PRIOR,
+    OUTSIDE_PRIOR,
 };
 use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::finding::Generic;
@@ -213,17 +213,34 @@ pub(crate) struct Explanation {
     pub(crate) outside: Option<Outside>,
     /// Log posterior up to a constant; 0 without effects.
     pub(crate) log_posterior: f64,
+    /// Log Bayes factor against no effect, as the noise model says.
+    pub(crate) log_evidence: f64,
+    /// The same, each part of it divided by one more than the number of effects with which it was gained.
+    pub(crate) tempered: f64,
     /// The most probable size of its misfit, over [`MODEL_ERROR`].
     pub(crate) misfit_scale: f64,
 }
 
 impl Explanation {
     /// No effect.
-    pub(crate) const NONE: Explanation =
-        Explanation { members: Vec::new(), outside: None, log_posterior: 0.0, misfit_scale: 1.0 };
+    pub(crate) const NONE: Explanation = Explanation {
+        members: Vec::new(),
+        outside: None,
+        log_posterior: 0.0,
+        log_evidence: 0.0,
+        tempered: 0.0,
+        misfit_scale: 1.0,
+    };
 
-    /// These effects together; `None` if they cannot be separated numerically.
-    pub(crate) fn of(gram: &Gram<'_>, members: Vec<Member>, outside: Option<Outside>) -> Option<Explanation> {
+    /// These effects together, all but the newest part those of `extended`; `None` if they cannot be separated
+    /// numerically. Evidence is tempered, since the noise model is not exact; and the more effects there are, the more of
+    /// the remaining residual is their misfit.
+    pub(crate) fn of(
+        gram: &Gram<'_>,
+        extended: &Explanation,
+        members: Vec<Member>,
+        outside: Option<Outside>,
+    ) -> Option<Explanation> {
         let parts: Vec<&Whitened> = members
             .iter()
             .map(|member| &*member.whitened)
@@ -232,8 +249,17 @@ impl Explanation {
         let log_prior: f64 = members.iter().map(Member::log_prior).sum();
         let log_prior = log_prior + outside.as_ref().map_or(0.0, |outside| outside.log_prior);
         let (log_evidence, misfit_scale) = log_evidence(gram, &parts)?;
-        let log_posterior = log_evidence + log_prior;
-        log_posterior.is_finite().then_some(Explanation { members, outside, log_posterior, misfit_scale })
+        let tempered =
+            extended.tempered + (log_evidence - extended.log_evidence) / (1.0 + parts.len() as f64);
+        let log_posterior = tempered + log_prior;
+        log_posterior.is_finite().then_some(Explanation {
+            members,
+            outside,
+            log_posterior,
+            log_evidence,
+            tempered,
+            misfit_scale,
+        })
     }
 
     /// Its effects with their columns again.
@@ -285,7 +311,7 @@ fn log_evidence(gram: &Gram<'_>, parts: &[&Whitened]) -> Option<(f64, f64)> {
         MISFIT_SCALES.iter().map(|&scale| log_evidence_at(gram, parts, scale)).collect();
     let of_scales = of_scales?;
     let (_, scale) = of_scales.iter().zip(MISFIT_SCALES).max_by(|a, b| a.0.total_cmp(b.0))?;
-    Some(((log_sum_exp(&of_scales) - (MISFIT_SCALES.len() as f64).ln()) / EVIDENCE_TEMPER, scale))
+    Some((log_sum_exp(&of_scales) - (MISFIT_SCALES.len() as f64).ln(), scale))
 }
 
 /// The same with misfit of this size.

@@ -120,7 +120,8 @@ fn with_outside(gram: &Gram<'_>, library: &Library, mut all: Vec<Explanation>) -
             let members = explanation.members_with_columns(gram);
             let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
             let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
-            let extended = outside.filter_map(|one| Explanation::of(gram, members.clone(), Some(one)));
+            let extended =
+                outside.filter_map(|one| Explanation::of(gram, explanation, members.clone(), Some(one)));
             extended.map(|one| one.without_columns()).collect::<Vec<Explanation>>()
         })
         .collect();
@@ -225,7 +226,7 @@ fn extended(
         let why = match members(&conditioned, explanation, &terms, term, *log_odds) {
             Ok(members) => {
                 let is_negligible = members.last().is_some_and(|member| member.is_negligible);
-                let child = Explanation::of(gram, members, None);
+                let child = Explanation::of(gram, explanation, members, None);
                 let why =
                     if child.is_none() { Some(NOT_FITTED) } else { is_negligible.then_some(NEGLIGIBLE) };
                 children.extend(child);
