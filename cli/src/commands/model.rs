@@ -145,6 +145,8 @@ fn merge_files(files: &[PathBuf], out: &Path) -> anyhow::Result<()> {
     }
     let merged = merge(&models)?;
     let text = merged.file.to_toml();
+    // Effects that were added up can exceed what a model file may have.
+    ModelFile::parse(&text, &out.display().to_string())?;
     write_atomically(out, text.as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
     print!("{}", table(&merged.file));
     for (name, count) in &merged.left_out {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use anyhow::Context;
-use crossbeam_channel::{Receiver, RecvTimeoutError, unbounded};
+use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
 use equipoise_discrepancy::finding::{Finding, Verdict};
 use equipoise_recording::record::record;
 
@@ -75,7 +75,8 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
 
 /// The lines of standard input; disconnected at its end.
 fn lines() -> Receiver<String> {
-    let (sender, receiver) = unbounded();
+    // A piped input is read no faster than it is evaluated.
+    let (sender, receiver) = bounded(1);
     // Not joined: a read from a terminal cannot be interrupted.
     std::thread::spawn(move || {
         for line in stdin().lock().lines().map_while(Result::ok) {
