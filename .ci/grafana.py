@@ -33,7 +33,8 @@ MODULES = {
 # Settings of the panel's editor that its schema does not list.
 UNLISTED = {"state-timeline": ("spanNulls", "insertNulls")}
 PATIENCE_S = 90
-REFUSED = 'sum(equipoise_adapter_refused_total{stream="suit"}) > 0'
+# Grown, not only there: a counter whose first sample is already 1 has not increased for a Prometheus.
+REFUSED = 'increase(equipoise_adapter_refused_total{stream="suit"}[10s]) > 0'
 # JSON has the values of enumerations in place of their members.
 TYPES = """type Json<T> = unknown extends T ? T
   : T extends string ? `${T}`
@@ -259,7 +260,7 @@ def query(url, instance, suit_port, simulation):
             time.sleep(1)
 
     prometheus.wait_until_ready()
-    # A datagram that the adapter refuses.
+    # Datagrams that the adapter refuses.
     with socket.socket(type=socket.SOCK_DGRAM) as sender:
         for _ in range(PATIENCE_S):
             sender.sendto(b"no pose", ("127.0.0.1", int(suit_port)))
