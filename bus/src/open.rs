@@ -15,12 +15,11 @@ use iceoryx2::service::builder::request_response::{
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// How often to try again for a port whose place may belong to a process that died.
-const ATTEMPTS: usize = 20;
 /// Pause before another attempt, for a port or a service.
 const PAUSE: Duration = Duration::from_millis(5);
-/// Another process may be creating or removing the service. While it waits for a processor of a busy machine, the
-/// service's files are as incomplete as damaged ones; they are damaged if they still are after this time.
+/// Another process may be creating or removing the service, or removing the remains of a dead process. While it waits
+/// for a processor of a busy machine, the service's files are as incomplete as damaged ones, and the dead keep their
+/// places; files are damaged, and places taken, if they still are after this time.
 const SETTLING_MAX: Duration = Duration::from_secs(3);
 
 /// Why a service did not open, whatever its kind.
@@ -129,8 +128,8 @@ pub(crate) struct Place {
 
 /// Makes a port with `create`, whose error `full` says that all places are taken.
 ///
-/// A place may still belong to a dead process: another thread's clean-up, just running, makes ours do nothing when a
-/// daemon starts again after SIGKILL. So the dead are cleaned up and it is tried again, as long as there are any.
+/// A place may still belong to a dead process, and the clean-up of another process that is just running makes ours do
+/// nothing. So the dead are cleaned up and it is tried again, as long as there are any.
 pub(crate) fn take<P, E: std::fmt::Debug + PartialEq>(
     bus: &Bus,
     name: &str,
@@ -139,7 +138,8 @@ pub(crate) fn take<P, E: std::fmt::Debug + PartialEq>(
     create: impl Fn() -> Result<P, E>,
 ) -> Result<P, BusError> {
     let Place { what, most } = place;
-    for _ in 0..ATTEMPTS {
+    let started = Instant::now();
+    while started.elapsed() < SETTLING_MAX {
         match create() {
             Ok(port) => return Ok(port),
             Err(cause) if cause == full => {}

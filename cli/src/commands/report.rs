@@ -53,11 +53,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
     }
     let input = Input::open(file)?;
-    let chosen = input.configuration(arguments.config.as_deref())?;
+    let chosen = input.configuration(arguments.config.as_deref());
     let name = file.file_name().unwrap_or(file.as_os_str()).to_string_lossy();
     let authenticity = match &input {
         Input::Recording(recording) => {
-            let public_key = public_key(arguments, &chosen.config)?;
+            let public_key = public_key(arguments, chosen.as_ref().ok().map(|chosen| &chosen.config))?;
             Some(Authenticity::of(file, recording, public_key.as_ref())?)
         }
         _ => None,
@@ -66,6 +66,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(authenticity) = &authenticity {
         println!("{}: {authenticity}", file.display());
     }
+    let chosen = chosen?;
     let (bar, as_recorded) = (Bar::new(false), arguments.config.is_none());
     let mut facts =
         bar.follow("reading the recording", &input, || Facts::gather(&name, &input, chosen, as_recorded))?;
@@ -90,10 +91,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 /// The key that is named, or the one next to the secret key of a configuration that is named.
-fn public_key(arguments: &Arguments, config: &Config) -> anyhow::Result<Option<PublicKey>> {
+fn public_key(arguments: &Arguments, config: Option<&Config>) -> anyhow::Result<Option<PublicKey>> {
     let next_to_secret = || {
         let base = arguments.config.as_ref()?.parent().unwrap_or(Path::new(""));
-        let path = public_key_of(&base.join(config.recording.as_ref()?.sign_key.as_ref()?));
+        let path = public_key_of(&base.join(config?.recording.as_ref()?.sign_key.as_ref()?));
         path.exists().then_some(path)
     };
     arguments.public_key.clone().or_else(next_to_secret).map(|path| read_public_key(&path)).transpose()

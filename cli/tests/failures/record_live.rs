@@ -6,6 +6,7 @@ use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::Input;
 
 use crate::common::{Station, describe_output, equipoise, person, remove_shared_memory};
+use rustix::process::{Pid, Signal, kill_process};
 
 const MODEL: &str = r#"version = 1
 [[effect]]
@@ -23,7 +24,7 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     std::fs::write(station.file("model.toml"), MODEL).unwrap();
 
     let out = station.file("live.mcap");
-    let recorder = station.command("record").arg(&out).args(["--for", "6"]).spawn().unwrap();
+    let recorder = station.command("record").arg(&out).args(["--for", "120"]).spawn().unwrap();
     let ask = |what: &str| {
         let output = station.command("identify").arg(what).output().unwrap();
         assert!(output.status.success(), "{}", describe_output(&output));
@@ -37,6 +38,8 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     ask("start");
     std::thread::sleep(Duration::from_millis(600));
     station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nnew_pose_deg = 8.0\n"));
+    std::thread::sleep(Duration::from_millis(600));
+    kill_process(Pid::from_child(&recorder), Signal::INT).unwrap();
     let recorded = recorder.wait_with_output().unwrap();
     // An overloaded machine may lose messages; the exit code reports it, and all others must be in the file.
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", describe_output(&recorded));
