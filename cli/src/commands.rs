@@ -13,6 +13,7 @@ mod install;
 mod latency;
 mod metrics;
 mod model;
+mod plan;
 mod reconcile;
 mod record;
 mod register;
@@ -84,6 +85,7 @@ enum Command {
     Export(export::Arguments),
     Reconcile(reconcile::Arguments),
     Model(model::Arguments),
+    Plan(plan::Arguments),
     Latency(latency::Arguments),
     Metrics(metrics::Arguments),
     #[command(alias = "outlet")]
@@ -132,6 +134,7 @@ pub fn main() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Reconcile(arguments) => reconcile::run(&arguments),
         Command::Model(arguments) => model::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
         Command::Latency(arguments) => latency::run(&arguments),
         Command::Metrics(arguments) => metrics::run(&arguments),
         Command::Gateway(arguments) => gateway::run(&arguments),

@@ -4,7 +4,7 @@
 //! Uses no clock, files, threads, heap or unsafe code: its input is samples and a time, its output a state. Modules in
 //! the order of dependency:
 //! [`time`], [`body`] and [`frame`] → [`message`] → [`effect`] → [`motion`], [`sesc`] → [`kalman`] → [`anchor`],
-//! [`registration`], [`static_pose`] → [`pose_suggestion`] → [`overload`] → [`exposure`] → [`cycle`].
+//! [`registration`], [`static_pose`] → [`pose_suggestion`] → [`overload`] → [`handover`], [`exposure`] → [`cycle`].
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -14,6 +14,7 @@ pub mod cycle;
 pub mod effect;
 pub mod exposure;
 pub mod frame;
+pub mod handover;
 pub mod kalman;
 mod math;
 pub mod message;

@@ -1,7 +1,7 @@
 //! A simulated human on the real wires, with its own physics.
 //!
 //! Layers, lowest first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →
+//! [`intention`] → [`repertoire`], [`limits`], [`reach`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →
 //! [`realism`], [`dynamics`] → [`truth`] → [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] →
 //! [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] → [`suit_sender`], [`plate_server`] (through [`faults`]),
 //! [`clock`] → [`devices`] → [`simulation`], [`player`]. Geometry, masses and dynamics are the simulator's own: it
@@ -33,6 +33,7 @@ pub mod player;
 pub mod ports;
 pub mod pose;
 pub mod random;
+pub mod reach;
 pub mod realism;
 pub mod repertoire;
 pub mod scene;

@@ -15,6 +15,7 @@ use crate::GRAVITY_M_PER_S2;
 use crate::dynamics::{Wrench, ground_reaction};
 use crate::kinematics::centre_m;
 use crate::motion::{BodyState, DIFFERENCE_S, Worker};
+use crate::person::Person;
 use back::BackLoad;
 use in_motion::Difference;
 
@@ -83,25 +84,12 @@ impl Truth {
         let load_m = body.load_m();
         let with_load_m = (com_m.xy() * body_n + load_m.xy() * load_n) / (body_n + load_n);
         let down = -Vector3::z();
-        let hand_share = body.hand_share();
-        let on_hands = |weight_n: Vector3<f64>| -> Vec<Force> {
-            let carried = body.load_on_hand_m();
-            (0..2)
-                .flat_map(|k| {
-                    let squeeze_n = if k == 0 { body.squeeze_n } else { -body.squeeze_n };
-                    [(carried[k], weight_n * hand_share[k]), (body.grip_m[k], squeeze_n)]
-                        .map(|(at_m, force_n)| Force { on: Side::BOTH[k].hand(), at_m, force_n })
-                })
-                .collect()
-        };
         let feet = |cop_m, vertical_n| foot_forces(&body, [Vector2::zeros(); 2], cop_m, vertical_n);
         let (without, with) = (feet(com_m.xy(), body_n), feet(with_load_m, body_n + load_n));
-        let still_nm =
-            overload_nm(&body.origin_m, &without, &[with.to_vec(), on_hands(down * load_n)].concat());
         let load_force_in_motion_n = ground_without_load.force_n - ground.force_n;
         let in_motion = Difference {
             body: &body,
-            on_hands: &on_hands(load_force_in_motion_n),
+            on_hands: &on_hands(&body, load_force_in_motion_n),
             without: ground_without_load,
             with: ground,
         };
@@ -121,10 +109,33 @@ impl Truth {
             foot_share: [(without, body_n), (with, body_n + load_n)]
                 .map(|(feet, vertical_n)| feet.map(|foot| foot.force_n.z / vertical_n)),
             back,
-            overload_nm: still_nm,
+            overload_nm: static_overload_nm(person, &body),
             body,
         }
     }
+}
+
+/// Static overload torque per joint of a body that holds its load, world axes, N m; the ground acts under each foot.
+pub fn static_overload_nm(person: &Person, body: &BodyState) -> [Vector3<f64>; JOINTS] {
+    let com_m = centre_m(&person.segment_mass_kg, &body.com_m);
+    let [body_n, load_n] = [person.mass_kg, body.load_kg].map(|mass_kg| mass_kg * GRAVITY_M_PER_S2);
+    let with_load_m = (com_m.xy() * body_n + body.load_m().xy() * load_n) / (body_n + load_n);
+    let feet = |cop_m, vertical_n| foot_forces(body, [Vector2::zeros(); 2], cop_m, vertical_n);
+    let with = feet(with_load_m, body_n + load_n);
+    let hands = on_hands(body, -Vector3::z() * load_n);
+    overload_nm(&body.origin_m, &feet(com_m.xy(), body_n), &[with.to_vec(), hands].concat())
+}
+
+/// Forces of a load on the hands: its weight (with its inertia), and its squeezing force.
+fn on_hands(body: &BodyState, weight_n: Vector3<f64>) -> Vec<Force> {
+    let (carried, hand_share) = (body.load_on_hand_m(), body.hand_share());
+    (0..2)
+        .flat_map(|k| {
+            let squeeze_n = if k == 0 { body.squeeze_n } else { -body.squeeze_n };
+            [(carried[k], weight_n * hand_share[k]), (body.grip_m[k], squeeze_n)]
+                .map(|(at_m, force_n)| Force { on: Side::BOTH[k].hand(), at_m, force_n })
+        })
+        .collect()
 }
 
 /// Torque that `with` requires of each joint in addition to `without`, world axes, N m.

@@ -8,7 +8,9 @@ use equipoise_simulator::realism::Realism;
 
 use crate::subject::Crowd;
 use crate::table::Table;
-use crate::{back, clocks, coverage, faults, hidden, lifting, natural, paper, poses, restarts, sources};
+use crate::{
+    back, clocks, coverage, faults, handover, hidden, lifting, natural, paper, poses, restarts, sources,
+};
 
 #[derive(Debug, Parser)]
 #[command(
@@ -54,6 +56,9 @@ enum Question {
     /// Detection of undeclared sensor faults
     #[command(after_help = "Example: equipoise-study faults --subjects 20")]
     Faults(Choices),
+    /// Predicted overload of a part handed over at a place, and the best place
+    #[command(after_help = "Example: equipoise-study handover --subjects 20")]
+    Handover(Choices),
     /// Blind benchmark of the discrepancy workflow: sessions with hidden effects
     Hidden {
         #[command(subcommand)]
@@ -105,6 +110,7 @@ pub fn main() -> ExitCode {
         Question::Clocks(choices) => choices.answer(clocks::study),
         Question::Restarts(choices) => choices.answer(restarts::study),
         Question::Faults(choices) => choices.answer(faults::study),
+        Question::Handover(choices) => choices.answer(handover::study),
         Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS

@@ -11,6 +11,7 @@ pub mod cli;
 pub mod clocks;
 pub mod coverage;
 pub mod faults;
+pub mod handover;
 pub mod hidden;
 pub mod lifting;
 pub mod mixtures;

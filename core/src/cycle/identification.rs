@@ -16,6 +16,7 @@ use crate::sesc::reduction::Rows;
 use crate::static_pose::{PoseStatistics, Window, largest_joint_angle};
 
 mod consistency;
+mod handover_body;
 mod measurement;
 mod misfit;
 mod planning;

@@ -1,0 +1,232 @@
+//! `equipoise plan`: where a work piece relieves the worker.
+
+mod picture;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use equipoise_config::Config;
+use equipoise_core::exposure::Exposure;
+use equipoise_core::handover::{Body, Infeasible, Part, Prediction, Stance, predict};
+use equipoise_daemon::profile::{Profile, unix_s};
+use equipoise_daemon::run::ConfigArgument;
+use equipoise_files::atomic_file::write_atomically;
+use equipoise_station::state_directory::StateDirectory;
+use nalgebra::Vector3;
+use serde_json::{Value, json};
+
+use super::Outcome;
+
+/// Find the place of a work piece at which it relieves the worker
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    Handover(HandoverArguments),
+}
+
+/// Predict the overload of a part that is handed over, over the places in front of an identified worker
+///
+/// The worker stands upright with the feet side by side, facing X; places are of the middle between the hands, from the
+/// middle between the ankles on the floor: forward, to the left, up. The overload is that of the joint closest to its limit,
+/// as a share of the limit, with 1 sigma: the posture is predicted, too. Fatigue of an unfinished shift reduces the limits.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  equipoise plan handover --config station.toml --mass 6\n  equipoise plan handover --config \
+                  station.toml --subject anon-1 --mass 6 --now 0.5,0,0.8 --json\n  equipoise plan handover --config station.toml \
+                  --mass 6 --csv map.csv --picture map.svg"
+)]
+struct HandoverArguments {
+    #[command(flatten)]
+    config: ConfigArgument,
+    /// Pseudonymous id of a stored profile; by default that of the configuration
+    #[arg(long, value_name = "ID")]
+    subject: Option<String>,
+    /// Mass of the part, kg
+    #[arg(long, value_name = "KG", value_parser = mass)]
+    mass: f64,
+    /// Distance between the hands on the part, m
+    #[arg(long, value_name = "M", default_value_t = 0.35, value_parser = width)]
+    width: f64,
+    /// Where the part is handed over now, m
+    #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
+    now: Option<Vector3<f64>>,
+    /// Print JSON, with the whole map
+    #[arg(long)]
+    json: bool,
+    /// Write the map as CSV
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Draw the map seen from the worker's right, as SVG
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+}
+
+/// Places of the map, from the middle between the ankles: forward, to the left, up, m.
+const REGION_M: [[f64; 2]; 3] = [[0.3, 0.7], [-0.4, 0.4], [0.6, 1.5]];
+/// Spacing of the map, m: half of that over which the overload changes by its σ.
+const SPACING_M: f64 = 0.05;
+
+fn mass(text: &str) -> Result<f64, String> {
+    let kg = text.parse().unwrap_or(f64::NAN);
+    if (0.1..=50.0).contains(&kg) { Ok(kg) } else { Err("give a mass from 0.1 to 50 kg".to_owned()) }
+}
+
+fn width(text: &str) -> Result<f64, String> {
+    let metres = text.parse().unwrap_or(f64::NAN);
+    if (0.0..=1.0).contains(&metres) { Ok(metres) } else { Err("give a distance from 0 to 1 m".to_owned()) }
+}
+
+fn place(text: &str) -> Result<Vector3<f64>, String> {
+    let metres: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    match metres[..] {
+        [x, y, z] if metres.iter().all(|metres| metres.abs() <= 3.0) => Ok(Vector3::new(x, y, z)),
+        _ => Err("give three numbers of metres, for example 0.5,0,0.8".to_owned()),
+    }
+}
+
+/// One place of the map.
+struct Spot {
+    at_m: Vector3<f64>,
+    predicted: Result<Prediction, Infeasible>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
+    let What::Handover(arguments) = &arguments.what;
+    let config = Config::read(&arguments.config.config)?;
+    let id = arguments.subject.as_ref().unwrap_or(&config.subject.id);
+    let body = body_of(&config, id)?;
+    let (stance, part) = (
+        Stance::natural(config.subject.height_m),
+        Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width },
+    );
+    let spot = |at_m: Vector3<f64>| Spot { at_m, predicted: predict(&body, &stance, &part, at_m) };
+    let map: Vec<Spot> = places().map(spot).collect();
+    let Some(best) = best_of(&map) else {
+        bail!("{id} cannot hold {} kg anywhere from {REGION_M:?} m: too heavy, or too wide", arguments.mass);
+    };
+    let now = arguments.now.map(spot);
+    if let Some(path) = &arguments.csv {
+        write(path, &csv(&map))?;
+    }
+    if let Some(path) = &arguments.picture {
+        write(path, &picture::svg(&map, best, arguments.mass, id))?;
+    }
+    if arguments.json {
+        let map: Vec<Value> = map.iter().map(json_of).collect();
+        println!(
+            "{}",
+            json!({
+                "subject": id,
+                "mass_kg": arguments.mass,
+                "width_m": arguments.width,
+                "best": json_of(best),
+                "now": now.as_ref().map(json_of),
+                "map": map,
+            })
+        );
+        return Ok(Outcome::Done);
+    }
+    println!("best  {}", sentence(best));
+    if let Some(now) = &now {
+        println!("now   {}", sentence(now));
+        if let (Ok(best), Ok(now)) = (&best.predicted, &now.predicted) {
+            println!("gain  {:.0} % of the limit", 100.0 * (now.worst_share() - best.worst_share()));
+        }
+    }
+    for path in [&arguments.csv, &arguments.picture].into_iter().flatten() {
+        println!("{}: written", path.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// The identified body of a stored subject.
+fn body_of(config: &Config, id: &str) -> anyhow::Result<Body> {
+    let path = StateDirectory::of_station(&config.station)?.profile(id);
+    let profile = Profile::read(&path)?
+        .with_context(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
+    if !profile.identified {
+        bail!("{id} is not identified yet: {} poses; see `equipoise identify`", profile.poses_used);
+    }
+    let mut config = config.clone();
+    if let Some(build) = profile.build() {
+        (config.subject.height_m, config.subject.sex) = (build.height_m, build.sex);
+    }
+    let settings = config.settings();
+    let worker = profile
+        .worker(&settings)
+        .map_err(|reason| anyhow::anyhow!("the profile {id} is not used: {reason}"))?;
+    let mut exposure = bytemuck::zeroed_box::<Exposure>();
+    if let Ok(shift) = profile.shift(unix_s()) {
+        exposure.resume(&shift);
+    }
+    Ok(worker.handover_body(&settings, exposure.fatigue.share))
+}
+
+fn places() -> impl Iterator<Item = Vector3<f64>> {
+    let along = |axis: usize| {
+        let [low, high] = REGION_M[axis];
+        let steps = ((high - low) / SPACING_M).round() as u32;
+        (0..=steps).map(move |step| low + f64::from(step) * SPACING_M)
+    };
+    along(2).flat_map(move |z| along(1).flat_map(move |y| along(0).map(move |x| Vector3::new(x, y, z))))
+}
+
+/// The place with the smallest overload.
+fn best_of(map: &[Spot]) -> Option<&Spot> {
+    let feasible = map.iter().filter_map(|spot| Some((spot, spot.predicted.as_ref().ok()?.worst_share())));
+    feasible.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(spot, _)| spot)
+}
+
+fn sentence(spot: &Spot) -> String {
+    let [x, y, z] = spot.at_m.into();
+    let at = format!("{x:.2} m forward, {y:.2} m to the left, {z:.2} m up");
+    match &spot.predicted {
+        Ok(predicted) => format!(
+            "{at}: {:.0} ± {:.0} % of the limit of {}",
+            100.0 * predicted.worst_share(),
+            100.0 * predicted.worst_sigma,
+            predicted.worst.name()
+        ),
+        Err(why) => format!("{at}: {}", why.name()),
+    }
+}
+
+fn json_of(spot: &Spot) -> Value {
+    let at_m: [f64; 3] = spot.at_m.into();
+    match &spot.predicted {
+        Ok(predicted) => json!({
+            "at_m": at_m,
+            "share": predicted.worst_share(),
+            "sigma": predicted.worst_sigma,
+            "joint": predicted.worst.name(),
+        }),
+        Err(why) => json!({ "at_m": at_m, "infeasible": why.name() }),
+    }
+}
+
+fn csv(map: &[Spot]) -> String {
+    let mut text = "x_m,y_m,z_m,share,sigma,joint\n".to_owned();
+    for Spot { at_m, predicted } in map {
+        let values = match predicted {
+            Ok(predicted) => format!(
+                "{:.4},{:.4},{}",
+                predicted.worst_share(),
+                predicted.worst_sigma,
+                predicted.worst.name()
+            ),
+            Err(why) => format!(",,{}", why.name()),
+        };
+        let _ = writeln!(text, "{:.2},{:.2},{:.2},{values}", at_m.x, at_m.y, at_m.z);
+    }
+    text
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    write_atomically(path, text.as_bytes()).with_context(|| format!("cannot write {}", path.display()))
+}

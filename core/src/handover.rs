@@ -1,0 +1,290 @@
+//! Predicted overload of a part that is to be handed over: the posture in which a worker holds it at a place, and the
+//! torques there, each with its uncertainty.
+//!
+//! Before the part is in the hands nothing can be measured, so the posture is predicted, too. The model of the posture
+//! is a normal distribution over joint angles ([`coordinates`]), whose means and standard deviations are the
+//! comfortable zones of REBA (Hignett & McAtamney, Applied Ergonomics 31 (2000) 201–205). It is conditioned on the
+//! hands being at the part and on the centre of pressure being where people keep it: the most probable posture is found
+//! by Levenberg and Marquardt's method, and the covariance around it is that of Laplace's approximation. The torques
+//! are those of Eq. 15 with the centre of pressure that the part causes.
+
+pub mod coordinates;
+pub mod experience;
+mod solve;
+
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::body::{JOINTS, Joint, Side, Skeleton};
+use crate::frame::{Pose, StationWorld};
+use crate::math;
+use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
+use crate::sesc::{Phi, centre_of_mass};
+
+use coordinates::{COORDINATES, Coordinates};
+use solve::Solution;
+
+/// The worker's body.
+#[derive(Debug, Clone, Copy)]
+pub struct Body {
+    /// Bone lengths.
+    pub skeleton: Skeleton,
+    /// Grip points of the left and right hand, from the wrist, hand's axes, m.
+    pub grip_m: [[f64; 3]; 2],
+    /// Identified mass distribution.
+    pub phi: Phi,
+    /// 1-σ of the centre of pressure that it predicts, per axis, m.
+    pub cop_sigma_m: f64,
+    /// Mass, kg.
+    pub mass_kg: f64,
+    /// τ_max of the joints.
+    pub limits: TorqueLimits,
+    /// Overloading fatigue of the joints, in [0, 1): it reduces τ_max.
+    pub fatigue: [f64; JOINTS],
+}
+
+/// Distance between the heels and angle between the feet of people who stand as they like, m and rad (McIlroy & Maki,
+/// Clinical Biomechanics 12 (1997) 66–70: 17 cm, 14°).
+const FEET_APART_M: f64 = 0.17;
+const FEET_TURNED_OUT_RAD: f64 = 14.0 * core::f64::consts::PI / 180.0;
+/// Height of the ankle above the floor, over stature.
+const ANKLE_HEIGHT: f64 = 0.054;
+
+/// The standing feet.
+#[derive(Debug, Clone, Copy)]
+pub struct Stance {
+    /// Left and right ankle, world, m.
+    pub ankle_m: [Vector3<f64>; 2],
+    /// `world_from_foot`, left and right.
+    pub world_from_foot: [UnitQuaternion<f64>; 2],
+}
+
+impl Stance {
+    /// The stance of a pose.
+    pub fn of(pose: &Pose<StationWorld>) -> Stance {
+        Stance {
+            ankle_m: Side::BOTH.map(|side| pose.origin_of(side.foot())),
+            world_from_foot: Side::BOTH.map(|side| pose.world_from_segment[side.foot().index()]),
+        }
+    }
+
+    /// The natural stance of a person of this stature, facing X, with the middle between the ankles above the origin.
+    pub fn natural(height_m: f64) -> Stance {
+        let foot = |side: f64| {
+            let ankle_m = Vector3::new(0.0, side * 0.5 * FEET_APART_M, ANKLE_HEIGHT * height_m);
+            (ankle_m, UnitQuaternion::from_axis_angle(&Vector3::z_axis(), side * 0.5 * FEET_TURNED_OUT_RAD))
+        };
+        let (left, right) = (foot(1.0), foot(-1.0));
+        Stance { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
+    }
+
+    /// Middle between the ankles, m.
+    fn middle_m(&self) -> Vector3<f64> {
+        0.5 * (self.ankle_m[0] + self.ankle_m[1])
+    }
+
+    /// Rotation about the vertical to the direction between both feet's directions.
+    fn world_from_stance(&self) -> UnitQuaternion<f64> {
+        let ahead = self.world_from_foot[0] * Vector3::x() + self.world_from_foot[1] * Vector3::x();
+        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), math::atan2(ahead.y, ahead.x))
+    }
+}
+
+/// A part held with both hands.
+#[derive(Debug, Clone, Copy)]
+pub struct Part {
+    /// Mass and its 1-σ, kg.
+    pub mass_kg: f64,
+    /// 1-σ of the mass, kg.
+    pub mass_sigma_kg: f64,
+    /// Distance between the grips, m.
+    pub width_m: f64,
+}
+
+/// 1-σ of the fraction of a part in one hand: hands that hold a part evenly differ by a tenth of its weight.
+const ETA_SIGMA: f64 = 0.05;
+/// Largest distance of the hands from the part in a solution, m: beyond it the part is out of reach.
+const MISS_MAX_M: f64 = 3.0 * coordinates::HAND_SIGMA_M;
+
+/// Why a part cannot be held at a place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Infeasible {
+    /// The hands do not reach the place.
+    OutOfReach,
+    /// The centre of pressure would be outside the feet.
+    OutOfBalance,
+}
+
+impl Infeasible {
+    /// Public name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Infeasible::OutOfReach => "out_of_reach",
+            Infeasible::OutOfBalance => "out_of_balance",
+        }
+    }
+}
+
+/// Predicted posture and overload with a part at a place.
+#[derive(Debug, Clone, Copy)]
+pub struct Prediction {
+    /// The most probable pose.
+    pub pose: Pose<StationWorld>,
+    /// Overload torque of each joint over its limit.
+    pub share: [f64; JOINTS],
+    /// The joint with the largest share.
+    pub worst: Joint,
+    /// 1-σ of its share: of the posture, the body model, the mass and its distribution over the hands.
+    pub worst_sigma: f64,
+}
+
+impl Prediction {
+    /// The largest share of a limit.
+    pub fn worst_share(&self) -> f64 {
+        self.share[self.worst.index()]
+    }
+}
+
+/// Predicts how a worker holds a part with the middle between the grips at `at_m` (world, m), and the overload there.
+pub fn predict(
+    body: &Body,
+    stance: &Stance,
+    part: &Part,
+    at_m: Vector3<f64>,
+) -> Result<Prediction, Infeasible> {
+    let holding = Holding { body, stance, part, at_m, world_from_stance: stance.world_from_stance() };
+    let solution = solve::most_probable(&holding);
+    let (pose, grip_m) = holding.pose(&solution.coordinates);
+    let miss_m = holding.miss(grip_m).into_iter().map(|miss| miss.norm()).fold(0.0, f64::max);
+    if miss_m > MISS_MAX_M {
+        return Err(Infeasible::OutOfReach);
+    }
+    let off_m = holding.cop_off_m(&pose, grip_m);
+    if math::hypot(off_m) > coordinates::COP_OFF_MAX_SIGMAS * coordinates::COP_SIGMA_M {
+        return Err(Infeasible::OutOfBalance);
+    }
+    let share = holding.shares(&pose, grip_m, &Changed::NONE);
+    let worst = Joint::ALL.into_iter().fold(Joint::ALL[0], |worst, joint| {
+        if share[joint.index()] > share[worst.index()] { joint } else { worst }
+    });
+    let worst_sigma = holding.sigma(&solution, worst, share[worst.index()]);
+    Ok(Prediction { pose, share, worst, worst_sigma })
+}
+
+/// Inputs of one prediction.
+struct Holding<'a> {
+    body: &'a Body,
+    stance: &'a Stance,
+    part: &'a Part,
+    /// Middle between the grips, world, m.
+    at_m: Vector3<f64>,
+    world_from_stance: UnitQuaternion<f64>,
+}
+
+/// Errors of the inputs besides the posture.
+struct Changed {
+    mass_kg: f64,
+    cop_m: [f64; 2],
+    eta: f64,
+}
+
+impl Changed {
+    const NONE: Changed = Changed { mass_kg: 0.0, cop_m: [0.0; 2], eta: 0.0 };
+}
+
+impl Holding<'_> {
+    /// The pose of coordinates, and its grip points, world, m.
+    fn pose(&self, coordinates: &Coordinates) -> (Pose<StationWorld>, [Vector3<f64>; 2]) {
+        let pose = coordinates::pose(coordinates, &self.body.skeleton, self.stance, self.world_from_stance);
+        let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), self.body.grip_m[side as usize]));
+        (pose, grip_m)
+    }
+
+    /// From where each grip should be to where it is, m.
+    fn miss(&self, grip_m: [Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
+        let aside = self.world_from_stance * Vector3::new(0.0, 0.5 * self.part.width_m, 0.0);
+        [grip_m[0] - (self.at_m + aside), grip_m[1] - (self.at_m - aside)]
+    }
+
+    /// Weight of the part, N.
+    fn part_n(&self) -> f64 {
+        self.part.mass_kg * GRAVITY_M_PER_S2
+    }
+
+    /// Centre of pressure with the part, relative to where people keep it, stance's axes, m.
+    fn cop_off_m(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2]) -> [f64; 2] {
+        let com = centre_of_mass(pose, &self.body.phi);
+        let (body_n, part_n) = (self.body.mass_kg * GRAVITY_M_PER_S2, self.part_n());
+        let load = 0.5 * (grip_m[0] + grip_m[1]);
+        let cop = (com * body_n + load * part_n) / (body_n + part_n) - self.stance.middle_m();
+        let off = self.world_from_stance.inverse() * cop;
+        [off.x - coordinates::COP_AHEAD_M, off.y]
+    }
+
+    /// Overload of each joint over its limit.
+    fn shares(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2], off: &Changed) -> [f64; JOINTS] {
+        let com = centre_of_mass(pose, &self.body.phi);
+        let body_n = self.body.mass_kg * GRAVITY_M_PER_S2;
+        let part_n = self.part_n() + off.mass_kg * GRAVITY_M_PER_S2;
+        let eta = [0.5 - off.eta, 0.5 + off.eta];
+        let load = grip_m[0] * eta[0] + grip_m[1] * eta[1];
+        let alone_m = [com.x + off.cop_m[0], com.y + off.cop_m[1]];
+        let with_part = |axis: usize| (alone_m[axis] * body_n + load[axis] * part_n) / (body_n + part_n);
+        let loading = Loading {
+            cop_measured_m: [with_part(0), with_part(1)],
+            cop_estimated_m: alone_m,
+            vertical_n: body_n + part_n,
+            delta_f_n: part_n,
+            grip_m,
+            eta,
+            feet: FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] },
+            swing: Swing::NONE,
+        };
+        let torque_nm = overload::torque_vectors(pose, &loading).map(Into::into);
+        let limit_nm = self.body.limits.along_nm(pose, &torque_nm);
+        core::array::from_fn(|joint| {
+            let left = (1.0 - self.body.fatigue[joint]).max(f64::EPSILON);
+            Vector3::from(torque_nm[joint]).norm() / (limit_nm[joint] * left)
+        })
+    }
+
+    /// 1-σ of a joint's share.
+    fn sigma(&self, solution: &Solution, joint: Joint, share: f64) -> f64 {
+        let slope: Coordinates = core::array::from_fn(|index| {
+            let mut moved = solution.coordinates;
+            moved[index] += solve::STEP;
+            let (pose, grip_m) = self.pose(&moved);
+            (self.shares(&pose, grip_m, &Changed::NONE)[joint.index()] - share) / solve::STEP
+        });
+        let (pose, grip_m) = self.pose(&solution.coordinates);
+        let of = |off: &Changed| self.shares(&pose, grip_m, off)[joint.index()] - share;
+        let cop_m = self.body.cop_sigma_m;
+        let others = [
+            of(&Changed { mass_kg: self.part.mass_sigma_kg, ..Changed::NONE }),
+            of(&Changed { cop_m: [cop_m, 0.0], ..Changed::NONE }),
+            of(&Changed { cop_m: [0.0, cop_m], ..Changed::NONE }),
+            of(&Changed { eta: ETA_SIGMA, ..Changed::NONE }),
+        ];
+        let square: f64 = others.iter().map(|off| off * off).sum();
+        math::sqrt(square + solution.variance_along(&slope))
+    }
+
+    /// Residuals of the posture: the coordinates over their zones, the hands' misses and the balance over their σ.
+    fn residuals(&self, coordinates: &Coordinates) -> [f64; solve::RESIDUALS] {
+        let (pose, grip_m) = self.pose(coordinates);
+        let mut all = [0.0; solve::RESIDUALS];
+        all[..COORDINATES].copy_from_slice(&coordinates::off_zone(coordinates));
+        let [left, right] = self.miss(grip_m);
+        for (at, miss_m) in [(COORDINATES, left), (COORDINATES + 3, right)] {
+            for axis in 0..3 {
+                all[at + axis] = miss_m[axis] / coordinates::HAND_SIGMA_M;
+            }
+        }
+        for (axis, off_m) in self.cop_off_m(&pose, grip_m).into_iter().enumerate() {
+            all[COORDINATES + 6 + axis] = off_m / coordinates::COP_SIGMA_M;
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests;

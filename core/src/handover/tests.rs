@@ -1,0 +1,102 @@
+use super::*;
+use crate::body::{Anthropometry, Segment, Sex};
+
+const HEIGHT_M: f64 = 1.77;
+
+fn body() -> Body {
+    let skeleton = Skeleton::nominal(HEIGHT_M);
+    let table = Anthropometry::de_leva(&skeleton, HEIGHT_M, Sex::Male);
+    Body {
+        skeleton,
+        grip_m: Side::BOTH.map(|side| table.grip_m(side.hand())),
+        phi: Phi::of(&skeleton, &table),
+        cop_sigma_m: 0.005,
+        mass_kg: 75.0,
+        limits: TorqueLimits::of(Sex::Male),
+        fatigue: [0.0; JOINTS],
+    }
+}
+
+const PART: Part = Part { mass_kg: 6.0, mass_sigma_kg: 0.1, width_m: 0.35 };
+
+fn stance() -> Stance {
+    Stance::natural(HEIGHT_M)
+}
+
+fn at(x: f64, y: f64, z: f64) -> Result<Prediction, Infeasible> {
+    predict(&body(), &stance(), &PART, Vector3::new(x, y, z))
+}
+
+#[test]
+fn hands_hold_the_part_feet_stay_and_the_body_is_balanced() {
+    for (x, y, z) in [(0.35, 0.0, 1.0), (0.5, 0.0, 1.2), (0.4, 0.25, 0.9), (0.35, -0.2, 1.5), (0.4, 0.0, 0.4)]
+    {
+        let prediction = at(x, y, z).unwrap_or_else(|why| panic!("{x} {y} {z}: {}", why.name()));
+        let pose = &prediction.pose;
+        let grips = Side::BOTH.map(|side| pose.point_on(side.hand(), body().grip_m[side as usize]));
+        assert!((0.5 * (grips[0] + grips[1]) - Vector3::new(x, y, z)).norm() < 0.01, "{grips:?}");
+        assert!((0.34..0.36).contains(&(grips[0] - grips[1]).y), "{grips:?}");
+        for segment in Segment::ALL {
+            let Some(parent) = segment.parent() else { continue };
+            let bone_m =
+                pose.offset_in(parent, segment) - Vector3::from(body().skeleton.offset_m[segment.index()]);
+            assert!(bone_m.norm() < 1e-3, "{segment:?} {bone_m:?}");
+        }
+        assert_eq!(Side::BOTH.map(|side| pose.origin_of(side.foot())), stance().ankle_m);
+    }
+}
+
+#[test]
+fn a_turned_and_moved_stance_has_the_same_overload() {
+    let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 2.1);
+    let by = Vector3::new(0.7, -1.3, 0.0);
+    let stance = stance();
+    let moved = Stance {
+        ankle_m: stance.ankle_m.map(|ankle| turn * ankle + by),
+        world_from_foot: stance.world_from_foot.map(|foot| turn * foot),
+    };
+    let place = Vector3::new(0.45, 0.1, 1.1);
+    let here = predict(&body(), &stance, &PART, place).unwrap();
+    let there = predict(&body(), &moved, &PART, turn * place + by).unwrap();
+    assert!((here.worst_share() - there.worst_share()).abs() < 1e-4);
+    assert!((here.worst_sigma - there.worst_sigma).abs() < 1e-3 * here.worst_sigma);
+}
+
+#[test]
+fn overload_grows_with_distance_and_mass_and_fatigue() {
+    let (near, far) = (at(0.35, 0.0, 1.1).unwrap(), at(0.6, 0.0, 1.1).unwrap());
+    for name in ["L5S1", "LeftShoulder", "RightKnee"] {
+        let joint = Joint::named(name).unwrap().index();
+        assert!(
+            far.share[joint] > 1.2 * near.share[joint],
+            "{name}: {} {}",
+            far.share[joint],
+            near.share[joint]
+        );
+    }
+    let place = Vector3::new(0.45, 0.0, 1.1);
+    let share = |body: &Body, part: &Part| predict(body, &stance(), part, place).unwrap().worst_share();
+    let usual = share(&body(), &PART);
+    assert!(share(&body(), &Part { mass_kg: 12.0, ..PART }) > 1.8 * usual);
+    let mut tired = body();
+    tired.fatigue = [0.5; JOINTS];
+    assert!((share(&tired, &PART) - 2.0 * usual).abs() < 1e-9);
+}
+
+#[test]
+fn what_nobody_reaches_is_refused() {
+    assert_eq!(at(1.6, 0.0, 1.0).unwrap_err(), Infeasible::OutOfReach);
+    assert_eq!(at(0.3, 0.0, 2.9).unwrap_err(), Infeasible::OutOfReach);
+    let heavy = Part { mass_kg: 80.0, ..PART };
+    let far = predict(&body(), &stance(), &heavy, Vector3::new(0.6, 0.0, 1.0));
+    assert_eq!(far.unwrap_err(), Infeasible::OutOfBalance);
+}
+
+#[test]
+fn sigma_grows_with_that_of_mass_and_body_model() {
+    let place = Vector3::new(0.5, 0.0, 1.1);
+    let sigma = |body: &Body, part: &Part| predict(body, &stance(), part, place).unwrap().worst_sigma;
+    let usual = sigma(&body(), &PART);
+    assert!(sigma(&body(), &Part { mass_sigma_kg: 2.0, ..PART }) > usual);
+    assert!(usual > 0.0);
+}
