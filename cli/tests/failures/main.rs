@@ -33,6 +33,7 @@ mod monitor;
 mod network;
 mod null_pose;
 mod page;
+mod plan;
 mod plate;
 mod private;
 mod process;

@@ -1,0 +1,52 @@
+//! `plan handover`: the map of a stored subject, and what is refused.
+
+use serde_json::Value;
+
+use crate::monitor::Monitor;
+use crate::process::wait_for;
+use crate::station::Station;
+
+#[test]
+fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
+    let station = Station::new();
+    let person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 1);
+    wait_for("a profile", || station.profile("anon-1").exists().then_some(()));
+    let config = station.write("plan.toml", &station.configuration()).display().to_string();
+    let plan = |more: &[&str]| {
+        station.run(&[&["plan", "handover", "--config", &config, "--mass", "6"], more].concat())
+    };
+    let unfinished = plan(&[]);
+    assert_eq!(unfinished.code, Some(1));
+    assert!(unfinished.stderr.contains("anon-1 is not identified yet"), "{}", unfinished.stderr);
+    station.run(&["identify", "stop"]).assert_done();
+    station.run(&["subject", "save"]).assert_done();
+    wait_for("an identified profile", || {
+        let text = std::fs::read_to_string(station.profile("anon-1")).ok()?;
+        text.contains("identified = true").then_some(())
+    });
+    daemon.kill();
+
+    let (csv, picture) = (station.file("map.csv"), station.file("map.svg"));
+    let [csv_path, picture_path] = [&csv, &picture].map(|path| path.to_string_lossy().into_owned());
+    let printed = plan(&["--now", "0.55,0,0.9", "--json", "--csv", &csv_path, "--picture", &picture_path]);
+    let printed: Value = serde_json::from_str(printed.assert_done()).expect("JSON");
+    let share = |spot: &Value| spot["share"].as_f64();
+    let map = printed["map"].as_array().expect("a map");
+    let least = map.iter().filter_map(share).fold(f64::INFINITY, f64::min);
+    assert_eq!(share(&printed["best"]), Some(least));
+    assert!(share(&printed["now"]) > Some(least), "{}", printed["now"]);
+    let lines = std::fs::read_to_string(csv).expect("the map");
+    assert_eq!(lines.lines().count(), map.len() + 1);
+    let drawn = std::fs::read_to_string(picture).expect("a picture");
+    assert!(drawn.starts_with("<svg") && drawn.contains(&format!(">{:.0}</text>", 100.0 * least)));
+
+    let unknown = plan(&["--subject", "anon-9"]);
+    assert!(unknown.code == Some(1) && unknown.stderr.contains("there is no profile anon-9"));
+    for wrong in [["--now", "1,2"], ["--width", "-1"], ["--mass", "900"]] {
+        let refused = station.run(&[&["plan", "handover", "--config", &config][..], &wrong].concat());
+        assert_eq!(refused.code, Some(2), "{wrong:?}");
+    }
+}
