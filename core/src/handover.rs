@@ -14,7 +14,7 @@ mod solve;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::body::{JOINTS, Joint, Side, Skeleton};
+use crate::body::{JOINTS, Joint, SEGMENTS, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
@@ -59,12 +59,16 @@ pub struct Stance {
 }
 
 impl Stance {
-    /// The stance of a pose.
-    pub fn of(pose: &Pose<StationWorld>) -> Stance {
-        Stance {
-            ankle_m: Side::BOTH.map(|side| pose.origin_of(side.foot())),
-            world_from_foot: Side::BOTH.map(|side| pose.world_from_segment[side.foot().index()]),
-        }
+    /// The stance of segments whose origins (world, m) are known: each foot points from the ankle to its ball.
+    pub fn of_segments(origin_m: &[[f64; 3]; SEGMENTS]) -> Stance {
+        let [left, right] = Side::BOTH.map(|side| {
+            let foot = side.foot().index();
+            let [ankle_m, ball_m] = [foot, foot + 1].map(|segment| Vector3::from(origin_m[segment]));
+            let ahead = ball_m - ankle_m;
+            let heading_rad = math::atan2(ahead.y, ahead.x);
+            (ankle_m, UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad))
+        });
+        Stance { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
     }
 
     /// The natural stance of a person of this stature, facing X, with the middle between the ankles above the origin.
@@ -75,6 +79,14 @@ impl Stance {
         };
         let (left, right) = (foot(1.0), foot(-1.0));
         Stance { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
+    }
+
+    /// The world point of a place relative to the stance: forward and to the left of the middle between the ankles, and
+    /// above the floor, m. The floor is below the ankles by their height in [`Stance::natural`].
+    pub fn world_m(&self, place_m: Vector3<f64>, height_m: f64) -> Vector3<f64> {
+        let middle_m = self.middle_m();
+        let floor_m = Vector3::new(middle_m.x, middle_m.y, middle_m.z - ANKLE_HEIGHT * height_m);
+        floor_m + self.world_from_stance() * place_m
     }
 
     /// Middle between the ankles, m.

@@ -156,7 +156,7 @@ pub fn findings(subject: &Subject, handovers: u32) -> Option<Findings> {
         let (at_m, mass_kg) = somewhere(&mut random);
         match (holder.predicted(at_m, mass_kg), holder.true_share(at_m, mass_kg)) {
             (Some(predicted), Some(truth)) => {
-                held.push(Held { predicted: predicted.share, sigma: predicted.sigma, truth })
+                held.push(Held { predicted: predicted.share, sigma: predicted.sigma, truth });
             }
             (None, Some(_)) => refused += 1,
             (Some(_), None) => missed += 1,

@@ -9,6 +9,7 @@ use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_core::exposure::Exposure;
 use equipoise_core::handover::{Body, Infeasible, Part, Prediction, Stance, predict};
+use equipoise_core::message::{State, Validity};
 use equipoise_daemon::profile::{Profile, unix_s};
 use equipoise_daemon::run::ConfigArgument;
 use equipoise_files::atomic_file::write_atomically;
@@ -17,6 +18,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::Outcome;
+use crate::client;
 
 /// Find the place of a work piece at which it relieves the worker
 #[derive(Debug, clap::Args)]
@@ -32,13 +34,14 @@ enum What {
 
 /// Predict the overload of a part that is handed over, over the places in front of an identified worker
 ///
-/// The worker stands upright with the feet side by side, facing X; places are of the middle between the hands, from the
-/// middle between the ankles on the floor: forward, to the left, up. The overload is that of the joint closest to its limit,
-/// as a share of the limit, with 1 sigma: the posture is predicted, too. Fatigue of an unfinished shift reduces the limits.
+/// Places are of the middle between the hands, from the middle between the ankles on the floor: forward, to the left, up.
+/// The overload is that of the joint closest to its limit, as a share of the limit, with 1 sigma: the posture is predicted,
+/// too. Fatigue of an unfinished shift reduces the limits. Without --live the worker stands at the station's origin and faces
+/// X; `position_m` of the JSON is in the station's world.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise plan handover --config station.toml --mass 6\n  equipoise plan handover --config \
-                  station.toml --subject anon-1 --mass 6 --now 0.5,0,0.8 --json\n  equipoise plan handover --config station.toml \
+                  station.toml --subject anon-1 --mass 6 --now 0.5,0,0.8 --live --json > plan.json\n  equipoise plan handover --config station.toml \
                   --mass 6 --csv map.csv --picture map.svg"
 )]
 struct HandoverArguments {
@@ -56,6 +59,9 @@ struct HandoverArguments {
     /// Where the part is handed over now, m
     #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
     now: Option<Vector3<f64>>,
+    /// Plan for the feet and the fatigue of the worker who stands at the running station now
+    #[arg(long)]
+    live: bool,
     /// Print JSON, with the whole map
     #[arg(long)]
     json: bool,
@@ -92,7 +98,10 @@ fn place(text: &str) -> Result<Vector3<f64>, String> {
 
 /// One place of the map.
 struct Spot {
+    /// From the middle between the ankles on the floor: forward, to the left, up, m.
     at_m: Vector3<f64>,
+    /// In the station's world, m.
+    position_m: Vector3<f64>,
     predicted: Result<Prediction, Infeasible>,
 }
 
@@ -100,12 +109,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let What::Handover(arguments) = &arguments.what;
     let config = Config::read(&arguments.config.config)?;
     let id = arguments.subject.as_ref().unwrap_or(&config.subject.id);
-    let body = body_of(&config, id)?;
-    let (stance, part) = (
-        Stance::natural(config.subject.height_m),
-        Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width },
-    );
-    let spot = |at_m: Vector3<f64>| Spot { at_m, predicted: predict(&body, &stance, &part, at_m) };
+    let (mut body, height_m) = body_of(&config, id)?;
+    let mut stance = Stance::natural(height_m);
+    if arguments.live {
+        let state = standing_worker(&config.station)?;
+        (stance, body.fatigue) = (Stance::of_segments(&state.segment_origin_m), state.fatigue);
+    }
+    let part = Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width };
+    let spot = |at_m: Vector3<f64>| {
+        let position_m = stance.world_m(at_m, height_m);
+        Spot { at_m, position_m, predicted: predict(&body, &stance, &part, position_m) }
+    };
     let map: Vec<Spot> = places().map(spot).collect();
     let Some(best) = best_of(&map) else {
         bail!("{id} cannot hold {} kg anywhere from {REGION_M:?} m: too heavy, or too wide", arguments.mass);
@@ -119,17 +133,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     if arguments.json {
         let map: Vec<Value> = map.iter().map(json_of).collect();
-        println!(
-            "{}",
-            json!({
-                "subject": id,
-                "mass_kg": arguments.mass,
-                "width_m": arguments.width,
-                "best": json_of(best),
-                "now": now.as_ref().map(json_of),
-                "map": map,
-            })
-        );
+        let mut plan = json_of(best);
+        plan["subject"] = id.as_str().into();
+        plan["mass_kg"] = arguments.mass.into();
+        plan["now"] = now.as_ref().map_or(Value::Null, json_of);
+        plan["map"] = map.into();
+        println!("{plan}");
         return Ok(Outcome::Done);
     }
     println!("best  {}", sentence(best));
@@ -145,8 +154,22 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The identified body of a stored subject.
-fn body_of(config: &Config, id: &str) -> anyhow::Result<Body> {
+/// The newest state of a running station, with the segments of a worker in it.
+fn standing_worker(station: &str) -> anyhow::Result<State> {
+    let state = client::newest_state(&client::join(station, "plan")?)?;
+    let missing = Validity::SUIT_STALE
+        .and(Validity::SUIT_IMPLAUSIBLE)
+        .and(Validity::POSITION_UNKNOWN)
+        .and(Validity::FEET_OFF_PLATE);
+    if state.validity().any_of(missing) {
+        let names: Vec<&str> = state.validity().names().collect();
+        bail!("where the worker stands is not known: {}; see `equipoise status`", names.join(", "));
+    }
+    Ok(state)
+}
+
+/// The identified body of a stored subject, and its stature, m.
+fn body_of(config: &Config, id: &str) -> anyhow::Result<(Body, f64)> {
     let path = StateDirectory::of_station(&config.station)?.profile(id);
     let profile = Profile::read(&path)?
         .with_context(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
@@ -165,7 +188,7 @@ fn body_of(config: &Config, id: &str) -> anyhow::Result<Body> {
     if let Ok(shift) = profile.shift(unix_s()) {
         exposure.resume(&shift);
     }
-    Ok(worker.handover_body(&settings, exposure.fatigue.share))
+    Ok((worker.handover_body(&settings, exposure.fatigue.share), config.subject.height_m))
 }
 
 fn places() -> impl Iterator<Item = Vector3<f64>> {
@@ -198,21 +221,21 @@ fn sentence(spot: &Spot) -> String {
 }
 
 fn json_of(spot: &Spot) -> Value {
-    let at_m: [f64; 3] = spot.at_m.into();
+    let position_m: [f64; 3] = spot.position_m.into();
     match &spot.predicted {
         Ok(predicted) => json!({
-            "at_m": at_m,
-            "share": predicted.worst_share(),
-            "sigma": predicted.worst_sigma,
-            "joint": predicted.worst.name(),
+            "position_m": position_m,
+            "worst_share": predicted.worst_share(),
+            "worst_sigma": predicted.worst_sigma,
+            "worst_joint": predicted.worst.name(),
         }),
-        Err(why) => json!({ "at_m": at_m, "infeasible": why.name() }),
+        Err(why) => json!({ "position_m": position_m, "infeasible": why.name() }),
     }
 }
 
 fn csv(map: &[Spot]) -> String {
-    let mut text = "x_m,y_m,z_m,share,sigma,joint\n".to_owned();
-    for Spot { at_m, predicted } in map {
+    let mut text = "forward_m,left_m,up_m,worst_share,worst_sigma,worst_joint\n".to_owned();
+    for Spot { at_m, predicted, .. } in map {
         let values = match predicted {
             Ok(predicted) => format!(
                 "{:.4},{:.4},{}",

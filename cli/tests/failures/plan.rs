@@ -27,16 +27,26 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
         let text = std::fs::read_to_string(station.profile("anon-1")).ok()?;
         text.contains("identified = true").then_some(())
     });
+    // The person stands at the origin of the station's world, facing X.
+    let [live, stored]: [Value; 2] = [&["--json", "--live"][..], &["--json"][..]]
+        .map(|options| serde_json::from_str(plan(options).assert_done()).expect("JSON"));
+    for axis in 0..3 {
+        let [live_m, stored_m] = [&live, &stored].map(|plan| plan["map"][0]["position_m"][axis].as_f64());
+        assert!((live_m.unwrap() - stored_m.unwrap()).abs() < 0.1, "{live_m:?} {stored_m:?}");
+    }
     daemon.kill();
+    let dead = plan(&["--live"]);
+    assert_eq!(dead.code, Some(1));
+    assert!(dead.stderr.contains("no daemon publishes"), "{}", dead.stderr);
 
     let (csv, picture) = (station.file("map.csv"), station.file("map.svg"));
     let [csv_path, picture_path] = [&csv, &picture].map(|path| path.to_string_lossy().into_owned());
     let printed = plan(&["--now", "0.55,0,0.9", "--json", "--csv", &csv_path, "--picture", &picture_path]);
     let printed: Value = serde_json::from_str(printed.assert_done()).expect("JSON");
-    let share = |spot: &Value| spot["share"].as_f64();
+    let share = |spot: &Value| spot["worst_share"].as_f64();
     let map = printed["map"].as_array().expect("a map");
     let least = map.iter().filter_map(share).fold(f64::INFINITY, f64::min);
-    assert_eq!(share(&printed["best"]), Some(least));
+    assert_eq!(share(&printed), Some(least));
     assert!(share(&printed["now"]) > Some(least), "{}", printed["now"]);
     let lines = std::fs::read_to_string(csv).expect("the map");
     assert_eq!(lines.lines().count(), map.len() + 1);

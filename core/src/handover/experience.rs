@@ -48,7 +48,8 @@ impl Experience {
     /// positive numbers change nothing.
     pub fn observe(&mut self, place_m: Vector3<f64>, predicted_share: f64, measured_share: f64) {
         let excess = measured_share / predicted_share - 1.0;
-        if !(predicted_share > 0.0 && measured_share > 0.0 && excess.is_finite()) {
+        let is_usable = |share: f64| share > 0.0 && share < f64::MAX;
+        if !(is_usable(predicted_share) && is_usable(measured_share) && excess.is_finite()) {
             return;
         }
         let index = self.count % MEMORY;

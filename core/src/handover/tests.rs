@@ -63,6 +63,18 @@ fn a_turned_and_moved_stance_has_the_same_overload() {
 }
 
 #[test]
+fn the_stance_of_a_pose_and_places_relative_to_it_are_the_ones_it_was_made_in() {
+    let pose = at(0.4, 0.0, 1.0).unwrap().pose;
+    let found = Stance::of_segments(&pose.origin.map(Into::into));
+    for (foot, made) in found.world_from_foot.iter().zip(stance().world_from_foot) {
+        assert!(foot.angle_to(&made) < 1e-9);
+    }
+    assert_eq!(found.ankle_m, stance().ankle_m);
+    let place = Vector3::new(0.4, 0.1, 1.0);
+    assert!((found.world_m(place, HEIGHT_M) - place).norm() < 1e-9);
+}
+
+#[test]
 fn overload_grows_with_distance_and_mass_and_fatigue() {
     let (near, far) = (at(0.35, 0.0, 1.1).unwrap(), at(0.6, 0.0, 1.1).unwrap());
     for name in ["L5S1", "LeftShoulder", "RightKnee"] {
