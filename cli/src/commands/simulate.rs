@@ -75,7 +75,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE")]
     play: Option<PathBuf>,
     #[command(flatten)]
-    cobot: cobot::Arguments,
+    cobot: cobot::CobotArguments,
 }
 
 /// What the simulated person does.

@@ -14,6 +14,9 @@ pub const SETTLED_S: f64 = 0.2;
 /// Number of the first register: int 36 and 37, double 36 to 38, as inputs and as outputs.
 pub const FIRST_REGISTER: u8 = 36;
 
+/// Default retreat position, base frame, m.
+const RETREAT_IN_BASE_M: Vector3<f64> = Vector3::new(-0.45, -0.174, 0.4);
+
 /// Values of the input registers.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Inputs {
@@ -62,7 +65,7 @@ impl CobotSettings {
     pub fn at(base_m: [f64; 3], yaw_rad: f64) -> CobotSettings {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw_rad);
         let world_from_base = Isometry3::from_parts(Translation3::from(Vector3::from(base_m)), turn);
-        let retreat_m = (world_from_base * arm::forward(&start_rad())).translation.vector;
+        let retreat_m = (world_from_base * Translation3::from(RETREAT_IN_BASE_M)).translation.vector;
         let (limits, workspace) = Default::default();
         CobotSettings { world_from_base, retreat_m, limits, workspace }
     }

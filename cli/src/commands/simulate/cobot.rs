@@ -15,7 +15,7 @@ const PRINT_EVERY: Duration = Duration::from_secs(1);
 
 /// Options of the simulated cobot.
 #[derive(Debug, clap::Args)]
-pub(super) struct Arguments {
+pub(super) struct CobotArguments {
     /// Serve a simulated UR10e with the program of handover.script there by RTDE, instead of a person
     #[arg(long, value_name = "ADDRESS", conflicts_with_all = ["play", "ground", "plate", "suit_tcp"])]
     cobot: Option<SocketAddr>,
@@ -39,7 +39,7 @@ pub(super) struct Arguments {
     cobot_yaw: f64,
 }
 
-impl Arguments {
+impl CobotArguments {
     /// Address of the RTDE server.
     pub(super) fn address(&self) -> Option<SocketAddr> {
         self.cobot
@@ -47,7 +47,7 @@ impl Arguments {
 }
 
 pub(super) fn run(
-    arguments: &Arguments,
+    arguments: &CobotArguments,
     address: SocketAddr,
     seconds: Option<f64>,
 ) -> anyhow::Result<Outcome> {
