@@ -4,7 +4,7 @@
 //! [`intention`] → [`repertoire`], [`limits`], [`reach`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →
 //! [`realism`], [`dynamics`] → [`truth`] → [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] →
 //! [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] → [`suit_sender`], [`plate_server`] (through [`faults`]),
-//! [`clock`] → [`devices`] → [`simulation`], [`player`]. Geometry, masses and dynamics are the simulator's own: it
+//! [`clock`] → [`devices`] → [`simulation`], [`player`]; [`cobot`]. Geometry, masses and dynamics are the simulator's own: it
 //! shares the names of segments and joints with `equipoise_core`, and never its anthropometry or its estimator, so that
 //! agreement between the two is independent evidence.
 //!
@@ -14,6 +14,7 @@
 pub mod balance;
 pub mod burden;
 pub mod clock;
+pub mod cobot;
 pub mod colour;
 pub mod devices;
 pub mod dynamics;

@@ -1,5 +1,6 @@
-//! `equipoise simulate`: the simulated person alone, on the real wires, or a recorded one.
+//! `equipoise simulate`: the simulated person alone, on the real wires, or a recorded one; or a simulated cobot.
 
+mod cobot;
 mod ground;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
@@ -30,7 +31,8 @@ const POSE_S: f64 = 4.0;
     after_help = "With --ground the section of the configuration that fits the device is printed.\n\nExamples:\n  equipoise \
                   simulate --suit 127.0.0.1:9763 --plate 127.0.0.1:49152\n  equipoise simulate --ground amti-serial \
                   --ground-address /tmp/plate\n  equipoise simulate --ground text --ground-address udp:127.0.0.1:8888 \
-                  --suit-tcp\n  equipoise simulate --play motion.csv"
+                  --suit-tcp\n  equipoise simulate --play motion.csv\n  equipoise simulate \
+                  --cobot 127.0.0.1:30004"
 )]
 pub(super) struct Arguments {
     /// Where the suit's datagrams go
@@ -72,6 +74,8 @@ pub(super) struct Arguments {
     /// Play a recorded motion (CSV) instead
     #[arg(long, value_name = "FILE")]
     play: Option<PathBuf>,
+    #[command(flatten)]
+    cobot: cobot::CobotArguments,
 }
 
 /// What the simulated person does.
@@ -107,9 +111,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if arguments.ground.is_some() && matches!(arguments.does, Does::Away | Does::Weights | Does::Rod) {
         bail!("--do away, weights and rod need the plate that is there without --ground");
     }
-    match &arguments.play {
-        Some(path) => play(arguments, path.clone()),
-        None => simulate(arguments),
+    match (&arguments.play, arguments.cobot.address()) {
+        (_, Some(address)) => cobot::run(&arguments.cobot, address, arguments.seconds),
+        (Some(path), _) => play(arguments, path.clone()),
+        (None, _) => simulate(arguments),
     }
 }
 

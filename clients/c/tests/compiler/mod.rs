@@ -62,6 +62,7 @@ pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
 }
 
 /// Standard output of a program that must succeed.
+#[allow(dead_code, clippy::allow_attributes, reason = "one of the tests does not need it")]
 pub(crate) fn said(ended: &Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
     assert!(ended.status.success(), "out: {out} err: {err}");

@@ -1,0 +1,323 @@
+"""The judge of .ci/cobot: starts and kills the processes of the handover loop, and reads the cobot's speed."""
+
+import json
+import pathlib
+import random
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+
+PATIENCE_S = 90
+# Bound of each stop with real processes on a busy machine; in simulated time it is 0.1 s (clients/c/tests/handover.rs).
+STOPPED_WITHIN_S = 0.4
+MOVES_M_PER_S = 0.02
+RTDE_PORT = 30004
+
+
+def until(what, ready, patience_s=PATIENCE_S):
+    end_s = time.monotonic() + patience_s
+    while True:
+        value = ready()
+        if value:
+            return value
+        assert time.monotonic() < end_s, f"waited in vain until {what}"
+        time.sleep(0.02)
+
+
+class Observer(threading.Thread):
+    """Speed and activity of the cobot at 500 Hz, by a connection without inputs."""
+
+    def __init__(self, host):
+        super().__init__(daemon=True)
+        self.socket = socket.create_connection((host, RTDE_PORT), timeout=5)
+        self.file = self.socket.makefile("rb")
+        assert self.ask("V", struct.pack(">H", 2)) == b"\1"
+        self.ask("O", struct.pack(">d", 500.0) + b"actual_TCP_speed,output_int_register_36")
+        assert self.ask("S", b"") == b"\1"
+        self.speeds, self.activity = [], -1
+        self.start()
+
+    def package(self):
+        size, kind = struct.unpack(">HB", self.file.read(3))
+        return chr(kind), self.file.read(size - 3)
+
+    def ask(self, kind, payload):
+        self.socket.sendall(struct.pack(">HB", len(payload) + 3, ord(kind)) + payload)
+        while True:
+            found, answer = self.package()
+            if found == kind:
+                return answer
+
+    def run(self):
+        while header := self.file.read(3):
+            size, kind = struct.unpack(">HB", header)
+            payload = self.file.read(size - 3)
+            if chr(kind) == "U":
+                *speed, self.activity = struct.unpack(">6di", payload[1:])
+                self.speeds.append((time.monotonic(), sum(value * value for value in speed[:3]) ** 0.5))
+
+    def is_moving(self):
+        return bool(self.speeds) and self.speeds[-1][1] > MOVES_M_PER_S
+
+    def stopped_s(self, since_s):
+        """Time from an instant to the last sample in motion before a rest of 0.2 s."""
+        def rest():
+            recent = [(at_s, speed) for at_s, speed in self.speeds[-2000:] if at_s >= since_s]
+            moving = [at_s for at_s, speed in recent if speed > 0]
+            last_s = moving[-1] if moving else since_s
+            return (last_s - since_s,) if recent and recent[-1][0] - last_s > 0.2 else None
+        return until("the cobot stops", rest, 10)[0]
+
+
+class States(threading.Thread):
+    """When the worker's state was last usable, as a consumer sees it."""
+
+    def __init__(self):
+        super().__init__(daemon=True)
+        import handover
+        self.stops = handover.STOPS
+        self.usable_at_s = self.usable_since_s = self.reasons = None
+        self.start()
+
+    def run(self):
+        import equipoise
+        for reading in equipoise.subscribe("cobot", name="judge", timeout_s=0.025):
+            usable = bool(reading) and not reading.state.valid & self.stops
+            self.reasons = reading.reason_names if reading else [reading.reason.value]
+            if usable:
+                self.usable_at_s = time.monotonic()
+                self.usable_since_s = self.usable_since_s or self.usable_at_s
+            else:
+                self.usable_since_s = None
+                time.sleep(0.001)
+
+    def usable_for(self, seconds):
+        since_s = self.usable_since_s
+        return since_s is not None and time.monotonic() - since_s > seconds
+
+
+class Plans(threading.Thread):
+    """A plan that changes sides, each better than the one before, so that the cobot always moves."""
+
+    def __init__(self, path):
+        super().__init__(daemon=True)
+        self.path, self.count = path, 0
+        self.start()
+
+    def run(self):
+        while True:
+            self.count += 1
+            plan = {"position_m": [0.5, 0.3 * (-1) ** self.count, 1.1], "worst_share": 0.9 - 1e-3 * self.count, "worst_sigma": 0.0}
+            new = self.path.with_suffix(".new")
+            new.write_text(json.dumps(plan))
+            new.rename(self.path)
+            time.sleep(2.5)
+
+
+class Rig:
+    def __init__(self, equipoise, scratch, host, suit, plate):
+        self.equipoise, self.scratch, self.host, self.suit, self.plate = equipoise, scratch, host, suit, plate
+        self.running = []
+
+    def start(self, name, *command):
+        log = open(self.scratch / f"{name}.log", "ab")
+        process = subprocess.Popen(command, stdout=log, stderr=log)
+        self.running.append(process)
+        return process
+
+    def end(self, process, number=signal.SIGKILL):
+        process.send_signal(number)
+        process.wait(20)
+        self.running.remove(process)
+
+    def person(self, does):
+        return self.start("person", self.equipoise, "simulate", "--suit", f"127.0.0.1:{self.suit}", "--plate",
+                          f"127.0.0.1:{self.plate}", "--do", does)
+
+    def daemon(self):
+        return self.start("daemon", self.equipoise, "run", "--config", str(self.scratch / "equipoise.toml"))
+
+
+def witness(host):
+    """ur_rtde reads the cobot."""
+    try:
+        import rtde_receive
+    except ImportError:
+        return
+    names = ["timestamp", "actual_q", "actual_TCP_pose", "safety_mode", "runtime_state"]
+    receive = rtde_receive.RTDEReceiveInterface(host, 125.0, names)
+    before_s = until("ur_rtde receives", receive.getTimestamp)
+    time.sleep(0.5)
+    passed_s = receive.getTimestamp() - before_s
+    assert 0.3 < passed_s < 1.5, f"{passed_s} s"
+    pose, joints = receive.getActualTCPPose(), receive.getActualQ()
+    assert len(joints) == 6 and -0.9 < pose[0] < -0.4 and receive.getSafetyMode() == 1, (joints, pose)
+    receive.disconnect()
+    print("cobot: ur_rtde reads pose, joints and safety mode")
+
+
+def of_one_controller(name, command, rig, observer, states, daemon, person, stops):
+    """All losses with one controller. Returns the processes that replaced others."""
+    times_s = {}
+
+    def loss(what, act):
+        until(f"{name}: the cobot moves before: {what}", lambda: observer.is_moving() and states.usable_for(0.1))
+        time.sleep(random.uniform(0.0, 0.5))
+        until(f"{name}: the cobot moves before: {what}", lambda: observer.is_moving() and states.usable_for(0.1))
+        act()
+        until(f"{what}: the state is lost", lambda: not states.usable_for(0.0), 10)
+        # The state's change: the last usable one. States published before the act may still arrive.
+        stopped_s = observer.stopped_s(states.usable_at_s)
+        times_s.setdefault(what, []).append(stopped_s)
+
+    controller = rig.start(name, *command)
+    for _ in range(stops):
+        loss("daemon stopped", lambda: daemon.send_signal(signal.SIGSTOP))
+        daemon.send_signal(signal.SIGCONT)
+    loss("suit killed", lambda: rig.end(person))
+    until("the cobot retreats", lambda: observer.activity == 2, 10)
+    person = rig.person("lifts")
+    loss("worker loaded", lambda: subprocess.run([rig.equipoise, "subject", "load", "anon-1", "--station", "cobot"], check=True,
+                                                 stdout=subprocess.DEVNULL))
+    loss("daemon killed", lambda: rig.end(daemon))
+    daemon = rig.daemon()
+    until(f"{name}: the cobot moves again", observer.is_moving)
+    at_s = time.monotonic()
+    rig.end(controller)
+    times_s["controller killed"] = [observer.stopped_s(at_s)]
+    controller = rig.start(name, *command)
+    until(f"{name}: the cobot moves again", observer.is_moving)
+    time.sleep(5)
+    rig.end(controller, signal.SIGTERM)
+    assert controller.returncode == 0, f"{name} ended with {controller.returncode}"
+    for what, values_s in times_s.items():
+        values_s.sort()
+        print(f"cobot: {name}: {what}: {len(values_s)} stops, p50 {1e3 * values_s[len(values_s) // 2]:.0f} ms, "
+              f"maximum {1e3 * values_s[-1]:.0f} ms")
+        assert values_s[-1] <= STOPPED_WITHIN_S, f"{name}: {what}: {values_s[-1]:.3f} s"
+    end = [line for line in (rig.scratch / f"{name}.log").read_text().splitlines() if line.startswith("end ")][-1]
+    print(f"cobot: {name}: p50/p99/p99.9/maximum: {end[4:]}")
+    return daemon, person
+
+
+def loop(equipoise, scratch, host, suit, plate, stops):
+    scratch = pathlib.Path(scratch)
+    rig = Rig(equipoise, scratch, host, suit, plate)
+    try:
+        rig.start("cobot", equipoise, "simulate", "--cobot", f"{host}:{RTDE_PORT}")
+        observer = until("the cobot serves", lambda: connected(host))
+        witness(host)
+        person, daemon = rig.person("poses"), rig.daemon()
+        states = States()
+        until("the worker is identified", lambda: states.usable_for(1.0), 240)
+        rig.end(person)
+        person = rig.person("lifts")
+        plan = scratch / "plan.json"
+        Plans(plan)
+        for name, program in [("python", [sys.executable, str(scratch / "handover_controller.py")]),
+                              ("cpp", [str(scratch / "handover_controller")])]:
+            command = [*program, "cobot", f"{host}:{RTDE_PORT}", "--plan", str(plan), "--name", name]
+            daemon, person = of_one_controller(name, command, rig, observer, states, daemon, person, int(stops))
+    finally:
+        for process in rig.running:
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+            process.wait()
+
+
+def connected(host):
+    try:
+        return Observer(host)
+    except OSError:
+        return None
+
+
+class Robot:
+    """The robot's program as Python, on a TCP that follows its velocity exactly: URScript differs in few words."""
+
+    STEP_S = 0.002
+
+    def __init__(self, path):
+        self.inputs, self.outputs = {}, {}
+        self.base = [1.15, 0.0, 0.75]
+        self.tcp = [-0.35 - 0.3, 0.0, 0.35, 0.0, 0.0, 0.0]
+        self.world = {
+            "p": lambda *values: list(values),
+            "read_input_integer_register": lambda number: self.inputs.get(("int", number), 0),
+            "read_input_float_register": lambda number: self.inputs.get(("double", number), 0.0),
+            "write_output_integer_register": lambda number, value: self.outputs.update({("int", number): value}),
+            "write_output_float_register": lambda number, value: self.outputs.update({("double", number): value}),
+            "get_steptime": lambda: self.STEP_S,
+            "get_actual_tcp_pose": lambda: list(self.tcp),
+            "norm": lambda values: sum(value * value for value in values) ** 0.5,
+            # No rotation in the default installation.
+            "pose_inv": lambda pose: [-value for value in pose],
+            "pose_trans": lambda first, second: [a + b for a, b in zip(first, second)],
+        }
+        lines = [line for line in textwrap.dedent(pathlib.Path(path).read_text()).split("\n") if line.strip() != "end"]
+        body = textwrap.dedent("\n".join(lines[lines.index("def equipoise_handover():") + 1:]))
+        body = re.sub(r"\bp\[(.*?)\]\s*$", r"[\1]", body, flags=re.MULTILINE)
+        body = body.replace("p[at_m[0], at_m[1], at_m[2], 0.0, 0.0, 0.0]", "[at_m[0], at_m[1], at_m[2], 0.0, 0.0, 0.0]")
+        settings, body = re.split(r"(?=^thread )", body, maxsplit=1, flags=re.MULTILINE)
+        functions = re.split(r"^rtde_set_watchdog", body, flags=re.MULTILINE)[0]
+        functions = functions.replace("thread ", "def ").replace("sync()", "yield").replace("local ", "")
+        names = ", ".join(re.findall(r"^(handover_\w+) =", settings, flags=re.MULTILINE))
+        functions = re.sub(r"^(def .*:)$", rf"\1\n  global {names}", functions, flags=re.MULTILINE)
+        exec(settings + functions, self.world)  # pylint: disable=exec-used
+        self.watch = self.world["handover_watch"]()
+
+    def run(self, seconds, is_alive):
+        for step in range(round(seconds / self.STEP_S)):
+            if is_alive and step % 4 == 0:
+                self.inputs["int", 37] = self.inputs.get(("int", 37), 0) + 1
+            next(self.watch)
+            activity = self.world["handover_activity"]()
+            self.world["handover_report"](activity)
+            self.velocity = self.world["handover_velocity"](activity)
+            self.tcp = [at + self.STEP_S * velocity for at, velocity in zip(self.tcp, self.velocity)]
+            assert self.world["norm"](self.velocity) <= 0.15 + 1e-9
+        return activity
+
+    def speed(self):
+        return self.world["norm"](self.velocity)
+
+
+def script(path):
+    """The same behaviour as the simulated program (simulator/src/cobot/program.rs)."""
+    robot = Robot(path)
+    target = [0.45, 0.1, 1.1]
+    robot.inputs = {("int", 36): 1, ("int", 37): 77, **{("double", 36 + axis): target[axis] for axis in range(3)}}
+    assert robot.run(1, False) == 4 and robot.speed() == 0, "a command from before the start moves it"
+    assert robot.run(0.19, True) == 4 and robot.speed() == 0, "it moves before the sequence has settled"
+    assert robot.run(0.5, True) == 1 and robot.speed() > 0.1, "it does not move"
+    assert robot.run(0.05, False) == 1, "one late package stops it"
+    assert robot.run(0.02, False) == 4 and robot.speed() == 0, "it moves without a heartbeat"
+    robot.run(10, True)
+    reported = [robot.outputs["double", 36 + axis] for axis in range(3)]
+    assert all(abs(a - b) < 1e-3 for a, b in zip(reported, target)), f"{reported}, not {target}"
+    assert robot.outputs["int", 37] == robot.inputs["int", 37]
+    robot.inputs["double", 36] = 0.0
+    assert robot.run(0.1, True) == 3 and robot.speed() == 0, "it moves to a target outside the workspace"
+    robot.inputs["int", 36] = 2
+    assert robot.run(0.1, True) == 2 and robot.speed() > 0.1, "it does not retreat"
+    robot.inputs["int", 36] = 0
+    assert robot.run(0.1, True) == 0 and robot.speed() == 0, "it does not hold"
+    print("cobot: the robot's program moves, holds, retreats, and holds without a heartbeat")
+
+
+def main():
+    what, *rest = sys.argv[1:]
+    script(*rest) if what == "script" else loop(*rest)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except AssertionError as error:
+        sys.exit(f"cobot: {error}")

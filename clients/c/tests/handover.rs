@@ -1,0 +1,409 @@
+//! The decision of the handover controllers: in C++ and Python by one table of test vectors, and in C++ with the simulated
+//! cobot in simulated time.
+#![expect(clippy::unwrap_used, reason = "a test may panic")]
+
+mod compiler;
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+
+use compiler::{Link, compile};
+use equipoise_simulator::cobot::motion::STEP_S;
+use equipoise_simulator::cobot::program::{CobotSettings, Inputs, Program};
+use equipoise_simulator::random::Random;
+
+const CLIENTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+const SUIT_STALE: u64 = 1;
+const MODEL_CHANGED: u64 = 64;
+/// Difference of positions between the implementations: their text has 1 nm.
+const EQUAL_M: f64 = 2e-9;
+
+/// A reading, in the order of the replay's line.
+#[derive(Debug, Clone, Copy)]
+struct Reading {
+    time_s: f64,
+    state: bool,
+    reasons: u64,
+    age_s: f64,
+    restarted: bool,
+    share: [f64; 2],
+    advice: [f64; 3],
+    part_m: [f64; 3],
+    generation: u64,
+    plan_m: [f64; 3],
+    plan_share: [f64; 2],
+}
+
+impl Reading {
+    /// A valid state without torques, plan or cobot.
+    fn at(time_s: f64) -> Reading {
+        Reading {
+            time_s,
+            state: true,
+            reasons: 0,
+            age_s: 0.001,
+            restarted: false,
+            share: [f64::NAN; 2],
+            advice: [f64::NAN; 3],
+            part_m: [f64::NAN; 3],
+            generation: 0,
+            plan_m: [f64::NAN; 3],
+            plan_share: [f64::NAN; 2],
+        }
+    }
+
+    fn line(&self) -> String {
+        let head = [
+            self.time_s,
+            f64::from(u8::from(self.state)),
+            self.reasons as f64,
+            self.age_s,
+            f64::from(u8::from(self.restarted)),
+        ];
+        let numbers = head.iter().chain(&self.share).chain(&self.advice).chain(&self.part_m);
+        let generation = [self.generation as f64];
+        let numbers = numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_share);
+        numbers
+            .map(|number| if number.is_nan() { "nan".to_owned() } else { number.to_string() })
+            .collect::<Vec<_>>()
+            .join(" ")
+    }
+}
+
+/// Command and commanded position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Decided {
+    command: i32,
+    target_m: [f64; 3],
+}
+
+/// A replay program that answers line by line.
+struct Replay {
+    name: &'static str,
+    child: Child,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Replay {
+    fn start(name: &'static str, command: &mut Command) -> Replay {
+        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
+        let answers = BufReader::new(child.stdout.take().unwrap());
+        Replay { name, child, answers }
+    }
+
+    fn reset(&mut self) {
+        writeln!(self.child.stdin.as_mut().unwrap(), "reset").unwrap();
+    }
+
+    fn decide(&mut self, reading: &Reading) -> Decided {
+        writeln!(self.child.stdin.as_mut().unwrap(), "{}", reading.line()).unwrap();
+        let mut answer = String::new();
+        self.answers.read_line(&mut answer).unwrap();
+        let numbers: Vec<f64> = answer.split_whitespace().map(|word| word.parse().unwrap()).collect();
+        let [command, target_m @ ..] = &numbers[..] else { panic!("{} answers {answer:?}", self.name) };
+        Decided { command: *command as i32, target_m: target_m.try_into().unwrap() }
+    }
+}
+
+impl Drop for Replay {
+    fn drop(&mut self) {
+        drop(self.child.stdin.take());
+        let _ = self.child.wait();
+    }
+}
+
+fn cpp(scratch: &Path) -> Option<Replay> {
+    if !compiler::is_there("cpp") {
+        eprintln!("skipped: no compiler of C++ (CXX, or c++)");
+        return None;
+    }
+    let source = PathBuf::from(CLIENTS).join("cpp/handover_replay.cpp");
+    let program = compile(&source, Link::Static, scratch);
+    Some(Replay::start("C++", &mut Command::new(program)))
+}
+
+fn python() -> Option<Replay> {
+    if !Command::new("python3").arg("--version").output().is_ok_and(|ended| ended.status.success()) {
+        eprintln!("skipped: no python3");
+        return None;
+    }
+    let program = PathBuf::from(CLIENTS).join("python/handover.py");
+    Some(Replay::start("Python", Command::new("python3").arg("-B").arg(program)))
+}
+
+/// Numbers separated by commas or colons.
+fn numbers<const COUNT: usize>(text: &str) -> [f64; COUNT] {
+    let numbers: Vec<f64> = text.split([',', ':']).map(|word| word.parse().unwrap()).collect();
+    numbers.try_into().unwrap()
+}
+
+/// A line of the table: its readings, the expected command, and the expected position after the last one.
+fn readings_of(line: &str) -> (Vec<Reading>, i32, Option<[f64; 3]>) {
+    let (given, expected) = line.split_once(" => ").unwrap_or_else(|| panic!("no => in {line}"));
+    let words: Vec<&str> = given.split_whitespace().collect();
+    let [from_s, to_s, step_s] = [0, 1, 2].map(|at| words[at].parse::<f64>().unwrap());
+    let mut reading = Reading::at(from_s);
+    for word in &words[3..] {
+        match word.split_once('=').unwrap_or((word, "")) {
+            ("none", _) => reading.state = false,
+            ("restarted", _) => reading.restarted = true,
+            ("reasons", value) => reading.reasons = value.parse().unwrap(),
+            ("age", value) => reading.age_s = value.parse().unwrap(),
+            ("share", value) => reading.share = numbers(value),
+            ("advice", value) => reading.advice = numbers(value),
+            ("part", value) => reading.part_m = numbers(value),
+            ("plan", value) => {
+                let [generation, x, y, z, share, sigma] = numbers(value);
+                reading.generation = generation as u64;
+                (reading.plan_m, reading.plan_share) = ([x, y, z], [share, sigma]);
+            }
+            _ => panic!("{word} in {line}"),
+        }
+    }
+    let (command, at) =
+        expected.split_once(" at ").map_or((expected, None), |(command, at)| (command, Some(at)));
+    let command = ["hold", "move", "retreat"].iter().position(|name| *name == command).unwrap() as i32;
+    let count = ((to_s - from_s) / step_s).round() as u32;
+    let readings =
+        (0..=count).map(|step| Reading { time_s: from_s + step_s * f64::from(step), ..reading }).collect();
+    (readings, command, at.map(numbers))
+}
+
+#[test]
+fn both_decisions_match_the_test_vectors() {
+    let scratch = tempfile::tempdir().unwrap();
+    let table = std::fs::read_to_string(Path::new(CLIENTS).join("handover_vectors.txt")).unwrap();
+    for mut replay in [cpp(scratch.path()), python()].into_iter().flatten() {
+        let (mut case, mut cases) = ("", 0);
+        for line in table.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+            if let Some(name) = line.strip_prefix("case ") {
+                (case, cases) = (name, cases + 1);
+                replay.reset();
+                continue;
+            }
+            let (readings, command, at) = readings_of(line);
+            let mut last = None;
+            for reading in &readings {
+                let decided = replay.decide(reading);
+                let name = replay.name;
+                assert_eq!(decided.command, command, "{name}, {case}: {} of {line}", reading.time_s);
+                last = Some(decided.target_m);
+            }
+            if let (Some(at), Some(last)) = (at, last) {
+                let apart_m = distance_m(at, last);
+                assert!(apart_m < 0.0025, "{}, {case}: {last:?} after {line}", replay.name);
+            }
+        }
+        assert!(cases >= 16, "only {cases} cases");
+    }
+}
+
+fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
+    [0, 1, 2].iter().map(|axis| (a[*axis] - b[*axis]).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn both_decisions_are_equal_on_random_readings() {
+    let scratch = tempfile::tempdir().unwrap();
+    let (Some(mut cpp), Some(mut python)) = (cpp(scratch.path()), python()) else { return };
+    let mut random = Random::new(1, "handover");
+    let (mut time_s, mut generation, mut commands) = (0.0, 0, [0_u32; 3]);
+    let mut reading = Reading::at(0.0);
+    reading.part_m = [0.8, 0.0, 1.0];
+    for _ in 0..20_000 {
+        time_s += if random.happens(0.002) { 0.1 } else { random.between(0.001, 0.03) };
+        reading.time_s = time_s;
+        // Situations last; each of these changes is rare.
+        if random.happens(0.01) {
+            reading.state = random.happens(0.7);
+        }
+        if random.happens(0.01) {
+            reading.reasons = if random.happens(0.6) { 0 } else { 1 << (random.unit() * 18.0) as u32 };
+        }
+        reading.restarted = random.happens(0.001);
+        reading.age_s = if random.happens(0.002) { 0.06 } else { 0.002 };
+        if random.happens(0.01) {
+            generation += 1;
+            reading.generation = generation;
+            reading.plan_m = [0, 1, 2].map(|_| random.between(0.3, 1.2));
+            reading.plan_share = [random.between(0.2, 0.9), random.between(0.0, 0.2)];
+        }
+        if random.happens(0.01) {
+            reading.share = [random.between(0.2, 1.5), 0.1];
+            reading.advice = [0.0, 0.6, -0.8];
+        }
+        let decided = cpp.decide(&reading);
+        let other = python.decide(&reading);
+        assert_eq!(decided.command, other.command, "{reading:?}");
+        assert!(distance_m(decided.target_m, other.target_m) < EQUAL_M, "{decided:?} {other:?} {reading:?}");
+        commands[decided.command as usize] += 1;
+        if decided.command == 1 {
+            reading.part_m = decided.target_m;
+        }
+    }
+    assert!(commands.iter().all(|count| *count > 500), "{commands:?}");
+}
+
+/// What ends the validity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Loss {
+    /// A state with a flag.
+    Invalid,
+    /// Another worker: `model_changed`.
+    Worker,
+    /// The daemon stops: no state at all.
+    Silent,
+    /// The states are too old.
+    Stale,
+    /// The controller stops.
+    Controller,
+}
+
+const LOSSES: [Loss; 5] = [Loss::Invalid, Loss::Worker, Loss::Silent, Loss::Stale, Loss::Controller];
+const TRIALS: usize = 1000;
+/// The consumer's time limit without a state, s (`TIMEOUT` of the controllers).
+const TIMEOUT_S: f64 = 0.025;
+/// Delays of a state through shared memory and of a command through the network: drawn up to these, s.
+const BUS_MAX_S: f64 = 0.003;
+const NETWORK_MAX_S: f64 = 0.004;
+/// A command is sent when it changes, otherwise after this time, s.
+const SEND_EVERY_S: f64 = 0.008;
+/// The claim: the TCP is at rest so long after the loss, s.
+const STOPPED_WITHIN_S: f64 = 0.1;
+
+/// Worker, controller, network and cobot in simulated time, in steps of the cobot's 2 ms.
+struct Loop {
+    replay: Replay,
+    random: Random,
+    program: Program,
+    step: u64,
+    reading: Reading,
+    received_s: f64,
+    sent_s: f64,
+    last: Decided,
+    /// Commands on the network: arrival, s, and content.
+    network: Vec<(f64, Decided)>,
+    inputs: Inputs,
+}
+
+impl Loop {
+    fn now_s(&self) -> f64 {
+        self.step as f64 * STEP_S
+    }
+
+    /// One step. `loss` is present since `since_s`.
+    fn step(&mut self, loss: Option<(Loss, f64)>) {
+        let now_s = self.now_s();
+        // A state published before the loss may arrive after it.
+        let bus_s = self.random.between(0.0, BUS_MAX_S);
+        let present = loss.filter(|(_, since_s)| now_s - bus_s >= *since_s).map(|(loss, _)| loss);
+        if present != Some(Loss::Controller) {
+            self.control(now_s, bus_s, present);
+        }
+        let arrived: Vec<_> = self.network.extract_if(.., |(at_s, _)| *at_s <= now_s).collect();
+        if let Some((_, decided)) = arrived.last() {
+            self.inputs.sequence += 1;
+            (self.inputs.command, self.inputs.target_m) = (decided.command, decided.target_m);
+        }
+        self.program.step(&self.inputs);
+        self.step += 1;
+    }
+
+    fn control(&mut self, now_s: f64, bus_s: f64, loss: Option<Loss>) {
+        let mut reading = Reading { time_s: now_s, age_s: bus_s, ..self.reading };
+        reading.part_m = self.program.tcp_in_world_m().into();
+        match loss {
+            Some(Loss::Invalid) => reading.reasons = SUIT_STALE,
+            Some(Loss::Worker) => reading.reasons = MODEL_CHANGED,
+            // The consumer returns no state older than its limit.
+            Some(Loss::Stale | Loss::Silent) => reading.state = false,
+            _ => {}
+        }
+        if matches!(loss, Some(Loss::Stale | Loss::Silent)) {
+            if now_s - self.received_s < TIMEOUT_S {
+                return;
+            }
+        } else {
+            self.received_s = now_s;
+        }
+        let decided = self.replay.decide(&reading);
+        if decided.command != self.last.command || now_s - self.sent_s >= SEND_EVERY_S - 1e-9 {
+            // TCP keeps the order.
+            let earliest_s = self.network.last().map_or(0.0, |(at_s, _)| *at_s);
+            let arrives_s = (now_s + self.random.between(0.0, NETWORK_MAX_S)).max(earliest_s);
+            self.network.push((arrives_s, decided));
+            self.sent_s = now_s;
+        }
+        self.last = decided;
+    }
+
+    fn speed_m_per_s(&self) -> f64 {
+        self.program.motion().tcp_m_per_s().norm()
+    }
+}
+
+#[test]
+fn the_cobot_stops_within_100_ms_of_each_of_1000_random_losses() {
+    let scratch = tempfile::tempdir().unwrap();
+    let Some(replay) = cpp(scratch.path()) else { return };
+    let mut run = Loop {
+        replay,
+        random: Random::new(1, "losses"),
+        program: Program::new(CobotSettings::default()).unwrap(),
+        step: 0,
+        reading: Reading::at(0.0),
+        received_s: 0.0,
+        sent_s: 0.0,
+        last: Decided { command: 0, target_m: [0.0; 3] },
+        network: Vec::new(),
+        inputs: Inputs::default(),
+    };
+    let mut stops_s: Vec<(f64, Loss)> = Vec::new();
+    let (mut worker, mut attempts) = (0, 0);
+    while stops_s.len() < TRIALS {
+        attempts += 1;
+        assert!(attempts < 3 * TRIALS, "it moved in {} of {attempts} attempts only", stops_s.len());
+        if worker == 0 || distance_m(run.program.tcp_in_world_m().into(), run.reading.plan_m) < 0.1 {
+            // Another worker, whose change discards the old plan, and then another plan.
+            let since_s = run.now_s();
+            (0..50).for_each(|_| run.step(Some((Loss::Worker, since_s))));
+            worker += 1;
+            run.reading.generation = worker;
+            run.reading.plan_m =
+                [run.random.between(0.3, 0.7), run.random.between(-0.4, 0.4), run.random.between(0.8, 1.35)];
+            run.reading.plan_share = [0.4, 0.05];
+        }
+        // The controller's half second, the program's settling time, and a motion of random duration.
+        let valid_s = run.random.between(0.55, 1.1);
+        (0..(valid_s / STEP_S) as u32).for_each(|_| run.step(None));
+        let loss = LOSSES[stops_s.len() % LOSSES.len()];
+        // Within the step.
+        let since_s = run.now_s() + STEP_S * run.random.unit();
+        let moved = run.speed_m_per_s() > 0.03;
+        let mut stopped_s = None;
+        while run.now_s() < since_s + 0.3 {
+            run.step(Some((loss, since_s)));
+            match (run.speed_m_per_s() > 0.0, stopped_s) {
+                (true, _) => stopped_s = None,
+                (false, None) => stopped_s = Some(run.now_s() - since_s),
+                _ => {}
+            }
+        }
+        if loss == Loss::Worker {
+            run.reading.generation += 1;
+            worker = run.reading.generation;
+        }
+        if moved {
+            stops_s.push((stopped_s.unwrap_or(f64::INFINITY), loss));
+        }
+    }
+    for loss in LOSSES {
+        let mut of_loss: Vec<f64> = stops_s.iter().filter(|stop| stop.1 == loss).map(|stop| stop.0).collect();
+        of_loss.sort_by(f64::total_cmp);
+        let [p50, last] = [of_loss.len() / 2, of_loss.len() - 1].map(|at| 1e3 * of_loss[at]);
+        println!("{loss:?}: {} stops, p50 {p50:.0} ms, maximum {last:.0} ms", of_loss.len());
+    }
+    let (latest_s, loss) = stops_s.iter().copied().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    assert!(latest_s <= STOPPED_WITHIN_S, "{loss:?}: {latest_s} s");
+}

@@ -1,0 +1,188 @@
+// Decision of a handover controller: from a reading of the worker's state to a command of the cobot. No I/O, no clock, no
+// allocation. clients/python/handover.py is the same decision in Python; clients/handover_vectors.txt tests both.
+//
+// Not a safety function.
+#ifndef EQUIPOISE_HANDOVER_HPP
+#define EQUIPOISE_HANDOVER_HPP
+
+#include "equipoise.h"
+
+#include <cmath>
+#include <cstdint>
+#include <optional>
+
+namespace equipoise::handover {
+
+// Greatest age of a state, s.
+inline constexpr double AGE_MAX_S = 0.05;
+// A longer time between two decisions interrupts the valid readings, s.
+inline constexpr double GAP_MAX_S = 0.05;
+// Motion begins after uninterrupted valid readings of this duration, s.
+inline constexpr double RESUME_AFTER_S = 0.5;
+// The cobot retreats after this time without a valid reading, s.
+inline constexpr double RETREAT_AFTER_S = 2.0;
+// A better target must stay better for this time, s.
+inline constexpr double BETTER_FOR_S = 1.0;
+// Speed of the commanded position, m/s, and the longest time step that it is computed for, s.
+inline constexpr double TARGET_M_PER_S = 0.1;
+inline constexpr double TIME_STEP_MAX_S = 0.02;
+// Without a plan the part is moved along the relieving direction while the worst joint's share of its limit is above this,
+// by this distance, m.
+inline constexpr double ADVICE_ABOVE = 0.6;
+inline constexpr double ADVICE_STEP_M = 0.05;
+
+// Flags that stop the cobot. A worker without a load is a valid state: the part is still to be handed over.
+inline constexpr std::uint64_t STOPS = EQUIPOISE_INVALIDATES_TORQUES & ~EQUIPOISE_REASON_BELOW_LOAD_THRESHOLD;
+
+// Position in the station's world, m.
+struct Position {
+    double x, y, z;
+};
+
+// Place of the hands for the present worker and part.
+struct Plan {
+    // Increments with each new plan, from 1.
+    std::uint64_t generation;
+    Position at_m;
+    // Predicted share of the worst joint's limit, and its 1-σ.
+    double share, sigma;
+};
+
+struct Input {
+    // There is a current state; the fields up to `advice` belong to it.
+    bool has_state = false;
+    std::uint64_t reasons = 0;
+    double age_s = 0.0;
+    bool restarted = false;
+    // Torque of the worst joint over its limit, and its 1-σ; nullopt while torques are invalid.
+    std::optional<double> share, sigma;
+    // Relieving direction, unit vector.
+    std::optional<Position> advice;
+    // Position of the part; nullopt while the cobot is not connected or not ready.
+    std::optional<Position> part_m;
+    std::optional<Plan> plan;
+};
+
+enum class Command { hold = 0, move = 1, retreat = 2 };
+
+struct Output {
+    Command command;
+    // With `move`: the commanded position, m.
+    Position target_m;
+};
+
+class Decision {
+public:
+    // `now_s` never decreases.
+    Output decide(double now_s, const Input &input) {
+        const double step_s = now_s - decided_s_;
+        const bool interrupted = !decided_ || step_s > GAP_MAX_S;
+        decided_ = true;
+        decided_s_ = now_s;
+        if (input.plan && input.plan->generation > generation_) {
+            generation_ = input.plan->generation;
+        }
+        if (input.has_state && (input.restarted || (input.reasons & EQUIPOISE_REASON_MODEL_CHANGED) != 0)) {
+            // The plan and the target were for another worker, or for another model of this one.
+            discarded_ = generation_;
+            target_.reset();
+            better_since_s_.reset();
+        }
+        const bool valid = input.has_state && !input.restarted && (input.reasons & STOPS) == 0 && input.age_s >= 0.0 &&
+                           input.age_s <= AGE_MAX_S;
+        if (valid) {
+            valid_s_ = now_s;
+        }
+        if (!valid || !input.part_m || interrupted) {
+            valid_since_s_.reset();
+            better_since_s_.reset();
+        }
+        if (valid && input.part_m && !valid_since_s_) {
+            valid_since_s_ = now_s;
+        }
+        if (valid_since_s_ && now_s - *valid_since_s_ >= RESUME_AFTER_S) {
+            choose(now_s, input);
+            if (target_) {
+                advance(step_s, *input.part_m);
+                return {Command::move, sent_m_};
+            }
+        }
+        is_moving_ = false;
+        const bool retreats = has_moved_ && input.part_m && now_s - valid_s_ >= RETREAT_AFTER_S;
+        return {retreats ? Command::retreat : Command::hold, sent_m_};
+    }
+
+private:
+    struct Target {
+        std::uint64_t generation; // 0: from the advice.
+        Position at_m;
+        double share, sigma;
+    };
+
+    void choose(double now_s, const Input &input) {
+        if (input.plan && input.plan->generation > discarded_) {
+            const Plan &plan = *input.plan;
+            const Target planned{plan.generation, plan.at_m, plan.share, plan.sigma};
+            if (!target_) {
+                set(planned);
+            } else if (target_->generation == plan.generation) {
+                better_since_s_.reset();
+            } else {
+                const double sigma = std::sqrt(target_->sigma * target_->sigma + plan.sigma * plan.sigma);
+                set_if_better(now_s, target_->share - plan.share > sigma, planned);
+            }
+            return;
+        }
+        if ((target_ && target_->generation != 0) || !input.share || !input.sigma || !input.advice) {
+            better_since_s_.reset();
+            return;
+        }
+        const Position &part = *input.part_m, &along = *input.advice;
+        const Position at{part.x + ADVICE_STEP_M * along.x, part.y + ADVICE_STEP_M * along.y,
+                          part.z + ADVICE_STEP_M * along.z};
+        set_if_better(now_s, *input.share - ADVICE_ABOVE > *input.sigma, {0, at, *input.share, *input.sigma});
+    }
+
+    void set_if_better(double now_s, bool is_better, const Target &candidate) {
+        if (!is_better) {
+            better_since_s_.reset();
+        } else if (!better_since_s_) {
+            better_since_s_ = now_s;
+        } else if (now_s - *better_since_s_ >= BETTER_FOR_S) {
+            set(candidate);
+        }
+    }
+
+    void set(const Target &target) {
+        target_ = target;
+        better_since_s_.reset();
+    }
+
+    // Moves the commanded position toward the target.
+    void advance(double step_s, const Position &part_m) {
+        if (!is_moving_) {
+            sent_m_ = part_m;
+        }
+        is_moving_ = has_moved_ = true;
+        const double x = target_->at_m.x - sent_m_.x, y = target_->at_m.y - sent_m_.y, z = target_->at_m.z - sent_m_.z;
+        const double way_m = std::sqrt(x * x + y * y + z * z);
+        const double most_m = TARGET_M_PER_S * (step_s < TIME_STEP_MAX_S ? step_s : TIME_STEP_MAX_S);
+        if (way_m <= most_m) {
+            sent_m_ = target_->at_m;
+        } else {
+            const double part = most_m / way_m;
+            sent_m_ = {sent_m_.x + part * x, sent_m_.y + part * y, sent_m_.z + part * z};
+        }
+    }
+
+    bool decided_ = false, is_moving_ = false, has_moved_ = false;
+    double decided_s_ = 0.0, valid_s_ = 0.0;
+    std::uint64_t generation_ = 0, discarded_ = 0;
+    std::optional<double> valid_since_s_, better_since_s_;
+    std::optional<Target> target_;
+    Position sent_m_{0.0, 0.0, 0.0};
+};
+
+} // namespace equipoise::handover
+
+#endif

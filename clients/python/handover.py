@@ -1,0 +1,214 @@
+"""Decision of a handover controller: from a reading of the worker's state to a command of the cobot. No I/O, no clock.
+
+clients/cpp/handover.hpp is the same decision in C++; clients/handover_vectors.txt tests both. Not a safety function.
+
+    python clients/python/handover.py < readings.txt
+
+runs it on readings of the format of clients/cpp/handover_replay.cpp.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import sys
+from typing import List, NamedTuple, Optional, Tuple
+
+AGE_MAX_S = 0.05
+"""Greatest age of a state, s."""
+GAP_MAX_S = 0.05
+"""A longer time between two decisions interrupts the valid readings, s."""
+RESUME_AFTER_S = 0.5
+"""Motion begins after uninterrupted valid readings of this duration, s."""
+RETREAT_AFTER_S = 2.0
+"""The cobot retreats after this time without a valid reading, s."""
+BETTER_FOR_S = 1.0
+"""A better target must stay better for this time, s."""
+TARGET_M_PER_S = 0.1
+"""Speed of the commanded position, m/s."""
+TIME_STEP_MAX_S = 0.02
+"""Longest time step that the commanded position is computed for, s."""
+ADVICE_ABOVE = 0.6
+"""Without a plan the part is moved while the worst joint's share of its limit is above this ..."""
+ADVICE_STEP_M = 0.05
+"""... along the relieving direction, by this distance, m."""
+
+# Values of `equipoise.Reason`; this file is also used without the package.
+BELOW_LOAD_THRESHOLD = 1 << 5
+MODEL_CHANGED = 1 << 6
+INVALIDATES_TORQUES = (1 << 18) - 1
+# Flags that stop the cobot. A worker without a load is a valid state: the part is still to be handed over.
+STOPS = INVALIDATES_TORQUES & ~BELOW_LOAD_THRESHOLD
+
+Position = Tuple[float, float, float]
+"""Position in the station's world, m."""
+
+
+class Plan(NamedTuple):
+    """Place of the hands for the present worker and part."""
+
+    generation: int
+    """Increments with each new plan, from 1."""
+    at_m: Position
+    share: float
+    """Predicted share of the worst joint's limit."""
+    sigma: float
+    """1-σ of `share`."""
+
+
+class Input(NamedTuple):
+    """What a decision depends on, apart from time and earlier inputs."""
+
+    has_state: bool = False
+    """There is a current state; the fields up to `advice` belong to it."""
+    reasons: int = 0
+    age_s: float = 0.0
+    restarted: bool = False
+    share: Optional[float] = None
+    """Torque of the worst joint over its limit; None while torques are invalid."""
+    sigma: Optional[float] = None
+    """1-σ of `share`."""
+    advice: Optional[Position] = None
+    """Relieving direction, unit vector."""
+    part_m: Optional[Position] = None
+    """Position of the part; None while the cobot is not connected or not ready."""
+    plan: Optional[Plan] = None
+
+
+class Command(enum.IntEnum):
+    """Command of the cobot: the value of its register."""
+
+    HOLD = 0
+    MOVE = 1
+    RETREAT = 2
+
+
+class Output(NamedTuple):
+    """Command, and with MOVE the commanded position, m."""
+
+    command: Command
+    target_m: Position
+
+
+class Decision:
+    """The decision and its memory."""
+
+    def __init__(self) -> None:
+        self._decided_s: Optional[float] = None
+        self._valid_s = 0.0
+        self._valid_since_s: Optional[float] = None
+        self._better_since_s: Optional[float] = None
+        self._generation = self._discarded = 0
+        # The target's plan has generation 0 if it comes from the advice.
+        self._target: Optional[Plan] = None
+        self._sent_m: Position = (0.0, 0.0, 0.0)
+        self._is_moving = self._has_moved = False
+
+    def decide(self, now_s: float, given: Input) -> Output:
+        """Decides for this instant; `now_s` never decreases."""
+        step_s = now_s - (self._decided_s if self._decided_s is not None else 0.0)
+        interrupted = self._decided_s is None or step_s > GAP_MAX_S
+        self._decided_s = now_s
+        if given.plan and given.plan.generation > self._generation:
+            self._generation = given.plan.generation
+        if given.has_state and (given.restarted or given.reasons & MODEL_CHANGED):
+            # The plan and the target were for another worker, or for another model of this one.
+            self._discarded = self._generation
+            self._target = self._better_since_s = None
+        valid = (
+            given.has_state and not given.restarted and not given.reasons & STOPS and 0.0 <= given.age_s <= AGE_MAX_S
+        )
+        if valid:
+            self._valid_s = now_s
+        if not valid or given.part_m is None or interrupted:
+            self._valid_since_s = self._better_since_s = None
+        if valid and given.part_m is not None and self._valid_since_s is None:
+            self._valid_since_s = now_s
+        if self._valid_since_s is not None and given.part_m and now_s - self._valid_since_s >= RESUME_AFTER_S:
+            self._choose(now_s, given, given.part_m)
+            if self._target is not None:
+                self._advance(step_s, self._target.at_m, given.part_m)
+                return Output(Command.MOVE, self._sent_m)
+        self._is_moving = False
+        retreats = self._has_moved and given.part_m is not None and now_s - self._valid_s >= RETREAT_AFTER_S
+        return Output(Command.RETREAT if retreats else Command.HOLD, self._sent_m)
+
+    def _choose(self, now_s: float, given: Input, part_m: Position) -> None:
+        target, plan = self._target, given.plan
+        if plan and plan.generation > self._discarded:
+            if target is None:
+                self._set(plan)
+            elif target.generation == plan.generation:
+                self._better_since_s = None
+            else:
+                sigma = math.sqrt(target.sigma * target.sigma + plan.sigma * plan.sigma)
+                self._set_if_better(now_s, target.share - plan.share > sigma, plan)
+            return
+        is_planned = target is not None and target.generation != 0
+        if is_planned or given.share is None or given.sigma is None or given.advice is None:
+            self._better_since_s = None
+            return
+        along = given.advice
+        at_m = (
+            part_m[0] + ADVICE_STEP_M * along[0],
+            part_m[1] + ADVICE_STEP_M * along[1],
+            part_m[2] + ADVICE_STEP_M * along[2],
+        )
+        advised = Plan(0, at_m, given.share, given.sigma)
+        self._set_if_better(now_s, given.share - ADVICE_ABOVE > given.sigma, advised)
+
+    def _set_if_better(self, now_s: float, is_better: bool, candidate: Plan) -> None:
+        if not is_better:
+            self._better_since_s = None
+        elif self._better_since_s is None:
+            self._better_since_s = now_s
+        elif now_s - self._better_since_s >= BETTER_FOR_S:
+            self._set(candidate)
+
+    def _set(self, target: Plan) -> None:
+        self._target, self._better_since_s = target, None
+
+    def _advance(self, step_s: float, target_m: Position, part_m: Position) -> None:
+        """Moves the commanded position toward the target."""
+        if not self._is_moving:
+            self._sent_m = part_m
+        self._is_moving = self._has_moved = True
+        x, y, z = (target_m[axis] - self._sent_m[axis] for axis in range(3))
+        way_m = math.sqrt(x * x + y * y + z * z)
+        most_m = TARGET_M_PER_S * min(step_s, TIME_STEP_MAX_S)
+        if way_m <= most_m:
+            self._sent_m = target_m
+        else:
+            part = most_m / way_m
+            self._sent_m = (self._sent_m[0] + part * x, self._sent_m[1] + part * y, self._sent_m[2] + part * z)
+
+
+def input_of(values: List[float]) -> Input:
+    """The input in a line of readings."""
+
+    def number(value: float) -> Optional[float]:
+        return None if math.isnan(value) else value
+
+    def position(at: int) -> Optional[Position]:
+        return None if math.isnan(values[at]) else (values[at], values[at + 1], values[at + 2])
+
+    at_m = position(14)
+    plan = Plan(int(values[13]), at_m, values[17], values[18]) if at_m else None
+    has_state, reasons, age_s, restarted = values[1:5]
+    share, sigma = number(values[5]), number(values[6])
+    return Input(has_state != 0, int(reasons), age_s, restarted != 0, share, sigma, position(7), position(10), plan)
+
+
+def main() -> None:
+    decision = Decision()
+    for line in sys.stdin:
+        if line.strip() == "reset":
+            decision = Decision()
+            continue
+        values = [float(word) for word in line.split()]
+        command, (x, y, z) = decision.decide(values[0], input_of(values))
+        print(f"{int(command)} {x:.9f} {y:.9f} {z:.9f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,282 @@
+"""Controller of a handover: reads the worker's state, decides (handover.py), and commands a cobot that runs
+clients/ur/handover.script, by RTDE. docs/cobot.md. Not a safety function.
+
+    pip install ./clients/python
+    python clients/python/handover_controller.py station-1 192.0.2.20:30004 --plan plan.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import socket
+import struct
+import sys
+import time
+from typing import Dict, List, Optional, Tuple
+
+import equipoise
+from equipoise import NoReading, NoStateReason, Reading
+from handover import Command, Decision, Input, Output, Plan, Position
+
+TIMEOUT_S = 0.025
+SEND_EVERY_S = 0.008
+CONNECT_EVERY_S = 1.0
+CONNECT_WITHIN_S = 0.5
+# An older position of the cobot is not used.
+COBOT_SILENT_S = 0.1
+PLAN_EVERY_S = 0.2
+PRINT_EVERY_S = 1.0
+# Pause while the bus cannot be read: the consumer returns at once.
+BUS_PAUSE_S = 0.01
+SAMPLES_MAX = 1 << 16
+
+OUTPUT_NAMES = (
+    "output_int_register_36,output_int_register_37,output_double_register_36,output_double_register_37,"
+    "output_double_register_38,safety_mode,runtime_state"
+)
+OUTPUTS = struct.Struct(">BiidddiI")
+INPUT_NAMES = (
+    "input_int_register_36,input_int_register_37,input_double_register_36,input_double_register_37,"
+    "input_double_register_38"
+)
+INPUTS = struct.Struct(">Biiddd")
+OUTPUT_HZ = 250.0
+NORMAL, PLAYING, PROTECTIVE = 1, 2, 5
+
+
+class Cobot:
+    """RTDE client, protocol version 2; reconnects by itself."""
+
+    def __init__(self, address: Tuple[str, int]) -> None:
+        self._address = address
+        self._socket: Optional[socket.socket] = None
+        self._received = b""
+        self._try_at_s = 0.0
+        self._recipe = 0
+        self._at_s = -1.0
+        self._position_m: Position = (0.0, 0.0, 0.0)
+        self._is_ready = False
+        self._sent_at_s: Dict[int, float] = {}
+        self.sequence = 0
+        self.activity = -1
+        self.answer_s: List[float] = []
+        """Times from sending a command to its sequence in the cobot's output, s."""
+
+    def part_m(self) -> Optional[Position]:
+        """Position of the TCP in the station's world; None while the cobot is not ready."""
+        is_current = self._socket is not None and time.monotonic() - self._at_s < COBOT_SILENT_S
+        return self._position_m if is_current and self._is_ready else None
+
+    def poll(self) -> None:
+        """Connects if necessary, and takes what the cobot has sent."""
+        try:
+            if self._socket is None:
+                if time.monotonic() < self._try_at_s:
+                    return
+                self._try_at_s = time.monotonic() + CONNECT_EVERY_S
+                self._connect()
+            self._read()
+        except OSError as error:
+            self._lose(error)
+
+    def send(self, output: Output) -> None:
+        """Writes the registers; never waits."""
+        if self._socket is None:
+            return
+        self.sequence = self.sequence % 0x7FFFFFFF + 1
+        data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m)
+        try:
+            # A short write would break the stream: the cobot reads no more, and must hold.
+            if self._socket.send(package("U", data)) != len(data) + 3:
+                raise OSError("it takes no more packages")
+        except OSError as error:
+            self._lose(error)
+            return
+        self._sent_at_s[self.sequence] = time.monotonic()
+        if len(self._sent_at_s) > 1000:
+            self._sent_at_s.clear()
+
+    def _connect(self) -> None:
+        self._socket = socket.create_connection(self._address, timeout=CONNECT_WITHIN_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._received = b""
+        if self._ask("V", struct.pack(">H", 2)) != b"\x01":
+            raise OSError("it does not support version 2 of RTDE")
+        if self._ask("O", struct.pack(">d", OUTPUT_HZ) + OUTPUT_NAMES.encode())[:1] in (b"", b"\x00"):
+            raise OSError(f"it does not provide {OUTPUT_NAMES}")
+        answer = self._ask("I", INPUT_NAMES.encode())
+        if answer[:1] in (b"", b"\x00"):
+            raise OSError(f"it does not accept {INPUT_NAMES}: {answer[1:].decode(errors='replace')}")
+        self._recipe = answer[0]
+        if self._ask("S", b"") != b"\x01":
+            raise OSError("it does not start the exchange")
+        self._socket.setblocking(False)
+
+    def _ask(self, kind: str, payload: bytes) -> bytes:
+        assert self._socket is not None
+        self._socket.sendall(package(kind, payload))
+        while True:
+            found = self._next()
+            while found is None:
+                bytes_ = self._socket.recv(4096)
+                if not bytes_:
+                    raise OSError("it closed the connection")
+                self._received += bytes_
+                found = self._next()
+            if found[0] == kind:
+                return found[1]
+
+    def _next(self) -> Optional[Tuple[str, bytes]]:
+        """The next complete package."""
+        if len(self._received) < 3:
+            return None
+        size = int.from_bytes(self._received[:2], "big")
+        if size < 3:
+            raise OSError("this is not RTDE")
+        if len(self._received) < size:
+            return None
+        kind, payload = chr(self._received[2]), self._received[3:size]
+        self._received = self._received[size:]
+        return kind, payload
+
+    def _read(self) -> None:
+        assert self._socket is not None
+        try:
+            while True:
+                bytes_ = self._socket.recv(4096)
+                if not bytes_:
+                    raise OSError("it closed the connection")
+                self._received += bytes_
+        except BlockingIOError:
+            pass
+        while (found := self._next()) is not None:
+            if found[0] == "U" and len(found[1]) == OUTPUTS.size:
+                _, self.activity, sequence, x, y, z, safety, runtime = OUTPUTS.unpack(found[1])
+                self._at_s, self._position_m = time.monotonic(), (x, y, z)
+                self._is_ready = safety == NORMAL and runtime == PLAYING and self.activity != PROTECTIVE
+                sent_at_s = self._sent_at_s.pop(sequence, None)
+                if sent_at_s is not None and len(self.answer_s) < SAMPLES_MAX:
+                    self.answer_s.append(self._at_s - sent_at_s)
+
+    def _lose(self, error: OSError) -> None:
+        print(f"cobot {self._address[0]}:{self._address[1]}: {error}", file=sys.stderr)
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+        self._sent_at_s.clear()
+
+
+def package(kind: str, payload: bytes) -> bytes:
+    """A package with its header."""
+    return struct.pack(">HB", len(payload) + 3, ord(kind)) + payload
+
+
+class Plans:
+    """The newest plan: a position from the command line, or a file, read again when it changes."""
+
+    def __init__(self, target: Optional[str], path: Optional[str]) -> None:
+        self._path = path
+        self._changed_ns = 0
+        self._due_s = 0.0
+        self.newest: Optional[Plan] = None
+        if target is not None:
+            x, y, z = (float(word) for word in target.split(","))
+            self.newest = Plan(1, (x, y, z), 0.0, 0.0)
+
+    def poll(self, now_s: float) -> None:
+        """Reads the file if it has changed. One that cannot be read leaves the plan as it is."""
+        if self._path is None or now_s < self._due_s:
+            return
+        self._due_s = now_s + PLAN_EVERY_S
+        try:
+            changed_ns = os.stat(self._path).st_mtime_ns
+            if changed_ns == self._changed_ns:
+                return
+            with open(self._path, encoding="utf-8") as file:
+                plan = json.load(file)
+            x, y, z = (float(number) for number in plan["position_m"])
+            share, sigma = float(plan["worst_share"]), float(plan["worst_sigma"])
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            print(f"{self._path}: {error!r}", file=sys.stderr)
+            return
+        self._changed_ns = changed_ns
+        self.newest = Plan(self.newest.generation + 1 if self.newest else 1, (x, y, z), share, sigma)
+
+
+def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan]) -> Input:
+    """What the decision needs of a reading."""
+    if isinstance(reading, NoReading):
+        return Input(part_m=part_m, plan=plan)
+    state = reading.state
+    share = sigma = advice = None
+    if not reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
+        at = state.worst_joint
+        x, y, z = state.torque_nm[3 * at : 3 * at + 3]
+        limit_nm = state.torque_limit_nm[at]
+        share, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
+        if any(state.advice_direction):
+            advice = (state.advice_direction[0], state.advice_direction[1], state.advice_direction[2])
+    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan)
+
+
+def percentiles(name: str, values_s: List[float]) -> str:
+    """Percentiles in microseconds."""
+    ordered = sorted(values_s)
+    if not ordered:
+        return f"{name}_us=none"
+    at = [ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99, 0.999, 1.0)]
+    return f"{name}_us=" + "/".join(f"{1e6 * value:.0f}" for value in at)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Handover controller: worker's state to cobot.")
+    parser.add_argument("station")
+    parser.add_argument("cobot", help="ADDRESS:PORT of RTDE")
+    parser.add_argument("--name", default="handover")
+    parser.add_argument("--target", help="X,Y,Z in the station's world, m")
+    parser.add_argument("--plan", help="file of `equipoise plan handover --json`")
+    arguments = parser.parse_args()
+    host, port = arguments.cobot.rsplit(":", 1)
+    stop: List[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda caught, frame: stop.append(caught))
+    cobot, plans, decision = Cobot((host, int(port))), Plans(arguments.target, arguments.plan), Decision()
+    last, send_at_s, print_at_s = Command.HOLD, 0.0, 0.0
+    bus_s: List[float] = []
+    decision_s: List[float] = []
+    with equipoise.subscribe(arguments.station, name=arguments.name, timeout_s=TIMEOUT_S) as consumer:
+        for reading in consumer:
+            cobot.poll()
+            now_s = time.monotonic()
+            plans.poll(now_s)
+            output = decision.decide(now_s, input_of(reading, cobot.part_m(), plans.newest))
+            if output.command != last or now_s >= send_at_s:
+                cobot.send(output)
+                send_at_s = now_s + SEND_EVERY_S
+                if isinstance(reading, Reading) and len(bus_s) < SAMPLES_MAX:
+                    bus_s.append(max(reading.received_ns - reading.state.published_ns, 0) / 1e9)
+                    decision_s.append(time.monotonic() - reading.received_ns / 1e9)
+            if output.command != last or now_s >= print_at_s:
+                why = "+".join(reading.reason_names) if isinstance(reading, Reading) else reading.reason.value
+                x, y, z = output.target_m
+                print(
+                    f"at_s={now_s:.3f} command={output.command.name.lower()} target_m={x:.3f},{y:.3f},{z:.3f} "
+                    f"activity={cobot.activity} reasons={why}",
+                    flush=True,
+                )
+                print_at_s = now_s + PRINT_EVERY_S
+            last = output.command
+            if isinstance(reading, NoReading) and reading.reason is NoStateReason.BUS:
+                time.sleep(BUS_PAUSE_S)
+            if stop:
+                break
+    # p50, p99, p99.9 and maximum of each stage.
+    stages = (("bus", bus_s), ("decision", decision_s), ("cobot", cobot.answer_s))
+    print("end " + " ".join(percentiles(name, values_s) for name, values_s in stages))
+
+
+if __name__ == "__main__":
+    main()
