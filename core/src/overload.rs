@@ -266,8 +266,7 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
         pose_errors.each_ref().map(|(pose, off, weight)| (pose, Acting::new(pose, off), *weight));
     Joint::ALL.map(|joint| {
         let (ends, origin) = (&ENDS[joint.index()], pose.origin_of(joint.segment()));
-        let [x, y] = base.horizontal_nm(ends, origin);
-        let torque_nm = Vector3::new(x, y, base.vertical_nm(ends, origin));
+        let torque_nm = base.torque_nm(ends, origin);
         let [arm_xx, arm_xy, arm_yy] = base.place_covariance_nm2(pose, joint, sigma);
         let mut covariance_nm2 = [arm_yy, -arm_xy, arm_xx];
         let mut add = |off_nm: [f64; 2], weight: f64| {
@@ -284,7 +283,19 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
     })
 }
 
+/// The overload torques of all joints without their errors, N m.
+pub fn torque_vectors(pose: &Pose<StationWorld>, loading: &Loading) -> [Vector3<f64>; JOINTS] {
+    let acting = Acting::new(pose, loading);
+    Joint::ALL.map(|joint| acting.torque_nm(&ENDS[joint.index()], pose.origin_of(joint.segment())))
+}
+
 impl Acting<'_> {
+    /// Δτ of a joint, N m.
+    fn torque_nm(&self, ends: &Ends, origin: Vector3<f64>) -> Vector3<f64> {
+        let [x, y] = self.horizontal_nm(ends, origin);
+        Vector3::new(x, y, self.vertical_nm(ends, origin))
+    }
+
     /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to
     /// the joint, (N m)².
     ///
