@@ -1,4 +1,4 @@
-//! Stage `early`: an estimate about the newest suit sample, beside the state, which lies half a motion window back.
+//! Stage `early`: an estimate about the newest suit sample; the state lies half a motion window behind it.
 //!
 //! Accelerations are those at the end of the last window ([`causal_motion`]). What changes slowly is taken from the
 //! newest state: the load's position in the hands, the force offset, the terms of the model, the presence of a load.
