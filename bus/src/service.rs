@@ -4,8 +4,8 @@
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, ConsumerReceipt, CycleRecord, GroundSample, Incidents, Message, Reply, State,
-    SuitBody, SuitSample,
+    AdapterHealth, Command, ConsumerReceipt, CycleRecord, EarlyState, GroundSample, Incidents, Message,
+    Reply, State, SuitBody, SuitSample,
 };
 use std::fmt;
 use std::time::Duration;
@@ -188,6 +188,7 @@ topics! {
     GroundSample => "ground", by 1 "ground adapter", "1 kHz", deadline ms(5), depth 256 of 1024, 16 subscribers, exclusive;
     SuitBody => "body", by 1 "suit adapter", "1 Hz and on change", deadline None, depth 4 of 8, 16 subscribers, exclusive;
     State => "state", by 1 "daemon", "loop rate", deadline ms(25), depth 8 of 1024, 24 subscribers with words::of_state;
+    EarlyState => "early", by 1 "daemon", "suit rate", deadline ms(40), depth 4 of 256, 24 subscribers with words::of_early_state;
     CycleRecord => "cycle", by 1 "daemon", "loop rate", deadline ms(25), depth 1024 of 1024, 16 subscribers;
     Checkpoint => "checkpoint", by 1 "daemon", "on request", deadline None, depth 1 of 2, 4 subscribers;
     AdapterHealth => "health", by 2 "adapters", "1 Hz", deadline ms(2500), depth 8 of 16, 16 subscribers;

@@ -62,6 +62,22 @@ pub(crate) fn of_state(each: Each<'_>) {
     numbered(each, "body_rejected", |number| BodyRejection::from_number(number).map(BodyRejection::name));
 }
 
+/// The entries of `EarlyState`: a subset of those of `State`.
+pub(crate) fn of_early_state(each: Each<'_>) {
+    for (reason, name) in Validity::NAMES {
+        each("reason", name, reason.0);
+    }
+    for (set, name) in Validity::FLAG_SETS {
+        each("invalidates", name, set.0);
+    }
+    for joint in Joint::ALL {
+        each("joint", joint.name(), joint.index() as u64);
+    }
+    numbered(each, "acceleration", |number| {
+        AccelerationSource::from_number(number).map(AccelerationSource::name)
+    });
+}
+
 fn numbered(each: Each<'_>, of: &str, name_of: impl Fn(u32) -> Option<&'static str>) {
     for (number, name) in (0..).map_while(|number| name_of(number).map(|name| (number, name))) {
         each(of, name, u64::from(number));

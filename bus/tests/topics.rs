@@ -9,7 +9,8 @@ use equipoise_bus::root::shared_memory_prefix;
 use equipoise_bus::service::{STATION_MEMORY_MAX, TABLE, Table, station_memory_bytes};
 use equipoise_bus::{BusError, Topic};
 use equipoise_core::message::{
-    AdapterHealth, ConsumerReceipt, CycleRecord, GroundSample, Incidents, State, SuitBody, SuitSample,
+    AdapterHealth, ConsumerReceipt, CycleRecord, EarlyState, GroundSample, Incidents, State, SuitBody,
+    SuitSample,
 };
 
 /// A message in which the value of each byte depends on its position.
@@ -42,6 +43,7 @@ fn every_message_comes_through_unchanged() {
     comes_through::<GroundSample>();
     comes_through::<SuitBody>();
     comes_through::<State>();
+    comes_through::<EarlyState>();
     comes_through::<CycleRecord>();
     comes_through::<AdapterHealth>();
     comes_through::<Incidents>();

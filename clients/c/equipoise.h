@@ -26,7 +26,7 @@ extern "C" {
 
 /* Hash of the fields of all structs and of all names and numbers. See equipoise_options. */
 #define EQUIPOISE_STATE_TYPE "equipoise/State/5"
-#define EQUIPOISE_LAYOUT UINT64_C(0x41d3f146ca8493c8)
+#define EQUIPOISE_LAYOUT UINT64_C(0x94f56d6589abe1c2)
 
 /* Invalid reasons: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
@@ -377,6 +377,69 @@ typedef struct equipoise_reading {
     uint32_t is_new;
 } equipoise_reading;
 
+/* Result about the newest suit sample whose wrench has arrived; the state lies up to a tenth of a second behind it and
+ * is more accurate. World and validity as for equipoise_state.
+ */
+typedef struct equipoise_early_state {
+    /* Number of the cycle that computed or last invalidated it: equipoise_state.cycle. */
+    uint64_t cycle;
+    /* Due time of that cycle, CLOCK_MONOTONIC ns. */
+    uint64_t time_ns;
+    /* Sample time that the results refer to, CLOCK_MONOTONIC ns; 0 before the first sample. */
+    uint64_t sample_time_ns;
+    /* Age of that sample at time_ns, ns. */
+    uint64_t sample_age_ns;
+    /* Invalid reasons: EQUIPOISE_REASON_…; 0 if all values are valid. */
+    uint64_t valid;
+    /* Source of the body's accelerations: an enum equipoise_acceleration. */
+    uint32_t acceleration_source;
+    /* 1 once enough early states were compared with the states of the same samples. */
+    uint32_t calibrated;
+    /* Estimated centre of mass of the unloaded body, world, m. */
+    double com_m[3];
+    /* Centre of pressure of the same motion without the load, by the identified model, world x and y, m. */
+    double cop_estimated_m[2];
+    /* 1-σ of cop_estimated_m per axis, m. */
+    double cop_sigma_m[2];
+    /* External force: measured ground reaction minus that of the unloaded body in the same motion, world axes,
+       N. */
+    double delta_f_n[3];
+    /* 1-σ of the vertical component of delta_f_n, N. */
+    double delta_f_sigma_n;
+    /* Grip of the left and the right hand, world, m; valid with com_m. */
+    double hand_m[2][3];
+    /* Velocity of the grips, world, m/s; valid with com_m. */
+    double hand_velocity_m_per_s[2][3];
+    /* Mass of the load in the hands, kg. */
+    double lifted_mass_kg;
+    /* 1-σ of lifted_mass_kg, kg. */
+    double lifted_mass_sigma_kg;
+    /* Overload torque of each joint (Eq. 15), world axes, N m. */
+    double torque_nm[EQUIPOISE_JOINTS][3];
+    /* 1-σ of the magnitude of each overload torque, N m. */
+    double torque_sigma_nm[EQUIPOISE_JOINTS];
+    /* Time at which egress passed the early state to the bus, CLOCK_MONOTONIC ns; 0 within the loop. The only
+       field that differs in a replay. */
+    uint64_t published_ns;
+} equipoise_early_state;
+
+/* A current early state, with its ages. With any outcome other than EQUIPOISE_OK, all reasons are raised in early.valid
+ * and ages are UINT64_MAX.
+ */
+typedef struct equipoise_early_reading {
+    equipoise_early_state early;
+    /* Time of receipt, CLOCK_MONOTONIC ns. */
+    uint64_t received_ns;
+    /* Time from the cycle's due time to the return of this reading, ns. */
+    uint64_t age_ns;
+    /* Time from early.sample_time_ns to the return of this reading, ns. */
+    uint64_t sample_age_ns;
+    /* 1 if it was not returned before. */
+    uint32_t is_new;
+    /* Always 0. */
+    uint32_t reserved;
+} equipoise_early_reading;
+
 enum equipoise_outcome {
     /* Done. */
     EQUIPOISE_OK = 0,
@@ -427,6 +490,11 @@ int equipoise_next(equipoise_consumer *consumer, uint64_t timeout_ns, equipoise_
  * is never older than stale_after_ns.
  */
 int equipoise_latest(equipoise_consumer *consumer, equipoise_reading *reading);
+
+/* The newest early state, without sleeping; it is at hand when equipoise_next returns the state of its cycle. Never older
+ * than 40 ms, from its cycle's due time. The first call subscribes.
+ */
+int equipoise_early(equipoise_consumer *consumer, equipoise_early_reading *reading);
 
 /* Leaves the station. The consumer must not be used again. NULL has no effect. */
 int equipoise_close(equipoise_consumer *consumer);

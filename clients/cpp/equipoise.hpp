@@ -174,6 +174,50 @@ private:
     equipoise_reading reading_;
 };
 
+// A current early state: the result about the newest suit sample. Invalid values are nullopt.
+class EarlyState {
+public:
+    explicit EarlyState(const equipoise_early_reading &reading) noexcept : reading_(reading) {}
+
+    // All fields, as in the C interface; check `valid` before using a value.
+    const equipoise_early_reading &raw() const noexcept { return reading_; }
+
+    // Age of the sample that the results refer to.
+    std::chrono::nanoseconds sample_age() const noexcept {
+        return std::chrono::nanoseconds(static_cast<std::chrono::nanoseconds::rep>(reading_.sample_age_ns));
+    }
+    bool is_new() const noexcept { return reading_.is_new != 0; }
+    // Invalid reasons: EQUIPOISE_REASON_….
+    std::uint64_t reasons() const noexcept { return reading_.early.valid; }
+
+    std::optional<Vector3> torque_nm(Joint joint) const noexcept {
+        const double(&torque)[3] = reading_.early.torque_nm[static_cast<std::size_t>(joint)];
+        return unless(EQUIPOISE_INVALIDATES_TORQUES, Vector3{torque[0], torque[1], torque[2]});
+    }
+    // Magnitude and its 1-σ.
+    std::optional<WithSigma> torque_magnitude_nm(Joint joint) const noexcept {
+        const auto torque = torque_nm(joint);
+        const double sigma_nm = reading_.early.torque_sigma_nm[static_cast<std::size_t>(joint)];
+        return torque ? std::optional<WithSigma>(WithSigma{torque->length(), sigma_nm}) : std::nullopt;
+    }
+    // Grip of the left (0) or right (1) hand, and its velocity.
+    std::optional<Vector3> hand_m(std::size_t side) const noexcept {
+        const double(&at)[3] = reading_.early.hand_m[side & 1U];
+        return unless(EQUIPOISE_INVALIDATES_COM, Vector3{at[0], at[1], at[2]});
+    }
+    std::optional<Vector3> hand_velocity_m_per_s(std::size_t side) const noexcept {
+        const double(&velocity)[3] = reading_.early.hand_velocity_m_per_s[side & 1U];
+        return unless(EQUIPOISE_INVALIDATES_COM, Vector3{velocity[0], velocity[1], velocity[2]});
+    }
+
+private:
+    template <typename Value> std::optional<Value> unless(std::uint64_t invalidating, Value value) const noexcept {
+        return (reasons() & invalidating) == 0 ? std::optional<Value>(value) : std::nullopt;
+    }
+
+    equipoise_early_reading reading_;
+};
+
 // Reason why there is no current state.
 enum class NoStateReason {
     silent = EQUIPOISE_SILENT,           // No new state arrived in time: the daemon is not running, or hangs.
@@ -278,6 +322,13 @@ public:
     Reading latest() noexcept {
         equipoise_reading reading;
         return result(equipoise_latest(consumer_, &reading), reading);
+    }
+    // The newest early state, without sleeping; nullopt without a current one (last_error gives the reason). The first
+    // call subscribes.
+    std::optional<EarlyState> early() noexcept {
+        equipoise_early_reading reading;
+        const bool is_current = equipoise_early(consumer_, &reading) == EQUIPOISE_OK;
+        return is_current ? std::optional<EarlyState>(EarlyState(reading)) : std::nullopt;
     }
     // Message of this thread's last reading without a state.
     static const char *last_error() noexcept { return equipoise_error(); }

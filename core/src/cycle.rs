@@ -7,7 +7,7 @@
 //! Each stage is a module with a function of the settings, its own state and the outputs of the stages before it:
 //! `align` → `placement` (anchor) → `differentiate` → `ground` → `stillness` → `pose_request` → `prediction` →
 //! `identify` (mass) → `cop_estimate` → `identify` (static pose) → `loading` (overload) → `lag_test` → `validity` →
-//! `exposure` → `residual` → `registration`, `identify` (motion) → `publish`. No stage writes the state of another: what
+//! `exposure` → `residual` → `registration`, `identify` (motion) → `publish` → `early`. No stage writes the state of another: what
 //! one concludes about another, such as a new registration, is an output that this module hands to its owner.
 
 mod align;
@@ -17,6 +17,7 @@ pub mod checkpoint;
 mod commands;
 mod cop_estimate;
 mod differentiate;
+mod early;
 mod exposure;
 pub mod foot_outline;
 mod ground;
@@ -50,6 +51,7 @@ use align::{align, ingest};
 use alignment::Aligned;
 use cop_estimate::{estimate_cop, weight_agreement};
 use differentiate::{Instant, differentiate};
+use early::{Newest, estimate_early};
 use exposure::update_exposure;
 use ground::{measure_ground, measure_ground_alone};
 use identify::{MotionInput, update_from_motion, update_from_static_pose, weigh};
@@ -139,6 +141,7 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
     let (suit_body, instant_ns) = (m.reported_body.body(), m.history.released_ns());
     m.identification.plan_step(instant_ns, m.publication.stands(), suit_body, settings);
     publish_cycle(settings, m, &streams, tick);
+    estimate_newest(settings, m, &streams, tick);
     &m.state
 }
 
@@ -186,6 +189,7 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
         withheld: &withheld,
     };
     let exposure = update_exposure(settings, &mut m.exposure, &outputs, subject, m.model_changed_ns);
+    m.early.ingest(&outputs, subject);
     let residual = residual(settings, &mut m.load, &outputs, subject);
     m.publication.hold(&outputs, &exposure, pose_mismatch_rad, m.placement.suit_time_ns);
     m.publication.hold_shift(&m.exposure);
@@ -276,6 +280,24 @@ fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: T
         model_changed_ns: m.model_changed_ns,
     };
     m.publication.publish(settings, &mut m.state, &status);
+}
+
+/// Estimates about the newest sample, by the state of all other stages.
+fn estimate_newest(settings: &Settings, m: &mut Memory, streams: &Streams, tick: Tick) {
+    let newest = Newest {
+        history: &m.history,
+        align: &m.align,
+        placement: &m.placement,
+        subject: &m.identification,
+        suit_body: m.reported_body.body(),
+        ground: &m.ground,
+        prediction: &m.prediction,
+        load: &m.load,
+        streams,
+        state: &m.state,
+        tick,
+    };
+    estimate_early(settings, &mut m.early, &newest);
 }
 
 #[cfg(test)]

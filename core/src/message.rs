@@ -7,6 +7,7 @@
 pub mod command;
 pub mod consumer_receipt;
 pub mod cycle_record;
+pub mod early_state;
 pub mod ground;
 pub mod health;
 pub mod incident;
@@ -20,6 +21,7 @@ pub mod validity;
 pub use command::{Command, CommandKind, Reply};
 pub use consumer_receipt::ConsumerReceipt;
 pub use cycle_record::CycleRecord;
+pub use early_state::EarlyState;
 pub use ground::{Component, FootFrame, GroundDevice, GroundSample};
 pub use health::AdapterHealth;
 pub use incident::{Incident, Incidents};

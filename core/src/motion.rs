@@ -9,7 +9,9 @@
 //! snapshot are available half a window later.
 
 pub mod accelerations;
+pub mod causal;
 pub mod confidence;
+pub mod difference;
 pub mod force_offset;
 pub mod history;
 pub mod inertia;
@@ -17,7 +19,9 @@ pub mod unloaded;
 pub mod weights;
 
 pub use accelerations::Accelerations;
+pub use causal::{CausalMotion, causal_motion, end_kernel};
 pub use confidence::{Confidence, Envelope};
+pub use difference::{DifferenceVariance, VariancePrior};
 pub use force_offset::ForceOffset;
 pub use history::{History, Motion, Snapshot};
 pub use inertia::{Inertia, MassDistribution, UpperInertia};

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Event, Kept, Notifier, Publisher};
 use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{ConsumerReceipt, CycleRecord, State};
+use equipoise_core::message::{ConsumerReceipt, CycleRecord, EarlyState, State};
 use tracing::debug;
 
 use crate::latency_log::feed::Feed;
@@ -19,6 +19,7 @@ pub struct Egress {
     ends: EgressEnds,
     wait_strategy: WaitStrategy,
     state: Publisher<State>,
+    early: Publisher<EarlyState>,
     cycle: Publisher<CycleRecord>,
     checkpoint: Publisher<Checkpoint>,
     events: Notifier,
@@ -48,6 +49,7 @@ impl Egress {
             ends,
             wait_strategy,
             state: bus.publisher()?,
+            early: bus.publisher()?,
             cycle: bus.publisher()?,
             checkpoint: bus.publisher()?,
             events: bus.notifier(Channel::Results)?,
@@ -106,6 +108,11 @@ impl Egress {
         record.publish_start_ns = state.published_ns;
         self.state.send(&state)?;
         record.published_ns = now_ns();
+        // The loop passes it before the outcome of its cycle, so subscribers woken by `NewState` receive both.
+        while let Ok(mut early) = self.ends.early.pop() {
+            early.published_ns = now_ns();
+            self.early.send(&early)?;
+        }
         // One `NewState` per cycle, after other events and before the cycle record, for which no consumer waits.
         if state.phase != self.phase {
             self.phase = state.phase;

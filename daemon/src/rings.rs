@@ -26,7 +26,9 @@ use std::time::Duration;
 use bytemuck::{Pod, Zeroable};
 use equipoise_config::WaitStrategy;
 use equipoise_core::cycle::{Checkpoint, Settings, StoredState, SubjectState};
-use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample};
+use equipoise_core::message::{
+    CommandKind, CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample,
+};
 use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 use crate::realtime::prefault;
@@ -42,6 +44,8 @@ const GROUND_RING: usize = 1024;
 const BODY_RING: usize = 8;
 /// A quarter of a second of cycles at the highest rate.
 const OUTCOME_RING: usize = 1024;
+/// A quarter of a second of the fastest suit.
+const EARLY_RING: usize = 64;
 const COMMAND_RING: usize = 16;
 /// One more than the maximum number of pending commands: the ring is never full, so the loop never frees a worker.
 const RETURNED_WORKERS: usize = COMMAND_RING + 1;
@@ -122,6 +126,7 @@ pub struct LoopEnds {
     pub free_checkpoints: Consumer<Box<Checkpoint>>,
     /// Completed checkpoints.
     pub checkpoints: Producer<Box<Checkpoint>>,
+    early: Producer<EarlyState>,
     outcome: Producer<Outcome>,
     output_dropped: u64,
     wake_up: Arc<WakeUp>,
@@ -141,6 +146,8 @@ pub struct IngressEnds {
 pub struct EgressEnds {
     /// Flags and counters.
     pub control: Arc<LoopControl>,
+    /// Early states of the outcomes' cycles; not every cycle has one.
+    pub early: Consumer<EarlyState>,
     /// Results of cycles.
     pub outcome: Consumer<Outcome>,
     /// Completed checkpoints.
@@ -204,6 +211,7 @@ impl Rings {
         let (copies, copies_out) = RingBuffer::new(STORED_COPIES + 1);
         let (free_checkpoints_in, free_checkpoints) = blank_boxes(CHECKPOINTS);
         let (checkpoints, checkpoints_out) = RingBuffer::new(CHECKPOINTS);
+        let (early, early_out) = prefaulted(EARLY_RING, EarlyState::zeroed());
         let (outcome, outcome_out) =
             prefaulted(OUTCOME_RING, Outcome { state: State::zeroed(), record: CycleRecord::zeroed() });
         Ok(Rings {
@@ -221,6 +229,7 @@ impl Rings {
                 copies,
                 free_checkpoints,
                 checkpoints,
+                early,
                 outcome,
                 output_dropped: 0,
                 wake_up: Arc::clone(&wake_up),
@@ -233,6 +242,7 @@ impl Rings {
             },
             egress: EgressEnds {
                 control: Arc::clone(&control),
+                early: early_out,
                 outcome: outcome_out,
                 checkpoints: checkpoints_out,
                 free_checkpoints: free_checkpoints_in,
@@ -280,6 +290,13 @@ fn blank_boxes<T: Pod>(capacity: usize) -> (Producer<Box<T>>, Consumer<Box<T>>) 
 }
 
 impl LoopEnds {
+    /// Passes a new early state to egress, before the outcome of its cycle; a full ring rejects it.
+    pub fn push_early(&mut self, early: EarlyState) {
+        if self.early.push(early).is_err() {
+            self.output_dropped += 1;
+        }
+    }
+
     /// Passes a cycle's outcome to egress and wakes it if it sleeps; a full ring rejects it. No allocation, and a
     /// system call only if egress sleeps.
     pub fn push_outcome(&mut self, outcome: Outcome) {
@@ -290,7 +307,7 @@ impl LoopEnds {
         self.wake_up.wake();
     }
 
-    /// Number of outcomes rejected by a full ring.
+    /// Number of outcomes and early states rejected by a full ring.
     pub fn output_dropped(&self) -> u64 {
         self.output_dropped
     }

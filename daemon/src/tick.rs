@@ -130,6 +130,9 @@ impl Loop {
             self.record_lateness(&schedule, misses.check(cycle, compute_end_ns, schedule.deadline_ns()));
             self.record_inputs(suit, ground, command);
             self.record.body_published_ns = body.map_or(0, |body| body.published_ns);
+            if self.memory.early().cycle == cycle {
+                self.ends.push_early(*self.memory.early());
+            }
             self.ends.push_outcome(Outcome { state, record: self.record });
             self.take_checkpoint(cycle, command);
             self.push_copy_if_due(tick.due_ns, command);

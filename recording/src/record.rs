@@ -23,7 +23,7 @@ use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic
 use equipoise_config::Config;
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CommandKind, CycleRecord, GroundSample, State, SuitBody, SuitSample,
+    AdapterHealth, Command, CommandKind, CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample,
 };
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use equipoise_station::bus_directory::BusDirectory;
@@ -270,6 +270,7 @@ impl Sink {
 struct Ports {
     cycle: Subscriber<CycleRecord>,
     state: Subscriber<State>,
+    early: Subscriber<EarlyState>,
     checkpoint: Subscriber<Checkpoint>,
     suit: Subscriber<SuitSample>,
     ground: Subscriber<GroundSample>,
@@ -282,6 +283,7 @@ impl Ports {
         Ok(Ports {
             cycle: bus.subscriber(CycleRecord::SERVICE.depth_max)?,
             state: bus.subscriber(State::SERVICE.depth_max)?,
+            early: bus.subscriber(EarlyState::SERVICE.depth_max)?,
             checkpoint: bus.subscriber(Checkpoint::SERVICE.depth_max)?,
             suit: bus.subscriber(SuitSample::SERVICE.depth_max)?,
             ground: bus.subscriber(GroundSample::SERVICE.depth_max)?,
@@ -302,6 +304,10 @@ impl Ports {
             summary.states.ingest(state.cycle);
             sink.write(state.time_ns, state)?;
             sink.pictures.add(&mut sink.recorder, state)
+        })?;
+        write_pending(&mut self.early, |early| {
+            summary.early += 1;
+            sink.write(early.time_ns, early)
         })?;
         write_pending(&mut self.checkpoint, |checkpoint| {
             summary.checkpoints += 1;

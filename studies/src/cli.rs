@@ -9,7 +9,8 @@ use equipoise_simulator::realism::Realism;
 use crate::subject::Crowd;
 use crate::table::Table;
 use crate::{
-    back, clocks, coverage, faults, handover, hidden, lifting, natural, paper, poses, restarts, sources,
+    back, clocks, coverage, early, faults, handover, hidden, lifting, natural, paper, poses, restarts,
+    sources,
 };
 
 #[derive(Debug, Parser)]
@@ -50,6 +51,9 @@ enum Question {
     /// Errors of estimated skew and drift between the clocks of suit and plate
     #[command(after_help = "Example: equipoise-study clocks --subjects 6")]
     Clocks(Choices),
+    /// Age and errors of the early state, and of both states used about now and ahead
+    #[command(after_help = "Example: equipoise-study early --subjects 10")]
+    Early(Choices),
     /// Restarts of suit, plate and daemon during work
     #[command(after_help = "Example: equipoise-study restarts --subjects 10")]
     Restarts(Choices),
@@ -108,6 +112,7 @@ pub fn main() -> ExitCode {
         Question::Back(choices) => choices.answer(back::study),
         Question::Sources(choices) => choices.answer(sources::study),
         Question::Clocks(choices) => choices.answer(clocks::study),
+        Question::Early(choices) => choices.answer(early::study),
         Question::Restarts(choices) => choices.answer(restarts::study),
         Question::Faults(choices) => choices.answer(faults::study),
         Question::Handover(choices) => choices.answer(handover::study),
@@ -123,8 +128,8 @@ mod tests {
     #[test]
     fn every_question_takes_the_same_choices() {
         for question in [
-            "paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks", "restarts",
-            "faults",
+            "paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks", "early",
+            "restarts", "faults",
         ] {
             let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
             assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");

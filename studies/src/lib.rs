@@ -2,7 +2,7 @@
 //!
 //! Layers, lowest first, each dependent only on the previous ones: [`subject`] → [`sensors`] → [`mixtures`] →
 //! [`session`] → [`tasks`], [`tally`], [`table`], [`variants`] → the studies: [`paper`], [`poses`], [`lifting`],
-//! [`natural`], [`coverage`], [`back`], [`sources`], [`clocks`], [`restarts`], [`hidden`] → [`cli`]. All results follow
+//! [`natural`], [`coverage`], [`back`], [`sources`], [`clocks`], [`early`], [`restarts`], [`hidden`] → [`cli`]. All results follow
 //! from a seed and are independent of the number of threads.
 #![forbid(unsafe_code)]
 
@@ -10,6 +10,7 @@ pub mod back;
 pub mod cli;
 pub mod clocks;
 pub mod coverage;
+pub mod early;
 pub mod faults;
 pub mod handover;
 pub mod hidden;

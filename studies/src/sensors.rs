@@ -60,6 +60,8 @@ pub struct Rig {
     pub plate_hz: u32,
     /// The suit's errors.
     pub suit_noise: SuitNoise,
+    /// White noise of the suit's positions per axis and sample, m.
+    pub suit_white_m: f64,
     /// The plate's errors, independent for each sample.
     pub plate_noise: PlateNoise,
     /// Drift of the plate's zero from time 0 on.
@@ -88,6 +90,7 @@ impl Rig {
         suit_hz: 60,
         plate_hz: 1000,
         suit_noise: SuitNoise::ORDINARY,
+        suit_white_m: 0.0,
         plate_noise: PlateNoise::ORDINARY,
         plate_zero: ZeroDrift::NONE,
         ground: Ground::Plate,
@@ -178,6 +181,10 @@ pub fn suit_sample(worker: &Worker, suit: &Suit, rig: &Rig, seed: u64, number: u
         orientation_wxyz: seen.orientation_wxyz,
         ..Zeroable::zeroed()
     };
+    if rig.suit_white_m > 0.0 {
+        let mut white = Random::numbered(seed, "position noise", number);
+        sample.position_m.iter_mut().flatten().for_each(|m| *m += rig.suit_white_m * white.normal());
+    }
     if let (Some(motion), Some(noise)) = (seen.motion, rig.accelerations) {
         sample.velocity_m_per_s = motion.map(|[velocity, _]| velocity);
         sample.acceleration_m_per_s2 =

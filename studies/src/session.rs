@@ -2,7 +2,7 @@
 
 use equipoise_core::cycle::{Inputs, Memory, Settings, StoredState, Tick, step};
 use equipoise_core::message::command::CommandKind;
-use equipoise_core::message::{GroundSample, State, SuitSample, Validity};
+use equipoise_core::message::{EarlyState, GroundSample, State, SuitSample, Validity};
 use equipoise_core::pose_suggestion::Posture;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
@@ -13,7 +13,7 @@ use crate::faults::injection::{Fault, Injection};
 use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
 use crate::subject::Subject;
 
-/// The loop's period: 200 Hz. The daemon's 1 kHz only repeats the same values; each new state is evaluated once.
+/// The loop's default period: 200 Hz. The daemon's 1 kHz only repeats the same values; each new state is evaluated once.
 const TICK_NS: u64 = 5_000_000;
 /// Interval between suit samples during a leap of time, ns.
 const GLIMPSE_NS: u64 = 200_000_000;
@@ -31,6 +31,10 @@ pub struct Moment<'a> {
     pub worker: &'a Worker,
     /// Simulated time that the state belongs to (`suit_sample_time_ns`, not the tick's), s.
     pub time_s: f64,
+    /// The newest early state.
+    pub early: &'a EarlyState,
+    /// Simulated time that it belongs to, s.
+    pub early_time_s: f64,
 }
 
 impl Moment<'_> {
@@ -50,6 +54,8 @@ pub struct Session {
     suit: Suit,
     memory: Box<Memory>,
     now_ns: u64,
+    /// The loop's period, ns.
+    tick_ns: u64,
     cycle: u64,
     suit_next: u32,
     ground_next: u32,
@@ -89,6 +95,7 @@ impl Session {
             suit: Suit::new(rig.suit_noise, subject.seed),
             memory,
             now_ns: EPOCH_NS,
+            tick_ns: TICK_NS,
             cycle: 0,
             suit_next: 0,
             ground_next: 0,
@@ -128,6 +135,11 @@ impl Session {
     /// Simulated time, s.
     pub fn now_s(&self) -> f64 {
         simulated_s(self.now_ns)
+    }
+
+    /// Runs the loop at the daemon's 1 kHz from now on, for studies of ages.
+    pub fn run_at_1_khz(&mut self) {
+        self.tick_ns = 1_000_000;
     }
 
     /// Gives the worker a command, with the time from which it applies, s.
@@ -250,7 +262,7 @@ impl Session {
     }
 
     fn tick(&mut self, command: Option<CommandKind>) {
-        self.now_ns += TICK_NS;
+        self.now_ns += self.tick_ns;
         self.cycle += 1;
         let (now_ns, rig) = (self.now_ns, &self.rig);
         let mut suit: Vec<SuitSample> = Vec::new();
@@ -291,8 +303,15 @@ impl Session {
             return None;
         }
         self.seen_ns = published_ns;
-        let time_s = simulated_s(published_ns.saturating_sub(self.rig.suit_late_ns));
-        Some(Moment { state: &self.memory.state, worker: &self.worker, time_s })
+        let time_of = |stamp_ns: u64| simulated_s(stamp_ns.saturating_sub(self.rig.suit_late_ns));
+        let early = self.memory.early();
+        Some(Moment {
+            state: &self.memory.state,
+            worker: &self.worker,
+            time_s: time_of(published_ns),
+            early,
+            early_time_s: time_of(early.sample_time_ns),
+        })
     }
 }
 

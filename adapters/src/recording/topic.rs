@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, CycleRecord, GroundSample, Message, State, SuitBody, SuitSample,
+    AdapterHealth, Command, CycleRecord, EarlyState, GroundSample, Message, State, SuitBody, SuitSample,
 };
 
 /// How messages are encoded (mcap.dev registry): little-endian, fixed-size arrays without length prefix.
@@ -102,6 +102,8 @@ recorded! {
         Body(SuitBody),
     "/equipoise/state" => /// Result of a cycle.
         State(State),
+    "/equipoise/early" => /// Result about the newest suit sample.
+        Early(EarlyState),
     "/equipoise/cycle" => /// Stamps and inputs of one cycle.
         Cycle(CycleRecord),
     "/equipoise/checkpoint" => /// Memory of the loop after a cycle.

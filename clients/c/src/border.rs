@@ -7,7 +7,7 @@
 
 use crate::handle::{Handle, Opened, Options, check_owner, reason_name};
 use crate::outcome::{Outcome, Refusal, guard, last_error};
-use crate::reading::Reading;
+use crate::reading::{EarlyReading, Reading};
 use equipoise_client::{Consumer, NoReading};
 use std::ffi::{CStr, c_char, c_int};
 use std::mem::MaybeUninit;
@@ -115,6 +115,24 @@ pub unsafe extern "C" fn equipoise_next(
 pub unsafe extern "C" fn equipoise_latest(consumer: *mut Handle, reading: *mut Reading) -> c_int {
     // SAFETY: the same contract.
     unsafe { read(consumer, reading, Consumer::latest) }
+}
+
+/// Reads the newest early state; see `equipoise.h`.
+///
+/// # Safety
+/// As [`equipoise_next`].
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn equipoise_early(consumer: *mut Handle, reading: *mut EarlyReading) -> c_int {
+    guard(|| {
+        // SAFETY: by this function's contract; a reading that is only written need not be initialised.
+        let place = unsafe { target(reading.cast::<MaybeUninit<EarlyReading>>(), "reading") }?;
+        // On any later failure, no earlier reading remains in the target.
+        place.write(EarlyReading::nothing());
+        // SAFETY: by this function's contract.
+        let opened = unsafe { owned(consumer) }?;
+        place.write(opened.early()?);
+        Ok(())
+    })
 }
 
 /// # Safety

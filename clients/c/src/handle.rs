@@ -2,7 +2,7 @@
 
 use crate::layout::layout;
 use crate::outcome::{Refusal, c_text};
-use crate::reading::Reading;
+use crate::reading::{EarlyReading, Reading};
 use equipoise_client::{Consumer, ConsumerSettings, NoReading};
 use equipoise_core::message::Validity;
 use std::ffi::{CStr, CString};
@@ -100,6 +100,14 @@ impl Opened {
         read: impl FnOnce(&mut Consumer) -> Result<equipoise_client::Reading, NoReading>,
     ) -> Result<Reading, Refusal> {
         Ok(read(&mut self.consumer)?.into())
+    }
+
+    /// The newest early state.
+    ///
+    /// # Errors
+    /// The reason why there is no current one.
+    pub fn early(&mut self) -> Result<EarlyReading, Refusal> {
+        Ok(self.consumer.early()?.into())
     }
 
     /// Why the consumer report is not published; empty if it is, or if it was disabled.

@@ -1,17 +1,18 @@
 //! What a header must say of this library, in one number.
 
-use crate::{Options, Outcome, Reading};
+use crate::{EarlyReading, Options, Outcome, Reading};
 use equipoise_bus::Topic;
-use equipoise_core::message::State;
 use equipoise_core::message::layout::fnv1a;
+use equipoise_core::message::{EarlyState, State};
 use std::mem::offset_of;
 
-/// `EQUIPOISE_LAYOUT` of the header: a hash of the state's fields, of every name and number in it (reasons and the values
+/// `EQUIPOISE_LAYOUT` of the header: a hash of the fields of state and early state, of every name and number in it (reasons and the values
 /// they invalidate, levels, joints), of the outcomes, and of offsets and sizes in the structs of the interface.
 pub fn layout() -> u64 {
     let mut hash = State::schema();
     let mut fold =
         |name: &str, number: u64| hash = fnv1a(fnv1a(hash, name.as_bytes()), &number.to_le_bytes());
+    fold("early", EarlyState::schema());
     for (name, number) in structs() {
         fold(name, number as u64);
     }
@@ -32,6 +33,7 @@ fn structs() -> Vec<(&'static str, usize)> {
         };
     }
     places! {
+        EarlyReading { early, received_ns, age_ns, sample_age_ns, is_new, reserved }
         Reading { state, received_ns, age_ns, sample_age_ns, missed, restarted, is_new }
         Options { layout, stale_after_ns, depth, no_report }
     }

@@ -14,4 +14,4 @@ pub mod reading;
 
 pub use handle::{Handle, Options};
 pub use outcome::Outcome;
-pub use reading::Reading;
+pub use reading::{EarlyReading, Reading};

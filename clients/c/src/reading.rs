@@ -1,7 +1,52 @@
-//! `equipoise_reading`: a state as returned to C programs.
+//! `equipoise_reading` and `equipoise_early_reading`: a state and an early state as returned to C programs.
 
 use bytemuck::Zeroable;
-use equipoise_core::message::State;
+use equipoise_core::message::{EarlyState, State};
+
+/// An early state with its ages. The layout is `equipoise_early_reading` of the header.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EarlyReading {
+    /// The early state.
+    pub early: EarlyState,
+    /// Time of receipt, CLOCK_MONOTONIC ns.
+    pub received_ns: u64,
+    /// Time from the due time of its cycle to its return to the program, ns.
+    pub age_ns: u64,
+    /// Age of the sample of the results, ns.
+    pub sample_age_ns: u64,
+    /// 1 if it was not returned before.
+    pub is_new: u32,
+    /// Always zero.
+    pub reserved: u32,
+}
+
+impl EarlyReading {
+    /// Placeholder when there is no early state: all validity flags set, all ages maximal.
+    pub fn nothing() -> EarlyReading {
+        EarlyReading {
+            early: EarlyState { valid: u64::MAX, sample_age_ns: u64::MAX, ..EarlyState::zeroed() },
+            received_ns: 0,
+            age_ns: u64::MAX,
+            sample_age_ns: u64::MAX,
+            is_new: 0,
+            reserved: 0,
+        }
+    }
+}
+
+impl From<equipoise_client::EarlyReading> for EarlyReading {
+    fn from(reading: equipoise_client::EarlyReading) -> EarlyReading {
+        EarlyReading {
+            early: reading.early,
+            received_ns: reading.received_ns,
+            age_ns: reading.age_ns,
+            sample_age_ns: reading.sample_age_ns,
+            is_new: u32::from(reading.is_new),
+            reserved: 0,
+        }
+    }
+}
 
 /// A state with its ages and counts. The layout is `equipoise_reading` of the header.
 #[repr(C)]

@@ -15,7 +15,7 @@ use equipoise_core::cycle::{BodyRejection, BodySource};
 use equipoise_core::message::state::{
     AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
 };
-use equipoise_core::message::{GroundDevice, Message, State, Validity};
+use equipoise_core::message::{EarlyState, GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
 use std::fmt::Write as _;
@@ -23,6 +23,7 @@ use std::path::Path;
 
 const TEMPLATE: &str = include_str!("../equipoise.h.in");
 const STATE: &str = include_str!("../../../core/src/message/state.rs");
+const EARLY: &str = include_str!("../../../core/src/message/early_state.rs");
 const VALIDITY: &str = include_str!("../../../core/src/message/validity.rs");
 const GROUND: &str = include_str!("../../../core/src/message/ground.rs");
 const OUTCOME: &str = include_str!("../src/outcome.rs");
@@ -30,7 +31,9 @@ const OUTCOME: &str = include_str!("../src/outcome.rs");
 const WIDTH: usize = 116;
 
 /// Rust terms in comments, and their replacements for C.
-const WORDS: [(&str, &str); 13] = [
+const WORDS: [(&str, &str); 15] = [
+    ("a `core::message::state::AccelerationSource`", "an enum equipoise_acceleration"),
+    ("`State::cycle`", "equipoise_state.cycle"),
     ("bits of [`Validity`]", "EQUIPOISE_REASON_…"),
     ("a union of [`Unavailable`] bits", "EQUIPOISE_UNAVAILABLE_…"),
     ("a union of `GroundDevice` bits", "EQUIPOISE_GROUND_…"),
@@ -179,11 +182,12 @@ fn declared(rust: &str) -> (&'static str, String) {
     (number, String::new())
 }
 
-fn state() -> String {
+/// Fields of a message with the comments of their declarations.
+fn structure<M: Message>(declarations: &str) -> String {
     let mut out = String::new();
-    let fields = documented(between(STATE, "pub struct State {", "\n    }"));
-    assert_eq!(fields.len(), State::FIELDS.len());
-    for ((doc, line), field) in fields.iter().zip(State::FIELDS) {
+    let fields = documented(declarations);
+    assert_eq!(fields.len(), M::FIELDS.len());
+    for ((doc, line), field) in fields.iter().zip(M::FIELDS) {
         let (name, rust) = line.strip_prefix("pub ").unwrap().trim_end_matches(',').split_once(": ").unwrap();
         assert_eq!(name, field.name);
         comment(&mut out, "    ", doc);
@@ -238,7 +242,9 @@ fn header() -> String {
         assert!(out.contains(&mark), "equipoise.h.in lacks {mark}");
         out = out.replace(&mark, &format!("{text}\n"));
     }
-    let out = out.replace("@STATE@\n", &state());
+    let early = structure::<EarlyState>(between(EARLY, "pub struct EarlyState {", "\n    }"));
+    let state = structure::<State>(between(STATE, "pub struct State {", "\n    }"));
+    let out = out.replace("@EARLY_STATE@\n", &early).replace("@STATE@\n", &state);
     assert!(!out.contains('@'), "a placeholder of equipoise.h.in without a text");
     out
 }

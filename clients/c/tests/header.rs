@@ -6,14 +6,14 @@ mod compiler;
 mod names;
 
 use compiler::{Link, compile, said};
-use equipoise_c::{Options, Outcome, Reading, layout};
+use equipoise_c::{EarlyReading, Options, Outcome, Reading, layout};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
 use equipoise_core::cycle::{BodyRejection, BodySource};
 use equipoise_core::message::layout::{Field, Primitive};
 use equipoise_core::message::state::{
     AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
 };
-use equipoise_core::message::{GroundDevice, Message, State, Validity};
+use equipoise_core::message::{EarlyState, GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
 use std::fmt::Write as _;
@@ -46,12 +46,18 @@ fn facts_of_state() -> Vec<Fact> {
         let (name, number) = (field.name, field.primitive);
         facts.extend(facts_of_field("equipoise_state", name, field.offset, field.count * number.size()));
     }
+    facts.push(fact("sizeof(equipoise_early_state)".to_owned(), size_of::<EarlyState>()));
+    for field in EarlyState::FIELDS {
+        let bytes = field.count * field.primitive.size();
+        facts.extend(facts_of_field("equipoise_early_state", field.name, field.offset, bytes));
+    }
     facts
 }
 
 fn facts_of_structs() -> Vec<Fact> {
     let mut facts = vec![
         fact("sizeof(equipoise_reading)".to_owned(), size_of::<Reading>()),
+        fact("sizeof(equipoise_early_reading)".to_owned(), size_of::<EarlyReading>()),
         fact("sizeof(equipoise_options)".to_owned(), size_of::<Options>()),
     ];
     macro_rules! fields {
@@ -62,6 +68,9 @@ fn facts_of_structs() -> Vec<Fact> {
     fields! {
         "equipoise_reading" Reading {
             state: 2752, received_ns: 8, age_ns: 8, sample_age_ns: 8, missed: 8, restarted: 4, is_new: 4
+        }
+        "equipoise_early_reading" EarlyReading {
+            early: 960, received_ns: 8, age_ns: 8, sample_age_ns: 8, is_new: 4, reserved: 4
         }
         "equipoise_options" Options { layout: 8, stale_after_ns: 8, depth: 4, no_report: 4 }
     }
@@ -141,16 +150,23 @@ fn the_header_says_what_the_library_is() {
 /// Offsets and sizes do not tell a double from an integer of 8 bytes.
 #[test]
 fn every_field_is_declared_as_the_number_it_is() {
+    declares("equipoise_state", State::FIELDS);
+    declares("equipoise_early_state", EarlyState::FIELDS);
+}
+
+fn declares(of: &str, fields: &[Field]) {
     let header = include_str!("../equipoise.h");
-    for Field { name, primitive, count, .. } in State::FIELDS {
+    let declared =
+        header.split_once(&format!("typedef struct {of} {{")).unwrap().1.split_once("\n}").unwrap().0;
+    for Field { name, primitive, count, .. } in fields {
         let kind = match primitive {
             Primitive::U8 => "uint8_t",
             Primitive::U32 => "uint32_t",
             Primitive::U64 => "uint64_t",
             Primitive::F64 => "double",
         };
-        let declared = format!("    {kind} {name}{}", if *count == 1 { ';' } else { '[' });
-        let lines = header.lines().filter(|line| line.starts_with(&declared)).count();
-        assert_eq!(lines, 1, "{declared}");
+        let field = format!("    {kind} {name}{}", if *count == 1 { ';' } else { '[' });
+        let lines = declared.lines().filter(|line| line.starts_with(&field)).count();
+        assert_eq!(lines, 1, "{of}: {field}");
     }
 }

@@ -42,6 +42,7 @@ from ._messages import (
     Unavailable,
     Phase,
     ConsumerReceipt,
+    EarlyState,
     Reason,
     Sharing,
     FootOutline,
@@ -49,7 +50,7 @@ from ._messages import (
 )
 from .consumer import Consumer, latest, subscribe
 from .program import ProgramError, reconcile, replay
-from .reading import NoReading, NoStateReason, Reading
+from .reading import EarlyReading, NoReading, NoStateReason, Reading
 from .recording import iter_recording, read_recording, to_numpy
 
 __all__ = [
@@ -77,6 +78,8 @@ __all__ = [
     "Phase",
     "ProgramError",
     "ConsumerReceipt",
+    "EarlyReading",
+    "EarlyState",
     "Reading",
     "Reason",
     "Sharing",

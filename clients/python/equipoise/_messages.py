@@ -51,6 +51,16 @@ STATE = Service(
     history=1,
     deadline_ns=25000000,
 )
+EARLY_STATE = Service(
+    suffix="early",
+    schema="0xada448d9bdfe82f9",
+    publishers_max=2,
+    subscribers_max=24,
+    depth=4,
+    depth_max=256,
+    history=1,
+    deadline_ns=40000000,
+)
 CONSUMER_RECEIPT = Service(
     suffix="receipt",
     schema="0x75f254b0e7fc69ea",
@@ -207,6 +217,60 @@ class State(ctypes.Structure):
 
 
 assert ctypes.sizeof(State) == 2752
+
+
+class EarlyState(ctypes.Structure):
+    """Result about the newest suit sample; see core/src/message/early_state.rs."""
+
+    cycle: int
+    time_ns: int
+    sample_time_ns: int
+    sample_age_ns: int
+    valid: int
+    acceleration_source: int
+    calibrated: int
+    com_m: ctypes.Array[ctypes.c_double]
+    cop_estimated_m: ctypes.Array[ctypes.c_double]
+    cop_sigma_m: ctypes.Array[ctypes.c_double]
+    delta_f_n: ctypes.Array[ctypes.c_double]
+    delta_f_sigma_n: float
+    hand_m: ctypes.Array[ctypes.c_double]
+    hand_velocity_m_per_s: ctypes.Array[ctypes.c_double]
+    lifted_mass_kg: float
+    lifted_mass_sigma_kg: float
+    torque_nm: ctypes.Array[ctypes.c_double]
+    torque_sigma_nm: ctypes.Array[ctypes.c_double]
+    published_ns: int
+
+    _fields_ = [
+        ("cycle", ctypes.c_uint64),
+        ("time_ns", ctypes.c_uint64),
+        ("sample_time_ns", ctypes.c_uint64),
+        ("sample_age_ns", ctypes.c_uint64),
+        ("valid", ctypes.c_uint64),
+        ("acceleration_source", ctypes.c_uint32),
+        ("calibrated", ctypes.c_uint32),
+        ("com_m", ctypes.c_double * 3),
+        ("cop_estimated_m", ctypes.c_double * 2),
+        ("cop_sigma_m", ctypes.c_double * 2),
+        ("delta_f_n", ctypes.c_double * 3),
+        ("delta_f_sigma_n", ctypes.c_double),
+        ("hand_m", ctypes.c_double * 6),
+        ("hand_velocity_m_per_s", ctypes.c_double * 6),
+        ("lifted_mass_kg", ctypes.c_double),
+        ("lifted_mass_sigma_kg", ctypes.c_double),
+        ("torque_nm", ctypes.c_double * 66),
+        ("torque_sigma_nm", ctypes.c_double * 22),
+        ("published_ns", ctypes.c_uint64),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """The name that iceoryx2 compares."""
+        return "equipoise/EarlyState/1"
+
+
+assert ctypes.sizeof(EarlyState) == 960
 
 
 class ConsumerReceipt(ctypes.Structure):

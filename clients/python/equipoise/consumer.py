@@ -11,9 +11,9 @@ from typing import Any, Iterator, NamedTuple, Optional, Tuple, Type, Union
 
 from . import _messages as table
 from ._bus import Bus, BusError, iox2, root_of_environment
-from ._messages import ConsumerReceipt, State
+from ._messages import ConsumerReceipt, EarlyState, State
 from ._receipt import Reporting
-from .reading import NoReading, NoStateReason, Reading
+from .reading import EarlyReading, NoReading, NoStateReason, Reading
 
 # After so long a silence all ports are reopened: the bus's directory may have been removed and recreated.
 REJOIN_AFTER_NS = 2_000_000_000
@@ -24,6 +24,7 @@ PAUSE_S = 0.02
 PATIENCE_S = 2.5
 UNKNOWN_AGE = 2**64 - 1
 STATE_BYTES = ctypes.sizeof(State)
+EARLY_BYTES = ctypes.sizeof(EarlyState)
 
 
 class _Ports:
@@ -31,11 +32,14 @@ class _Ports:
         self.bus = Bus(station, name, root, patience_s)
         self.events = self.bus.listener()
         self.states = self.bus.subscriber(State, table.STATE, depth)
+        self.early: Optional[Any] = None  # Opened by the first call of `Consumer.early`.
         self.bus.wait_no_more()  # A slot for the report is not awaited.
 
     def close(self) -> None:
         """Ports first, then the bus that they hang on: else the place would look like one of a dead process."""
         self.states.delete()
+        if self.early is not None:
+            self.early.delete()
         self.events.delete()
         self.bus.close()
 
@@ -62,6 +66,7 @@ class Consumer:
         self._order: Optional[_Last] = None
         self._suit_sample_time_ns = 0
         self._last: Optional[Reading] = None
+        self._last_early: Optional[EarlyReading] = None
         self._missed = self._withheld = 0
         self._restarted = False
         self._closed = False
@@ -116,6 +121,54 @@ class Consumer:
             if again.age_ns <= self._stale_after_ns:
                 return again
         return self._silent()
+
+    def early(self) -> Union[EarlyReading, NoReading]:
+        """The newest early state, without sleeping: the result about the newest suit sample, with a larger uncertainty.
+
+        It may have been returned before (`is_new`). The first call subscribes.
+        """
+        self._check_open()
+        try:
+            newest = self._receive_early()
+            if newest is None:
+                self._keep_up()
+        except BusError as error:
+            return self._lose_ports(error)
+        now_ns, last = time.monotonic_ns(), self._last_early
+        if newest is not None:
+            self._heard_ns = now_ns
+            if newest.time_ns > now_ns:
+                return self._ahead(newest.time_ns - now_ns)
+            if last is None or newest.time_ns > last.early.time_ns:
+                self._last_early = EarlyReading(newest, now_ns, 0, 0, False)
+                return self._early_at(self._last_early._replace(is_new=True), now_ns)
+        return self._silent() if last is None else self._early_at(last, now_ns)
+
+    def _early_at(self, reading: EarlyReading, now_ns: int) -> Union[EarlyReading, NoReading]:
+        age_ns, most_ns = now_ns - reading.early.time_ns, table.EARLY_STATE.deadline_ns
+        if most_ns is not None and age_ns > most_ns:
+            text = f"stale: the newest early state is {age_ns // 1_000_000} ms old, and may be {most_ns // 1_000_000} ms"
+            return NoReading(NoStateReason.STALE, text)
+        sample_age_ns = max(now_ns - reading.early.sample_time_ns, 0)
+        return reading._replace(age_ns=age_ns, sample_age_ns=sample_age_ns)
+
+    def _receive_early(self) -> Optional[EarlyState]:
+        if self._ports is None:
+            return None
+        if self._ports.early is None:
+            self._ports.early = self._ports.bus.subscriber(EarlyState, table.EARLY_STATE, table.EARLY_STATE.depth)
+        try:
+            newest: Optional[EarlyState] = None
+            for _ in range(table.EARLY_STATE.depth):
+                sample = self._ports.early.receive()
+                if sample is None:
+                    break
+                newest = EarlyState()
+                ctypes.memmove(ctypes.addressof(newest), sample.payload_ptr, EARLY_BYTES)
+                sample.delete()
+            return newest
+        except Exception as cause:
+            raise BusError(f"cannot receive early states: {cause}; the consumer rejoins") from cause
 
     def __iter__(self) -> Iterator[Union[Reading, NoReading]]:
         """One after the other, for ever, each as `next` gives it."""

@@ -6,11 +6,46 @@ import enum
 from typing import TYPE_CHECKING, List, NamedTuple, Optional, Tuple, Union
 
 from ._arrays import view
-from ._messages import INVALIDATES_GROUND_FORCE, INVALIDATES_TORQUES, Joint, Level, Phase, Reason, State
+from ._messages import INVALIDATES_GROUND_FORCE, INVALIDATES_TORQUES, EarlyState, Joint, Level, Phase, Reason, State
 from ._names import joint_name, joint_of
 
 if TYPE_CHECKING:
     from ._arrays import Array
+
+
+class EarlyReading(NamedTuple):
+    """A current early state, with its age: the result about the newest suit sample. Its truth value is true."""
+
+    early: EarlyState
+    """The early state. Check `reasons` before using its values."""
+    received_ns: int
+    """Time of receipt, CLOCK_MONOTONIC ns."""
+    age_ns: int
+    """Time from the cycle's due time to the return of this reading, ns."""
+    sample_age_ns: int
+    """Time from `early.sample_time_ns` to the return of this reading, ns."""
+    is_new: bool
+    """Whether it was not returned before."""
+
+    def __bool__(self) -> bool:
+        return True
+
+    @property
+    def reasons(self) -> Reason:
+        """The invalid reasons of the early state; they print as their names."""
+        return Reason(self.early.valid)
+
+    def invalidated_by(self, reasons: Reason) -> bool:
+        """Whether one of `reasons` is raised; the value that they invalidate is then 0."""
+        return bool(self.early.valid & reasons)
+
+    def torque_nm(self, joint: Union[Joint, str]) -> Optional[Tuple[float, float, float]]:
+        """The overload torque of a joint, world axes, N m; None while it is invalid."""
+        joint = joint_of(joint)
+        if self.invalidated_by(INVALIDATES_TORQUES):
+            return None
+        x, y, z = self.early.torque_nm[3 * joint : 3 * joint + 3]
+        return (x, y, z)
 
 
 class Reading(NamedTuple):

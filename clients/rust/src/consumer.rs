@@ -1,11 +1,12 @@
 //! A subscriber to a station's states.
 
 use crate::clock::now_ns;
+use crate::early::EarlyReading;
 use crate::reading::{NoReading, Reading};
 use crate::reporting::Reporting;
 use crate::sequence::{Place, Sequence};
 use equipoise_bus::{Bus, BusError, BusSettings, Channel, Listener, Subscriber, Topic};
-use equipoise_core::message::{ConsumerReceipt, State};
+use equipoise_core::message::{ConsumerReceipt, EarlyState, State};
 use std::time::Duration;
 
 /// After this silence the consumer rejoins the bus, because the bus's directory may have been deleted and recreated
@@ -54,6 +55,8 @@ pub struct Consumer {
     sequence: Sequence,
     reporting: Reporting,
     last: Option<Reading>,
+    /// The last early state and its time of receipt, ns.
+    last_early: Option<(EarlyState, u64)>,
     /// States received, but not returned, since the last one returned.
     withheld: u64,
     missed: u64,
@@ -68,6 +71,8 @@ pub struct Consumer {
 #[derive(Debug)]
 struct Ports {
     states: Subscriber<State>,
+    /// Opened by the first call of [`Consumer::early`].
+    early: Option<Subscriber<EarlyState>>,
     events: Listener,
     bus: Bus,
 }
@@ -76,7 +81,7 @@ impl Ports {
     fn open(settings: &ConsumerSettings) -> Result<Ports, BusError> {
         let bus = Bus::join(&settings.bus)?;
         let events = bus.listener(Channel::Results)?;
-        Ok(Ports { states: bus.subscriber(settings.depth)?, events, bus })
+        Ok(Ports { states: bus.subscriber(settings.depth)?, early: None, events, bus })
     }
 }
 
@@ -106,6 +111,7 @@ impl Consumer {
             sequence: Sequence::default(),
             reporting,
             last: None,
+            last_early: None,
             refused: None,
             withheld: 0,
             missed: 0,
@@ -164,6 +170,46 @@ impl Consumer {
         let now_ns = now_ns();
         let again = self.last.map(|reading| Reading { is_new: false, ..reading.at(now_ns) });
         again.filter(|reading| self.is_fresh(reading.age_ns)).ok_or_else(|| self.why_none())
+    }
+
+    /// Returns the newest early state without waiting: the result about the newest suit sample, with a larger σ than the
+    /// state's. It may have been returned before (`is_new`), but is never older than its service's deadline.
+    ///
+    /// The first call subscribes; an early state arrives before the event that wakes [`Consumer::next`].
+    ///
+    /// # Errors
+    /// As [`Consumer::next`].
+    pub fn early(&mut self) -> Result<EarlyReading, NoReading> {
+        let newest = self.receive_early().map_err(|error| self.lose_ports(error))?;
+        let now_ns = now_ns();
+        if let Some(early) = newest {
+            self.heard_ns = now_ns;
+            let reading = EarlyReading::at(early, now_ns, true, now_ns);
+            if matches!(reading, Err(NoReading::OtherClock { .. })) {
+                return reading;
+            }
+            // One that is left over from an earlier daemon is not new.
+            if self.last_early.is_none_or(|(last, _)| early.time_ns > last.time_ns) {
+                self.last_early = Some((early, now_ns));
+                return reading;
+            }
+        }
+        self.keep_up()?;
+        match self.last_early {
+            Some((early, received_ns)) => EarlyReading::at(early, received_ns, false, now_ns),
+            None => {
+                Err(NoReading::Silent { silent: Duration::from_nanos(now_ns.saturating_sub(self.heard_ns)) })
+            }
+        }
+    }
+
+    fn receive_early(&mut self) -> Result<Option<EarlyState>, BusError> {
+        let Some(Ports { early, bus, .. }) = &mut self.ports else { return Ok(None) };
+        let subscriber = match early {
+            Some(subscriber) => subscriber,
+            None => early.insert(bus.subscriber(EarlyState::SERVICE.depth)?),
+        };
+        subscriber.latest()
     }
 
     /// An endless iterator over the results of [`Consumer::next`].

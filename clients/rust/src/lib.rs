@@ -27,14 +27,16 @@
 //! A consumer survives the daemon's end and joins the next daemon by itself. Once a second it publishes the delays of
 //! states ([`equipoise_core::message::ConsumerReceipt`]), which `equipoise latency` displays as the end of the path.
 //!
-//! Modules, lowest layer first: [`clock`] → `sequence` → [`reading`] → `reporting` → [`consumer`]
+//! Modules, lowest layer first: [`clock`] → `sequence` → [`reading`], [`early`] → `reporting` → [`consumer`]
 #![forbid(unsafe_code)]
 
 pub mod clock;
 pub mod consumer;
+pub mod early;
 pub mod reading;
 mod reporting;
 mod sequence;
 
 pub use consumer::{Consumer, ConsumerSettings};
+pub use early::EarlyReading;
 pub use reading::{NoReading, Reading};

@@ -9,7 +9,7 @@ use equipoise_bus::{BusError, Channel, Event, Topic};
 use equipoise_client::clock::now_ns;
 use equipoise_client::{Consumer, ConsumerSettings, NoReading, Reading};
 use equipoise_core::message::consumer_receipt::BUCKETS;
-use equipoise_core::message::{ConsumerReceipt, State};
+use equipoise_core::message::{ConsumerReceipt, EarlyState, State};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -281,4 +281,29 @@ fn a_name_or_depth_that_cannot_be_is_refused() {
     assert!(matches!(error, BusError::Name { what: "role", .. }), "{error}");
     let error = Consumer::join_with(ConsumerSettings { depth: 0, ..root.settings("deep") }).unwrap_err();
     assert!(matches!(error, BusError::Depth { asked: 0, .. }), "{error}");
+}
+
+#[test]
+fn an_early_state_is_new_once_and_not_returned_past_its_deadline() {
+    let root = root();
+    let bus = root.bus("daemon");
+    let publisher = bus.publisher::<EarlyState>().unwrap();
+    let mut consumer = root.consumer("early");
+    assert!(matches!(consumer.early(), Err(NoReading::Silent { .. })), "it subscribes");
+    let send = |time_ns: u64| {
+        let early = EarlyState { time_ns, sample_time_ns: time_ns - 2_000_000, ..EarlyState::zeroed() };
+        publisher.send(&early).unwrap();
+    };
+    let first_ns = now_ns();
+    send(first_ns);
+    let reading = consumer.early().unwrap();
+    assert!(reading.is_new && reading.early.time_ns == first_ns);
+    assert_eq!(reading.sample_age_ns, reading.age_ns + 2_000_000);
+    let again = consumer.early();
+    assert!(again.as_ref().is_ok_and(|again| !again.is_new && again.early == reading.early), "{again:?}");
+    // Left over from an earlier daemon.
+    send(first_ns - 1);
+    assert!(consumer.early().is_ok_and(|again| !again.is_new && again.early == reading.early));
+    sleep(EarlyState::SERVICE.deadline.unwrap() + SHORT);
+    assert!(matches!(consumer.early(), Err(NoReading::Stale { .. })));
 }

@@ -17,7 +17,7 @@ use equipoise_core::message::layout::{Field, Primitive};
 use equipoise_core::message::state::{
     AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
 };
-use equipoise_core::message::{ConsumerReceipt, GroundDevice, Message, State, Validity};
+use equipoise_core::message::{ConsumerReceipt, EarlyState, GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
 use names::constant_case;
 use std::fmt::Write as _;
@@ -203,9 +203,15 @@ fn module() -> String {
         writeln!(out, "{name} = \"{value}\"").unwrap();
     }
     service::<State>(&mut out, "STATE");
+    service::<EarlyState>(&mut out, "EARLY_STATE");
     service::<ConsumerReceipt>(&mut out, "CONSUMER_RECEIPT");
     out.push_str("\n\n");
     structure::<State>(&mut out, "State", "Result of one cycle; see core/src/message/state.rs.");
+    structure::<EarlyState>(
+        &mut out,
+        "EarlyState",
+        "Result about the newest suit sample; see core/src/message/early_state.rs.",
+    );
     structure::<ConsumerReceipt>(
         &mut out,
         "ConsumerReceipt",

@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::tare::Tare;
 use crate::message::{GroundSample, Message, SuitSample};
+use crate::motion::end_kernel;
 use crate::time::NS_PER_S;
 
 /// Ground samples stored: 0.64 s at 1 kHz, for a suit with half a second of latency.
@@ -205,12 +206,30 @@ impl Alignment {
     /// the same filter on both sides, motion too fast for the suit cancels in the difference. `None` if samples are
     /// missing or measure different components.
     pub(super) fn ground_around(&self, time_ns: u64, half_ns: u64) -> Option<GroundSample> {
+        self.ground_mean(time_ns, [half_ns; 2], |offset_ns| {
+            let share = offset_ns as f64 / half_ns as f64;
+            (1.0 - share * share) * (1.0 - share * share)
+        })
+    }
+
+    /// Likewise at the end of the last `span_ns`, with the weights of [`end_kernel`].
+    pub(super) fn ground_before(&self, time_ns: u64, span_ns: u64) -> Option<GroundSample> {
+        self.ground_mean(time_ns, [span_ns, 0], |offset_ns| end_kernel(offset_ns as f64 / span_ns as f64))
+    }
+
+    /// Mean of the wrench from `before_ns` before a time to `after_ns` after it, with a weight by the distance from it.
+    fn ground_mean(
+        &self,
+        time_ns: u64,
+        [before_ns, after_ns]: [u64; 2],
+        weight: impl Fn(u64) -> f64,
+    ) -> Option<GroundSample> {
         let slack_ns = 2 * self.ground_period_ns();
         let oldest = self.ground_count.saturating_sub(GROUND_RING as u64);
         let newest_first = (oldest..self.ground_count).rev().map(|i| &self.ground[i as usize % GROUND_RING]);
         let mut within = newest_first
-            .skip_while(|sample| sample.sample_time_ns > time_ns + half_ns)
-            .take_while(|sample| sample.sample_time_ns + half_ns >= time_ns)
+            .skip_while(|sample| sample.sample_time_ns > time_ns + after_ns)
+            .take_while(|sample| sample.sample_time_ns + before_ns >= time_ns)
             .peekable();
         let last = **within.peek()?;
         let (mut mean, mut first_ns) = (WeightedMean::of(&last), last.sample_time_ns);
@@ -219,11 +238,10 @@ impl Alignment {
                 return None;
             }
             first_ns = sample.sample_time_ns;
-            let share = first_ns.abs_diff(time_ns) as f64 / half_ns as f64;
-            mean.add(sample, (1.0 - share * share) * (1.0 - share * share));
+            mean.add(sample, weight(first_ns.abs_diff(time_ns)));
         }
-        let is_covered = first_ns <= (time_ns + slack_ns).saturating_sub(half_ns)
-            && last.sample_time_ns + slack_ns >= time_ns + half_ns;
+        let is_covered = first_ns <= (time_ns + slack_ns).saturating_sub(before_ns)
+            && last.sample_time_ns + slack_ns >= time_ns + after_ns;
         is_covered.then(|| mean.sample(time_ns)).flatten()
     }
 

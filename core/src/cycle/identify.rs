@@ -51,6 +51,13 @@ pub(super) struct Weighed<'a>(&'a Identification);
 #[derive(Clone, Copy)]
 pub(super) struct Identified<'a>(&'a Identification);
 
+impl<'a> Identified<'a> {
+    /// The subject for the newest sample, which updates nothing.
+    pub(super) fn newest(subject: &'a Identification) -> Identified<'a> {
+        Identified(subject)
+    }
+}
+
 impl Deref for Weighed<'_> {
     type Target = Identification;
 

@@ -77,6 +77,20 @@ pub(super) fn locate_load(
     cops.in_hands(position, carrying, &axes)
 }
 
+/// The load at its present mean position in the hands, which is not updated.
+pub(super) fn hold_load(
+    settings: &Settings,
+    position: &LoadPosition,
+    carrying: &Carrying<'_>,
+) -> LoadInHands {
+    let cops = ByCops::of(settings, position.eta(), carrying);
+    let axes = HandAxes::of(&carrying.estimate.on_plate, &cops);
+    if settings.motion == Motion::Paper {
+        return cops.on_line(&axes);
+    }
+    cops.in_hands(position, carrying, &axes)
+}
+
 impl ByCops {
     fn of(settings: &Settings, eta: [f64; 2], carrying: &Carrying<'_>) -> ByCops {
         let Carrying { instant, ground, prediction, estimate, subject, force } = *carrying;

@@ -7,7 +7,7 @@ use super::cop_estimate::Estimate;
 use super::differentiate::Instant;
 use super::ground::Ground;
 use super::identify::Identified;
-use super::load_in_hands::{GRIP_SIGMA_M, LoadInHands, locate_load};
+use super::load_in_hands::{GRIP_SIGMA_M, LoadInHands, hold_load, locate_load};
 use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
 use super::{foot_outline, support};
@@ -160,30 +160,18 @@ pub(super) struct Carrying<'a> {
 }
 
 impl Carrying<'_> {
+    /// The torques of a load at its present position in the hands, without their errors, N m.
+    pub(super) fn torque_vectors(&self, settings: &Settings, state: &LoadState) -> [Vector3<f64>; JOINTS] {
+        let hands = hold_load(settings, &state.position, self);
+        let body_cop = self.cop_given_load(hands.residual_m);
+        overload::torque_vectors(&self.estimate.on_plate, &self.loading(settings, &hands, &body_cop))
+    }
+
     /// The load's torques, given its position in the hands.
     fn torques(&self, settings: &Settings, hands: &LoadInHands) -> CarriedLoad {
         let (pose, force) = (&self.estimate.on_plate, &self.force);
         let body_cop = self.cop_given_load(hands.residual_m);
-        // The part of that correction that is an error of the body's position on the plate, which moves the joints too.
-        let body_offset_m: [f64; 2] = core::array::from_fn(|axis| {
-            self.estimate.stance.by_estimate[axis] * (body_cop[axis].value - self.estimate.cop_m[axis])
-        });
-        let loading = Loading {
-            cop_measured_m: self.ground.reading.cop_m,
-            cop_estimated_m: body_cop.map(|cop| cop.value),
-            vertical_n: force.vertical_n,
-            delta_f_n: force.delta_f_n,
-            grip_m: hands.grip_m,
-            eta: hands.eta,
-            feet: self.foot_loads(settings, body_offset_m),
-            swing: Swing {
-                force_n: hands.swing_n,
-                body_n: [0, 1]
-                    .map(|axis| self.subject.mass_kg * self.prediction.body.acceleration_m_per_s2(axis)),
-                surface_z_m: self.instant.snapshot.ground.surface_z_m,
-            },
-        }
-        .displaced(body_offset_m);
+        let loading = self.loading(settings, hands, &body_cop);
         let is_measured = self.feet().is_some();
         let sigma = self.sigma(settings, hands, &body_cop, is_measured);
         let load_m = hands.grip_m[0] * hands.eta[0] + hands.grip_m[1] * hands.eta[1];
@@ -198,6 +186,31 @@ impl Carrying<'_> {
             distance_m: hands.distance_m,
             torques: overload::torques(pose, &loading, &sigma),
         }
+    }
+
+    /// Inputs of the torques.
+    fn loading(&self, settings: &Settings, hands: &LoadInHands, body_cop: &[Measured; 2]) -> Loading {
+        let force = &self.force;
+        // The part of that correction that is an error of the body's position on the plate, which moves the joints too.
+        let body_offset_m: [f64; 2] = core::array::from_fn(|axis| {
+            self.estimate.stance.by_estimate[axis] * (body_cop[axis].value - self.estimate.cop_m[axis])
+        });
+        Loading {
+            cop_measured_m: self.ground.reading.cop_m,
+            cop_estimated_m: body_cop.map(|cop| cop.value),
+            vertical_n: force.vertical_n,
+            delta_f_n: force.delta_f_n,
+            grip_m: hands.grip_m,
+            eta: hands.eta,
+            feet: self.foot_loads(settings, body_offset_m),
+            swing: Swing {
+                force_n: hands.swing_n,
+                body_n: [0, 1]
+                    .map(|axis| self.subject.mass_kg * self.prediction.body.acceleration_m_per_s2(axis)),
+                surface_z_m: self.instant.snapshot.ground.surface_z_m,
+            },
+        }
+        .displaced(body_offset_m)
     }
 
     /// 1-σ of the inputs of the torques.

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::align::AlignState;
+use super::early::EarlyStage;
 use super::ground::GroundState;
 use super::identification::Identification;
 use super::identify::MotionUpdates;
@@ -16,14 +17,14 @@ use super::reported_body::ReportedBody;
 use super::settings::Settings;
 use super::skew_monitor::SkewMonitor;
 use crate::exposure::{Exposure, Shift};
-use crate::message::State;
+use crate::message::{EarlyState, State};
 use crate::motion::History;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 16;
+pub const MEMORY_VERSION: u64 = 17;
 
-/// The loop's state between two steps. About 942 kB: allocate it in a `Box`.
+/// The loop's state between two steps. About 953 kB: allocate it in a `Box`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Memory {
@@ -61,6 +62,8 @@ pub struct Memory {
     pub(super) publication: Publication,
     /// The last published state.
     pub state: State,
+    /// The last early state, and its differences from states.
+    pub(super) early: EarlyStage,
 }
 
 /// The data replaced when another subject is loaded.
@@ -96,6 +99,8 @@ impl Memory {
     pub fn replace_subject(&mut self, subject: &SubjectState) {
         self.identification = subject.identification;
         self.exposure = subject.exposure;
+        // Its differences belong to the previous subject's motion.
+        self.early = Zeroable::zeroed();
         // Update the state even if nothing is measured, so that it never shows the previous subject's exposure.
         self.publication.begin_shift(&self.exposure);
     }
@@ -123,6 +128,12 @@ impl Memory {
             && self.lag_test.is_sound()
             && self.exposure.is_sound()
             && self.publication.is_sound()
+            && self.early.is_sound()
+    }
+
+    /// The last early state; it is new if its cycle is that of the step.
+    pub fn early(&self) -> &EarlyState {
+        &self.early.published
     }
 
     /// The skew between the streams and the lag in use.
@@ -141,5 +152,6 @@ impl Memory {
         self.history.clear();
         self.window.clear();
         self.load.unloaded.clear();
+        self.early.clear_pending();
     }
 }

@@ -103,6 +103,39 @@ pub(super) fn predict_unloaded(
     }
 }
 
+/// Predicts the motion of the unloaded body at the newest sample, with the contributions of the model's terms from the
+/// newest state. Updates nothing: the instant has no duration.
+pub(super) fn predict_early(
+    settings: &Settings,
+    noise: &MotionNoise,
+    instant: &Instant,
+    ground: &Ground,
+    inertia: &Inertia,
+    subject: &Identification,
+    (terms_cop_m, terms_force_n): ([f64; 2], [f64; 3]),
+) -> Prediction {
+    let mut noise = *noise;
+    let body = match settings.motion {
+        Motion::Compensated { .. } => {
+            body_motion(settings, &mut noise, instant, ground, inertia, subject, terms_force_n)
+        }
+        Motion::Paper => BodyMotion::REST,
+    };
+    let sigma = noise.sigma();
+    let delta_f_sigma_n = delta_f_sigma_n(ground, &sigma);
+    Prediction {
+        body,
+        terms_cop_m,
+        terms_force_n,
+        static_pose: None,
+        vertical: noise.vertical,
+        sigma,
+        delta_f_sigma_n,
+        load_limit_n: load_limit_n(settings, delta_f_sigma_n),
+        is_measured: ground.standing_m.is_some(),
+    }
+}
+
 /// 1-σ of the external force, N.
 fn delta_f_sigma_n(ground: &Ground, sigma: &NoiseSigma) -> f64 {
     math::hypot([ground.sigma.force_n, sigma.vertical_n])

@@ -17,6 +17,7 @@ use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::Posture;
 
 pub(super) mod bench;
+mod early;
 mod exposure;
 mod filter_updates;
 mod latency;

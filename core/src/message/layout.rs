@@ -153,7 +153,7 @@ pub(crate) use message;
 mod tests {
     use super::*;
     use crate::message::{
-        AdapterHealth, Command, CycleRecord, GroundSample, Reply, State, SuitBody, SuitSample,
+        AdapterHealth, Command, CycleRecord, EarlyState, GroundSample, Reply, State, SuitBody, SuitSample,
     };
 
     fn fields_fill_the_message_without_gaps<M: Message>() {
@@ -171,6 +171,7 @@ mod tests {
         fields_fill_the_message_without_gaps::<GroundSample>();
         fields_fill_the_message_without_gaps::<SuitBody>();
         fields_fill_the_message_without_gaps::<State>();
+        fields_fill_the_message_without_gaps::<EarlyState>();
         fields_fill_the_message_without_gaps::<CycleRecord>();
         fields_fill_the_message_without_gaps::<AdapterHealth>();
         fields_fill_the_message_without_gaps::<Command>();

@@ -255,7 +255,29 @@ impl History {
         Some((first, count, times_s, weights(&times_s[..count])?))
     }
 
-    fn at(&self, index: u64) -> &Snapshot {
+    /// The samples of the last `span_ns`, at most all that are stored: number of the first, and their count. `None` with
+    /// fewer than `samples_min`, or if a gap or the start lies within the span.
+    pub(super) fn last_samples(&self, span_ns: u64, samples_min: usize) -> Option<(u64, usize)> {
+        let last = self.count_in.checked_sub(1)?;
+        let newest_ns = self.at(last).time_ns;
+        let oldest = self.count_in.saturating_sub(CAPACITY as u64);
+        let mut first = last;
+        loop {
+            // The sample before the span shows that the span is filled.
+            let before_ns = self.at(first.checked_sub(1).filter(|before| *before >= oldest)?).time_ns;
+            if self.at(first).time_ns.saturating_sub(before_ns) > GAP_MAX_NS {
+                return None;
+            }
+            if newest_ns.saturating_sub(before_ns) > span_ns || last - first + 2 == CAPACITY as u64 {
+                break;
+            }
+            first -= 1;
+        }
+        let count = (last - first + 1) as usize;
+        (count >= samples_min).then_some((first, count))
+    }
+
+    pub(super) fn at(&self, index: u64) -> &Snapshot {
         &self.snapshots[index as usize % CAPACITY]
     }
 

@@ -33,6 +33,8 @@ pub struct RecordSummary {
     pub cycles: Numbered,
     /// States.
     pub states: Numbered,
+    /// Early states, which have no consecutive numbers.
+    pub early: u64,
     /// Suit samples.
     pub suit: Numbered,
     /// Ground samples.
@@ -56,7 +58,7 @@ impl RecordSummary {
     /// Messages written.
     pub fn written(&self) -> u64 {
         let numbered: u64 = self.numbered().iter().map(|(_, kind)| kind.written).sum();
-        numbered + self.checkpoints + self.health
+        numbered + self.early + self.checkpoints + self.health
     }
 
     /// Messages published but missing in the file.
@@ -71,7 +73,11 @@ impl fmt::Display for RecordSummary {
         for (name, kind) in self.numbered() {
             write!(f, "{} {name}, ", kind.written)?;
         }
-        write!(f, "{} checkpoints, {} health messages; ", self.checkpoints, self.health)?;
+        write!(
+            f,
+            "{} early states, {} checkpoints, {} health messages; ",
+            self.early, self.checkpoints, self.health
+        )?;
         if self.lost() == 0 {
             return f.write_str("nothing lost");
         }

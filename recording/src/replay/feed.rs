@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use equipoise_adapters::recording::{Entries, Entry, Recording};
 use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{CycleRecord, GroundSample, State, SuitBody, SuitSample};
+use equipoise_core::message::{CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample};
 use equipoise_core::time::NS_PER_S;
 
 use super::pending::Pending;
@@ -22,6 +22,8 @@ pub(super) struct Cycle {
     pub(super) record: Box<CycleRecord>,
     /// The published state; `None` if it was lost.
     pub(super) state: Option<Box<State>>,
+    /// The published early state, if the cycle has one in the recording.
+    pub(super) early: Option<Box<EarlyState>>,
     /// Taken after this cycle's step.
     pub(super) checkpoint: Option<Box<Checkpoint>>,
 }
@@ -31,6 +33,7 @@ pub(super) struct Feed<'a> {
     entries: Entries<'a>,
     cycles: VecDeque<Box<CycleRecord>>,
     states: VecDeque<Box<State>>,
+    early: VecDeque<Box<EarlyState>>,
     /// Each with the time of the cycle after which it was taken.
     checkpoints: VecDeque<(u64, Box<Checkpoint>)>,
     pub(super) suit: Pending<SuitSample>,
@@ -48,6 +51,7 @@ impl<'a> Feed<'a> {
             entries: recording.entries(),
             cycles: VecDeque::new(),
             states: VecDeque::new(),
+            early: VecDeque::new(),
             checkpoints: VecDeque::new(),
             suit: Pending::default(),
             ground: Pending::default(),
@@ -66,15 +70,17 @@ impl<'a> Feed<'a> {
         let record = self.cycles.pop_front()?;
         let due_ns = record.due_ns;
         while self.states.pop_front_if(|state| state.time_ns < due_ns).is_some() {}
+        while self.early.pop_front_if(|early| early.time_ns < due_ns).is_some() {}
         while self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns < due_ns).is_some() {}
         self.suit.discard_before(due_ns.saturating_sub(DISCARD_AFTER_NS));
         self.ground.discard_before(due_ns.saturating_sub(DISCARD_AFTER_NS));
         let discarded_ns = due_ns.saturating_sub(DISCARD_AFTER_NS);
         while self.bodies.pop_front_if(|body| body.published_ns < discarded_ns).is_some() {}
         let state = self.states.pop_front_if(|state| state.time_ns == due_ns);
+        let early = self.early.pop_front_if(|early| early.time_ns == due_ns);
         let checkpoint = self.checkpoints.pop_front_if(|(time_ns, _)| *time_ns == due_ns);
         let checkpoint = checkpoint.map(|(_, checkpoint)| checkpoint);
-        Some(Cycle { record, state, checkpoint })
+        Some(Cycle { record, state, early, checkpoint })
     }
 
     /// The body dimensions that a cycle ingested, and whether the recording is complete in this respect; true if the
@@ -107,6 +113,7 @@ impl<'a> Feed<'a> {
                 match timed.entry {
                     Entry::Cycle(record) => self.cycles.push_back(record),
                     Entry::State(state) => self.states.push_back(state),
+                    Entry::Early(early) => self.early.push_back(early),
                     Entry::Checkpoint(checkpoint) => {
                         // A checkpoint has no time stamp, but the state in its memory has one.
                         let time_ns = checkpoint.memory().map(|memory| memory.state.time_ns);

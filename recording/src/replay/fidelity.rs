@@ -3,7 +3,7 @@
 use std::fmt;
 
 use equipoise_core::cycle::Memory;
-use equipoise_core::message::State;
+use equipoise_core::message::{EarlyState, State};
 
 /// Result of the comparison, and gaps in the recording.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -16,6 +16,10 @@ pub struct Fidelity {
     pub states_compared: u64,
     /// Number of them that differ in any byte.
     pub states_differing: u64,
+    /// Recorded early states compared.
+    pub early_compared: u64,
+    /// Number of them that differ in any byte.
+    pub early_differing: u64,
     /// Later checkpoints compared.
     pub memories_compared: u64,
     /// Number of them that differ in any byte.
@@ -57,6 +61,15 @@ impl Fidelity {
         }
     }
 
+    pub(super) fn compare_early(&mut self, replayed: &EarlyState, recorded: &EarlyState) {
+        self.early_compared += 1;
+        let recorded = &EarlyState { published_ns: replayed.published_ns, ..*recorded };
+        if bytemuck::bytes_of(replayed) != bytemuck::bytes_of(recorded) {
+            self.early_differing += 1;
+            self.first_differing.get_or_insert(recorded.cycle);
+        }
+    }
+
     pub(super) fn compare_memory(&mut self, replayed: &Memory, recorded: &Memory) {
         self.memories_compared += 1;
         if bytemuck::bytes_of(replayed) != bytemuck::bytes_of(recorded) {
@@ -72,7 +85,10 @@ impl Fidelity {
 
     /// Whether the recording is complete and every state was reproduced.
     pub fn is_exact(&self) -> bool {
-        self.states_differing == 0 && self.memories_differing == 0 && self.is_complete()
+        self.states_differing == 0
+            && self.early_differing == 0
+            && self.memories_differing == 0
+            && self.is_complete()
     }
 
     /// Whether the recording is complete.
@@ -93,8 +109,13 @@ impl fmt::Display for Fidelity {
         if self.states_compared + self.memories_compared > 0 {
             write!(
                 f,
-                "compared with the live loop: {} of {} states and {} of {} checkpoints differ",
-                self.states_differing, self.states_compared, self.memories_differing, self.memories_compared
+                "compared with the live loop: {} of {} states, {} of {} early states and {} of {} checkpoints differ",
+                self.states_differing,
+                self.states_compared,
+                self.early_differing,
+                self.early_compared,
+                self.memories_differing,
+                self.memories_compared
             )?;
             match self.first_differing {
                 Some(cycle) => writeln!(f, "; the first at cycle {cycle}")?,

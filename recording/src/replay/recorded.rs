@@ -122,6 +122,9 @@ impl Run<'_> {
         if let Some(state) = cycle.state.as_deref().filter(|_| self.exact) {
             self.fidelity.compare_state(self.machine.state(), state);
         }
+        if let Some(early) = cycle.early.as_deref().filter(|_| self.exact) {
+            self.fidelity.compare_early(self.machine.memory().early(), early);
+        }
         true
     }
 

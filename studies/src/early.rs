@@ -1,0 +1,419 @@
+//! The early state: its age and errors, compared with the state at its own time and used about now and ahead.
+
+mod errors;
+
+use equipoise_core::body::JOINTS;
+use equipoise_core::message::Validity;
+use equipoise_simulator::truth::Truth;
+use nalgebra::Vector3;
+use std::collections::VecDeque;
+
+pub use errors::{Errors, Scalar};
+
+use crate::natural::Movements;
+use crate::sensors::{AccelerationNoise, Rig};
+use crate::session::{Moment, Session};
+use crate::subject::{Crowd, Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::{GROUPS, Sums, joints_of, percent};
+use crate::tasks::publishes_torques;
+
+/// Data of a suit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SuitData {
+    /// Errors of the suit's own accelerations; `None` if it sends none.
+    pub accelerations: Option<AccelerationNoise>,
+    /// White noise of its positions, m.
+    pub white_m: f64,
+}
+
+/// Suits by their data, as named in the tables.
+const SUITS: [(&str, SuitData); 3] = [
+    ("positions", SuitData { accelerations: None, white_m: 0.0 }),
+    ("positions, noisy", SuitData { accelerations: None, white_m: WHITE_M }),
+    ("with type 21", SuitData { accelerations: Some(AccelerationNoise::ORDINARY), white_m: 0.0 }),
+];
+/// White noise of a noisy suit's positions per axis, m: what optical markers show.
+const WHITE_M: f64 = 0.0002;
+/// Boxes that are carried, kg.
+const BOXES_KG: [f64; 2] = [4.0, 11.0];
+/// Poses for the identification before.
+const POSES_MAX: u32 = 30;
+/// Natural work without a load, and with each box, s.
+const UNLOADED_S: f64 = 20.0;
+const LOADED_S: f64 = 15.0;
+/// From this fraction of its mass on the hands a box counts as lifted.
+const LIFTED: f64 = 0.999;
+/// Times ahead of the early state's sample, s.
+const AHEAD_S: [f64; 4] = [0.0, 0.05, 0.1, 0.2];
+/// Duration over which torques are differentiated for the extrapolation, s: a quarter of the shortest movement.
+const SLOPE_S: f64 = 0.1;
+
+/// Results of one subject.
+#[derive(Debug, Clone, Default)]
+pub struct Shift {
+    /// Ages at publication, s: of the state, and of the early state.
+    pub ages_s: [Vec<f64>; 2],
+    /// The state at its own time, and the early state at its own time.
+    pub state: Errors,
+    /// The early state.
+    pub early: Errors,
+    /// Without a load: external force of both.
+    pub unloaded: [Errors; 2],
+    /// At [`AHEAD_S`] after the early state's sample: the state as it is, the early state as it is, and extrapolated.
+    pub ahead: [[Errors; 3]; AHEAD_S.len()],
+    /// Error of the hands' positions there, m: the state's, early ones held, and at constant velocity.
+    hands_m: [[Sums; 2]; AHEAD_S.len()],
+    /// Magnitude of the early torque minus that of the state of the same sample, by joint group, N m.
+    difference_nm: [Sums; GROUPS.len()],
+    /// Samples of a carry: with torques in the state, in the early state, all.
+    pub published: [u64; 3],
+}
+
+/// Prediction of one early state.
+#[derive(Debug)]
+struct Ahead {
+    /// Index into [`AHEAD_S`], and the predicted time, s.
+    index: usize,
+    at_s: f64,
+    /// By the state as it is, the early state as it is, and extrapolated.
+    torque_nm: [[[f64; 3]; JOINTS]; 3],
+    /// Held, and at constant velocity.
+    hands_m: [[Vector3<f64>; 2]; 2],
+}
+
+/// Predictions whose time has not come, and early torques whose state has not.
+#[derive(Debug, Default)]
+struct Later(VecDeque<Ahead>, Recent);
+
+/// Recent early torques, with their times, s.
+type Recent = VecDeque<(f64, [[f64; 3]; JOINTS])>;
+
+impl Shift {
+    fn add_carry(&mut self, moment: &Moment, box_kg: f64, recent: &mut Recent, later: &mut Later) {
+        let carries = |time_s: f64| moment.worker.sample(time_s).load_kg >= LIFTED * box_kg;
+        self.add_ahead(moment, carries, later);
+        let (state, early) = (moment.state, moment.early);
+        let has_early = early.cycle == state.cycle && !early.validity().any_of(Validity::INVALIDATES_TORQUES);
+        if !has_early {
+            recent.clear();
+        }
+        if !carries(moment.time_s) || !carries(moment.early_time_s) {
+            return;
+        }
+        self.published[2] += 1;
+        self.published[0] += u64::from(publishes_torques(state));
+        self.published[1] += u64::from(has_early);
+        if !publishes_torques(state) {
+            return;
+        }
+        if let Some((_, early_nm)) = later.1.iter().find(|(time_s, _)| (time_s - moment.time_s).abs() < 1e-6)
+        {
+            for (group, sums) in self.difference_nm.iter_mut().enumerate() {
+                for joint in joints_of(group) {
+                    let [early, state] = [early_nm[joint], state.torque_nm[joint]].map(Vector3::from);
+                    sums.add(early.norm() - state.norm());
+                }
+            }
+        }
+        let truth = moment.truth();
+        self.state.add(&state.torque_nm, &state.torque_sigma_nm, &truth);
+        self.state.add_force(state.delta_f_n[2], state.delta_f_sigma_n, &truth);
+        self.ages_s[0].push(1e-9 * (state.time_ns - state.suit_sample_time_ns) as f64);
+        if !has_early {
+            return;
+        }
+        self.ages_s[1].push(1e-9 * early.sample_age_ns as f64);
+        let now_s = moment.early_time_s;
+        recent.push_back((now_s, early.torque_nm));
+        later.1.push_back((now_s, early.torque_nm));
+        if later.1.len() > 30 {
+            later.1.pop_front();
+        }
+        while recent.front().is_some_and(|(time_s, _)| *time_s < now_s - SLOPE_S - 1e-3) {
+            recent.pop_front();
+        }
+        let truth = Truth::of(moment.worker, now_s);
+        self.early.add(&early.torque_nm, &early.torque_sigma_nm, &truth);
+        self.early.add_force(early.delta_f_n[2], early.delta_f_sigma_n, &truth);
+        for (index, ahead_s) in AHEAD_S.into_iter().enumerate() {
+            later.0.push_back(Ahead {
+                index,
+                at_s: now_s + ahead_s,
+                torque_nm: [
+                    state.torque_nm,
+                    early.torque_nm,
+                    extrapolated(recent, &early.torque_nm, ahead_s),
+                ],
+                hands_m: [0.0, ahead_s].map(|by_s| {
+                    [0, 1].map(|hand| {
+                        let velocity = Vector3::from(early.hand_velocity_m_per_s[hand]);
+                        Vector3::from(early.hand_m[hand]) + by_s * velocity
+                    })
+                }),
+            });
+        }
+    }
+
+    /// Compares predictions with the truth once their time has come: until then the worker's orders may change.
+    fn add_ahead(&mut self, moment: &Moment, carries: impl Fn(f64) -> bool, later: &mut Later) {
+        let due = |ahead: &Ahead| ahead.at_s <= moment.early_time_s + 1e-6;
+        for ahead in later.0.iter().filter(|ahead| due(ahead) && carries(ahead.at_s)) {
+            let truth = Truth::of(moment.worker, ahead.at_s);
+            for (errors, torque_nm) in self.ahead[ahead.index].iter_mut().zip(&ahead.torque_nm) {
+                errors.add(torque_nm, &[0.0; JOINTS], &truth);
+            }
+            for (sums, hands_m) in self.hands_m[ahead.index].iter_mut().zip(&ahead.hands_m) {
+                for (at_m, real_m) in hands_m.iter().zip(truth.body.grip_m) {
+                    sums.add((at_m - real_m).norm());
+                }
+            }
+        }
+        later.0.retain(|ahead| !due(ahead));
+    }
+
+    fn add_unloaded(&mut self, moment: &Moment) {
+        let (state, early) = (moment.state, moment.early);
+        let unusable = Validity::INVALIDATES_DELTA_F.and(Validity::INVALIDATES_COP_ESTIMATED);
+        if !state.validity().any_of(unusable) {
+            let truth = moment.truth();
+            self.unloaded[0].add_force(state.delta_f_n[2], state.delta_f_sigma_n, &truth);
+            self.unloaded[0].add_cop(state.cop_estimated_m, state.cop_sigma_m, &truth);
+        }
+        if !early.validity().any_of(unusable) {
+            let truth = Truth::of(moment.worker, moment.early_time_s);
+            self.unloaded[1].add_force(early.delta_f_n[2], early.delta_f_sigma_n, &truth);
+            self.unloaded[1].add_cop(early.cop_estimated_m, early.cop_sigma_m, &truth);
+        }
+    }
+
+    fn merge(&mut self, other: &Shift) {
+        for (sum, ages) in self.ages_s.iter_mut().zip(&other.ages_s) {
+            sum.extend(ages);
+        }
+        self.state.merge(&other.state);
+        self.early.merge(&other.early);
+        for (sum, errors) in self.unloaded.iter_mut().zip(&other.unloaded) {
+            sum.merge(errors);
+        }
+        for (sum, errors) in self.ahead.iter_mut().flatten().zip(other.ahead.iter().flatten()) {
+            sum.merge(errors);
+        }
+        for (sum, errors) in self.hands_m.iter_mut().flatten().zip(other.hands_m.iter().flatten()) {
+            sum.merge(errors);
+        }
+        for (sum, errors) in self.difference_nm.iter_mut().zip(&other.difference_nm) {
+            sum.merge(errors);
+        }
+        for (sum, count) in self.published.iter_mut().zip(other.published) {
+            *sum += count;
+        }
+    }
+}
+
+/// Torques at `ahead_s` by their mean slope over the recent ones.
+fn extrapolated(recent: &Recent, now_nm: &[[f64; 3]; JOINTS], ahead_s: f64) -> [[f64; 3]; JOINTS] {
+    let (Some((from_s, from_nm)), Some((to_s, _))) = (recent.front(), recent.back()) else { return *now_nm };
+    let over_s = to_s - from_s;
+    if over_s < 0.5 * SLOPE_S {
+        return *now_nm;
+    }
+    std::array::from_fn(|joint| {
+        std::array::from_fn(|axis| {
+            let slope = (now_nm[joint][axis] - from_nm[joint][axis]) / over_s;
+            now_nm[joint][axis] + ahead_s * slope
+        })
+    })
+}
+
+/// Identification, natural work without a load, then with each box.
+pub fn shift(subject: &Subject, suit: SuitData) -> Shift {
+    let SuitData { accelerations, white_m } = suit;
+    let rig = Rig { accelerations, suit_white_m: white_m, ground_late_s: 0.0, ..subject.rig() };
+    let mut session = Session::with(subject, subject.settings(), rig, subject.habits());
+    let mut shift = Shift::default();
+    session.identify_by_windows(POSES_MAX);
+    session.stand(1.0);
+    session.run_at_1_khz();
+    let mut movements = Movements::of(subject);
+    movements.work(&mut session, UNLOADED_S, |moment| {
+        shift.add_unloaded(moment);
+        false
+    });
+    for box_kg in BOXES_KG {
+        session.order(|worker, at_s| worker.lift(box_kg, at_s));
+        let (mut recent, mut later) = (Recent::new(), Later::default());
+        movements.work(&mut session, LOADED_S, |moment| {
+            shift.add_carry(moment, box_kg, &mut recent, &mut later);
+            false
+        });
+        session.order(equipoise_simulator::motion::Worker::put_down);
+        movements.work(&mut session, 4.0, |_| false);
+    }
+    shift
+}
+
+fn quantile_ms(values_s: &[f64], share: f64) -> Option<f64> {
+    let mut values = values_s.to_vec();
+    values.sort_by(f64::total_cmp);
+    let last = values.len().checked_sub(1)?;
+    Some(1e3 * values[(share * last as f64).round() as usize])
+}
+
+/// The tables.
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let count = crowd.count;
+    let crowd = crowd.subjects();
+    let mut ages = Table::new(
+        format!("Age at publication ({count} subjects, suit at 60 Hz, natural pace)"),
+        &[
+            "suit data",
+            "state p50 ms",
+            "state p99 ms",
+            "early p50 ms",
+            "early p99 ms",
+            "state published %",
+            "early published %",
+        ],
+    );
+    let mut errors = Table::new(
+        "Errors while 4 and 11 kg are carried, each at its own time".to_owned(),
+        &[
+            "suit data",
+            "quantity",
+            "state",
+            "state sigma",
+            "state 1-sigma %",
+            "early",
+            "early sigma",
+            "early 1-sigma %",
+            "state as now",
+            "sigma ratio",
+            "difference",
+        ],
+    );
+    let mut ahead = Table::new(
+        "Torques of all joints and positions of the hands, ahead of the early state's sample".to_owned(),
+        &[
+            "suit data",
+            "ahead ms",
+            "state as is N m",
+            "early as is N m",
+            "early extrapolated N m",
+            "hands held mm",
+            "hands at constant velocity mm",
+        ],
+    );
+    for (name, suit) in SUITS {
+        let mut sum = Shift::default();
+        for one in ask_all(&crowd, |subject| shift(subject, suit)) {
+            sum.merge(&one);
+        }
+        let age = |which: usize, share: f64| quantile_ms(&sum.ages_s[which], share).into();
+        let share = |which: usize| percent(sum.published[which], sum.published[2]).into();
+        ages.push(vec![
+            name.into(),
+            age(0, 0.5),
+            age(0, 0.99),
+            age(1, 0.5),
+            age(1, 0.99),
+            share(0),
+            share(1),
+        ]);
+        let stale = &sum.ahead[0][0];
+        for (group, (joints, _)) in GROUPS.iter().enumerate() {
+            let of = |errors: &Errors| -> [Cell; 3] {
+                let sigma = errors.sigma_nm[group].mean();
+                [
+                    errors.error_nm[group].rms().into(),
+                    sigma.into(),
+                    errors.coverage[group].percent()[0].into(),
+                ]
+            };
+            let ratio = sum.early.sigma_nm[group].mean().zip(sum.state.sigma_nm[group].mean());
+            let mut row: Vec<Cell> = vec![name.into(), (*joints).into()];
+            row.extend(of(&sum.state));
+            row.extend(of(&sum.early));
+            row.push(stale.error_nm[group].rms().into());
+            row.push(ratio.map(|(early, state)| early / state).into());
+            row.push(sum.difference_nm[group].rms().into());
+            errors.push(row);
+        }
+        let mut row: Vec<Cell> = vec![name.into(), "all joints".into()];
+        for errors in [&sum.state, &sum.early] {
+            let cells = [errors.rms_nm(), errors.mean_sigma_nm(), errors.covered_percent()];
+            row.extend(cells.map(Cell::from));
+        }
+        row.push(stale.rms_nm().into());
+        let ratio = sum.early.mean_sigma_nm().zip(sum.state.mean_sigma_nm());
+        row.push(ratio.map(|(early, state)| early / state).into());
+        row.push(Cell::Nothing);
+        errors.push(row);
+        let [unloaded_state, unloaded_early] = &sum.unloaded;
+        for (quantity, [state, early]) in [
+            ("force, loaded", [&sum.state.force_n, &sum.early.force_n]),
+            ("force, no load", [&unloaded_state.force_n, &unloaded_early.force_n]),
+            ("CoP, no load", [&unloaded_state.cop_mm, &unloaded_early.cop_mm]),
+        ] {
+            let mut row: Vec<Cell> = vec![name.into(), quantity.into()];
+            for scalar in [state, early] {
+                row.push(scalar.error.rms().into());
+                row.push(scalar.sigma.mean().into());
+                row.push(scalar.coverage.percent()[0].into());
+            }
+            row.push(Cell::Nothing);
+            let ratio = early.sigma.mean().zip(state.sigma.mean());
+            row.push(ratio.map(|(early, state)| early / state).into());
+            row.push(Cell::Nothing);
+            errors.push(row);
+        }
+        for (index, ahead_s) in AHEAD_S.into_iter().enumerate() {
+            let mut row: Vec<Cell> = vec![name.into(), (1e3 * ahead_s).into()];
+            row.extend(sum.ahead[index].iter().map(|errors| Cell::from(errors.rms_nm())));
+            row.extend(sum.hands_m[index].iter().map(|sums| Cell::from(sums.rms().map(|m| 1e3 * m))));
+            ahead.push(row);
+        }
+    }
+    ages.note("age: from the sample's stamp to the due time of the cycle of a 1 kHz loop; without network, computation and publication; suit and plate without a constant latency");
+    errors.note("torques in N m, force in N, CoP per axis in mm: RMS length of the error, mean sigma, coverage of the magnitude by 1 sigma; state as now: the newest state compared with the truth at the early state's sample");
+    errors.note("truth: inverse dynamics of the simulated motion with the box less that without it");
+    errors.note("difference: RMS of the early torque's magnitude minus that of the state of the same sample; noisy: 0.2 mm of white noise per axis and sample in all positions");
+    ahead.note("extrapolated: by the mean slope of the early torques over the last 100 ms");
+    vec![ages, errors, ahead]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wrong sign of the acceleration or a wrench of another time fails these bounds by a multiple.
+    #[test]
+    fn the_early_state_is_nearly_as_accurate_as_the_state_and_better_than_it_used_about_now() {
+        let suits: Vec<_> = SUITS.into_iter().filter(|(_, suit)| suit.white_m == 0.0).collect();
+        let questions: Vec<_> =
+            [3, 4].into_iter().flat_map(|seed| suits.iter().map(move |suit| (seed, *suit))).collect();
+        let shifts = ask_all(&questions, |(seed, (_, suit))| shift(&Subject::somebody(*seed), *suit));
+        for (name, _) in suits {
+            let mut sum = Shift::default();
+            for (_, one) in questions.iter().zip(&shifts).filter(|((_, (of, _)), _)| *of == name) {
+                sum.merge(one);
+            }
+            assert!(quantile_ms(&sum.ages_s[1], 0.99).is_some_and(|age_ms| age_ms < 2.0), "{name}");
+            let [published, early, samples] = sum.published;
+            assert!(samples > 2000 && 20 * early > 19 * published, "{name}: {early} of {published}");
+            let rms = |errors: &Errors| errors.rms_nm().unwrap_or(f64::MAX);
+            let (state_nm, early_nm, stale_nm) = (rms(&sum.state), rms(&sum.early), rms(&sum.ahead[0][0]));
+            assert!(
+                early_nm < 1.05 * state_nm && early_nm < stale_nm,
+                "{name}: {early_nm} {state_nm} {stale_nm}"
+            );
+            let mut differences = Sums::default();
+            sum.difference_nm.iter().for_each(|sums| differences.merge(sums));
+            assert!(differences.rms().is_some_and(|nm| nm < 1.0), "{name}: {differences:?}");
+            let [state, early] = sum.unloaded.map(|errors| errors.force_n.error.rms().unwrap_or(f64::MAX));
+            assert!(early < 1.7 * state, "{name}: {early} N, by the state {state} N");
+            let sigmas = [&sum.state, &sum.early].map(|errors| errors.mean_sigma_nm().unwrap_or(0.0));
+            assert!(sigmas[1] > sigmas[0] && sigmas[1] < 1.3 * sigmas[0], "{name}: {sigmas:?}");
+        }
+    }
+}
