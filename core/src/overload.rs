@@ -295,19 +295,7 @@ pub fn torques(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingSigm
     })
 }
 
-/// The overload torques of all joints without their errors, N m.
-pub fn torque_vectors(pose: &Pose<StationWorld>, loading: &Loading) -> [Vector3<f64>; JOINTS] {
-    let acting = Acting::new(pose, loading);
-    Joint::ALL.map(|joint| acting.torque_nm(&ENDS[joint.index()], pose.origin_of(joint.segment())))
-}
-
 impl Acting<'_> {
-    /// Δτ of a joint, N m.
-    fn torque_nm(&self, ends: &Ends, origin: Vector3<f64>) -> Vector3<f64> {
-        let [x, y] = self.horizontal_nm(ends, origin);
-        Vector3::new(x, y, self.vertical_nm(ends, origin))
-    }
-
     /// Covariance (xx, xy, yy) of the arms of a joint's torque due to the position of the hands or the foot relative to
     /// the joint, (N m)².
     ///
