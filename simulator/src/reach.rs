@@ -51,7 +51,7 @@ const INCLINATION_STEP_DEG: usize = 2;
 const COMFORTABLE_BELOW: f64 = 0.75;
 /// The most that arms are extended if the trunk does not suffice, as a fraction of their length.
 const EXTENSION_MAX: f64 = 0.98;
-/// Fraction of the angle to a part beside the person by which the trunk twists, and its largest twist, degrees.
+/// Fraction of the angle to a part at the side of the person by which the trunk twists, and its largest twist, degrees.
 const TWIST_SHARE: f64 = 0.5;
 const TWIST_MAX_DEG: f64 = 35.0;
 /// Pelvis and arms move each other, so both are computed again until the hands are this close, m.
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nobody_reaches_is_refused() {
+    fn places_out_of_reach_are_refused() {
         let person = Person::nominal(1.77, 72.0);
         let stance = Stance::shoulder_wide(&person);
         let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg: 6.0 };

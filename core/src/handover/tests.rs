@@ -96,7 +96,7 @@ fn overload_grows_with_distance_and_mass_and_fatigue() {
 }
 
 #[test]
-fn what_nobody_reaches_is_refused() {
+fn places_out_of_reach_are_refused() {
     assert_eq!(at(1.6, 0.0, 1.0).unwrap_err(), Infeasible::OutOfReach);
     assert_eq!(at(0.3, 0.0, 2.9).unwrap_err(), Infeasible::OutOfReach);
     let heavy = Part { mass_kg: 80.0, ..PART };
