@@ -60,7 +60,7 @@ pub struct Shift {
     pub early: Errors,
     /// Without a load: external force of both.
     pub unloaded: [Errors; 2],
-    /// At [`AHEAD_S`] after the early state's sample: the state as it is, the early state as it is, and extrapolated.
+    /// At `AHEAD_S` after the early state's sample: the state as it is, the early state as it is, and extrapolated.
     pub ahead: [[Errors; 3]; AHEAD_S.len()],
     /// Error of the hands' positions there, m: the state's, early ones held, and at constant velocity.
     hands_m: [[Sums; 2]; AHEAD_S.len()],

@@ -17,7 +17,7 @@ const INTENSITY_M_PER_S2: f64 = 0.5;
 pub struct VariancePrior {
     /// Variance of a body at rest, in the square of the quantity's unit.
     pub at_rest: f64,
-    /// Increase at [`INTENSITY_M_PER_S2`].
+    /// Increase at `INTENSITY_M_PER_S2`.
     pub by_motion: f64,
 }
 
