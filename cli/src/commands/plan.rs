@@ -22,6 +22,7 @@ use crate::client;
 
 /// Find the place of a work piece at which it relieves the worker
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example: equipoise plan handover --config station.toml --mass 6")]
 pub(super) struct Arguments {
     #[command(subcommand)]
     what: What,
@@ -37,11 +38,11 @@ enum What {
 /// Places are of the middle between the hands, from the middle between the ankles on the floor: forward, to the left, up.
 /// The overload is that of the joint closest to its limit, as a share of the limit, with 1 sigma: the posture is predicted,
 /// too. Fatigue of an unfinished shift reduces the limits. Without --live the worker stands at the station's origin and faces
-/// X; `position_m` of the JSON is in the station's world.
+/// X; `position_m` of a plan is in the station's world.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise plan handover --config station.toml --mass 6\n  equipoise plan handover --config \
-                  station.toml --subject anon-1 --mass 6 --now 0.5,0,0.8 --live --json > plan.json\n  equipoise plan handover --config station.toml \
+                  station.toml --subject anon-1 --mass 6 --now 0.5,0,0.8 --live --out plan.json\n  equipoise plan handover --config station.toml \
                   --mass 6 --csv map.csv --picture map.svg"
 )]
 struct HandoverArguments {
@@ -62,7 +63,10 @@ struct HandoverArguments {
     /// Plan for the feet and the fatigue of the worker who stands at the running station now
     #[arg(long)]
     live: bool,
-    /// Print JSON, with the whole map
+    /// Write the best place as a plan for a cobot's controller, JSON, replaced at once
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Print the plan as JSON, with the whole map
     #[arg(long)]
     json: bool,
     /// Write the map as CSV
@@ -131,11 +135,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(path) = &arguments.picture {
         write(path, &picture::svg(&map, best, arguments.mass, id))?;
     }
+    if let Some(path) = &arguments.out {
+        write(path, &plan_of(best, id, arguments.mass).to_string())?;
+    }
     if arguments.json {
         let map: Vec<Value> = map.iter().map(json_of).collect();
-        let mut plan = json_of(best);
-        plan["subject"] = id.as_str().into();
-        plan["mass_kg"] = arguments.mass.into();
+        let mut plan = plan_of(best, id, arguments.mass);
         plan["now"] = now.as_ref().map_or(Value::Null, json_of);
         plan["map"] = map.into();
         println!("{plan}");
@@ -148,7 +153,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             println!("gain  {:.0} % of the limit", 100.0 * (now.worst_share() - best.worst_share()));
         }
     }
-    for path in [&arguments.csv, &arguments.picture].into_iter().flatten() {
+    for path in [&arguments.out, &arguments.csv, &arguments.picture].into_iter().flatten() {
         println!("{}: written", path.display());
     }
     Ok(Outcome::Done)
@@ -220,16 +225,31 @@ fn sentence(spot: &Spot) -> String {
     }
 }
 
+/// The best place as a plan for a controller of a cobot.
+fn plan_of(best: &Spot, subject: &str, mass_kg: f64) -> Value {
+    let position_m: [f64; 3] = best.position_m.into();
+    let predicted = best.predicted.as_ref().ok();
+    json!({
+        "subject": subject,
+        "mass_kg": mass_kg,
+        "position_m": position_m,
+        "worst_share": predicted.map(Prediction::worst_share),
+        "worst_sigma": predicted.map(|predicted| predicted.worst_sigma),
+        "worst_joint": predicted.map(|predicted| predicted.worst.name()),
+    })
+}
+
+/// A place of the map. No key of a plan is in it, so that a simple reader of a plan finds only the best place.
 fn json_of(spot: &Spot) -> Value {
-    let position_m: [f64; 3] = spot.position_m.into();
+    let place_m: [f64; 3] = spot.at_m.into();
     match &spot.predicted {
         Ok(predicted) => json!({
-            "position_m": position_m,
-            "worst_share": predicted.worst_share(),
-            "worst_sigma": predicted.worst_sigma,
-            "worst_joint": predicted.worst.name(),
+            "place_m": place_m,
+            "share": predicted.worst_share(),
+            "sigma": predicted.worst_sigma,
+            "joint": predicted.worst.name(),
         }),
-        Err(why) => json!({ "position_m": position_m, "infeasible": why.name() }),
+        Err(why) => json!({ "place_m": place_m, "infeasible": why.name() }),
     }
 }
 

@@ -158,6 +158,11 @@ impl EarlyStage {
     pub(super) fn ingest(&mut self, outputs: &Outputs<'_>, subject: Identified<'_>) {
         let Outputs { instant, prediction, estimate, overload, .. } = outputs;
         let held = &mut self.held;
+        // Without a mass some σ are infinite, and nothing is valid.
+        if subject.mass_kg <= 0.0 {
+            *held = Zeroable::zeroed();
+            return;
+        }
         (held.terms_cop_m, held.terms_force_n) = (prediction.terms_cop_m, prediction.terms_force_n);
         held.cop_sigma_m = estimate.cop_sigma_m;
         let StanceSigma { by_estimate, rest_m } = estimate.stance;
@@ -167,7 +172,7 @@ impl EarlyStage {
             held.torque_sigma_nm = load.torques.map(|torque| torque.sigma_nm);
         }
         // Before the end of the identification, differences belong to another model.
-        if subject.identified == 1 && subject.mass_kg > 0.0 {
+        if subject.identified == 1 {
             self.differences.compare(outputs, instant.step_s.clamp(0.0, STEP_MAX_S));
         }
     }

@@ -241,6 +241,8 @@ impl Bench {
                 command: None,
             };
             step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
+            // A checkpoint may be taken after any cycle, and one that is not sound cannot be gone on from.
+            assert!(self.memory.is_sound(), "cycle {}", self.cycle);
         }
     }
 
