@@ -113,7 +113,7 @@ class Plans(threading.Thread):
     def run(self):
         while True:
             self.count += 1
-            plan = {"position_m": [0.5, 0.3 * (-1) ** self.count, 1.1], "worst_share": 0.9 - 1e-3 * self.count, "worst_sigma": 0.0}
+            plan = {"position_m": [0.5, 0.3 * (-1) ** self.count, 1.1], "worst_limit_ratio": 0.9 - 1e-3 * self.count, "worst_limit_ratio_sigma": 0.0}
             new = self.path.with_suffix(".new")
             new.write_text(json.dumps(plan))
             new.rename(self.path)

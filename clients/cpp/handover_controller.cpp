@@ -64,10 +64,12 @@ std::optional<std::vector<double>> numbers_of(const std::string &text, const std
 // The newest plan: a position from the command line, or a file, read again when it changes.
 class Plans {
 public:
-    void set_target(const std::string &words) {
-        if (const auto at = numbers_of("\"target\": " + words, "target", 3)) {
+    bool set_target(const std::string &words) {
+        const auto at = numbers_of("\"target\": " + words, "target", 3);
+        if (at) {
             newest = Plan{1, {(*at)[0], (*at)[1], (*at)[2]}, 0.0, 0.0};
         }
+        return at.has_value();
     }
     void set_path(const std::string &path) { path_ = path; }
 
@@ -86,9 +88,11 @@ public:
         std::stringstream text;
         text << file.rdbuf();
         const auto at = numbers_of(text.str(), "position_m", 3);
-        const auto share = numbers_of(text.str(), "worst_share", 1), sigma = numbers_of(text.str(), "worst_sigma", 1);
+        const auto share = numbers_of(text.str(), "worst_limit_ratio", 1), sigma = numbers_of(text.str(), "worst_limit_ratio_sigma", 1);
         if (!at || !share || !sigma) {
-            std::cerr << path_ << ": position_m, worst_share or worst_sigma is missing" << std::endl;
+            std::cerr << path_ << ": no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma; `equipoise plan handover --out "
+                      << path_ << "` writes it" << std::endl;
+            changed_ = found.st_mtim;
             return;
         }
         changed_ = found.st_mtim;
@@ -196,21 +200,24 @@ void run(const std::string &station, const std::string &name, Cobot &cobot, Plan
 int main(int argc, char **argv) {
     Plans plans;
     std::string name = "handover";
+    bool is_usable = argc % 2 != 0;
     for (int at = 3; at + 1 < argc; at += 2) {
         const std::string option = argv[at], value = argv[at + 1];
         if (option == "--target") {
-            plans.set_target(value);
+            is_usable = plans.set_target(value) && is_usable;
         } else if (option == "--plan") {
             plans.set_path(value);
         } else if (option == "--name") {
             name = value;
+        } else {
+            is_usable = false;
         }
     }
     const std::string address = argc > 2 ? argv[2] : "";
     const auto colon = address.rfind(':');
     const long port = colon == std::string::npos ? 0 : std::strtol(address.c_str() + colon + 1, nullptr, 10);
     Cobot cobot(address.substr(0, colon), static_cast<std::uint16_t>(port));
-    if (argc % 2 == 0 || !cobot.is_valid() || port < 1 || port > 65535) {
+    if (!is_usable || !cobot.is_valid() || port < 1 || port > 65535) {
         std::cerr << "usage: handover_controller STATION IPV4:PORT [--target X,Y,Z] [--plan FILE] [--name NAME]\n";
         return 2;
     }

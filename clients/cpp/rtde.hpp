@@ -1,5 +1,6 @@
 // RTDE client (Universal Robots, protocol version 2) for the registers of clients/ur/handover.script; POSIX sockets.
-// Reconnects by itself. No function waits, except a connection: up to half a second.
+// Reconnects by itself. Only `poll` waits, and only while it connects: up to 0.5 s for the connection and for each
+// package of the handshake.
 #ifndef EQUIPOISE_RTDE_HPP
 #define EQUIPOISE_RTDE_HPP
 

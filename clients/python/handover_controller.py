@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import signal
 import socket
 import struct
 import sys
 import time
-from typing import Dict, List, Optional, Tuple
+from typing import Dict, Iterable, List, Optional, Tuple
 
 import equipoise
 from equipoise import NoReading, NoStateReason, Reading
@@ -174,6 +175,14 @@ def package(kind: str, payload: bytes) -> bytes:
     return struct.pack(">HB", len(payload) + 3, ord(kind)) + payload
 
 
+def finite(values: Iterable[str | float], count: int) -> List[float]:
+    """These values as `count` finite numbers."""
+    numbers = [float(value) for value in values]
+    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
+        raise ValueError(f"not {count} finite numbers")
+    return numbers
+
+
 class Plans:
     """The newest plan: a position from the command line, or a file, read again when it changes."""
 
@@ -181,9 +190,10 @@ class Plans:
         self._path = path
         self._changed_ns = 0
         self._due_s = 0.0
+        self._reported = ""
         self.newest: Optional[Plan] = None
         if target is not None:
-            x, y, z = (float(word) for word in target.split(","))
+            x, y, z = finite(target.split(","), 3)
             self.newest = Plan(1, (x, y, z), 0.0, 0.0)
 
     def poll(self, now_s: float) -> None:
@@ -197,13 +207,23 @@ class Plans:
                 return
             with open(self._path, encoding="utf-8") as file:
                 plan = json.load(file)
-            x, y, z = (float(number) for number in plan["position_m"])
-            share, sigma = float(plan["worst_share"]), float(plan["worst_sigma"])
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            print(f"{self._path}: {error!r}", file=sys.stderr)
+            x, y, z = finite(plan["position_m"], 3)
+            ratio, sigma = finite([plan["worst_limit_ratio"], plan["worst_limit_ratio_sigma"]], 2)
+        except OSError as error:
+            self._report(f"cannot be read: {error.strerror}")
+            return
+        except (ValueError, KeyError, TypeError):
+            self._report("no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma")
             return
         self._changed_ns = changed_ns
-        self.newest = Plan(self.newest.generation + 1 if self.newest else 1, (x, y, z), share, sigma)
+        self._reported = ""
+        self.newest = Plan(self.newest.generation + 1 if self.newest else 1, (x, y, z), ratio, sigma)
+
+    def _report(self, why: str) -> None:
+        """Reports an unusable file once."""
+        if why != self._reported:
+            print(f"{self._path}: {why}; `equipoise plan handover --out {self._path}` writes it", file=sys.stderr)
+            self._reported = why
 
 
 def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan]) -> Input:
@@ -237,13 +257,17 @@ def main() -> None:
     parser.add_argument("cobot", help="ADDRESS:PORT of RTDE")
     parser.add_argument("--name", default="handover")
     parser.add_argument("--target", help="X,Y,Z in the station's world, m")
-    parser.add_argument("--plan", help="file of `equipoise plan handover --json`")
+    parser.add_argument("--plan", help="file of `equipoise plan handover --out FILE`, read again when it changes")
     arguments = parser.parse_args()
     host, port = arguments.cobot.rsplit(":", 1)
     stop: List[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, frame: stop.append(caught))
-    cobot, plans, decision = Cobot((host, int(port))), Plans(arguments.target, arguments.plan), Decision()
+    try:
+        plans = Plans(arguments.target, arguments.plan)
+    except ValueError:
+        parser.error("--target: give three numbers X,Y,Z in metres, for example 0.5,0.1,1.1")
+    cobot, decision = Cobot((host, int(port))), Decision()
     last, send_at_s, print_at_s = Command.HOLD, 0.0, 0.0
     bus_s: List[float] = []
     decision_s: List[float] = []

@@ -1,6 +1,6 @@
 //! Predicted overload of a part handed over at a place, against the overload when the person then holds it there.
 //!
-//! The simulated people reach by their own habits (`equipoise_simulator::reach`), of which the planner knows nothing; the
+//! The simulated people reach by their own habits (`equipoise_simulator::reach`), which are no input of the planner; the
 //! planner has the bones of the suit, the identified mass distribution and the feet.
 
 use equipoise_core::body::JOINTS;
@@ -25,7 +25,7 @@ use crate::tally::quartiles;
 const POSES_MAX: u32 = 20;
 /// Places and masses that each subject holds.
 const PLACES: usize = 30;
-/// Handovers from which the planner has learnt.
+/// Handovers measured before the prediction.
 const HANDOVERS: [u32; 2] = [0, 3];
 /// Range of the places, from the middle between the ankles: forward, to the left, up, m, and of the masses, kg.
 const PLACE_M: [[f64; 2]; 3] = [[0.3, 0.6], [-0.25, 0.25], [0.6, 1.5]];
@@ -217,7 +217,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ],
     );
     table.note(
-        "handovers: that the planner has learnt from, each at the place that it then found most promising",
+        "handovers: measured before the prediction, each at the place with the lowest corrected share less sigma",
     );
     table.note(
         "refused: places that the person reaches and the planner calls infeasible; missed: the reverse",

@@ -14,6 +14,7 @@ use equipoise_daemon::profile::{Profile, unix_s};
 use equipoise_daemon::run::ConfigArgument;
 use equipoise_files::atomic_file::write_atomically;
 use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
@@ -93,7 +94,7 @@ fn width(text: &str) -> Result<f64, String> {
 }
 
 fn place(text: &str) -> Result<Vector3<f64>, String> {
-    let metres: Vec<f64> = text.split(',').filter_map(|part| part.trim().parse().ok()).collect();
+    let metres: Vec<f64> = text.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
     match metres[..] {
         [x, y, z] if metres.iter().all(|metres| metres.abs() <= 3.0) => Ok(Vector3::new(x, y, z)),
         _ => Err("give three numbers of metres, for example 0.5,0,0.8".to_owned()),
@@ -116,7 +117,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let (mut body, height_m) = body_of(&config, id)?;
     let mut stance = Stance::natural(height_m);
     if arguments.live {
-        let state = standing_worker(&config.station)?;
+        let state = standing_worker(&config.station, id)?;
         (stance, body.fatigue) = (Stance::of_segments(&state.segment_origin_m), state.fatigue);
     }
     let part = Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width };
@@ -126,7 +127,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     };
     let map: Vec<Spot> = places().map(spot).collect();
     let Some(best) = best_of(&map) else {
-        bail!("{id} cannot hold {} kg anywhere from {REGION_M:?} m: too heavy, or too wide", arguments.mass);
+        let [forward, left, up] = REGION_M.map(|[low, high]| format!("{low} to {high} m"));
+        bail!(
+            "{id} can hold {} kg nowhere from {forward} forward, {left} to the left, {up} above the floor: reduce --mass or \
+             --width",
+            arguments.mass
+        );
     };
     let now = arguments.now.map(spot);
     if let Some(path) = &arguments.csv {
@@ -159,8 +165,16 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The newest state of a running station, with the segments of a worker in it.
-fn standing_worker(station: &str) -> anyhow::Result<State> {
+/// The newest state of a running station that measures this subject, with valid segment positions.
+fn standing_worker(station: &str, id: &str) -> anyhow::Result<State> {
+    if let Some(running) = status::read(station)
+        && running.subject != id
+    {
+        bail!(
+            "{id} is not the subject at the station, {}: run `equipoise subject load {id}`",
+            running.subject
+        );
+    }
     let state = client::newest_state(&client::join(station, "plan")?)?;
     let missing = Validity::SUIT_STALE
         .and(Validity::SUIT_IMPLAUSIBLE)
@@ -168,7 +182,10 @@ fn standing_worker(station: &str) -> anyhow::Result<State> {
         .and(Validity::FEET_OFF_PLATE);
     if state.validity().any_of(missing) {
         let names: Vec<&str> = state.validity().names().collect();
-        bail!("where the worker stands is not known: {}; see `equipoise status`", names.join(", "));
+        bail!(
+            "the position of the worker's feet is not available: {}; see `equipoise status`, or plan without --live",
+            names.join(", ")
+        );
     }
     Ok(state)
 }
@@ -233,8 +250,8 @@ fn plan_of(best: &Spot, subject: &str, mass_kg: f64) -> Value {
         "subject": subject,
         "mass_kg": mass_kg,
         "position_m": position_m,
-        "worst_share": predicted.map(Prediction::worst_share),
-        "worst_sigma": predicted.map(|predicted| predicted.worst_sigma),
+        "worst_limit_ratio": predicted.map(Prediction::worst_share),
+        "worst_limit_ratio_sigma": predicted.map(|predicted| predicted.worst_sigma),
         "worst_joint": predicted.map(|predicted| predicted.worst.name()),
     })
 }
@@ -245,8 +262,8 @@ fn json_of(spot: &Spot) -> Value {
     match &spot.predicted {
         Ok(predicted) => json!({
             "place_m": place_m,
-            "share": predicted.worst_share(),
-            "sigma": predicted.worst_sigma,
+            "limit_ratio": predicted.worst_share(),
+            "limit_ratio_sigma": predicted.worst_sigma,
             "joint": predicted.worst.name(),
         }),
         Err(why) => json!({ "place_m": place_m, "infeasible": why.name() }),
@@ -254,7 +271,7 @@ fn json_of(spot: &Spot) -> Value {
 }
 
 fn csv(map: &[Spot]) -> String {
-    let mut text = "forward_m,left_m,up_m,worst_share,worst_sigma,worst_joint\n".to_owned();
+    let mut text = "forward_m,left_m,up_m,limit_ratio,limit_ratio_sigma,joint\n".to_owned();
     for Spot { at_m, predicted, .. } in map {
         let values = match predicted {
             Ok(predicted) => format!(

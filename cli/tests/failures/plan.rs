@@ -44,10 +44,10 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     let printed = plan(&["--now", "0.55,0,0.9", "--json", "--csv", &csv_path, "--picture", &picture_path]);
     let text = printed.assert_done().to_owned();
     let printed: Value = serde_json::from_str(&text).expect("JSON");
-    let share = |spot: &Value| spot["share"].as_f64();
+    let share = |spot: &Value| spot["limit_ratio"].as_f64();
     let map = printed["map"].as_array().expect("a map");
     let least = map.iter().filter_map(share).fold(f64::INFINITY, f64::min);
-    assert_eq!(printed["worst_share"].as_f64(), Some(least));
+    assert_eq!(printed["worst_limit_ratio"].as_f64(), Some(least));
     assert!(share(&printed["now"]) > Some(least), "{}", printed["now"]);
     let lines = std::fs::read_to_string(csv).expect("the map");
     assert_eq!(lines.lines().count(), map.len() + 1);
@@ -55,7 +55,7 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     let out = station.file("plan.json");
     plan(&["--out", &out.to_string_lossy()]).assert_done();
     let written: Value = serde_json::from_slice(&std::fs::read(out).expect("a plan")).expect("JSON");
-    for key in ["position_m", "worst_share", "worst_sigma"] {
+    for key in ["position_m", "worst_limit_ratio", "worst_limit_ratio_sigma"] {
         assert_eq!(written[key], printed[key]);
         assert_eq!(text.matches(&format!("\"{key}\"")).count(), 1, "{key}");
     }

@@ -80,9 +80,11 @@ struct Held {
     /// Change of CoP, m, and force, N, by the model's terms.
     terms_cop_m: [f64; 2],
     terms_force_n: [f64; 3],
-    /// 1-σ of the estimated CoP, m, and of the stance offset.
+    /// 1-σ of the estimated CoP, world x and y, m.
     cop_sigma_m: [f64; 2],
+    /// Error of the stance offset per metre of the CoP's error, per axis ([`StanceSigma::by_estimate`]).
     stance_by_estimate: [f64; 2],
+    /// 1-σ of the rest of the stance offset, per axis, m.
     stance_rest_m: [f64; 2],
     /// 1-σ of the external force, N, and of the torques, N m.
     delta_f_sigma_n: f64,
@@ -98,7 +100,7 @@ struct Pending {
     has_torques: u64,
     /// 1 if the accelerations contain the suit's own.
     is_by_suit: u64,
-    intensity: f64,
+    intensity_m_per_s2: f64,
     delta_f_n: f64,
     cop_m: [f64; 2],
     torque_nm: [f64; JOINTS],
@@ -148,7 +150,11 @@ impl EarlyStage {
         numbers.chain([&held.delta_f_sigma_n]).chain(&held.torque_sigma_nm).all(|number| number.is_finite())
             && crate::message::Message::is_finite(&self.published)
             && self.intensity.is_sound()
-            && pending.iter().all(|pending| pending.intensity.is_finite())
+            && pending.iter().all(|pending| {
+                let numbers = [pending.intensity_m_per_s2, pending.delta_f_n];
+                let mut numbers = numbers.iter().chain(&pending.cop_m).chain(&pending.torque_nm);
+                numbers.all(|number| number.is_finite())
+            })
             && *next < PENDING as u64
             && (0.0..=COMPARED_MIN_S).contains(compared_s)
             && cop.iter().chain(torque).chain([delta_f]).all(DifferenceVariance::is_sound)
@@ -188,7 +194,7 @@ impl Differences {
     fn compare(&mut self, outputs: &Outputs<'_>, step_s: f64) {
         let time_ns = outputs.instant.snapshot.time_ns;
         let Some(early) = self.pending.iter().find(|early| early.time_ns == time_ns) else { return };
-        let (invalid, intensity) = (outputs.withheld.reasons(), early.intensity);
+        let (invalid, intensity) = (outputs.withheld.reasons(), early.intensity_m_per_s2);
         let Some(overload) = outputs.overload else { return };
         let unusable = Validity::INVALIDATES_DELTA_F
             .and(Validity::INVALIDATES_COP_ESTIMATED)
@@ -246,7 +252,7 @@ pub(super) fn estimate_early(settings: &Settings, stage: &mut EarlyStage, newest
             time_ns: early.instant.snapshot.time_ns,
             has_torques: u64::from(early.torque_nm.is_some()),
             is_by_suit: u64::from(early.is_by_suit()),
-            intensity: stage.intensity.height(),
+            intensity_m_per_s2: stage.intensity.height(),
             delta_f_n: early.delta_f_n,
             cop_m: early.estimate.cop_m,
             torque_nm,

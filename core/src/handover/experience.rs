@@ -1,6 +1,6 @@
-//! What a worker's earlier handovers say about the predictions.
+//! Correction of predicted limit ratios by measurements from earlier handovers.
 //!
-//! The posture model knows no habits, so its error is about the same at neighbouring places. The ratio of the measured
+//! The posture model omits individual habits, so its error is correlated over neighbouring places. The ratio of the measured
 //! to the predicted share, minus one, is a Gaussian process over the places (Rasmussen & Williams 2006, Eq. 2.25 and
 //! 2.26) with a squared exponential covariance; its standard deviation is that of the prediction.
 
@@ -8,7 +8,7 @@ use nalgebra::{SMatrix, SVector, Vector3};
 
 use crate::math;
 
-/// Handovers that are remembered; older ones are dropped.
+/// Maximum number of stored handovers; a new one replaces the oldest.
 const MEMORY: usize = 24;
 /// Distance over which a posture changes about as much as its model errs, m: half an arm.
 const LENGTH_M: f64 = 0.3;
@@ -44,7 +44,7 @@ impl Experience {
         self.count
     }
 
-    /// Learns from a handover at `place_m` (stance's axes, from the middle between the ankles, m). Shares that are not
+    /// Adds the share measured in a handover at `place_m` (stance's axes, from the middle between the ankles, m). Shares that are not
     /// positive numbers change nothing.
     pub fn observe(&mut self, place_m: Vector3<f64>, predicted_share: f64, measured_share: f64) {
         let excess = measured_share / predicted_share - 1.0;

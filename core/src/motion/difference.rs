@@ -12,7 +12,7 @@ const SIGMAS_MAX: f64 = 5.0;
 /// acceleration in natural work.
 const INTENSITY_M_PER_S2: f64 = 0.5;
 
-/// Variance at rest, and per squared motion intensity.
+/// Variance at rest, and its increase at `INTENSITY_M_PER_S2`, in the square of the quantity's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VariancePrior {
     /// Variance of a body at rest, in the square of the quantity's unit.
@@ -34,11 +34,11 @@ pub struct DifferenceVariance {
 impl DifferenceVariance {
     /// Ingests a difference at a motion intensity, `step_s` after the previous one.
     pub fn update(&mut self, difference: f64, intensity: f64, step_s: f64, prior: &VariancePrior) {
-        let limit = SIGMAS_MAX * SIGMAS_MAX * self.variance(intensity, prior);
-        let square = (difference * difference).min(limit);
-        if !square.is_finite() {
+        if !(difference.is_finite() && intensity.is_finite()) {
             return;
         }
+        let limit = SIGMAS_MAX * SIGMAS_MAX * self.variance(intensity, prior);
+        let square = (difference * difference).min(limit);
         let step_s = step_s.clamp(0.0, 1.0);
         let [p, q] = shares(intensity);
         let y = p * square;
@@ -108,7 +108,11 @@ mod tests {
             variance.update(1.0, 0.0, 0.01, &PRIOR);
         }
         variance.update(1e9, 0.0, 0.01, &PRIOR);
-        variance.update(f64::NAN, 0.0, 0.01, &PRIOR);
+        let before = variance;
+        for (difference, intensity) in [(f64::NAN, 0.0), (f64::INFINITY, 0.0), (0.0, f64::NAN)] {
+            variance.update(difference, intensity, 0.01, &PRIOR);
+        }
+        assert_eq!(bytemuck::bytes_of(&variance), bytemuck::bytes_of(&before));
         assert!(variance.variance(0.0, &PRIOR) < 1.1);
         // Large differences at rest, none in motion.
         for _ in 0..1000 {

@@ -52,11 +52,14 @@ pub(super) fn run(
     seconds: Option<f64>,
 ) -> anyhow::Result<Outcome> {
     let numbers: Vec<f64> =
-        arguments.cobot_base.split(',').map_while(|part| part.trim().parse().ok()).collect();
+        arguments.cobot_base.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
     let base_m = <[f64; 3]>::try_from(numbers).ok().filter(|numbers| numbers.iter().all(|m| m.is_finite()));
     let Some(base_m) = base_m else {
         bail!("--cobot-base {} is not three numbers, such as 1.15,0,0.75", arguments.cobot_base);
     };
+    if !arguments.cobot_yaw.is_finite() {
+        bail!("--cobot-yaw {} is not an angle in degrees, such as 90", arguments.cobot_yaw);
+    }
     let settings = CobotSettings::at(base_m, arguments.cobot_yaw.to_radians());
     let stop = stop_on_signals()?;
     let cobot = Cobot::start(settings, address).with_context(|| format!("the cobot at {address}"))?;
