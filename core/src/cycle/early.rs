@@ -247,7 +247,8 @@ pub(super) fn estimate_early(settings: &Settings, stage: &mut EarlyStage, newest
     let early = Early::of(settings, stage, newest, step_s);
     stage.published = early.state(stage, newest);
     let torque_nm = early.torque_nm.map_or([0.0; JOINTS], |torques| torques.map(|torque| torque.norm()));
-    if early.motion.is_some() {
+    // Without a mass the estimate is not finite, and no state will be compared with it.
+    if early.motion.is_some() && newest.subject.mass_kg > 0.0 {
         stage.differences.push(Pending {
             time_ns: early.instant.snapshot.time_ns,
             has_torques: u64::from(early.torque_nm.is_some()),
