@@ -14,6 +14,7 @@ mod solve;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::body::anthropometry::ANKLE_HEIGHT;
 use crate::body::{JOINTS, Joint, SEGMENTS, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
@@ -46,8 +47,6 @@ pub struct Body {
 /// Clinical Biomechanics 12 (1997) 66–70: 17 cm, 14°).
 const FEET_APART_M: f64 = 0.17;
 const FEET_TURNED_OUT_RAD: f64 = 14.0 * core::f64::consts::PI / 180.0;
-/// Height of the ankle above the floor, over stature.
-const ANKLE_HEIGHT: f64 = 0.054;
 
 /// The standing feet.
 #[derive(Debug, Clone, Copy)]
@@ -104,7 +103,7 @@ impl Stance {
 /// A part held with both hands.
 #[derive(Debug, Clone, Copy)]
 pub struct Part {
-    /// Mass and its 1-σ, kg.
+    /// Mass, kg.
     pub mass_kg: f64,
     /// 1-σ of the mass, kg.
     pub mass_sigma_kg: f64,
@@ -192,10 +191,13 @@ struct Holding<'a> {
     world_from_stance: UnitQuaternion<f64>,
 }
 
-/// Errors of the inputs besides the posture.
+/// Changes of the inputs other than the posture.
 struct Changed {
+    /// Mass of the part, kg.
     mass_kg: f64,
+    /// Centre of mass of the body, world x and y, m.
     cop_m: [f64; 2],
+    /// Fraction of the part in the right hand.
     eta: f64,
 }
 

@@ -198,6 +198,9 @@ fn body_of(config: &Config, id: &str) -> anyhow::Result<(Body, f64)> {
     if !profile.identified {
         bail!("{id} is not identified yet: {} poses; see `equipoise identify`", profile.poses_used);
     }
+    if profile.mass_kg <= 0.0 {
+        bail!("the mass of {id} is not known; let the plate weigh it, or set subject.mass_kg");
+    }
     let mut config = config.clone();
     if let Some(build) = profile.build() {
         (config.subject.height_m, config.subject.sex) = (build.height_m, build.sex);

@@ -62,6 +62,11 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     let drawn = std::fs::read_to_string(picture).expect("a picture");
     assert!(drawn.starts_with("<svg") && drawn.contains(&format!(">{:.0}</text>", 100.0 * least)));
 
+    station
+        .copy_profile("anon-1", "anon-3", |profile| drop(profile.insert("mass_kg".to_owned(), 0.0.into())));
+    let weightless = plan(&["--subject", "anon-3"]);
+    assert_eq!(weightless.code, Some(1));
+    assert!(weightless.stderr.contains("the mass of anon-3 is not known"), "{}", weightless.stderr);
     let unknown = plan(&["--subject", "anon-9"]);
     assert!(unknown.code == Some(1) && unknown.stderr.contains("there is no profile anon-9"));
     for wrong in [["--now", "1,2"], ["--width", "-1"], ["--mass", "900"]] {

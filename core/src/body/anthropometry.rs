@@ -86,7 +86,7 @@ const HEEL_BACK: f64 = 0.035;
 /// From the middle of the hand to the palm's surface, m: half of a hand's thickness at the third knuckle, 28 to 33 mm.
 const PALM_M: f64 = 0.015;
 /// Height of the ankle joint above the sole, over stature.
-const ANKLE_HEIGHT: f64 = 0.054;
+pub(crate) const ANKLE_HEIGHT: f64 = 0.054;
 
 /// The segments of one side, proximal first.
 const LEFT_ARM_AND_LEG: [Segment; 8] = [

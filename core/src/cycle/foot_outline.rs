@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use nalgebra::Vector3;
 
 use crate::body::Side;
+use crate::body::anthropometry::ANKLE_HEIGHT;
 use crate::frame::Pose;
 use crate::math;
 use crate::message::SuitBody;
@@ -15,8 +16,6 @@ const HEEL_BACK: f64 = 0.04;
 const TIP_FORWARD: f64 = 0.05;
 /// Ankle to ball for a skeleton in which they coincide, over stature.
 const BALL_FORWARD: f64 = 0.10;
-/// Ankle above the sole, over stature.
-const ANKLE_HEIGHT: f64 = 0.054;
 /// Minimum length and width of a plausible outline, m.
 const LENGTH_MIN_M: f64 = 0.12;
 const WIDTH_MIN_M: f64 = 0.03;

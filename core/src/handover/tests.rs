@@ -43,6 +43,15 @@ fn hands_hold_the_part_feet_stay_and_the_body_is_balanced() {
             assert!(bone_m.norm() < 1e-3, "{segment:?} {bone_m:?}");
         }
         assert_eq!(Side::BOTH.map(|side| pose.origin_of(side.foot())), stance().ankle_m);
+        // Segment by segment, not by the parameters of the prediction.
+        let table = Anthropometry::de_leva(&body().skeleton, HEIGHT_M, Sex::Male);
+        let of_segment = |segment: Segment| {
+            pose.point_on(segment, table.com_m[segment.index()]) * table.mass_fraction[segment.index()]
+        };
+        let com: Vector3<f64> = Segment::ALL.into_iter().map(of_segment).sum();
+        let (body_kg, part_kg) = (body().mass_kg, PART.mass_kg);
+        let cop = (com * body_kg + Vector3::new(x, y, z) * part_kg) / (body_kg + part_kg);
+        assert!((0.0..0.12).contains(&cop.x) && cop.y.abs() < 0.06, "{cop:?}");
     }
 }
 
