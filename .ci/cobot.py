@@ -1,4 +1,4 @@
-"""The judge of .ci/cobot: starts and kills the processes of the handover loop, and reads the cobot's speed."""
+"""The test of .ci/cobot: starts and kills the processes of the handover loop, and reads the cobot's speed."""
 
 import json
 import pathlib
@@ -26,7 +26,7 @@ def until(what, ready, patience_s=PATIENCE_S):
         value = ready()
         if value:
             return value
-        assert time.monotonic() < end_s, f"waited in vain until {what}"
+        assert time.monotonic() < end_s, f"after {patience_s} s still not: {what}"
         time.sleep(0.02)
 
 
@@ -87,7 +87,7 @@ class States(threading.Thread):
 
     def run(self):
         import equipoise
-        for reading in equipoise.subscribe("cobot", name="judge", timeout_s=0.025):
+        for reading in equipoise.subscribe("cobot", name="test", timeout_s=0.025):
             usable = bool(reading) and not reading.state.valid & self.stops
             self.reasons = reading.reason_names if reading else [reading.reason.value]
             if usable:
@@ -144,7 +144,7 @@ class Rig:
         return self.start("daemon", self.equipoise, "run", "--config", str(self.scratch / "equipoise.toml"))
 
 
-def witness(host):
+def read_by_ur_rtde(host):
     """ur_rtde reads the cobot."""
     try:
         import rtde_receive
@@ -212,7 +212,7 @@ def loop(equipoise, scratch, host, suit, plate, stops):
     try:
         rig.start("cobot", equipoise, "simulate", "--cobot", f"{host}:{RTDE_PORT}")
         observer = until("the cobot serves", lambda: connected(host))
-        witness(host)
+        read_by_ur_rtde(host)
         person, daemon = rig.person("poses"), rig.daemon()
         states = States()
         until("the worker is identified", lambda: states.usable_for(1.0), 240)
@@ -239,7 +239,7 @@ def connected(host):
 
 
 class Robot:
-    """The robot's program as Python, on a TCP that follows its velocity exactly: URScript differs in few words."""
+    """The robot's program as Python, on a TCP that follows its velocity exactly."""
 
     STEP_S = 0.002
 

@@ -70,6 +70,9 @@ public:
                 take(now_s, payload);
             }
         }
+        if (is_malformed()) {
+            lose("it sent a package shorter than its header");
+        }
     }
 
     // Writes the registers.
@@ -100,7 +103,8 @@ public:
 private:
     static constexpr double SILENT_S = 0.1, CONNECT_EVERY_S = 1.0;
     static constexpr int CONNECT_WITHIN_MS = 500, NORMAL = 1, PLAYING = 2, PROTECTIVE = 5;
-    static constexpr std::size_t OUTPUT_BYTES = 1 + 4 + 4 + 3 * 8 + 4 + 4, SAMPLES_MAX = 1 << 16;
+    static constexpr std::size_t OUTPUT_BYTES = 1 + 4 + 4 + 3 * 8 + 4 + 4, SAMPLES_MAX = 1 << 16,
+                                 HEADER_BYTES = 3;
 
     static void append(std::string &bytes, std::uint64_t value, int size) {
         for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) {
@@ -182,7 +186,7 @@ private:
 
     bool write(char kind, const std::string &payload) {
         std::string package;
-        append(package, payload.size() + 3, 2);
+        append(package, payload.size() + HEADER_BYTES, 2);
         package += kind + payload;
         return ::send(socket_, package.data(), package.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(package.size());
     }
@@ -203,16 +207,19 @@ private:
         }
     }
 
+    // The next package claims fewer bytes than its header has: where the one after it begins is unknown.
+    bool is_malformed() const { return received_.size() >= 2 && number(received_, 0, 2) < HEADER_BYTES; }
+
     bool next(char &kind, std::string &payload) {
-        if (received_.size() < 3) {
+        if (received_.size() < HEADER_BYTES || is_malformed()) {
             return false;
         }
         const std::size_t size = number(received_, 0, 2);
-        if (size < 3 || received_.size() < size) {
+        if (received_.size() < size) {
             return false;
         }
         kind = received_[2];
-        payload = received_.substr(3, size - 3);
+        payload = received_.substr(HEADER_BYTES, size - HEADER_BYTES);
         received_.erase(0, size);
         return true;
     }
