@@ -51,7 +51,7 @@ const SLOPE_S: f64 = 0.1;
 
 /// Results of one subject.
 #[derive(Debug, Clone, Default)]
-pub struct Shift {
+pub struct Findings {
     /// Ages at publication, s: of the state, and of the early state.
     pub ages_s: [Vec<f64>; 2],
     /// The state at its own time, and the early state at its own time.
@@ -72,7 +72,7 @@ pub struct Shift {
 
 /// Prediction of one early state.
 #[derive(Debug)]
-struct Ahead {
+struct Prediction {
     /// Index into [`AHEAD_S`], and the predicted time, s.
     index: usize,
     at_s: f64,
@@ -84,15 +84,15 @@ struct Ahead {
 
 /// Predictions whose time has not come, and early torques whose state has not.
 #[derive(Debug, Default)]
-struct Later(VecDeque<Ahead>, Recent);
+struct Pending(VecDeque<Prediction>, Recent);
 
 /// Recent early torques, with their times, s.
 type Recent = VecDeque<(f64, [[f64; 3]; JOINTS])>;
 
-impl Shift {
-    fn add_carry(&mut self, moment: &Moment, box_kg: f64, recent: &mut Recent, later: &mut Later) {
+impl Findings {
+    fn add_carry(&mut self, moment: &Moment, box_kg: f64, recent: &mut Recent, pending: &mut Pending) {
         let carries = |time_s: f64| moment.worker.sample(time_s).load_kg >= LIFTED * box_kg;
-        self.add_ahead(moment, carries, later);
+        self.add_ahead(moment, carries, pending);
         let (state, early) = (moment.state, moment.early);
         let has_early = early.cycle == state.cycle && !early.validity().any_of(Validity::INVALIDATES_TORQUES);
         if !has_early {
@@ -107,7 +107,7 @@ impl Shift {
         if !publishes_torques(state) {
             return;
         }
-        if let Some((_, early_nm)) = later.1.iter().find(|(time_s, _)| (time_s - moment.time_s).abs() < 1e-6)
+        if let Some((_, early_nm)) = pending.1.iter().find(|(time_s, _)| (time_s - moment.time_s).abs() < 1e-6)
         {
             for (group, sums) in self.difference_nm.iter_mut().enumerate() {
                 for joint in joints_of(group) {
@@ -126,9 +126,9 @@ impl Shift {
         self.ages_s[1].push(1e-9 * early.sample_age_ns as f64);
         let now_s = moment.early_time_s;
         recent.push_back((now_s, early.torque_nm));
-        later.1.push_back((now_s, early.torque_nm));
-        if later.1.len() > 30 {
-            later.1.pop_front();
+        pending.1.push_back((now_s, early.torque_nm));
+        if pending.1.len() > 30 {
+            pending.1.pop_front();
         }
         while recent.front().is_some_and(|(time_s, _)| *time_s < now_s - SLOPE_S - 1e-3) {
             recent.pop_front();
@@ -137,7 +137,7 @@ impl Shift {
         self.early.add(&early.torque_nm, &early.torque_sigma_nm, &truth);
         self.early.add_force(early.delta_f_n[2], early.delta_f_sigma_n, &truth);
         for (index, ahead_s) in AHEAD_S.into_iter().enumerate() {
-            later.0.push_back(Ahead {
+            pending.0.push_back(Prediction {
                 index,
                 at_s: now_s + ahead_s,
                 torque_nm: [
@@ -156,9 +156,9 @@ impl Shift {
     }
 
     /// Compares predictions with the truth once their time has come: until then the worker's orders may change.
-    fn add_ahead(&mut self, moment: &Moment, carries: impl Fn(f64) -> bool, later: &mut Later) {
-        let due = |ahead: &Ahead| ahead.at_s <= moment.early_time_s + 1e-6;
-        for ahead in later.0.iter().filter(|ahead| due(ahead) && carries(ahead.at_s)) {
+    fn add_ahead(&mut self, moment: &Moment, carries: impl Fn(f64) -> bool, pending: &mut Pending) {
+        let due = |ahead: &Prediction| ahead.at_s <= moment.early_time_s + 1e-6;
+        for ahead in pending.0.iter().filter(|ahead| due(ahead) && carries(ahead.at_s)) {
             let truth = Truth::of(moment.worker, ahead.at_s);
             for (errors, torque_nm) in self.ahead[ahead.index].iter_mut().zip(&ahead.torque_nm) {
                 errors.add(torque_nm, &[0.0; JOINTS], &truth);
@@ -169,7 +169,7 @@ impl Shift {
                 }
             }
         }
-        later.0.retain(|ahead| !due(ahead));
+        pending.0.retain(|ahead| !due(ahead));
     }
 
     fn add_unloaded(&mut self, moment: &Moment) {
@@ -187,7 +187,7 @@ impl Shift {
         }
     }
 
-    fn merge(&mut self, other: &Shift) {
+    fn merge(&mut self, other: &Findings) {
         for (sum, ages) in self.ages_s.iter_mut().zip(&other.ages_s) {
             sum.extend(ages);
         }
@@ -227,30 +227,30 @@ fn extrapolated(recent: &Recent, now_nm: &[[f64; 3]; JOINTS], ahead_s: f64) -> [
 }
 
 /// Identification, natural work without a load, then with each box.
-pub fn shift(subject: &Subject, suit: SuitData) -> Shift {
+pub fn findings(subject: &Subject, suit: SuitData) -> Findings {
     let SuitData { accelerations, white_m } = suit;
     let rig = Rig { accelerations, suit_white_m: white_m, ground_late_s: 0.0, ..subject.rig() };
     let mut session = Session::with(subject, subject.settings(), rig, subject.habits());
-    let mut shift = Shift::default();
+    let mut findings = Findings::default();
     session.identify_by_windows(POSES_MAX);
     session.stand(1.0);
     session.run_at_1_khz();
     let mut movements = Movements::of(subject);
     movements.work(&mut session, UNLOADED_S, |moment| {
-        shift.add_unloaded(moment);
+        findings.add_unloaded(moment);
         false
     });
     for box_kg in BOXES_KG {
         session.order(|worker, at_s| worker.lift(box_kg, at_s));
-        let (mut recent, mut later) = (Recent::new(), Later::default());
+        let (mut recent, mut pending) = (Recent::new(), Pending::default());
         movements.work(&mut session, LOADED_S, |moment| {
-            shift.add_carry(moment, box_kg, &mut recent, &mut later);
+            findings.add_carry(moment, box_kg, &mut recent, &mut pending);
             false
         });
         session.order(equipoise_simulator::motion::Worker::put_down);
         movements.work(&mut session, 4.0, |_| false);
     }
-    shift
+    findings
 }
 
 fn quantile_ms(values_s: &[f64], share: f64) -> Option<f64> {
@@ -305,8 +305,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ],
     );
     for (name, suit) in SUITS {
-        let mut sum = Shift::default();
-        for one in ask_all(&crowd, |subject| shift(subject, suit)) {
+        let mut sum = Findings::default();
+        for one in ask_all(&crowd, |subject| findings(subject, suit)) {
             sum.merge(&one);
         }
         let age = |which: usize, share: f64| quantile_ms(&sum.ages_s[which], share).into();
@@ -392,10 +392,10 @@ mod tests {
         let suits: Vec<_> = SUITS.into_iter().filter(|(_, suit)| suit.white_m == 0.0).collect();
         let questions: Vec<_> =
             [3, 4].into_iter().flat_map(|seed| suits.iter().map(move |suit| (seed, *suit))).collect();
-        let shifts = ask_all(&questions, |(seed, (_, suit))| shift(&Subject::somebody(*seed), *suit));
+        let all = ask_all(&questions, |(seed, (_, suit))| findings(&Subject::somebody(*seed), *suit));
         for (name, _) in suits {
-            let mut sum = Shift::default();
-            for (_, one) in questions.iter().zip(&shifts).filter(|((_, (of, _)), _)| *of == name) {
+            let mut sum = Findings::default();
+            for (_, one) in questions.iter().zip(&all).filter(|((_, (of, _)), _)| *of == name) {
                 sum.merge(one);
             }
             assert!(quantile_ms(&sum.ages_s[1], 0.99).is_some_and(|age_ms| age_ms < 2.0), "{name}");

@@ -76,32 +76,32 @@ impl Telling {
 
 /// Results of one subject.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Shift {
+pub struct Findings {
     lifting: [(ByGroup, Telling); BOXES_KG.len()],
     work: (CopErrors, Telling),
     march: (CopErrors, Telling),
 }
 
 /// Identification, work without a load, marching, and lifts of every box.
-pub fn shift(subject: &Subject, motion: Motion, ground: Ground) -> Shift {
+pub fn findings(subject: &Subject, motion: Motion, ground: Ground) -> Findings {
     let settings = Settings { motion, ..subject.settings() };
     let rig = Rig { ground, ..subject.rig() };
     let mut session = Session::with(subject, settings, rig, subject.habits());
     session.identify(POSES_MAX);
     session.stand(2.0);
-    let mut shift = Shift::default();
+    let mut findings = Findings::default();
     let see = |moment: &Moment, (cop, telling): &mut (CopErrors, Telling)| {
         cop.add(moment);
         telling.add(moment.state);
     };
-    session.work_unloaded(|moment| see(moment, &mut shift.work));
+    session.work_unloaded(|moment| see(moment, &mut findings.work));
     session.stand(2.0);
-    session.march(STEPS, |moment| see(moment, &mut shift.march));
-    for (mass_kg, (torques, telling)) in BOXES_KG.into_iter().zip(&mut shift.lifting) {
+    session.march(STEPS, |moment| see(moment, &mut findings.march));
+    for (mass_kg, (torques, telling)) in BOXES_KG.into_iter().zip(&mut findings.lifting) {
         session.stand(2.0);
         session.lift_at_work(mass_kg, |moment| see_lifted(moment, mass_kg, torques, telling));
     }
-    shift
+    findings
 }
 
 /// Adds a state if the hands carry the whole box at its time.
@@ -156,15 +156,15 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ("compensated, two plates", motion, Ground::TwoPlates),
         (paper, paper_motion, Ground::Plate),
     ] {
-        let mut sum = Shift::default();
-        for shift in ask_all(&crowd, |subject| shift(subject, motion, ground)) {
+        let mut sum = Findings::default();
+        for findings in ask_all(&crowd, |subject| findings(subject, motion, ground)) {
             for ((torques, published), (others, others_published)) in
-                sum.lifting.iter_mut().zip(&shift.lifting)
+                sum.lifting.iter_mut().zip(&findings.lifting)
             {
                 torques.merge(others);
                 published.merge(others_published);
             }
-            for (sum, task) in [(&mut sum.work, &shift.work), (&mut sum.march, &shift.march)] {
+            for (sum, task) in [(&mut sum.work, &findings.work), (&mut sum.march, &findings.march)] {
                 sum.0.merge(&task.0);
                 sum.1.merge(&task.1);
             }

@@ -34,7 +34,7 @@ const GROUNDS: [(&str, Ground); 3] =
 
 /// Results of one subject with one set of sensors.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Shift {
+pub struct Findings {
     poses: Sums,
     /// Standing, natural motion, and marching, all without a load.
     still: CopErrors,
@@ -47,8 +47,8 @@ pub struct Shift {
     published: [u64; 2],
 }
 
-impl Shift {
-    fn merge(&mut self, other: &Shift) {
+impl Findings {
+    fn merge(&mut self, other: &Findings) {
         self.poses.merge(&other.poses);
         for (sum, other) in
             [(&mut self.still, &other.still), (&mut self.work, &other.work), (&mut self.march, &other.march)]
@@ -68,13 +68,13 @@ impl Shift {
 }
 
 /// Identification, then standing, work and marching without a load, and a lift.
-pub fn shift(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Shift {
+pub fn findings(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Findings {
     let settings = Settings { accelerations, ..subject.settings() };
     let mut session = Session::with(subject, settings, rig, subject.habits());
-    let mut shift = Shift::default();
-    shift.poses.add(f64::from(session.identify(POSES_MAX).poses));
+    let mut findings = Findings::default();
+    findings.poses.add(f64::from(session.identify(POSES_MAX).poses));
     session.stand(2.0);
-    session.run(2.0, |moment| shift.still.add(moment));
+    session.run(2.0, |moment| findings.still.add(moment));
     let unloaded = |moment: &Moment, cop: &mut CopErrors, force_n: &mut Sums, published: &mut [u64; 2]| {
         cop.add(moment);
         if publishes_cop(moment.state) && !moment.state.validity().any_of(Validity::INVALIDATES_DELTA_F) {
@@ -84,17 +84,17 @@ pub fn shift(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Shift
         published[1] += 1;
     };
     session.work_unloaded(|moment| {
-        unloaded(moment, &mut shift.work, &mut shift.force_n[0], &mut shift.published_unloaded);
+        unloaded(moment, &mut findings.work, &mut findings.force_n[0], &mut findings.published_unloaded);
     });
     session.stand(2.0);
     session.march(STEPS, |moment| {
-        unloaded(moment, &mut shift.march, &mut shift.force_n[1], &mut shift.published_unloaded);
+        unloaded(moment, &mut findings.march, &mut findings.force_n[1], &mut findings.published_unloaded);
     });
     session.stand(2.0);
     let mut telling = crate::lifting::Telling::default();
-    session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut shift.torques, &mut telling));
-    shift.published = [telling.published, telling.samples];
-    shift
+    session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut findings.torques, &mut telling));
+    findings.published = [telling.published, telling.samples];
+    findings
 }
 
 fn table(title: String, first: &'static str, second: &'static str) -> Table {
@@ -118,10 +118,10 @@ fn table(title: String, first: &'static str, second: &'static str) -> Table {
     )
 }
 
-fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Shift + Sync) -> Vec<Cell> {
-    let mut sum = Shift::default();
-    for shift in ask_all(crowd, ask) {
-        sum.merge(&shift);
+fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Findings + Sync) -> Vec<Cell> {
+    let mut sum = Findings::default();
+    for findings in ask_all(crowd, ask) {
+        sum.merge(&findings);
     }
     let mut row: Vec<Cell> = names.map(Cell::from).to_vec();
     row.push(sum.poses.mean().into());
@@ -156,7 +156,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             for (name, how) in HOW {
                 if accelerations.is_some() || how == Accelerations::Positions {
                     let rig = |subject: &Subject| Rig { ground, accelerations, suit_hz, ..subject.rig() };
-                    by_suit.push(row([sends, name], &crowd, |subject| shift(subject, how, rig(subject))));
+                    by_suit.push(row([sends, name], &crowd, |subject| findings(subject, how, rig(subject))));
                 }
             }
         }
@@ -166,7 +166,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         table(format!("Ground devices ({count} subjects)"), "ground device", "accelerations from");
     for (name, ground) in GROUNDS {
         let ask =
-            |subject: &Subject| shift(subject, Accelerations::Positions, Rig { ground, ..subject.rig() });
+            |subject: &Subject| findings(subject, Accelerations::Positions, Rig { ground, ..subject.rig() });
         by_ground.push(row([name, "positions"], &crowd, ask));
     }
     by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the published external force; both without a load");
@@ -182,10 +182,10 @@ mod tests {
     use equipoise_simulator::realism::{Realism, Severity};
 
     /// Rigid bones and exact clocks: only the ground device differs.
-    fn of(ground: Ground) -> Shift {
+    fn of(ground: Ground) -> Findings {
         let realism = Realism { soft_tissue: Severity::Ideal, clocks: Severity::Ideal, ..Realism::REALISTIC };
         let subject = Subject { realism, ..Subject::somebody(5) };
-        shift(&subject, Accelerations::Positions, Rig { ground, ..subject.rig() })
+        findings(&subject, Accelerations::Positions, Rig { ground, ..subject.rig() })
     }
 
     /// Measured centres of pressure of natural motion by time, a suit without error, m.
@@ -236,7 +236,7 @@ mod tests {
         assert!(moving > sheared && moving < sheared + 8.0, "{moving} mm by insoles, {sheared} mm by plates");
         for (group, known) in GROUPS.iter().enumerate() {
             let [by_insoles, by_plates] =
-                [&insoles, &plates].map(|shift| shift.torques.0[group].error_nm.rms().unwrap_or(f64::MAX));
+                [&insoles, &plates].map(|findings| findings.torques.0[group].error_nm.rms().unwrap_or(f64::MAX));
             let name = known.0;
             assert!(
                 by_insoles < 1.4 * by_plates + 3.0,
