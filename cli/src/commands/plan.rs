@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_core::exposure::Exposure;
-use equipoise_core::handover::{Body, Infeasible, Part, Prediction, Stance, predict};
+use equipoise_core::handover::search::{REGION_M, places};
+use equipoise_core::handover::{Body, FootPlacement, Infeasible, Part, Prediction, predict};
 use equipoise_core::message::{State, Validity};
 use equipoise_daemon::profile::{Profile, unix_s};
 use equipoise_daemon::run::ConfigArgument;
@@ -37,7 +38,7 @@ enum What {
 /// Predict the overload of a part that is handed over, over the places in front of an identified worker
 ///
 /// Places are of the middle between the hands, from the middle between the ankles on the floor: forward, to the left, up.
-/// The overload is that of the joint closest to its limit, as a share of the limit, with 1 sigma: the posture is predicted,
+/// The overload is that of the joint closest to its limit, in percent of the limit, with 1 sigma: the posture is predicted,
 /// too. Fatigue of an unfinished shift reduces the limits. Without --live the worker stands at the station's origin and faces
 /// X; `position_m` of a plan is in the station's world.
 #[derive(Debug, clap::Args)]
@@ -55,7 +56,7 @@ struct HandoverArguments {
     /// Mass of the part, kg
     #[arg(long, value_name = "KG", value_parser = mass)]
     mass: f64,
-    /// Distance between the hands on the part, m
+    /// Difeet between the hands on the part, m
     #[arg(long, value_name = "M", default_value_t = 0.35, value_parser = width)]
     width: f64,
     /// Where the part is handed over now, m
@@ -78,11 +79,6 @@ struct HandoverArguments {
     picture: Option<PathBuf>,
 }
 
-/// Places of the map, from the middle between the ankles: forward, to the left, up, m.
-const REGION_M: [[f64; 2]; 3] = [[0.3, 0.7], [-0.4, 0.4], [0.6, 1.5]];
-/// Spacing of the map, m: half of that over which the overload changes by its σ.
-const SPACING_M: f64 = 0.05;
-
 fn mass(text: &str) -> Result<f64, String> {
     let kg = text.parse().unwrap_or(f64::NAN);
     if (0.1..=50.0).contains(&kg) { Ok(kg) } else { Err("give a mass from 0.1 to 50 kg".to_owned()) }
@@ -90,7 +86,7 @@ fn mass(text: &str) -> Result<f64, String> {
 
 fn width(text: &str) -> Result<f64, String> {
     let metres = text.parse().unwrap_or(f64::NAN);
-    if (0.0..=1.0).contains(&metres) { Ok(metres) } else { Err("give a distance from 0 to 1 m".to_owned()) }
+    if (0.0..=1.0).contains(&metres) { Ok(metres) } else { Err("give a difeet from 0 to 1 m".to_owned()) }
 }
 
 fn place(text: &str) -> Result<Vector3<f64>, String> {
@@ -115,17 +111,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let config = Config::read(&arguments.config.config)?;
     let id = arguments.subject.as_ref().unwrap_or(&config.subject.id);
     let (mut body, height_m) = body_of(&config, id)?;
-    let mut stance = Stance::natural(height_m);
+    let mut feet = FootPlacement::natural(height_m);
     if arguments.live {
         let state = standing_worker(&config.station, id)?;
-        (stance, body.fatigue) = (Stance::of_segments(&state.segment_origin_m), state.fatigue);
+        (feet, body.fatigue) = (FootPlacement::of_segments(&state.segment_origin_m), state.fatigue);
     }
     let part = Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width };
     let spot = |at_m: Vector3<f64>| {
-        let position_m = stance.world_m(at_m, height_m);
-        Spot { at_m, position_m, predicted: predict(&body, &stance, &part, position_m) }
+        let position_m = feet.world_m(at_m, height_m);
+        Spot { at_m, position_m, predicted: predict(&body, &feet, &part, position_m) }
     };
-    let map: Vec<Spot> = places().map(spot).collect();
+    let map: Vec<Spot> = places(REGION_M).map(spot).collect();
     let Some(best) = best_of(&map) else {
         let [forward, left, up] = REGION_M.map(|[low, high]| format!("{low} to {high} m"));
         bail!(
@@ -156,7 +152,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if let Some(now) = &now {
         println!("now   {}", sentence(now));
         if let (Ok(best), Ok(now)) = (&best.predicted, &now.predicted) {
-            println!("gain  {:.0} % of the limit", 100.0 * (now.worst_share() - best.worst_share()));
+            println!(
+                "gain  {:.0} % of the limit",
+                100.0 * (now.worst_limit_ratio() - best.worst_limit_ratio())
+            );
         }
     }
     for path in [&arguments.out, &arguments.csv, &arguments.picture].into_iter().flatten() {
@@ -216,18 +215,10 @@ fn body_of(config: &Config, id: &str) -> anyhow::Result<(Body, f64)> {
     Ok((worker.handover_body(&settings, exposure.fatigue.share), config.subject.height_m))
 }
 
-fn places() -> impl Iterator<Item = Vector3<f64>> {
-    let along = |axis: usize| {
-        let [low, high] = REGION_M[axis];
-        let steps = ((high - low) / SPACING_M).round() as u32;
-        (0..=steps).map(move |step| low + f64::from(step) * SPACING_M)
-    };
-    along(2).flat_map(move |z| along(1).flat_map(move |y| along(0).map(move |x| Vector3::new(x, y, z))))
-}
-
 /// The place with the smallest overload.
 fn best_of(map: &[Spot]) -> Option<&Spot> {
-    let feasible = map.iter().filter_map(|spot| Some((spot, spot.predicted.as_ref().ok()?.worst_share())));
+    let feasible =
+        map.iter().filter_map(|spot| Some((spot, spot.predicted.as_ref().ok()?.worst_limit_ratio())));
     feasible.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(spot, _)| spot)
 }
 
@@ -237,7 +228,7 @@ fn sentence(spot: &Spot) -> String {
     match &spot.predicted {
         Ok(predicted) => format!(
             "{at}: {:.0} ± {:.0} % of the limit of {}",
-            100.0 * predicted.worst_share(),
+            100.0 * predicted.worst_limit_ratio(),
             100.0 * predicted.worst_sigma,
             predicted.worst.name()
         ),
@@ -253,7 +244,7 @@ fn plan_of(best: &Spot, subject: &str, mass_kg: f64) -> Value {
         "subject": subject,
         "mass_kg": mass_kg,
         "position_m": position_m,
-        "worst_limit_ratio": predicted.map(Prediction::worst_share),
+        "worst_limit_ratio": predicted.map(Prediction::worst_limit_ratio),
         "worst_limit_ratio_sigma": predicted.map(|predicted| predicted.worst_sigma),
         "worst_joint": predicted.map(|predicted| predicted.worst.name()),
     })
@@ -265,7 +256,7 @@ fn json_of(spot: &Spot) -> Value {
     match &spot.predicted {
         Ok(predicted) => json!({
             "place_m": place_m,
-            "limit_ratio": predicted.worst_share(),
+            "limit_ratio": predicted.worst_limit_ratio(),
             "limit_ratio_sigma": predicted.worst_sigma,
             "joint": predicted.worst.name(),
         }),
@@ -279,7 +270,7 @@ fn csv(map: &[Spot]) -> String {
         let values = match predicted {
             Ok(predicted) => format!(
                 "{:.4},{:.4},{}",
-                predicted.worst_share(),
+                predicted.worst_limit_ratio(),
                 predicted.worst_sigma,
                 predicted.worst.name()
             ),

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::Stance;
+use super::FootPlacement;
 use crate::body::{SEGMENTS, Segment, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
@@ -80,17 +80,17 @@ pub(super) fn off_zone(coordinates: &Coordinates) -> Coordinates {
     off
 }
 
-/// The pose of coordinates in a stance.
+/// The pose of coordinates over standing feet.
 pub(super) fn pose(
     coordinates: &Coordinates,
     skeleton: &Skeleton,
-    stance: &Stance,
-    world_from_stance: UnitQuaternion<f64>,
+    feet: &FootPlacement,
+    world_from_feet: UnitQuaternion<f64>,
 ) -> Pose<StationWorld> {
     let [ahead_m, aside_m, shorter, tilt_rad, flexion_rad, right_rad, left_rad, ..] = *coordinates;
-    let mut rotation = [world_from_stance; SEGMENTS];
+    let mut rotation = [world_from_feet; SEGMENTS];
     let turn = |[x, y, z]: [f64; 3]| UnitQuaternion::from_scaled_axis(Vector3::new(x, y, z));
-    rotation[0] = world_from_stance * turn([0.0, tilt_rad, 0.0]);
+    rotation[0] = world_from_feet * turn([0.0, tilt_rad, 0.0]);
     let bend = turn([right_rad, flexion_rad, left_rad].map(|angle| angle / SPINE.len() as f64));
     for segment in Segment::ALL {
         let Some(parent) = segment.parent() else { continue };
@@ -109,14 +109,14 @@ pub(super) fn pose(
         rotation[hand] = rotation[hand - 1];
     }
     let from_pelvis_m = skeleton.origins_m(&rotation);
-    let middle_m = stance.middle_m();
-    let pelvis_xy = middle_m + world_from_stance * Vector3::new(ahead_m, aside_m, 0.0);
+    let middle_m = feet.middle_m();
+    let pelvis_xy = middle_m + world_from_feet * Vector3::new(ahead_m, aside_m, 0.0);
     let height_m = |foot: usize| {
         let hip_m = from_pelvis_m[Side::BOTH[foot].foot().index() - 2];
         let [upper_m, lower_m] = leg_m(skeleton, Side::BOTH[foot]);
         let straight_m = upper_m + lower_m;
         let leg_m = lower_of(straight_m, straight_m * (1.0 - shorter));
-        let ankle_m = stance.ankle_m[foot];
+        let ankle_m = feet.ankle_m[foot];
         let level = [pelvis_xy.x + hip_m.x - ankle_m.x, pelvis_xy.y + hip_m.y - ankle_m.y];
         let rest = leg_m * leg_m - level[0] * level[0] - level[1] * level[1];
         ankle_m.z + math::sqrt(rest.max(0.0)) - hip_m.z
@@ -125,13 +125,13 @@ pub(super) fn pose(
     let mut origin = from_pelvis_m.map(|from_pelvis| from_pelvis + pelvis_m);
     for (foot, side) in Side::BOTH.into_iter().enumerate() {
         let ankle = side.foot().index();
-        let forward = stance.world_from_foot[foot] * Vector3::x();
+        let forward = feet.world_from_foot[foot] * Vector3::x();
         let [upper, lower] =
-            leg_rotations(origin[ankle - 2], stance.ankle_m[foot], leg_m(skeleton, side), forward);
+            leg_rotations(origin[ankle - 2], feet.ankle_m[foot], leg_m(skeleton, side), forward);
         (rotation[ankle - 2], rotation[ankle - 1]) = (upper, lower);
-        (rotation[ankle], rotation[ankle + 1]) = (stance.world_from_foot[foot], stance.world_from_foot[foot]);
+        (rotation[ankle], rotation[ankle + 1]) = (feet.world_from_foot[foot], feet.world_from_foot[foot]);
         origin[ankle - 1] = origin[ankle - 2] + upper * Vector3::from(skeleton.offset_m[ankle - 1]);
-        origin[ankle] = stance.ankle_m[foot];
+        origin[ankle] = feet.ankle_m[foot];
         origin[ankle + 1] = origin[ankle] + rotation[ankle] * Vector3::from(skeleton.offset_m[ankle + 1]);
     }
     Pose::new(origin, rotation)

@@ -1,7 +1,7 @@
 //! Correction of predicted limit ratios by measurements from earlier handovers.
 //!
 //! The posture model omits individual habits, so its error is correlated over neighbouring places. The ratio of the measured
-//! to the predicted share, minus one, is a Gaussian process over the places (Rasmussen & Williams 2006, Eq. 2.25 and
+//! to the predicted limit ratio, minus one, is a Gaussian process over the places (Rasmussen & Williams 2006, Eq. 2.25 and
 //! 2.26) with a squared exponential covariance; its standard deviation is that of the prediction.
 
 use nalgebra::{SMatrix, SVector, Vector3};
@@ -15,7 +15,7 @@ const LENGTH_M: f64 = 0.3;
 /// 1-σ of a measured ratio: grips and torques of one handover differ from those of the next by some per cent.
 const MEASURED_SIGMA: f64 = 0.05;
 
-/// Measured over predicted shares of earlier handovers.
+/// Measured over predicted limit ratios of earlier handovers.
 #[derive(Debug, Clone, Copy)]
 pub struct Experience {
     place_m: [Vector3<f64>; MEMORY],
@@ -29,11 +29,11 @@ impl Default for Experience {
     }
 }
 
-/// A corrected share with its 1-σ.
+/// A corrected limit ratio with its 1-σ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corrected {
-    /// Share of the worst joint's limit.
-    pub share: f64,
+    /// Limit ratio of the worst joint.
+    pub limit_ratio: f64,
     /// Its 1-σ.
     pub sigma: f64,
 }
@@ -44,12 +44,12 @@ impl Experience {
         self.count
     }
 
-    /// Adds the share measured in a handover at `place_m` (stance's axes, from the middle between the ankles, m). Shares that are not
-    /// positive numbers change nothing.
-    pub fn observe(&mut self, place_m: Vector3<f64>, predicted_share: f64, measured_share: f64) {
-        let excess = measured_share / predicted_share - 1.0;
-        let is_usable = |share: f64| share > 0.0 && share < f64::MAX;
-        if !(is_usable(predicted_share) && is_usable(measured_share) && excess.is_finite()) {
+    /// Adds the worst joint's limit ratio measured in a handover at `place_m` (relative to the feet, as
+    /// [`super::FootPlacement::world_m`], m). Ratios that are not positive numbers change nothing.
+    pub fn observe(&mut self, place_m: Vector3<f64>, predicted_ratio: f64, measured_ratio: f64) {
+        let excess = measured_ratio / predicted_ratio - 1.0;
+        let is_usable = |limit_ratio: f64| limit_ratio > 0.0 && limit_ratio < f64::MAX;
+        if !(is_usable(predicted_ratio) && is_usable(measured_ratio) && excess.is_finite()) {
             return;
         }
         let index = self.count % MEMORY;
@@ -58,8 +58,8 @@ impl Experience {
     }
 
     /// Corrects a prediction at a place.
-    pub fn correct(&self, place_m: Vector3<f64>, predicted_share: f64, predicted_sigma: f64) -> Corrected {
-        let relative = predicted_sigma / predicted_share;
+    pub fn correct(&self, place_m: Vector3<f64>, predicted_ratio: f64, predicted_sigma: f64) -> Corrected {
+        let relative = predicted_sigma / predicted_ratio;
         let variance = relative * relative;
         let covariance = |a: Vector3<f64>, b: Vector3<f64>| {
             variance * math::exp(-0.5 * (a - b).norm_squared() / (LENGTH_M * LENGTH_M))
@@ -76,13 +76,13 @@ impl Experience {
             all[(row, row)] += MEASURED_SIGMA * MEASURED_SIGMA;
         }
         let Some(weights) = all.cholesky().map(|factor| factor.solve(&here)) else {
-            return Corrected { share: predicted_share, sigma: predicted_sigma };
+            return Corrected { limit_ratio: predicted_ratio, sigma: predicted_sigma };
         };
         let excess: f64 = (0..used).map(|row| weights[row] * self.excess[row]).sum();
         let left = (variance - weights.dot(&here)).max(0.0);
         Corrected {
-            share: predicted_share * (1.0 + excess).max(0.0),
-            sigma: predicted_share * math::sqrt(left),
+            limit_ratio: predicted_ratio * (1.0 + excess).max(0.0),
+            sigma: predicted_ratio * math::sqrt(left),
         }
     }
 }
@@ -95,7 +95,10 @@ mod tests {
 
     #[test]
     fn without_experience_nothing_is_corrected() {
-        assert_eq!(Experience::default().correct(PLACE, 0.5, 0.1), Corrected { share: 0.5, sigma: 0.1 });
+        assert_eq!(
+            Experience::default().correct(PLACE, 0.5, 0.1),
+            Corrected { limit_ratio: 0.5, sigma: 0.1 }
+        );
     }
 
     #[test]
@@ -104,18 +107,18 @@ mod tests {
         experience.observe(PLACE, 0.4, 0.6);
         let near = experience.correct(PLACE, 0.5, 0.1);
         // Relative σ 0.2 of the prediction and 0.05 of the measurement: weight 0.04 / 0.0425.
-        assert!((near.share - 0.5 * (1.0 + 0.5 * 0.04 / 0.0425)).abs() < 1e-12, "{near:?}");
+        assert!((near.limit_ratio - 0.5 * (1.0 + 0.5 * 0.04 / 0.0425)).abs() < 1e-12, "{near:?}");
         assert!((near.sigma - 0.5 * 0.2 * 0.05 / 0.0425f64.sqrt()).abs() < 1e-12, "{near:?}");
         let far = experience.correct(PLACE + Vector3::new(0.0, 0.0, 3.0), 0.5, 0.1);
-        assert!((far.share - 0.5).abs() < 1e-9 && (far.sigma - 0.1).abs() < 1e-9, "{far:?}");
+        assert!((far.limit_ratio - 0.5).abs() < 1e-9 && (far.sigma - 0.1).abs() < 1e-9, "{far:?}");
     }
 
     #[test]
-    fn old_handovers_are_dropped_and_impossible_shares_ignored() {
+    fn old_handovers_are_dropped_and_impossible_ratios_ignored() {
         let mut experience = Experience::default();
-        for share in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            experience.observe(PLACE, 0.5, share);
-            experience.observe(PLACE, share, 0.5);
+        for limit_ratio in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            experience.observe(PLACE, 0.5, limit_ratio);
+            experience.observe(PLACE, limit_ratio, 0.5);
         }
         assert_eq!(experience.count(), 0);
         for _ in 0..MEMORY {
@@ -124,6 +127,6 @@ mod tests {
         for _ in 0..MEMORY {
             experience.observe(PLACE, 0.5, 0.5);
         }
-        assert!((experience.correct(PLACE, 0.5, 0.1).share - 0.5).abs() < 1e-12);
+        assert!((experience.correct(PLACE, 0.5, 0.1).limit_ratio - 0.5).abs() < 1e-12);
     }
 }

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
+use equipoise_core::handover::search::{REGION_M, SPACING_M};
 use equipoise_core::overload::Level;
 use equipoise_view::levels::LevelStyle;
 
-use super::{REGION_M, SPACING_M, Spot};
+use super::Spot;
 
 /// Width and height of a cell, and margins left and below, px.
 const CELL: f64 = 44.0;
@@ -19,7 +20,7 @@ pub(super) fn svg(map: &[Spot], best: &Spot, mass_kg: f64, subject: &str) -> Str
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{:.0}\" height=\"{:.0}\" font-family=\"sans-serif\" \
          font-size=\"14\" text-anchor=\"middle\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n<text x=\"{:.0}\" \
-         y=\"24\" font-size=\"16\">{mass_kg} kg, {subject}: share of the limit, %</text>\n",
+         y=\"24\" font-size=\"16\">{mass_kg} kg, {subject}: limit ratio, %</text>\n",
         left + width + 20.0,
         40.0 + height + below,
         left + 0.5 * width,
@@ -30,8 +31,12 @@ pub(super) fn svg(map: &[Spot], best: &Spot, mass_kg: f64, subject: &str) -> Str
         let y = 40.0 + (z_max - spot.at_m.z) / SPACING_M * CELL;
         let (fill, ink, text) = match &spot.predicted {
             Ok(predicted) => {
-                let style = LevelStyle::of(Level::of(predicted.worst_share(), 1.0));
-                (style.colour.as_str(), style.ink.as_str(), format!("{:.0}", 100.0 * predicted.worst_share()))
+                let style = LevelStyle::of(Level::of(predicted.worst_limit_ratio(), 1.0));
+                (
+                    style.colour.as_str(),
+                    style.ink.as_str(),
+                    format!("{:.0}", 100.0 * predicted.worst_limit_ratio()),
+                )
             }
             Err(_) => ("#eeeeee", "#555555", "–".to_owned()),
         };
