@@ -10,8 +10,11 @@
 
 mod coordinates;
 pub mod experience;
+pub mod hold;
 pub mod search;
 mod solve;
+
+use core::ops::RangeInclusive;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -23,6 +26,7 @@ use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueL
 use crate::sesc::{Phi, centre_of_mass};
 
 use coordinates::{COORDINATES, Coordinates};
+use experience::LimitRatio;
 use solve::Solution;
 
 /// The worker's body.
@@ -89,6 +93,11 @@ impl FootPlacement {
         floor_m + self.world_from_feet() * place_m
     }
 
+    /// The place of a world point: the inverse of [`FootPlacement::world_m`], m.
+    pub fn place_m(&self, world_m: Vector3<f64>, height_m: f64) -> Vector3<f64> {
+        self.world_from_feet().inverse() * (world_m - self.world_m(Vector3::zeros(), height_m))
+    }
+
     /// Middle between the ankles, m.
     fn middle_m(&self) -> Vector3<f64> {
         0.5 * (self.ankle_m[0] + self.ankle_m[1])
@@ -100,6 +109,13 @@ impl FootPlacement {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), math::atan2(ahead.y, ahead.x))
     }
 }
+
+/// Masses of a part that a person holds in both hands, kg: from the detection limit of a plate to what anybody lifts.
+pub const MASS_KG: RangeInclusive<f64> = 0.1..=50.0;
+/// Distances between the grips on a part, m: what the arms span in front of the body.
+pub const WIDTH_M: RangeInclusive<f64> = 0.0..=1.0;
+/// Largest coordinate of a place relative to the feet, m: beyond what anybody reaches.
+pub const PLACE_MAX_M: f64 = 3.0;
 
 /// A part held with both hands.
 #[derive(Debug, Clone, Copy)]
@@ -116,6 +132,11 @@ pub struct Part {
 const ETA_SIGMA: f64 = 0.05;
 /// Largest distance of the hands from the part in a solution, m: beyond it the part is out of reach.
 const MISS_MAX_M: f64 = 3.0 * coordinates::HAND_SIGMA_M;
+
+/// Remaining fraction of τ_max of a joint with this fatigue.
+fn unfatigued(fatigue: f64) -> f64 {
+    (1.0 - fatigue).max(f64::EPSILON)
+}
 
 /// Why a part cannot be held at a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -153,6 +174,11 @@ impl Prediction {
     /// The largest limit ratio.
     pub fn worst_limit_ratio(&self) -> f64 {
         self.limit_ratio[self.worst.index()]
+    }
+
+    /// The largest limit ratio with its 1-σ.
+    pub fn worst_with_sigma(&self) -> LimitRatio {
+        LimitRatio { value: self.worst_limit_ratio(), sigma: self.worst_sigma }
     }
 }
 
@@ -262,7 +288,7 @@ impl Holding<'_> {
         let torque_nm = overload::torque_vectors(pose, &loading).map(Into::into);
         let limit_nm = self.body.limits.along_nm(pose, &torque_nm);
         core::array::from_fn(|joint| {
-            let left = (1.0 - self.body.fatigue[joint]).max(f64::EPSILON);
+            let left = unfatigued(self.body.fatigue[joint]);
             Vector3::from(torque_nm[joint]).norm() / (limit_nm[joint] * left)
         })
     }

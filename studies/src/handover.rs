@@ -5,7 +5,7 @@
 
 use equipoise_core::body::JOINTS;
 use equipoise_core::frame::{Pose, StationWorld};
-use equipoise_core::handover::experience::{Corrected, Experience};
+use equipoise_core::handover::experience::{Experience, LimitRatio};
 use equipoise_core::handover::search::{Region, SPACING_M, places};
 use equipoise_core::handover::{self, Body, Part};
 use equipoise_simulator::balance::Standing;
@@ -104,12 +104,13 @@ impl Holder {
             .collect();
         for _ in 0..handovers {
             let lowest = |(at_m, model, _): &(Vector3<f64>, handover::Prediction, f64)| {
-                let corrected = self.experience.correct(*at_m, model.worst_limit_ratio(), model.worst_sigma);
-                corrected.limit_ratio - corrected.sigma
+                let corrected = self.experience.correct(*at_m, model.worst_with_sigma());
+                corrected.value - corrected.sigma
             };
             let promising = places.iter().min_by(|a, b| lowest(a).total_cmp(&lowest(b)));
             let Some((at_m, model, truth)) = promising else { return };
-            self.experience.observe(*at_m, model.worst_limit_ratio(), *truth);
+            let measured = LimitRatio { value: *truth, sigma: 0.0 };
+            self.experience.observe(*at_m, model.worst_limit_ratio(), measured);
         }
     }
 
@@ -120,9 +121,9 @@ impl Holder {
     }
 
     /// The same with the experience of earlier handovers.
-    fn predicted(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<Corrected> {
+    fn predicted(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<LimitRatio> {
         let model = self.modelled(at_m, mass_kg)?;
-        Some(self.experience.correct(at_m, model.worst_limit_ratio(), model.worst_sigma))
+        Some(self.experience.correct(at_m, model.worst_with_sigma()))
     }
 
     /// The person who holds a part at this place.
@@ -158,7 +159,7 @@ pub fn findings(subject: &Subject, handovers: u32) -> Option<Findings> {
         let (at_m, mass_kg) = somewhere(&mut random);
         match (holder.predicted(at_m, mass_kg), holder.true_limit_ratio(at_m, mass_kg)) {
             (Some(predicted), Some(truth)) => {
-                held.push(Held { predicted: predicted.limit_ratio, sigma: predicted.sigma, truth });
+                held.push(Held { predicted: predicted.value, sigma: predicted.sigma, truth });
             }
             (None, Some(_)) => refused += 1,
             (Some(_), None) => missed += 1,
@@ -167,7 +168,7 @@ pub fn findings(subject: &Subject, handovers: u32) -> Option<Findings> {
     }
     let grid: Vec<Vector3<f64>> = grid().collect();
     let both = grid.iter().filter_map(|at_m| {
-        Some((*at_m, holder.predicted(*at_m, PART_KG)?.limit_ratio, holder.true_limit_ratio(*at_m, PART_KG)?))
+        Some((*at_m, holder.predicted(*at_m, PART_KG)?.value, holder.true_limit_ratio(*at_m, PART_KG)?))
     });
     let both: Vec<_> = both.collect();
     let predicted = both.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;

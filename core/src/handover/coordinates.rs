@@ -8,13 +8,13 @@ use crate::frame::{Pose, StationWorld};
 use crate::math;
 
 /// Number of coordinates.
-pub const COORDINATES: usize = 15;
+pub(super) const COORDINATES: usize = 15;
 
 /// Pelvis relative to the middle between the ankles, forward and to the left, m; shortening of the legs by flexed knees,
 /// as a fraction of their length; tilt of the pelvis forward; flexion of the spine forward, to the right and twist to
 /// the left; then for each arm the rotation vector of the upper arm from hanging down (trunk's axes) and the flexion of
 /// the elbow. Angles in rad.
-pub type Coordinates = [f64; COORDINATES];
+pub(super) type Coordinates = [f64; COORDINATES];
 
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 /// Index of the first coordinate of the left and right arm.
@@ -55,13 +55,13 @@ const ELBOW_RAD: f64 = 80.0 * DEGREE;
 
 /// The centre of pressure of standing people is this far ahead of the ankles, m (Winter, Gait & Posture 3 (1995)
 /// 193–214: 4 to 6 cm) …
-pub const COP_AHEAD_M: f64 = 0.05;
+pub(super) const COP_AHEAD_M: f64 = 0.05;
 /// … with this 1-σ while they hold something, m: a third of the way from there to the toes.
-pub const COP_SIGMA_M: f64 = 0.03;
+pub(super) const COP_SIGMA_M: f64 = 0.03;
 /// Farther than this from there, in σ, people step or fall.
-pub const COP_OFF_MAX_SIGMAS: f64 = 3.0;
+pub(super) const COP_OFF_MAX_SIGMAS: f64 = 3.0;
 /// 1-σ of the hands' places on the part, m: about the breadth of a finger, as that of the point of action on a hand.
-pub const HAND_SIGMA_M: f64 = 0.01;
+pub(super) const HAND_SIGMA_M: f64 = 0.01;
 
 /// Below the lower of the heights that both legs allow by at most half of this, m.
 const ROUNDING_M: f64 = 0.005;
