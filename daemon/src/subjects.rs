@@ -206,7 +206,7 @@ mod tests {
             written
         };
         let learn = |number| {
-            subjects.update_experience(number, |all| drop(all.add(Handover::default())));
+            subjects.update_experience(number, |all| assert!(all.add(Handover::default())));
             subjects.get(number).unwrap().experience.count()
         };
         assert!(written(CONFIGURED) && written(again));
