@@ -258,7 +258,7 @@ fn is_in_range(request: &HandoverRequest) -> bool {
     let current_max_m = match CurrentFrame::from_number(request.current_frame) {
         None => return false,
         Some(CurrentFrame::None) => f64::INFINITY,
-        // A station is smaller than that, wherever its origin is.
+        // Farther from its origin than any place in a station.
         Some(CurrentFrame::Station) => 1000.0,
         Some(CurrentFrame::Feet) => PLACE_MAX_M,
     };
