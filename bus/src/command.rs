@@ -1,6 +1,6 @@
-//! Command requests to the daemon and its replies.
+//! Requests to the daemon and its responses: commands, and plans of handovers.
 
-use equipoise_core::message::{Command, Message, Reply};
+use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, Message, Reply};
 
 use crate::error::BusError;
 use crate::event::{Channel, Event, Notifier};
@@ -17,24 +17,53 @@ use std::fmt;
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Last part of the service's name.
-pub const SUFFIX: &str = "command";
+/// A request, its response and their service.
+pub trait Request: Message {
+    /// The response.
+    type Response: Message;
+    /// Last part of the service's name.
+    const SUFFIX: &'static str;
+    /// Event that announces a request; `None` if the server polls.
+    const EVENT: Option<Event>;
+}
+
+impl Request for Command {
+    type Response = Reply;
+    const SUFFIX: &'static str = "command";
+    const EVENT: Option<Event> = Some(Event::CommandArrived);
+}
+
+impl Request for HandoverRequest {
+    type Response = HandoverPlan;
+    const SUFFIX: &'static str = "handover";
+    const EVENT: Option<Event> = None;
+}
+
+/// Sends commands to the daemon.
+pub type CommandClient = RequestClient<Command>;
+/// Replies to the commands of a station.
+pub type CommandServer = RequestServer<Command>;
+/// Requests plans of handovers from the daemon.
+pub type HandoverClient = RequestClient<HandoverRequest>;
+/// Plans the handovers of a station.
+pub type HandoverServer = RequestServer<HandoverRequest>;
+
 /// Polling interval of a client that waits for a reply.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 /// Requests of one client that may be in flight: the current one, and timed-out ones that the daemon has not received
 /// yet.
 const ACTIVE_REQUESTS_MAX: usize = 4;
 
-type Factory = PortFactory<ipc::Service, Command, (), Reply, ()>;
+type Factory<Q> = PortFactory<ipc::Service, Q, (), <Q as Request>::Response, ()>;
 
-fn open_command(bus: &Bus) -> Result<(String, Factory), BusError> {
-    let name = full_name(&bus.station, SUFFIX);
-    let schema = format!("0x{:016x}+0x{:016x}", Command::SCHEMA_HASH, Reply::SCHEMA_HASH);
+fn open_service<Q: Request>(bus: &Bus) -> Result<(String, Factory<Q>), BusError> {
+    let name = full_name(&bus.station, Q::SUFFIX);
+    let schema = format!("0x{:016x}+0x{:016x}", Q::SCHEMA_HASH, Q::Response::SCHEMA_HASH);
     let factory =
         open_or_create(bus, &name, MessagingPattern::RequestResponse, &schema, |name, attributes| {
             bus.node
                 .service_builder(name)
-                .request_response::<Command, Reply>()
+                .request_response::<Q, Q::Response>()
                 .enable_safe_overflow_for_requests(true)
                 .enable_safe_overflow_for_responses(true)
                 // A request whose client has timed out must not be executed.
@@ -51,46 +80,51 @@ fn open_command(bus: &Bus) -> Result<(String, Factory), BusError> {
     Ok((name, factory))
 }
 
-/// Sends commands to the daemon of a station.
-pub struct CommandClient {
-    port: Client<ipc::Service, Command, (), Reply, ()>,
-    notifier: Notifier,
+/// Sends requests to the daemon of a station.
+pub struct RequestClient<Q: Request> {
+    port: Client<ipc::Service, Q, (), Q::Response, ()>,
+    notifier: Option<(Notifier, Event)>,
     name: String,
 }
 
-impl fmt::Debug for CommandClient {
+impl<Q: Request> fmt::Debug for RequestClient<Q> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "CommandClient({})", self.name)
+        write!(f, "RequestClient({})", self.name)
     }
 }
 
-impl CommandClient {
-    pub(crate) fn open(bus: &Bus) -> Result<CommandClient, BusError> {
-        let (name, factory) = open_command(bus)?;
-        let notifier = Notifier::open(bus, Channel::Inputs)?;
+impl<Q: Request> RequestClient<Q> {
+    pub(crate) fn open(bus: &Bus) -> Result<RequestClient<Q>, BusError> {
+        let (name, factory) = open_service::<Q>(bus)?;
+        let notifier = match Q::EVENT {
+            Some(event) => Some((Notifier::open(bus, Channel::Inputs)?, event)),
+            None => None,
+        };
         let place = Place { what: "client", most: CLIENTS_MAX };
         let port = take(bus, &name, place, ClientCreateError::ExceedsMaxSupportedClients, || {
             factory.client_builder().backpressure_strategy(BackpressureStrategy::DiscardData).create()
         })?;
-        Ok(CommandClient { port, notifier, name })
+        Ok(RequestClient { port, notifier, name })
     }
 
-    /// Sends `command`, wakes the daemon and waits for its reply.
+    /// Sends `request`, wakes the daemon and waits for its response.
     ///
     /// # Errors
-    /// [`BusError::NoDaemon`] if no daemon serves the station, [`BusError::NoAnswer`] after `timeout`: a command that
+    /// [`BusError::NoDaemon`] if no daemon serves the station, [`BusError::NoAnswer`] after `timeout`: a request that
     /// the daemon has not started by then is not executed.
-    pub fn ask(&self, command: &Command, timeout: Duration) -> Result<Reply, BusError> {
+    pub fn ask(&self, request: &Q, timeout: Duration) -> Result<Q::Response, BusError> {
         let give_up = Instant::now() + timeout;
-        let pending = self.port.send_copy(*command).map_err(BusError::failed("ask", &self.name))?;
+        let pending = self.port.send_copy(*request).map_err(BusError::failed("ask", &self.name))?;
         if pending.number_of_server_connections() == 0 {
             return Err(BusError::NoDaemon { service: self.name.clone() });
         }
-        self.notifier.notify(Event::CommandArrived)?;
+        if let Some((notifier, event)) = &self.notifier {
+            notifier.notify(*event)?;
+        }
         loop {
             let answer = pending.receive().map_err(BusError::failed("read the answer", &self.name))?;
-            if let Some(reply) = answer {
-                return Ok(*reply.payload());
+            if let Some(response) = answer {
+                return Ok(*response.payload());
             }
             if Instant::now() >= give_up {
                 return Err(BusError::NoAnswer { service: self.name.clone(), timeout });
@@ -100,21 +134,21 @@ impl CommandClient {
     }
 }
 
-/// Replies to the commands of a station. One per station, so opening a second one reports that a daemon already runs.
-pub struct CommandServer {
-    port: Server<ipc::Service, Command, (), Reply, ()>,
+/// Responds to the requests of a station. One per station, so opening a second one reports that a daemon already runs.
+pub struct RequestServer<Q: Request> {
+    port: Server<ipc::Service, Q, (), Q::Response, ()>,
     name: String,
 }
 
-impl fmt::Debug for CommandServer {
+impl<Q: Request> fmt::Debug for RequestServer<Q> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "CommandServer({})", self.name)
+        write!(f, "RequestServer({})", self.name)
     }
 }
 
-impl CommandServer {
-    pub(crate) fn open(bus: &Bus) -> Result<CommandServer, BusError> {
-        let (name, factory) = open_command(bus)?;
+impl<Q: Request> RequestServer<Q> {
+    pub(crate) fn open(bus: &Bus) -> Result<RequestServer<Q>, BusError> {
+        let (name, factory) = open_service::<Q>(bus)?;
         let place = Place { what: "daemon", most: 1 };
         let port = take(bus, &name, place, ServerCreateError::ExceedsMaxSupportedServers, || {
             factory
@@ -123,22 +157,22 @@ impl CommandServer {
                 .max_loaned_responses_per_request(1)
                 .create()
         })?;
-        Ok(CommandServer { port, name })
+        Ok(RequestServer { port, name })
     }
 
-    /// Replies to one pending command; returns whether there was one. Call it until it returns `false`.
+    /// Responds to one pending request; returns whether there was one. Call it until it returns `false`.
     ///
-    /// A client that has disconnected is not an error: its reply is dropped.
+    /// A client that has disconnected is not an error: its response is dropped.
     ///
     /// # Errors
-    /// The connection to a client is damaged, or the reply cannot be sent.
-    pub fn poll(&mut self, answer: impl FnOnce(&Command) -> Reply) -> Result<bool, BusError> {
+    /// The connection to a client is damaged, or the response cannot be sent.
+    pub fn poll(&mut self, answer: impl FnOnce(&Q) -> Q::Response) -> Result<bool, BusError> {
         let mut answer = Some(answer);
-        self.poll_next(&mut |command| answer.take().map(|answer| answer(command)))
+        self.poll_next(&mut |request| answer.take().map(|answer| answer(request)))
     }
 
-    /// Not generic, so that it is compiled once, here.
-    fn poll_next(&mut self, answer: &mut dyn FnMut(&Command) -> Option<Reply>) -> Result<bool, BusError> {
+    /// Not generic over `answer`, so that it is compiled once for each request.
+    fn poll_next(&mut self, answer: &mut dyn FnMut(&Q) -> Option<Q::Response>) -> Result<bool, BusError> {
         let request = self.port.receive().map_err(BusError::failed("receive", &self.name))?;
         let Some(request) = request else { return Ok(false) };
         if request.is_connected()

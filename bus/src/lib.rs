@@ -41,7 +41,9 @@ pub mod service;
 pub mod subscriber;
 pub mod words;
 
-pub use command::{CommandClient, CommandServer, parse_text};
+pub use command::{
+    CommandClient, CommandServer, HandoverClient, HandoverServer, Request, RequestClient, parse_text,
+};
 pub use error::BusError;
 pub use event::{Channel, Event, Events, Listener, Notifier};
 pub use node::{Bus, BusSettings, Participant};

@@ -1,6 +1,6 @@
 //! Joining a station's bus as a node.
 
-use crate::command::{CommandClient, CommandServer};
+use crate::command::{CommandClient, CommandServer, HandoverClient, HandoverServer};
 use crate::empty_memory;
 use crate::error::BusError;
 use crate::event::{Channel, Listener, Notifier};
@@ -224,6 +224,22 @@ impl Bus {
     /// [`BusError::Full`] if a daemon already serves the station; otherwise as [`Bus::publisher`].
     pub fn command_server(&self) -> Result<CommandServer, BusError> {
         CommandServer::open(self)
+    }
+
+    /// Creates a client for plans of handovers by the station's daemon.
+    ///
+    /// # Errors
+    /// As [`Bus::publisher`].
+    pub fn handover_client(&self) -> Result<HandoverClient, BusError> {
+        HandoverClient::open(self)
+    }
+
+    /// Creates the server of plans of handovers: one per station.
+    ///
+    /// # Errors
+    /// As [`Bus::command_server`].
+    pub fn handover_server(&self) -> Result<HandoverServer, BusError> {
+        HandoverServer::open(self)
     }
 
     pub(crate) fn config(&self) -> &Config {

@@ -4,12 +4,13 @@
 
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, Command, ConsumerReceipt, CycleRecord, EarlyState, GroundSample, Incidents, Message,
-    Reply, State, SuitBody, SuitSample,
+    AdapterHealth, Command, ConsumerReceipt, CycleRecord, EarlyState, GroundSample, HandoverRequest,
+    Incidents, Message, State, SuitBody, SuitSample,
 };
 use std::fmt;
 use std::time::Duration;
 
+use crate::command::Request;
 use crate::error::BusError;
 use crate::node::Bus;
 use crate::publisher::{Kept, Publisher};
@@ -22,7 +23,7 @@ pub const NODES_MAX: usize = 64;
 pub const HAND_OVER: usize = 1;
 /// Maximum number of messages that a subscriber borrows at the same time.
 pub const BORROWED_MAX: usize = 2;
-/// Maximum number of clients of the command service.
+/// Maximum number of clients of a request–response service.
 pub const CLIENTS_MAX: usize = 16;
 /// Maximum number of notifiers of an event service: each client and each adapter is one.
 pub const NOTIFIERS_MAX: usize = 32;
@@ -246,13 +247,20 @@ impl fmt::Display for Table {
                 channel.writer()
             )?;
         }
-        writeln!(
-            f,
-            "| `command` | `{}` → `{}` | {} → {} | clients → daemon | on request | | | {CLIENTS_MAX} | | |",
-            Command::TYPE_NAME,
-            Reply::TYPE_NAME,
-            size_of::<Command>(),
-            size_of::<Reply>(),
-        )
+        write_exchange::<Command>(f)?;
+        write_exchange::<HandoverRequest>(f)
     }
+}
+
+/// Row of a request–response service.
+fn write_exchange<Q: Request>(f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    writeln!(
+        f,
+        "| `{}` | `{}` → `{}` | {} → {} | clients → daemon | on request | | | {CLIENTS_MAX} | | |",
+        Q::SUFFIX,
+        Q::TYPE_NAME,
+        Q::Response::TYPE_NAME,
+        size_of::<Q>(),
+        size_of::<Q::Response>(),
+    )
 }

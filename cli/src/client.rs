@@ -4,11 +4,10 @@ use std::time::Duration;
 
 use anyhow::{anyhow, bail};
 use bytemuck::Zeroable;
-use equipoise_bus::parse_text;
-use equipoise_bus::{Bus, BusSettings};
+use equipoise_bus::{Bus, BusSettings, Request, RequestClient, parse_text};
 use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::command::CommandKind;
-use equipoise_core::message::{Command, State};
+use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, State};
 use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_station::process_state::is_stopped;
 
@@ -28,15 +27,25 @@ pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow
     }
     command.subject[..subject.len()].copy_from_slice(subject.as_bytes());
     let bus = join(station, "client")?;
-    let reply = bus.command_client()?.ask(&command, TIMEOUT).map_err(|error| match stopped_daemon(&bus) {
-        Some(stopped) => anyhow!(stopped),
-        None => error.into(),
-    })?;
+    let reply = ask(&bus, &bus.command_client()?, &command)?;
     let text = parse_text(&reply.text);
     if reply.refused != 0 {
         bail!("refused: {text}");
     }
     Ok(text)
+}
+
+/// Requests a plan of a handover from a running daemon.
+pub(crate) fn plan_handover(station: &str, request: &HandoverRequest) -> anyhow::Result<HandoverPlan> {
+    let bus = join(station, "plan")?;
+    ask(&bus, &bus.handover_client()?, request)
+}
+
+fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow::Result<Q::Response> {
+    client.ask(request, TIMEOUT).map_err(|error| match stopped_daemon(bus) {
+        Some(stopped) => anyhow!(stopped),
+        None => error.into(),
+    })
 }
 
 /// The newest state of a running daemon.

@@ -2,15 +2,19 @@
 //! torques there, each with its uncertainty.
 //!
 //! Before the part is in the hands nothing can be measured, so the posture is predicted, too. The model of the posture
-//! is a normal distribution over joint angles ([`coordinates`]), whose means and standard deviations are the
+//! is a normal distribution over joint angles (`handover/coordinates.rs`), whose means and standard deviations are the
 //! comfortable zones of REBA (Hignett & McAtamney, Applied Ergonomics 31 (2000) 201–205). It is conditioned on the
 //! hands being at the part and on the centre of pressure being where people keep it: the most probable posture is found
 //! by Levenberg and Marquardt's method, and the covariance around it is that of Laplace's approximation. The torques
 //! are those of Eq. 15 with the centre of pressure that the part causes.
 
-pub mod coordinates;
+mod coordinates;
 pub mod experience;
+pub mod hold;
+pub mod search;
 mod solve;
+
+use core::ops::RangeInclusive;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -22,6 +26,7 @@ use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueL
 use crate::sesc::{Phi, centre_of_mass};
 
 use coordinates::{COORDINATES, Coordinates};
+use experience::LimitRatio;
 use solve::Solution;
 
 /// The worker's body.
@@ -50,16 +55,16 @@ const FEET_TURNED_OUT_RAD: f64 = 14.0 * core::f64::consts::PI / 180.0;
 
 /// The standing feet.
 #[derive(Debug, Clone, Copy)]
-pub struct Stance {
+pub struct FootPlacement {
     /// Left and right ankle, world, m.
     pub ankle_m: [Vector3<f64>; 2],
     /// `world_from_foot`, left and right.
     pub world_from_foot: [UnitQuaternion<f64>; 2],
 }
 
-impl Stance {
-    /// The stance of segments whose origins (world, m) are known: each foot points from the ankle to its ball.
-    pub fn of_segments(origin_m: &[[f64; 3]; SEGMENTS]) -> Stance {
+impl FootPlacement {
+    /// The feet of segments with these origins (world, m): each foot points from the ankle to its ball.
+    pub fn of_segments(origin_m: &[[f64; 3]; SEGMENTS]) -> FootPlacement {
         let [left, right] = Side::BOTH.map(|side| {
             let foot = side.foot().index();
             let [ankle_m, ball_m] = [foot, foot + 1].map(|segment| Vector3::from(origin_m[segment]));
@@ -67,25 +72,30 @@ impl Stance {
             let heading_rad = math::atan2(ahead.y, ahead.x);
             (ankle_m, UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad))
         });
-        Stance { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
+        FootPlacement { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
     }
 
-    /// The natural stance of a person of this stature, facing X, with the middle between the ankles above the origin.
-    pub fn natural(height_m: f64) -> Stance {
+    /// The feet of a person of this stature who stands naturally, facing X, with the middle between the ankles above the origin.
+    pub fn natural(height_m: f64) -> FootPlacement {
         let foot = |side: f64| {
             let ankle_m = Vector3::new(0.0, side * 0.5 * FEET_APART_M, ANKLE_HEIGHT * height_m);
             (ankle_m, UnitQuaternion::from_axis_angle(&Vector3::z_axis(), side * 0.5 * FEET_TURNED_OUT_RAD))
         };
         let (left, right) = (foot(1.0), foot(-1.0));
-        Stance { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
+        FootPlacement { ankle_m: [left.0, right.0], world_from_foot: [left.1, right.1] }
     }
 
-    /// The world point of a place relative to the stance: forward and to the left of the middle between the ankles, and
-    /// above the floor, m. The floor is below the ankles by their height in [`Stance::natural`].
+    /// The world point of a place relative to the feet: forward and to the left of the middle between the ankles, and
+    /// above the floor, m. The floor is below the ankles by their height in [`FootPlacement::natural`].
     pub fn world_m(&self, place_m: Vector3<f64>, height_m: f64) -> Vector3<f64> {
         let middle_m = self.middle_m();
         let floor_m = Vector3::new(middle_m.x, middle_m.y, middle_m.z - ANKLE_HEIGHT * height_m);
-        floor_m + self.world_from_stance() * place_m
+        floor_m + self.world_from_feet() * place_m
+    }
+
+    /// The place of a world point: the inverse of [`FootPlacement::world_m`], m.
+    pub fn place_m(&self, world_m: Vector3<f64>, height_m: f64) -> Vector3<f64> {
+        self.world_from_feet().inverse() * (world_m - self.world_m(Vector3::zeros(), height_m))
     }
 
     /// Middle between the ankles, m.
@@ -94,11 +104,18 @@ impl Stance {
     }
 
     /// Rotation about the vertical to the direction between both feet's directions.
-    fn world_from_stance(&self) -> UnitQuaternion<f64> {
+    fn world_from_feet(&self) -> UnitQuaternion<f64> {
         let ahead = self.world_from_foot[0] * Vector3::x() + self.world_from_foot[1] * Vector3::x();
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), math::atan2(ahead.y, ahead.x))
     }
 }
+
+/// Masses of a part that a person holds in both hands, kg: from the detection limit of a plate to what anybody lifts.
+pub const MASS_KG: RangeInclusive<f64> = 0.1..=50.0;
+/// Distances between the grips on a part, m: what the arms span in front of the body.
+pub const WIDTH_M: RangeInclusive<f64> = 0.0..=1.0;
+/// Largest coordinate of a place relative to the feet, m: beyond what anybody reaches.
+pub const PLACE_MAX_M: f64 = 3.0;
 
 /// A part held with both hands.
 #[derive(Debug, Clone, Copy)]
@@ -115,6 +132,11 @@ pub struct Part {
 const ETA_SIGMA: f64 = 0.05;
 /// Largest distance of the hands from the part in a solution, m: beyond it the part is out of reach.
 const MISS_MAX_M: f64 = 3.0 * coordinates::HAND_SIGMA_M;
+
+/// Remaining fraction of τ_max of a joint with this fatigue.
+fn unfatigued(fatigue: f64) -> f64 {
+    (1.0 - fatigue).max(f64::EPSILON)
+}
 
 /// Why a part cannot be held at a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -140,29 +162,34 @@ impl Infeasible {
 pub struct Prediction {
     /// The most probable pose.
     pub pose: Pose<StationWorld>,
-    /// Overload torque of each joint over its limit.
-    pub share: [f64; JOINTS],
-    /// The joint with the largest share.
+    /// Limit ratio of each joint: overload torque over τ_max, which fatigue reduces.
+    pub limit_ratio: [f64; JOINTS],
+    /// The joint with the largest limit ratio.
     pub worst: Joint,
-    /// 1-σ of its share: of the posture, the body model, the mass and its distribution over the hands.
+    /// 1-σ of its limit ratio: of the posture, the body model, the mass and its distribution over the hands.
     pub worst_sigma: f64,
 }
 
 impl Prediction {
-    /// The largest share of a limit.
-    pub fn worst_share(&self) -> f64 {
-        self.share[self.worst.index()]
+    /// The largest limit ratio.
+    pub fn worst_limit_ratio(&self) -> f64 {
+        self.limit_ratio[self.worst.index()]
+    }
+
+    /// The largest limit ratio with its 1-σ.
+    pub fn worst_with_sigma(&self) -> LimitRatio {
+        LimitRatio { value: self.worst_limit_ratio(), sigma: self.worst_sigma }
     }
 }
 
 /// Predicts how a worker holds a part with the middle between the grips at `at_m` (world, m), and the overload there.
 pub fn predict(
     body: &Body,
-    stance: &Stance,
+    feet: &FootPlacement,
     part: &Part,
     at_m: Vector3<f64>,
 ) -> Result<Prediction, Infeasible> {
-    let holding = Holding { body, stance, part, at_m, world_from_stance: stance.world_from_stance() };
+    let holding = Holding { body, feet, part, at_m, world_from_feet: feet.world_from_feet() };
     let solution = solve::most_probable(&holding);
     let (pose, grip_m) = holding.pose(&solution.coordinates);
     let miss_m = holding.miss(grip_m).into_iter().map(|miss| miss.norm()).fold(0.0, f64::max);
@@ -173,22 +200,22 @@ pub fn predict(
     if math::hypot(off_m) > coordinates::COP_OFF_MAX_SIGMAS * coordinates::COP_SIGMA_M {
         return Err(Infeasible::OutOfBalance);
     }
-    let share = holding.shares(&pose, grip_m, &Changed::NONE);
+    let limit_ratio = holding.limit_ratios(&pose, grip_m, &Changed::NONE);
     let worst = Joint::ALL.into_iter().fold(Joint::ALL[0], |worst, joint| {
-        if share[joint.index()] > share[worst.index()] { joint } else { worst }
+        if limit_ratio[joint.index()] > limit_ratio[worst.index()] { joint } else { worst }
     });
-    let worst_sigma = holding.sigma(&solution, worst, share[worst.index()]);
-    Ok(Prediction { pose, share, worst, worst_sigma })
+    let worst_sigma = holding.sigma(&solution, worst, limit_ratio[worst.index()]);
+    Ok(Prediction { pose, limit_ratio, worst, worst_sigma })
 }
 
 /// Inputs of one prediction.
 struct Holding<'a> {
     body: &'a Body,
-    stance: &'a Stance,
+    feet: &'a FootPlacement,
     part: &'a Part,
     /// Middle between the grips, world, m.
     at_m: Vector3<f64>,
-    world_from_stance: UnitQuaternion<f64>,
+    world_from_feet: UnitQuaternion<f64>,
 }
 
 /// Changes of the inputs other than the posture.
@@ -208,14 +235,14 @@ impl Changed {
 impl Holding<'_> {
     /// The pose of coordinates, and its grip points, world, m.
     fn pose(&self, coordinates: &Coordinates) -> (Pose<StationWorld>, [Vector3<f64>; 2]) {
-        let pose = coordinates::pose(coordinates, &self.body.skeleton, self.stance, self.world_from_stance);
+        let pose = coordinates::pose(coordinates, &self.body.skeleton, self.feet, self.world_from_feet);
         let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), self.body.grip_m[side as usize]));
         (pose, grip_m)
     }
 
     /// From where each grip should be to where it is, m.
     fn miss(&self, grip_m: [Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
-        let aside = self.world_from_stance * Vector3::new(0.0, 0.5 * self.part.width_m, 0.0);
+        let aside = self.world_from_feet * Vector3::new(0.0, 0.5 * self.part.width_m, 0.0);
         [grip_m[0] - (self.at_m + aside), grip_m[1] - (self.at_m - aside)]
     }
 
@@ -224,18 +251,23 @@ impl Holding<'_> {
         self.part.mass_kg * GRAVITY_M_PER_S2
     }
 
-    /// Centre of pressure with the part, relative to where people keep it, stance's axes, m.
+    /// Centre of pressure with the part, relative to where people keep it, axes of the feet, m.
     fn cop_off_m(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2]) -> [f64; 2] {
         let com = centre_of_mass(pose, &self.body.phi);
         let (body_n, part_n) = (self.body.mass_kg * GRAVITY_M_PER_S2, self.part_n());
         let load = 0.5 * (grip_m[0] + grip_m[1]);
-        let cop = (com * body_n + load * part_n) / (body_n + part_n) - self.stance.middle_m();
-        let off = self.world_from_stance.inverse() * cop;
+        let cop = (com * body_n + load * part_n) / (body_n + part_n) - self.feet.middle_m();
+        let off = self.world_from_feet.inverse() * cop;
         [off.x - coordinates::COP_AHEAD_M, off.y]
     }
 
     /// Overload of each joint over its limit.
-    fn shares(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2], off: &Changed) -> [f64; JOINTS] {
+    fn limit_ratios(
+        &self,
+        pose: &Pose<StationWorld>,
+        grip_m: [Vector3<f64>; 2],
+        off: &Changed,
+    ) -> [f64; JOINTS] {
         let com = centre_of_mass(pose, &self.body.phi);
         let body_n = self.body.mass_kg * GRAVITY_M_PER_S2;
         let part_n = self.part_n() + off.mass_kg * GRAVITY_M_PER_S2;
@@ -256,21 +288,21 @@ impl Holding<'_> {
         let torque_nm = overload::torque_vectors(pose, &loading).map(Into::into);
         let limit_nm = self.body.limits.along_nm(pose, &torque_nm);
         core::array::from_fn(|joint| {
-            let left = (1.0 - self.body.fatigue[joint]).max(f64::EPSILON);
+            let left = unfatigued(self.body.fatigue[joint]);
             Vector3::from(torque_nm[joint]).norm() / (limit_nm[joint] * left)
         })
     }
 
-    /// 1-σ of a joint's share.
-    fn sigma(&self, solution: &Solution, joint: Joint, share: f64) -> f64 {
+    /// 1-σ of a joint's limit ratio.
+    fn sigma(&self, solution: &Solution, joint: Joint, limit_ratio: f64) -> f64 {
         let slope: Coordinates = core::array::from_fn(|index| {
             let mut moved = solution.coordinates;
             moved[index] += solve::STEP;
             let (pose, grip_m) = self.pose(&moved);
-            (self.shares(&pose, grip_m, &Changed::NONE)[joint.index()] - share) / solve::STEP
+            (self.limit_ratios(&pose, grip_m, &Changed::NONE)[joint.index()] - limit_ratio) / solve::STEP
         });
         let (pose, grip_m) = self.pose(&solution.coordinates);
-        let of = |off: &Changed| self.shares(&pose, grip_m, off)[joint.index()] - share;
+        let of = |off: &Changed| self.limit_ratios(&pose, grip_m, off)[joint.index()] - limit_ratio;
         let cop_m = self.body.cop_sigma_m;
         let others = [
             of(&Changed { mass_kg: self.part.mass_sigma_kg, ..Changed::NONE }),

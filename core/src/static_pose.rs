@@ -18,7 +18,7 @@ use crate::overload::GRAVITY_M_PER_S2;
 /// Maximum number of suit samples in the window: the paper's 20 (Fortini et al., §III-B).
 pub const WINDOW: usize = 20;
 /// Duration of the window: 20 samples of a suit at 60 Hz, from the first to the last, less 5 % for jitter, ns.
-const SPAN_NS: u64 = 300_800_000;
+pub(crate) const SPAN_NS: u64 = 300_800_000;
 /// A sample closer than this to the previous one replaces it, ns: 19 intervals fill the window at every rate.
 const SPACING_NS: u64 = SPAN_NS / (WINDOW as u64 - 1);
 /// Maximum acceleration in a static pose as a fraction of gravity: the same fraction of shear over weight counts as a

@@ -12,6 +12,7 @@ pub mod ingress;
 pub mod latency_log;
 pub mod model_watch;
 pub mod pipeline;
+pub mod planner;
 pub mod profile;
 pub mod realtime;
 pub mod restart_policy;

@@ -29,6 +29,7 @@ use crate::housekeeping::Housekeeping;
 use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
+use crate::planner::{Planner, SharedWorker};
 use crate::realtime::{self, RequestedScheduling, ThreadReport};
 use crate::rings::{EgressEnds, IngressEnds, LoopControl, LoopEnds, Rings, SavingEnds};
 use crate::saving::{self, Saver};
@@ -249,7 +250,7 @@ impl Start<'_> {
                 serve(&station, listen, &ready, &|| control.is_stopping())
             })?;
             info!("metrics: http://{address}/metrics");
-            running.metrics = Some(thread);
+            running.independent.push(("metrics", thread));
         }
 
         let (latency_feed, drain) = latency_log::feed::feed(latency_log::feed::CAPACITY);
@@ -314,9 +315,11 @@ impl Start<'_> {
             incidents: self.board.messages(),
             threads: Vec::new(),
         });
+        let worker_data = Arc::new(SharedWorker::default());
         let saver = Saver {
             ends: saving_ends,
-            subjects: self.subjects,
+            subjects: Arc::clone(&self.subjects),
+            worker: Arc::clone(&worker_data),
             active_configuration: Arc::clone(self.active_configuration),
             board: Arc::clone(self.board),
             status: status.clone(),
@@ -329,6 +332,14 @@ impl Start<'_> {
             Ok(())
         })?;
         running.threads.push(("saving", saver));
+        let (station, subjects, control) = (config.station.clone(), self.subjects, Arc::clone(self.control));
+        let active_configuration = Arc::clone(self.active_configuration);
+        let (planner, ()) = start_thread("planner", ORDINARY, thread_registry, move |ready| {
+            let planner = Planner::open(&station, worker_data, subjects, active_configuration, control)?;
+            let _ = ready.send(());
+            Ok(planner.run()?)
+        })?;
+        running.independent.push(("planner", planner));
         let control = Arc::clone(self.control);
         // Real time, so that a load that leaves the loop its core does not delay the notification.
         let (watchdog, ()) =

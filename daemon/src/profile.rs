@@ -13,6 +13,7 @@ use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::identification::{Consistency, StoredSubject};
 use equipoise_core::cycle::{Identification, NO_POSE, Settings};
 use equipoise_core::exposure::Shift;
+use equipoise_core::handover::experience::Experience;
 use equipoise_core::message::Printable;
 use equipoise_core::pose_suggestion::Performed;
 use equipoise_core::pose_suggestion::library::LIBRARY;
@@ -20,12 +21,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
-use self::parts::{ConsistencyPart, ShiftPart, index_of, names_of, set_of};
+use self::parts::{ConsistencyPart, HandoverPart, ShiftPart, index_of, names_of, set_of};
 
 /// Increments with every change of the file's layout or meaning. Format 2 lacked the poses, their consistency and the
-/// shift; format 3 lacked individual lifts and the checksum. Files of format 1 lack stature and sex, so they cannot
+/// shift; format 3 lacked individual lifts and the checksum; format 4 lacked the handovers. Files of format 1 lack stature and sex, so they cannot
 /// serve as a similar subject. The content of older files is read.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 
 /// Maximum number of characters of another subject's name in a message.
@@ -82,6 +83,9 @@ pub struct Profile {
     /// Consistency of the measurements with the prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     consistency: Option<ConsistencyPart>,
+    /// Measured handovers, oldest first; absent before format 5.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    handover: Vec<HandoverPart>,
     /// Exposure accumulated over the shift.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     shift: Option<ShiftPart>,
@@ -115,6 +119,7 @@ impl Profile {
         build: Option<Build>,
         worker: &StoredSubject,
         shift: &Shift,
+        experience: &Experience,
         saved_unix_s: u64,
     ) -> Option<Profile> {
         if worker.has_body != 1 {
@@ -142,6 +147,7 @@ impl Profile {
             covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
             performed_rad: worker.performed.poses().map(|pose| pose.to_vec()).collect(),
             consistency: Some(ConsistencyPart::of(&worker.consistency)),
+            handover: experience.handovers().map(HandoverPart::of).collect(),
             shift: Some(ShiftPart::of(shift, saved_unix_s)),
         })
     }
@@ -231,6 +237,15 @@ impl Profile {
         self.shift.as_ref().ok_or("the profile is from before it was kept")?.shift(now_unix_s)
     }
 
+    /// Measured handovers: none unless identification is complete, because the ratios refer to its predictions.
+    pub fn experience(&self) -> Experience {
+        let mut experience = Experience::default();
+        for part in self.handover.iter().filter(|_| self.identified) {
+            experience.add(part.handover());
+        }
+        experience
+    }
+
     /// Reads a profile; `None` if it does not exist. The file name is the subject's pseudonym.
     ///
     /// # Errors
@@ -252,7 +267,7 @@ impl Profile {
         Ok(Some(profile))
     }
 
-    /// Checks mass and stature; skeleton, θ, P, counts and the shift are checked where they are restored.
+    /// Checks mass, stature and handovers; skeleton, θ, P, counts and the shift are checked where they are restored.
     fn check(&self) -> Result<(), String> {
         let out = |what: &str, value: f64| Err(format!("{what} is {value}, which no person's is"));
         if self.mass_kg != 0.0 && !MASS_KG.contains(&self.mass_kg) {
@@ -260,6 +275,9 @@ impl Profile {
         }
         if let Some(height_m) = self.height_m.filter(|metres| !HEIGHT_M.contains(metres)) {
             return out("height_m", height_m);
+        }
+        if !self.handover.iter().all(|part| part.handover().is_sound()) {
+            return Err("a handover in it is out of range".to_owned());
         }
         let turned = self.last_pose_wxyz.iter().all(|q| {
             let square: f64 = q.iter().map(|part| part * part).sum();
@@ -296,6 +314,7 @@ mod tests {
 
     use equipoise_core::body::Skeleton;
     use equipoise_core::frame::{Pose, rotation};
+    use equipoise_core::handover::experience::Handover;
 
     use super::*;
 
@@ -326,6 +345,11 @@ mod tests {
             ("1.7", "17.0", "height_m is 17"),
             ("[[1.0,", "[[9.0,", "unit length"),
             ("[[1.0,", "[[nan,", "unit length"),
+            (
+                "covariance_m2 = []",
+                "covariance_m2 = []\n[[handover]]\nplace_m = [0.4, 0.0, 1.0]\nexcess = 70.0\nsigma = 0.1",
+                "a handover",
+            ),
         ] {
             fs::write(&path, text.replace(good, bad)).unwrap();
             let refusal = Profile::read(&path).unwrap_err().to_string();
@@ -346,8 +370,8 @@ mod tests {
         fs::write(&path, &new).unwrap();
         let build = Build { height_m: 1.7, sex: SexConfig::Female };
         assert_eq!(Profile::read(&path).unwrap().unwrap().build(), Some(build));
-        fs::write(&path, new.replace("format = 2", "format = 5")).unwrap();
-        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 4"));
+        fs::write(&path, new.replace("format = 2", "format = 6")).unwrap();
+        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 5"));
     }
 
     #[test]
@@ -369,10 +393,16 @@ mod tests {
         stored.poses_used = 70;
         stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
-        let written = Profile::of("a", None, &stored, &shift, 1_000_000).unwrap();
+        let mut experience = Experience::default();
+        for excess in [0.25, -0.1] {
+            experience.add(Handover { place_m: [0.4, -0.1, 1.1], excess, sigma: 1.0 / 3.0 });
+        }
+        let written = Profile::of("a", None, &stored, &shift, &experience, 1_000_000).unwrap();
         let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
         assert_eq!(read.shift(1_000_060), Ok(shift));
+        assert_eq!(read.experience(), Experience::default(), "not identified");
+        assert_eq!(Profile { identified: true, ..read.clone() }.experience(), experience);
         let mut again = bytemuck::zeroed_box::<StoredSubject>();
         read.worker(&settings).unwrap().store(&mut again);
         // The stance part of P is reset.

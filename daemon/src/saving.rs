@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 
 use crossbeam_channel::{select, tick};
 use equipoise_core::cycle::{StoredState, Tare};
+use equipoise_core::handover::experience::Experience;
 use equipoise_core::message::Incident;
 use equipoise_core::time::NS_PER_S;
 use equipoise_files::atomic_file::write_atomically;
@@ -19,12 +20,13 @@ use tracing::warn;
 
 use crate::active_configuration::SharedConfiguration;
 use crate::incidents::IncidentBoard;
+use crate::planner::SharedWorker;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::SavingEnds;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
 use crate::status_file::StatusFile;
-use crate::subjects::Subjects;
+use crate::subjects::{ProfileDestination, Subjects};
 
 use lifts::LiftLog;
 
@@ -44,6 +46,8 @@ pub struct Saver {
     pub ends: SavingEnds,
     /// The subjects and their files.
     pub subjects: Arc<Subjects>,
+    /// Receives the data of the subject in use.
+    pub worker: Arc<SharedWorker>,
     /// The active configuration.
     pub active_configuration: Arc<SharedConfiguration>,
     /// Receives the incident of a failed write.
@@ -118,6 +122,7 @@ impl Writer {
             }
         }
         let Some((number, copy)) = newest else { return };
+        self.saver.worker.set(number, &copy.subject);
         self.encode_profile(number, &copy);
         self.encode_station(number, &copy);
         self.return_copy(copy);
@@ -130,6 +135,10 @@ impl Writer {
     }
 
     fn encode_profile(&mut self, number: u64, copy: &StoredState) {
+        if copy.subject.identified != 1 {
+            // The ratios refer to the predictions of the previous identification.
+            self.saver.subjects.update_experience(number, |experience| *experience = Experience::default());
+        }
         let Some(destination) =
             self.saver.subjects.get(number).filter(|destination| destination.refusal.is_none())
         else {
@@ -139,7 +148,8 @@ impl Writer {
         };
         self.lifts.ingest(number, &copy.shift, now_ns(), unix_s());
         let of = |saved_unix_s| {
-            Profile::of(&destination.subject, destination.build, &copy.subject, &copy.shift, saved_unix_s)
+            let ProfileDestination { subject, build, experience, .. } = &destination;
+            Profile::of(subject, *build, &copy.subject, &copy.shift, experience, saved_unix_s)
         };
         let Some(undated) = of(0) else { return };
         let same = self.profile.as_ref().is_some_and(|(of, profile)| *of == number && *profile == undated);

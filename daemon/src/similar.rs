@@ -153,7 +153,9 @@ mod tests {
         worker.identified = identified;
         let mut stored = bytemuck::zeroed_box();
         worker.store(&mut stored);
-        let profile = Profile::of(subject, build, &stored, &bytemuck::Zeroable::zeroed(), 0).unwrap();
+        let profile =
+            Profile::of(subject, build, &stored, &bytemuck::Zeroable::zeroed(), &Default::default(), 0)
+                .unwrap();
         std::fs::write(folder.join(format!("{subject}.toml")), profile.to_toml().unwrap()).unwrap();
     }
 

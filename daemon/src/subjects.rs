@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use equipoise_config::method::Build;
+use equipoise_core::handover::experience::Experience;
 use equipoise_station::state_directory::StateDirectory;
 
 /// Number of the configured subject.
@@ -28,6 +29,8 @@ pub struct ProfileDestination {
     pub remember: bool,
     /// Why the profile is not written: saving is disabled, or the existing file cannot be parsed.
     pub refusal: Option<String>,
+    /// Measured handovers.
+    pub experience: Experience,
 }
 
 impl ProfileDestination {
@@ -41,7 +44,15 @@ impl ProfileDestination {
         let refusal = (!remember)
             .then(|| "subject.save_profile is false in the configuration, so no profile is kept".to_owned());
         let (path, lifts) = (state.profile(subject), state.lifts(subject));
-        ProfileDestination { subject: subject.to_owned(), path, lifts, build, remember, refusal }
+        ProfileDestination {
+            subject: subject.to_owned(),
+            path,
+            lifts,
+            build,
+            remember,
+            refusal,
+            experience: Experience::default(),
+        }
     }
 
     /// An unnamed subject, of which nothing is saved.
@@ -53,6 +64,7 @@ impl ProfileDestination {
             build: None,
             remember: false,
             refusal: Some("the subject that was in use was deleted; load another first".to_owned()),
+            experience: Experience::default(),
         }
     }
 }
@@ -94,6 +106,17 @@ impl Subjects {
     /// The subject with a number.
     pub fn get(&self, number: u64) -> Option<ProfileDestination> {
         self.with(|all| all.get(number as usize).cloned())
+    }
+
+    /// Updates the measured handovers of a subject, unless it has been deleted.
+    pub fn update_experience(&self, number: u64, update: impl FnOnce(&mut Experience)) {
+        self.with(|all| {
+            let destination =
+                all.get_mut(number as usize).filter(|destination| !destination.subject.is_empty());
+            if let Some(destination) = destination {
+                update(&mut destination.experience);
+            }
+        });
     }
 
     /// Number of the active subject.
@@ -149,6 +172,8 @@ impl Subjects {
 
 #[cfg(test)]
 mod tests {
+    use equipoise_core::handover::experience::Handover;
+
     use super::*;
 
     fn subjects() -> Subjects {
@@ -180,9 +205,14 @@ mod tests {
             });
             written
         };
+        let learn = |number| {
+            subjects.update_experience(number, |all| assert!(all.add(Handover::default())));
+            subjects.get(number).unwrap().experience.count()
+        };
         assert!(written(CONFIGURED) && written(again));
+        assert_eq!((learn(again), learn(again)), (1, 2));
         subjects.delete("a");
         assert!(!written(CONFIGURED) && !written(again));
-        assert_eq!(subjects.get(again).unwrap().subject, "");
+        assert_eq!((subjects.get(again).unwrap().subject.as_str(), learn(again)), ("", 0));
     }
 }

@@ -5,7 +5,8 @@
 
 use equipoise_core::body::JOINTS;
 use equipoise_core::frame::{Pose, StationWorld};
-use equipoise_core::handover::experience::{Corrected, Experience};
+use equipoise_core::handover::experience::{Experience, LimitRatio};
+use equipoise_core::handover::search::{Region, SPACING_M, places};
 use equipoise_core::handover::{self, Body, Part};
 use equipoise_simulator::balance::Standing;
 use equipoise_simulator::motion::BodyState;
@@ -28,18 +29,17 @@ const PLACES: usize = 30;
 /// Handovers measured before the prediction.
 const HANDOVERS: [u32; 2] = [0, 3];
 /// Range of the places, from the middle between the ankles: forward, to the left, up, m, and of the masses, kg.
-const PLACE_M: [[f64; 2]; 3] = [[0.3, 0.6], [-0.25, 0.25], [0.6, 1.5]];
+const PLACE_M: Region = [[0.3, 0.6], [-0.25, 0.25], [0.6, 1.5]];
 const MASS_KG: [f64; 2] = [3.0, 12.0];
 /// Distance between the grips, m.
 const WIDTH_M: f64 = 0.35;
-/// Mass of the part whose best place is searched for, kg, and the grid's spacing, m.
+/// Mass of the part whose best place is searched for, kg.
 const PART_KG: f64 = 6.0;
-const SPACING_M: f64 = 0.05;
 /// A place is as good as the best one within this distance, m, or within this fraction of its overload.
 const CLOSE_M: f64 = 0.05;
-const CLOSE_SHARE: f64 = 0.05;
+const CLOSE_FRACTION: f64 = 0.05;
 
-/// Predicted and true share of the worst joint's limit.
+/// Predicted and true limit ratio of the worst joint.
 #[derive(Debug, Clone, Copy)]
 pub struct Held {
     predicted: f64,
@@ -54,18 +54,18 @@ pub struct Findings {
     /// Places that the subject reaches and the planner calls infeasible, and the reverse.
     refused: u64,
     missed: u64,
-    /// Distance of the predicted best place from the true one, m, and the true share of the limit at both.
+    /// Distance of the predicted best place from the true one, m, and the true limit ratio at both.
     best_off_m: f64,
-    share_at_predicted: f64,
-    share_at_best: f64,
-    /// True share of the limit at the middle of the region.
-    share_at_middle: f64,
+    ratio_at_predicted: f64,
+    ratio_at_best: f64,
+    /// True limit ratio at the middle of the region.
+    ratio_at_middle: f64,
 }
 
 /// A subject who is identified, and holds parts.
 struct Holder {
     body: Body,
-    stance: handover::Stance,
+    feet: handover::FootPlacement,
     person: Person,
     standing_on: Stance,
     habits: ReachHabits,
@@ -81,7 +81,7 @@ impl Holder {
         let standing_on = Stance::shoulder_wide(&person);
         let mut holder = Holder {
             body: session.memory().identification.handover_body(session.settings(), [0.0; JOINTS]),
-            stance: handover::Stance {
+            feet: handover::FootPlacement {
                 ankle_m: standing_on.ankle_m,
                 world_from_foot: standing_on.world_from_foot,
             },
@@ -98,29 +98,32 @@ impl Holder {
     /// the person does not reach are left out.
     fn hand_over(&mut self, handovers: u32) {
         let places: Vec<_> = grid()
-            .filter_map(|at_m| Some((at_m, self.modelled(at_m, PART_KG)?, self.true_share(at_m, PART_KG)?)))
+            .filter_map(|at_m| {
+                Some((at_m, self.modelled(at_m, PART_KG)?, self.true_limit_ratio(at_m, PART_KG)?))
+            })
             .collect();
         for _ in 0..handovers {
             let lowest = |(at_m, model, _): &(Vector3<f64>, handover::Prediction, f64)| {
-                let corrected = self.experience.correct(*at_m, model.worst_share(), model.worst_sigma);
-                corrected.share - corrected.sigma
+                let corrected = self.experience.correct(*at_m, model.worst_with_sigma());
+                corrected.value - corrected.sigma
             };
             let promising = places.iter().min_by(|a, b| lowest(a).total_cmp(&lowest(b)));
             let Some((at_m, model, truth)) = promising else { return };
-            self.experience.observe(*at_m, model.worst_share(), *truth);
+            let measured = LimitRatio { value: *truth, sigma: 0.0 };
+            self.experience.observe(*at_m, model.worst_limit_ratio(), measured);
         }
     }
 
-    /// The worst joint's share of its limit, by the posture model alone.
+    /// The worst joint's limit ratio, by the posture model alone.
     fn modelled(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<handover::Prediction> {
         let part = Part { mass_kg, mass_sigma_kg: 0.0, width_m: WIDTH_M };
-        handover::predict(&self.body, &self.stance, &part, at_m).ok()
+        handover::predict(&self.body, &self.feet, &part, at_m).ok()
     }
 
     /// The same with the experience of earlier handovers.
-    fn predicted(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<Corrected> {
+    fn predicted(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<LimitRatio> {
         let model = self.modelled(at_m, mass_kg)?;
-        Some(self.experience.correct(at_m, model.worst_share(), model.worst_sigma))
+        Some(self.experience.correct(at_m, model.worst_with_sigma()))
     }
 
     /// The person who holds a part at this place.
@@ -136,14 +139,14 @@ impl Holder {
         Some(at_rest(&standing, &balanced))
     }
 
-    /// Largest share of a joint's limit while the person holds the part at this place.
-    fn true_share(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<f64> {
+    /// Largest limit ratio of a joint while the person holds the part at this place.
+    fn true_limit_ratio(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<f64> {
         let state = self.holds(at_m, mass_kg)?;
         let torque_nm = static_overload_nm(&self.person, &state).map(Into::into);
         let pose: Pose<StationWorld> = Pose::new(state.origin_m, state.world_from_segment);
         let limit_nm = self.body.limits.along_nm(&pose, &torque_nm);
-        let share = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
-        Some((0..JOINTS).map(share).fold(0.0, f64::max))
+        let limit_ratio = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
+        Some((0..JOINTS).map(limit_ratio).fold(0.0, f64::max))
     }
 }
 
@@ -154,9 +157,9 @@ pub fn findings(subject: &Subject, handovers: u32) -> Option<Findings> {
     let (mut held, mut refused, mut missed) = (Vec::new(), 0, 0);
     for _ in 0..PLACES {
         let (at_m, mass_kg) = somewhere(&mut random);
-        match (holder.predicted(at_m, mass_kg), holder.true_share(at_m, mass_kg)) {
+        match (holder.predicted(at_m, mass_kg), holder.true_limit_ratio(at_m, mass_kg)) {
             (Some(predicted), Some(truth)) => {
-                held.push(Held { predicted: predicted.share, sigma: predicted.sigma, truth });
+                held.push(Held { predicted: predicted.value, sigma: predicted.sigma, truth });
             }
             (None, Some(_)) => refused += 1,
             (Some(_), None) => missed += 1,
@@ -165,7 +168,7 @@ pub fn findings(subject: &Subject, handovers: u32) -> Option<Findings> {
     }
     let grid: Vec<Vector3<f64>> = grid().collect();
     let both = grid.iter().filter_map(|at_m| {
-        Some((*at_m, holder.predicted(*at_m, PART_KG)?.share, holder.true_share(*at_m, PART_KG)?))
+        Some((*at_m, holder.predicted(*at_m, PART_KG)?.value, holder.true_limit_ratio(*at_m, PART_KG)?))
     });
     let both: Vec<_> = both.collect();
     let predicted = both.iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
@@ -176,9 +179,9 @@ pub fn findings(subject: &Subject, handovers: u32) -> Option<Findings> {
         refused,
         missed,
         best_off_m: (predicted.0 - best.0).norm(),
-        share_at_predicted: predicted.2,
-        share_at_best: best.2,
-        share_at_middle: holder.true_share(middle_m, PART_KG)?,
+        ratio_at_predicted: predicted.2,
+        ratio_at_best: best.2,
+        ratio_at_middle: holder.true_limit_ratio(middle_m, PART_KG)?,
     })
 }
 
@@ -188,21 +191,17 @@ fn somewhere(random: &mut Random) -> (Vector3<f64>, f64) {
     (at_m, random.between(MASS_KG[0], MASS_KG[1]))
 }
 
-/// The places in front of the person.
+/// The places in the person's middle plane.
 fn grid() -> impl Iterator<Item = Vector3<f64>> {
-    let along = |axis: usize| {
-        let [low, high] = PLACE_M[axis];
-        let steps = ((high - low) / SPACING_M).round() as u32;
-        (0..=steps).map(move |step| low + f64::from(step) * SPACING_M)
-    };
-    along(0).flat_map(move |x| along(2).map(move |z| Vector3::new(x, 0.0, z)))
+    let [forward, _, up] = PLACE_M;
+    places([forward, [0.0, 0.0], up])
 }
 
 /// The tables.
 pub fn study(crowd: &Crowd) -> Vec<Table> {
     let subjects = crowd.subjects();
     let mut table = Table::new(
-        format!("Worst joint's share of its limit, at {PLACES} random places ({} subjects)", subjects.len()),
+        format!("Worst joint's limit ratio, at {PLACES} random places ({} subjects)", subjects.len()),
         &[
             "handovers",
             "places",
@@ -217,17 +216,17 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ],
     );
     table.note(
-        "handovers: measured before the prediction, each at the place with the lowest corrected share less sigma",
+        "handovers: measured before the prediction, each at the place with the lowest corrected limit ratio less sigma",
     );
     table.note(
         "refused: places that the person reaches and the planner calls infeasible; missed: the reverse",
     );
     let mut best = Table::new(
         format!("Best place for {PART_KG} kg on a grid of {SPACING_M} m"),
-        &["handovers", "good %", "off m", "share there", "share at the best", "share in the middle"],
+        &["handovers", "good %", "off m", "ratio there", "ratio at the best", "ratio in the middle"],
     );
     best.note(
-        "good: within 5 cm of the true best place, or within 5 % of its overload; medians of true shares",
+        "good: within 5 cm of the true best place, or within 5 % of its overload; medians of true limit ratios",
     );
     for handovers in HANDOVERS {
         let all: Vec<Findings> =
@@ -261,7 +260,7 @@ fn row_of_places(handovers: u32, all: &[Findings]) -> Vec<Cell> {
 fn row_of_best(handovers: u32, all: &[Findings]) -> Vec<Cell> {
     let is_good = |findings: &&Findings| {
         findings.best_off_m <= CLOSE_M
-            || findings.share_at_predicted <= (1.0 + CLOSE_SHARE) * findings.share_at_best
+            || findings.ratio_at_predicted <= (1.0 + CLOSE_FRACTION) * findings.ratio_at_best
     };
     let median = |of: &dyn Fn(&Findings) -> f64| {
         Cell::from(quartiles(all.iter().map(of).collect()).map(|[_, median, _]| median))
@@ -271,9 +270,9 @@ fn row_of_best(handovers: u32, all: &[Findings]) -> Vec<Cell> {
         Cell::Count(handovers.into()),
         Cell::Number(100.0 * good),
         median(&|findings| findings.best_off_m),
-        median(&|findings| findings.share_at_predicted),
-        median(&|findings| findings.share_at_best),
-        median(&|findings| findings.share_at_middle),
+        median(&|findings| findings.ratio_at_predicted),
+        median(&|findings| findings.ratio_at_best),
+        median(&|findings| findings.ratio_at_middle),
     ]
 }
 
@@ -291,7 +290,7 @@ mod tests {
             held.iter().filter(|held| (held.predicted - held.truth).abs() < 2.0 * held.sigma).count();
         assert!(within as f64 > 0.85 * held.len() as f64, "{within} of {}", held.len());
         let relieved =
-            all.iter().filter(|found| found.share_at_predicted < 0.8 * found.share_at_middle).count();
+            all.iter().filter(|found| found.ratio_at_predicted < 0.8 * found.ratio_at_middle).count();
         assert!(relieved >= 7 && all.len() == 8, "{relieved} of {}: {all:?}", all.len());
     }
 }

@@ -1,25 +1,26 @@
 //! `equipoise plan`: where a work piece relieves the worker.
 
+mod live;
 mod picture;
 
 use std::fmt::Write as _;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_core::exposure::Exposure;
-use equipoise_core::handover::{Body, Infeasible, Part, Prediction, Stance, predict};
-use equipoise_core::message::{State, Validity};
+use equipoise_core::handover::experience::{Experience, LimitRatio};
+use equipoise_core::handover::search::{Place, Planning, Predicted, REGION_M, places};
+use equipoise_core::handover::{Body, FootPlacement, MASS_KG, PLACE_MAX_M, Part, WIDTH_M};
 use equipoise_daemon::profile::{Profile, unix_s};
 use equipoise_daemon::run::ConfigArgument;
 use equipoise_files::atomic_file::write_atomically;
 use equipoise_station::state_directory::StateDirectory;
-use equipoise_station::status;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::Outcome;
-use crate::client;
 
 /// Find the place of a work piece at which it relieves the worker
 #[derive(Debug, clap::Args)]
@@ -37,9 +38,9 @@ enum What {
 /// Predict the overload of a part that is handed over, over the places in front of an identified worker
 ///
 /// Places are of the middle between the hands, from the middle between the ankles on the floor: forward, to the left, up.
-/// The overload is that of the joint closest to its limit, as a share of the limit, with 1 sigma: the posture is predicted,
-/// too. Fatigue of an unfinished shift reduces the limits. Without --live the worker stands at the station's origin and faces
-/// X; `position_m` of a plan is in the station's world.
+/// The overload is that of the joint closest to its limit, in percent of the limit, with 1 sigma: the posture is predicted,
+/// too, and corrected by the handovers measured before. Fatigue of an unfinished shift reduces the limits. Without --live the
+/// worker stands at the station's origin and faces X; `position_m` of a plan is in the station's world.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise plan handover --config station.toml --mass 6\n  equipoise plan handover --config \
@@ -55,19 +56,19 @@ struct HandoverArguments {
     /// Mass of the part, kg
     #[arg(long, value_name = "KG", value_parser = mass)]
     mass: f64,
-    /// Distance between the hands on the part, m
+    /// Difeet between the hands on the part, m
     #[arg(long, value_name = "M", default_value_t = 0.35, value_parser = width)]
     width: f64,
     /// Where the part is handed over now, m
     #[arg(long, value_name = "X,Y,Z", value_parser = place, allow_hyphen_values = true)]
     now: Option<Vector3<f64>>,
-    /// Plan for the feet and the fatigue of the worker who stands at the running station now
-    #[arg(long)]
+    /// Let the running daemon plan for the feet and the fatigue of the worker who stands at the station now; without a map
+    #[arg(long, conflicts_with_all = ["csv", "picture"])]
     live: bool,
     /// Write the best place as a plan for a cobot's controller, JSON, replaced at once
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Print the plan as JSON, with the whole map
+    /// Print the plan as JSON, with the whole map unless --live is given
     #[arg(long)]
     json: bool,
     /// Write the map as CSV
@@ -78,120 +79,110 @@ struct HandoverArguments {
     picture: Option<PathBuf>,
 }
 
-/// Places of the map, from the middle between the ankles: forward, to the left, up, m.
-const REGION_M: [[f64; 2]; 3] = [[0.3, 0.7], [-0.4, 0.4], [0.6, 1.5]];
-/// Spacing of the map, m: half of that over which the overload changes by its σ.
-const SPACING_M: f64 = 0.05;
-
 fn mass(text: &str) -> Result<f64, String> {
-    let kg = text.parse().unwrap_or(f64::NAN);
-    if (0.1..=50.0).contains(&kg) { Ok(kg) } else { Err("give a mass from 0.1 to 50 kg".to_owned()) }
+    number_in(&MASS_KG, text).ok_or_else(|| "give a mass from 0.1 to 50 kg".to_owned())
 }
 
 fn width(text: &str) -> Result<f64, String> {
-    let metres = text.parse().unwrap_or(f64::NAN);
-    if (0.0..=1.0).contains(&metres) { Ok(metres) } else { Err("give a distance from 0 to 1 m".to_owned()) }
+    number_in(&WIDTH_M, text).ok_or_else(|| "give a distance from 0 to 1 m".to_owned())
+}
+
+fn number_in(range: &RangeInclusive<f64>, text: &str) -> Option<f64> {
+    text.parse().ok().filter(|number| range.contains(number))
 }
 
 fn place(text: &str) -> Result<Vector3<f64>, String> {
     let metres: Vec<f64> = text.split(',').map(|part| part.trim().parse().unwrap_or(f64::NAN)).collect();
     match metres[..] {
-        [x, y, z] if metres.iter().all(|metres| metres.abs() <= 3.0) => Ok(Vector3::new(x, y, z)),
+        [x, y, z] if metres.iter().all(|metres| metres.abs() <= PLACE_MAX_M) => Ok(Vector3::new(x, y, z)),
         _ => Err("give three numbers of metres, for example 0.5,0,0.8".to_owned()),
     }
 }
 
-/// One place of the map.
-struct Spot {
-    /// From the middle between the ankles on the floor: forward, to the left, up, m.
-    at_m: Vector3<f64>,
-    /// In the station's world, m.
-    position_m: Vector3<f64>,
-    predicted: Result<Prediction, Infeasible>,
+/// The best place, the current one, and what they stand on.
+struct Plan {
+    best: Place,
+    /// The current place, relative to the feet, m.
+    now: Option<(Vector3<f64>, Predicted)>,
+    /// Number of measured handovers.
+    handovers: usize,
+    /// All places; empty for a plan of the daemon.
+    map: Vec<Place>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let What::Handover(arguments) = &arguments.what;
     let config = Config::read(&arguments.config.config)?;
     let id = arguments.subject.as_ref().unwrap_or(&config.subject.id);
-    let (mut body, height_m) = body_of(&config, id)?;
-    let mut stance = Stance::natural(height_m);
-    if arguments.live {
-        let state = standing_worker(&config.station, id)?;
-        (stance, body.fatigue) = (Stance::of_segments(&state.segment_origin_m), state.fatigue);
-    }
-    let part = Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width };
-    let spot = |at_m: Vector3<f64>| {
-        let position_m = stance.world_m(at_m, height_m);
-        Spot { at_m, position_m, predicted: predict(&body, &stance, &part, position_m) }
+    let plan = if arguments.live {
+        live::plan(&config.station, id, arguments)?
+    } else {
+        stored(&config, id, arguments)?
     };
-    let map: Vec<Spot> = places().map(spot).collect();
-    let Some(best) = best_of(&map) else {
-        let [forward, left, up] = REGION_M.map(|[low, high]| format!("{low} to {high} m"));
-        bail!(
-            "{id} can hold {} kg nowhere from {forward} forward, {left} to the left, {up} above the floor: reduce --mass or \
-             --width",
-            arguments.mass
-        );
-    };
-    let now = arguments.now.map(spot);
+    let Plan { best, now, handovers, map } = &plan;
     if let Some(path) = &arguments.csv {
-        write(path, &csv(&map))?;
+        write(path, &csv(map))?;
     }
     if let Some(path) = &arguments.picture {
-        write(path, &picture::svg(&map, best, arguments.mass, id))?;
+        write(path, &picture::svg(map, best, arguments.mass, id))?;
     }
+    let mut json = plan_of(best, id, arguments.mass, *handovers);
     if let Some(path) = &arguments.out {
-        write(path, &plan_of(best, id, arguments.mass).to_string())?;
+        write(path, &json.to_string())?;
     }
     if arguments.json {
-        let map: Vec<Value> = map.iter().map(json_of).collect();
-        let mut plan = plan_of(best, id, arguments.mass);
-        plan["now"] = now.as_ref().map_or(Value::Null, json_of);
-        plan["map"] = map.into();
-        println!("{plan}");
+        json["now"] = now.map_or(Value::Null, |(place_m, predicted)| json_of(place_m, predicted));
+        json["map"] = map.iter().map(|place| json_of(place.place_m, place.predicted)).collect();
+        println!("{json}");
         return Ok(Outcome::Done);
     }
-    println!("best  {}", sentence(best));
-    if let Some(now) = &now {
-        println!("now   {}", sentence(now));
-        if let (Ok(best), Ok(now)) = (&best.predicted, &now.predicted) {
-            println!("gain  {:.0} % of the limit", 100.0 * (now.worst_share() - best.worst_share()));
+    println!("best  {}", sentence(best.place_m, best.predicted));
+    if let Some((place_m, predicted)) = *now {
+        println!("now   {}", sentence(place_m, predicted));
+        if let (Ok((_, best)), Ok((_, now))) = (best.predicted, predicted) {
+            println!("gain  {:.0} % of the limit", 100.0 * (now.value - best.value));
         }
     }
+    println!("corrected by {handovers} measured handovers");
     for path in [&arguments.out, &arguments.csv, &arguments.picture].into_iter().flatten() {
         println!("{}: written", path.display());
     }
     Ok(Outcome::Done)
 }
 
-/// The newest state of a running station that measures this subject, with valid segment positions.
-fn standing_worker(station: &str, id: &str) -> anyhow::Result<State> {
-    if let Some(running) = status::read(station)
-        && running.subject != id
-    {
-        bail!(
-            "{id} is not the subject at the station, {}: run `equipoise subject load {id}`",
-            running.subject
-        );
-    }
-    let state = client::newest_state(&client::join(station, "plan")?)?;
-    let missing = Validity::SUIT_STALE
-        .and(Validity::SUIT_IMPLAUSIBLE)
-        .and(Validity::POSITION_UNKNOWN)
-        .and(Validity::FEET_OFF_PLATE);
-    if state.validity().any_of(missing) {
-        let names: Vec<&str> = state.validity().names().collect();
-        bail!(
-            "the position of the worker's feet is not available: {}; see `equipoise status`, or plan without --live",
-            names.join(", ")
-        );
-    }
-    Ok(state)
+/// The plan from the stored profile, for a worker at the station's origin.
+fn stored(config: &Config, id: &str, arguments: &HandoverArguments) -> anyhow::Result<Plan> {
+    let Stored { body, height_m, experience } = stored_subject(config, id)?;
+    let feet = FootPlacement::natural(height_m);
+    let part = Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width };
+    let planning = Planning { body: &body, height_m, feet: &feet, part: &part, experience: &experience };
+    let map: Vec<Place> = places(REGION_M).map(|place_m| planning.at(place_m)).collect();
+    let Some(best) = best_of(&map) else { bail!(infeasible(id, arguments.mass)) };
+    let now = arguments.now.map(|place_m| (place_m, planning.at(place_m).predicted));
+    Ok(Plan { best: *best, now, handovers: experience.count(), map })
 }
 
-/// The identified body of a stored subject, and its stature, m.
-fn body_of(config: &Config, id: &str) -> anyhow::Result<(Body, f64)> {
+fn mass_unknown(id: &str) -> String {
+    format!("the mass of {id} is not known; let the plate weigh it, or set subject.mass_kg")
+}
+
+fn infeasible(id: &str, mass_kg: f64) -> String {
+    let [forward, left, up] = REGION_M.map(|[low, high]| format!("{low} to {high} m"));
+    format!(
+        "{id} can hold {mass_kg} kg nowhere from {forward} forward, {left} to the left, {up} above the floor: reduce --mass \
+         or --width"
+    )
+}
+
+/// A stored subject as plans need it.
+struct Stored {
+    body: Body,
+    /// Stature, m.
+    height_m: f64,
+    experience: Experience,
+}
+
+fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
     let path = StateDirectory::of_station(&config.station)?.profile(id);
     let profile = Profile::read(&path)?
         .with_context(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
@@ -199,7 +190,7 @@ fn body_of(config: &Config, id: &str) -> anyhow::Result<(Body, f64)> {
         bail!("{id} is not identified yet: {} poses; see `equipoise identify`", profile.poses_used);
     }
     if profile.mass_kg <= 0.0 {
-        bail!("the mass of {id} is not known; let the plate weigh it, or set subject.mass_kg");
+        bail!(mass_unknown(id));
     }
     let mut config = config.clone();
     if let Some(build) = profile.build() {
@@ -213,79 +204,67 @@ fn body_of(config: &Config, id: &str) -> anyhow::Result<(Body, f64)> {
     if let Ok(shift) = profile.shift(unix_s()) {
         exposure.resume(&shift);
     }
-    Ok((worker.handover_body(&settings, exposure.fatigue.share), config.subject.height_m))
-}
-
-fn places() -> impl Iterator<Item = Vector3<f64>> {
-    let along = |axis: usize| {
-        let [low, high] = REGION_M[axis];
-        let steps = ((high - low) / SPACING_M).round() as u32;
-        (0..=steps).map(move |step| low + f64::from(step) * SPACING_M)
-    };
-    along(2).flat_map(move |z| along(1).flat_map(move |y| along(0).map(move |x| Vector3::new(x, y, z))))
+    Ok(Stored {
+        body: worker.handover_body(&settings, exposure.fatigue.share),
+        height_m: config.subject.height_m,
+        experience: profile.experience(),
+    })
 }
 
 /// The place with the smallest overload.
-fn best_of(map: &[Spot]) -> Option<&Spot> {
-    let feasible = map.iter().filter_map(|spot| Some((spot, spot.predicted.as_ref().ok()?.worst_share())));
-    feasible.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(spot, _)| spot)
+fn best_of(map: &[Place]) -> Option<&Place> {
+    let feasible = map.iter().filter_map(|place| Some((place, place.predicted.ok()?.1.value)));
+    feasible.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(place, _)| place)
 }
 
-fn sentence(spot: &Spot) -> String {
-    let [x, y, z] = spot.at_m.into();
+fn sentence(place_m: Vector3<f64>, predicted: Predicted) -> String {
+    let [x, y, z] = place_m.into();
     let at = format!("{x:.2} m forward, {y:.2} m to the left, {z:.2} m up");
-    match &spot.predicted {
-        Ok(predicted) => format!(
-            "{at}: {:.0} ± {:.0} % of the limit of {}",
-            100.0 * predicted.worst_share(),
-            100.0 * predicted.worst_sigma,
-            predicted.worst.name()
-        ),
+    match predicted {
+        Ok((worst, LimitRatio { value, sigma })) => {
+            format!("{at}: {:.0} ± {:.0} % of the limit of {}", 100.0 * value, 100.0 * sigma, worst.name())
+        }
         Err(why) => format!("{at}: {}", why.name()),
     }
 }
 
 /// The best place as a plan for a controller of a cobot.
-fn plan_of(best: &Spot, subject: &str, mass_kg: f64) -> Value {
+fn plan_of(best: &Place, subject: &str, mass_kg: f64, handovers: usize) -> Value {
     let position_m: [f64; 3] = best.position_m.into();
-    let predicted = best.predicted.as_ref().ok();
+    let predicted = best.predicted.ok();
     json!({
         "subject": subject,
         "mass_kg": mass_kg,
         "position_m": position_m,
-        "worst_limit_ratio": predicted.map(Prediction::worst_share),
-        "worst_limit_ratio_sigma": predicted.map(|predicted| predicted.worst_sigma),
-        "worst_joint": predicted.map(|predicted| predicted.worst.name()),
+        "worst_limit_ratio": predicted.map(|(_, ratio)| ratio.value),
+        "worst_limit_ratio_sigma": predicted.map(|(_, ratio)| ratio.sigma),
+        "worst_joint": predicted.map(|(worst, _)| worst.name()),
+        "handovers": handovers,
     })
 }
 
 /// A place of the map. No key of a plan is in it, so that a simple reader of a plan finds only the best place.
-fn json_of(spot: &Spot) -> Value {
-    let place_m: [f64; 3] = spot.at_m.into();
-    match &spot.predicted {
-        Ok(predicted) => json!({
+fn json_of(place_m: Vector3<f64>, predicted: Predicted) -> Value {
+    let place_m: [f64; 3] = place_m.into();
+    match predicted {
+        Ok((worst, ratio)) => json!({
             "place_m": place_m,
-            "limit_ratio": predicted.worst_share(),
-            "limit_ratio_sigma": predicted.worst_sigma,
-            "joint": predicted.worst.name(),
+            "limit_ratio": ratio.value,
+            "limit_ratio_sigma": ratio.sigma,
+            "joint": worst.name(),
         }),
         Err(why) => json!({ "place_m": place_m, "infeasible": why.name() }),
     }
 }
 
-fn csv(map: &[Spot]) -> String {
+fn csv(map: &[Place]) -> String {
     let mut text = "forward_m,left_m,up_m,limit_ratio,limit_ratio_sigma,joint\n".to_owned();
-    for Spot { at_m, predicted, .. } in map {
+    for Place { place_m, predicted, .. } in map {
         let values = match predicted {
-            Ok(predicted) => format!(
-                "{:.4},{:.4},{}",
-                predicted.worst_share(),
-                predicted.worst_sigma,
-                predicted.worst.name()
-            ),
+            Ok((worst, ratio)) => format!("{:.4},{:.4},{}", ratio.value, ratio.sigma, worst.name()),
             Err(why) => format!(",,{}", why.name()),
         };
-        let _ = writeln!(text, "{:.2},{:.2},{:.2},{values}", at_m.x, at_m.y, at_m.z);
+        let _ = writeln!(text, "{:.2},{:.2},{:.2},{values}", place_m.x, place_m.y, place_m.z);
     }
     text
 }

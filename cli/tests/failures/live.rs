@@ -84,7 +84,9 @@ impl Live {
         let station = Station::start_with(&config, &options, |state| {
             let mut stored = bytemuck::zeroed_box();
             worker.store(&mut stored);
-            let profile = Profile::of("anon-1", None, &stored, &bytemuck::Zeroable::zeroed(), 0).unwrap();
+            let profile =
+                Profile::of("anon-1", None, &stored, &bytemuck::Zeroable::zeroed(), &Default::default(), 0)
+                    .unwrap();
             std::fs::create_dir_all(state.join("subjects")).unwrap();
             std::fs::write(state.join("subjects/anon-1.toml"), profile.to_toml().unwrap()).unwrap();
         });

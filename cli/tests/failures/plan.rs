@@ -18,15 +18,24 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     let plan = |more: &[&str]| {
         station.run(&[&["plan", "handover", "--config", &config, "--mass", "6"], more].concat())
     };
-    let unfinished = plan(&[]);
-    assert_eq!(unfinished.code, Some(1));
-    assert!(unfinished.stderr.contains("anon-1 is not identified yet"), "{}", unfinished.stderr);
+    for unfinished in [plan(&[]), plan(&["--live"])] {
+        assert_eq!(unfinished.code, Some(1));
+        assert!(unfinished.stderr.contains("anon-1 is not identified yet"), "{}", unfinished.stderr);
+    }
     station.run(&["identify", "stop"]).assert_done();
     station.run(&["subject", "save"]).assert_done();
     wait_for("an identified profile", || {
         let text = std::fs::read_to_string(station.profile("anon-1")).ok()?;
         text.contains("identified = true").then_some(())
     });
+    // Without a hold in a static pose nothing is learnt; with one the prediction is corrected.
+    assert!(plan(&["--live"]).assert_done().contains("corrected by 0 measured handovers"));
+    person.lift(6.0);
+    wait_for("a measured handover", || {
+        let text = std::fs::read_to_string(station.profile("anon-1")).ok()?;
+        (text.matches("[[handover]]").count() == 1).then_some(())
+    });
+    person.put_down();
     // The person stands at the origin of the station's world, facing X.
     let [live, stored]: [Value; 2] = [&["--json", "--live"][..], &["--json"][..]]
         .map(|options| serde_json::from_str(plan(options).assert_done()).expect("JSON"));
@@ -34,10 +43,19 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
         let [live_m, stored_m] = [&live, &stored].map(|plan| plan["position_m"][axis].as_f64());
         assert!((live_m.unwrap() - stored_m.unwrap()).abs() < 0.2, "{live_m:?} {stored_m:?}");
     }
+    assert_eq!([&live, &stored].map(|plan| plan["handovers"].as_u64()), [Some(1); 2]);
+    let now = plan(&["--live", "--now", "0.55,0,0.9"]).assert_done().to_owned();
+    assert!(now.contains("\nnow   0.55 m forward") && now.contains("\ngain  "), "{now}");
+    let elsewhere = plan(&["--live", "--subject", "anon-2"]);
+    assert!(
+        elsewhere.stderr.contains("anon-2 is not the subject at the station, anon-1"),
+        "{}",
+        elsewhere.stderr
+    );
     daemon.kill();
     let dead = plan(&["--live"]);
     assert_eq!(dead.code, Some(1));
-    assert!(dead.stderr.contains("no daemon publishes"), "{}", dead.stderr);
+    assert!(dead.stderr.contains("no daemon runs"), "{}", dead.stderr);
 
     let (csv, picture) = (station.file("map.csv"), station.file("map.svg"));
     let [csv_path, picture_path] = [&csv, &picture].map(|path| path.to_string_lossy().into_owned());

@@ -99,6 +99,7 @@ fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() 
         "ground",
         "watchdog",
         "housekeeping",
+        "planner",
     ];
     for name in names {
         let thread = threads.iter().find(|thread| thread["thread"] == name);

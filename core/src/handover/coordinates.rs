@@ -2,19 +2,19 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use super::Stance;
+use super::FootPlacement;
 use crate::body::{SEGMENTS, Segment, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 
 /// Number of coordinates.
-pub const COORDINATES: usize = 15;
+pub(super) const COORDINATES: usize = 15;
 
 /// Pelvis relative to the middle between the ankles, forward and to the left, m; shortening of the legs by flexed knees,
 /// as a fraction of their length; tilt of the pelvis forward; flexion of the spine forward, to the right and twist to
 /// the left; then for each arm the rotation vector of the upper arm from hanging down (trunk's axes) and the flexion of
 /// the elbow. Angles in rad.
-pub type Coordinates = [f64; COORDINATES];
+pub(super) type Coordinates = [f64; COORDINATES];
 
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
 /// Index of the first coordinate of the left and right arm.
@@ -55,13 +55,13 @@ const ELBOW_RAD: f64 = 80.0 * DEGREE;
 
 /// The centre of pressure of standing people is this far ahead of the ankles, m (Winter, Gait & Posture 3 (1995)
 /// 193–214: 4 to 6 cm) …
-pub const COP_AHEAD_M: f64 = 0.05;
+pub(super) const COP_AHEAD_M: f64 = 0.05;
 /// … with this 1-σ while they hold something, m: a third of the way from there to the toes.
-pub const COP_SIGMA_M: f64 = 0.03;
+pub(super) const COP_SIGMA_M: f64 = 0.03;
 /// Farther than this from there, in σ, people step or fall.
-pub const COP_OFF_MAX_SIGMAS: f64 = 3.0;
+pub(super) const COP_OFF_MAX_SIGMAS: f64 = 3.0;
 /// 1-σ of the hands' places on the part, m: about the breadth of a finger, as that of the point of action on a hand.
-pub const HAND_SIGMA_M: f64 = 0.01;
+pub(super) const HAND_SIGMA_M: f64 = 0.01;
 
 /// Below the lower of the heights that both legs allow by at most half of this, m.
 const ROUNDING_M: f64 = 0.005;
@@ -80,17 +80,17 @@ pub(super) fn off_zone(coordinates: &Coordinates) -> Coordinates {
     off
 }
 
-/// The pose of coordinates in a stance.
+/// The pose of coordinates over standing feet.
 pub(super) fn pose(
     coordinates: &Coordinates,
     skeleton: &Skeleton,
-    stance: &Stance,
-    world_from_stance: UnitQuaternion<f64>,
+    feet: &FootPlacement,
+    world_from_feet: UnitQuaternion<f64>,
 ) -> Pose<StationWorld> {
     let [ahead_m, aside_m, shorter, tilt_rad, flexion_rad, right_rad, left_rad, ..] = *coordinates;
-    let mut rotation = [world_from_stance; SEGMENTS];
+    let mut rotation = [world_from_feet; SEGMENTS];
     let turn = |[x, y, z]: [f64; 3]| UnitQuaternion::from_scaled_axis(Vector3::new(x, y, z));
-    rotation[0] = world_from_stance * turn([0.0, tilt_rad, 0.0]);
+    rotation[0] = world_from_feet * turn([0.0, tilt_rad, 0.0]);
     let bend = turn([right_rad, flexion_rad, left_rad].map(|angle| angle / SPINE.len() as f64));
     for segment in Segment::ALL {
         let Some(parent) = segment.parent() else { continue };
@@ -109,14 +109,14 @@ pub(super) fn pose(
         rotation[hand] = rotation[hand - 1];
     }
     let from_pelvis_m = skeleton.origins_m(&rotation);
-    let middle_m = stance.middle_m();
-    let pelvis_xy = middle_m + world_from_stance * Vector3::new(ahead_m, aside_m, 0.0);
+    let middle_m = feet.middle_m();
+    let pelvis_xy = middle_m + world_from_feet * Vector3::new(ahead_m, aside_m, 0.0);
     let height_m = |foot: usize| {
         let hip_m = from_pelvis_m[Side::BOTH[foot].foot().index() - 2];
         let [upper_m, lower_m] = leg_m(skeleton, Side::BOTH[foot]);
         let straight_m = upper_m + lower_m;
         let leg_m = lower_of(straight_m, straight_m * (1.0 - shorter));
-        let ankle_m = stance.ankle_m[foot];
+        let ankle_m = feet.ankle_m[foot];
         let level = [pelvis_xy.x + hip_m.x - ankle_m.x, pelvis_xy.y + hip_m.y - ankle_m.y];
         let rest = leg_m * leg_m - level[0] * level[0] - level[1] * level[1];
         ankle_m.z + math::sqrt(rest.max(0.0)) - hip_m.z
@@ -125,13 +125,13 @@ pub(super) fn pose(
     let mut origin = from_pelvis_m.map(|from_pelvis| from_pelvis + pelvis_m);
     for (foot, side) in Side::BOTH.into_iter().enumerate() {
         let ankle = side.foot().index();
-        let forward = stance.world_from_foot[foot] * Vector3::x();
+        let forward = feet.world_from_foot[foot] * Vector3::x();
         let [upper, lower] =
-            leg_rotations(origin[ankle - 2], stance.ankle_m[foot], leg_m(skeleton, side), forward);
+            leg_rotations(origin[ankle - 2], feet.ankle_m[foot], leg_m(skeleton, side), forward);
         (rotation[ankle - 2], rotation[ankle - 1]) = (upper, lower);
-        (rotation[ankle], rotation[ankle + 1]) = (stance.world_from_foot[foot], stance.world_from_foot[foot]);
+        (rotation[ankle], rotation[ankle + 1]) = (feet.world_from_foot[foot], feet.world_from_foot[foot]);
         origin[ankle - 1] = origin[ankle - 2] + upper * Vector3::from(skeleton.offset_m[ankle - 1]);
-        origin[ankle] = stance.ankle_m[foot];
+        origin[ankle] = feet.ankle_m[foot];
         origin[ankle + 1] = origin[ankle] + rotation[ankle] * Vector3::from(skeleton.offset_m[ankle + 1]);
     }
     Pose::new(origin, rotation)

@@ -19,12 +19,12 @@ fn body() -> Body {
 
 const PART: Part = Part { mass_kg: 6.0, mass_sigma_kg: 0.1, width_m: 0.35 };
 
-fn stance() -> Stance {
-    Stance::natural(HEIGHT_M)
+fn feet() -> FootPlacement {
+    FootPlacement::natural(HEIGHT_M)
 }
 
 fn at(x: f64, y: f64, z: f64) -> Result<Prediction, Infeasible> {
-    predict(&body(), &stance(), &PART, Vector3::new(x, y, z))
+    predict(&body(), &feet(), &PART, Vector3::new(x, y, z))
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn hands_hold_the_part_feet_stay_and_the_body_is_balanced() {
                 pose.offset_in(parent, segment) - Vector3::from(body().skeleton.offset_m[segment.index()]);
             assert!(bone_m.norm() < 1e-3, "{segment:?} {bone_m:?}");
         }
-        assert_eq!(Side::BOTH.map(|side| pose.origin_of(side.foot())), stance().ankle_m);
+        assert_eq!(Side::BOTH.map(|side| pose.origin_of(side.foot())), feet().ankle_m);
         // Segment by segment, not by the parameters of the prediction.
         let table = Anthropometry::de_leva(&body().skeleton, HEIGHT_M, Sex::Male);
         let of_segment = |segment: Segment| {
@@ -56,29 +56,29 @@ fn hands_hold_the_part_feet_stay_and_the_body_is_balanced() {
 }
 
 #[test]
-fn a_turned_and_moved_stance_has_the_same_overload() {
+fn turned_and_moved_feet_have_the_same_overload() {
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 2.1);
     let by = Vector3::new(0.7, -1.3, 0.0);
-    let stance = stance();
-    let moved = Stance {
-        ankle_m: stance.ankle_m.map(|ankle| turn * ankle + by),
-        world_from_foot: stance.world_from_foot.map(|foot| turn * foot),
+    let feet = feet();
+    let moved = FootPlacement {
+        ankle_m: feet.ankle_m.map(|ankle| turn * ankle + by),
+        world_from_foot: feet.world_from_foot.map(|foot| turn * foot),
     };
     let place = Vector3::new(0.45, 0.1, 1.1);
-    let here = predict(&body(), &stance, &PART, place).unwrap();
+    let here = predict(&body(), &feet, &PART, place).unwrap();
     let there = predict(&body(), &moved, &PART, turn * place + by).unwrap();
-    assert!((here.worst_share() - there.worst_share()).abs() < 1e-4);
+    assert!((here.worst_limit_ratio() - there.worst_limit_ratio()).abs() < 1e-4);
     assert!((here.worst_sigma - there.worst_sigma).abs() < 1e-3 * here.worst_sigma);
 }
 
 #[test]
-fn the_stance_of_a_pose_and_places_relative_to_it_are_the_ones_it_was_made_in() {
+fn the_feet_of_a_pose_and_places_relative_to_them_are_the_ones_it_was_made_in() {
     let pose = at(0.4, 0.0, 1.0).unwrap().pose;
-    let found = Stance::of_segments(&pose.origin.map(Into::into));
-    for (foot, made) in found.world_from_foot.iter().zip(stance().world_from_foot) {
+    let found = FootPlacement::of_segments(&pose.origin.map(Into::into));
+    for (foot, made) in found.world_from_foot.iter().zip(feet().world_from_foot) {
         assert!(foot.angle_to(&made) < 1e-9);
     }
-    assert_eq!(found.ankle_m, stance().ankle_m);
+    assert_eq!(found.ankle_m, feet().ankle_m);
     let place = Vector3::new(0.4, 0.1, 1.0);
     assert!((found.world_m(place, HEIGHT_M) - place).norm() < 1e-9);
 }
@@ -89,19 +89,20 @@ fn overload_grows_with_distance_and_mass_and_fatigue() {
     for name in ["L5S1", "LeftShoulder", "RightKnee"] {
         let joint = Joint::named(name).unwrap().index();
         assert!(
-            far.share[joint] > 1.2 * near.share[joint],
+            far.limit_ratio[joint] > 1.2 * near.limit_ratio[joint],
             "{name}: {} {}",
-            far.share[joint],
-            near.share[joint]
+            far.limit_ratio[joint],
+            near.limit_ratio[joint]
         );
     }
     let place = Vector3::new(0.45, 0.0, 1.1);
-    let share = |body: &Body, part: &Part| predict(body, &stance(), part, place).unwrap().worst_share();
-    let usual = share(&body(), &PART);
-    assert!(share(&body(), &Part { mass_kg: 12.0, ..PART }) > 1.8 * usual);
+    let limit_ratio =
+        |body: &Body, part: &Part| predict(body, &feet(), part, place).unwrap().worst_limit_ratio();
+    let usual = limit_ratio(&body(), &PART);
+    assert!(limit_ratio(&body(), &Part { mass_kg: 12.0, ..PART }) > 1.8 * usual);
     let mut tired = body();
     tired.fatigue = [0.5; JOINTS];
-    assert!((share(&tired, &PART) - 2.0 * usual).abs() < 1e-9);
+    assert!((limit_ratio(&tired, &PART) - 2.0 * usual).abs() < 1e-9);
 }
 
 #[test]
@@ -109,15 +110,39 @@ fn places_out_of_reach_are_refused() {
     assert_eq!(at(1.6, 0.0, 1.0).unwrap_err(), Infeasible::OutOfReach);
     assert_eq!(at(0.3, 0.0, 2.9).unwrap_err(), Infeasible::OutOfReach);
     let heavy = Part { mass_kg: 80.0, ..PART };
-    let far = predict(&body(), &stance(), &heavy, Vector3::new(0.6, 0.0, 1.0));
+    let far = predict(&body(), &feet(), &heavy, Vector3::new(0.6, 0.0, 1.0));
     assert_eq!(far.unwrap_err(), Infeasible::OutOfBalance);
 }
 
 #[test]
 fn sigma_grows_with_that_of_mass_and_body_model() {
     let place = Vector3::new(0.5, 0.0, 1.1);
-    let sigma = |body: &Body, part: &Part| predict(body, &stance(), part, place).unwrap().worst_sigma;
+    let sigma = |body: &Body, part: &Part| predict(body, &feet(), part, place).unwrap().worst_sigma;
     let usual = sigma(&body(), &PART);
     assert!(sigma(&body(), &Part { mass_sigma_kg: 2.0, ..PART }) > usual);
     assert!(usual > 0.0);
+}
+
+#[test]
+fn the_search_finds_the_place_of_the_whole_map() {
+    use search::{Planning, REGION_M, places};
+    let (feet, body) = (feet(), body());
+    let mut experience = experience::Experience::default();
+    for (place_m, excess) in [([0.35, 0.0, 1.0], 0.5), ([0.4, 0.2, 1.2], -0.2), ([0.3, -0.2, 0.8], 0.1)] {
+        experience.add(experience::Handover { place_m, excess, sigma: 0.0 });
+    }
+    for (mass_kg, experience) in [(3.0, Default::default()), (6.0, experience)] {
+        let part = Part { mass_kg, ..PART };
+        let planning =
+            Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &part, experience: &experience };
+        let value = |place_m| planning.at(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value);
+        let lowest = places(REGION_M).map(value).fold(f64::INFINITY, f64::min);
+        let best = planning.best().unwrap();
+        assert!(best.predicted.unwrap().1.value < 1.001 * lowest, "{best:?} {lowest}");
+        assert!((feet.place_m(best.position_m, HEIGHT_M) - best.place_m).norm() < 1e-12);
+    }
+    let heavy = Part { mass_kg: 500.0, ..PART };
+    let nowhere =
+        Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &heavy, experience: &experience };
+    assert!(nowhere.best().is_none());
 }

@@ -153,7 +153,8 @@ pub(crate) use message;
 mod tests {
     use super::*;
     use crate::message::{
-        AdapterHealth, Command, CycleRecord, EarlyState, GroundSample, Reply, State, SuitBody, SuitSample,
+        AdapterHealth, Command, CycleRecord, EarlyState, GroundSample, HandoverPlan, HandoverRequest, Reply,
+        State, SuitBody, SuitSample,
     };
 
     fn fields_fill_the_message_without_gaps<M: Message>() {
@@ -176,6 +177,8 @@ mod tests {
         fields_fill_the_message_without_gaps::<AdapterHealth>();
         fields_fill_the_message_without_gaps::<Command>();
         fields_fill_the_message_without_gaps::<Reply>();
+        fields_fill_the_message_without_gaps::<HandoverRequest>();
+        fields_fill_the_message_without_gaps::<HandoverPlan>();
     }
 
     #[test]

@@ -60,7 +60,10 @@ pub(super) fn load(
         ends,
         subjects,
         worker,
-        ProfileDestination::of(subjects.state(), &id, profile.build(), remember),
+        ProfileDestination {
+            experience: profile.experience(),
+            ..ProfileDestination::of(subjects.state(), &id, profile.build(), remember)
+        },
     )?;
     Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
 }

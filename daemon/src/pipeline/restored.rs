@@ -73,7 +73,7 @@ impl Restored {
             let mut destination = ProfileDestination::of(subjects.state(), loaded, None, true);
             match self.read(&destination, settings) {
                 Ok(Some(profile)) => {
-                    destination.build = profile.build();
+                    (destination.build, destination.experience) = (profile.build(), profile.experience());
                     self.worker = subjects.add(destination);
                     subjects.activate(self.worker);
                     return;
@@ -85,7 +85,8 @@ impl Restored {
         let Some(destination) = subjects.get(subjects::CONFIGURED) else { return };
         match self.read(&destination, settings) {
             Ok(None) => {}
-            Ok(Some(_)) => {
+            Ok(Some(profile)) => {
+                subjects.update_experience(subjects::CONFIGURED, |all| *all = profile.experience());
                 // The mass in the configuration overrides that of the profile.
                 if let Some(mass_kg) = settings.mass_kg {
                     self.memory.identification.mass_kg = mass_kg;

@@ -31,14 +31,21 @@ pub(super) struct Running {
     /// A failure costs latency figures only, so the other threads continue.
     pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
     pub(super) threads: Vec<NamedThread>,
-    /// A failure affects nothing else.
-    pub(super) metrics: Option<JoinHandle<anyhow::Result<()>>>,
+    /// Threads whose failure affects nothing else.
+    pub(super) independent: Vec<NamedThread>,
 }
 
 impl Running {
     /// With the command thread only.
     pub(super) fn with_commands(commands: JoinHandle<anyhow::Result<()>>, share: Sender<Shared>) -> Running {
-        Running { commands, share, loop_thread: None, latency_log: None, threads: Vec::new(), metrics: None }
+        Running {
+            commands,
+            share,
+            loop_thread: None,
+            latency_log: None,
+            threads: Vec::new(),
+            independent: Vec::new(),
+        }
     }
 
     pub(super) fn is_running(&self) -> bool {
@@ -62,8 +69,10 @@ impl Running {
         });
         let threads: Vec<_> =
             self.threads.into_iter().map(|(name, thread)| join_thread(name, thread)).collect();
-        if let Some(Err(error)) = self.metrics.map(|thread| join_thread("metrics", thread)) {
-            tracing::warn!("{error:#}; nothing else was touched by it");
+        for (name, thread) in self.independent {
+            if let Err(error) = join_thread(name, thread) {
+                tracing::warn!("{error:#}; nothing else was touched by it");
+            }
         }
         last();
         drop(self.share);

@@ -7,6 +7,7 @@ use bytemuck::Zeroable;
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::cycle::identification::Consistency;
 use equipoise_core::exposure::{LATEST_LIFTS, Lift, Shift};
+use equipoise_core::handover::experience::Handover;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
@@ -119,6 +120,30 @@ impl LiftPart {
     fn lift(&self) -> Lift {
         let LiftPart { number, carried_s, mass_kg, distance_m, damage, undone } = *self;
         Lift { number, ended_ns: 0, carried_s, mass_kg, distance_m, damage, undone: u64::from(undone) }
+    }
+}
+
+/// [`Handover`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct HandoverPart {
+    /// Relative to the feet, m.
+    place_m: [f64; 3],
+    /// Measured over predicted limit ratio, minus one.
+    excess: f64,
+    /// 1-σ of the measurement, as a fraction of it.
+    sigma: f64,
+}
+
+impl HandoverPart {
+    pub(super) fn of(of: &Handover) -> HandoverPart {
+        let Handover { place_m, excess, sigma } = *of;
+        HandoverPart { place_m, excess, sigma }
+    }
+
+    pub(super) fn handover(&self) -> Handover {
+        let HandoverPart { place_m, excess, sigma } = *self;
+        Handover { place_m, excess, sigma }
     }
 }
 

@@ -1,0 +1,182 @@
+//! Detects that a worker holds a part with both hands in a static pose, and measures the limit ratio there.
+
+use nalgebra::Vector3;
+
+use super::experience::{Experience, LimitRatio};
+use super::{Body, ETA_SIGMA, FootPlacement, PLACE_MAX_M, Part, WIDTH_M, predict, unfatigued};
+use crate::body::{JOINTS, Side};
+use crate::math;
+use crate::message::{State, Validity};
+use crate::static_pose::SPAN_NS;
+
+/// A part that was held.
+#[derive(Debug, Clone, Copy)]
+pub struct Hold {
+    /// The part, with the distance between the hands.
+    pub part: Part,
+    /// The feet.
+    pub feet: FootPlacement,
+    /// Middle between the grips, world, m.
+    pub position_m: Vector3<f64>,
+    /// Limit ratio of the worst joint.
+    pub measured: LimitRatio,
+    /// Fatigue of the joints at that time.
+    pub fatigue: [f64; JOINTS],
+}
+
+impl Hold {
+    /// Adds the hold to the experience with this body, of this stature (m). Returns whether it was added: not where the
+    /// prediction calls it infeasible.
+    pub fn add_to(&self, experience: &mut Experience, body: &Body, height_m: f64) -> bool {
+        let body = Body { fatigue: self.fatigue, ..*body };
+        let place_m = self.feet.place_m(self.position_m, height_m);
+        predict(&body, &self.feet, &self.part, self.position_m)
+            .is_ok_and(|it| experience.observe(place_m, it.worst_limit_ratio(), self.measured))
+    }
+}
+
+/// Detects holds in a sequence of states: one for each time that a part is carried, the first one.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct HoldDetector {
+    /// Sample time at which the present hold began, and its stance.
+    since: Option<(u64, u32)>,
+    /// The hold of this part is detected already.
+    is_detected: bool,
+}
+
+impl HoldDetector {
+    /// Ingests a state; `grip_m` are the grip points of the left and right hand, from the wrist, hand's axes, m. States may be
+    /// missing, because each static pose covers the window before it.
+    ///
+    /// Returns a hold once static pose and load cover two windows of the static pose detector without a common sample
+    /// (0.6 s) in one stance, with every torque valid and the load evenly in both hands.
+    pub fn ingest(&mut self, state: &State, grip_m: &[[f64; 3]; 2]) -> Option<Hold> {
+        if state.validity().any_of(Validity::BELOW_LOAD_THRESHOLD) {
+            self.is_detected = false;
+        }
+        let is_held = state.valid == 0 && state.static_pose == 1 && is_in_both_hands(state);
+        if !is_held || self.since.is_some_and(|(_, stance)| stance != state.stance) {
+            self.since = None;
+        }
+        if !is_held || self.is_detected {
+            return None;
+        }
+        let (since_ns, _) = *self.since.get_or_insert((state.suit_sample_time_ns, state.stance));
+        if state.suit_sample_time_ns.saturating_sub(since_ns) < SPAN_NS {
+            return None;
+        }
+        let hold = hold(state, grip_m)?;
+        self.is_detected = true;
+        Some(hold)
+    }
+}
+
+/// Whether the load is as evenly in both hands as predictions assume, within 3 σ.
+fn is_in_both_hands(state: &State) -> bool {
+    let sigma = math::hypot([ETA_SIGMA, state.hand_load_fraction_sigma]);
+    (state.hand_load_fraction[0] - 0.5).abs() <= 3.0 * sigma
+}
+
+/// The hold of a state; `None` if the hands are where no part is planned.
+fn hold(state: &State, grip_m: &[[f64; 3]; 2]) -> Option<Hold> {
+    let grip_m = Side::BOTH.map(|side| {
+        let hand = side.hand().index();
+        let [elbow_m, wrist_m] =
+            [hand - 1, hand].map(|segment| Vector3::from(state.segment_origin_m[segment]));
+        // A state has no orientations; predictions, too, have the hand in line with the forearm.
+        let forearm_m = wrist_m - elbow_m;
+        wrist_m + forearm_m * (grip_m[side as usize][1].abs() / forearm_m.norm().max(f64::EPSILON))
+    });
+    let width_m = (grip_m[0] - grip_m[1]).norm();
+    let feet = FootPlacement::of_segments(&state.segment_origin_m);
+    let position_m = 0.5 * (grip_m[0] + grip_m[1]);
+    let is_planned = WIDTH_M.contains(&width_m) && (position_m - feet.middle_m()).amax() <= PLACE_MAX_M;
+    let ratio = |joint: usize| {
+        let limit_nm = state.torque_limit_nm[joint] * unfatigued(state.fatigue[joint]);
+        let torque_nm = Vector3::from(state.torque_nm[joint]).norm();
+        LimitRatio { value: torque_nm / limit_nm, sigma: state.torque_sigma_nm[joint] / limit_nm }
+    };
+    let measured = (0..JOINTS).map(ratio).max_by(|a, b| a.value.total_cmp(&b.value))?;
+    let part = Part { mass_kg: state.lifted_mass_kg, mass_sigma_kg: state.lifted_mass_sigma_kg, width_m };
+    is_planned.then_some(Hold { part, feet, position_m, measured, fatigue: state.fatigue })
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+    use crate::body::Skeleton;
+
+    const GRIP_M: [[f64; 3]; 2] = [[0.0, 0.09, 0.0], [0.0, -0.09, 0.0]];
+
+    /// A part held with the arms stretched forward, 1 m apart at the shoulders.
+    fn held(time_ms: u64) -> State {
+        let mut state = State {
+            suit_sample_time_ns: time_ms * 1_000_000,
+            static_pose: 1,
+            stance: 3,
+            hand_load_fraction: [0.47, 0.53],
+            lifted_mass_kg: 6.0,
+            lifted_mass_sigma_kg: 0.2,
+            torque_limit_nm: [100.0; JOINTS],
+            segment_origin_m: Skeleton::nominal(1.77).t_pose_m(),
+            ..State::zeroed()
+        };
+        for (side, y_m) in Side::BOTH.into_iter().zip([0.2, -0.2]) {
+            let hand = side.hand().index();
+            state.segment_origin_m[hand - 1] = [0.1, y_m, 1.2];
+            state.segment_origin_m[hand] = [0.3, y_m, 1.2];
+        }
+        state.torque_nm[4] = [3.0, 4.0, 0.0];
+        (state.torque_nm[7], state.torque_sigma_nm[7], state.fatigue[7]) = ([0.0, 20.0, 0.0], 2.0, 0.5);
+        state
+    }
+
+    #[test]
+    fn the_limit_ratio_of_the_worst_joint_is_measured_where_the_hands_are() {
+        let mut detector = HoldDetector::default();
+        assert!((0..6).all(|step| detector.ingest(&held(1000 + 50 * step), &GRIP_M).is_none()));
+        let hold = detector.ingest(&held(1310), &GRIP_M).unwrap();
+        assert!((hold.position_m - Vector3::new(0.39, 0.0, 1.2)).norm() < 1e-12, "{hold:?}");
+        assert!((hold.part.width_m - 0.4).abs() < 1e-12 && hold.part.mass_kg == 6.0);
+        // 20 N m of 100 N m, which fatigue has halved.
+        assert!((hold.measured.value - 0.4).abs() < 1e-12 && (hold.measured.sigma - 0.04).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_part_counts_once_until_it_is_put_down() {
+        let mut detector = HoldDetector::default();
+        let count = |detector: &mut HoldDetector, from_ms: u64| {
+            (0..40).filter(|step| detector.ingest(&held(from_ms + 50 * step), &GRIP_M).is_some()).count()
+        };
+        assert_eq!(count(&mut detector, 0), 1);
+        let moving = State { static_pose: 0, ..held(2000) };
+        assert!(detector.ingest(&moving, &GRIP_M).is_none());
+        assert_eq!(count(&mut detector, 2100), 0);
+        let put_down = State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..held(4200) };
+        assert!(detector.ingest(&put_down, &GRIP_M).is_none());
+        assert_eq!(count(&mut detector, 4300), 1);
+    }
+
+    #[test]
+    fn interrupted_uneven_and_invalid_holds_are_not_used() {
+        let changes: [fn(&mut State); 4] = [
+            |state| state.static_pose = 0,
+            |state| state.valid = Validity::MODEL_CHANGED.0,
+            |state| state.hand_load_fraction = [0.3, 0.7],
+            |state| state.stance += state.cycle as u32,
+        ];
+        for (number, change) in changes.into_iter().enumerate() {
+            let mut detector = HoldDetector::default();
+            for step in 0..40 {
+                let mut state = State { cycle: step / 4, ..held(50 * step) };
+                // Every 200 ms, or always.
+                if step % 4 == 3 || number == 3 {
+                    change(&mut state);
+                }
+                assert!(detector.ingest(&state, &GRIP_M).is_none(), "{number} {step}");
+            }
+        }
+    }
+}
