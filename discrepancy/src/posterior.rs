@@ -300,7 +300,8 @@ mod tests {
     #[test]
     fn something_outside_the_catalogue_predicts_with_its_size() {
         let load = (Effect::HandLoad, Place::Hand(Side::Right));
-        let spring = Outside { size: [0.001, 0.002, 3.0], ..Outside::named("a spring") };
+        let mut spring = Outside::named("a spring");
+        spring.size = [0.001, 0.002, 3.0];
         let outside = Explanation { outside: Some(spring), ..explanation(&[], 0.4) };
         let predictors = Posterior::of(vec![explanation(&[load], 0.6), outside])
             .predictors(|_| Some((Vec::new(), Mat::new())));

@@ -376,7 +376,9 @@ mod tests {
             samples
         };
         let (before, after) = (samples(&session.script), samples(&longer));
-        let differs = before.iter().zip(&after).position(|(one, other)| one != other);
+        // Accelerations are differences of positions, so that the last instants depend on what follows.
+        let settled = before.len() - (SUIT_HZ + PLATE_HZ) as usize / 20;
+        let differs = before[..settled].iter().zip(&after).position(|(one, other)| one != other);
         assert_eq!(differs, None, "of {} samples", before.len());
         assert!(after.len() > before.len() + 8 * (SUIT_HZ + PLATE_HZ) as usize);
         let last = longer.places.last().unwrap();
