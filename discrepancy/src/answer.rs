@@ -63,6 +63,8 @@ pub(crate) fn assemble(
     let ask = ask(gram.rows, selection, &floor);
     let finding = Finding {
         verdict,
+        // A residual beyond noise that the posterior does not explain is not decided.
+        decided: selection.is_decided && (verdict == Verdict::Unexplained) == selection.is_outside,
         effects,
         candidates: selection.considered.clone(),
         set_aside: selection.set_aside.clone(),

@@ -16,12 +16,14 @@ use crate::constants::{
 };
 use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::finding::Generic;
+use crate::floor::root_mean;
 use crate::generic::FittedEntry;
 use crate::gram::{Gram, whiten_each};
 use crate::linear::{dot, inner};
 use crate::plausibility::is_negligible;
 use crate::posterior::OUTSIDE;
 use crate::rows::Rows;
+use crate::select::padded;
 
 /// An effect of an explanation.
 #[derive(Debug, Clone)]
@@ -179,6 +181,8 @@ fn hats(rows: &Rows<'_>, (fraction, pieces): (f64, u32), edges_s: Option<[f64; 2
 pub(crate) struct Outside {
     /// The term, with its log odds next to the effects.
     pub(crate) generic: Generic,
+    /// Root mean square of its contribution in the work: centre of pressure x, y (m), vertical force (N).
+    pub(crate) size: [f64; 3],
     log_prior: f64,
     whitened: Rc<Whitened>,
 }
@@ -188,9 +192,16 @@ impl Outside {
     pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, of: usize) -> Outside {
         let hats = hats(gram.rows, term.model_error, None);
         let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats);
+        let contributions = || term.columns_at.iter().map(|columns| columns.times(&padded(&term.value)));
+        let size = [
+            root_mean(contributions().map(|(cop_m, _)| cop_m[0] * cop_m[0])),
+            root_mean(contributions().map(|(cop_m, _)| cop_m[1] * cop_m[1])),
+            root_mean(contributions().map(|(_, force_n)| force_n[2] * force_n[2])),
+        ];
         let priors = [vec![0.0; term.sigma.len()], term.sigma.to_vec(), term.value];
         Outside {
             generic: term.generic,
+            size,
             log_prior: (OUTSIDE_PRIOR / (1.0 - OUTSIDE_PRIOR) / of as f64).ln(),
             whitened: Rc::new(Whitened::of(term.columns, priors, misfit, term.model_error.0)),
         }
@@ -200,7 +211,7 @@ impl Outside {
     #[cfg(test)]
     pub(crate) fn named(what: &str) -> Outside {
         let generic = Generic { what: what.to_owned(), log_odds: 0.0 };
-        Outside { generic, log_prior: 0.0, whitened: Rc::default() }
+        Outside { generic, size: [0.0; 3], log_prior: 0.0, whitened: Rc::default() }
     }
 }
 

@@ -10,6 +10,9 @@ use serde::Serialize;
 pub struct Finding {
     /// The verdict.
     pub verdict: Verdict,
+    /// Whether the names are certain, or that there are none, or that something outside the catalogue acts: no experiment is
+    /// needed.
+    pub decided: bool,
     /// Named effects, strongest first.
     pub effects: Vec<Named>,
     /// The best effects by themselves, by log odds; then others of the explanations. Each with the probability that it acts.

@@ -29,7 +29,7 @@ pub(crate) const OUTSIDE: &str = "outside the catalogue";
 /// An explanation with fitted parameters, for predictions.
 #[derive(Debug, Clone)]
 pub(crate) struct Predictor {
-    /// Names of its effects that are not negligible, sorted; one name for those with the same columns.
+    /// Names of its effects that are not negligible, and [`OUTSIDE`], sorted; one name for those with the same columns.
     pub(crate) names: Vec<String>,
     /// Probability of the explanation, relative to the other predictors.
     pub(crate) probability: f64,
@@ -41,6 +41,17 @@ pub(crate) struct Predictor {
     pub(crate) covariance: Mat<f64>,
     /// Size of the effects' misfit, as that of the explanation.
     pub(crate) misfit_scale: f64,
+    /// Root mean square of what acts outside the catalogue, in the work: centre of pressure x, y (m), vertical force (N).
+    pub(crate) outside: [f64; 3],
+}
+
+/// Sets of names that act together, and their probabilities.
+#[derive(Debug, Clone)]
+pub(crate) struct NameSets {
+    /// Of each explanation: names of its effects that are not negligible, and [`OUTSIDE`].
+    pub(crate) sets: Vec<Vec<String>>,
+    /// Probability of each explanation.
+    pub(crate) probabilities: Vec<f64>,
 }
 
 /// Posterior over explanations.
@@ -48,8 +59,8 @@ pub(crate) struct Predictor {
 pub(crate) struct Posterior {
     /// Explanations, most probable first.
     pub(crate) explanations: Vec<Explanation>,
-    /// Their probabilities.
-    probabilities: Vec<f64>,
+    /// Their names.
+    pub(crate) names: NameSets,
 }
 
 impl Posterior {
@@ -57,24 +68,24 @@ impl Posterior {
     pub(crate) fn of(explanations: Vec<Explanation>) -> Posterior {
         let logs: Vec<f64> = explanations.iter().map(|one| one.log_posterior).collect();
         let total = log_sum_exp(&logs);
-        Posterior { probabilities: logs.iter().map(|log| (log - total).exp()).collect(), explanations }
+        let probabilities = logs.iter().map(|log| (log - total).exp()).collect();
+        let sets = explanations.iter().map(Explanation::names).collect();
+        Posterior { explanations, names: NameSets { sets, probabilities } }
     }
 
-    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out. None if one explanation
-    /// is certain: there is nothing to decide.
+    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out. None if there is nothing
+    /// to decide.
     pub(crate) fn predictors(
         &self,
         fit: impl Fn(&Explanation) -> Option<(Vec<f64>, Mat<f64>)>,
     ) -> Vec<Predictor> {
-        if self.probabilities.first().is_some_and(|most| *most >= NAMED_PROBABILITY) {
+        if self.names.is_decided() {
             return Vec::new();
         }
         let mut predictors: Vec<Predictor> = self
             .explanations
             .iter()
-            .zip(&self.probabilities)
-            // A term outside the catalogue predicts nothing.
-            .filter(|(explanation, _)| explanation.outside.is_none())
+            .zip(&self.names.probabilities)
             .take(CHECKED_MAX)
             .filter_map(|(explanation, &probability)| {
                 let (value, covariance) = fit(explanation)?;
@@ -83,7 +94,8 @@ impl Posterior {
                 names.dedup();
                 let effects = explanation.members.iter().map(|member| member.candidate.clone()).collect();
                 let misfit_scale = explanation.misfit_scale;
-                Some(Predictor { names, probability, effects, value, covariance, misfit_scale })
+                let outside = explanation.outside.as_ref().map_or([0.0; 3], |outside| outside.size);
+                Some(Predictor { names, probability, effects, value, covariance, misfit_scale, outside })
             })
             .collect();
         let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();
@@ -94,6 +106,19 @@ impl Posterior {
         predictors
     }
 
+    /// The most probable term outside the catalogue.
+    pub(crate) fn outside(&self) -> Option<Generic> {
+        let mut outside = self.explanations.iter().filter_map(|explanation| explanation.outside.as_ref());
+        outside.next().map(|outside| outside.generic.clone())
+    }
+}
+
+impl NameSets {
+    /// All names.
+    pub(crate) fn all(&self) -> BTreeSet<String> {
+        self.sets.iter().flatten().cloned().collect()
+    }
+
     /// Whether something outside the catalogue is more probable than not, or established like an effect of the most
     /// probable explanation.
     pub(crate) fn is_outside(&self) -> bool {
@@ -101,15 +126,17 @@ impl Posterior {
             || self.established().iter().any(|name| name == OUTSIDE)
     }
 
-    /// The most probable term outside the catalogue.
-    pub(crate) fn outside(&self) -> Option<Generic> {
-        let mut outside = self.explanations.iter().filter_map(|explanation| explanation.outside.as_ref());
-        outside.next().map(|outside| outside.generic.clone())
-    }
-
-    /// Names of all explanations, of effects that are not negligible.
-    pub(crate) fn names(&self) -> BTreeSet<String> {
-        self.explanations.iter().flat_map(Explanation::names).collect()
+    /// Whether the names are certain, or that there are none, or that something outside the catalogue acts.
+    pub(crate) fn is_decided(&self) -> bool {
+        let is_certain = |probability: f64| probability >= NAMED_PROBABILITY;
+        let established = self.established();
+        if self.is_outside() {
+            is_certain(self.of_name(OUTSIDE))
+        } else if established.is_empty() {
+            is_certain(self.total(<[String]>::is_empty))
+        } else {
+            established.iter().all(|name| is_certain(self.of_name(name)))
+        }
     }
 
     /// Probability that an effect of this name acts. Effects with the same columns count as one: no data distinguish
@@ -122,7 +149,8 @@ impl Posterior {
     /// place, acts is at least [`NAMED_PROBABILITY`]. The least probable is left out until all are: of two that may
     /// replace each other, one is then the other's rival.
     pub(crate) fn established(&self) -> Vec<String> {
-        let mut names = self.explanations.first().map(Explanation::names).unwrap_or_default();
+        let most = self.probabilities.iter().enumerate().rev().max_by(|a, b| a.1.total_cmp(b.1));
+        let mut names = most.map(|(most, _)| self.sets[most].clone()).unwrap_or_default();
         while let Some((least, probability)) = names
             .iter()
             .enumerate()
@@ -144,8 +172,7 @@ impl Posterior {
 
     /// Probability of the explanations with such names.
     fn total(&self, is_such: impl Fn(&[String]) -> bool) -> f64 {
-        let each = self.explanations.iter().zip(&self.probabilities);
-        let such = each.filter(|(explanation, _)| is_such(&explanation.names()));
+        let such = self.sets.iter().zip(&self.probabilities).filter(|(names, _)| is_such(names));
         // The sum may exceed 1 by rounding.
         such.map(|(_, probability)| probability).sum::<f64>().min(1.0)
     }
@@ -154,11 +181,10 @@ impl Posterior {
     /// that is established itself. Most probable first.
     pub(crate) fn rivals(&self, name: &str, established: &[String]) -> Vec<(String, f64)> {
         let mut instead: BTreeMap<String, f64> = BTreeMap::new();
-        for (explanation, probability) in self.explanations.iter().zip(&self.probabilities) {
-            let names = explanation.names();
+        for (names, probability) in self.sets.iter().zip(&self.probabilities) {
             if !names.iter().any(|other| same_columns(other, name)) {
                 for other in names {
-                    *instead.entry(other).or_insert(0.0) += probability;
+                    *instead.entry(other.clone()).or_insert(0.0) += probability;
                 }
             }
         }
@@ -206,19 +232,19 @@ mod tests {
             explanation(&[load], 0.1),
             explanation(&[], 0.1),
         ]);
-        is(posterior.of_name("hand_load right"), 0.7);
+        is(posterior.names.of_name("hand_load right"), 0.7);
         // One name, since no data distinguish them.
-        is(posterior.of_name("segment_misalignment T8"), 0.8);
-        is(posterior.of_name("unbalanced_parameters T8"), 0.8);
-        let rivals = posterior.rivals("hand_load right", &posterior.explanations[0].names());
+        is(posterior.names.of_name("segment_misalignment T8"), 0.8);
+        is(posterior.names.of_name("unbalanced_parameters T8"), 0.8);
+        let rivals = posterior.names.rivals("hand_load right", &posterior.explanations[0].names());
         assert_eq!(rivals.len(), 1, "{rivals:?}");
         assert_eq!(rivals[0].0, "worn_mass RightForearm");
         is(rivals[0].1, 0.2);
         // Something carries the load in all explanations but the last; nothing replaces T8 in the last two.
         let best = posterior.explanations[0].names();
-        is(posterior.of_name_or_rival("hand_load right", &best), 0.9);
-        is(posterior.of_name_or_rival("segment_misalignment T8", &best), 0.8);
-        assert!(posterior.established().is_empty());
+        is(posterior.names.of_name_or_rival("hand_load right", &best), 0.9);
+        is(posterior.names.of_name_or_rival("segment_misalignment T8", &best), 0.8);
+        assert!(posterior.names.established().is_empty());
     }
 
     #[test]
@@ -231,9 +257,9 @@ mod tests {
             explanation(&[forearm], 0.2),
             explanation(&[], 0.03),
         ]);
-        let established = posterior.established();
+        let established = posterior.names.established();
         assert_eq!(established, ["hand_load right"]);
-        assert_eq!(posterior.rivals("hand_load right", &established)[0].0, "worn_mass RightForearm");
+        assert_eq!(posterior.names.rivals("hand_load right", &established)[0].0, "worn_mass RightForearm");
     }
 
     #[test]
@@ -241,17 +267,18 @@ mod tests {
         let load = (Effect::HandLoad, Place::Hand(Side::Right));
         let outside = Explanation { outside: Some(Outside::named("a spring")), ..explanation(&[], 0.3) };
         let posterior = Posterior::of(vec![explanation(&[load], 0.68), outside, explanation(&[], 0.02)]);
-        is(posterior.of_name(OUTSIDE), 0.3);
-        assert!(!posterior.is_outside());
-        let established = posterior.established();
+        is(posterior.names.of_name(OUTSIDE), 0.3);
+        assert!(!posterior.names.is_outside());
+        let established = posterior.names.established();
         assert_eq!(established, ["hand_load right"]);
-        let rivals = posterior.rivals("hand_load right", &established);
+        let rivals = posterior.names.rivals("hand_load right", &established);
         assert_eq!((rivals.len(), rivals[0].0.as_str()), (1, OUTSIDE));
         // Something acts, most probably none of the catalogue.
         let forearm = (Effect::WornMass, Place::Segment(Segment::RightForearm));
         let outside = Explanation { outside: Some(Outside::named("a spring")), ..explanation(&[], 0.45) };
         assert!(
             Posterior::of(vec![outside, explanation(&[load], 0.4), explanation(&[forearm], 0.15)])
+                .names
                 .is_outside()
         );
     }
@@ -268,5 +295,39 @@ mod tests {
         assert!(open[0].names.is_empty());
         is(open[0].probability, 1.0);
         assert!(of(0.9).predictors(|_| None).is_empty());
+    }
+
+    #[test]
+    fn something_outside_the_catalogue_predicts_with_its_size() {
+        let load = (Effect::HandLoad, Place::Hand(Side::Right));
+        let mut spring = Outside::named("a spring");
+        spring.size = [0.001, 0.002, 3.0];
+        let outside = Explanation { outside: Some(spring), ..explanation(&[], 0.4) };
+        let predictors = Posterior::of(vec![explanation(&[load], 0.6), outside])
+            .predictors(|_| Some((Vec::new(), Mat::new())));
+        assert_eq!(predictors[1].names, [OUTSIDE]);
+        assert_eq!(predictors[1].outside, [0.001, 0.002, 3.0]);
+        is(predictors[1].probability, 0.4);
+        assert_eq!(predictors[0].outside, [0.0; 3]);
+    }
+
+    #[test]
+    fn decided_are_certain_names_certainly_none_and_certainly_outside() {
+        let sets = |each: &[(&[&str], f64)]| NameSets {
+            sets: each.iter().map(|(names, _)| names.iter().map(|&name| name.to_owned()).collect()).collect(),
+            probabilities: each.iter().map(|(_, probability)| *probability).collect(),
+        };
+        let (load, sway) = ("hand_load right", "periodic_sway");
+        assert!(sets(&[(&[load], 0.96), (&[], 0.04)]).is_decided());
+        assert!(!sets(&[(&[load], 0.9), (&[], 0.1)]).is_decided());
+        // The load is certain, and the sway may as well be absent: the verdict is `named`.
+        assert!(sets(&[(&[load, sway], 0.6), (&[load], 0.4)]).is_decided());
+        assert!(sets(&[(&[], 0.96), (&[load], 0.04)]).is_decided());
+        // The verdict is `none`, and a load is nearly as probable.
+        assert!(!sets(&[(&[], 0.6), (&[load], 0.4)]).is_decided());
+        assert!(!sets(&[(&[OUTSIDE], 0.6), (&[load], 0.4)]).is_decided());
+        assert!(sets(&[(&[OUTSIDE, load], 0.6), (&[OUTSIDE], 0.4)]).is_decided());
+        // The order of the sets is not that of their probabilities.
+        assert!(sets(&[(&[load], 0.04), (&[sway], 0.96)]).is_decided());
     }
 }

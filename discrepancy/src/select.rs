@@ -48,6 +48,8 @@ pub(crate) struct Selection {
     pub(crate) set_aside: Vec<SetAside>,
     /// Effects by themselves, best first.
     pub(crate) considered: Vec<Considered>,
+    /// Whether the data leave nothing to decide.
+    pub(crate) is_decided: bool,
     /// Whether something outside the catalogue acts, and what it most probably is.
     pub(crate) is_outside: bool,
     pub(crate) outside: Option<Generic>,
@@ -98,7 +100,8 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Library) 
         front.truncate(size_max);
     }
     let posterior = Posterior::of(with_outside(gram, library, distinct(all)));
-    selection.is_outside = posterior.is_outside();
+    selection.is_decided = posterior.names.is_decided();
+    selection.is_outside = posterior.names.is_outside();
     selection.outside = posterior.outside();
     selection.predictors = posterior.predictors(|explanation| {
         let (conditioned, terms) = conditioned(gram, explanation);
@@ -153,7 +156,7 @@ fn distinct(mut all: Vec<Explanation>) -> Vec<Explanation> {
 /// absent, count as one more error of the sensors: they must not support any other conclusion.
 fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection) {
     let Some(best) = posterior.explanations.first() else { return };
-    let established = posterior.established();
+    let established = posterior.names.established();
     let is_established =
         |member: &Member| !member.is_negligible && established.contains(&member.candidate.name());
     for member in best.members.iter().filter(|member| !is_established(member)) {
@@ -175,23 +178,25 @@ fn accept(gram: &mut Gram<'_>, posterior: &Posterior, selection: &mut Selection)
             name,
             probability,
         };
-        let rivals = posterior.rivals(&name, &established).into_iter().map(rival).collect();
-        let probability = posterior.of_name(&name);
+        let rivals = posterior.names.rivals(&name, &established).into_iter().map(rival).collect();
+        let probability = posterior.names.of_name(&name);
         selection.accepted.push(Accepted { term, log_odds: member.log_odds, probability, rivals });
         marginalise_misfit(gram, &selection.terms(), term, best.misfit_scale);
     }
     selection.accepted.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
     for considered in &mut selection.considered {
-        considered.probability = posterior.of_name(&considered.name);
+        considered.probability = posterior.names.of_name(&considered.name);
     }
-    for name in posterior.names() {
-        let probability = posterior.of_name(&name);
+    for name in posterior.names.all() {
+        let probability = posterior.names.of_name(&name);
         let is_listed = selection.considered.iter().any(|considered| considered.name == name);
         if !is_listed && probability > RIVAL_PROBABILITY_MIN {
             selection.considered.push(Considered { name, log_odds: None, probability });
         }
     }
-    selection.set_aside.retain(|other| other.why == NOT_ESTABLISHED || posterior.of_name(&other.name) == 0.0);
+    selection
+        .set_aside
+        .retain(|other| other.why == NOT_ESTABLISHED || posterior.names.of_name(&other.name) == 0.0);
 }
 
 /// Log Bayes factor of an effect by itself, if it is among the best by itself.

@@ -70,6 +70,13 @@ impl SuitColour {
         SuitColour { tissue, heading, white_rad: colours.white_rad, seed }
     }
 
+    /// Continues the errors to a later end; what was before stays the same.
+    pub fn extend(&mut self, length_s: f64) {
+        for (number, heading) in (0..).zip(&mut self.heading) {
+            heading.extend(&mut Random::numbered(self.seed, "suit's colour, continued", number), length_s);
+        }
+    }
+
     /// Rotations with these errors; the joints' angles are the body's own.
     pub fn on(&self, seen: Rotations, body: &BodyState) -> Rotations {
         let joint_rad = joint_rad(body);
@@ -117,6 +124,13 @@ impl PlateColour {
         PlateColour {
             pressure_m: [0.000_4; 2].map(|sigma| noise(sigma, 3.0)),
             force_n: [0.5, 0.5, 0.8].map(|sigma| noise(sigma, 20.0)),
+        }
+    }
+
+    /// Continues the errors to a later end; what was before stays the same.
+    pub fn extend(&mut self, seed: u64, length_s: f64) {
+        for (number, noise) in (0..).zip(self.pressure_m.iter_mut().chain(&mut self.force_n)) {
+            noise.extend(&mut Random::numbered(seed, "plate's colour, continued", number), length_s);
         }
     }
 

@@ -88,7 +88,10 @@ impl Wander {
 /// Evaluated at any time in any order; it has a velocity and an acceleration.
 #[derive(Debug, Clone)]
 pub struct Coloured {
+    sigma: f64,
     step_s: f64,
+    /// The last knot's value over `sigma`.
+    last: f64,
     /// Values at the knots of a uniform cubic B-spline; the first belongs to `-step_s`.
     knots: Vec<f64>,
 }
@@ -100,15 +103,20 @@ impl Coloured {
     /// Noise of standard deviation `sigma` with correlation time `tau_s`, from 0 to `length_s`.
     pub fn new(random: &mut Random, sigma: f64, tau_s: f64, length_s: f64) -> Coloured {
         let step_s = tau_s / Coloured::KNOTS;
+        let mut noise = Coloured { sigma, step_s, last: random.normal(), knots: Vec::new() };
+        noise.extend(random, length_s);
+        noise
+    }
+
+    /// Continues it to a later end; what was before stays the same.
+    pub fn extend(&mut self, random: &mut Random, length_s: f64) {
         let kept = (-1.0 / Coloured::KNOTS).exp();
         let added = (1.0 - kept * kept).sqrt();
-        let mut value = random.normal();
-        let count = (length_s / step_s).ceil() as usize + 4;
-        let mut next = || {
-            value = kept * value + added * random.normal();
-            sigma * value
-        };
-        Coloured { step_s, knots: (0..count).map(|_| next()).collect() }
+        let count = (length_s / self.step_s).ceil() as usize + 4;
+        while self.knots.len() < count {
+            self.last = kept * self.last + added * random.normal();
+            self.knots.push(self.sigma * self.last);
+        }
     }
 
     /// The value at a time in seconds; constant beyond its ends.
@@ -139,6 +147,24 @@ mod tests {
         }
         assert!((2.8..5.2).contains(&square), "{square}");
         assert!(near > 0.75 * square && far.abs() < 0.25 * square, "{near} {far} of {square}");
+    }
+
+    #[test]
+    fn extended_noise_keeps_its_beginning_and_its_size() {
+        let (mut square, mut square_later) = (0.0, 0.0);
+        for seed in 0..400 {
+            let before = Coloured::new(&mut Random::new(seed, "coloured"), 2.0, 3.0, 20.0);
+            let mut longer = before.clone();
+            longer.extend(&mut Random::new(seed, "continued"), 60.0);
+            for step in 0..=40 {
+                let time_s = 0.5 * f64::from(step);
+                assert_eq!(longer.at(time_s), before.at(time_s), "seed {seed} at {time_s} s");
+            }
+            assert_ne!(longer.at(30.0), longer.at(40.0));
+            square += before.at(10.0).powi(2) / 400.0;
+            square_later += longer.at(45.0).powi(2) / 400.0;
+        }
+        assert!((0.7..1.4).contains(&(square_later / square)), "{square_later} after {square}");
     }
 
     #[test]

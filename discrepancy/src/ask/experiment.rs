@@ -8,6 +8,7 @@ use equipoise_core::pose_suggestion::Posture;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::block::Block;
 use crate::constants::{STANDING_S, STEP_M, TURNS_DEG};
 use crate::linear::norm;
 use crate::rows::Rows;
@@ -31,7 +32,7 @@ pub(super) struct Experiment {
 }
 
 /// An empty request, to be filled in.
-fn empty() -> Ask {
+pub(super) fn empty() -> Ask {
     Ask {
         between: Default::default(),
         poses: Vec::new(),
@@ -48,24 +49,23 @@ fn empty() -> Ask {
 /// Every experiment with at most one pose.
 pub(super) fn single(rows: &Rows<'_>) -> Vec<Experiment> {
     let Some(last) = rows.blocks.last() else { return Vec::new() };
-    let seen = &last.observation;
     let at_rest = |ask: Ask, seen: Observation| Experiment {
         ask,
         measurements: vec![Measurement::Static(Box::new(seen))],
     };
     let straight = LIBRARY[0].world_from_segment();
     let step_m = [STEP_M, STEP_M];
-    let mut later = standing(seen, &straight, 0.0, [0.0; 2]);
+    let mut later = standing(last, &straight, 0.0, [0.0; 2]);
     later.time_s += STANDING_S;
     let mut list = vec![
-        at_rest(Ask { step_m, ..empty() }, standing(seen, &straight, 0.0, step_m)),
+        at_rest(Ask { step_m, ..empty() }, standing(last, &straight, 0.0, step_m)),
         at_rest(Ask { still_s: STANDING_S, ..empty() }, later),
         Experiment { ask: Ask { fast: true, ..empty() }, measurements: fastest(rows) },
     ];
     for posture in LIBRARY {
         for turn_deg in TURNS_DEG {
             let poses = vec![posture.name.to_owned()];
-            let seen = standing(seen, &posture.world_from_segment(), turn_deg, [0.0; 2]);
+            let seen = standing(last, &posture.world_from_segment(), turn_deg, [0.0; 2]);
             list.push(at_rest(Ask { poses, turn_deg, ..empty() }, seen));
         }
     }
@@ -82,7 +82,7 @@ pub(super) fn with_another_pose(rows: &Rows<'_>, experiment: &Experiment) -> Vec
     let extended = |posture: &Posture| {
         let mut longer = experiment.clone();
         longer.ask.poses.push(posture.name.to_owned());
-        let seen = standing(&last.observation, &posture.world_from_segment(), ask.turn_deg, [0.0; 2]);
+        let seen = standing(last, &posture.world_from_segment(), ask.turn_deg, [0.0; 2]);
         longer.measurements.push(Measurement::Static(Box::new(seen)));
         longer
     };
@@ -101,15 +101,18 @@ fn fastest(rows: &Rows<'_>) -> Vec<Measurement> {
     blocks.into_iter().take(POSE_REQUESTS_MAX).map(Measurement::Fast).collect()
 }
 
-/// A static subject of this skeleton in a pose, turned by an angle about the feet and displaced from the present
-/// position.
+/// A static subject of this skeleton in a pose, turned by an angle from the present heading about the feet, and displaced
+/// forward and to the left from the present position.
 fn standing(
-    like: &Observation,
+    last: &Block,
     rotation: &[UnitQuaternion<f64>; SEGMENTS],
     turn_deg: f64,
     step_m: [f64; 2],
 ) -> Observation {
-    let turn = UnitQuaternion::from_scaled_axis(Vector3::z() * turn_deg.to_radians());
+    let like = &last.observation;
+    let about_vertical = |angle_rad: f64| UnitQuaternion::from_scaled_axis(Vector3::z() * angle_rad);
+    let turn = about_vertical(last.heading_rad + turn_deg.to_radians());
+    let step_m = about_vertical(last.heading_rad) * Vector3::new(step_m[0], step_m[1], 0.0);
     let rotation = rotation.map(|own| turn * own);
     let origin = origins_in_pose(like, &rotation, step_m);
     let com = Segment::ALL
@@ -143,7 +146,7 @@ fn standing(
 fn origins_in_pose(
     like: &Observation,
     rotation: &[UnitQuaternion<f64>; SEGMENTS],
-    step_m: [f64; 2],
+    step_m: Vector3<f64>,
 ) -> [Vector3<f64>; SEGMENTS] {
     let seen = |segment: Segment| Vector3::from(like.origin_m[segment.index()]);
     let mut origin = [Vector3::zeros(); SEGMENTS];
@@ -157,7 +160,6 @@ fn origins_in_pose(
     let middle = |origin: &dyn Fn(Segment) -> Vector3<f64>| {
         Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
     };
-    let shift =
-        middle(&seen) - middle(&|segment| origin[segment.index()]) + Vector3::new(step_m[0], step_m[1], 0.0);
+    let shift = middle(&seen) - middle(&|segment| origin[segment.index()]) + step_m;
     origin.map(|origin| origin + shift)
 }

@@ -300,6 +300,7 @@ pub(crate) fn named(work_s: f64) -> Sample {
     };
     let finding = Finding {
         verdict: Verdict::Named,
+        decided: true,
         effects: vec![effect],
         candidates: vec![
             candidate("hand_load right", 204.3),

@@ -4,11 +4,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Args, Subcommand};
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::judge::Judged;
 use super::long;
 use super::make::{self, Order};
+use super::scenario::{Experiment, Performed};
 use super::score::{self, Asking};
 use super::summary;
 use super::truth::Truth;
@@ -104,6 +106,9 @@ pub struct MakeChoices {
     /// Also generate each session without its hidden effect, in the subfolder `twins`
     #[arg(long)]
     twins: bool,
+    /// Continue each session by the experiment that this finding of `reconcile --json` asks for; repeat it for several
+    #[arg(long, value_name = "FINDING")]
+    ask: Vec<PathBuf>,
 }
 
 /// Options of `long`.
@@ -159,9 +164,7 @@ impl DrawChoices {
 /// Runs a command.
 pub fn run(task: &Task) -> ExitCode {
     let done = match task {
-        Task::Make(choices) => {
-            make::make(&choices.draw.order(choices.out.clone(), choices.twins), print_made).map(|_| ())
-        }
+        Task::Make(choices) => make_sessions(choices),
         Task::Score(choices) => score::score(&choices.dir, &choices.ask.asking(), print_judged)
             .and_then(|judged| show(&judged, choices.ask.json.as_deref())),
         Task::Bench(choices) => bench(choices),
@@ -175,6 +178,26 @@ pub fn run(task: &Task) -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+fn make_sessions(choices: &MakeChoices) -> Result<(), String> {
+    let experiments: Result<Vec<Experiment>, String> = choices.ask.iter().map(|path| asked(path)).collect();
+    let order = choices.draw.order(choices.out.clone(), choices.twins);
+    make::make(&order, &experiments?, print_made).map(|_| ())
+}
+
+/// The experiment of a finding in a file.
+fn asked(path: &Path) -> Result<Experiment, String> {
+    let finding: serde_json::Value = read_json(path)?;
+    let ask = Performed::asked(&finding["ask"]);
+    ask.map(|ask| ask.experiment)
+        .ok_or_else(|| format!("{}: no experiment is asked for in its field `ask`", path.display()))
+}
+
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, String> {
+    let text =
+        std::fs::read_to_string(path).map_err(|error| format!("cannot read {}: {error}", path.display()))?;
+    serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 fn bench(choices: &BenchChoices) -> Result<(), String> {
@@ -203,10 +226,7 @@ fn long_recordings(choices: &LongChoices) -> Result<(), String> {
 fn detectable(files: &[PathBuf]) -> Result<(), String> {
     let mut judged: Vec<Judged> = Vec::new();
     for file in files {
-        let text = std::fs::read_to_string(file)
-            .map_err(|error| format!("cannot read {}: {error}", file.display()))?;
-        let kept: Kept =
-            serde_json::from_str(&text).map_err(|error| format!("{}: {error}", file.display()))?;
+        let kept: Kept = read_json(file)?;
         judged.extend(kept.sessions);
     }
     println!("{}", summary::detectable(&judged));

@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::families::{are_family, is_declared_for, same_columns};
-use super::scenario::Experiment;
-use super::truth::Truth;
+use super::scenario::Performed;
+use super::truth::{Outcome, Truth};
 
 /// Names of an ambiguous finding with at least this probability belong to its set.
 pub const RIVAL_PROBABILITY_MIN: f64 = 0.05;
@@ -102,9 +102,12 @@ pub struct Judged {
     pub length_s: f64,
     /// Error message if there is no finding.
     pub failure: Option<String>,
-    /// Experiments that the program asked for and got.
+    /// Whether the program needs no experiment.
     #[serde(default)]
-    pub experiments: Vec<Experiment>,
+    pub decided: bool,
+    /// Experiments that the program asked for and got before this finding.
+    #[serde(default)]
+    pub experiments: Vec<Performed>,
 }
 
 /// Evaluates a printed finding; `twin_mm` is the gap before of the clean twin.
@@ -138,6 +141,7 @@ pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>,
         seconds,
         length_s: truth.length_s,
         failure: None,
+        decided: false,
         experiments: Vec::new(),
     };
     match printed {
@@ -171,6 +175,7 @@ impl Judged {
     fn take(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
         let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
         self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
+        self.decided = finding["decided"].as_bool().unwrap_or(false);
         for label in effects.iter().map(reported_label) {
             // Count one effect in two spans, such as one with a flipped sign, once.
             if !self.named.contains(&label) {
@@ -230,6 +235,25 @@ impl Judged {
             Class::Outside => name == OUTSIDE,
             Class::Clean => false,
         }
+    }
+
+    /// The finding against the truth.
+    pub fn outcome(&self) -> Outcome {
+        let is_right = match self.class {
+            Class::Outside => self.declared,
+            _ => self.named.iter().all(|name| self.is_right(name)),
+        };
+        match (self.class, self.verdict.as_str()) {
+            (Class::Clean, "none") | (Class::Outside, "unexplained") => Outcome::Right,
+            (_, "named") if is_right => Outcome::Right,
+            (_, "named") => Outcome::Wrong,
+            _ => Outcome::Undecided,
+        }
+    }
+
+    /// The finding after at most this many experiments against the truth.
+    pub fn outcome_after(&self, experiments: usize) -> Outcome {
+        self.experiments.get(experiments).map_or_else(|| self.outcome(), |next| next.before)
     }
 
     /// Stated probabilities that may be counted: an unexplained finding states no names.

@@ -139,7 +139,8 @@ impl Long {
             reference: [identified_s, taken_s],
             work: [taken_s, self.length_s],
         };
-        Script { worker, spans, length_s: self.simulated_s, places: Vec::new(), turned: false }
+        let length_s = self.simulated_s;
+        Script { worker, spans, length_s, unasked_s: length_s, places: Vec::new(), turned: false }
     }
 }
 

@@ -82,15 +82,19 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
     Ok(dealt.into_iter().enumerate().map(plan).collect())
 }
 
-/// Generates all sessions, in parallel on all processors; `done` is called for each.
+/// Generates all sessions, each continued by experiments, in parallel on all processors; `done` is called for each.
 ///
 /// # Errors
 /// A message: a folder or file cannot be written, or a name is unknown.
-pub fn make(order: &Order, done: impl Fn(&Truth) + Sync) -> Result<Vec<Truth>, String> {
+pub fn make(
+    order: &Order,
+    experiments: &[Experiment],
+    done: impl Fn(&Truth) + Sync,
+) -> Result<Vec<Truth>, String> {
     let plans = plans(order)?;
     prepare(order)?;
     let made = ask_all(&plans, |plan| {
-        let truth = make_one(plan, order, &[])?;
+        let truth = make_one(plan, order, experiments)?;
         done(&truth);
         Ok(truth)
     });
@@ -260,7 +264,7 @@ mod tests {
         let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
         for folder in &folders {
             let order = Order { twins: true, ..order(folder.path().to_owned(), 1) };
-            let truths = make(&order, |_| {}).unwrap();
+            let truths = make(&order, &[], |_| {}).unwrap();
             assert!(truths[0].effects.is_empty() || truths[0].effect_mm > 0.0);
         }
         let names = ["session-0001.mcap", "twins/session-0001.mcap", "truth/session-0001.json"];

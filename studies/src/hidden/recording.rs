@@ -6,10 +6,12 @@ use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader, WriteError};
 use equipoise_core::body::Sex;
 use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_simulator::burden::Burden;
 use equipoise_simulator::colour::{PlateColour, SuitColour, SuitColours};
 use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::kinematics::centre_m;
 use equipoise_simulator::noise::{PlateNoise, Suit};
+use equipoise_simulator::random::Random;
 use equipoise_simulator::realism::Realism;
 use equipoise_simulator::scene::{Hidden, Scene, SensedPlate};
 use nalgebra::Vector2;
@@ -52,13 +54,20 @@ pub struct Station {
 }
 
 impl Station {
-    /// A script with hidden effects; the noise is independent of them.
-    pub fn new(script: &Script, hidden: Hidden, noise: Noise, seed: u64) -> Station {
+    /// A script with hidden effects; the noise is independent of them, and before the experiments also of these.
+    pub fn new(script: &Script, mut hidden: Hidden, noise: Noise, seed: u64) -> Station {
         let colours = SuitColours::ORDINARY.times(noise.factor);
-        let length_s = script.length_s + 1.0;
-        let suit = Suit::new(Realism::REALISTIC.suit_noise(), seed)
-            .with_colour(SuitColour::new(colours, seed, length_s));
-        let colour = PlateColour::new(noise.factor, seed, length_s);
+        let (unasked_s, length_s) = (script.unasked_s + 1.0, script.length_s + 1.0);
+        let mut suit_colour = SuitColour::new(colours, seed, unasked_s);
+        suit_colour.extend(length_s);
+        let suit = Suit::new(Realism::REALISTIC.suit_noise(), seed).with_colour(suit_colour);
+        let mut colour = PlateColour::new(noise.factor, seed, unasked_s);
+        colour.extend(seed, length_s);
+        for (burden, _) in &mut hidden.burdens {
+            if let Burden::Push(_, _, variation) = burden {
+                variation.extend(&mut Random::new(seed, "push, continued"), length_s);
+            }
+        }
         let plate = SensedPlate::new(&hidden, colour, PlateNoise::ORDINARY, seed);
         Station {
             scene: Scene { worker: script.worker.clone(), suit, hidden },
@@ -227,6 +236,7 @@ mod tests {
     use super::*;
     use crate::hidden::ladder::nominal;
     use crate::hidden::make::{Plan, draw};
+    use crate::hidden::scenario::Experiment;
     use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
     use equipoise_core::message::{State, Validity};
     use equipoise_core::pose_suggestion::library::LIBRARY;
@@ -343,6 +353,36 @@ mod tests {
             }
         }
         assert!(with > 1000 && (without > 1000 || effect.from_beginning), "{with} {without}");
+    }
+
+    #[test]
+    fn an_experiment_continues_the_recording_and_changes_nothing_before() {
+        let plan = plan("hand_contact", 2.0, 22);
+        let session = draw(&plan, true);
+        let ask = Experiment { turn_deg: 90.0, poses: vec![LIBRARY[5].name.into()], ..Experiment::default() };
+        let longer = session.script.clone().continued(&ask);
+        assert!(longer.length_s > session.script.length_s + 8.0, "{} s", longer.length_s);
+        let samples = |script: &Script| {
+            let mut samples = Vec::new();
+            let mut station = Station::new(script, session.drawn.hidden.clone(), session.noise, plan.seed);
+            let keep = |sample| {
+                samples.push(match sample {
+                    Sample::Suit(message) => bytemuck::bytes_of(&*message).to_vec(),
+                    Sample::Ground { message, .. } => bytemuck::bytes_of(&*message).to_vec(),
+                });
+                Ok::<(), ()>(())
+            };
+            station.play(keep).unwrap();
+            samples
+        };
+        let (before, after) = (samples(&session.script), samples(&longer));
+        // Accelerations are differences of positions, so that the last instants depend on what follows.
+        let settled = before.len() - (SUIT_HZ + PLATE_HZ) as usize / 20;
+        let differs = before[..settled].iter().zip(&after).position(|(one, other)| one != other);
+        assert_eq!(differs, None, "of {} samples", before.len());
+        assert!(after.len() > before.len() + 8 * (SUIT_HZ + PLATE_HZ) as usize);
+        let last = longer.places.last().unwrap();
+        assert!((last.heading_deg - session.script.places.last().unwrap().heading_deg - 90.0).abs() < 1e-9);
     }
 
     #[test]

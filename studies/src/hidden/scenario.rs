@@ -7,10 +7,11 @@ use equipoise_simulator::limits;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::random::Random;
 use equipoise_simulator::walk::Place;
-use nalgebra::Vector2;
+use nalgebra::{Rotation2, Vector2};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use super::truth::{Spans, Standing as Stands};
+use super::truth::{Outcome, Spans, Standing as Stands};
 use crate::subject::Subject;
 
 /// Durations of the parts.
@@ -47,7 +48,7 @@ const RISE_S: f64 = 1.2;
 const TURNED_DEG: f64 = 25.0;
 
 /// An experiment that a program asks for, as in the field `ask` of its finding.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Experiment {
     /// Poses of the library, by name.
     #[serde(default)]
@@ -62,6 +63,26 @@ pub struct Experiment {
     pub fast: bool,
 }
 
+/// An experiment that the program asked for and got.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Performed {
+    /// What the simulated person did.
+    #[serde(flatten)]
+    pub experiment: Experiment,
+    /// Stated probability that it decides.
+    pub decides: f64,
+    /// The finding before it.
+    pub before: Outcome,
+}
+
+impl Performed {
+    /// The field `ask` of a finding, once performed; `None` if it is null.
+    pub fn asked(ask: &Value) -> Option<Performed> {
+        let experiment = serde_json::from_value(ask.clone()).ok()?;
+        Some(Performed { experiment, decides: ask["decides"].as_f64()?, before: Outcome::Undecided })
+    }
+}
+
 /// A session's script, played.
 #[derive(Debug, Clone)]
 pub struct Script {
@@ -71,6 +92,8 @@ pub struct Script {
     pub spans: Spans,
     /// Its length, s.
     pub length_s: f64,
+    /// The same without experiments: the noise before them does not depend on them.
+    pub unasked_s: f64,
     /// Standing places of the worker.
     pub places: Vec<Stands>,
     /// Whether the worker turned in the work.
@@ -96,7 +119,7 @@ pub fn play(subject: &Subject, habits: Habits, lengths: &Lengths) -> Script {
     let turned = places.iter().any(|place| place.heading_deg.abs() >= TURNED_DEG && place.from_s < now_s);
     let spans =
         Spans { identify: [0.0, identified_s], reference: [identified_s, known_s], work: [known_s, now_s] };
-    Script { worker, spans, length_s: now_s, places, turned }
+    Script { worker, spans, length_s: now_s, unasked_s: now_s, places, turned }
 }
 
 /// Two or three other places in most sessions, and their times within the work.
@@ -135,12 +158,12 @@ struct Player {
 impl Script {
     /// The same session, continued by an experiment at its end; its work lasts as long.
     pub fn continued(self, experiment: &Experiment) -> Script {
-        let Script { worker, mut spans, length_s, places, turned } = self;
+        let Script { worker, mut spans, length_s, unasked_s, places, turned } = self;
         let mut played = Player { worker, places, now_s: length_s };
         played.experiment(experiment);
         let Player { worker, places, now_s } = played;
         spans.work[1] = now_s;
-        Script { worker, spans, length_s: now_s, places, turned }
+        Script { worker, spans, length_s: now_s, unasked_s, places, turned }
     }
 }
 
@@ -152,10 +175,12 @@ impl Player {
         if let Some(last) = self.places.last().copied()
             && (ask.turn_deg != 0.0 || ask.step_m != [0.0; 2])
         {
-            let [x, y] = last.middle_m;
+            let heading_rad = last.heading_deg.to_radians();
+            // Forward and left of the person, not of the plate.
+            let step_m = Rotation2::new(heading_rad) * Vector2::from(ask.step_m);
             self.go(Place {
-                middle_m: Vector2::new(x + ask.step_m[0], y + ask.step_m[1]),
-                heading_rad: (last.heading_deg + ask.turn_deg).to_radians(),
+                middle_m: Vector2::from(last.middle_m) + step_m,
+                heading_rad: heading_rad + ask.turn_deg.to_radians(),
             });
         }
         if ask.fast {

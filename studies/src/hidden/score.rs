@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::judge::{Judged, judge};
 use super::make::{self, Order};
-use super::scenario::Experiment;
+use super::scenario::{Experiment, Performed};
 use super::truth::Truth;
 use crate::subject::ask_all;
 
@@ -94,16 +94,17 @@ pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
     asking.check()?;
     make::prepare(order)?;
     let judged = ask_all(&plans, |plan| {
-        let mut experiments = Vec::new();
+        let mut performed: Vec<Performed> = Vec::new();
         loop {
             let files = Files::of(&order.out, &plan.session);
+            let experiments: Vec<Experiment> = performed.iter().map(|one| one.experiment.clone()).collect();
             let scored = make::make_one(plan, order, &experiments).and_then(|_| score_one(&files, asking));
             files.delete();
             let (judged, next) = scored?;
-            match next.filter(|_| experiments.len() < asking.experiments) {
-                Some(next) => experiments.push(next),
+            match next.filter(|_| !judged.decided && performed.len() < asking.experiments) {
+                Some(next) => performed.push(Performed { before: judged.outcome(), ..next }),
                 None => {
-                    let judged = Judged { experiments, ..judged };
+                    let judged = Judged { experiments: performed, ..judged };
                     done(&judged);
                     return Ok(judged);
                 }
@@ -114,7 +115,7 @@ pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
 }
 
 /// Evaluates one session; also returns the experiment that the program asks for.
-fn score_one(files: &Files, asking: &Asking) -> Result<(Judged, Option<Experiment>), String> {
+fn score_one(files: &Files, asking: &Asking) -> Result<(Judged, Option<Performed>), String> {
     let text = std::fs::read_to_string(&files.truth)
         .map_err(|error| format!("cannot read {}: {error}", files.truth.display()))?;
     let truth: Truth =
@@ -123,7 +124,7 @@ fn score_one(files: &Files, asking: &Asking) -> Result<(Judged, Option<Experimen
     let started = Instant::now();
     let printed = ask(&files.recording, &truth, asking);
     let seconds = started.elapsed().as_secs_f64();
-    let next = printed.as_ref().ok().and_then(|finding| serde_json::from_value(finding["ask"].clone()).ok());
+    let next = printed.as_ref().ok().and_then(|finding| Performed::asked(&finding["ask"]));
     let twin_mm = files.twin.as_ref().and_then(|twin| {
         let finding = ask(twin, &truth, asking).ok()?;
         finding["gap"]["before_mm"].as_f64()
@@ -162,6 +163,7 @@ mod tests {
     use super::*;
     use crate::hidden::judge::Class;
     use crate::hidden::judge::tests::{finding, truth};
+    use crate::hidden::truth::Outcome;
     use serde_json::json;
     use std::os::unix::fs::PermissionsExt;
 
@@ -215,6 +217,45 @@ mod tests {
         assert_eq!(judged[0].verdict, "failed");
         let failure = judged[0].failure.as_deref().unwrap();
         assert!(failure.contains("asked: reconcile") && !failure.contains("--work"), "{failure}");
+    }
+
+    #[test]
+    fn an_undecided_session_is_continued_by_what_is_asked_until_it_is_decided() {
+        let folder = tempfile::tempdir().unwrap();
+        let load = json!({"mass_kg": {"value": 0.5, "sigma": 0.05, "unit": "kg"}});
+        let effects = [("hand_load", json!({"hand": "right"}), load)];
+        let [mut open, mut decided] = ["ambiguous", "named"].map(|verdict| finding(verdict, &effects, &[]));
+        open["ask"] =
+            json!({"turn_deg": 0.0, "step_m": [0.0, 0.0], "still_s": 20.0, "fast": false, "decides": 0.7});
+        open["decided"] = false.into();
+        // A decided finding may ask for more; nothing is done.
+        decided["ask"] = open["ask"].clone();
+        decided["decided"] = true.into();
+        let path = program(folder.path(), &open, "reconcile");
+        let script = std::fs::read_to_string(&path).unwrap();
+        let second = format!(
+            "#!/bin/sh\nif [ \"$1\" = reconcile ] && [ -e {0} ]; then echo '{decided}'; exit; fi\n[ \"$1\" = reconcile ] && touch {0}\n",
+            folder.path().join("asked").display()
+        );
+        std::fs::write(&path, script.replacen("#!/bin/sh\n", &second, 1)).unwrap();
+        let bench = |experiments: usize| {
+            let out = folder.path().join(experiments.to_string());
+            let (only, fast) = (Some("hand_load right".into()), true);
+            let order = Order { out, sessions: 1, seed: 3, only, fast, twins: false };
+            let asking = Asking { program: path.clone(), finds_spans: false, experiments };
+            bench(&order, &asking, |_| {}).unwrap().remove(0)
+        };
+        let without = bench(0);
+        assert_eq!((without.outcome(), without.experiments.len()), (Outcome::Undecided, 0));
+        std::fs::remove_file(folder.path().join("asked")).unwrap();
+        let with = bench(2);
+        assert_eq!((with.outcome(), with.experiments.len()), (Outcome::Right, 1), "{:?}", with.failure);
+        assert_eq!(
+            [0, 1, 2].map(|after| with.outcome_after(after)),
+            [Outcome::Undecided, Outcome::Right, Outcome::Right]
+        );
+        assert!((with.experiments[0].decides - 0.7).abs() < 1e-12);
+        assert!(with.length_s - without.length_s > 20.0, "{} after {} s", with.length_s, without.length_s);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::experiments;
 use super::judge::{Class, Judged};
 use super::ladder::{NOMINAL, RUNGS};
 use crate::table::{Cell, Table};
@@ -15,14 +16,16 @@ const STATED_BINS: [f64; 8] = [0.02, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.1];
 
 /// All tables.
 pub fn tables(judged: &[Judged]) -> Vec<Table> {
-    vec![
+    let mut tables = vec![
         overview(judged),
         reliability(judged),
         by_size(judged),
         confusion(judged),
         outside(judged),
         parameters(judged),
-    ]
+    ];
+    tables.extend(experiments::tables(judged));
+    tables
 }
 
 fn share(part: usize, whole: usize) -> Cell {
@@ -69,7 +72,8 @@ fn is_partial(one: &Judged) -> bool {
     one.class == Class::Single && one.comes_and_goes
 }
 
-fn is_detectable(one: &Judged) -> bool {
+/// Whether one effect of at least its nominal detectable size is hidden, and not present during identification.
+pub(super) fn is_detectable(one: &Judged) -> bool {
     one.class == Class::Single && !one.from_beginning && one.sizes.iter().all(|size| *size >= 1.0)
 }
 
@@ -116,8 +120,6 @@ fn notes(table: &mut Table, judged: &[Judged], over: Vec<f64>) {
             .map_or("-".into(), |[_, median, upper]| format!("median {median:.2}, upper quartile {upper:.2}"))
     };
     table.note(format!("gap after / oracle's gap, where exact or in the family: {}", middle(over)));
-    let with = |count: usize| judged.iter().filter(|one| one.experiments.len() >= count).count();
-    table.note(format!("sessions with an experiment: {}, with two or more: {}", with(1), with(2)));
     table.note(format!("run time, s: {}", middle(judged.iter().map(|one| one.seconds).collect())));
     let per_ten_minutes = judged.iter().map(|one| one.seconds / one.length_s * 600.0).collect();
     table.note(format!("run time for ten minutes of recording, s: {}", middle(per_ten_minutes)));

@@ -92,3 +92,15 @@ impl Hidden {
         self.place.values().fold(self.name.clone(), |label, place| format!("{label} {place}"))
     }
 }
+
+/// A finding against the truth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outcome {
+    /// `named` with right names only; `none` for a clean session, `unexplained` for an effect outside the catalogue.
+    Right,
+    /// `named` with a wrong name.
+    Wrong,
+    /// Anything else.
+    Undecided,
+}

@@ -1,5 +1,5 @@
 //! `reconcile --session`: records a station, evaluates what was recorded so far at each Enter, and asks for the next
-//! measurement until one set of names is certain.
+//! measurement until the verdict is `named`.
 
 use std::io::{BufRead, stdin};
 use std::path::Path;
@@ -30,7 +30,7 @@ enum Next {
     End,
 }
 
-/// Records and evaluates until the finding is certain, the input ends or a signal comes; then writes the results.
+/// Records and evaluates until the verdict is `named`, the input ends or a signal comes; then writes the results.
 pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcome> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let recording = folder.join(RECORDING);
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
                 Ok(evaluated) => {
                     // The file is still written: its end is missing, which is no fault.
                     evaluated.print_finding(arguments)?;
-                    if is_certain(&evaluated.outcome.finding) {
+                    if evaluated.outcome.finding.verdict == Verdict::Named {
                         break;
                     }
                     eprintln!("{}", request(&evaluated.outcome.finding));
@@ -97,11 +97,6 @@ fn wait(lines: &Receiver<String>, is_over: &dyn Fn() -> bool) -> Next {
         }
     }
     Next::End
-}
-
-/// Whether another measurement would not change the names.
-fn is_certain(finding: &Finding) -> bool {
-    finding.verdict == Verdict::Named && finding.effects.iter().all(|named| named.family.is_empty())
 }
 
 /// What the worker should do next.
