@@ -7,6 +7,7 @@ use equipoise_core::body::JOINTS;
 use equipoise_core::frame::{Pose, StationWorld};
 use equipoise_core::handover::experience::{Corrected, Experience};
 use equipoise_core::handover::{self, Body, Part};
+use equipoise_core::overload::TorqueLimits;
 use equipoise_simulator::balance::Standing;
 use equipoise_simulator::motion::BodyState;
 use equipoise_simulator::person::Person;
@@ -31,9 +32,9 @@ const HANDOVERS: [u32; 2] = [0, 3];
 const PLACE_M: [[f64; 2]; 3] = [[0.3, 0.6], [-0.25, 0.25], [0.6, 1.5]];
 const MASS_KG: [f64; 2] = [3.0, 12.0];
 /// Distance between the grips, m.
-const WIDTH_M: f64 = 0.35;
+pub const WIDTH_M: f64 = 0.35;
 /// Mass of the part whose best place is searched for, kg, and the grid's spacing, m.
-const PART_KG: f64 = 6.0;
+pub const PART_KG: f64 = 6.0;
 const SPACING_M: f64 = 0.05;
 /// A place is as good as the best one within this distance, m, or within this fraction of its overload.
 const CLOSE_M: f64 = 0.05;
@@ -139,12 +140,17 @@ impl Holder {
     /// Largest share of a joint's limit while the person holds the part at this place.
     fn true_share(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<f64> {
         let state = self.holds(at_m, mass_kg)?;
-        let torque_nm = static_overload_nm(&self.person, &state).map(Into::into);
-        let pose: Pose<StationWorld> = Pose::new(state.origin_m, state.world_from_segment);
-        let limit_nm = self.body.limits.along_nm(&pose, &torque_nm);
-        let share = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
-        Some((0..JOINTS).map(share).fold(0.0, f64::max))
+        Some(true_worst_share(&self.body.limits, &self.person, &state))
     }
+}
+
+/// Largest true share of a joint's limit of a person at rest in this state.
+pub(crate) fn true_worst_share(limits: &TorqueLimits, person: &Person, state: &BodyState) -> f64 {
+    let torque_nm = static_overload_nm(person, state).map(Into::into);
+    let pose: Pose<StationWorld> = Pose::new(state.origin_m, state.world_from_segment);
+    let limit_nm = limits.along_nm(&pose, &torque_nm);
+    let share = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
+    (0..JOINTS).map(share).fold(0.0, f64::max)
 }
 
 /// One subject's results; `None` if no place of the grid is feasible.
@@ -189,7 +195,7 @@ fn somewhere(random: &mut Random) -> (Vector3<f64>, f64) {
 }
 
 /// The places in front of the person.
-fn grid() -> impl Iterator<Item = Vector3<f64>> {
+pub(crate) fn grid() -> impl Iterator<Item = Vector3<f64>> {
     let along = |axis: usize| {
         let [low, high] = PLACE_M[axis];
         let steps = ((high - low) / SPACING_M).round() as u32;
