@@ -193,7 +193,7 @@ fn bend_arms(
             };
             (world_from_arm(upper), world_from_arm(lower))
         };
-        // A grip beside the forearm's axis misses the target by its offset: the arm aims as far to the other side.
+        // A grip off the forearm's axis misses the target by its offset: the arm aims as far to the other side.
         let mut aim = to_target;
         let (mut world_from_upper, mut world_from_lower) = rotations(aim);
         for _ in 0..AIMS {
