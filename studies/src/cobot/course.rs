@@ -107,15 +107,4 @@ mod tests {
         course.end(at_m, Some(0.3));
         assert_eq!(course.next(), None);
     }
-
-    #[test]
-    fn a_worker_who_is_relieved_nowhere_stays_at_the_fixed_place() {
-        let mut course = Course::new(planner());
-        course.end(FIXED_M, Some(0.01));
-        for _ in 0..LEARNING {
-            let (_, at_m) = course.next().unwrap();
-            course.end(at_m, Some(0.9));
-        }
-        assert_eq!(course.next(), Some((Purpose::Assisted, FIXED_M)));
-    }
 }
