@@ -16,6 +16,7 @@ use crate::march::March;
 use crate::person::Person;
 use crate::pose::Pose;
 use crate::random::{Random, Wander};
+use crate::reach::{HeldPart, ReachHabits, reach};
 use crate::schedule::Schedule;
 use crate::stance::Stance;
 use crate::stomp::Stomps;
@@ -27,6 +28,8 @@ pub(crate) const DIFFERENCE_S: f64 = 0.002;
 const GRASP_S: f64 = 0.3;
 /// Time in which the body adapts its balance to a new load, longer than the load's onset, s.
 const LEAN_S: f64 = 1.2;
+/// Duration of reaching for a part, and of standing up after it, s.
+const REACH_S: f64 = 1.8;
 /// Frequencies at which the pressure point of a foot changes: from minutes of standing to a few poses of work, Hz.
 const PRESS_HZ: [f64; 2] = [0.01, 0.3];
 /// A foot whose ankle is higher than in standing by this is in the air, m.
@@ -254,6 +257,35 @@ impl Worker {
         }
         self.lift(mass_kg, at_s + 2.2);
         self.put_down(at_s + 14.5);
+    }
+
+    /// Reaches for a part that is held there, takes its weight, gives it back after `for_s` and stands straight. Unlike in
+    /// other motions the hands are exactly where the part is. Returns when the body is at rest with the whole weight,
+    /// and when that ends, s; `None`, and the person does nothing, if the part is out of reach.
+    pub fn hold_part(
+        &mut self,
+        habits: &ReachHabits,
+        part: &HeldPart,
+        mass_kg: f64,
+        at_s: f64,
+        for_s: f64,
+    ) -> Option<[f64; 2]> {
+        let balance_m = self.stance.between_the_feet_m(habits.balance_ahead_m);
+        let [empty, loaded] = [0.0, mass_kg].map(|load_kg| {
+            let (person, stance) = (&self.person, &self.stance);
+            let standing = Standing { person, com_m: &person.com_m, stance, load_kg };
+            reach(&standing, habits, part).map(|(pose, _)| Aim { pose, balance_m })
+        });
+        let (empty, loaded) = (empty?, loaded?);
+        // With the weight the body leans back, and the arms stretch by as much: the hands stay at the part.
+        let (taken_s, given_s) = (at_s + REACH_S, at_s + REACH_S + LEAN_S + for_s);
+        self.aims.push(empty, at_s, REACH_S);
+        self.aims.push(loaded, taken_s, LEAN_S);
+        self.lift(mass_kg, taken_s);
+        self.aims.push(empty, given_s, LEAN_S);
+        self.put_down(given_s);
+        self.intend(&Intention::STAND, given_s + LEAN_S, REACH_S);
+        Some([taken_s + LEAN_S, given_s])
     }
 
     /// Marches on the spot: the given number of steps, the feet alternately some 9 cm off the floor. Returns its end,

@@ -57,6 +57,8 @@ const TWIST_MAX_DEG: f64 = 35.0;
 /// Pelvis and arms move each other, so both are computed again until the hands are this close, m.
 const TOLERANCE_M: f64 = 1e-4;
 const ITERATIONS_MAX: usize = 60;
+/// Corrections of an arm's aim: each leaves a small fraction of the miss.
+const AIMS: usize = 8;
 
 /// A part to hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -163,31 +165,41 @@ fn bend_arms(
         let hand = side.hand().index();
         let (shoulder, upper_arm, forearm) = (hand - 3, hand - 2, hand - 1);
         let sign = if side == Side::Left { 1.0 } else { -1.0 };
-        let reach = target[k] - body.origin_m[upper_arm];
-        let [upper_m, lower_m] = arm_m(person);
-        let length_m = reach.norm().clamp((upper_m - lower_m).abs() + 1e-3, upper_m + lower_m - 1e-4);
-        let along = reach.normalize();
-        // The elbow hangs below the line from shoulder to hand, rotated outwards about it.
-        let down = -Vector3::z();
-        let hanging = (down - along * down.dot(&along)).try_normalize(1e-6).unwrap_or(-Vector3::x());
-        let out = UnitQuaternion::from_axis_angle(
-            &nalgebra::Unit::new_normalize(along),
-            sign * habits.elbow_out_deg.to_radians(),
-        );
-        let elbow_side = out * hanging;
-        let cosine =
-            (upper_m * upper_m + length_m * length_m - lower_m * lower_m) / (2.0 * upper_m * length_m);
-        let angle = cosine.clamp(-1.0, 1.0).acos();
-        let upper = along * angle.cos() + elbow_side * angle.sin();
-        let lower = (along * length_m - upper * upper_m).normalize();
-        // T-pose: the arm points along ±Y; its Z axis is that of the elbow, about which the forearm bends forward.
-        let axis = (upper.cross(&lower) * -sign).try_normalize(1e-9).unwrap_or(elbow_side.cross(&upper));
-        let world_from_arm = |direction: Vector3<f64>| {
-            let y = direction * sign;
-            let axes = Matrix3::from_columns(&[y.cross(&axis), y, axis]);
-            UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
+        let to_grip = person.offset_m[hand] + person.grip_m[k];
+        let [upper_m, lower_m] = [person.offset_m[forearm].norm(), to_grip.norm()];
+        let to_target = target[k] - body.origin_m[upper_arm];
+        let rotations = |reach: Vector3<f64>| {
+            let length_m = reach.norm().clamp((upper_m - lower_m).abs() + 1e-3, upper_m + lower_m - 1e-4);
+            let along = reach.normalize();
+            // The elbow hangs below the line from shoulder to hand, rotated outwards about it.
+            let down = -Vector3::z();
+            let hanging = (down - along * down.dot(&along)).try_normalize(1e-6).unwrap_or(-Vector3::x());
+            let out = UnitQuaternion::from_axis_angle(
+                &nalgebra::Unit::new_normalize(along),
+                sign * habits.elbow_out_deg.to_radians(),
+            );
+            let elbow_side = out * hanging;
+            let cosine =
+                (upper_m * upper_m + length_m * length_m - lower_m * lower_m) / (2.0 * upper_m * length_m);
+            let angle = cosine.clamp(-1.0, 1.0).acos();
+            let upper = along * angle.cos() + elbow_side * angle.sin();
+            let lower = (along * length_m - upper * upper_m).normalize();
+            // T-pose: the arm points along ±Y; its Z axis is that of the elbow, about which the forearm bends forward.
+            let axis = (upper.cross(&lower) * -sign).try_normalize(1e-9).unwrap_or(elbow_side.cross(&upper));
+            let world_from_arm = |direction: Vector3<f64>| {
+                let y = direction * sign;
+                let axes = Matrix3::from_columns(&[y.cross(&axis), y, axis]);
+                UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
+            };
+            (world_from_arm(upper), world_from_arm(lower))
         };
-        let (world_from_upper, world_from_lower) = (world_from_arm(upper), world_from_arm(lower));
+        // A grip off the forearm's axis misses the target by its offset: the arm aims as far to the other side.
+        let mut aim = to_target;
+        let (mut world_from_upper, mut world_from_lower) = rotations(aim);
+        for _ in 0..AIMS {
+            aim += to_target - (world_from_upper * person.offset_m[forearm] + world_from_lower * to_grip);
+            (world_from_upper, world_from_lower) = rotations(aim);
+        }
         pose.parent_from_segment[upper_arm] = world_from[shoulder].inverse() * world_from_upper;
         pose.parent_from_segment[forearm] = world_from_upper.inverse() * world_from_lower;
         pose.parent_from_segment[hand] = UnitQuaternion::identity();

@@ -9,7 +9,7 @@ use equipoise_simulator::realism::Realism;
 use crate::subject::Crowd;
 use crate::table::Table;
 use crate::{
-    back, clocks, coverage, early, faults, handover, hidden, lifting, natural, paper, poses, restarts,
+    back, clocks, cobot, coverage, early, faults, handover, hidden, lifting, natural, paper, poses, restarts,
     sources,
 };
 
@@ -63,6 +63,9 @@ enum Question {
     /// Predicted overload of a part handed over at a place, and the best place
     #[command(after_help = "Example: equipoise-study handover --subjects 20")]
     Handover(Choices),
+    /// Overload with a part presented by a cobot: at a fixed place, and where the estimate says
+    #[command(after_help = "Example: equipoise-study cobot --subjects 20")]
+    Cobot(Choices),
     /// Blind benchmark of the discrepancy workflow: sessions with hidden effects
     Hidden {
         #[command(subcommand)]
@@ -116,6 +119,7 @@ pub fn main() -> ExitCode {
         Question::Restarts(choices) => choices.answer(restarts::study),
         Question::Faults(choices) => choices.answer(faults::study),
         Question::Handover(choices) => choices.answer(handover::study),
+        Question::Cobot(choices) => choices.answer(cobot::study),
         Question::Hidden { task } => return hidden::cli::run(&task),
     }
     ExitCode::SUCCESS
@@ -129,7 +133,7 @@ mod tests {
     fn every_question_takes_the_same_choices() {
         for question in [
             "paper", "poses", "lifting", "natural", "coverage", "back", "sources", "clocks", "early",
-            "restarts", "faults",
+            "restarts", "faults", "handover", "cobot",
         ] {
             let arguments = ["equipoise-study", question, "--subjects", "3", "--seed", "9", "--json"];
             assert!(Cli::try_parse_from(arguments).is_ok(), "{question}");

@@ -107,7 +107,8 @@ impl Findings {
         if !publishes_torques(state) {
             return;
         }
-        if let Some((_, early_nm)) = pending.1.iter().find(|(time_s, _)| (time_s - moment.time_s).abs() < 1e-6)
+        if let Some((_, early_nm)) =
+            pending.1.iter().find(|(time_s, _)| (time_s - moment.time_s).abs() < 1e-6)
         {
             for (group, sums) in self.difference_nm.iter_mut().enumerate() {
                 for joint in joints_of(group) {

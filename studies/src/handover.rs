@@ -8,6 +8,7 @@ use equipoise_core::frame::{Pose, StationWorld};
 use equipoise_core::handover::experience::{Experience, LimitRatio};
 use equipoise_core::handover::search::{Region, SPACING_M, places};
 use equipoise_core::handover::{self, Body, Part};
+use equipoise_core::overload::TorqueLimits;
 use equipoise_simulator::balance::Standing;
 use equipoise_simulator::motion::BodyState;
 use equipoise_simulator::person::Person;
@@ -32,9 +33,9 @@ const HANDOVERS: [u32; 2] = [0, 3];
 const PLACE_M: Region = [[0.3, 0.6], [-0.25, 0.25], [0.6, 1.5]];
 const MASS_KG: [f64; 2] = [3.0, 12.0];
 /// Distance between the grips, m.
-const WIDTH_M: f64 = 0.35;
+pub const WIDTH_M: f64 = 0.35;
 /// Mass of the part whose best place is searched for, kg.
-const PART_KG: f64 = 6.0;
+pub const PART_KG: f64 = 6.0;
 /// A place is as good as the best one within this distance, m, or within this fraction of its overload.
 const CLOSE_M: f64 = 0.05;
 const CLOSE_FRACTION: f64 = 0.05;
@@ -142,12 +143,17 @@ impl Holder {
     /// Largest limit ratio of a joint while the person holds the part at this place.
     fn true_limit_ratio(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<f64> {
         let state = self.holds(at_m, mass_kg)?;
-        let torque_nm = static_overload_nm(&self.person, &state).map(Into::into);
-        let pose: Pose<StationWorld> = Pose::new(state.origin_m, state.world_from_segment);
-        let limit_nm = self.body.limits.along_nm(&pose, &torque_nm);
-        let limit_ratio = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
-        Some((0..JOINTS).map(limit_ratio).fold(0.0, f64::max))
+        Some(true_worst_limit_ratio(&self.body.limits, &self.person, &state))
     }
+}
+
+/// Largest true share of a joint's limit of a person at rest in this state.
+pub(crate) fn true_worst_limit_ratio(limits: &TorqueLimits, person: &Person, state: &BodyState) -> f64 {
+    let torque_nm = static_overload_nm(person, state).map(Into::into);
+    let pose: Pose<StationWorld> = Pose::new(state.origin_m, state.world_from_segment);
+    let limit_nm = limits.along_nm(&pose, &torque_nm);
+    let share = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
+    (0..JOINTS).map(share).fold(0.0, f64::max)
 }
 
 /// One subject's results; `None` if no place of the grid is feasible.
@@ -192,7 +198,7 @@ fn somewhere(random: &mut Random) -> (Vector3<f64>, f64) {
 }
 
 /// The places in the person's middle plane.
-fn grid() -> impl Iterator<Item = Vector3<f64>> {
+pub(crate) fn grid() -> impl Iterator<Item = Vector3<f64>> {
     let [forward, _, up] = PLACE_M;
     places([forward, [0.0, 0.0], up])
 }

@@ -2,13 +2,14 @@
 //!
 //! Layers, lowest first, each dependent only on the previous ones: [`subject`] → [`sensors`] → [`mixtures`] →
 //! [`session`] → [`tasks`], [`tally`], [`table`], [`variants`] → the studies: [`paper`], [`poses`], [`lifting`],
-//! [`natural`], [`coverage`], [`back`], [`sources`], [`clocks`], [`early`], [`restarts`], [`hidden`] → [`cli`]. All results follow
-//! from a seed and are independent of the number of threads.
+//! [`natural`], [`coverage`], [`back`], [`sources`], [`clocks`], [`early`], [`restarts`], [`handover`] → [`cobot`],
+//! [`hidden`] → [`cli`]. All results follow from a seed and are independent of the number of threads.
 #![forbid(unsafe_code)]
 
 pub mod back;
 pub mod cli;
 pub mod clocks;
+pub mod cobot;
 pub mod coverage;
 pub mod early;
 pub mod faults;

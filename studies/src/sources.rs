@@ -235,8 +235,8 @@ mod tests {
         let (moving, sheared) = (mm(&insoles.work), mm(&plates.work));
         assert!(moving > sheared && moving < sheared + 8.0, "{moving} mm by insoles, {sheared} mm by plates");
         for (group, known) in GROUPS.iter().enumerate() {
-            let [by_insoles, by_plates] =
-                [&insoles, &plates].map(|findings| findings.torques.0[group].error_nm.rms().unwrap_or(f64::MAX));
+            let [by_insoles, by_plates] = [&insoles, &plates]
+                .map(|findings| findings.torques.0[group].error_nm.rms().unwrap_or(f64::MAX));
             let name = known.0;
             assert!(
                 by_insoles < 1.4 * by_plates + 3.0,

@@ -250,43 +250,9 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cobot::monitor::LimitMonitor;
     use crate::cobot::program::start_rad;
     use crate::random::Random;
-
-    /// Observes the limits from outside: by differences of positions, not by the motion's own velocities.
-    struct Monitor {
-        limits: Limits,
-        q_rad: [Joints; 3],
-        tcp_m: [Vector3<f64>; 3],
-        largest: [f64; 4],
-    }
-
-    impl Monitor {
-        fn new(motion: &Motion) -> Monitor {
-            let (q_rad, tcp_m) = ([motion.q_rad; 3], [motion.tcp_m(); 3]);
-            Monitor { limits: motion.limits, q_rad, tcp_m, largest: [0.0; 4] }
-        }
-
-        fn check(&mut self, motion: &Motion) {
-            self.q_rad = [self.q_rad[1], self.q_rad[2], motion.q_rad];
-            self.tcp_m = [self.tcp_m[1], self.tcp_m[2], motion.tcp_m()];
-            let velocity = |[_, before, now]: [Joints; 3]| (now - before).amax() / STEP_S;
-            let tcp = |[_, before, now]: [Vector3<f64>; 3]| (now - before).norm() / STEP_S;
-            let [a, b, c] = self.q_rad;
-            let [d, e, f] = self.tcp_m;
-            let values = [
-                (velocity(self.q_rad), self.limits.joint_rad_per_s),
-                ((a - b * 2.0 + c).amax() / (STEP_S * STEP_S), self.limits.joint_rad_per_s2),
-                (tcp(self.tcp_m), self.limits.tcp_m_per_s),
-                ((d - e * 2.0 + f).norm() / (STEP_S * STEP_S), self.limits.tcp_m_per_s2),
-            ];
-            for (index, (value, limit)) in values.into_iter().enumerate() {
-                assert!(value <= limit, "limit {index}: {value} > {limit}");
-                self.largest[index] = self.largest[index].max(value / limit);
-            }
-            assert!(motion.workspace.margin_m(&motion.tcp_m()) > 0.0, "outside: {}", motion.tcp_m());
-        }
-    }
 
     fn motion() -> Motion {
         Motion::new(start_rad(), Limits::default(), Workspace::default()).unwrap()
@@ -296,7 +262,7 @@ mod tests {
     fn no_limit_is_exceeded_in_an_hour_of_random_commands() {
         let mut random = Random::new(1, "cobot");
         let (mut motion, mut command) = (motion(), Command::Stop);
-        let mut monitor = Monitor::new(&motion);
+        let mut monitor = LimitMonitor::new(&motion, Limits::default());
         for _ in 0..3_600 * 500 {
             if random.happens(0.01) {
                 // A third are outside the workspace, some by metres.
@@ -312,10 +278,11 @@ mod tests {
                 motion.unlock();
             }
             motion.step(command);
-            monitor.check(&motion);
+            monitor.observe(&motion);
         }
+        assert_eq!(monitor.exceeded(), 0);
         // The test is one of the limits only if the motion uses them.
-        assert!(monitor.largest.iter().all(|used| *used > 0.6), "{:?}", monitor.largest);
+        assert!(monitor.largest().iter().all(|used| *used > 0.6), "{:?}", monitor.largest());
     }
 
     #[test]

@@ -69,6 +69,12 @@ impl CobotSettings {
         let (limits, workspace) = Default::default();
         CobotSettings { world_from_base, retreat_m, limits, workspace }
     }
+
+    /// Whether the TCP may be at a position of the station's world, m.
+    #[must_use]
+    pub fn permits(&self, at_m: &Vector3<f64>) -> bool {
+        self.workspace.permits(&base_position(self, at_m))
+    }
 }
 
 impl Default for CobotSettings {

@@ -7,6 +7,7 @@ use equipoise_simulator::kinematics::centre_m;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::{Suit, SuitNoise};
 use equipoise_simulator::person::Person;
+use equipoise_simulator::reach::{HeldPart, ReachHabits};
 use equipoise_simulator::truth::Truth;
 use nalgebra::Vector3;
 
@@ -144,4 +145,43 @@ fn a_perfect_suit_sees_the_truth_and_an_ordinary_one_is_a_degree_off() {
     let mean =
         (0..rotation.len()).map(|i| rotation[i].angle_to(&body.world_from_segment[i])).sum::<f64>() / 23.0;
     assert!((0.4..2.0).contains(&mean.to_degrees()), "{}", mean.to_degrees());
+}
+
+#[test]
+fn a_held_part_stays_in_the_hands_and_the_motion_is_smooth_and_balanced() {
+    let place =
+        |middle_m: [f64; 3]| HeldPart { middle_m: middle_m.into(), width_m: 0.35, aside: Vector3::y() };
+    for seed in 0..4 {
+        let person = Person::new(seed, 1.6 + 0.08 * seed as f64, 60.0 + 8.0 * seed as f64);
+        let weight_n = person.mass_kg * GRAVITY_M_PER_S2;
+        let mut worker = Worker::with_habits(person, seed, Habits::NONE);
+        let habits = ReachHabits::of(seed);
+        assert_eq!(worker.hold_part(&habits, &place([1.8, 0.0, 1.0]), 6.0, 0.0, 2.0), None);
+        let mut at_s = 1.0;
+        for middle_m in [[0.45, 0.0, 1.05], [0.35, 0.15, 1.35]] {
+            let part = place(middle_m);
+            let [taken_s, given_s] = worker.hold_part(&habits, &part, 6.0, at_s, 2.0).unwrap();
+            let mut before = worker.sample(at_s);
+            for step in 1..=((given_s + 3.5 - at_s) * 100.0) as u32 {
+                let truth = Truth::of(&worker, at_s + f64::from(step) * 0.01);
+                let (body, time_s) = (&truth.body, truth.time_s);
+                for (now, before) in body.origin_m.iter().zip(before.origin_m) {
+                    let m_per_s = (now - before).norm() / 0.01;
+                    assert!(m_per_s < 2.5, "seed {seed}, {time_s:.2} s: {m_per_s} m/s");
+                }
+                assert!(worker.stance().margin_m(truth.cop_m) > 0.0, "seed {seed}, {time_s:.2} s");
+                let vertical = truth.ground.force_n.z / weight_n;
+                assert!((0.7..1.3).contains(&vertical), "seed {seed}, {time_s:.2} s: {vertical}");
+                let off_m = (0.5 * (body.grip_m[0] + body.grip_m[1]) - part.middle_m).norm();
+                let is_held = (taken_s..given_s).contains(&time_s);
+                assert!(
+                    !is_held || (body.load_kg == 6.0 && off_m < 1e-3),
+                    "seed {seed}, {time_s:.2} s: {off_m}"
+                );
+                assert!(body.load_kg == 0.0 || off_m < 0.02, "seed {seed}, {time_s:.2} s: {off_m}");
+                before = truth.body;
+            }
+            at_s = given_s + 4.0;
+        }
+    }
 }

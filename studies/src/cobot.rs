@@ -1,0 +1,203 @@
+//! The closed loop: a cobot that presents a part where the estimate of the worker's overload says, against a fixed place.
+//!
+//! The controller has the published states and the identified body. The worker reaches by habits that are no input of the
+//! planner (`equipoise_simulator::reach`), and the effect is judged by the simulator's torques.
+
+pub mod course;
+pub mod held;
+pub mod planner;
+pub mod station;
+
+use nalgebra::Vector3;
+
+use crate::handover::PART_KG;
+use crate::subject::{Crowd, Subject, ask_all};
+use crate::table::{Cell, Table};
+use crate::tally::quartiles;
+use course::{Course, FIXED_M, Purpose};
+use held::Held;
+use station::Station;
+
+/// Results of one subject.
+#[derive(Debug, Clone)]
+pub struct Findings {
+    /// At the fixed place; `None` if the worker does not reach it or no torque was published.
+    baseline: Option<Held>,
+    /// Where the controller learned.
+    learning: Vec<Held>,
+    /// At the final place; that is the fixed one if no other is better by more than σ.
+    assisted: Option<(Vector3<f64>, Held)>,
+    /// Handovers without a measurement: the arm did not arrive, or the worker did not reach the part.
+    unmeasured: u64,
+    /// Steps of the arm outside its limits.
+    exceeded: u64,
+}
+
+impl Findings {
+    /// Limit ratios at the fixed and the final place, if both were measured.
+    fn both(&self) -> Option<[Held; 2]> {
+        Some([self.baseline?, self.assisted?.1])
+    }
+
+    /// Change of the true limit ratio, per cent of the baseline's.
+    fn change_percent(&self) -> Option<f64> {
+        let [before, after] = self.both()?;
+        Some(100.0 * (after.truth / before.truth - 1.0))
+    }
+
+    /// Whether the true limit ratio rises by more than the published σ.
+    fn rises(&self) -> bool {
+        self.both().is_some_and(|[before, after]| after.truth - before.truth > after.measured.sigma)
+    }
+}
+
+/// The handovers of one subject; `None` if the arm cannot start.
+pub fn findings(subject: &Subject) -> Option<Findings> {
+    let mut station = Station::new(subject).ok()?;
+    let mut course = Course::new(station.planner());
+    let mut findings =
+        Findings { baseline: None, learning: Vec::new(), assisted: None, unmeasured: 0, exceeded: 0 };
+    while let Some((purpose, at_m)) = course.next() {
+        let held = if station.present(at_m) { station.hold() } else { None };
+        course.end(at_m, held.map(|held| held.measured));
+        match (purpose, held) {
+            (_, None) => findings.unmeasured += 1,
+            (Purpose::Baseline, held) => findings.baseline = held,
+            (Purpose::Learning, Some(held)) => findings.learning.push(held),
+            (Purpose::Assisted, Some(held)) => findings.assisted = Some((at_m, held)),
+        }
+    }
+    findings.exceeded = station.exceeded();
+    Some(findings)
+}
+
+/// The tables.
+pub fn study(crowd: &Crowd) -> Vec<Table> {
+    let subjects = crowd.subjects();
+    let all = ask_all(&subjects, findings);
+    let mut workers = Table::new(
+        format!("Limit ratio of the worst joint with {PART_KG} kg, fixed place against assisted"),
+        &[
+            "seed",
+            "m",
+            "kg",
+            "fixed",
+            "fixed estimate",
+            "forward m",
+            "left m",
+            "up m",
+            "assisted",
+            "assisted estimate",
+            "sigma",
+            "change %",
+        ],
+    );
+    let [x, y, z] = FIXED_M.into();
+    workers.note(format!(
+        "fixed: at {x} m forward, {y} m to the left, {z} m up for all; forward, left, up: place of the assisted handover"
+    ));
+    workers.note(
+        "fixed, assisted: true static overload, mean of 3 s; estimate and sigma (of the assisted one): published",
+    );
+    for (subject, findings) in subjects.iter().zip(&all) {
+        let Some(findings) = findings else { continue };
+        workers.push(row(subject, findings));
+    }
+    vec![workers, summary(all.iter().flatten())]
+}
+
+fn row(subject: &Subject, findings: &Findings) -> Vec<Cell> {
+    let (fixed, assisted) = (findings.baseline, findings.assisted);
+    let at_m = |axis: usize| Cell::from(assisted.map(|(at_m, _)| at_m[axis]));
+    let held = assisted.map(|(_, held)| held);
+    vec![
+        subject.seed.into(),
+        subject.height_m.into(),
+        subject.mass_kg.into(),
+        fixed.map(|held| held.truth).into(),
+        fixed.map(|held| held.measured.value).into(),
+        at_m(0),
+        at_m(1),
+        at_m(2),
+        held.map(|held| held.truth).into(),
+        held.map(|held| held.measured.value).into(),
+        held.map(|held| held.measured.sigma).into(),
+        findings.change_percent().into(),
+    ]
+}
+
+fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
+    let mut table = Table::new(
+        "Summary",
+        &[
+            "subjects",
+            "compared",
+            "median reduction %",
+            "smallest %",
+            "rises by more than sigma",
+            "learning handovers",
+            "of them above fixed by more than sigma",
+            "without a measurement",
+            "arm steps outside limits",
+        ],
+    );
+    let compared: Vec<f64> = all.clone().filter_map(Findings::change_percent).map(|change| -change).collect();
+    let above = |findings: &Findings| {
+        let Some(fixed) = findings.baseline else { return 0 };
+        findings.learning.iter().filter(|held| held.truth - fixed.truth > held.measured.sigma).count()
+    };
+    table.push(vec![
+        (all.clone().count() as u64).into(),
+        (compared.len() as u64).into(),
+        quartiles(compared.clone()).map(|[_, median, _]| median).into(),
+        compared.iter().copied().reduce(f64::min).into(),
+        (all.clone().filter(|findings| findings.rises()).count() as u64).into(),
+        all.clone().map(|findings| findings.learning.len() as u64).sum::<u64>().into(),
+        (all.clone().map(above).sum::<usize>() as u64).into(),
+        all.clone().map(|findings| findings.unmeasured).sum::<u64>().into(),
+        all.map(|findings| findings.exceeded).sum::<u64>().into(),
+    ]);
+    table.note("reduction: of the true limit ratio from the fixed to the assisted handover");
+    table.note("sigma: published 1-sigma of the later handover");
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_assisted_place_overloads_and_the_arm_keeps_its_limits() {
+        let subjects: Vec<Subject> = (720..722).map(Subject::somebody).collect();
+        for (subject, findings) in subjects.iter().zip(ask_all(&subjects, findings)) {
+            let findings = findings.unwrap();
+            let [before, after] = findings.both().unwrap();
+            assert!(!findings.rises(), "{}: {findings:?}", subject.seed);
+            for held in [before, after] {
+                assert!(
+                    (held.measured - held.truth).abs() < 3.0 * held.measured.sigma,
+                    "{}: {held:?}",
+                    subject.seed
+                );
+            }
+            assert_eq!((findings.exceeded, findings.learning.len()), (0, course::LEARNING));
+        }
+    }
+
+    #[test]
+    fn a_rise_counts_only_beyond_sigma() {
+        let held = |truth: f64| Held { measured: truth, sigma: 0.05, truth };
+        let after = |truth: f64| Findings {
+            baseline: Some(held(0.5)),
+            learning: vec![held(0.6), held(0.52)],
+            assisted: Some((FIXED_M, held(truth))),
+            unmeasured: 0,
+            exceeded: 0,
+        };
+        assert!(after(0.56).rises() && !after(0.54).rises() && !after(0.3).rises());
+        assert!((after(0.3).change_percent().unwrap() + 40.0).abs() < 1e-9);
+        let row = summary([after(0.56), after(0.3)].iter()).rows()[0].clone();
+        assert_eq!(row[4], Cell::Count(1));
+        assert_eq!(row[6], Cell::Count(2));
+    }
+}

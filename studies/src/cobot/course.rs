@@ -1,0 +1,115 @@
+//! The handovers of one worker in turn: at a fixed place, at places from which the controller learns, and the assisted one.
+
+use equipoise_core::handover::experience::LimitRatio;
+use nalgebra::Vector3;
+
+use super::planner::Planner;
+
+/// The fixed place, the same for all workers, who stand at the station's origin and face X: the middle of the region that
+/// `equipoise-study handover` samples, station's world, m.
+pub const FIXED_M: Vector3<f64> = Vector3::new(0.45, 0.0, 1.05);
+/// Handovers between the baseline and the assisted one, from which the controller learns.
+pub const LEARNING: usize = 3;
+/// Number of attempts at each handover: without a measurement the next place is tried.
+const TRIES: usize = 4;
+
+/// What a handover is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// The overload at the fixed place.
+    Baseline,
+    /// Where the corrected limit ratio less its σ is lowest.
+    Learning,
+    /// Where the corrected limit ratio is lowest; at the fixed place unless that is better by more than σ.
+    Assisted,
+}
+
+/// The handovers of one worker.
+#[derive(Debug, Clone)]
+pub struct Course {
+    planner: Planner,
+    /// `None` at the end.
+    purpose: Option<Purpose>,
+    has_baseline: bool,
+    learned: usize,
+    failed: usize,
+}
+
+impl Course {
+    /// Before the first handover.
+    pub fn new(planner: Planner) -> Course {
+        let purpose = Some(Purpose::Baseline);
+        Course { planner, purpose, has_baseline: false, learned: 0, failed: 0 }
+    }
+
+    /// The next handover and its place, station's world, m; `None` at the end, or if no place is left.
+    pub fn next(&self) -> Option<(Purpose, Vector3<f64>)> {
+        let purpose = self.purpose?;
+        let at_m = match purpose {
+            Purpose::Baseline => FIXED_M,
+            Purpose::Learning => self.planner.best(1.0)?.at_m,
+            Purpose::Assisted if self.has_baseline => {
+                self.planner.better_than(FIXED_M).map_or(FIXED_M, |better| better.at_m)
+            }
+            Purpose::Assisted => self.planner.best(0.0)?.at_m,
+        };
+        Some((purpose, at_m))
+    }
+
+    /// Ends the handover at a place with the measured limit ratio. `None`: no valid torque was published, because the arm did not
+    /// arrive, the worker did not reach the part, or a state was invalid; the place is not used again.
+    pub fn end(&mut self, at_m: Vector3<f64>, measured: Option<LimitRatio>) {
+        let Some(purpose) = self.purpose else { return };
+        match measured {
+            Some(measured) => self.planner.observe(at_m, measured),
+            None if purpose == Purpose::Baseline => {}
+            None => self.planner.exclude(at_m),
+        }
+        self.has_baseline |= purpose == Purpose::Baseline && measured.is_some();
+        self.learned += usize::from(purpose == Purpose::Learning && measured.is_some());
+        self.failed = if measured.is_some() { 0 } else { self.failed + 1 };
+        let is_over = measured.is_some() || self.failed == TRIES;
+        let next = match purpose {
+            Purpose::Baseline if is_over => Some(Purpose::Learning),
+            Purpose::Learning if self.learned == LEARNING || self.failed == TRIES => Some(Purpose::Assisted),
+            Purpose::Assisted if is_over => None,
+            same => Some(same),
+        };
+        if next != self.purpose {
+            (self.purpose, self.failed) = (next, 0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::planner::tests::planner;
+    use super::*;
+
+    const fn measured(value: f64) -> Option<LimitRatio> {
+        Some(LimitRatio { value, sigma: 0.02 })
+    }
+
+    #[test]
+    fn the_handovers_follow_each_other_and_places_without_a_measurement_are_not_repeated() {
+        let mut course = Course::new(planner());
+        assert_eq!(course.next(), Some((Purpose::Baseline, FIXED_M)));
+        course.end(FIXED_M, None);
+        assert_eq!(course.next(), Some((Purpose::Baseline, FIXED_M)));
+        course.end(FIXED_M, measured(0.5));
+        let mut refused = None;
+        for _ in 0..LEARNING {
+            let (purpose, at_m) = course.next().unwrap();
+            assert_eq!(purpose, Purpose::Learning);
+            course.end(at_m, None);
+            let (purpose, other_m) = course.next().unwrap();
+            assert!(purpose == Purpose::Learning && other_m != at_m);
+            course.end(other_m, measured(0.4));
+            refused = Some(at_m);
+        }
+        let (purpose, at_m) = course.next().unwrap();
+        assert!(purpose == Purpose::Assisted && Some(at_m) != refused);
+        course.end(at_m, measured(0.3));
+        assert_eq!(course.next(), None);
+    }
+}
