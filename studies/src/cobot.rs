@@ -164,6 +164,8 @@ fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
 
 #[cfg(test)]
 mod tests {
+    use equipoise_core::handover::experience::LimitRatio;
+
     use super::*;
 
     #[test]
@@ -175,7 +177,7 @@ mod tests {
             assert!(!findings.rises(), "{}: {findings:?}", subject.seed);
             for held in [before, after] {
                 assert!(
-                    (held.measured - held.truth).abs() < 3.0 * held.measured.sigma,
+                    (held.measured.value - held.truth).abs() < 3.0 * held.measured.sigma,
                     "{}: {held:?}",
                     subject.seed
                 );
@@ -186,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_rise_counts_only_beyond_sigma() {
-        let held = |truth: f64| Held { measured: truth, sigma: 0.05, truth };
+        let held = |truth: f64| Held { measured: LimitRatio { value: truth, sigma: 0.05 }, truth };
         let after = |truth: f64| Findings {
             baseline: Some(held(0.5)),
             learning: vec![held(0.6), held(0.52)],

@@ -59,7 +59,9 @@ mod tests {
         let held = decide(false, target_m);
         assert_eq!((held.command, held.target_m[2], held.sequence), (0, 1.2, sent.sequence + 1));
         assert_eq!(decide(true, target_m).command, 0);
-        (0..60).for_each(|_| drop(decide(true, target_m)));
+        for _ in 0..60 {
+            decide(true, target_m);
+        }
         assert_eq!(decide(true, None).command, 0);
         for _ in 0..400 {
             decide(true, target_m);

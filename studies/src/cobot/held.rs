@@ -61,7 +61,10 @@ impl HeldSums {
             value: self.torque_nm[joint].norm() / self.limit_nm[joint],
             sigma: self.sigma_nm[joint] / self.limit_nm[joint],
         };
-        let measured = (0..JOINTS).map(ratio).filter(|ratio| ratio.value.is_finite()).max_by(|a, b| a.value.total_cmp(&b.value))?;
+        let measured = (0..JOINTS)
+            .map(ratio)
+            .filter(|ratio| ratio.value.is_finite())
+            .max_by(|a, b| a.value.total_cmp(&b.value))?;
         Some(Held { measured, truth: self.truth.mean()? })
     }
 }
