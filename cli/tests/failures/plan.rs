@@ -28,6 +28,8 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
         let text = std::fs::read_to_string(station.profile("anon-1")).ok()?;
         text.contains("identified = true").then_some(())
     });
+    // For a second after the change of the model there is no plan.
+    wait_for("a plan", || (plan(&["--live"]).code == Some(0)).then_some(()));
     // Without a hold in a static pose nothing is learnt; with one the prediction is corrected.
     assert!(plan(&["--live"]).assert_done().contains("corrected by 0 measured handovers"));
     person.lift(6.0);
