@@ -57,7 +57,10 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     daemon.kill();
     let dead = plan(&["--live"]);
     assert_eq!(dead.code, Some(1));
-    assert!(dead.stderr.contains("no daemon runs"), "{}", dead.stderr);
+    // Which of the two depends on whether another process has cleared the killed daemon's services away.
+    let is_said =
+        ["no daemon runs", "the daemon did not answer"].iter().any(|said| dead.stderr.contains(said));
+    assert!(is_said, "{}", dead.stderr);
 
     let (csv, picture) = (station.file("map.csv"), station.file("map.svg"));
     let [csv_path, picture_path] = [&csv, &picture].map(|path| path.to_string_lossy().into_owned());
