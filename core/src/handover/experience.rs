@@ -24,7 +24,7 @@ pub struct Handover {
     pub place_m: [f64; 3],
     /// Measured over predicted limit ratio of the worst joint, minus one.
     pub excess: f64,
-    /// 1-σ of the measurement, as a fraction of it.
+    /// 1-σ of the published torque, as a fraction of the measurement: one error of all measurements.
     pub sigma: f64,
 }
 
@@ -86,33 +86,67 @@ impl Experience {
 
     /// Corrects a prediction at a place.
     pub fn correct(&self, place_m: Vector3<f64>, predicted: LimitRatio) -> LimitRatio {
-        let used = self.count();
-        if used == 0 {
-            return predicted;
+        let Some(posterior) = self.posterior([place_m; 1], [predicted]) else { return predicted };
+        let (excess, variance) = (posterior.0[0], posterior.1[(0, 0)]);
+        LimitRatio {
+            value: predicted.value * (1.0 + excess).max(0.0),
+            sigma: predicted.value * math::sqrt(variance.max(0.0)),
         }
-        let relative = predicted.sigma / predicted.value;
-        let variance = relative * relative;
+    }
+
+    /// Limit ratio at the first of two places less that at the second, with the predictions there. Its σ is smaller than
+    /// that of independent values: the errors of near places are alike.
+    pub fn difference(&self, place_m: [Vector3<f64>; 2], predicted: [LimitRatio; 2]) -> LimitRatio {
+        let [here, there] = predicted.map(|predicted| predicted.value);
+        let Some((excess, covariance)) = self.posterior(place_m, predicted) else {
+            return LimitRatio {
+                value: here - there,
+                sigma: math::hypot(predicted.map(|ratio| ratio.sigma)),
+            };
+        };
+        let variance = here * here * covariance[(0, 0)] + there * there * covariance[(1, 1)]
+            - 2.0 * here * there * covariance[(0, 1)];
+        LimitRatio {
+            value: here * (1.0 + excess[0]) - there * (1.0 + excess[1]),
+            sigma: math::sqrt(variance.max(0.0)),
+        }
+    }
+
+    /// Mean and covariance of the excess at places with these predictions; `None` if it cannot be computed.
+    ///
+    /// The σ of a published torque is mostly of errors that persist (the body model, the load's place in the hands), so it
+    /// counts as one error of all measurements: it says little about the level and nothing about differences.
+    fn posterior<const N: usize>(
+        &self,
+        place_m: [Vector3<f64>; N],
+        predicted: [LimitRatio; N],
+    ) -> Option<(SVector<f64, N>, SMatrix<f64, N, N>)> {
+        // One variance for all places, so that the covariance is one.
+        let relative = predicted.map(|predicted| predicted.sigma / predicted.value);
+        let variance = relative.iter().map(|sigma| sigma * sigma).sum::<f64>() / N as f64;
         let covariance = |a: Vector3<f64>, b: Vector3<f64>| {
             variance * math::exp(-0.5 * (a - b).norm_squared() / (LENGTH_M * LENGTH_M))
         };
+        let prior = SMatrix::<f64, N, N>::from_fn(|row, column| covariance(place_m[row], place_m[column]));
         // Unused rows are those of the identity, and contribute nothing.
         let mut all = SMatrix::<f64, MEMORY, MEMORY>::identity();
-        let mut here = SVector::<f64, MEMORY>::zeros();
-        for (row, handover) in self.handovers[..used].iter().enumerate() {
+        let mut across = SMatrix::<f64, MEMORY, N>::zeros();
+        let mut excess = SVector::<f64, MEMORY>::zeros();
+        let used = &self.handovers[..self.count()];
+        for (row, handover) in used.iter().enumerate() {
             let at_m = Vector3::from(handover.place_m);
-            here[row] = covariance(place_m, at_m);
-            for (column, other) in self.handovers[..used].iter().enumerate() {
-                all[(row, column)] = covariance(at_m, Vector3::from(other.place_m));
+            excess[row] = handover.excess;
+            for (column, place_m) in place_m.iter().enumerate() {
+                across[(row, column)] = covariance(*place_m, at_m);
             }
-            all[(row, row)] += MEASURED_SIGMA * MEASURED_SIGMA + handover.sigma * handover.sigma;
+            for (column, other) in used.iter().enumerate() {
+                all[(row, column)] =
+                    covariance(at_m, Vector3::from(other.place_m)) + handover.sigma * other.sigma;
+            }
+            all[(row, row)] += MEASURED_SIGMA * MEASURED_SIGMA;
         }
-        let Some(weights) = all.cholesky().map(|factor| factor.solve(&here)) else { return predicted };
-        let excess: f64 = (0..used).map(|row| weights[row] * self.handovers[row].excess).sum();
-        let left = (variance - weights.dot(&here)).max(0.0);
-        LimitRatio {
-            value: predicted.value * (1.0 + excess).max(0.0),
-            sigma: predicted.value * math::sqrt(left),
-        }
+        let weights = all.cholesky()?.solve(&across);
+        Some((weights.transpose() * excess, prior - weights.transpose() * across))
     }
 }
 
@@ -130,6 +164,20 @@ mod tests {
     #[test]
     fn without_experience_nothing_is_corrected() {
         assert_eq!(Experience::default().correct(PLACE, PREDICTED), PREDICTED);
+    }
+
+    #[test]
+    fn differences_between_measured_places_are_known_better_than_their_level() {
+        let (near, far) = (PLACE, PLACE + Vector3::new(0.2, 0.0, -0.2));
+        let mut experience = Experience::default();
+        for (place_m, value) in [(near, 0.5), (far, 0.8)] {
+            assert!(experience.observe(place_m, 0.5, LimitRatio { value, sigma: 0.4 * value }));
+        }
+        let [here, there] = [far, near].map(|place_m| experience.correct(place_m, PREDICTED));
+        let difference = experience.difference([far, near], [PREDICTED; 2]);
+        assert!((difference.value - (here.value - there.value)).abs() < 1e-12);
+        assert!(difference.value > 2.0 * difference.sigma, "{difference:?}");
+        assert!(difference.sigma < 0.5 * here.sigma.hypot(there.sigma), "{difference:?} {here:?} {there:?}");
     }
 
     #[test]

@@ -73,8 +73,10 @@ impl Planner {
     pub fn better_than(&self, from_m: Vector3<f64>) -> Option<Choice> {
         let best = self.best(0.0)?;
         let Some(model) = self.predict(from_m) else { return Some(best) };
-        let (there, here) = (best.corrected, self.corrected(from_m, &model).corrected);
-        (here.value - there.value > here.sigma.hypot(there.sigma)).then_some(best)
+        let there = self.predict(best.at_m)?;
+        let predicted = [model, there].map(|model| model.worst_with_sigma());
+        let gain = self.experience.difference([from_m, best.at_m], predicted);
+        (gain.value > gain.sigma).then_some(best)
     }
 }
 
