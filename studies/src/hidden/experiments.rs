@@ -11,8 +11,11 @@ use crate::table::{Cell, Table};
 /// Edges of the bins of the stated probability that an experiment decides.
 const DECIDES_BINS: [f64; 5] = [0.0, 0.2, 0.5, 0.8, 1.1];
 
+/// A row: its name, and the sessions that it counts.
+type Group = (&'static str, fn(&Judged) -> bool);
+
 /// Sessions by what is hidden: description, and whether a session belongs to it.
-const GROUPS: [(&str, fn(&Judged) -> bool); 5] = [
+const GROUPS: [Group; 5] = [
     ("single from the detectable size on", is_detectable),
     ("other single", |one| one.class == Class::Single && !is_detectable(one)),
     ("pair", |one| one.class == Class::Pair),
