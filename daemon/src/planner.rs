@@ -132,11 +132,13 @@ impl Planner {
                 self.newest = Some(state);
             }
             let Planner { server, newest, worker, subjects, .. } = &mut self;
+            // The copy of a subject who was just loaded comes once the saving thread has time.
+            let worker = worker.as_ref().filter(|worker| worker.number == subjects.in_use());
             let served = server.poll(|request| {
-                let destination = worker.as_ref().and_then(|worker| subjects.get(worker.number));
+                let destination = worker.and_then(|worker| subjects.get(worker.number));
                 let (subject, experience) =
                     destination.map(|it| (it.subject, it.experience)).unwrap_or_default();
-                let plan = plan_of(request, newest.as_ref(), now_ns(), worker.as_ref(), &experience);
+                let plan = plan_of(request, newest.as_ref(), now_ns(), worker, &experience);
                 HandoverPlan { subject: padded(&subject), ..plan }
             })?;
             if !served {
@@ -177,6 +179,9 @@ impl Planner {
     /// Adds a handover to the worker's experience once it is measured.
     fn learn(&mut self, state: &State) {
         let Some(Worker { number, body: Ok(body), height_m, .. }) = &self.worker else { return };
+        if *number != self.subjects.in_use() {
+            return;
+        }
         let Some(hold) = self.holds.ingest(state, &body.grip_m) else { return };
         self.subjects.update_experience(*number, |experience| {
             let is_added = hold.add_to(experience, body, *height_m);

@@ -56,7 +56,7 @@ struct HandoverArguments {
     /// Mass of the part, kg
     #[arg(long, value_name = "KG", value_parser = mass)]
     mass: f64,
-    /// Difeet between the hands on the part, m
+    /// Distance between the hands on the part, m
     #[arg(long, value_name = "M", default_value_t = 0.35, value_parser = width)]
     width: f64,
     /// Where the part is handed over now, m

@@ -38,6 +38,8 @@ impl Hold {
 /// Detects holds in a sequence of states: one for each time that a part is carried, the first one.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct HoldDetector {
+    /// Sample time of the newest state, ns.
+    newest_ns: u64,
     /// Sample time at which the present hold began, and its stance.
     since: Option<(u64, u32)>,
     /// The hold of this part is detected already.
@@ -46,11 +48,17 @@ pub struct HoldDetector {
 
 impl HoldDetector {
     /// Ingests a state; `grip_m` are the grip points of the left and right hand, from the wrist, hand's axes, m. States may be
-    /// missing, because each static pose covers the window before it.
+    /// missing for one window of the static pose detector, which each static pose covers; after a longer gap, or a step
+    /// backward, a hold begins anew.
     ///
     /// Returns a hold once static pose and load cover two windows of the static pose detector without a common sample
     /// (0.6 s) in one stance, with every torque valid and the load evenly in both hands.
     pub fn ingest(&mut self, state: &State, grip_m: &[[f64; 3]; 2]) -> Option<Hold> {
+        let step_ns = state.suit_sample_time_ns.checked_sub(self.newest_ns);
+        self.newest_ns = state.suit_sample_time_ns;
+        if step_ns.is_none_or(|step_ns| step_ns > SPAN_NS) {
+            self.since = None;
+        }
         if state.validity().any_of(Validity::BELOW_LOAD_THRESHOLD) {
             self.is_detected = false;
         }
@@ -142,6 +150,17 @@ mod tests {
         assert!((hold.part.width_m - 0.4).abs() < 1e-12 && hold.part.mass_kg == 6.0);
         // 20 N m of 100 N m, which fatigue has halved.
         assert!((hold.measured.value - 0.4).abs() < 1e-12 && (hold.measured.sigma - 0.04).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_hold_begins_anew_after_a_gap_or_a_step_backward() {
+        for restart_ms in [1400, 900] {
+            let mut detector = HoldDetector::default();
+            for time_ms in [1000, 1050, restart_ms, restart_ms + 50, restart_ms + 250] {
+                assert!(detector.ingest(&held(time_ms), &GRIP_M).is_none(), "{time_ms}");
+            }
+            assert!(detector.ingest(&held(restart_ms + 310), &GRIP_M).is_some());
+        }
     }
 
     #[test]

@@ -64,7 +64,7 @@ impl Place {
     }
 }
 
-/// First and last stride of the search, in steps of the map.
+/// Strides of the search, in steps of the map.
 const STRIDES: [usize; 3] = [4, 2, 1];
 /// Number of coarse places from which the search descends.
 const STARTS: usize = 3;
@@ -89,25 +89,9 @@ impl Planning<'_> {
     /// Over all places if no coarse one is feasible.
     pub fn best(&self) -> Option<Place> {
         let mut map = Map { planning: self, value: [f64::NAN; PLACES] };
-        let [coarse, ..] = STRIDES;
-        let mut starts = [([0; 3], f64::INFINITY); STARTS];
-        for x in (0..=STEPS[0]).step_by(coarse) {
-            for y in (0..=STEPS[1]).step_by(coarse) {
-                for z in (0..=STEPS[2]).step_by(coarse) {
-                    let found = ([x, y, z], map.value([x, y, z]));
-                    if found.1 < starts[STARTS - 1].1 {
-                        starts[STARTS - 1] = found;
-                        starts.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
-                    }
-                }
-            }
-        }
-        if starts[0].1.is_infinite() {
-            let all = places(REGION_M).map(|place_m| self.at(place_m));
-            return all
-                .filter(|place| place.predicted.is_ok())
-                .min_by(|a, b| a.value().total_cmp(&b.value()));
-        }
+        // If no coarse place is feasible, the next stride bounds the time of a request: one of 2³ times as many places.
+        let starts =
+            STRIDES[..2].iter().map(|stride| map.lowest(*stride)).find(|starts| starts[0].1.is_finite())?;
         let feasible = starts.into_iter().filter(|(_, value)| value.is_finite());
         let found = feasible.map(|start| map.descend(start)).min_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(self.at(place_of(found.0)))
@@ -126,6 +110,23 @@ struct Map<'a> {
 }
 
 impl Map<'_> {
+    /// The places with the lowest values among every `stride`th along each axis; infinite values are infeasible places.
+    fn lowest(&mut self, stride: usize) -> [(Cell, f64); STARTS] {
+        let mut lowest = [([0; 3], f64::INFINITY); STARTS];
+        for x in (0..=STEPS[0]).step_by(stride) {
+            for y in (0..=STEPS[1]).step_by(stride) {
+                for z in (0..=STEPS[2]).step_by(stride) {
+                    let found = ([x, y, z], self.value([x, y, z]));
+                    if found.1 < lowest[STARTS - 1].1 {
+                        lowest[STARTS - 1] = found;
+                        lowest.sort_unstable_by(|a, b| a.1.total_cmp(&b.1));
+                    }
+                }
+            }
+        }
+        lowest
+    }
+
     fn value(&mut self, cell: Cell) -> f64 {
         let index = (cell[2] * (STEPS[1] + 1) + cell[1]) * (STEPS[0] + 1) + cell[0];
         if self.value[index].is_nan() {

@@ -24,7 +24,7 @@ pub(super) fn plan(station: &str, id: &str, arguments: &HandoverArguments) -> an
     };
     let plan = client::plan_handover(station, &request)?;
     let subject = parse_text(&plan.subject);
-    if subject != id {
+    if !subject.is_empty() && subject != id {
         bail!("{id} is not the subject at the station, {subject}: run `equipoise subject load {id}`");
     }
     if plan.refused != HandoverRefusal::None as u32 {
