@@ -49,7 +49,7 @@ pub struct HoldDetector {
 impl HoldDetector {
     /// Ingests a state; `grip_m` are the grip points of the left and right hand, from the wrist, hand's axes, m. States may be
     /// missing for one window of the static pose detector, which each static pose covers; after a longer gap, or a step
-    /// backward, a hold begins anew.
+    /// backward, the hold begins again.
     ///
     /// Returns a hold once static pose and load cover two windows of the static pose detector without a common sample
     /// (0.6 s) in one stance, with every torque valid and the load evenly in both hands.
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_hold_begins_anew_after_a_gap_or_a_step_backward() {
+    fn a_hold_begins_again_after_a_gap_or_a_step_backward() {
         for restart_ms in [1400, 900] {
             let mut detector = HoldDetector::default();
             for time_ms in [1000, 1050, restart_ms, restart_ms + 50, restart_ms + 250] {
