@@ -107,7 +107,7 @@ impl<Q: Request> RequestClient<Q> {
         Ok(RequestClient { port, notifier, name })
     }
 
-    /// Sends `request`, wakes the daemon and waits for its response.
+    /// Sends `request`, wakes the daemon if the request has an event, and waits for its response.
     ///
     /// # Errors
     /// [`BusError::NoDaemon`] if no daemon serves the station, [`BusError::NoAnswer`] after `timeout`: a request that

@@ -70,7 +70,7 @@ impl SuitColour {
         SuitColour { tissue, heading, white_rad: colours.white_rad, seed }
     }
 
-    /// Continues the errors to a later end; what was before stays the same.
+    /// Continues the errors to a later end; what was before stays the same. Once: a second time would repeat the first.
     pub fn extend(&mut self, length_s: f64) {
         for (number, heading) in (0..).zip(&mut self.heading) {
             heading.extend(&mut Random::numbered(self.seed, "suit's colour, continued", number), length_s);
@@ -127,7 +127,7 @@ impl PlateColour {
         }
     }
 
-    /// Continues the errors to a later end; what was before stays the same.
+    /// Continues the errors to a later end; what was before stays the same. Once: a second time would repeat the first.
     pub fn extend(&mut self, seed: u64, length_s: f64) {
         for (number, noise) in (0..).zip(self.pressure_m.iter_mut().chain(&mut self.force_n)) {
             noise.extend(&mut Random::numbered(seed, "plate's colour, continued", number), length_s);

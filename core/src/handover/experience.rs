@@ -78,7 +78,7 @@ impl Experience {
     }
 
     /// Adds the worst joint's limit ratio measured in a handover at `place_m` (relative to the feet, as in
-    /// [`super::FootPlacement::world_m`], m). Returns whether it was added: ratios that are not positive numbers are not.
+    /// [`super::FootPlacement::world_m`], m). Returns whether it was added: what [`Handover::is_sound`] rejects is not.
     pub fn observe(&mut self, place_m: Vector3<f64>, predicted: f64, measured: LimitRatio) -> bool {
         let (excess, sigma) = (measured.value / predicted - 1.0, measured.sigma / measured.value);
         predicted > 0.0 && self.add(Handover { place_m: place_m.into(), excess, sigma })
