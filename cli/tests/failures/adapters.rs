@@ -47,7 +47,7 @@ fn a_killed_adapter_is_reported_as_silent_and_its_successor_is_received() {
     }
     assert!(monitor.state.poses_used >= poses);
     monitor.until_poses(&person, poses + 1);
-    let status = station.status().expect("the daemon answers");
+    let status = station.current_status();
     assert_eq!(status["adapters"][0]["process_id"], suit.id(), "{status}");
     assert_eq!(status["adapters"][1]["process_id"], ground.id(), "{status}");
 

@@ -33,7 +33,7 @@ fn a_killed_daemon_restarts_and_restores_the_subject() {
         });
         assert!(u64::from(state.poses_used) >= saved, "{} of {saved} poses", state.poses_used);
         assert!(daemon.stderr().contains("profile anon-1 is in use"), "{}", daemon.stderr());
-        let status = station.status().expect("the new daemon answers");
+        let status = station.current_status();
         assert_eq!(status["daemon"]["process_id"], daemon.id());
         monitor.until("a life longer than the next", |monitor| monitor.state.cycle > 400);
     }

@@ -1,5 +1,7 @@
 //! Bad datagrams between good ones on the suit's port.
 
+use std::time::{Duration, Instant};
+
 use equipoise_adapters::suit::SuitRefusal;
 
 use crate::monitor::Monitor;
@@ -8,6 +10,8 @@ use crate::streams::{self, FakePlate, Stream};
 
 /// Number of repetitions of each bad datagram.
 const ROUNDS: u64 = 8;
+/// Wait for the counters before all bad datagrams are sent again; all of them take 4 s at 60 Hz.
+const REPEAT_AFTER: Duration = Duration::from_secs(15);
 /// Bytes of a header and of one item of type 02.
 const HEADER: usize = 24;
 const ITEM: usize = 32;
@@ -127,27 +131,32 @@ fn malformed_datagrams_are_counted_by_reason_only() {
         suit.slip_in(|_| JSON.to_vec());
     }
 
+    let mut sent = Instant::now();
     for reason in SuitRefusal::ALL {
         let expected = ROUNDS * FAULTS.iter().filter(|(_, refusal, _)| refusal == reason).count() as u64;
         monitor.until(reason.name(), |monitor| {
-            // The storm never makes the suit stale: good samples arrive as fast as before.
+            // A datagram may be lost also on loopback: a full socket buffer behind a busy core.
+            if sent.elapsed() > REPEAT_AFTER {
+                play_all(&suit);
+                sent = Instant::now();
+            }
             monitor.suit_refused(*reason) >= expected
         });
     }
     let rate_hz = monitor.suit().rate_hz;
     assert!(monitor.suit().published > published + 100, "good samples went missing");
     assert!(rate_hz > 5.0, "{rate_hz} Hz");
-    monitor.until("both sensors after the storm", Monitor::both_fresh);
+    monitor.until("both sensors and the identification after the storm", |monitor| {
+        monitor.both_fresh() && monitor.state.phase_name() == "identifying"
+    });
     assert!(monitor.state.cycle > before.cycle);
-    assert_eq!(monitor.state.phase_name(), "identifying");
 
-    let status = station.status().expect("the daemon answers");
+    let status = station.status_when("an estimate", |status| status["state"]["cop_estimated"].is_array());
     let refused = &status["adapters"][0]["refused"];
     for (what, reason, _) in FAULTS {
         assert!(refused[reason.name()].as_u64() >= Some(ROUNDS), "{what}: {refused}");
     }
     assert!(!status["state"].to_string().contains("null"), "{status}");
-    assert!(status["state"]["cop_estimated"].is_array(), "{status}");
     assert!(daemon.is_running());
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 }

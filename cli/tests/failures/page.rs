@@ -79,7 +79,7 @@ fn it_waits_for_a_daemon_and_continues_without_it() {
 
     let mut daemon = station.daemon(&station.configuration());
     until_live(address);
-    let status = station.status().expect("the daemon answers");
+    let status = station.current_status();
     assert_eq!(status["page"]["url"], format!("http://{address}/"));
     assert_eq!(status["page"]["process_id"], view.id());
     assert!(station.run(&["status"]).assert_done().contains(&format!("page http://{address}/")));
@@ -101,7 +101,7 @@ fn it_waits_for_a_daemon_and_continues_without_it() {
     // An open connection does not delay its end, and the daemon is unaffected.
     let _browser = TcpStream::connect(address).expect("the page");
     assert_eq!(view.stop(Signal::TERM), Some(0), "{}", view.stderr());
-    assert!(station.status().expect("the daemon answers")["page"].is_null());
+    assert!(station.current_status()["page"].is_null());
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_nothing_left(&station);
 }
@@ -155,7 +155,7 @@ fn a_killed_page_is_not_in_the_status() {
     let mut view = view(&station, &format!("listen = \"{address}\"\n"));
     wait_for("the page in the status", || station.status().filter(|status| status["page"].is_object()));
     view.kill();
-    assert!(station.status().expect("the daemon answers")["page"].is_null());
+    assert!(station.current_status()["page"].is_null());
 }
 
 #[test]

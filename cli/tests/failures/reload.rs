@@ -20,7 +20,7 @@ parameters = { dx_m = { value = 0.002, sigma = 0.001, unit = "m" } }
 "#;
 
 fn active_configuration(station: &Station) -> (toml::Table, String) {
-    let status = wait_for("the status", || station.status());
+    let status = station.current_status();
     let text = status["daemon"]["config_toml"].as_str().expect("a configuration");
     let model = status["daemon"]["model_toml"].as_str().expect("a model");
     (text.parse().expect("TOML"), model.to_owned())

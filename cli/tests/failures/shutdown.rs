@@ -41,7 +41,7 @@ fn both_signals_end_it_cleanly_with_sensors_and_clients() {
 fn a_daemon_without_sensors_ends_as_well() {
     let station = Station::new();
     let mut daemon = station.daemon(&station.configuration());
-    assert_eq!(station.status().expect("the daemon answers")["state"]["phase"], "waiting");
+    assert_eq!(station.current_status()["state"]["phase"], "waiting");
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
     assert_nothing_left(&station);
 }

@@ -53,7 +53,7 @@ fn a_second_daemon_is_refused_and_names_the_first() {
     assert!(state.cycle > before, "its cycles continue, they do not restart");
     monitor.until("both sensors", Monitor::both_fresh);
     assert!(first.is_running());
-    assert_eq!(station.status().expect("the first answers")["daemon"]["process_id"], pid);
+    assert_eq!(station.current_status()["daemon"]["process_id"], pid);
     assert_eq!(first.stop(Signal::TERM), Some(0));
 }
 

@@ -231,6 +231,20 @@ poses_min = 1000
         (ended.code == Some(0)).then(|| serde_json::from_str(&ended.stdout).expect("JSON"))
     }
 
+    /// The next answer of `status --json`.
+    pub(crate) fn current_status(&self) -> serde_json::Value {
+        self.status_when("the daemon's status", |_| true)
+    }
+
+    /// The next answer that meets a condition: at one instant, a sender that waits for a core is stale, which is no fault.
+    pub(crate) fn status_when(
+        &self,
+        what: &str,
+        condition: impl Fn(&serde_json::Value) -> bool,
+    ) -> serde_json::Value {
+        wait_for(what, || self.status().filter(&condition))
+    }
+
     /// Every file below the root of the bus, and its shared memory.
     pub(crate) fn files_of_the_bus(&self) -> Vec<PathBuf> {
         let mut files = Vec::new();

@@ -115,7 +115,7 @@ fn two_plates_measure_each_foot_and_improve_leg_torques() {
         let _daemon = station.daemon(&station.configuration());
         let mut monitor = Monitor::open(&station);
         let error = legs_error_nm(&station, &mut monitor, &person, SharingSource::Geometry);
-        let status = station.status().expect("the daemon answers");
+        let status = station.current_status();
         assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
         error
     });
@@ -124,7 +124,7 @@ fn two_plates_measure_each_foot_and_improve_leg_torques() {
     let _daemon = two.station.daemon(&two.configuration());
     let mut monitor = Monitor::open(&two.station);
     let (two_nm, two_samples) = legs_error_nm(&two.station, &mut monitor, &person, SharingSource::Measured);
-    let status = two.station.status().expect("the daemon answers");
+    let status = two.station.current_status();
     assert_eq!(status["ground"]["devices"], serde_json::json!(["plate", "second_plate"]), "{status}");
     assert_eq!(status["ground"]["per_foot"], true, "{status}");
     // The sum over both feet is the person's weight, at the person's centre of pressure.
@@ -183,7 +183,7 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
     );
     let ([left, _], [_, [true_left, _]]) = (state.foot_load_fraction, truth.foot_share);
     assert!((left - true_left).abs() < 0.03, "{left} {true_left}");
-    let status = station.status().expect("the daemon answers");
+    let status = station.current_status();
     let expected = serde_json::json!({
         "devices": ["plate", "insoles"], "per_foot": true, "foot_frame": "sole", "not_measured": []
     });
@@ -201,7 +201,7 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
             monitor.reasons()
         );
     });
-    let status = station.status().expect("the daemon answers");
+    let status = station.current_status();
     assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
     insoles.silence(false);
     monitor.until("shares again", |monitor| monitor.both_fresh() && monitor.state.sharing_source == 1);
