@@ -1,10 +1,11 @@
 //! The parts of a configuration that can change while the daemon runs.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use toml::Value;
 
 use super::Config;
+use super::method::{Build, SubjectConfig};
 
 impl Config {
     /// This configuration with the live parts of another one: `[overload]`, `[static_pose]`, `[model]` and the model
@@ -21,6 +22,21 @@ impl Config {
         live.recording = other.recording.clone();
         live.subject.tau_max_nm = other.subject.tau_max_nm.clone();
         live
+    }
+
+    /// This configuration for another subject: the mass and the torque limits of the configured one do not apply, and its
+    /// stature and sex only if those of the other are unknown.
+    pub fn with_subject(&self, id: &str, build: Option<Build>) -> Config {
+        let Build { height_m, sex } = build.unwrap_or(self.subject.build());
+        let subject = SubjectConfig {
+            id: id.to_owned(),
+            height_m,
+            sex,
+            mass_kg: None,
+            save_profile: self.subject.save_profile,
+            tau_max_nm: BTreeMap::new(),
+        };
+        Config { subject, ..self.clone() }
     }
 
     /// The process that reads a key if it is not the daemon.

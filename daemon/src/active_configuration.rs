@@ -1,36 +1,83 @@
 //! The active configuration: that of the start, with live changes since.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-use equipoise_core::cycle::Settings;
-
+use anyhow::{Context, bail};
 use equipoise_config::Config;
+use equipoise_config::method::Build;
+use equipoise_core::cycle::Settings;
+use equipoise_station::status::Status;
 
+use crate::realtime::now_ns;
 use crate::rings::SettingsSender;
+use crate::similar::Chosen;
+use crate::status_file::StatusFile;
 
-/// A configuration and the settings derived from it for the loop.
+/// A configuration and the subject to which it applies.
 #[derive(Debug, Clone)]
 pub struct ActiveConfiguration {
-    /// The configuration.
+    /// The configuration, with the configured subject.
     pub config: Config,
-    /// The settings passed to the cycle.
-    pub settings: Settings,
-    /// The pseudonym of the similar subject whose parameters are in `settings`, if any.
-    pub similar: Option<String>,
+    /// The subject in use, unless it is the configured one.
+    pub loaded: Option<LoadedSubject>,
+    /// The similar subject whose parameters are in the configured subject's prior, if any.
+    pub similar: Option<Chosen>,
+}
+
+/// A subject that is in use in place of the configured one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LoadedSubject {
+    /// Pseudonym.
+    pub id: String,
+    /// Stature and sex; `None` if unknown: those of the configured subject are assumed.
+    pub build: Option<Build>,
+}
+
+impl ActiveConfiguration {
+    /// The configuration with the subject in use, as recordings contain it.
+    pub fn in_force(&self) -> Config {
+        match &self.loaded {
+            Some(LoadedSubject { id, build }) => self.config.with_subject(id, *build),
+            None => self.config.clone(),
+        }
+    }
+
+    /// The settings of the cycle: stature, sex and limits are those of the subject in use.
+    pub fn settings(&self) -> Settings {
+        let mut settings = self.in_force().settings();
+        // Similar to the configured subject, not to another.
+        settings.similar =
+            self.similar.as_ref().filter(|_| self.loaded.is_none()).map(|chosen| chosen.similar);
+        settings
+    }
 }
 
 /// [`ActiveConfiguration`], shared by all threads except the loop.
 #[derive(Debug)]
 pub struct SharedConfiguration {
-    active: Mutex<ActiveConfiguration>,
+    /// With the settings derived from it.
+    active: Mutex<(ActiveConfiguration, Settings)>,
     /// Held during a change, which may send settings to the loop.
     change_lock: Mutex<SettingsSender>,
+    /// Publishes the configuration; set once the daemon's threads have started.
+    status: OnceLock<StatusFile>,
 }
 
 impl SharedConfiguration {
     /// Begins with the configuration of the start.
     pub fn new(active: ActiveConfiguration, settings: SettingsSender) -> SharedConfiguration {
-        SharedConfiguration { active: Mutex::new(active), change_lock: Mutex::new(settings) }
+        let derived = active.settings();
+        SharedConfiguration {
+            active: Mutex::new((active, derived)),
+            change_lock: Mutex::new(settings),
+            status: OnceLock::new(),
+        }
+    }
+
+    /// Sets the status that contains the configuration in force.
+    pub fn publish_in(&self, status: StatusFile) {
+        // Called once, by the thread that starts the others.
+        let _ = self.status.set(status);
     }
 
     /// A copy of the active configuration.
@@ -40,7 +87,12 @@ impl SharedConfiguration {
 
     /// Accesses the active configuration without a copy.
     pub fn with<T>(&self, access: impl FnOnce(&ActiveConfiguration) -> T) -> T {
-        access(&self.active.lock().unwrap_or_else(PoisonError::into_inner))
+        access(&self.active.lock().unwrap_or_else(PoisonError::into_inner).0)
+    }
+
+    /// The settings of the cycle.
+    pub fn settings(&self) -> Settings {
+        self.active.lock().unwrap_or_else(PoisonError::into_inner).1
     }
 
     /// Serialises read-modify-replace operations for as long as the guard is held; the guard sends settings to the loop.
@@ -55,8 +107,45 @@ impl SharedConfiguration {
         }
     }
 
-    /// Replaces the active configuration.
-    pub fn replace(&self, active: ActiveConfiguration) {
-        *self.active.lock().unwrap_or_else(PoisonError::into_inner) = active;
+    /// Replaces the active configuration and passes its settings to the loop; returns them.
+    ///
+    /// # Errors
+    /// The status cannot be written, or the loop does not take up the settings: nothing has changed.
+    pub fn apply(
+        &self,
+        changes: &mut SettingsSender,
+        active: ActiveConfiguration,
+    ) -> anyhow::Result<Settings> {
+        let settings = active.settings();
+        // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
+        // matching configuration. Restore the previous status if the loop does not apply it.
+        let number = now_ns() / 1000;
+        let before = self.publish(&active.in_force(), number)?;
+        if !changes.send(number, Box::new(settings)) {
+            if let (Some(status), Some(before)) = (self.status.get(), before) {
+                status.change(|status| *status = before);
+                let _ = status.write();
+            }
+            bail!("the loop takes nothing up; see `equipoise status`");
+        }
+        *self.active.lock().unwrap_or_else(PoisonError::into_inner) = (active, settings);
+        Ok(settings)
+    }
+
+    /// Publishes a configuration in the status; returns the previous status, which remains if writing fails.
+    fn publish(&self, config: &Config, number: u64) -> anyhow::Result<Option<Status>> {
+        let Some(file) = self.status.get() else { return Ok(None) };
+        let mut before = None;
+        file.change(|status| {
+            before = Some(status.clone());
+            status.config_toml = config.to_toml();
+            status.model_toml = config.model_toml();
+            status.reload = number;
+        });
+        let Err(error) = file.write() else { return Ok(before) };
+        if let Some(before) = before {
+            file.change(|status| *status = before);
+        }
+        Err(error).with_context(|| format!("cannot write {}", file.path.display()))
     }
 }

@@ -105,8 +105,9 @@ fn answer(
         Some(kind @ CommandKind::IdentifyStart) => {
             push_command(ends, kind).map(|()| "held poses are learnt from now on".to_owned())
         }
-        Some(kind @ CommandKind::IdentifyStop) => push_command(ends, kind)
-            .map(|()| active_configuration.with(|active| describe_stop(latest, &active.settings))),
+        Some(kind @ CommandKind::IdentifyStop) => {
+            push_command(ends, kind).map(|()| describe_stop(latest, &active_configuration.settings()))
+        }
         Some(kind @ CommandKind::PoseSkip) => match latest.filter(|state| state.suggested_pose != u32::MAX) {
             Some(state) => {
                 let continuation = if state.converged == 1 { "" } else { "; another follows" };

@@ -33,7 +33,7 @@ use crate::planner::{Planner, SharedWorker};
 use crate::realtime::{self, RequestedScheduling, ThreadReport};
 use crate::rings::{EgressEnds, IngressEnds, LoopControl, LoopEnds, Rings, SavingEnds};
 use crate::saving::{self, Saver};
-use crate::similar::settings_among;
+use crate::similar::similar_to_configured;
 use crate::status_file::StatusFile;
 use crate::subjects::{ProfileDestination, Subjects};
 use crate::thread_registry::ThreadRegistry;
@@ -140,16 +140,14 @@ impl Pipeline {
             Ok(())
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
-        let (settings, similar) = settings_among(config, &state);
-        let active_configuration = Arc::new(SharedConfiguration::new(
-            ActiveConfiguration { config: config.clone(), settings, similar },
-            settings_sender,
-        ));
+        let similar = similar_to_configured(config, &state);
+        let mut active = ActiveConfiguration { config: config.clone(), loaded: None, similar };
         let subject = &config.subject;
         let configured =
             ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.save_profile);
         let subjects = Arc::new(Subjects::new(state, configured));
-        let restored = Restored::find(config, &settings, &subjects);
+        let restored = Restored::find(&mut active, &subjects);
+        let active_configuration = Arc::new(SharedConfiguration::new(active, settings_sender));
         let _ = share.send((Arc::clone(&active_configuration), Arc::clone(&subjects)));
         // Threads are running from here on: a failure must end them and wait until they have left the bus.
         let mut running = Running::with_commands(commands, share);
@@ -167,7 +165,7 @@ impl Pipeline {
             observer,
             serve_metrics,
         };
-        match start.start_remaining(settings, &mut running) {
+        match start.start_remaining(&mut running) {
             Ok(status) => {
                 Ok(Pipeline { control, active_configuration, board, running, status, thread_registry })
             }
@@ -225,11 +223,7 @@ struct Start<'a> {
 }
 
 impl Start<'_> {
-    fn start_remaining(
-        self,
-        settings: equipoise_core::cycle::Settings,
-        running: &mut Running,
-    ) -> anyhow::Result<StatusFile> {
+    fn start_remaining(self, running: &mut Running) -> anyhow::Result<StatusFile> {
         let (config, thread_registry) = (self.config, self.thread_registry);
         let (loop_ends, ingress_ends, egress_ends, saving_ends) = self.ends;
         let wait_strategy = config.wait_strategy();
@@ -279,7 +273,7 @@ impl Start<'_> {
         let (control, period_ns) = (Arc::clone(self.control), config.period_ns());
         let requested_loop =
             RequestedScheduling { fifo_priority: config.tick.priority, cpu: config.tick.cpu };
-        let mut observer = self.observer;
+        let (settings, mut observer) = (self.active_configuration.settings(), self.observer);
         let (loop_thread, ()) = start_thread("loop", requested_loop, thread_registry, move |ready| {
             let _runs = control.mark_loop_running();
             realtime::prefault_stack();
@@ -302,7 +296,7 @@ impl Start<'_> {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
             station: config.station.clone(),
-            config_toml: config.to_toml(),
+            config_toml: self.active_configuration.with(ActiveConfiguration::in_force).to_toml(),
             model_toml: config.model_toml(),
             state_directory: self.subjects.state().path().to_owned(),
             subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
@@ -315,6 +309,7 @@ impl Start<'_> {
             incidents: self.board.messages(),
             threads: Vec::new(),
         });
+        self.active_configuration.publish_in(status.clone());
         let worker_data = Arc::new(SharedWorker::default());
         let saver = Saver {
             ends: saving_ends,

@@ -9,8 +9,8 @@ use std::time::Duration;
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, BusSettings, HandoverServer, Subscriber};
 use equipoise_core::body::JOINTS;
-use equipoise_core::cycle::Identification;
 use equipoise_core::cycle::identification::StoredSubject;
+use equipoise_core::cycle::{Identification, Settings};
 use equipoise_core::handover::experience::Experience;
 use equipoise_core::handover::hold::HoldDetector;
 use equipoise_core::handover::search::{Place, Planning};
@@ -70,7 +70,7 @@ impl SharedWorker {
 struct Worker {
     number: u64,
     version: u64,
-    /// Limits in the configuration of the body.
+    /// Limits in the settings of the body.
     limits: TorqueLimits,
     /// The identified body without fatigue, or why there is none.
     body: Result<Body, HandoverRefusal>,
@@ -148,19 +148,20 @@ impl Planner {
         Ok(())
     }
 
-    /// Restores the identified body when it or the torque limits have changed.
+    /// Restores the identified body when it, the torque limits or the stature have changed.
     fn update_worker(&mut self) {
-        let limits = self.active_configuration.with(|active| active.settings.limits);
+        let settings = self.active_configuration.settings();
         let shared = self.shared.0.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(copied) = &*shared else { return };
-        let is_current = |worker: &Worker| worker.version == copied.version && worker.limits == limits;
+        let is_current = |worker: &Worker| {
+            (worker.version, worker.limits, worker.height_m)
+                == (copied.version, settings.limits, settings.height_m)
+        };
         if self.worker.as_ref().is_some_and(is_current) {
             return;
         }
         let (number, version, stored) = (copied.number, copied.version, copied.stored.clone());
         drop(shared);
-        let settings = self.active_configuration.with(|active| active.settings);
-        let build = self.subjects.get(number).and_then(|destination| destination.build);
         let mut identification = bytemuck::zeroed_box::<Identification>();
         let body = if stored.identified != 1 || !identification.restore(&stored, &settings) {
             Err(HandoverRefusal::NotIdentified)
@@ -172,8 +173,8 @@ impl Planner {
         if self.worker.as_ref().is_none_or(|worker| worker.number != number) {
             self.holds = HoldDetector::default();
         }
-        let height_m = build.map_or(settings.height_m, |build| build.height_m);
-        self.worker = Some(Worker { number, version, limits: settings.limits, body, height_m });
+        let Settings { limits, height_m, .. } = settings;
+        self.worker = Some(Worker { number, version, limits, body, height_m });
     }
 
     /// Adds a handover to the worker's experience once it is measured.

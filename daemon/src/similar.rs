@@ -33,12 +33,12 @@ pub struct Chosen {
     pub similar: Similar,
 }
 
-/// The settings of a configuration with the parameters of the similar subject for `prior = "similar-subject"`, and its
-/// pseudonym. Without access to the profiles the prior is the table, and a warning is logged.
-pub fn settings_among(config: &Config, state: &StateDirectory) -> (Settings, Option<String>) {
-    let mut settings = config.settings();
+/// The similar subject of a configuration with `prior = "similar-subject"`. Without access to the profiles there is none,
+/// and a warning is logged.
+pub fn similar_to_configured(config: &Config, state: &StateDirectory) -> Option<Chosen> {
+    let settings = config.settings();
     if settings.prior != PriorKind::SimilarSubject {
-        return (settings, None);
+        return None;
     }
     let chosen = choose(&config.subject.id, &settings, state).unwrap_or_else(|error| {
         let folder = state.profiles();
@@ -46,8 +46,7 @@ pub fn settings_among(config: &Config, state: &StateDirectory) -> (Settings, Opt
         None
     });
     tracing::info!("{}", describe(chosen.as_ref()));
-    settings.similar = chosen.as_ref().map(|chosen| chosen.similar);
-    (settings, chosen.map(|chosen| chosen.subject))
+    chosen
 }
 
 /// The most similar of the stored subjects for the subject of these settings, excluding that subject itself.

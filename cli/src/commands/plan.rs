@@ -192,10 +192,8 @@ fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
     if profile.mass_kg <= 0.0 {
         bail!(mass_unknown(id));
     }
-    let mut config = config.clone();
-    if let Some(build) = profile.build() {
-        (config.subject.height_m, config.subject.sex) = (build.height_m, build.sex);
-    }
+    let is_configured = config.subject.id == id;
+    let config = if is_configured { config.clone() } else { config.with_subject(id, profile.build()) };
     let settings = config.settings();
     let worker = profile
         .worker(&settings)

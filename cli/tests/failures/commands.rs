@@ -1,5 +1,7 @@
 //! Commands to a running daemon, without a daemon, and refused ones.
 
+use equipoise_core::body::{Joint, Sex};
+use equipoise_core::overload::TorqueLimits;
 use rustix::process::Signal;
 
 use crate::monitor::Monitor;
@@ -120,7 +122,8 @@ undone = false
 fn loading_another_subject_leaves_the_first_profile_unchanged() {
     let station = Station::new();
     let person = station.person();
-    let mut daemon = station.daemon(&station.configuration());
+    let configuration = station.configuration() + "[subject.tau_max_nm]\nL5S1 = 123.0\n";
+    let mut daemon = station.daemon(&configuration);
     let mut monitor = Monitor::open(&station);
     monitor.until_poses(&person, 1);
     station.run(&["identify", "stop"]).assert_done();
@@ -141,11 +144,25 @@ fn loading_another_subject_leaves_the_first_profile_unchanged() {
         let shift = second["shift"].as_table_mut().expect("a shift");
         shift.extend(TWO_LIFTS.parse::<toml::Table>().expect("a shift"));
         second.insert("poses_used".to_owned(), 77.into());
+        second.insert("height_m".to_owned(), 1.62.into());
+        second.insert("sex".to_owned(), "female".into());
     });
 
     let message = station.run(&["subject", "load", "anon-2"]);
     assert!(message.assert_done().contains("anon-2 is in use: 77 poses"), "{}", message.stdout);
     monitor.until("the second worker", |monitor| monitor.state.poses_used == 77);
+    assert_eq!(monitor.state.torque_limit_nm[Joint::named("L5S1").expect("a joint").index()], 123.0);
+    // Neither limits nor mass of the configured subject apply to the second one.
+    let is_hers = |monitor: &Monitor| {
+        monitor.state.torque_limit_nm == *TorqueLimits::of(Sex::Female).without_torque_nm()
+    };
+    monitor.until("the second one's limits", is_hers);
+    let status = station.current_status();
+    let in_force: toml::Table =
+        status["daemon"]["config_toml"].as_str().expect("a text").parse().expect("TOML");
+    let expected: toml::Table =
+        "id = 'anon-2'\nheight_m = 1.62\nsex = 'female'\nsave_profile = true".parse().expect("TOML");
+    assert_eq!(in_force["subject"].as_table(), Some(&expected), "{in_force}");
 
     assert!(
         station.run(&["subject", "undo-lift"]).assert_done().contains("the last of 2 lifts is taken back")
@@ -167,4 +184,8 @@ fn loading_another_subject_leaves_the_first_profile_unchanged() {
     assert_eq!(saved("anon-1"), first, "the first worker's profile was overwritten");
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_eq!(saved("anon-1"), first, "the first worker's profile was overwritten");
+
+    let _daemon = station.daemon(&configuration);
+    monitor.until("the second one after a restart", |monitor| monitor.state.poses_used == 78);
+    monitor.until("the second one's limits after a restart", is_hers);
 }

@@ -2,12 +2,13 @@
 
 use equipoise_bus::parse_text;
 use equipoise_config::is_plain;
-use equipoise_core::cycle::{PriorKind, SubjectState};
+use equipoise_core::cycle::SubjectState;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
+use equipoise_station::ANONYMOUS;
 
 use super::{Answer, push_command};
-use crate::active_configuration::SharedConfiguration;
+use crate::active_configuration::{LoadedSubject, SharedConfiguration};
 use crate::profile::{Profile, unix_s};
 use crate::rings::CommandEnds;
 use crate::subjects::{ProfileDestination, Subjects};
@@ -34,18 +35,20 @@ pub(super) fn load(
     subjects: &Subjects,
 ) -> Answer {
     let id = parse_id(command)?;
-    let settings = active_configuration.with(|active| active.settings);
     let path = subjects.state().profile(&id);
     let profile = Profile::read(&path)
         .map_err(|error| error.to_string())?
         .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
+    let mut changes = active_configuration.lock_changes();
+    let mut active = active_configuration.get();
+    // The configured mass applies to the configured subject only, `subject.save_profile` to every subject.
+    let configured = active.config.subject.id == id;
+    active.loaded = (!configured).then(|| LoadedSubject { id: id.clone(), build: profile.build() });
+    let settings = active.settings();
     let mut worker = bytemuck::zeroed_box::<SubjectState>();
     worker.identification =
         *profile.worker(&settings).map_err(|reason| format!("the profile {id} is not used: {reason}"))?;
-    // `subject.save_profile` applies to every subject; the configured mass applies to the configured subject only.
-    let (configured, remember) = active_configuration
-        .with(|active| (active.config.subject.id == id, active.config.subject.save_profile));
-    if let (true, Some(mass_kg)) = (configured, settings.mass_kg) {
+    if let Some(mass_kg) = settings.mass_kg {
         worker.identification.mass_kg = mass_kg;
     }
     let shift = match profile.shift(unix_s()) {
@@ -62,10 +65,22 @@ pub(super) fn load(
         worker,
         ProfileDestination {
             experience: profile.experience(),
-            ..ProfileDestination::of(subjects.state(), &id, profile.build(), remember)
+            ..ProfileDestination::of(
+                subjects.state(),
+                &id,
+                profile.build(),
+                active.config.subject.save_profile,
+            )
         },
     )?;
-    Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}"))
+    active_configuration.apply(&mut changes, active).map_err(|error| {
+        format!("{id} is in use with the limits and stature of the subject before: {error:#}")
+    })?;
+    let assumed = match (configured, profile.build()) {
+        (false, None) => "; its profile lacks stature and sex, those of the configuration are assumed",
+        _ => "",
+    };
+    Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}{assumed}"))
 }
 
 /// Removes a subject from all memory of the daemon; the client deletes the files, which are not written again.
@@ -78,25 +93,20 @@ pub(super) fn delete(
     let id = parse_id(command)?;
     let mut changes = active_configuration.lock_changes();
     let mut active = active_configuration.get();
-    let is_similar = active.similar.as_deref() == Some(&id);
-    if is_similar && changes.settings.is_full() {
-        return Err(TOO_MANY.to_owned());
-    }
+    let is_similar = active.similar.as_ref().is_some_and(|chosen| chosen.subject == id);
     let in_use = subjects.get(subjects.in_use()).is_some_and(|destination| destination.subject == id);
     if in_use {
+        active.loaded = Some(LoadedSubject { id: ANONYMOUS.to_owned(), build: None });
         let mut unidentified = bytemuck::zeroed_box::<SubjectState>();
-        // The configured mass belongs to the configured subject.
-        let settings = equipoise_core::cycle::Settings { mass_kg: None, ..active.settings };
-        unidentified.identification.start(&settings);
+        unidentified.identification.start(&active.settings());
         push_worker(ends, subjects, unidentified, ProfileDestination::unnamed())?;
     }
     subjects.delete(&id);
     if is_similar {
-        (active.settings.similar, active.settings.prior, active.similar) = (None, PriorKind::Table, None);
-        if !changes.send(0, Box::new(active.settings)) {
-            return Err(TOO_MANY.to_owned());
-        }
-        active_configuration.replace(active.clone());
+        active.similar = None;
+    }
+    if is_similar || in_use {
+        active_configuration.apply(&mut changes, active.clone()).map_err(|error| format!("{error:#}"))?;
     }
     let mut answer = if in_use {
         format!("{id} was in use: forgotten, an unknown worker is learnt instead and not saved")

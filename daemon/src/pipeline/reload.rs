@@ -1,14 +1,12 @@
 //! Reloads the configuration of a running daemon.
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use equipoise_config::{Config, ConfigError};
 use equipoise_core::message::Incident;
-use equipoise_station::status::Status;
 use tracing::info;
 
 use super::Pipeline;
 use crate::active_configuration::ActiveConfiguration;
-use crate::realtime::now_ns;
 
 impl Pipeline {
     /// Applies the settings of another configuration that can change live; returns one sentence for each key that
@@ -43,24 +41,14 @@ impl Pipeline {
             info!("the configuration is the one in force");
             return Ok(restart_notes(&config, &not_live));
         }
-        let mut settings = config.settings();
-        settings.similar = before.settings.similar;
-        // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
-        // matching configuration. Restore the previous status if the loop does not apply it.
-        let reload = now_ns() / 1000;
-        let status_before = self.publish_status(&config, reload)?;
-        if !changes.send(reload, Box::new(settings)) {
-            self.status.change(|status| *status = status_before);
-            let _ = self.status.write();
-            bail!("the loop takes nothing up; see `equipoise status`");
-        }
+        let active = ActiveConfiguration { config: config.clone(), ..before.clone() };
+        self.active_configuration.apply(&mut changes, active)?;
         if let Some(model) =
             config.loaded_model.as_ref().filter(|_| before.config.loaded_model != config.loaded_model)
         {
             info!("{}", model.describe());
         }
         let not_live = restart_notes(&config, &not_live);
-        self.active_configuration.replace(ActiveConfiguration { config, settings, similar: before.similar });
         for key in &changed {
             match Config::reader_of(key) {
                 Some(reader) => info!("{key} changed: in force once {reader} is restarted"),
@@ -68,23 +56,6 @@ impl Pipeline {
             }
         }
         Ok(not_live)
-    }
-
-    /// Publishes the new configuration in the status; returns the previous status, which remains if writing fails.
-    fn publish_status(&self, config: &Config, reload: u64) -> anyhow::Result<Status> {
-        let mut before = None;
-        self.status.change(|status| {
-            before = Some(status.clone());
-            status.config_toml = config.to_toml();
-            status.model_toml = config.model_toml();
-            status.reload = reload;
-        });
-        let before = before.context("no status was published yet")?;
-        if let Err(error) = self.status.write() {
-            self.status.change(|status| status.clone_from(&before));
-            return Err(error).with_context(|| format!("cannot write {}", self.status.path.display()));
-        }
-        Ok(before)
     }
 }
 

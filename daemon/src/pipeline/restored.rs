@@ -5,6 +5,7 @@ use equipoise_core::cycle::{Memory, Settings, Tare};
 use equipoise_files::atomic_file::remove_abandoned_files;
 use tracing::{info, warn};
 
+use crate::active_configuration::{ActiveConfiguration, LoadedSubject};
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::station_file::StationFile;
@@ -25,7 +26,9 @@ pub(super) struct Restored {
 
 impl Restored {
     /// An empty memory, filled with stored data that are still valid. Unusable files are left unchanged and reported.
-    pub(super) fn find(config: &Config, settings: &Settings, subjects: &Subjects) -> Restored {
+    /// Adds the subject loaded last to the configuration.
+    pub(super) fn find(active: &mut ActiveConfiguration, subjects: &Subjects) -> Restored {
+        let (config, settings) = (&active.config.clone(), &active.settings());
         let mut memory = bytemuck::zeroed_box::<Memory>();
         memory.start(settings);
         let mut restored = Restored {
@@ -40,7 +43,7 @@ impl Restored {
                 remove_abandoned_files(&folder, |_| true);
             }
             let station = restored.station(config, subjects);
-            restored.subject(config, settings, subjects, station.as_ref());
+            restored.subject(active, settings, subjects, station.as_ref());
             if let Some(station) = &station {
                 restored.restore_station(config, settings, station);
             }
@@ -64,16 +67,21 @@ impl Restored {
     /// Restores the subject loaded last; if there is none or it cannot be read, the configured subject.
     fn subject(
         &mut self,
-        config: &Config,
+        active: &mut ActiveConfiguration,
         settings: &Settings,
         subjects: &Subjects,
         station: Option<&StationFile>,
     ) {
-        if let Some(loaded) = station.and_then(|file| file.loaded_subject(config)) {
+        if let Some(loaded) = station.and_then(|file| file.loaded_subject(&active.config)) {
             let mut destination = ProfileDestination::of(subjects.state(), loaded, None, true);
-            match self.read(&destination, settings) {
+            let settings_of = |profile: &Profile| {
+                let subject = LoadedSubject { id: loaded.to_owned(), build: profile.build() };
+                ActiveConfiguration { loaded: Some(subject), ..active.clone() }.settings()
+            };
+            match self.read(&destination, settings_of) {
                 Ok(Some(profile)) => {
                     (destination.build, destination.experience) = (profile.build(), profile.experience());
+                    active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
                     self.worker = subjects.add(destination);
                     subjects.activate(self.worker);
                     return;
@@ -83,7 +91,7 @@ impl Restored {
             }
         }
         let Some(destination) = subjects.get(subjects::CONFIGURED) else { return };
-        match self.read(&destination, settings) {
+        match self.read(&destination, |_| *settings) {
             Ok(None) => {}
             Ok(Some(profile)) => {
                 subjects.update_experience(subjects::CONFIGURED, |all| *all = profile.experience());
@@ -106,12 +114,12 @@ impl Restored {
     fn read(
         &mut self,
         destination: &ProfileDestination,
-        settings: &Settings,
+        settings_of: impl Fn(&Profile) -> Settings,
     ) -> Result<Option<Profile>, String> {
         let Some(profile) = Profile::read(&destination.path).map_err(|error| error.to_string())? else {
             return Ok(None);
         };
-        let worker = profile.worker(settings).map_err(|reason| {
+        let worker = profile.worker(&settings_of(&profile)).map_err(|reason| {
             format!("the profile {} is not used: {reason}; it is left as it is", destination.path.display())
         })?;
         self.memory.identification = *worker;
