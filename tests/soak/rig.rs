@@ -381,10 +381,12 @@ impl Rig {
             wrong.join("\n")
         );
         if let Some(little) = judge.too_little() {
-            panic!(
-                "too busy for a verdict: {little}; {:?} states had a sensor that was held up",
-                judge.excused
-            );
+            let excused = judge.excused;
+            let why =
+                format!("too busy for a verdict: {little}; {excused:?} states had a sensor that was held up");
+            // Only the stage of the gate requires a verdict: it has another try.
+            assert!(std::env::var_os("SOAK_SECONDS").is_none(), "{why}");
+            println!("{why}");
         }
     }
 }
