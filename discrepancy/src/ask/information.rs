@@ -137,7 +137,7 @@ mod tests {
         // The same unknown of 2 in both is noise of both; it hides the means, and separates nothing by itself.
         is(&with_variance(0.0, 5.0), &with_variance(3.0, 5.0), 3.0 / 5.0_f64.sqrt());
         is(&with_variance(0.0, 5.0), &with_variance(0.0, 5.0), 0.0);
-        // In one of them only, it separates by the spread: 4 ln(3²/5).
-        is(&with_variance(0.0, 5.0), &response(0.0), (4.0 * 1.8_f64.ln()).sqrt());
+        // In one of them only, it separates by the spread: 2 ln(3²/5).
+        is(&with_variance(0.0, 5.0), &response(0.0), (2.0 * 1.8_f64.ln()).sqrt());
     }
 }
