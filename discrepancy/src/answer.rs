@@ -8,7 +8,6 @@ use equipoise_core::effect::{Effect, Place};
 use faer::Mat;
 use serde_json::Value;
 
-use crate::ask::ask;
 use crate::candidate::{Candidate, Scope, place_name};
 use crate::constants::{OPEN_END_BLOCKS, PARAMETER_ERROR};
 use crate::finding::{AxisGap, Estimate, Finding, Gap, Generic, Named, Verdict};
@@ -60,7 +59,7 @@ pub(crate) fn assemble(
         selection.accepted.iter().filter_map(|one| fitted(gram, &accepted, one)).collect();
     let effects =
         selection.accepted.iter().zip(&terms).filter_map(|(one, fitted)| named(gram, one, fitted)).collect();
-    let ask = ask(gram.rows, selection, &floor);
+    let ask = selection.ask.clone();
     let finding = Finding {
         verdict,
         // A residual beyond noise that the posterior does not explain is not decided.

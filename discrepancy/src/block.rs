@@ -1,7 +1,8 @@
 //! A block: means of predictions and measurements over a fraction of a second of a session.
 
-use equipoise_core::body::SEGMENTS;
+use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::effect::Observation;
+use nalgebra::{UnitQuaternion, Vector3};
 
 pub use crate::constants::{CUTOFFS_HZ, LAGS_S};
 
@@ -61,4 +62,17 @@ pub struct Block {
     pub by_lag: [Change; LAGS_S.len()],
     /// Change by each of [`CUTOFFS_HZ`].
     pub by_cutoff: [Change; CUTOFFS_HZ.len()],
+}
+
+/// Rotation vector of each segment relative to its parent; of the pelvis relative to the feet's heading.
+pub(crate) fn joint_rad(
+    rotation: &[UnitQuaternion<f64>; SEGMENTS],
+    heading_rad: f64,
+) -> [[f64; 3]; SEGMENTS] {
+    let turned = |segment: Segment| rotation[segment.index()];
+    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
+    Segment::ALL.map(|segment| {
+        let parent = segment.parent().map_or(heading, turned);
+        (parent.inverse() * turned(segment)).scaled_axis().into()
+    })
 }

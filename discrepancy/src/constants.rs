@@ -412,8 +412,8 @@ pub(crate) const TURNS_DEG: [f64; 3] = [0.0, 90.0, 180.0];
 pub(crate) const STEP_M: f64 = 0.15;
 /// Standing that may be requested. Unit: s. Origin: chosen.
 pub(crate) const STANDING_S: f64 = 180.0;
-/// Speed of requested fast motion over the fastest observed one. Unit: 1. Origin: chosen.
-pub(crate) const FASTER: f64 = 2.0;
+/// From the end of the recording to a measurement of the experiment. Unit: s. Origin: chosen.
+pub(crate) const UNTIL_EXPERIMENT_S: f64 = 10.0;
 /// Smaller expected information does not justify an experiment. Unit: nats. Origin: chosen.
 pub(crate) const INFORMATION_MIN: f64 = 0.05;
 

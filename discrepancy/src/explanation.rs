@@ -23,7 +23,7 @@ use crate::linear::{dot, inner};
 use crate::plausibility::is_negligible;
 use crate::posterior::OUTSIDE;
 use crate::rows::Rows;
-use crate::select::padded;
+use crate::select::{estimate_last, padded};
 
 /// An effect of an explanation.
 #[derive(Debug, Clone)]
@@ -119,9 +119,18 @@ impl Member {
     }
 }
 
+/// Marginalises the deviations of the newest term from its equation, of this size over that of the constants.
+pub(crate) fn marginalise_misfit(gram: &mut Gram<'_>, terms: &[usize], term: usize, scale: f64) {
+    let Some(candidate) = gram.terms[term].candidate.clone() else { return };
+    let Some(estimate) = estimate_last(gram, terms, term) else { return };
+    for (column, fraction) in misfit_columns(gram, &candidate, &estimate.value) {
+        gram.marginalise(&column, scale * fraction);
+    }
+}
+
 /// Whitened columns of an effect's misfit, and 1-σ of each as a fraction: hat functions over the work in which each
 /// parameter may deviate by a fraction of the effect's size, and at onset and end by all of it.
-pub(crate) fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f64]) -> Vec<(Vec<f64>, f64)> {
+fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f64]) -> Vec<(Vec<f64>, f64)> {
     let rows = gram.rows;
     let columns_at: Vec<Columns> =
         (rows.work_from..rows.len()).map(|block| candidate.columns(rows, block)).collect();
@@ -271,6 +280,18 @@ impl Explanation {
             tempered,
             misfit_scale,
         })
+    }
+
+    /// The Gram matrix with its effects as terms and their misfit marginalised, and these terms.
+    pub(crate) fn condition<'a>(&self, gram: &Gram<'a>) -> (Gram<'a>, Vec<usize>) {
+        let mut conditioned = gram.clone();
+        let mut terms = Vec::new();
+        for member in &self.members {
+            let term = conditioned.add_candidate(member.candidate.clone());
+            terms.push(term);
+            marginalise_misfit(&mut conditioned, &terms, term, self.misfit_scale);
+        }
+        (conditioned, terms)
     }
 
     /// Its effects with their columns again.

@@ -41,3 +41,10 @@ mod windows;
 pub mod workflow;
 
 pub use reconcile::{Fitted, Options, Outcome, ReconcileError, reconcile};
+
+// Sessions of the integration tests, for unit tests.
+#[cfg(test)]
+extern crate self as equipoise_discrepancy;
+#[cfg(test)]
+#[path = "../tests/support/mod.rs"]
+mod support;

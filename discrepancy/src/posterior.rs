@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use equipoise_core::effect::Effect;
-use faer::Mat;
 
-use crate::candidate::Candidate;
 use crate::constants::{CHECKED_MAX, NAMED_PROBABILITY, RIVAL_PROBABILITY_MIN, UNEXPLAINED_PROBABILITY};
 use crate::evidence::log_sum_exp;
 use crate::explanation::Explanation;
@@ -26,23 +24,15 @@ pub(crate) fn same_columns(one: &str, other: &str) -> bool {
 /// The name of anything outside the catalogue.
 pub(crate) const OUTSIDE: &str = "outside the catalogue";
 
-/// An explanation with fitted parameters, for predictions.
+/// A probable explanation, and what it predicts.
 #[derive(Debug, Clone)]
-pub(crate) struct Predictor {
+pub(crate) struct Predictor<P> {
     /// Names of its effects that are not negligible, and [`OUTSIDE`], sorted; one name for those with the same columns.
     pub(crate) names: Vec<String>,
     /// Probability of the explanation, relative to the other predictors.
     pub(crate) probability: f64,
-    /// Its effects.
-    pub(crate) effects: Vec<Candidate>,
-    /// Parameters of all effects in sequence.
-    pub(crate) value: Vec<f64>,
-    /// Their covariance.
-    pub(crate) covariance: Mat<f64>,
-    /// Size of the effects' misfit, as that of the explanation.
-    pub(crate) misfit_scale: f64,
-    /// Root mean square of what acts outside the catalogue, in the work: centre of pressure x, y (m), vertical force (N).
-    pub(crate) outside: [f64; 3],
+    /// Its prediction.
+    pub(crate) prediction: P,
 }
 
 /// Sets of names that act together, and their probabilities.
@@ -73,29 +63,19 @@ impl Posterior {
         Posterior { explanations, names: NameSets { sets, probabilities } }
     }
 
-    /// The most probable explanations, refitted by `fit`; those that cannot be fitted are left out. None if there is nothing
-    /// to decide.
-    pub(crate) fn predictors(
-        &self,
-        fit: impl Fn(&Explanation) -> Option<(Vec<f64>, Mat<f64>)>,
-    ) -> Vec<Predictor> {
-        if self.names.is_decided() {
-            return Vec::new();
-        }
-        let mut predictors: Vec<Predictor> = self
+    /// The most probable explanations with their predictions; those without one are left out.
+    pub(crate) fn predictors<P>(&self, predict: impl Fn(&Explanation) -> Option<P>) -> Vec<Predictor<P>> {
+        let mut predictors: Vec<Predictor<P>> = self
             .explanations
             .iter()
             .zip(&self.names.probabilities)
             .take(CHECKED_MAX)
             .filter_map(|(explanation, &probability)| {
-                let (value, covariance) = fit(explanation)?;
+                let prediction = predict(explanation)?;
                 let mut names: Vec<String> = explanation.names().iter().map(|name| class(name)).collect();
                 names.sort();
                 names.dedup();
-                let effects = explanation.members.iter().map(|member| member.candidate.clone()).collect();
-                let misfit_scale = explanation.misfit_scale;
-                let outside = explanation.outside.as_ref().map_or([0.0; 3], |outside| outside.size);
-                Some(Predictor { names, probability, effects, value, covariance, misfit_scale, outside })
+                Some(Predictor { names, probability, prediction })
             })
             .collect();
         let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();
@@ -204,7 +184,7 @@ mod tests {
     use equipoise_core::effect::Place;
 
     use super::*;
-    use crate::candidate::Scope;
+    use crate::candidate::{Candidate, Scope};
     use crate::explanation::{Member, Outside};
 
     fn explanation(effects: &[(Effect, Place)], weight: f64) -> Explanation {
@@ -284,31 +264,14 @@ mod tests {
     }
 
     #[test]
-    fn predictors_are_fitted_only_while_something_is_open() {
+    fn explanations_without_a_prediction_are_left_out() {
         let load = (Effect::HandLoad, Place::Hand(Side::Right));
-        let of = |weight| Posterior::of(vec![explanation(&[load], weight), explanation(&[], 1.0 - weight)]);
-        let certain = of(0.96).predictors(|_| panic!("nothing is to be fitted"));
-        assert!(certain.is_empty());
-        // The first cannot be fitted.
-        let open = of(0.9).predictors(|one| one.members.is_empty().then(|| (Vec::new(), Mat::new())));
-        assert_eq!(open.len(), 1);
-        assert!(open[0].names.is_empty());
-        is(open[0].probability, 1.0);
-        assert!(of(0.9).predictors(|_| None).is_empty());
-    }
-
-    #[test]
-    fn something_outside_the_catalogue_predicts_with_its_size() {
-        let load = (Effect::HandLoad, Place::Hand(Side::Right));
-        let mut spring = Outside::named("a spring");
-        spring.size = [0.001, 0.002, 3.0];
-        let outside = Explanation { outside: Some(spring), ..explanation(&[], 0.4) };
-        let predictors = Posterior::of(vec![explanation(&[load], 0.6), outside])
-            .predictors(|_| Some((Vec::new(), Mat::new())));
-        assert_eq!(predictors[1].names, [OUTSIDE]);
-        assert_eq!(predictors[1].outside, [0.001, 0.002, 3.0]);
-        is(predictors[1].probability, 0.4);
-        assert_eq!(predictors[0].outside, [0.0; 3]);
+        let posterior = Posterior::of(vec![explanation(&[load], 0.9), explanation(&[], 0.1)]);
+        let some = posterior.predictors(|one| one.members.is_empty().then_some(()));
+        assert_eq!(some.len(), 1);
+        assert!(some[0].names.is_empty());
+        is(some[0].probability, 1.0);
+        assert!(posterior.predictors(|_| None::<()>).is_empty());
     }
 
     #[test]

@@ -3,20 +3,21 @@
 
 use std::collections::BTreeSet;
 
+use equipoise_config::model_file::Ask;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX};
-use faer::Mat;
 
+use crate::ask::ask;
 use crate::candidate::{Candidate, Scope};
 use crate::constants::{
     BEAM, CHECKED_MAX, CLEAR_LEAD, INTERVAL_MIN_S, MEMBERS_MAX, OUTSIDE_MAX, RIVAL_PROBABILITY_MIN,
 };
 use crate::evidence::Estimate;
-use crate::explanation::{Explanation, Member, Outside, misfit_columns};
+use crate::explanation::{Explanation, Member, Outside, marginalise_misfit};
 use crate::finding::{Candidate as Considered, Generic, SetAside};
 use crate::generic::Library;
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
-use crate::posterior::{Posterior, Predictor};
+use crate::posterior::Posterior;
 use crate::refine;
 use crate::trials::{Trial, trials};
 use crate::windows::{self, Windows};
@@ -53,8 +54,8 @@ pub(crate) struct Selection {
     /// Whether something outside the catalogue acts, and what it most probably is.
     pub(crate) is_outside: bool,
     pub(crate) outside: Option<Generic>,
-    /// The most probable explanations, for predictions.
-    pub(crate) predictors: Vec<Predictor>,
+    /// The next experiment.
+    pub(crate) ask: Option<Ask>,
 }
 
 impl Selection {
@@ -103,10 +104,7 @@ pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Library) 
     selection.is_decided = posterior.names.is_decided();
     selection.is_outside = posterior.names.is_outside();
     selection.outside = posterior.outside();
-    selection.predictors = posterior.predictors(|explanation| {
-        let (conditioned, terms) = conditioned(gram, explanation);
-        if terms.is_empty() { Some((Vec::new(), Mat::new())) } else { conditioned.posterior(&terms) }
-    });
+    selection.ask = ask(gram, &posterior);
     accept(gram, &posterior, &mut selection);
     selection
 }
@@ -119,7 +117,7 @@ fn with_outside(gram: &Gram<'_>, library: &Library, mut all: Vec<Explanation>) -
         .enumerate()
         .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.is_prefix_of(&all[0]))
         .flat_map(|(_, explanation)| {
-            let (conditioned, terms) = conditioned(gram, explanation);
+            let (conditioned, terms) = explanation.condition(gram);
             let members = explanation.members_with_columns(gram);
             let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
             let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
@@ -130,18 +128,6 @@ fn with_outside(gram: &Gram<'_>, library: &Library, mut all: Vec<Explanation>) -
         .collect();
     all.extend(extended);
     distinct(all)
-}
-
-/// The Gram matrix with the effects of an explanation as terms and their misfit marginalised, and these terms.
-fn conditioned<'a>(gram: &Gram<'a>, explanation: &Explanation) -> (Gram<'a>, Vec<usize>) {
-    let mut conditioned = gram.clone();
-    let mut terms = Vec::new();
-    for member in &explanation.members {
-        let term = conditioned.add_candidate(member.candidate.clone());
-        terms.push(term);
-        marginalise_misfit(&mut conditioned, &terms, term, explanation.misfit_scale);
-    }
-    (conditioned, terms)
 }
 
 /// The best of those with the same effects, most probable first.
@@ -211,7 +197,7 @@ fn extended(
     explanation: &Explanation,
     selection: &mut Selection,
 ) -> Vec<Explanation> {
-    let (mut conditioned, terms) = conditioned(gram, explanation);
+    let (mut conditioned, terms) = explanation.condition(gram);
     let hypotheses = hypotheses(&conditioned, windows, &terms);
     if explanation.members.is_empty() {
         selection.considered = considered(&hypotheses);
@@ -271,15 +257,6 @@ fn members(
     members.push(Member::new(gram, candidate.clone(), newest, log_odds));
     let impossible = members.iter().find_map(|member| impossibility(&member.candidate, &member.value));
     impossible.map_or(Ok(members), Err)
-}
-
-/// Marginalises the deviations of the newest term from its equation, of this size over that of the constants.
-fn marginalise_misfit(gram: &mut Gram<'_>, terms: &[usize], term: usize, scale: f64) {
-    let Some(candidate) = gram.terms[term].candidate.clone() else { return };
-    let Some(estimate) = estimate_last(gram, terms, term) else { return };
-    for (column, fraction) in misfit_columns(gram, &candidate, &estimate.value) {
-        gram.marginalise(&column, scale * fraction);
-    }
 }
 
 /// All hypotheses, best first: the whole work, or a part of it where the gain suffices.

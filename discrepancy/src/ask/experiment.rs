@@ -4,31 +4,30 @@ use equipoise_config::model_file::Ask;
 use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::cycle::POSE_REQUESTS_MAX;
 use equipoise_core::effect::Observation;
-use equipoise_core::pose_suggestion::Posture;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::block::Block;
-use crate::constants::{STANDING_S, STEP_M, TURNS_DEG};
+use crate::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase, joint_rad};
+use crate::constants::{STANDING_S, STEP_M, TURNS_DEG, UNTIL_EXPERIMENT_S};
 use crate::linear::norm;
 use crate::rows::Rows;
-
-/// One measurement of an experiment.
-#[derive(Debug, Clone)]
-pub(super) enum Measurement {
-    /// A static subject.
-    Static(Box<Observation>),
-    /// The motion of a block of the work, faster.
-    Fast(usize),
-}
 
 /// A request and its measurements.
 #[derive(Debug, Clone)]
 pub(super) struct Experiment {
     /// The request; evidence and names are filled in later.
     pub(super) ask: Ask,
-    /// Its measurements.
-    pub(super) measurements: Vec<Measurement>,
+    /// Its measurements, as indices into [`Choice::blocks`].
+    pub(super) measurements: Vec<usize>,
+}
+
+/// The experiments that can be requested.
+#[derive(Debug)]
+pub(super) struct Choice {
+    /// Every measurement, as a block that follows the recording. It holds predictions only.
+    pub(super) blocks: Vec<Block>,
+    /// Every experiment with at most one pose.
+    pub(super) single: Vec<Experiment>,
 }
 
 /// An empty request, to be filled in.
@@ -46,59 +45,68 @@ pub(super) fn empty() -> Ask {
     }
 }
 
-/// Every experiment with at most one pose.
-pub(super) fn single(rows: &Rows<'_>) -> Vec<Experiment> {
-    let Some(last) = rows.blocks.last() else { return Vec::new() };
-    let at_rest = |ask: Ask, seen: Observation| Experiment {
-        ask,
-        measurements: vec![Measurement::Static(Box::new(seen))],
-    };
-    let straight = LIBRARY[0].world_from_segment();
-    let step_m = [STEP_M, STEP_M];
-    let mut later = standing(last, &straight, 0.0, [0.0; 2]);
-    later.time_s += STANDING_S;
-    let mut list = vec![
-        at_rest(Ask { step_m, ..empty() }, standing(last, &straight, 0.0, step_m)),
-        at_rest(Ask { still_s: STANDING_S, ..empty() }, later),
-        Experiment { ask: Ask { fast: true, ..empty() }, measurements: fastest(rows) },
-    ];
-    for posture in LIBRARY {
-        for turn_deg in TURNS_DEG {
-            let poses = vec![posture.name.to_owned()];
-            let seen = standing(last, &posture.world_from_segment(), turn_deg, [0.0; 2]);
-            list.push(at_rest(Ask { poses, turn_deg, ..empty() }, seen));
+impl Choice {
+    /// After a recording; none if it has no work.
+    pub(super) fn after(rows: &Rows<'_>) -> Option<Choice> {
+        let last = *rows.blocks.last()?;
+        let mut choice = Choice { blocks: Vec::new(), single: Vec::new() };
+        let straight = LIBRARY[0].world_from_segment();
+        let step_m = [STEP_M, STEP_M];
+        choice.add(Ask { step_m, ..empty() }, vec![standing(last, &straight, 0.0, step_m)]);
+        let mut later = standing(last, &straight, 0.0, [0.0; 2]);
+        later.observation.time_s += STANDING_S;
+        choice.add(Ask { still_s: STANDING_S, ..empty() }, vec![later]);
+        choice.add(Ask { fast: true, ..empty() }, fastest(rows));
+        for posture in LIBRARY {
+            for turn_deg in TURNS_DEG {
+                let poses = vec![posture.name.to_owned()];
+                let block = standing(last, &posture.world_from_segment(), turn_deg, [0.0; 2]);
+                choice.add(Ask { poses, turn_deg, ..empty() }, vec![block]);
+            }
         }
+        Some(choice)
     }
-    list
+
+    fn add(&mut self, ask: Ask, blocks: Vec<Block>) {
+        let measurements = (self.blocks.len()..).take(blocks.len()).collect();
+        self.blocks.extend(blocks);
+        self.single.push(Experiment { ask, measurements });
+    }
+
+    /// An experiment with each further pose of the library in addition; none if it is not one of poses, or complete.
+    pub(super) fn with_another_pose(&self, experiment: &Experiment) -> Vec<Experiment> {
+        let ask = &experiment.ask;
+        if ask.poses.is_empty() || ask.poses.len() >= POSE_REQUESTS_MAX {
+            return Vec::new();
+        }
+        let is_further = |other: &&Experiment| {
+            let is_held = other.ask.poses.iter().any(|pose| ask.poses.contains(pose));
+            !other.ask.poses.is_empty() && !is_held && other.ask.turn_deg == ask.turn_deg
+        };
+        let extended = |other: &Experiment| {
+            let mut longer = experiment.clone();
+            longer.ask.poses.extend(other.ask.poses.iter().cloned());
+            longer.measurements.extend(&other.measurements);
+            longer
+        };
+        self.single.iter().filter(is_further).map(extended).collect()
+    }
 }
 
-/// The experiment with each further pose of the library in addition; none if it is not one of poses, or complete.
-pub(super) fn with_another_pose(rows: &Rows<'_>, experiment: &Experiment) -> Vec<Experiment> {
-    let ask = &experiment.ask;
-    let Some(last) = rows.blocks.last() else { return Vec::new() };
-    if ask.poses.is_empty() || ask.poses.len() >= POSE_REQUESTS_MAX {
-        return Vec::new();
-    }
-    let extended = |posture: &Posture| {
-        let mut longer = experiment.clone();
-        longer.ask.poses.push(posture.name.to_owned());
-        let seen = standing(last, &posture.world_from_segment(), ask.turn_deg, [0.0; 2]);
-        longer.measurements.push(Measurement::Static(Box::new(seen)));
-        longer
-    };
-    LIBRARY
-        .iter()
-        .filter(|posture| !ask.poses.iter().any(|pose| pose == posture.name))
-        .map(extended)
-        .collect()
-}
-
-/// The blocks of the work with the largest accelerations.
-fn fastest(rows: &Rows<'_>) -> Vec<Measurement> {
+/// The blocks of the work with the largest accelerations, repeated.
+fn fastest(rows: &Rows<'_>) -> Vec<Block> {
     let acceleration = |&block: &usize| norm(rows.blocks[block].observation.com_acceleration_m_per_s2);
     let mut blocks: Vec<usize> = (rows.work_from..rows.len()).collect();
     blocks.sort_by(|a, b| acceleration(b).total_cmp(&acceleration(a)));
-    blocks.into_iter().take(POSE_REQUESTS_MAX).map(Measurement::Fast).collect()
+    blocks.truncate(POSE_REQUESTS_MAX);
+    let first_s = blocks.iter().map(|&block| rows.time_s(block)).fold(f64::INFINITY, f64::min);
+    let repeated = |block: usize| {
+        let mut repeated = rows.blocks[block].clone();
+        repeated.observation.time_s += rows.time_s(rows.len() - 1) + UNTIL_EXPERIMENT_S - first_s;
+        repeated.stance = rows.blocks[rows.len() - 1].stance;
+        repeated
+    };
+    blocks.into_iter().map(repeated).collect()
 }
 
 /// A static subject of this skeleton in a pose, turned by an angle from the present heading about the feet, and displaced
@@ -108,10 +116,13 @@ fn standing(
     rotation: &[UnitQuaternion<f64>; SEGMENTS],
     turn_deg: f64,
     step_m: [f64; 2],
-) -> Observation {
+) -> Block {
     let like = &last.observation;
+    let heading_rad = last.heading_rad + turn_deg.to_radians();
+    // A turn or a step moves each foot at least once.
+    let moves = if turn_deg != 0.0 || step_m != [0.0; 2] { Side::BOTH.len() as u64 } else { 0 };
     let about_vertical = |angle_rad: f64| UnitQuaternion::from_scaled_axis(Vector3::z() * angle_rad);
-    let turn = about_vertical(last.heading_rad + turn_deg.to_radians());
+    let turn = about_vertical(heading_rad);
     let step_m = about_vertical(last.heading_rad) * Vector3::new(step_m[0], step_m[1], 0.0);
     let rotation = rotation.map(|own| turn * own);
     let origin = origins_in_pose(like, &rotation, step_m);
@@ -121,7 +132,8 @@ fn standing(
         .fold(origin[0], |sum, part| sum + part);
     let cop_m = [com.x, com.y];
     let force_n = [0.0, 0.0, like.mass_kg * 9.81];
-    Observation {
+    let observation = Observation {
+        time_s: like.time_s + UNTIL_EXPERIMENT_S,
         feet_m: [like.feet_m[0] + step_m[0], like.feet_m[1] + step_m[1]],
         origin_m: origin.map(Into::into),
         origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
@@ -139,6 +151,18 @@ fn standing(
         cop_measured_m: cop_m,
         force_measured_n: force_n,
         ..*like
+    };
+    Block {
+        phase: Phase::Work,
+        stance: last.stance + moves,
+        still: true,
+        observation,
+        com_velocity_m_per_s: [0.0; 3],
+        turning_by_group_m: [[0.0; 2]; 4],
+        joint_rad: joint_rad(&rotation, heading_rad),
+        heading_rad,
+        by_lag: [Change::NONE; LAGS_S.len()],
+        by_cutoff: [Change::NONE; CUTOFFS_HZ.len()],
     }
 }
 

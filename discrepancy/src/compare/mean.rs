@@ -1,15 +1,15 @@
 //! Means over a block.
 
-use equipoise_core::body::{SEGMENTS, Segment, Side};
+use equipoise_core::body::{SEGMENTS, Side};
 use equipoise_core::effect::Observation;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 
 use super::changes::Timing;
 use super::options::Options;
 use super::point::Point;
 use super::window::{Window, matrix};
 use super::worker::Worker;
-use crate::block::{Block, Change, Phase};
+use crate::block::{Block, Change, Phase, joint_rad};
 use crate::constants::{BLOCK_REACH, CUTOFFS_HZ};
 
 /// A block under construction.
@@ -159,6 +159,9 @@ impl BlockMean {
     pub(super) fn block(self, phase: Phase, still: bool, timing: &Timing, worker: &Worker) -> Block {
         let (sum, bodies, count) = (&self.sum, &*self.bodies, self.count);
         let heading_rad = heading_rad(&bodies.rotation);
+        let rotation = bodies
+            .quaternion
+            .map(|[w, x, y, z]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)));
         let turning_by_group_m = sum.turning_by_group_m.map(|group| mean(group, count));
         let observation = Observation {
             time_s: sum.time_s / count,
@@ -191,7 +194,7 @@ impl BlockMean {
             observation,
             com_velocity_m_per_s: mean(sum.com_velocity_m_per_s, count),
             turning_by_group_m,
-            joint_rad: joint_rad(&bodies.quaternion, heading_rad),
+            joint_rad: joint_rad(&rotation, heading_rad),
             heading_rad,
             by_lag: timing.by_lag,
             by_cutoff: std::array::from_fn(|k| timing.by_cutoff(k, &self.by_cutoff[k], count)),
@@ -218,17 +221,4 @@ fn heading_rad(rotation: &[[[f64; 3]; 3]; SEGMENTS]) -> f64 {
     let forward =
         |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
     forward(1).atan2(forward(0))
-}
-
-/// Rotation vector of each segment relative to its parent; of the pelvis relative to the feet's heading.
-fn joint_rad(quaternion: &[[f64; 4]; SEGMENTS], heading_rad: f64) -> [[f64; 3]; SEGMENTS] {
-    let turned = |segment: Segment| {
-        let [w, x, y, z] = quaternion[segment.index()];
-        UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z))
-    };
-    let heading = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad);
-    Segment::ALL.map(|segment| {
-        let parent = segment.parent().map_or(heading, turned);
-        (parent.inverse() * turned(segment)).scaled_axis().into()
-    })
 }

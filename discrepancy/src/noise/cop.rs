@@ -21,22 +21,21 @@ const COUNT: usize = COP_SIZES.len();
 const WHITE: usize = 4;
 
 /// Logarithms of the fitted sizes, in the order and units of [`COP_SIZES`].
-type Sizes = [f64; COUNT];
+pub(super) type Sizes = [f64; COUNT];
 
-/// Covariance of the centre of pressure over all rows, m². `None` if the residuals are not finite.
-pub(super) fn covariance_m2(rows: &Rows<'_>) -> Option<Mat<f64>> {
-    let sizes = fit(rows)?;
+/// Covariance of the centre of pressure over all rows, m².
+pub(super) fn covariance_m2(rows: &Rows<'_>, sizes: &Sizes) -> Mat<f64> {
     let mut sum = fixed_covariance_m2(rows);
     for part in (0..COUNT).filter(|&part| part != WHITE) {
         let square = (2.0 * sizes[part]).exp();
         sum += faer::Scale(square) * unit_kernel(rows, part);
     }
-    add_white(&mut sum, &sizes);
-    Some(sum)
+    add_white(&mut sum, sizes);
+    sum
 }
 
-/// The most likely sizes.
-fn fit(rows: &Rows<'_>) -> Option<Sizes> {
+/// The most likely sizes; `None` if the residuals are not finite.
+pub(super) fn fit(rows: &Rows<'_>) -> Option<Sizes> {
     let has_reference = rows.blocks.iter().any(|block| block.phase == Phase::Reference);
     let strength = if has_reference { 1.0 } else { SIGMA_WITHOUT_REFERENCE };
     let sigma = COP_SIZES_SIGMA.map(|sigma| sigma * strength);

@@ -21,24 +21,27 @@ const WHITE: usize = 1;
 /// Index of the orientations.
 const ORIENTATION: usize = 4;
 
+/// Logarithms of the fitted sizes, in the order and units of [`FORCE_SIZES`].
+pub(super) type Sizes = [f64; COUNT];
+
 /// Covariance of one force channel over all rows, N².
-pub(crate) fn covariance_n2(rows: &Rows<'_>, axis: usize) -> Option<Mat<f64>> {
-    let sizes = fit(rows, axis)?;
+pub(super) fn covariance_n2(rows: &Rows<'_>, axis: usize, sizes: &Sizes) -> Mat<f64> {
     let mut sum = fixed_covariance_n2(rows, axis);
     for part in (0..COUNT).filter(|&part| part != WHITE) {
         sum += faer::Scale((2.0 * sizes[part]).exp()) * unit_kernel(rows, axis, part);
     }
-    add_white(&mut sum, &sizes);
-    Some(sum)
+    add_white(&mut sum, sizes);
+    sum
 }
 
-fn add_white(sum: &mut Mat<f64>, sizes: &[f64; COUNT]) {
+fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
     for row in 0..sum.nrows() {
         sum[(row, row)] += (2.0 * sizes[WHITE]).exp();
     }
 }
 
-fn fit(rows: &Rows<'_>, axis: usize) -> Option<[f64; COUNT]> {
+/// The most likely sizes; `None` if the residuals are not finite.
+pub(super) fn fit(rows: &Rows<'_>, axis: usize) -> Option<Sizes> {
     let vertical = usize::from(axis == 2);
     let mean = FORCE_SIZES[vertical].map(f64::ln);
     let some = rows.subset(&blocks_of_fit(rows));
