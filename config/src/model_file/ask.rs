@@ -67,7 +67,7 @@ impl Ask {
         let [one, other] = &self.between;
         let what = self.what();
         format!(
-            "{what}: {one} and {other} then differ by {:.1} times the noise; decides with {:.0} %",
+            "{what}: {one} and {other} then differ by {:.1} σ; decides with {:.0} %",
             self.separation_sigma,
             100.0 * self.decides
         )
@@ -208,7 +208,7 @@ mod tests {
         let [Some(asked), None, None, None] = ask.pose_requests() else { panic!("{ask:?}") };
         assert_eq!((LIBRARY[asked.pose].name, asked.turn_rad.to_degrees()), ("both arms up", 90.0));
         let sentence = "turn by 90° to the left and hold this pose: both arms up: hand_load right and worn_mass T8 then \
-                        differ by 4.2 times the noise; decides with 0 %";
+                        differ by 4.2 σ; decides with 0 %";
         assert_eq!(ask.sentence(), sentence);
         let again = |ask: Ask| {
             let written = ModelFile { ask: Some(ask), ..ModelFile::default() };
