@@ -69,6 +69,7 @@ function draw(now) {
   showMatch(shown, deviations);
   showProgress(shown);
   showLoad(shown);
+  showCobot(frame?.cobot);
   showFatigue(shown.fatigue);
 }
 
@@ -190,6 +191,15 @@ function showLoad({ kind, loadKg, advice }) {
   setText(element("load"), load(loadKg, language()));
   element("advice").hidden = !advice;
   setText(element("advice"), advice ? t(`advice.${advice}`) : "");
+}
+
+// Overload of the worst joint with the part of a demonstration's cobot, at the fixed and at the planned place.
+function showCobot(cobot) {
+  element("cobot-card").hidden = !cobot;
+  for (const place of ["before", "after"]) {
+    const [ratio, sigma] = (cobot?.[place] ?? []).map((part) => number(100 * part, 0, language()));
+    setText(element(`cobot-${place}`), ratio ? t(`ui.cobot_${place}`, { ratio, sigma }) : "");
+  }
 }
 
 function showFatigue(fatigue) {
