@@ -50,8 +50,6 @@ const MAY_USE: [(&str, &[&str]); 24] = [
             "recording",
             "daemon",
             "simulator",
-            // The demonstration with a cobot is the closed loop of the study, over real processes' protocols.
-            "studies",
             "discrepancy",
             "view",
             "gateways",

@@ -305,11 +305,6 @@ impl SimulationHandle {
         span_s
     }
 
-    /// The simulated human, without the deviations of a motion.
-    pub fn person(&self) -> Person {
-        self.shared.with_worker(|worker| worker.person().clone())
-    }
-
     /// The worker walks to another place: [`Worker::go`]; the first step begins in `in_s` seconds. Less than 2.5 would
     /// cause a jump, since the body leans before a step. Returns its end, s.
     pub fn go(&self, in_s: f64, to: Place) -> f64 {

@@ -17,7 +17,7 @@ pub(super) struct Arguments {
     /// One pass with one simulated human, without waiting for a viewer
     #[arg(long)]
     once: bool,
-    /// A simulated UR10e hands a part of 6 kg over instead, at a fixed place and then where it relieves the worker
+    /// Instead of the boxes a simulated UR10e hands over a part of 6 kg: at a fixed place, then where the daemon plans it
     #[arg(long)]
     cobot: bool,
     /// End after this many seconds at the latest [default with --once: 240]

@@ -169,9 +169,10 @@ impl Script {
         }
     }
 
-    /// The cobot as the page draws it.
+    /// The cobot as the page draws it; not while it would cover the worker's poses.
     pub(super) fn cobot(&self) -> Option<SimulatedCobot> {
-        self.handovers.as_ref()?.drawn()
+        let covers = matches!(self.scene, Scene::Begin | Scene::Identify | Scene::Check);
+        self.handovers.as_ref().filter(|_| !covers)?.drawn()
     }
 
     /// Reacts to one state at `now_s`; the first pose is taken once `started`.
@@ -188,6 +189,10 @@ impl Script {
         if fresh && !state.validity().any_of(Validity::INVALIDATES_COP_MEASURED) {
             self.cop_range.add(state.cop_measured_m);
         }
+        let is_clear = match &mut self.handovers {
+            Some(handovers) if self.scene != Scene::Handover => handovers.retreat(state)?,
+            _ => true,
+        };
         match self.scene {
             Scene::Begin => {
                 if started && state.phase == Phase::Identifying as u32 {
@@ -204,7 +209,7 @@ impl Script {
                 }
             }
             Scene::End => {
-                if now_s - self.scene_since_s > AFTER_LIFTS_S {
+                if is_clear && now_s - self.scene_since_s > AFTER_LIFTS_S {
                     self.enter(Scene::Over, now_s);
                 }
             }
@@ -266,7 +271,7 @@ impl Script {
             self.check_pose += 1;
             if self.check_pose < CHECK_POSES {
                 self.assume_check_pose(person);
-            } else if let Some(handovers) = &self.handovers {
+            } else if let Some(handovers) = &mut self.handovers {
                 handovers.begin(person);
                 self.enter(Scene::Handover, now_s);
             } else {
