@@ -43,13 +43,14 @@ export function bones(origins) {
   return all;
 }
 
-// Radius of a cobot's arm and of the part, and of a hand next to the part, m.
-const [ARM_M, PART_M, HAND_M] = [0.05, 0.08, 0.05];
+// Radius of a cobot's stand, arm and part, and of a hand next to the part, m.
+const [STAND_M, ARM_M, PART_M, HAND_M] = [0.09, 0.05, 0.08, 0.05];
 
-// Bones of a simulated cobot: the arm, and the part across between the hands of a worker who faces X.
+// Bones of a simulated cobot: its stand, the arm, and the part across between the hands of a worker who faces X.
 export function cobotBones({ arm_m: arm, part_width_m: width }) {
   const half = [0, Math.max(width / 2 - PART_M - HAND_M, 0.01), 0];
-  const links = arm.slice(1).map((to, i) => ({ from: arm[i], to, radius: ARM_M, segment: "arm" }));
+  const joints = [[arm[0][0], arm[0][1], 0], ...arm];
+  const links = arm.map((to, i) => ({ from: joints[i], to, radius: i ? ARM_M : STAND_M, segment: "arm" }));
   return [...links, { from: add(arm.at(-1), half, -1), to: add(arm.at(-1), half), radius: PART_M, segment: "part" }];
 }
 

@@ -17,7 +17,7 @@ export class Figure2d {
     const pen = new Pen(context, view.project);
     const origins = frame?.segment_origin_m;
     drawFloor(pen, view.centre, frame?.plate_corners_m);
-    if (frame?.cobot) drawBones(pen, cobotBones(frame.cobot), (segment) => colour(segment === "part" ? "soft" : "none"));
+    if (frame?.cobot) drawBones(pen, cobotBones(frame.cobot), (segment) => colour(segment === "part" ? "load" : "none"));
     if (!origins) return;
     if (frame.suggested) drawGhost(context, pen, frame.suggested.segment_origin_m, (segment) => colour(isPlaced(segment, deviations, reachedRad) ? "placed" : "ghost"));
     drawShadow(pen, origins, view.centre[2]);

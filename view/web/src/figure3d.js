@@ -11,7 +11,7 @@ import { colour } from "./theme.js";
 // The suggested pose is thinner, so that the worker's limbs cover it once they match.
 const GHOST_THICKNESS = 0.72;
 const BONES = 26;
-const COBOT_BONES = 7;
+const COBOT_BONES = 8;
 
 const Y = new Vector3(0, 1, 0);
 const matrix = new Matrix4();
@@ -121,7 +121,7 @@ export class Figure3d {
 
   // Takes the colours of the theme.
   recolour() {
-    this.shades = Object.fromEntries(["you", "ghost", "placed", "none", "soft"].map((name) => [name, new Color(colour(name))]));
+    this.shades = Object.fromEntries(["you", "ghost", "placed", "none", "load"].map((name) => [name, new Color(colour(name))]));
     for (const [name, mesh] of [["floor", this.ground], ["grid", this.grid], ["plate", this.plate], ["soft", this.edge]]) mesh.material.color.set(colour(name));
   }
 
@@ -135,7 +135,7 @@ export class Figure3d {
     this.skin.color.copy(this.shades[faded ? "none" : "you"]);
     if (origins) this.worker.show(origins);
     else this.worker.hide();
-    if (frame?.cobot) this.cobot.place(cobotBones(frame.cobot), (segment) => this.shades[segment === "part" ? "soft" : "none"]);
+    if (frame?.cobot) this.cobot.place(cobotBones(frame.cobot), (segment) => this.shades[segment === "part" ? "load" : "none"]);
     else this.cobot.hide();
     if (origins && frame.suggested) this.ghost.show(frame.suggested.segment_origin_m, (segment) => this.shades[isPlaced(segment, deviations, reachedRad) ? "placed" : "ghost"]);
     else this.ghost.hide();
