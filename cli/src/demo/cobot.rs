@@ -58,7 +58,7 @@ enum Stage {
     Present(Instant, Option<Instant>),
     /// The worker holds the part with the whole weight within `span_s`, and stands straight at `end_s`, simulated time;
     /// no span if the place is out of reach.
-    Hold { span_s: Option<[f64; 2]>, end_s: f64, sums: HeldSums },
+    Hold { span_s: Option<[f64; 2]>, end_s: f64, sums: Box<HeldSums> },
     /// No handover is left.
     Over,
 }
@@ -208,7 +208,7 @@ impl Handovers {
         let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside: Vector3::y() };
         let span_s = person.hold_part(&self.habits, &part, PART_KG, HOLD_S);
         let end_s = span_s.map_or(person.now_s() + OUT_OF_REACH_S, |[_, end_s]| end_s + AFTERWARDS_S);
-        Stage::Hold { span_s, end_s, sums: HeldSums::default() }
+        Stage::Hold { span_s, end_s, sums: Box::default() }
     }
 
     /// Ends a handover: the next one, or the next attempt at the same.
