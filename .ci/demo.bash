@@ -11,6 +11,7 @@ demo_station=demo
 
 # Commands, not functions: a function in the background is a shell whose end leaves its command behind.
 demo_headless=("$equipoise" demo --once --headless --json --duration "$demo_seconds")
+demo_with_cobot=("${demo_headless[@]}" --cobot --station demo-cobot)
 demo_with_page=("$equipoise" demo --once --duration "$demo_seconds" --page) # and an address
 record_demo=("$equipoise" record --station "$demo_station")          # and a file
 

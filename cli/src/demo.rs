@@ -1,8 +1,10 @@
 //! Demonstration without hardware: simulated humans with real network protocols, the real daemon and the real page.
 //!
 //! The simulated human reacts to the published state as a worker would: assumes the suggested poses, stands in poses
-//! that were not used for identification, then lifts boxes. Two of different build take turns.
+//! that were not used for identification, then lifts boxes, or holds a part that a simulated cobot presents. Two of
+//! different build take turns.
 
+mod cobot;
 mod lift;
 mod scene;
 pub mod summary;
@@ -27,6 +29,7 @@ use equipoise_view::page::{LiftResult, SimulatedHuman};
 use equipoise_view::terminal::live_line;
 
 use crate::page_feed::ServedPage;
+use cobot::{Arm, Handovers};
 use scene::{Pace, Scene, Script};
 use summary::{DemoSummary, page_results};
 use viewer::{StartSignal, open_browser};
@@ -48,6 +51,8 @@ pub struct DemoSettings {
     /// One pass with the human of the seed, at once and as fast as the results permit. Otherwise the humans of this seed
     /// and the next one take turns until a signal or the end of the duration.
     pub once: bool,
+    /// A simulated cobot presents a part instead of the boxes.
+    pub cobot: bool,
     /// Maximum duration; of one pass 240 s if absent.
     pub duration: Option<Duration>,
     /// Address of the page; `None` for no page.
@@ -92,8 +97,9 @@ pub fn run(
     let page =
         config.page.as_ref().map(|page| ServedPage::start(&config, page, Path::new(""))).transpose()?;
     let start = if settings.for_viewer { StartSignal::awaited() } else { StartSignal::given() };
+    let arm = settings.cobot.then(Arm::start).transpose()?;
     let (once, begun) = (settings.once, Instant::now());
-    let mut show = Show { settings, stop, begun, suit, plate, page, start, once, results: Vec::new() };
+    let mut show = Show { settings, stop, begun, suit, plate, page, start, once, results: Vec::new(), arm };
     show.announce();
     let outcome = show.run(report);
     if let Some(page) = show.page.take() {
@@ -115,6 +121,8 @@ struct Show<'a> {
     once: bool,
     /// The last results of each simulated human and box.
     results: Vec<LiftResult>,
+    /// The simulated cobot; a script has it while it is played.
+    arm: Option<Arm>,
 }
 
 /// Subscriptions through which the simulated human follows the daemon.
@@ -154,7 +162,7 @@ impl Show<'_> {
             // On a busy machine a pass may be incomplete; the next one follows.
             if self.once && !summary.complete {
                 bail!(
-                    "the demo is not complete: no valid torque with one of the boxes, or no static pose without a load \
+                    "the demo is not complete: no valid torque with one of the loads, or no static pose without a load \
                      was published; see `equipoise doctor` for the load of this machine"
                 );
             }
@@ -183,7 +191,9 @@ impl Show<'_> {
         let bus = Bus::join(&BusSettings::new(&self.settings.station, "worker"))?;
         let subscriptions =
             Subscriptions { states: bus.subscriber(64)?, wake: bus.listener(Channel::Results)? };
-        let script = self.play(subscriptions, &person, human);
+        let arm = self.arm.take();
+        let handovers = arm.map(|arm| Handovers::new(arm, &bus, seed)).transpose()?;
+        let script = self.play(subscriptions, &person, human, handovers);
         drop(bus);
         // Stop the daemon first, or its last cycles would report silent sensors.
         let pipeline = pipeline.stop();
@@ -196,7 +206,9 @@ impl Show<'_> {
         let key = |result: &LiftResult| (result.human.height_m, result.human.box_kg.unwrap_or_default());
         self.results.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(Ordering::Equal));
         let is_over = script.scene() == Scene::Over;
-        Ok(is_over.then(|| DemoSummary::of(&script, human, &pipeline)))
+        let summary = is_over.then(|| DemoSummary::of(&script, human, &pipeline));
+        self.arm = script.handovers.map(Handovers::into_arm);
+        Ok(summary)
     }
 
     /// Plays the script to its end, or until the demonstration is ended.
@@ -205,11 +217,13 @@ impl Show<'_> {
         mut subscriptions: Subscriptions,
         person: &SimulationHandle,
         human: SimulatedHuman,
+        handovers: Option<Handovers>,
     ) -> anyhow::Result<Script> {
         let DemoSettings { duration, verbose, for_viewer, .. } = *self.settings;
         let once = self.once;
         let limit = duration.filter(|_| once).unwrap_or(PASS_LIMIT);
-        let mut script = Script::new(if for_viewer && !once { Pace::READABLE } else { Pace::FAST });
+        let pace = if for_viewer && !once { Pace::READABLE } else { Pace::FAST };
+        let mut script = Script::new(pace, handovers);
         let (mut started, mut last_line) = (None, Instant::now());
         while script.scene() != Scene::Over {
             if self.stop.load(Relaxed) && once {
@@ -234,7 +248,7 @@ impl Show<'_> {
             subscriptions.wake.wait(Duration::from_millis(100))?;
             let scene = script.scene();
             while let Some(state) = subscriptions.states.receive()? {
-                script.update(&state, person, elapsed.as_secs_f64(), started.is_some());
+                script.update(&state, person, elapsed.as_secs_f64(), started.is_some())?;
                 if verbose && started.is_some() && last_line.elapsed() >= LINE_INTERVAL {
                     last_line = Instant::now();
                     let pose = LIBRARY.get(state.suggested_pose as usize).map(|posture| posture.name);
@@ -242,7 +256,7 @@ impl Show<'_> {
                 }
             }
             if let Some(page) = &self.page {
-                page.set_simulated(SimulatedHuman { box_kg: script.box_kg(), ..human });
+                page.set_simulated(SimulatedHuman { box_kg: script.box_kg(), ..human }, script.cobot());
             }
             if verbose && script.scene() != scene && script.scene() != Scene::Over {
                 println!("{:.2} m, {:.0} kg: {}", human.height_m, human.mass_kg, script.scene().name());

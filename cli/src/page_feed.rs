@@ -20,7 +20,7 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::status::PageFile;
-use equipoise_view::page::{Engineer, LiftResult, Page, PageFrame, SimulatedHuman};
+use equipoise_view::page::{Engineer, LiftResult, Page, PageFrame, SimulatedCobot, SimulatedHuman};
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
 
@@ -39,7 +39,7 @@ const BUS_CHECK_INTERVAL: Duration = Duration::from_secs(1);
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
-type Simulated = Mutex<Option<SimulatedHuman>>;
+type Simulated = Mutex<(Option<SimulatedHuman>, Option<SimulatedCobot>)>;
 type Receipts = Mutex<ReceiptBuilder>;
 
 /// A page being served, and the thread that feeds it. Dropping it closes connections and leaves the bus.
@@ -101,9 +101,9 @@ impl ServedPage {
         self.page.streams_opened() > 0
     }
 
-    /// Sets the simulated human of the frames from now on.
-    pub fn set_simulated(&self, human: SimulatedHuman) {
-        *self.simulated.lock().unwrap_or_else(PoisonError::into_inner) = Some(human);
+    /// Sets the simulated human and cobot of the frames from now on.
+    pub fn set_simulated(&self, human: SimulatedHuman, cobot: Option<SimulatedCobot>) {
+        *self.simulated.lock().unwrap_or_else(PoisonError::into_inner) = (Some(human), cobot);
     }
 
     /// Ends the page of a demonstration: open pages keep displaying these results.
@@ -278,7 +278,7 @@ fn frames(
         frame.suggested = suggested;
         frame.cop_sigma_target_m = target_m;
         frame.plate_corners_m = plate_corners_m;
-        frame.simulated = *simulated.lock().unwrap_or_else(PoisonError::into_inner);
+        (frame.simulated, frame.cobot) = *simulated.lock().unwrap_or_else(PoisonError::into_inner);
         Some(frame)
     }
 }

@@ -25,6 +25,7 @@ use crate::noise::Suit;
 use crate::person::Person;
 use crate::plate_server::PlateServer;
 use crate::random::Random;
+use crate::reach::{HeldPart, ReachHabits};
 use crate::settings::{SimulationSettings, SuitSettings};
 use crate::suit_sender::{SuitSender, SuitWorld, frame_at};
 use crate::threads::Threads;
@@ -289,6 +290,19 @@ impl SimulationHandle {
     /// The worker picks up a box, moves it and puts it down: [`Worker::lift_and_show`].
     pub fn lift_and_show(&self, mass_kg: f64) {
         self.command(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
+    }
+
+    /// The worker takes a part that is held there, and gives it back: [`Worker::hold_part`].
+    pub fn hold_part(
+        &self,
+        habits: &ReachHabits,
+        part: &HeldPart,
+        mass_kg: f64,
+        for_s: f64,
+    ) -> Option<[f64; 2]> {
+        let mut span_s = None;
+        self.command(|worker, at_s| span_s = worker.hold_part(habits, part, mass_kg, at_s, for_s));
+        span_s
     }
 
     /// The worker walks to another place: [`Worker::go`]; the first step begins in `in_s` seconds. Less than 2.5 would

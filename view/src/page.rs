@@ -28,7 +28,7 @@ use std::thread::JoinHandle;
 
 use tokio::sync::oneshot;
 
-pub use demo::{LiftResult, SimulatedHuman};
+pub use demo::{LiftResult, SimulatedCobot, SimulatedHuman};
 pub use engineer::COMMAND_HEADER;
 pub use frame::PageFrame;
 pub use station::{Engineer, PageCommand, Station};

@@ -10,11 +10,16 @@ use crate::demo::{self, DemoSettings};
 ///
 /// Two simulated humans of different build take turns: each is identified pose by pose, then lifts boxes of 4, 10 and 16 kg.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  equipoise demo\n  equipoise demo --once --headless --json")]
+#[command(
+    after_help = "Examples:\n  equipoise demo\n  equipoise demo --once --headless --json\n  equipoise demo --cobot"
+)]
 pub(super) struct Arguments {
     /// One pass with one simulated human, without waiting for a viewer
     #[arg(long)]
     once: bool,
+    /// Instead of the boxes a simulated UR10e hands over a part of 6 kg: at a fixed place, then where the daemon plans it
+    #[arg(long)]
+    cobot: bool,
     /// End after this many seconds at the latest [default with --once: 240]
     #[arg(long, value_name = "SECONDS")]
     duration: Option<u64>,
@@ -45,6 +50,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         seed: arguments.seed,
         station: arguments.station.clone(),
         once: arguments.once,
+        cobot: arguments.cobot,
         duration: arguments.duration.map(Duration::from_secs),
         page,
         for_viewer: page.is_some() && !arguments.once && !arguments.json,

@@ -5,7 +5,9 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::intention::Intention;
 use equipoise_simulator::simulation::SimulationHandle;
+use equipoise_view::page::SimulatedCobot;
 
+use super::cobot::Handovers;
 use super::lift::{self, BOXES_KG, LIFT_S, LiftSums};
 
 /// After this long without the pose being used, the person tries another one, s.
@@ -46,6 +48,8 @@ pub(super) enum Scene {
     Check,
     /// The person lifts the box with this index.
     Lift(usize),
+    /// A cobot hands a part over.
+    Handover,
     /// The person stands with empty hands.
     End,
     /// Done.
@@ -59,6 +63,7 @@ impl Scene {
             Scene::Identify => "identifying".to_owned(),
             Scene::Check => "checking the model".to_owned(),
             Scene::Lift(index) => format!("lifting {} kg", BOXES_KG[index]),
+            Scene::Handover => "handovers by the cobot".to_owned(),
             Scene::End => "empty hands".to_owned(),
             Scene::Over => "done".to_owned(),
         }
@@ -121,10 +126,12 @@ pub(super) struct Script {
     pub(super) cop_range: CopRange,
     /// Of each box that was lifted or is being lifted.
     pub(super) lifts: Vec<LiftSums>,
+    /// Handovers by a cobot instead of the boxes.
+    pub(super) handovers: Option<Handovers>,
 }
 
 impl Script {
-    pub(super) fn new(pace: Pace) -> Script {
+    pub(super) fn new(pace: Pace, handovers: Option<Handovers>) -> Script {
         Script {
             pace,
             scene: Scene::Begin,
@@ -142,6 +149,7 @@ impl Script {
             unloaded: CopSums::default(),
             cop_range: CopRange::default(),
             lifts: Vec::new(),
+            handovers,
         }
     }
 
@@ -161,14 +169,30 @@ impl Script {
         }
     }
 
+    /// The cobot as the page draws it; not while it would cover the worker's poses.
+    pub(super) fn cobot(&self) -> Option<SimulatedCobot> {
+        let covers = matches!(self.scene, Scene::Begin | Scene::Identify | Scene::Check);
+        self.handovers.as_ref().filter(|_| !covers)?.drawn()
+    }
+
     /// Reacts to one state at `now_s`; the first pose is taken once `started`.
-    pub(super) fn update(&mut self, state: &State, person: &SimulationHandle, now_s: f64, started: bool) {
+    pub(super) fn update(
+        &mut self,
+        state: &State,
+        person: &SimulationHandle,
+        now_s: f64,
+        started: bool,
+    ) -> anyhow::Result<()> {
         let fresh = state.suit_sample_time_ns != self.last_sample_ns;
         self.last_sample_ns = state.suit_sample_time_ns;
         self.poses_used = state.poses_used;
         if fresh && !state.validity().any_of(Validity::INVALIDATES_COP_MEASURED) {
             self.cop_range.add(state.cop_measured_m);
         }
+        let is_clear = match &mut self.handovers {
+            Some(handovers) if self.scene != Scene::Handover => handovers.retreat(state)?,
+            _ => true,
+        };
         match self.scene {
             Scene::Begin => {
                 if started && state.phase == Phase::Identifying as u32 {
@@ -178,13 +202,20 @@ impl Script {
             Scene::Identify => self.identify(state, person, now_s),
             Scene::Check => self.check(state, person, now_s, fresh),
             Scene::Lift(index) => self.lift(index, state, person, now_s, fresh),
+            Scene::Handover => {
+                let Some(handovers) = &mut self.handovers else { return Ok(()) };
+                if handovers.update(state, person, fresh)? {
+                    self.enter(Scene::End, now_s);
+                }
+            }
             Scene::End => {
-                if now_s - self.scene_since_s > AFTER_LIFTS_S {
+                if is_clear && now_s - self.scene_since_s > AFTER_LIFTS_S {
                     self.enter(Scene::Over, now_s);
                 }
             }
             Scene::Over => {}
         }
+        Ok(())
     }
 
     fn enter(&mut self, scene: Scene, now_s: f64) {
@@ -240,6 +271,9 @@ impl Script {
             self.check_pose += 1;
             if self.check_pose < CHECK_POSES {
                 self.assume_check_pose(person);
+            } else if let Some(handovers) = &mut self.handovers {
+                handovers.begin(person);
+                self.enter(Scene::Handover, now_s);
             } else {
                 self.begin_lift(0, now_s);
             }

@@ -8,13 +8,14 @@ use equipoise_latency::Report;
 use equipoise_view::page::{LiftResult, SimulatedHuman};
 use serde::Serialize;
 
+use super::cobot::summary::CobotSummary;
 use super::lift::{BOXES_KG, JOINTS_SHOWN, JointSums, LiftSums, Peak};
 use super::scene::Script;
 
 /// What one pass of the demonstration showed.
 #[derive(Debug, Clone, Serialize)]
 pub struct DemoSummary {
-    /// Whether everything was shown: identified, checked, lifted.
+    /// Whether everything was shown: identified, checked, lifted or handed over.
     pub complete: bool,
     /// Stature of the simulated human, m.
     pub height_m: f64,
@@ -28,8 +29,11 @@ pub struct DemoSummary {
     pub predicted_cop_sigma_mm: f64,
     /// Estimated versus measured CoP, unloaded, in poses not used for identification.
     pub unloaded_cop: CopError,
-    /// The boxes in turn.
+    /// The boxes in turn; none with a cobot.
     pub lifts: Vec<Lift>,
+    /// The handovers by a cobot.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cobot: Option<CobotSummary>,
     /// Cycles, slots, deadlines.
     pub cycles: u64,
     /// Slots of the schedule that passed without a cycle.
@@ -130,10 +134,11 @@ impl DemoSummary {
         let unloaded_cop = cop_error(script);
         let lifts: Vec<Lift> = script.lifts.iter().map(Lift::of).collect();
         let loop_thread = pipeline.threads.iter().find(|report| report.thread == "loop");
+        let cobot = script.handovers.as_ref().map(CobotSummary::of);
+        let all_lifted = || lifts.len() == BOXES_KG.len() && script.lifts.iter().all(LiftSums::is_complete);
         DemoSummary {
             complete: unloaded_cop.samples > 0
-                && lifts.len() == BOXES_KG.len()
-                && script.lifts.iter().all(LiftSums::is_complete),
+                && cobot.as_ref().map_or_else(all_lifted, CobotSummary::is_complete),
             height_m: human.height_m,
             mass_kg: human.mass_kg,
             poses_used: script.poses_used,
@@ -141,6 +146,7 @@ impl DemoSummary {
             predicted_cop_sigma_mm: script.predicted_sigma_m * 1e3,
             unloaded_cop,
             lifts,
+            cobot,
             cycles: pipeline.cycles.cycles,
             slots_skipped: pipeline.cycles.slots_skipped,
             deadlines_missed: pipeline.cycles.deadlines_missed,
@@ -245,7 +251,10 @@ impl fmt::Display for DemoSummary {
              range ({forward_mm:.0} x {sideways_mm:.0} mm)",
             cop.forward_mm, cop.sideways_mm, cop.distance_mm, cop.percent
         )?;
-        self.fmt_lifts(f)?;
+        match &self.cobot {
+            Some(cobot) => write!(f, "{cobot}")?,
+            None => self.fmt_lifts(f)?,
+        }
         writeln!(
             f,
             "\n{} cycles, {} deadlines missed, {} slots skipped, loop at {}",

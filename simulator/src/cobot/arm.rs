@@ -38,6 +38,15 @@ pub fn forward(q_rad: &Joints) -> Isometry3<f64> {
     frames(q_rad)[JOINTS - 1]
 }
 
+/// Base, the end of each link, and thus the TCP last, base frame, m: for drawings.
+#[must_use]
+pub fn chain_m(q_rad: &Joints) -> [Vector3<f64>; JOINTS + 1] {
+    let frames = frames(q_rad);
+    std::array::from_fn(|end| {
+        end.checked_sub(1).map_or_else(Vector3::zeros, |link| frames[link].translation.vector)
+    })
+}
+
 /// Jacobian of the TCP: rows 0 to 2 linear (m/s), 3 to 5 angular (rad/s), base axes.
 #[must_use]
 pub fn jacobian(q_rad: &Joints) -> Matrix6<f64> {

@@ -1,4 +1,4 @@
-//! What the demonstration adds to the pages: the simulated human of a frame, and the last results when it ends.
+//! What the demonstration adds to the pages: the simulated human and cobot of a frame, and the last results when it ends.
 
 use serde::Serialize;
 
@@ -12,6 +12,24 @@ pub struct SimulatedHuman {
     /// True mass of the box that it lifts now, kg.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub box_kg: Option<f64>,
+}
+
+/// The simulated cobot of a frame, with the part at the end of the arm. Limit ratios are those of the worst joint and
+/// their 1-σ.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct SimulatedCobot {
+    /// Base, the end of each link and the tool, station's world, m.
+    pub arm_m: [[f64; 3]; 7],
+    /// Mass of the part, kg.
+    pub part_kg: f64,
+    /// Distance between the hands on the part, m.
+    pub part_width_m: f64,
+    /// Published at the fixed place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub before: Option<[f64; 2]>,
+    /// Published at the planned place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub after: Option<[f64; 2]>,
 }
 
 /// Published results of one lift.

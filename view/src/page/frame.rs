@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::Serializer;
 use serde_json::ser::{CompactFormatter, Formatter};
 
-use super::demo::SimulatedHuman;
+use super::demo::{SimulatedCobot, SimulatedHuman};
 use crate::banner::Headline;
 use crate::state_json::{StateJson, level_name};
 use crate::suggested_pose::SuggestedPose;
@@ -30,12 +30,21 @@ pub struct PageFrame {
     pub plate_corners_m: Option<[[f64; 2]; 4]>,
     /// The simulated human of a demonstration.
     pub simulated: Option<SimulatedHuman>,
+    /// The simulated cobot of a demonstration.
+    pub cobot: Option<SimulatedCobot>,
 }
 
 impl PageFrame {
     /// A frame of nothing but a state.
     pub fn new(state: State) -> PageFrame {
-        PageFrame { state, suggested: None, cop_sigma_target_m: None, plate_corners_m: None, simulated: None }
+        PageFrame {
+            state,
+            suggested: None,
+            cop_sigma_target_m: None,
+            plate_corners_m: None,
+            simulated: None,
+            cobot: None,
+        }
     }
 
     /// The object that the page's script reads: the state, and what it means in words.
@@ -65,6 +74,7 @@ impl PageFrame {
             cop_sigma_target_m: self.cop_sigma_target_m,
             plate_corners_m: self.plate_corners_m,
             simulated: self.simulated,
+            cobot: self.cobot,
         };
         let mut text = Vec::new();
         frame.serialize(&mut Serializer::with_formatter(&mut text, DisplayPrecision))?;
@@ -107,6 +117,8 @@ struct FrameJson<'a> {
     plate_corners_m: Option<[[f64; 2]; 4]>,
     #[serde(skip_serializing_if = "Option::is_none")]
     simulated: Option<SimulatedHuman>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cobot: Option<SimulatedCobot>,
 }
 
 #[derive(Serialize)]

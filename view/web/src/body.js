@@ -43,6 +43,17 @@ export function bones(origins) {
   return all;
 }
 
+// Radius of a cobot's stand, arm and part, and of a hand next to the part, m.
+const [STAND_M, ARM_M, PART_M, HAND_M] = [0.09, 0.05, 0.08, 0.05];
+
+// Bones of a simulated cobot: its stand, the arm, and the part across between the hands of a worker who faces X.
+export function cobotBones({ arm_m: arm, part_width_m: width }) {
+  const half = [0, Math.max(width / 2 - PART_M - HAND_M, 0.01), 0];
+  const joints = [[arm[0][0], arm[0][1], 0], ...arm];
+  const links = arm.map((to, i) => ({ from: joints[i], to, radius: i ? ARM_M : STAND_M, segment: "arm" }));
+  return [...links, { from: add(arm.at(-1), half, -1), to: add(arm.at(-1), half), radius: PART_M, segment: "part" }];
+}
+
 export const headCentre = (origins) => tip(origins, HEAD, 0.09);
 
 // Height of the worker when standing upright, m: the bones from floor to head, in any pose.

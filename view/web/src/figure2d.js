@@ -1,5 +1,5 @@
 // 2D figure, for browsers without WebGL.
-import { FEET, bones, headCentre, prepared } from "./body.js";
+import { FEET, bones, cobotBones, headCentre, prepared } from "./body.js";
 import { isPlaced } from "./match.js";
 import { Pen } from "./pen.js";
 import { colour } from "./theme.js";
@@ -17,6 +17,7 @@ export class Figure2d {
     const pen = new Pen(context, view.project);
     const origins = frame?.segment_origin_m;
     drawFloor(pen, view.centre, frame?.plate_corners_m);
+    if (frame?.cobot) drawBones(pen, cobotBones(frame.cobot), (segment) => colour(segment === "part" ? "load" : "none"));
     if (!origins) return;
     if (frame.suggested) drawGhost(context, pen, frame.suggested.segment_origin_m, (segment) => colour(isPlaced(segment, deviations, reachedRad) ? "placed" : "ghost"));
     drawShadow(pen, origins, view.centre[2]);
@@ -34,8 +35,12 @@ function drawFloor(pen, [x, y, z], plate) {
   if (plate) pen.area(plate.map((corner) => [...corner, z]), colour("plate"), colour("soft"));
 }
 
+function drawBones(pen, all, styleOf, thickness = 1) {
+  for (const { from, to, radius, segment } of all) pen.line([from, to], styleOf(segment), 2 * radius * thickness);
+}
+
 function drawBody(pen, origins, styleOf, thickness = 1) {
-  for (const { from, to, radius, segment } of bones(origins)) pen.line([from, to], styleOf(segment), 2 * radius * thickness);
+  drawBones(pen, bones(origins), styleOf, thickness);
   pen.disc(headCentre(origins), 0.105 * thickness, styleOf());
 }
 

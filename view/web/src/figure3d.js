@@ -4,25 +4,25 @@ import {
   InstancedMesh, LineBasicMaterial, LineLoop, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   PerspectiveCamera, Quaternion, Scene, ShapeGeometry, Shape, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
-import { FEET, bones, headCentre } from "./body.js";
+import { FEET, bones, cobotBones, headCentre } from "./body.js";
 import { isPlaced } from "./match.js";
 import { colour } from "./theme.js";
 
 // The suggested pose is thinner, so that the worker's limbs cover it once they match.
 const GHOST_THICKNESS = 0.72;
 const BONES = 26;
-const BALLS = 2 * BONES;
+const COBOT_BONES = 8;
 
 const Y = new Vector3(0, 1, 0);
 const matrix = new Matrix4();
 const turn = new Quaternion();
 const [from, to, middle, along, size] = Array.from({ length: 5 }, () => new Vector3());
 
-// Body of capsules: a cylinder and two balls per bone, and a head.
+// Body of capsules: a cylinder and two balls per bone, and a head unless it has none.
 class Body {
-  constructor(scene, { material, order, thickness = 1 }) {
-    const instanced = (geometry, count) => {
-      const mesh = new InstancedMesh(geometry, material, count);
+  constructor(scene, { material, order, thickness = 1, count = BONES, heads = 1 }) {
+    const instanced = (geometry, instances) => {
+      const mesh = new InstancedMesh(geometry, material, instances);
       mesh.instanceMatrix.setUsage(DynamicDrawUsage);
       mesh.frustumCulled = false;
       mesh.renderOrder = order;
@@ -30,8 +30,8 @@ class Body {
       return mesh;
     };
     this.thickness = thickness;
-    this.cylinders = instanced(new CylinderGeometry(1, 1, 1, 14, 1, true), BONES);
-    this.balls = instanced(new SphereGeometry(1, 14, 10), BALLS + 1);
+    this.cylinders = instanced(new CylinderGeometry(1, 1, 1, 14, 1, true), count);
+    this.balls = instanced(new SphereGeometry(1, 14, 10), 2 * count + heads);
     this.meshes = [this.cylinders, this.balls];
   }
 
@@ -50,8 +50,15 @@ class Body {
   hide() { for (const mesh of this.meshes) mesh.visible = false; }
 
   show(origins, colourOf) {
+    matrix.compose(from.fromArray(headCentre(origins)), turn.identity(), size.set(0.095, 0.085, 0.115).multiplyScalar(this.thickness));
+    this.balls.setMatrixAt(2 * BONES, matrix);
+    if (colourOf) this.balls.setColorAt(2 * BONES, colourOf(6));
+    this.place(bones(origins), colourOf);
+  }
+
+  place(all, colourOf) {
     for (const mesh of this.meshes) mesh.visible = true;
-    bones(origins).forEach((bone, i) => {
+    all.forEach((bone, i) => {
       from.fromArray(bone.from);
       to.fromArray(bone.to);
       const radius = bone.radius * this.thickness;
@@ -71,9 +78,6 @@ class Body {
         this.balls.setColorAt(2 * i + 1, shade);
       }
     });
-    matrix.compose(from.fromArray(headCentre(origins)), turn.identity(), size.set(0.095, 0.085, 0.115).multiplyScalar(this.thickness));
-    this.balls.setMatrixAt(BALLS, matrix);
-    if (colourOf) this.balls.setColorAt(BALLS, colourOf(6));
     for (const mesh of [this.cylinders, this.balls]) {
       mesh.instanceMatrix.needsUpdate = true;
       if (mesh.instanceColor) mesh.instanceColor.needsUpdate = true;
@@ -96,6 +100,7 @@ export class Figure3d {
     this.floor();
     this.skin = new MeshLambertMaterial();
     this.worker = new Body(this.scene, { material: this.skin, order: 0 });
+    this.cobot = new Body(this.scene, { material: new MeshLambertMaterial(), order: 0, count: COBOT_BONES, heads: 0 });
     // Depth pass first, then one blended pass: otherwise overlapping limbs would be darker.
     this.ghost = new Body(this.scene, { material: new MeshBasicMaterial({ colorWrite: false }), order: 1, thickness: GHOST_THICKNESS });
     this.ghost.addPass(this.scene, new MeshLambertMaterial({ transparent: true, opacity: 0.75 }), 2);
@@ -116,7 +121,7 @@ export class Figure3d {
 
   // Takes the colours of the theme.
   recolour() {
-    this.shades = Object.fromEntries(["you", "ghost", "placed", "none"].map((name) => [name, new Color(colour(name))]));
+    this.shades = Object.fromEntries(["you", "ghost", "placed", "none", "load"].map((name) => [name, new Color(colour(name))]));
     for (const [name, mesh] of [["floor", this.ground], ["grid", this.grid], ["plate", this.plate], ["soft", this.edge]]) mesh.material.color.set(colour(name));
   }
 
@@ -130,6 +135,8 @@ export class Figure3d {
     this.skin.color.copy(this.shades[faded ? "none" : "you"]);
     if (origins) this.worker.show(origins);
     else this.worker.hide();
+    if (frame?.cobot) this.cobot.place(cobotBones(frame.cobot), (segment) => this.shades[segment === "part" ? "load" : "none"]);
+    else this.cobot.hide();
     if (origins && frame.suggested) this.ghost.show(frame.suggested.segment_origin_m, (segment) => this.shades[isPlaced(segment, deviations, reachedRad) ? "placed" : "ghost"]);
     else this.ghost.hide();
     this.shadows.forEach((shadow, i) => {

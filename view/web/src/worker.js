@@ -28,6 +28,8 @@ const decider = new Decider();
 const hold = new Hold();
 let numbersShown = -Infinity;
 let numbersOf = "";
+// The cobot of a demonstration, which is displayed after the end too.
+let cobot = null;
 
 // A canvas provides only one kind of context: without WebGL it is replaced.
 function makeFigure() {
@@ -69,6 +71,7 @@ function draw(now) {
   showMatch(shown, deviations);
   showProgress(shown);
   showLoad(shown);
+  showCobot(shown);
   showFatigue(shown.fatigue);
 }
 
@@ -80,7 +83,8 @@ function showWords(shown) {
   dataset.held = String(Boolean(shown.held));
   setText(element("connection"), t(PILL[stream.connection]));
   setText(element("phase"), [shown.phase && t(`phase.${shown.phase}`), ...simulated(shown.figure.frame?.simulated)].filter(Boolean).join(" · "));
-  for (const part of ["stage", "panels"]) element(part).hidden = shown.kind === "ended";
+  element("stage").hidden = shown.kind === "ended";
+  element("panels").hidden = shown.kind === "ended" && !cobot;
   element("results-card").hidden = shown.kind !== "ended";
   showResults(stream.results ?? []);
   setText(element("instruction"), instruction(shown.banner));
@@ -91,7 +95,7 @@ function showWords(shown) {
   element("levels").hidden = shown.kind !== "load";
   element("poses-legend").hidden = !shown.posing;
   element("plate-legend").hidden = !shown.figure.frame;
-  showReasons(shown.reasons);
+  showReasons(shown.kind === "ended" ? [] : shown.reasons);
 }
 
 // Who is simulated in a demonstration, and what is lifted in truth.
@@ -190,6 +194,21 @@ function showLoad({ kind, loadKg, advice }) {
   setText(element("load"), load(loadKg, language()));
   element("advice").hidden = !advice;
   setText(element("advice"), advice ? t(`advice.${advice}`) : "");
+}
+
+// Overload of the worst joint with the part of a demonstration's cobot, at the fixed and at the planned place. The arm is in
+// front of the worker: it is seen from the side.
+function showCobot({ kind, figure: { frame } }) {
+  if (kind !== "ended") {
+    if (Boolean(frame?.cobot) !== Boolean(cobot)) views[cobot ? 0 : 1].click();
+    cobot = frame?.cobot;
+  }
+  element("cobot-card").hidden = !cobot;
+  if (cobot) setText(element("cobot-part"), t("ui.cobot", { mass: number(cobot.part_kg, 0, language()) }));
+  for (const place of ["before", "after"]) {
+    const ratio = cobot?.[place]?.map((part) => number(100 * part, 0, language())).join(" ± ");
+    setText(element(`cobot-${place}`), ratio ? `${ratio} %` : "–");
+  }
 }
 
 function showFatigue(fatigue) {
