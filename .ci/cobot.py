@@ -1,5 +1,7 @@
 """The test of .ci/cobot: starts and kills the processes of the handover loop, and reads the cobot's speed."""
 
+import contextlib
+import io
 import json
 import pathlib
 import random
@@ -271,7 +273,7 @@ def plans_before_a_change_are_discarded():
     import handover
     import handover_controller
 
-    plans = handover_controller.DaemonPlans("without-a-daemon", 6.0, 0.35, 60.0)
+    stderr = io.StringIO()  # There is no daemon.
 
     def ingest(at_ns, *responses, valid=0, restarted=False):
         for subject, sample_time_ns in responses:
@@ -281,11 +283,15 @@ def plans_before_a_change_are_discarded():
         has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True))
         return has_changed, plans.newest and (plans.newest.generation, plans.newest.at_m[0])
 
-    found = [
-        ingest(10), ingest(20, ("a", 15)), ingest(30, valid=handover.MODEL_CHANGED), ingest(40, ("b", 25)), ingest(50, ("b", 35)),
-        ingest(60, ("c", 55)), ingest(70, ("c", 65)), ingest(80, ("c", 75), restarted=True), ingest(90, ("d", 85)),
-    ]
-    plans.close()
+    with contextlib.redirect_stderr(stderr):
+        plans = handover_controller.DaemonPlans("without-a-daemon", 6.0, 0.35, 60.0)
+        found = [
+            ingest(10), ingest(20, ("a", 15)), ingest(30, valid=handover.MODEL_CHANGED), ingest(40, ("b", 25)),
+            ingest(50, ("b", 35)), ingest(60, ("c", 55)), ingest(70, ("c", 65)), ingest(80, ("c", 75), restarted=True),
+            ingest(90, ("d", 85)),
+        ]
+        plans.close()
+    assert stderr.getvalue().count("no daemon runs") == 1, stderr.getvalue()
     assert found == [
         (False, None), (False, (1, 15)), (False, (1, 15)), (False, (1, 15)), (False, (2, 35)),
         (True, (2, 35)), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
