@@ -10,9 +10,11 @@ import os
 import shutil
 import subprocess
 import sys
+import threading
 import time
 
 import equipoise
+from equipoise import CurrentFrame, CurrentStatus, HandoverRefusal, Joint
 from equipoise import Unavailable, ConsumerReceipt, Reason, State, NoStateReason, _arrays, _bus, _messages
 
 STATION = "alone"
@@ -246,6 +248,90 @@ def what_is_unavailable_is_no_number():
     assert frame["delta_f_sigma_n"].isna().all() and not frame["fatigue_l5s1"].isna().any(), frame
 
 
+def planned(root, answer, **settings):
+    """The result of a request that a server in this program answers."""
+    bus, row = _bus.Bus(STATION, "planner", root), _messages.HANDOVER
+    factory = bus._exchange(_messages.HandoverRequest, _messages.HandoverPlan, row)
+    server = factory.server_builder().create()
+    results = []
+
+    def ask():
+        try:
+            results.append(equipoise.plan_handover(STATION, root=root, mass_kg=6.0, timeout_s=HANGS_AFTER_S, **settings))
+        except Exception as error:
+            results.append(error)
+
+    client = threading.Thread(target=ask)
+    client.start()
+    while client.is_alive():
+        request = server.receive()
+        if request is not None:
+            request.send_copy(answer(request.payload().contents))
+            request.delete()
+        time.sleep(0.001)
+    client.join()
+    server.delete()
+    bus.close()
+    return results[0]
+
+
+def refused(part, attempt):
+    try:
+        attempt()
+    except equipoise.BusError as error:
+        assert part in str(error), f"{part!r} is not in: {error}"
+        return
+    raise AssertionError(f"not refused: {part}")
+
+
+def plans_are_requested(root):
+    """The response as a typed result; each refusal; a server that is missing, silent, or of another schema."""
+    requests = []
+
+    def plan(request):
+        requests.append((request.mass_kg, request.width_m, list(request.current_m), request.current_frame))
+        answer = _messages.HandoverPlan(cycle=7, sample_time_ns=8, handovers=2, worst_joint=Joint.L5S1, limit_ratio=0.4)
+        answer.subject[:3] = b"a-1"
+        answer.position_m[:], answer.place_m[:] = (2.0, 0.5, 1.1), (0.5, 0.1, 1.1)
+        answer.current_status, answer.current_limit_ratio = CurrentStatus.PREDICTED, 0.6
+        return answer
+
+    got = planned(root, plan, current_m=(0.5, 0.0, 0.8), frame=CurrentFrame.FEET)
+    assert requests == [(6.0, 0.35, [0.5, 0.0, 0.8], 2)], requests
+    assert got and (got.subject, got.cycle, got.sample_time_ns, got.handovers) == ("a-1", 7, 8, 2), got
+    assert (got.position_m, got.place_m, got.worst_joint) == ((2.0, 0.5, 1.1), (0.5, 0.1, 1.1), Joint.L5S1), got
+    assert (got.limit_ratio, got.current_limit_ratio, got.current_worst_joint) == (0.4, 0.6, Joint(0)), got
+    far = planned(root, lambda request: _messages.HandoverPlan(current_status=CurrentStatus.OUT_OF_REACH))
+    assert far.current_status is CurrentStatus.OUT_OF_REACH and far.current_limit_ratio is None, far
+    texts = set()
+    for reason in list(HandoverRefusal)[1:]:
+        refusal = planned(root, lambda request: _messages.HandoverPlan(refused=reason, valid=Reason.POSITION_UNKNOWN))
+        assert not refusal and refusal.reason is reason and refusal.reasons is Reason.POSITION_UNKNOWN, repr(refusal)
+        texts.add(refusal.text)
+    assert len(texts) == len(HandoverRefusal) - 1, texts
+    unknown = planned(root, lambda request: _messages.HandoverPlan(refused=99))
+    assert isinstance(unknown, equipoise.BusError) and "run the same release" in str(unknown), unknown
+
+    with equipoise.HandoverPlanner(STATION, root=root, timeout_s=0.1) as planner:
+        for wrong in ({"current_m": (0.5, 0.0, 0.8)}, {"frame": CurrentFrame.FEET}):
+            try:
+                raise AssertionError(f"planned with {wrong}: {planner.plan(mass_kg=6.0, **wrong)}")
+            except ValueError:
+                pass
+        for _ in range(2):
+            refused("no daemon runs on this station", lambda: planner.plan(mass_kg=6.0))
+        bus = _bus.Bus(STATION, "planner", root)
+        server = bus._exchange(_messages.HandoverRequest, _messages.HandoverPlan, _messages.HANDOVER).server_builder().create()
+        # More than may be in flight.
+        for _ in range(_messages.HANDOVER.active_requests_max + 1):
+            refused("did not answer on equipoise/alone/handover within 100 ms", lambda: planner.plan(mass_kg=6.0))
+        other = _messages.HANDOVER._replace(schema="0x0000000000000001+0x0000000000000002")
+        refused("handover: it was made by another version", lambda: bus.client(_messages.HandoverRequest, _messages.HandoverPlan, other))
+        server.delete()
+        bus.close()
+    refused("closed", lambda: planner.plan(mass_kg=6.0))
+
+
 def hold(root, count):
     """Joins so often, and stays until standard input ends."""
     consumers = [joined(root, f"hold-{at}", report=False) for at in range(count)]
@@ -267,13 +353,14 @@ def clear(root):
 
 def all_of(root):
     what_is_unavailable_is_no_number()
+    plans_are_requested(root)
     publisher = Publisher(root)
     for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_clock_ahead_blocks_no_consumer,
                  a_stale_state_is_reported, closed_consumers_stay_closed, leftovers_hang_no_consumer,
                  slots_of_dead_processes_are_awaited):
         test(root, publisher)
     a_polling_consumer_rejoins(root, publisher).close()
-    print("clients: the Python package on a bus of its own: silence, clocks, seldom, slow, closed and killed consumers")
+    print("clients: the Python package on a bus of its own: silence, clocks, seldom, slow, closed and killed consumers; plans")
 
 
 def main():

@@ -1,5 +1,7 @@
 """The test of .ci/cobot: starts and kills the processes of the handover loop, and reads the cobot's speed."""
 
+import contextlib
+import io
 import json
 import pathlib
 import random
@@ -206,6 +208,130 @@ def of_one_controller(name, command, rig, observer, states, daemon, person, stop
     return daemon, person
 
 
+def refused(part, attempt):
+    import equipoise
+    try:
+        attempt()
+    except equipoise.BusError as error:
+        assert part in str(error), f"{part!r} is not in: {error}"
+        return
+    raise AssertionError(f"not refused: {part}")
+
+
+def plan(**settings):
+    """A plan of the daemon by the Python package."""
+    import equipoise
+    return equipoise.plan_handover("cobot", mass_kg=6.0, **settings)
+
+
+def plan_before_identification():
+    """No plan yet, and none by a client of another schema."""
+    from equipoise import BusError, HandoverRefusal, _bus, _messages
+
+    def refusal():
+        try:
+            return plan(timeout_s=0.5)
+        except BusError:
+            return None  # The daemon starts.
+
+    until("the refusal before the identification", lambda: getattr(refusal(), "reason", None) is HandoverRefusal.NOT_IDENTIFIED)
+    bus = _bus.Bus("cobot", "test", _bus.root_of_environment())
+    other = _messages.HANDOVER._replace(schema="0x0000000000000001+0x0000000000000002")
+    refused("cobot/handover: it was made by another version of Equipoise",
+            lambda: bus.client(_messages.HandoverRequest, _messages.HandoverPlan, other))
+    bus.close()
+
+
+def plan_of_both(rig):
+    """The Python package receives the plan that the program prints at the same time."""
+    import equipoise
+
+    def both():
+        command = [rig.equipoise, "plan", "handover", "--config", str(rig.scratch / "equipoise.toml"), "--mass", "6", "--now",
+                   "0.5,0,0.8", "--live", "--json"]
+        printed = subprocess.run(command, capture_output=True, text=True)
+        got = plan(current_m=(0.5, 0.0, 0.8), frame=equipoise.CurrentFrame.FEET)
+        if printed.returncode != 0 or not got:
+            return None
+        theirs = json.loads(printed.stdout)
+        # A handover may be measured between the two.
+        return (theirs, got) if got.handovers == theirs["handovers"] else None
+    printed, got = until("a plan", both)
+    now = printed["now"]
+    assert got.subject == printed["subject"], (got, printed)
+    pairs = [(got.limit_ratio, printed["worst_limit_ratio"], got.limit_ratio_sigma),
+             (got.limit_ratio_sigma, printed["worst_limit_ratio_sigma"], 0.1 * got.limit_ratio_sigma),
+             (got.current_limit_ratio, now["limit_ratio"], got.current_limit_ratio_sigma),
+             *((ours, theirs, 0.1) for ours, theirs in zip(got.position_m, printed["position_m"]))]
+    assert all(abs(ours - theirs) <= most for ours, theirs, most in pairs), (got, printed)
+    print(f"cobot: the daemon's plan by Python and by the program: {got}")
+
+
+def plans_before_a_change_are_discarded():
+    """Responses to requests before the change of the worker, and plans of another subject."""
+    import equipoise
+    import handover
+    import handover_controller
+
+    stderr = io.StringIO()  # There is no daemon.
+
+    def ingest(at_ns, *responses, valid=0, restarted=False):
+        for subject, sample_time_ns in responses:
+            plans._responses.put(equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
+                                                        equipoise.Joint.L5S1, 0.5, 0.1, equipoise.CurrentStatus.NONE, None, None, None))
+        state = equipoise.State(time_ns=at_ns, valid=valid)
+        has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True))
+        return has_changed, plans.newest and (plans.newest.generation, plans.newest.at_m[0])
+
+    with contextlib.redirect_stderr(stderr):
+        plans = handover_controller.DaemonPlans("without-a-daemon", 6.0, 0.35, 60.0)
+        found = [
+            ingest(10), ingest(20, ("a", 15)), ingest(30, valid=handover.MODEL_CHANGED), ingest(40, ("b", 25)),
+            ingest(50, ("b", 35)), ingest(60, ("c", 55)), ingest(70, ("c", 65)), ingest(80, ("c", 75), restarted=True),
+            ingest(90, ("d", 85)),
+        ]
+        plans.close()
+    assert stderr.getvalue().count("no daemon runs") == 1, stderr.getvalue()
+    assert found == [
+        (False, None), (False, (1, 15)), (False, (1, 15)), (False, (1, 15)), (False, (2, 35)),
+        (True, (2, 35)), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
+    ], found
+
+
+def of_the_daemons_plans(rig):
+    """The controller moves to the place that the daemon plans, holds as the worker is loaded, and moves to a new plan."""
+    log = rig.scratch / "daemon_plans.log"
+    controller = rig.start("daemon_plans", sys.executable, str(rig.scratch / "handover_controller.py"), "cobot",
+                           f"{rig.host}:{RTDE_PORT}", "--mass", "6", "--name", "daemon_plans")
+
+    planned_m = []
+
+    def moves_to_the_plan():
+        planned, lines = plan(), log.read_text().splitlines()
+        if planned:
+            planned_m.append(planned.position_m)
+        if not lines or "command=move" not in lines[-1]:
+            return False
+        target_m = [float(value) for value in re.search(r"target_m=(\S+)", lines[-1]).group(1).split(",")]
+        # The plan differs a little with each request: the feet are measured.
+        return any(all(abs(target - at) < 0.05 for target, at in zip(target_m, at_m)) for at_m in planned_m)
+
+    until("the daemon's plan is the target", moves_to_the_plan)
+    planned_m.clear()
+    load_at_s = time.monotonic()
+    subprocess.run([rig.equipoise, "subject", "load", "anon-1", "--station", "cobot"], check=True, stdout=subprocess.DEVNULL)
+
+    def held():
+        lines = [line for line in log.read_text().splitlines() if "command=hold" in line]
+        return bool(lines) and float(lines[-1].split()[0].removeprefix("at_s=")) > load_at_s
+
+    until("the controller holds as the worker is loaded", held, 10)
+    until("a new plan is the target", moves_to_the_plan)
+    rig.end(controller, signal.SIGTERM)
+    assert controller.returncode == 0, f"the controller ended with {controller.returncode}"
+    print("cobot: python: moves to the daemon's plans, and holds until there is one for the worker loaded")
+
+
 def loop(equipoise, scratch, host, suit, plate, stops):
     scratch = pathlib.Path(scratch)
     rig = Rig(equipoise, scratch, host, suit, plate)
@@ -213,16 +339,21 @@ def loop(equipoise, scratch, host, suit, plate, stops):
         rig.start("cobot", equipoise, "simulate", "--cobot", f"{host}:{RTDE_PORT}")
         observer = until("the cobot serves", lambda: connected(host))
         read_by_ur_rtde(host)
+        plans_before_a_change_are_discarded()
+        refused("no daemon runs on this station", plan)
         person, daemon = rig.person("poses"), rig.daemon()
+        plan_before_identification()
         states = States()
         until("the worker is identified", lambda: states.usable_for(1.0), 240)
         rig.end(person)
         person = rig.person("lifts")
-        plan = scratch / "plan.json"
-        Plans(plan)
+        plan_of_both(rig)
+        of_the_daemons_plans(rig)
+        file = scratch / "plan.json"
+        Plans(file)
         for name, program in [("python", [sys.executable, str(scratch / "handover_controller.py")]),
                               ("cpp", [str(scratch / "handover_controller")])]:
-            command = [*program, "cobot", f"{host}:{RTDE_PORT}", "--plan", str(plan), "--name", name]
+            command = [*program, "cobot", f"{host}:{RTDE_PORT}", "--plan", str(file), "--name", name]
             daemon, person = of_one_controller(name, command, rig, observer, states, daemon, person, int(stops))
     finally:
         for process in rig.running:

@@ -25,6 +25,14 @@ pub trait Request: Message {
     const SUFFIX: &'static str;
     /// Event that announces a request; `None` if the server polls.
     const EVENT: Option<Event>;
+
+    /// Schema that client and server must share: the hashes of the fields of request and response.
+    fn schema() -> String
+    where
+        Self: Sized,
+    {
+        format!("0x{:016x}+0x{:016x}", Self::SCHEMA_HASH, Self::Response::SCHEMA_HASH)
+    }
 }
 
 impl Request for Command {
@@ -50,30 +58,63 @@ pub type HandoverServer = RequestServer<HandoverRequest>;
 
 /// Polling interval of a client that waits for a reply.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
-/// Requests of one client that may be in flight: the current one, and timed-out ones that the daemon has not received
-/// yet.
-const ACTIVE_REQUESTS_MAX: usize = 4;
+
+/// Settings of all request–response services; the first process that opens a service sets them.
+#[derive(Debug, Clone, Copy)]
+pub struct RequestSettings {
+    /// Whether a new request replaces the oldest of a full queue.
+    pub overflow_requests: bool,
+    /// Whether a new response replaces the oldest of a full queue.
+    pub overflow_responses: bool,
+    /// Whether the server executes a request whose client has timed out.
+    pub fire_and_forget: bool,
+    /// Requests of one client that may be in flight: the current one, and timed-out ones that the daemon has not
+    /// received yet.
+    pub active_requests_max: usize,
+    /// Requests of one client that are written at the same time.
+    pub loaned_requests_max: usize,
+    /// Queue length of the responses to a request.
+    pub responses_max: usize,
+    /// Responses to a request that a client reads at the same time.
+    pub borrowed_responses_max: usize,
+    /// Number of servers.
+    pub servers_max: usize,
+    /// Number of clients.
+    pub clients_max: usize,
+}
+
+/// The settings of all request–response services.
+pub const REQUEST_SETTINGS: RequestSettings = RequestSettings {
+    overflow_requests: true,
+    overflow_responses: true,
+    fire_and_forget: false,
+    active_requests_max: 4,
+    loaned_requests_max: 1,
+    responses_max: 1,
+    borrowed_responses_max: 1,
+    servers_max: 1,
+    clients_max: CLIENTS_MAX,
+};
 
 type Factory<Q> = PortFactory<ipc::Service, Q, (), <Q as Request>::Response, ()>;
 
 fn open_service<Q: Request>(bus: &Bus) -> Result<(String, Factory<Q>), BusError> {
     let name = full_name(&bus.station, Q::SUFFIX);
-    let schema = format!("0x{:016x}+0x{:016x}", Q::SCHEMA_HASH, Q::Response::SCHEMA_HASH);
+    let settings = REQUEST_SETTINGS;
     let factory =
-        open_or_create(bus, &name, MessagingPattern::RequestResponse, &schema, |name, attributes| {
+        open_or_create(bus, &name, MessagingPattern::RequestResponse, &Q::schema(), |name, attributes| {
             bus.node
                 .service_builder(name)
                 .request_response::<Q, Q::Response>()
-                .enable_safe_overflow_for_requests(true)
-                .enable_safe_overflow_for_responses(true)
-                // A request whose client has timed out must not be executed.
-                .enable_fire_and_forget_requests(false)
-                .max_active_requests_per_client(ACTIVE_REQUESTS_MAX)
-                .max_loaned_requests(1)
-                .max_response_buffer_size(1)
-                .max_borrowed_responses_per_pending_response(1)
-                .max_servers(1)
-                .max_clients(CLIENTS_MAX)
+                .enable_safe_overflow_for_requests(settings.overflow_requests)
+                .enable_safe_overflow_for_responses(settings.overflow_responses)
+                .enable_fire_and_forget_requests(settings.fire_and_forget)
+                .max_active_requests_per_client(settings.active_requests_max)
+                .max_loaned_requests(settings.loaned_requests_max)
+                .max_response_buffer_size(settings.responses_max)
+                .max_borrowed_responses_per_pending_response(settings.borrowed_responses_max)
+                .max_servers(settings.servers_max)
+                .max_clients(settings.clients_max)
                 .max_nodes(NODES_MAX)
                 .open_or_create_with_attributes(attributes)
         })?;
@@ -100,7 +141,7 @@ impl<Q: Request> RequestClient<Q> {
             Some(event) => Some((Notifier::open(bus, Channel::Inputs)?, event)),
             None => None,
         };
-        let place = Place { what: "client", most: CLIENTS_MAX };
+        let place = Place { what: "client", most: REQUEST_SETTINGS.clients_max };
         let port = take(bus, &name, place, ClientCreateError::ExceedsMaxSupportedClients, || {
             factory.client_builder().backpressure_strategy(BackpressureStrategy::DiscardData).create()
         })?;
@@ -149,7 +190,7 @@ impl<Q: Request> fmt::Debug for RequestServer<Q> {
 impl<Q: Request> RequestServer<Q> {
     pub(crate) fn open(bus: &Bus) -> Result<RequestServer<Q>, BusError> {
         let (name, factory) = open_service::<Q>(bus)?;
-        let place = Place { what: "daemon", most: 1 };
+        let place = Place { what: "daemon", most: REQUEST_SETTINGS.servers_max };
         let port = take(bus, &name, place, ServerCreateError::ExceedsMaxSupportedServers, || {
             factory
                 .server_builder()

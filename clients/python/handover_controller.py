@@ -2,7 +2,9 @@
 clients/ur/handover.script, by RTDE. docs/cobot.md. Not a safety function.
 
     pip install ./clients/python
-    python clients/python/handover_controller.py station-1 192.0.2.20:30004 --plan plan.json
+    python clients/python/handover_controller.py station-1 192.0.2.20:30004 --mass 6
+
+The daemon plans for a part of 6 kg; `--plan FILE` reads plans from a file instead.
 """
 
 from __future__ import annotations
@@ -11,16 +13,18 @@ import argparse
 import json
 import math
 import os
+import queue
 import signal
 import socket
 import struct
 import sys
+import threading
 import time
 from typing import Dict, Iterable, List, Optional, Tuple
 
 import equipoise
-from equipoise import NoReading, NoStateReason, Reading
-from handover import Command, Decision, Input, Output, Plan, Position
+from equipoise import BusError, HandoverPlan, HandoverPlanner, NoReading, NoStateReason, Reading
+from handover import MODEL_CHANGED, Command, Decision, Input, Output, Plan, Position
 
 TIMEOUT_S = 0.025
 SEND_EVERY_S = 0.008
@@ -226,6 +230,65 @@ class Plans:
             self._reported = why
 
 
+class DaemonPlans:
+    """The newest plan of the daemon, requested at an interval by a thread: a response takes longer than a decision may."""
+
+    def __init__(self, station: str, mass_kg: float, width_m: float, interval_s: float) -> None:
+        self._station, self._mass_kg, self._width_m, self._interval_s = station, mass_kg, width_m, interval_s
+        self._responses: queue.SimpleQueue[HandoverPlan] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._request, daemon=True)
+        self._subject: Optional[str] = None
+        self._changed_ns = 0
+        self.newest: Optional[Plan] = None
+        self._thread.start()
+
+    def ingest(self, reading: Reading) -> bool:
+        """Takes the responses; returns whether the worker has changed, so that earlier plans must be discarded."""
+        if reading.restarted or reading.state.valid & MODEL_CHANGED:
+            self._changed_ns, self._subject = reading.state.time_ns, None
+        has_changed = False
+        while not self._responses.empty():
+            plan = self._responses.get()
+            if plan.sample_time_ns <= self._changed_ns:
+                continue  # Requested before the change.
+            if self._subject not in (None, plan.subject):
+                # The state with the change was missed. The next plan is used.
+                self._changed_ns, has_changed = plan.sample_time_ns, True
+            else:
+                generation = self.newest.generation + 1 if self.newest else 1
+                self.newest = Plan(generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma)
+            self._subject = plan.subject
+        return has_changed
+
+    def close(self) -> None:
+        """Ends the thread."""
+        self._stop.set()
+        self._thread.join()
+
+    def _request(self) -> None:
+        planner: Optional[HandoverPlanner] = None
+        reported = text = ""
+        while True:
+            try:
+                planner = planner or HandoverPlanner(self._station)
+                plan = planner.plan(mass_kg=self._mass_kg, width_m=self._width_m)
+                if isinstance(plan, HandoverPlan):
+                    self._responses.put(plan)
+                    text = ""
+                else:
+                    text = plan.text
+            except BusError as error:
+                text = f"{error}"
+            if text not in ("", reported):
+                print(f"no plan: {text}", file=sys.stderr)
+            reported = text
+            if self._stop.wait(self._interval_s):
+                break
+        if planner:
+            planner.close()
+
+
 def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan]) -> Input:
     """What the decision needs of a reading."""
     if isinstance(reading, NoReading):
@@ -257,8 +320,16 @@ def main() -> None:
     parser.add_argument("cobot", help="ADDRESS:PORT of RTDE")
     parser.add_argument("--name", default="handover")
     parser.add_argument("--target", help="X,Y,Z in the station's world, m")
-    parser.add_argument("--plan", help="file of `equipoise plan handover --out FILE`, read again when it changes")
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--plan", help="file of `equipoise plan handover --out FILE`, read again when it changes")
+    source.add_argument("--mass", type=float, metavar="KG", help="mass of the part: the daemon plans")
+    parser.add_argument("--width", type=float, metavar="M", default=0.35, help="distance between the grips, with --mass")
+    parser.add_argument("--interval", type=float, metavar="S", default=1.0, help="between two requests, with --mass")
     arguments = parser.parse_args()
+    if arguments.target and arguments.mass is not None:
+        parser.error("give --target or --mass")
+    if not arguments.interval > 0.0:
+        parser.error("--interval: give a positive number of seconds")
     host, port = arguments.cobot.rsplit(":", 1)
     stop: List[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -267,6 +338,9 @@ def main() -> None:
         plans = Plans(arguments.target, arguments.plan)
     except ValueError:
         parser.error("--target: give three numbers X,Y,Z in metres, for example 0.5,0.1,1.1")
+    daemon_plans: Optional[DaemonPlans] = None
+    if arguments.mass is not None:
+        daemon_plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
     cobot, decision = Cobot((host, int(port))), Decision()
     last, send_at_s, print_at_s = Command.HOLD, 0.0, 0.0
     bus_s: List[float] = []
@@ -276,7 +350,10 @@ def main() -> None:
             cobot.poll()
             now_s = time.monotonic()
             plans.poll(now_s)
-            output = decision.decide(now_s, input_of(reading, cobot.part_m(), plans.newest))
+            has_changed = daemon_plans is not None and isinstance(reading, Reading) and daemon_plans.ingest(reading)
+            given = input_of(reading, cobot.part_m(), (daemon_plans or plans).newest)
+            # The decision holds and discards all plans so far, as after a restart.
+            output = decision.decide(now_s, given._replace(restarted=given.restarted or has_changed))
             if output.command != last or now_s >= send_at_s:
                 cobot.send(output)
                 send_at_s = now_s + SEND_EVERY_S
@@ -297,6 +374,8 @@ def main() -> None:
                 time.sleep(BUS_PAUSE_S)
             if stop:
                 break
+    if daemon_plans:
+        daemon_plans.close()
     # p50, p99, p99.9 and maximum of each stage.
     stages = (("bus", bus_s), ("decision", decision_s), ("cobot", cobot.answer_s))
     print("end " + " ".join(percentiles(name, values_s) for name, values_s in stages))

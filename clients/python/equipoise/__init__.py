@@ -14,6 +14,8 @@ A `Reading` is a current state; otherwise a `NoReading` states the reason, and i
 state may be invalid: see `reasons`. Library and daemon must be of one release and run as the same user; the directory
 of the bus is that of EQUIPOISE_BUS_ROOT, as for the daemon. `equipoise.udp` reads datagrams on any machine.
 
+    plan = equipoise.plan_handover("station-1", mass_kg=6.0)   # a `HandoverPlan`, or a `NoPlan` with its reason
+
     states = equipoise.read_recording("session.mcap", columns=["torque_nm", "torque_sigma_nm", "torque_limit_nm"])
     equipoise.plot.torque(states, "L5S1")
 """
@@ -36,7 +38,10 @@ from ._messages import (
     Acceleration,
     BodyRejected,
     BodySource,
+    CurrentFrame,
+    CurrentStatus,
     GroundDevice,
+    HandoverRefusal,
     Joint,
     Level,
     Unavailable,
@@ -49,6 +54,7 @@ from ._messages import (
     State,
 )
 from .consumer import Consumer, latest, subscribe
+from .planner import HandoverPlan, HandoverPlanner, NoPlan, plan_handover
 from .program import ProgramError, reconcile, replay
 from .reading import EarlyReading, NoReading, NoStateReason, Reading
 from .recording import iter_recording, read_recording, to_numpy
@@ -70,9 +76,15 @@ __all__ = [
     "BodySource",
     "BusError",
     "Consumer",
+    "CurrentFrame",
+    "CurrentStatus",
     "GroundDevice",
+    "HandoverPlan",
+    "HandoverPlanner",
+    "HandoverRefusal",
     "Joint",
     "Level",
+    "NoPlan",
     "NoReading",
     "Unavailable",
     "Phase",
@@ -88,6 +100,7 @@ __all__ = [
     "NoStateReason",
     "iter_recording",
     "latest",
+    "plan_handover",
     "plot",
     "read_recording",
     "reconcile",

@@ -124,7 +124,7 @@ class Bus:
     def subscriber(self, message: Type[ctypes.Structure], row: table.Service, depth: int) -> Any:
         """A reader of a topic, with a buffer of `depth` messages."""
         if not 1 <= depth <= row.depth_max:
-            name = self._full_name(row.suffix)
+            name = self.full_name(row.suffix)
             raise BusError(f"cannot buffer {depth} messages of {name}: choose 1 to {row.depth_max}")
         factory = self._topic(message, row)
         make = lambda: factory.subscriber_builder().buffer_size(depth).history_request(row.history).create()
@@ -136,6 +136,13 @@ class Bus:
         discard = iox2.BackpressureStrategy.DiscardData
         make = lambda: factory.publisher_builder().max_loaned_samples(1).backpressure_strategy(discard).create()
         return self._take(row.suffix, "publisher", row.publishers_max, make)
+
+    def client(self, request: Type[ctypes.Structure], response: Type[ctypes.Structure], row: table.RequestService) -> Any:
+        """A client of a request-response service."""
+        factory = self._exchange(request, response, row)
+        discard = iox2.BackpressureStrategy.DiscardData
+        make = lambda: factory.client_builder().backpressure_strategy(discard).create()
+        return self._take(row.suffix, "client", row.clients_max, make)
 
     def listener(self) -> Any:
         """Something that sleeps until results are published."""
@@ -164,11 +171,29 @@ class Bus:
 
         return self._open(row.suffix, row.schema, attempt)
 
-    def _full_name(self, suffix: str) -> str:
+    def _exchange(
+        self, request: Type[ctypes.Structure], response: Type[ctypes.Structure], row: table.RequestService
+    ) -> Any:
+        def attempt(name: Any, attributes: Any) -> Any:
+            builder = self._node.service_builder(name).request_response(request, response)  # type: ignore[union-attr]
+            builder = builder.enable_safe_overflow_for_requests(row.overflow_requests)
+            builder = builder.enable_safe_overflow_for_responses(row.overflow_responses)
+            builder = builder.enable_fire_and_forget_requests(row.fire_and_forget)
+            builder = builder.max_active_requests_per_client(row.active_requests_max)
+            builder = builder.max_loaned_requests(row.loaned_requests_max)
+            builder = builder.max_response_buffer_size(row.responses_max)
+            builder = builder.max_borrowed_responses_per_pending_response(row.borrowed_responses_max)
+            builder = builder.max_servers(row.servers_max).max_clients(row.clients_max)
+            return builder.max_nodes(table.NODES_MAX).open_or_create_with_attributes(attributes)
+
+        return self._open(row.suffix, row.schema, attempt)
+
+    def full_name(self, suffix: str) -> str:
+        """Name of a service of this station."""
         return f"equipoise/{self._station}/{suffix}"
 
     def _open(self, suffix: str, schema: str, attempt: Callable[[Any, Any], Any]) -> Any:
-        full_name = self._full_name(suffix)
+        full_name = self.full_name(suffix)
         name = iox2.ServiceName.new(full_name)
         key, value = iox2.AttributeKey.new(table.SCHEMA_KEY), iox2.AttributeValue.new(schema)
         attributes = iox2.AttributeVerifier.new().require(key, value)
@@ -178,7 +203,7 @@ class Bus:
                 return attempt(name, attributes)
             except Exception as cause:
                 text = f"{cause}"
-                if "IncompatibleTypes" in text or "IncompatibleAttributes" in text:
+                if any(word in text for word in ("IncompatibleTypes", "IncompatibleRequestOrResponse", "IncompatibleAttributes")):
                     raise BusError(
                         f"cannot open {full_name}: it was made by another version of Equipoise (schema here "
                         f"{schema}); run the same release in all processes of this station"
@@ -201,14 +226,14 @@ class Bus:
                 return make()
             except Exception as cause:
                 if "ExceedsMaxSupported" not in f"{cause}":
-                    raise BusError(f"cannot make a port on {self._full_name(suffix)}: {cause}") from cause
+                    raise BusError(f"cannot make a port on {self.full_name(suffix)}: {cause}") from cause
                 self._wait_for_place(suffix, what, most, cause)
 
     def _wait_for_place(self, suffix: str, what: str, most: int, cause: Exception) -> None:
         """A place may still belong to a dead process: then the daemon clears it away soon. Not from here, see `_config`."""
         if time.monotonic() >= self._patient_until:
             raise BusError(
-                f"cannot join {self._full_name(suffix)}: all its {most} places for a {what} are taken; stop "
+                f"cannot join {self.full_name(suffix)}: all its {most} places for a {what} are taken; stop "
                 "one that is not needed"
             ) from cause
         time.sleep(PLACE_PAUSE_S)

@@ -25,6 +25,22 @@ class Service(NamedTuple):
     deadline_ns: Optional[int]
 
 
+class RequestService(NamedTuple):
+    """A request-response service: every process must open it with the same settings."""
+
+    suffix: str
+    schema: str
+    overflow_requests: bool
+    overflow_responses: bool
+    fire_and_forget: bool
+    active_requests_max: int
+    loaned_requests_max: int
+    responses_max: int
+    borrowed_responses_max: int
+    servers_max: int
+    clients_max: int
+
+
 JOINTS = 22
 SEGMENTS = 23
 SUB_BUCKETS = 16
@@ -36,6 +52,9 @@ NOTIFIERS_MAX = 32
 EVENT_NUMBER_MAX = 63
 NOTIFIER_DIED = 8
 ROOT_BYTES_MAX = 46
+HANDOVER_MASS_KG = (0.1, 50.0)
+HANDOVER_WIDTH_M = (0.0, 1.0)
+HANDOVER_PLACE_MAX_M = 3.0
 ROOT_VARIABLE = "EQUIPOISE_BUS_ROOT"
 DEFAULT_ROOT = "/tmp/iceoryx2"
 SCHEMA_KEY = "equipoise.schema"
@@ -70,6 +89,19 @@ CONSUMER_RECEIPT = Service(
     depth_max=32,
     history=1,
     deadline_ns=None,
+)
+HANDOVER = RequestService(
+    suffix="handover",
+    schema="0x04e817bbc90936b2+0xa95ec1b44e6c3a51",
+    overflow_requests=True,
+    overflow_responses=True,
+    fire_and_forget=False,
+    active_requests_max=4,
+    loaned_requests_max=1,
+    responses_max=1,
+    borrowed_responses_max=1,
+    servers_max=1,
+    clients_max=16,
 )
 
 
@@ -313,6 +345,82 @@ class ConsumerReceipt(ctypes.Structure):
 assert ctypes.sizeof(ConsumerReceipt) == 12416
 
 
+class HandoverRequest(ctypes.Structure):
+    """Request for the place at which a part relieves the worker; see core/src/message/handover.rs."""
+
+    mass_kg: float
+    mass_sigma_kg: float
+    width_m: float
+    current_m: ctypes.Array[ctypes.c_double]
+    current_frame: int
+    reserved: ctypes.Array[ctypes.c_uint32]
+
+    _fields_ = [
+        ("mass_kg", ctypes.c_double),
+        ("mass_sigma_kg", ctypes.c_double),
+        ("width_m", ctypes.c_double),
+        ("current_m", ctypes.c_double * 3),
+        ("current_frame", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32 * 3),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """The name that iceoryx2 compares."""
+        return "equipoise/HandoverRequest/1"
+
+
+assert ctypes.sizeof(HandoverRequest) == 64
+
+
+class HandoverPlan(ctypes.Structure):
+    """The plan of a `HandoverRequest`; see core/src/message/handover.rs."""
+
+    refused: int
+    reserved: int
+    cycle: int
+    sample_time_ns: int
+    valid: int
+    subject: ctypes.Array[ctypes.c_uint8]
+    handovers: int
+    worst_joint: int
+    position_m: ctypes.Array[ctypes.c_double]
+    place_m: ctypes.Array[ctypes.c_double]
+    limit_ratio: float
+    limit_ratio_sigma: float
+    current_limit_ratio: float
+    current_limit_ratio_sigma: float
+    current_status: int
+    current_worst_joint: int
+
+    _fields_ = [
+        ("refused", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+        ("cycle", ctypes.c_uint64),
+        ("sample_time_ns", ctypes.c_uint64),
+        ("valid", ctypes.c_uint64),
+        ("subject", ctypes.c_uint8 * 64),
+        ("handovers", ctypes.c_uint32),
+        ("worst_joint", ctypes.c_uint32),
+        ("position_m", ctypes.c_double * 3),
+        ("place_m", ctypes.c_double * 3),
+        ("limit_ratio", ctypes.c_double),
+        ("limit_ratio_sigma", ctypes.c_double),
+        ("current_limit_ratio", ctypes.c_double),
+        ("current_limit_ratio_sigma", ctypes.c_double),
+        ("current_status", ctypes.c_uint32),
+        ("current_worst_joint", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        """The name that iceoryx2 compares."""
+        return "equipoise/HandoverPlan/1"
+
+
+assert ctypes.sizeof(HandoverPlan) == 192
+
+
 class Reason(Flags):
     """Invalid reasons: bits of `State.valid`."""
 
@@ -421,6 +529,35 @@ class Acceleration(enum.IntEnum):
 
     POSITIONS = 0
     SUIT = 1
+
+
+class CurrentFrame(enum.IntEnum):
+    """Frame of the current place of a part: the station's world, or relative to the feet as a plan's `place_m`."""
+
+    NONE = 0
+    STATION = 1
+    FEET = 2
+
+
+class CurrentStatus(enum.IntEnum):
+    """Prediction at the current place of a part."""
+
+    NONE = 0
+    PREDICTED = 1
+    OUT_OF_REACH = 2
+    OUT_OF_BALANCE = 3
+
+
+class HandoverRefusal(enum.IntEnum):
+    """Reason why there is no plan of a handover; see core/src/message/handover.rs."""
+
+    NONE = 0
+    REQUEST = 1
+    NOT_IDENTIFIED = 2
+    MASS_UNKNOWN = 3
+    STALE = 4
+    INVALID = 5
+    INFEASIBLE = 6
 
 
 class Joint(enum.IntEnum):

@@ -6,21 +6,26 @@
 #[path = "common/names.rs"]
 mod names;
 
+use equipoise_bus::command::REQUEST_SETTINGS;
 use equipoise_bus::event::{EVENT_NUMBER_MAX, EVENTS_SCHEMA};
 use equipoise_bus::root::{DEFAULT_ROOT, ROOT_BYTES_MAX, ROOT_VARIABLE};
 use equipoise_bus::service::{BORROWED_MAX, LISTENERS_MAX, NODES_MAX, NOTIFIERS_MAX, SCHEMA_KEY};
-use equipoise_bus::{Channel, Event, Topic};
+use equipoise_bus::{Channel, Event, Request, Topic};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
 use equipoise_core::cycle::{BodyRejection, BodySource};
+use equipoise_core::handover::{MASS_KG, PLACE_MAX_M, WIDTH_M};
 use equipoise_core::message::consumer_receipt::{BUCKETS, SUB_BUCKETS};
+use equipoise_core::message::handover::{CurrentFrame, CurrentStatus, HandoverRefusal};
 use equipoise_core::message::layout::{Field, Primitive};
 use equipoise_core::message::state::{
     AccelerationSource, FootOutlineSource, Phase, SharingSource, Unavailable,
 };
-use equipoise_core::message::{ConsumerReceipt, EarlyState, GroundDevice, Message, State, Validity};
+use equipoise_core::message::{
+    ConsumerReceipt, EarlyState, GroundDevice, HandoverPlan, HandoverRequest, Message, State, Validity,
+};
 use equipoise_core::overload::Level;
 use names::constant_case;
-use std::fmt::Write as _;
+use std::fmt::{Debug, Write as _};
 
 const HEAD: &str = r#""""Layout of shared memory. Generated from the tables of core and bus: do not edit.
 
@@ -47,6 +52,22 @@ class Service(NamedTuple):
     depth_max: int
     history: int
     deadline_ns: Optional[int]
+
+
+class RequestService(NamedTuple):
+    """A request-response service: every process must open it with the same settings."""
+
+    suffix: str
+    schema: str
+    overflow_requests: bool
+    overflow_responses: bool
+    fire_and_forget: bool
+    active_requests_max: int
+    loaned_requests_max: int
+    responses_max: int
+    borrowed_responses_max: int
+    servers_max: int
+    clients_max: int
 
 
 "#;
@@ -103,6 +124,29 @@ fn service<M: Topic>(out: &mut String, name: &str) {
     .unwrap();
 }
 
+fn request_service<Q: Request>(out: &mut String, name: &str) {
+    let row = REQUEST_SETTINGS;
+    let flag = |is_set: bool| if is_set { "True" } else { "False" };
+    writeln!(
+        out,
+        "{name} = RequestService(\n    suffix=\"{}\",\n    schema=\"{}\",\n    overflow_requests={},\n    \
+         overflow_responses={},\n    fire_and_forget={},\n    active_requests_max={},\n    loaned_requests_max={},\n    \
+         responses_max={},\n    borrowed_responses_max={},\n    servers_max={},\n    clients_max={},\n)",
+        Q::SUFFIX,
+        Q::schema(),
+        flag(row.overflow_requests),
+        flag(row.overflow_responses),
+        flag(row.fire_and_forget),
+        row.active_requests_max,
+        row.loaned_requests_max,
+        row.responses_max,
+        row.borrowed_responses_max,
+        row.servers_max,
+        row.clients_max,
+    )
+    .unwrap();
+}
+
 fn enumeration(out: &mut String, name: &str, doc: &str, members: impl IntoIterator<Item = (String, u64)>) {
     writeln!(out, "class {name}:\n    \"\"\"{doc}\"\"\"\n").unwrap();
     for (member, value) in members {
@@ -114,6 +158,12 @@ fn enumeration(out: &mut String, name: &str, doc: &str, members: impl IntoIterat
 fn numbered(name_of: impl Fn(u32) -> Option<&'static str>) -> Vec<(String, u64)> {
     let named = (0..).map_while(|number| name_of(number).map(|name| (number, constant_case(name))));
     named.map(|(number, name)| (name, u64::from(number))).collect()
+}
+
+/// Members with the names of the Rust variants.
+fn variants<E: Debug>(from_number: fn(u32) -> Option<E>) -> Vec<(String, u64)> {
+    let members = (0..).map_while(|number| from_number(number).map(|member| (number, member)));
+    members.map(|(number, member)| (constant_case(&format!("{member:?}")), u64::from(number))).collect()
 }
 
 fn enumerations(out: &mut String) {
@@ -169,6 +219,21 @@ fn enumerations(out: &mut String) {
             "Source of the body's accelerations: `State.acceleration_source`.",
             numbered(|number| AccelerationSource::from_number(number).map(AccelerationSource::name)),
         ),
+        (
+            "CurrentFrame(enum.IntEnum)",
+            "Frame of the current place of a part: the station's world, or relative to the feet as a plan's `place_m`.",
+            variants(CurrentFrame::from_number),
+        ),
+        (
+            "CurrentStatus(enum.IntEnum)",
+            "Prediction at the current place of a part.",
+            variants(CurrentStatus::from_number),
+        ),
+        (
+            "HandoverRefusal(enum.IntEnum)",
+            "Reason why there is no plan of a handover; see core/src/message/handover.rs.",
+            variants(HandoverRefusal::from_number),
+        ),
     ] {
         enumeration(out, name, doc, members);
     }
@@ -193,6 +258,10 @@ fn module() -> String {
     ] {
         writeln!(out, "{name} = {value}").unwrap();
     }
+    for (name, range) in [("HANDOVER_MASS_KG", MASS_KG), ("HANDOVER_WIDTH_M", WIDTH_M)] {
+        writeln!(out, "{name} = ({:?}, {:?})", range.start(), range.end()).unwrap();
+    }
+    writeln!(out, "HANDOVER_PLACE_MAX_M = {PLACE_MAX_M:?}").unwrap();
     for (name, value) in [
         ("ROOT_VARIABLE", ROOT_VARIABLE),
         ("DEFAULT_ROOT", DEFAULT_ROOT),
@@ -205,6 +274,7 @@ fn module() -> String {
     service::<State>(&mut out, "STATE");
     service::<EarlyState>(&mut out, "EARLY_STATE");
     service::<ConsumerReceipt>(&mut out, "CONSUMER_RECEIPT");
+    request_service::<HandoverRequest>(&mut out, "HANDOVER");
     out.push_str("\n\n");
     structure::<State>(&mut out, "State", "Result of one cycle; see core/src/message/state.rs.");
     structure::<EarlyState>(
@@ -216,6 +286,16 @@ fn module() -> String {
         &mut out,
         "ConsumerReceipt",
         "Latency of the states received by one consumer; see core/src/message/consumer_receipt.rs.",
+    );
+    structure::<HandoverRequest>(
+        &mut out,
+        "HandoverRequest",
+        "Request for the place at which a part relieves the worker; see core/src/message/handover.rs.",
+    );
+    structure::<HandoverPlan>(
+        &mut out,
+        "HandoverPlan",
+        "The plan of a `HandoverRequest`; see core/src/message/handover.rs.",
     );
     enumerations(&mut out);
     out.trim_end().to_owned() + "\n"
