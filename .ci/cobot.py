@@ -268,19 +268,22 @@ def plan_of_both(rig):
 
 
 def plans_before_a_change_are_discarded():
-    """Responses to requests before the change of the worker, and plans of another subject."""
+    """Responses to requests before the change of the worker, plans of another subject, and for feet that have moved."""
     import equipoise
     import handover
     import handover_controller
 
     stderr = io.StringIO()  # There is no daemon.
 
-    def ingest(at_ns, *responses, valid=0, restarted=False):
+    status, target = equipoise.CurrentStatus, handover.Plan(1, (0.4, 0.0, 1.0), 0.5, 0.1)
+
+    def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None)):
         for subject, sample_time_ns in responses:
-            plans._responses.put(equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
-                                                        equipoise.Joint.L5S1, 0.5, 0.1, equipoise.CurrentStatus.NONE, None, None, None))
+            plan = equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
+                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target)
+            plans._responses.put((target.at_m, plan))
         state = equipoise.State(time_ns=at_ns, valid=valid)
-        has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True))
+        has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True), target)
         return has_changed, plans.newest and (plans.newest.generation, plans.newest.at_m[0])
 
     with contextlib.redirect_stderr(stderr):
@@ -289,12 +292,16 @@ def plans_before_a_change_are_discarded():
             ingest(10), ingest(20, ("a", 15)), ingest(30, valid=handover.MODEL_CHANGED), ingest(40, ("b", 25)),
             ingest(50, ("b", 35)), ingest(60, ("c", 55)), ingest(70, ("c", 65)), ingest(80, ("c", 75), restarted=True),
             ingest(90, ("d", 85)),
+            ingest(100, ("d", 95), at_target=(status.PREDICTED, equipoise.Joint.L5S1, 0.6, 0.1)),
+            ingest(110, ("d", 105), at_target=(status.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)), ingest(120, ("d", 115)),
+            ingest(130, ("d", 125), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(140, ("d", 135)),
         ]
         plans.close()
     assert stderr.getvalue().count("no daemon runs") == 1, stderr.getvalue()
     assert found == [
         (False, None), (False, (1, 15)), (False, (1, 15)), (False, (1, 15)), (False, (2, 35)),
         (True, (2, 35)), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
+        (False, (5, 95)), (True, (5, 95)), (False, (6, 115)), (True, (6, 115)), (False, (7, 135)),
     ], found
 
 
@@ -329,7 +336,7 @@ def of_the_daemons_plans(rig):
     until("a new plan is the target", moves_to_the_plan)
     rig.end(controller, signal.SIGTERM)
     assert controller.returncode == 0, f"the controller ended with {controller.returncode}"
-    print("cobot: python: moves to the daemon's plans, and holds until there is one for the worker loaded")
+    print("cobot: python: moves to the daemon's plans, and holds as the worker is loaded")
 
 
 def loop(equipoise, scratch, host, suit, plate, stops):

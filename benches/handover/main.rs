@@ -1,6 +1,6 @@
 //! Duration of a handover's plan, compared with the prediction at one place.
 //!
-//! Neither runs in the loop. `cargo bench -p equipoise-benches --bench handover`; figures in `docs/cobot.md`.
+//! Neither runs in the loop. `cargo bench -p equipoise-benches --bench handover`.
 
 use std::hint::black_box;
 

@@ -66,7 +66,7 @@ pub struct RequestSettings {
     pub overflow_requests: bool,
     /// Whether a new response replaces the oldest of a full queue.
     pub overflow_responses: bool,
-    /// Whether the server executes a request whose client has timed out.
+    /// Whether the server executes a request whose client has timed out; never, because the client has reported a failure.
     pub fire_and_forget: bool,
     /// Requests of one client that may be in flight: the current one, and timed-out ones that the daemon has not
     /// received yet.

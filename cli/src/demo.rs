@@ -194,7 +194,6 @@ impl Show<'_> {
         let arm = self.arm.take();
         let handovers = arm.map(|arm| Handovers::new(arm, &bus, seed)).transpose()?;
         let script = self.play(subscriptions, &person, human, handovers);
-        drop(bus);
         // Stop the daemon first, or its last cycles would report silent sensors.
         let pipeline = pipeline.stop();
         person.stop().context("the simulated human")?;

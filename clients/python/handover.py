@@ -165,6 +165,11 @@ class Decision:
         elif now_s - self._better_since_s >= BETTER_FOR_S:
             self._set(candidate)
 
+    @property
+    def target(self) -> Optional[Plan]:
+        """The plan that is the target."""
+        return self._target
+
     def _set(self, target: Plan) -> None:
         self._target, self._better_since_s = target, None
 

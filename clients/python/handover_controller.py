@@ -23,7 +23,7 @@ import time
 from typing import Dict, Iterable, List, Optional, Tuple
 
 import equipoise
-from equipoise import BusError, HandoverPlan, HandoverPlanner, NoReading, NoStateReason, Reading
+from equipoise import BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, NoReading, NoStateReason, Reading
 from handover import MODEL_CHANGED, Command, Decision, Input, Output, Plan, Position
 
 TIMEOUT_S = 0.025
@@ -235,25 +235,32 @@ class DaemonPlans:
 
     def __init__(self, station: str, mass_kg: float, width_m: float, interval_s: float) -> None:
         self._station, self._mass_kg, self._width_m, self._interval_s = station, mass_kg, width_m, interval_s
-        self._responses: queue.SimpleQueue[HandoverPlan] = queue.SimpleQueue()
+        # With each response the target of its request.
+        self._responses: queue.SimpleQueue[Tuple[Optional[Position], HandoverPlan]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._request, daemon=True)
         self._subject: Optional[str] = None
         self._changed_ns = 0
+        self._target_m: Optional[Position] = None
         self.newest: Optional[Plan] = None
         self._thread.start()
 
-    def ingest(self, reading: Reading) -> bool:
-        """Takes the responses; returns whether the worker has changed, so that earlier plans must be discarded."""
+    def ingest(self, reading: Reading, target: Optional[Plan] = None) -> bool:
+        """Takes the responses; returns whether earlier plans must be discarded: the worker has changed or walked away.
+
+        `target` is the plan that is the target now.
+        """
+        self._target_m = target.at_m if target else None
         if reading.restarted or reading.state.valid & MODEL_CHANGED:
             self._changed_ns, self._subject = reading.state.time_ns, None
         has_changed = False
         while not self._responses.empty():
-            plan = self._responses.get()
+            requested_m, plan = self._responses.get()
             if plan.sample_time_ns <= self._changed_ns:
                 continue  # Requested before the change.
-            if self._subject not in (None, plan.subject):
-                # The state with the change was missed. The next plan is used.
+            has_moved = requested_m is not None and requested_m == self._target_m and is_outdated(plan)
+            if has_moved or self._subject not in (None, plan.subject):
+                # The worker walked away, or the state with the change was missed. The next plan is used.
                 self._changed_ns, has_changed = plan.sample_time_ns, True
             else:
                 generation = self.newest.generation + 1 if self.newest else 1
@@ -264,7 +271,8 @@ class DaemonPlans:
     def close(self) -> None:
         """Ends the thread."""
         self._stop.set()
-        self._thread.join()
+        # A request may take longer; the thread ends with the process.
+        self._thread.join(TIMEOUT_S)
 
     def _request(self) -> None:
         planner: Optional[HandoverPlanner] = None
@@ -272,9 +280,11 @@ class DaemonPlans:
         while True:
             try:
                 planner = planner or HandoverPlanner(self._station)
-                plan = planner.plan(mass_kg=self._mass_kg, width_m=self._width_m)
+                target_m = self._target_m
+                frame = CurrentFrame.STATION if target_m else None
+                plan = planner.plan(mass_kg=self._mass_kg, width_m=self._width_m, current_m=target_m, frame=frame)
                 if isinstance(plan, HandoverPlan):
-                    self._responses.put(plan)
+                    self._responses.put((target_m, plan))
                     text = ""
                 else:
                     text = plan.text
@@ -287,6 +297,14 @@ class DaemonPlans:
                 break
         if planner:
             planner.close()
+
+
+def is_outdated(plan: HandoverPlan) -> bool:
+    """Whether the requested place is, for the present feet, worse than the planned one by more than 1 σ, or out of reach."""
+    ratio, sigma = plan.current_limit_ratio, plan.current_limit_ratio_sigma
+    if ratio is None or sigma is None:
+        return plan.current_status is not CurrentStatus.NONE
+    return ratio - plan.limit_ratio > math.hypot(sigma, plan.limit_ratio_sigma)
 
 
 def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan]) -> Input:
@@ -350,7 +368,9 @@ def main() -> None:
             cobot.poll()
             now_s = time.monotonic()
             plans.poll(now_s)
-            has_changed = daemon_plans is not None and isinstance(reading, Reading) and daemon_plans.ingest(reading)
+            has_changed = False
+            if daemon_plans and isinstance(reading, Reading):
+                has_changed = daemon_plans.ingest(reading, decision.target)
             given = input_of(reading, cobot.part_m(), (daemon_plans or plans).newest)
             # The decision holds and discards all plans so far, as after a restart.
             output = decision.decide(now_s, given._replace(restarted=given.restarted or has_changed))

@@ -44,7 +44,7 @@ impl ActiveConfiguration {
 
     /// The settings of the cycle: stature, sex and limits are those of the subject in use.
     pub fn settings(&self) -> Settings {
-        let mut settings = self.in_force().settings();
+        let mut settings = self.with_subject_in_use().settings();
         // Similar to the configured subject, not to another.
         settings.similar =
             self.similar.as_ref().filter(|_| self.loaded.is_none()).map(|chosen| chosen.similar);
@@ -107,45 +107,65 @@ impl SharedConfiguration {
         }
     }
 
-    /// Replaces the active configuration and passes its settings to the loop; returns them.
+    /// Replaces the active configuration and passes its settings to the loop. `before_settings` is called once nothing but
+    /// its own failure can prevent that.
     ///
     /// # Errors
-    /// The status cannot be written, or the loop does not take up the settings: nothing has changed.
+    /// The status cannot be written, the loop has not applied the settings before, or `before_settings` fails: nothing has
+    /// changed.
     pub fn apply(
         &self,
         changes: &mut SettingsSender,
         active: ActiveConfiguration,
-    ) -> anyhow::Result<Settings> {
+        before_settings: impl FnOnce() -> anyhow::Result<()>,
+    ) -> anyhow::Result<()> {
+        if !changes.wait_for_slot() {
+            bail!("the loop has not applied the settings before; see `equipoise status`");
+        }
         let settings = active.settings();
         // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
-        // matching configuration. Restore the previous status if the loop does not apply it.
-        let number = now_ns() / 1000;
-        let before = self.publish(&active.in_force(), number)?;
-        if !changes.send(number, Box::new(settings)) {
-            if let (Some(status), Some(before)) = (self.status.get(), before) {
-                status.change(|status| *status = before);
-                let _ = status.write();
+        // matching configuration.
+        let published = Published {
+            config_toml: active.with_subject_in_use().to_toml(),
+            model_toml: active.config.model_toml(),
+            reload: now_ns() / 1000,
+        };
+        let number = published.reload;
+        let before = self.publish(published)?;
+        if let Err(error) = before_settings() {
+            if let Some(before) = before {
+                // The next write of the status corrects it if this one fails.
+                let _ = self.publish(before);
             }
-            bail!("the loop takes nothing up; see `equipoise status`");
+            return Err(error);
         }
+        changes.send(number, Box::new(settings));
         *self.active.lock().unwrap_or_else(PoisonError::into_inner) = (active, settings);
-        Ok(settings)
+        Ok(())
     }
 
-    /// Publishes a configuration in the status; returns the previous status, which remains if writing fails.
-    fn publish(&self, config: &Config, number: u64) -> anyhow::Result<Option<Status>> {
+    /// Publishes a configuration in the status; returns the previous one, which remains if writing fails.
+    fn publish(&self, new: Published) -> anyhow::Result<Option<Published>> {
         let Some(file) = self.status.get() else { return Ok(None) };
-        let mut before = None;
-        file.change(|status| {
-            before = Some(status.clone());
-            status.config_toml = config.to_toml();
-            status.model_toml = config.model_toml();
-            status.reload = number;
-        });
-        let Err(error) = file.write() else { return Ok(before) };
-        if let Some(before) = before {
-            file.change(|status| *status = before);
-        }
+        let mut published = new;
+        file.change(|status| published.swap(status));
+        let Err(error) = file.write() else { return Ok(Some(published)) };
+        file.change(|status| published.swap(status));
         Err(error).with_context(|| format!("cannot write {}", file.path.display()))
+    }
+}
+
+/// The part of the status that a change of the configuration replaces.
+struct Published {
+    config_toml: String,
+    model_toml: String,
+    reload: u64,
+}
+
+impl Published {
+    fn swap(&mut self, status: &mut Status) {
+        std::mem::swap(&mut self.config_toml, &mut status.config_toml);
+        std::mem::swap(&mut self.model_toml, &mut status.model_toml);
+        std::mem::swap(&mut self.reload, &mut status.reload);
     }
 }

@@ -125,8 +125,10 @@ fn answer(
     reply(ends.control.last_cycle() + 1, outcome)
 }
 
+const TOO_MANY: &str = "too many commands at once; ask again";
+
 fn push_command(ends: &mut CommandEnds, kind: CommandKind) -> Result<(), String> {
-    ends.command.push(kind).map_err(|_| "too many commands at once; ask again".to_owned())
+    ends.command.push(kind).map_err(|_| TOO_MANY.to_owned())
 }
 
 /// The accuracy reached by an identification that was stopped.

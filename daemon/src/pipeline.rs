@@ -148,7 +148,6 @@ impl Pipeline {
         let subjects = Arc::new(Subjects::new(state, configured));
         let restored = Restored::find(&mut active, &subjects);
         let active_configuration = Arc::new(SharedConfiguration::new(active, settings_sender));
-        let _ = share.send((Arc::clone(&active_configuration), Arc::clone(&subjects)));
         // Threads are running from here on: a failure must end them and wait until they have left the bus.
         let mut running = Running::with_commands(commands, share);
         let board = Arc::new(IncidentBoard::default());
@@ -296,7 +295,7 @@ impl Start<'_> {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
             station: config.station.clone(),
-            config_toml: self.active_configuration.with(ActiveConfiguration::in_force).to_toml(),
+            config_toml: self.active_configuration.with(ActiveConfiguration::with_subject_in_use).to_toml(),
             model_toml: config.model_toml(),
             state_directory: self.subjects.state().path().to_owned(),
             subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
@@ -310,6 +309,8 @@ impl Start<'_> {
             threads: Vec::new(),
         });
         self.active_configuration.publish_in(status.clone());
+        // Commands may change the configuration, so they are answered from here on.
+        running.answer_commands((Arc::clone(self.active_configuration), Arc::clone(&self.subjects)));
         let worker_data = Arc::new(SharedWorker::default());
         let saver = Saver {
             ends: saving_ends,

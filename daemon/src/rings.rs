@@ -29,7 +29,7 @@ use equipoise_core::cycle::{Checkpoint, Settings, StoredState, SubjectState};
 use equipoise_core::message::{
     CommandKind, CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample,
 };
-use rtrb::{Consumer, Producer, PushError, RingBuffer};
+use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::realtime::prefault;
 
@@ -361,20 +361,23 @@ impl EgressEnds {
 }
 
 impl SettingsSender {
-    /// Passes new settings to the loop and frees the previous ones; returns whether they were queued. Waits until the
-    /// loop has applied the settings queued before; a running loop applies them within a cycle.
-    pub fn send(&mut self, number: u64, settings: Box<Settings>) -> bool {
-        let mut update = (number, settings);
+    /// Frees the settings that the loop has replaced, and waits until it has applied those queued before, which a running
+    /// loop does within a cycle. Returns whether a slot is free; it stays free until [`SettingsSender::send`].
+    pub fn wait_for_slot(&mut self) -> bool {
         for _ in 0..SETTINGS_ATTEMPTS {
             self.free_returned();
-            match self.settings.push(update) {
-                Ok(()) => return true,
-                Err(PushError::Full(returned)) => update = returned,
+            if !self.settings.is_full() {
+                return true;
             }
             // The loop makes no system call to report a free slot.
             std::thread::sleep(SETTINGS_RETRY_DELAY);
         }
         false
+    }
+
+    /// Passes new settings to the loop; returns whether a slot was free.
+    pub fn send(&mut self, number: u64, settings: Box<Settings>) -> bool {
+        self.settings.push((number, settings)).is_ok()
     }
 
     /// Frees the settings that the loop has replaced.

@@ -206,7 +206,7 @@ fn read_profile(facts: &Status) -> String {
     text.unwrap_or_default()
 }
 
-/// The daemon's configuration for recordings, without the subject's identity if the configured subject was deleted.
+/// The daemon's configuration for recordings, without an identity if the subject in use was deleted.
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
     if facts.subject.is_empty() {

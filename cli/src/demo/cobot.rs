@@ -8,9 +8,9 @@ pub(super) mod summary;
 
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 use bytemuck::Zeroable;
-use equipoise_bus::{Bus, HandoverClient};
+use equipoise_bus::{Bus, BusError, HandoverClient};
 use equipoise_core::message::handover::{CurrentFrame, HandoverRefusal};
 use equipoise_core::message::{HandoverPlan, HandoverRequest, State};
 use equipoise_simulator::intention::Intention;
@@ -182,17 +182,17 @@ impl Handovers {
             current_frame: CurrentFrame::Station as u32,
             ..HandoverRequest::zeroed()
         };
-        let plan = self.plans.ask(&request, ANSWER_WITHIN).context("the plan of the handover")?;
-        if plan.refused == HandoverRefusal::None as u32 {
-            self.place_m = self.permitted_m(plan.position_m.into());
-            self.plan = Some(plan);
-            return Ok(Stage::present());
+        match self.plans.ask(&request, ANSWER_WITHIN) {
+            Ok(plan) if plan.refused == HandoverRefusal::None as u32 => {
+                self.place_m = self.permitted_m(plan.position_m.into());
+                self.plan = Some(plan);
+                return Ok(Stage::present());
+            }
+            Ok(_) | Err(BusError::NoAnswer { .. }) => {}
+            Err(error) => return Err(error).context("the plan of the handover"),
         }
-        if since.elapsed() > PLAN_WITHIN {
-            let why = HandoverRefusal::from_number(plan.refused);
-            bail!("the daemon has had no plan for the handover for {} s: {why:?}", PLAN_WITHIN.as_secs());
-        }
-        Ok(Stage::Plan(since, Instant::now() + ASK_EVERY))
+        let is_late = since.elapsed() > PLAN_WITHIN;
+        Ok(if is_late { self.end(None) } else { Stage::Plan(since, Instant::now() + ASK_EVERY) })
     }
 
     /// The first place that the arm may take on the line from the planned place to the fixed one, after failed attempts

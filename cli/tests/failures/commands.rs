@@ -148,10 +148,10 @@ fn loading_another_subject_leaves_the_first_profile_unchanged() {
         second.insert("sex".to_owned(), "female".into());
     });
 
+    assert_eq!(monitor.state.torque_limit_nm[Joint::named("L5S1").expect("a joint").index()], 123.0);
     let message = station.run(&["subject", "load", "anon-2"]);
     assert!(message.assert_done().contains("anon-2 is in use: 77 poses"), "{}", message.stdout);
     monitor.until("the second worker", |monitor| monitor.state.poses_used == 77);
-    assert_eq!(monitor.state.torque_limit_nm[Joint::named("L5S1").expect("a joint").index()], 123.0);
     // Neither limits nor mass of the configured subject apply to the second one.
     let is_hers = |monitor: &Monitor| {
         monitor.state.torque_limit_nm == *TorqueLimits::of(Sex::Female).without_torque_nm()

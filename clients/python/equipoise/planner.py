@@ -244,8 +244,9 @@ def _position(metres: Iterable[float]) -> Position:
 
 
 def _sentence(refusal: HandoverRefusal, reasons: Reason, subject: str) -> str:
+    subject = subject or "the worker"
     if refusal is HandoverRefusal.NOT_IDENTIFIED:
-        return f"{subject or 'the worker'} is not identified yet; see `equipoise identify`"
+        return f"{subject} is not identified yet; see `equipoise identify`"
     if refusal is HandoverRefusal.MASS_UNKNOWN:
         return f"the mass of {subject} is unavailable; let the plate weigh the worker, or set subject.mass_kg"
     if refusal is HandoverRefusal.STALE:

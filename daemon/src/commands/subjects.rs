@@ -1,5 +1,6 @@
 //! Commands that save, load or delete a subject.
 
+use anyhow::bail;
 use equipoise_bus::parse_text;
 use equipoise_config::is_plain;
 use equipoise_core::cycle::SubjectState;
@@ -7,13 +8,11 @@ use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 use equipoise_station::ANONYMOUS;
 
-use super::{Answer, push_command};
+use super::{Answer, TOO_MANY, push_command};
 use crate::active_configuration::{LoadedSubject, SharedConfiguration};
 use crate::profile::{Profile, unix_s};
 use crate::rings::CommandEnds;
 use crate::subjects::{ProfileDestination, Subjects};
-
-const TOO_MANY: &str = "too many commands at once; ask again";
 
 pub(super) fn save(ends: &mut CommandEnds, subjects: &Subjects, latest: Option<&State>) -> Answer {
     let destination = subjects.get(subjects.in_use()).ok_or("no subject is in use")?;
@@ -59,23 +58,16 @@ pub(super) fn load(
         Err(_) => "a new shift begins".to_owned(),
     };
     let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
-    push_worker(
-        ends,
-        subjects,
-        worker,
-        ProfileDestination {
-            experience: profile.experience(),
-            ..ProfileDestination::of(
-                subjects.state(),
-                &id,
-                profile.build(),
-                active.config.subject.save_profile,
-            )
-        },
-    )?;
-    active_configuration.apply(&mut changes, active).map_err(|error| {
-        format!("{id} is in use with the limits and stature of the subject before: {error:#}")
-    })?;
+    let save = active.config.subject.save_profile;
+    let destination = ProfileDestination {
+        experience: profile.experience(),
+        ..ProfileDestination::of(subjects.state(), &id, profile.build(), save)
+    };
+    // The loop applies a command before settings: for one cycle the worker has the limits of the subject before, while
+    // `model_changed` withholds the torques.
+    active_configuration
+        .apply(&mut changes, active, || push_worker(ends, subjects, worker, destination))
+        .map_err(|error| format!("{id} is not loaded: {error:#}"))?;
     let assumed = match (configured, profile.build()) {
         (false, None) => "; its profile lacks stature and sex, those of the configuration are assumed",
         _ => "",
@@ -95,19 +87,24 @@ pub(super) fn delete(
     let mut active = active_configuration.get();
     let is_similar = active.similar.as_ref().is_some_and(|chosen| chosen.subject == id);
     let in_use = subjects.get(subjects.in_use()).is_some_and(|destination| destination.subject == id);
-    if in_use {
-        active.loaded = Some(LoadedSubject { id: ANONYMOUS.to_owned(), build: None });
-        let mut unidentified = bytemuck::zeroed_box::<SubjectState>();
-        unidentified.identification.start(&active.settings());
-        push_worker(ends, subjects, unidentified, ProfileDestination::unnamed())?;
-    }
-    subjects.delete(&id);
     if is_similar {
         active.similar = None;
     }
-    if is_similar || in_use {
-        active_configuration.apply(&mut changes, active.clone()).map_err(|error| format!("{error:#}"))?;
+    if in_use {
+        active.loaded = Some(LoadedSubject { id: ANONYMOUS.to_owned(), build: None });
     }
+    if is_similar || in_use {
+        let unnamed = || {
+            let mut unidentified = bytemuck::zeroed_box::<SubjectState>();
+            unidentified.identification.start(&active.settings());
+            push_worker(ends, subjects, unidentified, ProfileDestination::unnamed())
+        };
+        let before_settings = || if in_use { unnamed() } else { Ok(()) };
+        active_configuration
+            .apply(&mut changes, active.clone(), before_settings)
+            .map_err(|error| format!("{id} is still in the daemon's memory: {error:#}"))?;
+    }
+    subjects.delete(&id);
     let mut answer = if in_use {
         format!("{id} was in use: forgotten, an unknown worker is learnt instead and not saved")
     } else {
@@ -135,15 +132,15 @@ fn push_worker(
     subjects: &Subjects,
     worker: Box<SubjectState>,
     destination: ProfileDestination,
-) -> Result<(), String> {
+) -> anyhow::Result<()> {
     while ends.returned_workers.pop().is_ok() {}
     // Only this thread fills both rings, so a free slot stays free.
     if ends.command.is_full() || ends.worker.is_full() {
-        return Err(TOO_MANY.to_owned());
+        bail!(TOO_MANY);
     }
     let number = subjects.add(destination);
     let _ = ends.worker.push((number, worker));
-    push_command(ends, CommandKind::SubjectLoad)?;
+    push_command(ends, CommandKind::SubjectLoad).map_err(anyhow::Error::msg)?;
     subjects.activate(number);
     Ok(())
 }

@@ -1,6 +1,5 @@
 //! Reloads the configuration of a running daemon.
 
-use anyhow::bail;
 use equipoise_config::{Config, ConfigError};
 use equipoise_core::message::Incident;
 use tracing::info;
@@ -30,19 +29,16 @@ impl Pipeline {
 
     fn apply(&self, new: Config) -> anyhow::Result<Vec<String>> {
         let mut changes = self.active_configuration.lock_changes();
-        if changes.settings.is_full() {
-            bail!("the reload before is not taken up yet; ask again");
-        }
         let before = self.active_configuration.get();
         let config = before.config.with_live_settings_of(&new);
         let not_live = config.keys_that_differ(&new);
         let changed = before.config.keys_that_differ(&config);
         if changed.is_empty() && before.config.model_toml() == config.model_toml() {
-            info!("the configuration is the one in force");
+            info!("the configuration is unchanged");
             return Ok(restart_notes(&config, &not_live));
         }
         let active = ActiveConfiguration { config: config.clone(), ..before.clone() };
-        self.active_configuration.apply(&mut changes, active)?;
+        self.active_configuration.apply(&mut changes, active, || Ok(()))?;
         if let Some(model) =
             config.loaded_model.as_ref().filter(|_| before.config.loaded_model != config.loaded_model)
         {

@@ -48,6 +48,11 @@ impl Running {
         }
     }
 
+    /// Lets the command thread answer.
+    pub(super) fn answer_commands(&self, shared: Shared) {
+        let _ = self.share.send(shared);
+    }
+
     pub(super) fn is_running(&self) -> bool {
         fn is_alive<T>(thread: &Option<JoinHandle<T>>) -> bool {
             thread.as_ref().is_some_and(|thread| !thread.is_finished())

@@ -199,9 +199,10 @@ function showLoad({ kind, loadKg, advice }) {
 // Overload of the worst joint with the part of a demonstration's cobot, at the fixed and at the planned place. The arm is in
 // front of the worker: it is seen from the side.
 function showCobot({ kind, figure: { frame } }) {
-  if (kind !== "ended") {
-    if (Boolean(frame?.cobot) !== Boolean(cobot)) views[cobot ? 0 : 1].click();
-    cobot = frame?.cobot;
+  // Without a connection there is no frame.
+  if (kind !== "ended" && frame) {
+    if (Boolean(frame.cobot) !== Boolean(cobot)) views[cobot ? 0 : 1].click();
+    cobot = frame.cobot;
   }
   element("cobot-card").hidden = !cobot;
   if (cobot) setText(element("cobot-part"), t("ui.cobot", { mass: number(cobot.part_kg, 0, language()) }));
