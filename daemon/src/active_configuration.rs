@@ -35,7 +35,7 @@ pub struct LoadedSubject {
 
 impl ActiveConfiguration {
     /// The configuration with the subject in use, as recordings contain it.
-    pub fn in_force(&self) -> Config {
+    pub fn with_subject_in_use(&self) -> Config {
         match &self.loaded {
             Some(LoadedSubject { id, build }) => self.config.with_subject(id, *build),
             None => self.config.clone(),

@@ -94,12 +94,14 @@ pub(super) fn delete(
         active.loaded = Some(LoadedSubject { id: ANONYMOUS.to_owned(), build: None });
     }
     if is_similar || in_use {
-        let unnamed = || {
+        let before_settings = || {
+            if !in_use {
+                return Ok(());
+            }
             let mut unidentified = bytemuck::zeroed_box::<SubjectState>();
             unidentified.identification.start(&active.settings());
             push_worker(ends, subjects, unidentified, ProfileDestination::unnamed())
         };
-        let before_settings = || if in_use { unnamed() } else { Ok(()) };
         active_configuration
             .apply(&mut changes, active.clone(), before_settings)
             .map_err(|error| format!("{id} is still in the daemon's memory: {error:#}"))?;
