@@ -101,7 +101,7 @@ fn differences(csv: &Path, rows: &[(SuitSample, GroundSample)]) -> Result<(), St
         faults: Faults::default(),
         seed: 1,
     };
-    let played = rows.to_vec().into_iter().flat_map(|(suit, ground)| {
+    let played = rows.iter().copied().flat_map(|(suit, ground)| {
         let time_s = suit.sample_time_ns as f64 * 1e-9;
         [(time_s, Recorded::Suit(Box::new(suit))), (time_s, Recorded::Ground(ground))]
     });
