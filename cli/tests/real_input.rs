@@ -101,7 +101,8 @@ fn differences(csv: &Path, rows: &[(SuitSample, GroundSample)]) -> Result<(), St
         faults: Faults::default(),
         seed: 1,
     };
-    let played = rows.iter().copied().flat_map(|(suit, ground)| {
+    let owned: Vec<_> = rows.to_vec();
+    let played = owned.into_iter().flat_map(|(suit, ground)| {
         let time_s = suit.sample_time_ns as f64 * 1e-9;
         [(time_s, Recorded::Suit(Box::new(suit))), (time_s, Recorded::Ground(ground))]
     });
