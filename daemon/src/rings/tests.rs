@@ -1,3 +1,5 @@
+use rtrb::PushError;
+
 use super::*;
 
 fn outcome(cycle: u64) -> Outcome {
