@@ -74,7 +74,7 @@ impl SharedConfiguration {
         }
     }
 
-    /// Sets the status that contains the configuration in force.
+    /// Sets the status in which the active configuration is published.
     pub fn publish_in(&self, status: StatusFile) {
         // Called once, by the thread that starts the others.
         let _ = self.status.set(status);
