@@ -20,6 +20,8 @@ pub(in crate::cycle) const HEIGHT_M: f64 = 1.77;
 pub(in crate::cycle) const MASS_KG: f64 = 72.0;
 pub(in crate::cycle) const SUIT_PERIOD_NS: u64 = 10_000_000;
 pub(in crate::cycle) const TICK_NS: u64 = 1_000_000;
+/// Prime, so that each phase of the suit's period of ten cycles is checked.
+const SOUND_EVERY_CYCLES: u64 = 17;
 
 /// Trunk pitch and roll, and both arms; the legs stay straight and upright.
 pub(in crate::cycle) fn stand(
@@ -241,8 +243,11 @@ impl Bench {
                 command: None,
             };
             step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
-            // A checkpoint may be taken after any cycle, and one that is not sound cannot be gone on from.
-            assert!(self.memory.is_sound(), "cycle {}", self.cycle);
+            // A checkpoint may be taken after any cycle, and the daemon cannot restart from one that is not sound. The
+            // check takes ten times as long as a cycle.
+            if self.cycle.is_multiple_of(SOUND_EVERY_CYCLES) {
+                assert!(self.memory.is_sound(), "cycle {}", self.cycle);
+            }
         }
     }
 
