@@ -1,15 +1,17 @@
-//! Compares the core with another program: static poses with loads in the hands, computed with the Pinocchio rigid-body
-//! library, which shares neither code nor method with it.
+//! Compares the core with other programs, which share neither code nor method with it: static poses with loads in the
+//! hands, computed by the rigid-body library Pinocchio, and fast motions, by Pinocchio and MuJoCo.
 //!
-//! `golden/static.json` is this project's (`golden/make.py` writes it). A second, larger file is used if present:
-//! `golden/pinocchio_static.json` in the folder given by `EQUIPOISE_SHARED`.
+//! `golden/static.json` and `golden/motion.json` are this project's (`golden/make.py` and `make_motion.py` write them). A
+//! further file is used if present: `golden/pinocchio_static.json` in the folder given by `EQUIPOISE_SHARED`.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use bytemuck::Zeroable;
 use equipoise_core::body::{Anthropometry, Joint, SEGMENTS, Segment, Side, Skeleton};
-use equipoise_core::frame::{self, Pose, StationWorld};
+use equipoise_core::frame::{self, Pose, StationWorld, SuitWorld};
+use equipoise_core::motion::{Accelerations, History, MassDistribution, Snapshot};
 use equipoise_core::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
 use equipoise_core::sesc::{self, Phi};
 use nalgebra::Vector3;
@@ -17,6 +19,9 @@ use serde::Deserialize;
 
 const CENTRE_TOLERANCE_M: f64 = 1e-9;
 const TORQUE_TOLERANCE_NM: f64 = 1e-6;
+/// Four times the truncation of the parabola over five states 0.1 ms apart, N and N m: it is 1.3e-3 N there, and 5.1e-3 N
+/// at 0.2 ms.
+const MOTION_TOLERANCE_N: f64 = 5e-3;
 
 const EXACT: LoadingSigma = LoadingSigma::EXACT;
 
@@ -150,4 +155,90 @@ fn shared_cases_agree_with_pinocchio() {
     let (cases, worst_m, worst_nm) = compare(&file);
     println!("{cases} cases: centre of mass within {worst_m:.1e} m, torques within {worst_nm:.1e} N m");
     assert!(cases >= 24, "only {cases} cases");
+}
+
+/// Bodies in motion, `golden/motion.json`.
+#[derive(Deserialize)]
+struct Motions {
+    step_s: f64,
+    offset_m: [[f64; 3]; SEGMENTS],
+    segment_mass_kg: [f64; SEGMENTS],
+    segment_com_m: [[f64; 3]; SEGMENTS],
+    gyration_m2: [[f64; 3]; SEGMENTS],
+    cases: Vec<MotionCase>,
+}
+
+#[derive(Deserialize)]
+struct MotionCase {
+    load_kg: f64,
+    inertia_axes: [[f64; 3]; 3],
+    force_n: [f64; 3],
+    moment_nm: [f64; 3],
+    states: Vec<BodyState>,
+}
+
+#[derive(Deserialize)]
+struct BodyState {
+    pelvis_m: [f64; 3],
+    quat: [[f64; 4]; SEGMENTS],
+}
+
+impl Motions {
+    fn pose(&self, state: &BodyState) -> Pose<SuitWorld> {
+        let rotation = state.quat.map(frame::rotation);
+        let mut origin_m = [Vector3::from(state.pelvis_m); SEGMENTS];
+        // Parents precede their children.
+        for segment in Segment::ALL {
+            let Some(parent) = segment.parent() else { continue };
+            let (segment, parent) = (segment.index(), parent.index());
+            origin_m[segment] = origin_m[parent] + rotation[parent] * Vector3::from(self.offset_m[segment]);
+        }
+        Pose::new(origin_m, rotation)
+    }
+}
+
+#[test]
+fn inertial_force_and_moment_of_fast_motions_agree_with_pinocchio_and_mujoco() {
+    let file = folder().join("golden/motion.json");
+    let motions: Motions = serde_json::from_str(&fs::read_to_string(file).unwrap()).unwrap();
+    let mass_kg: f64 = motions.segment_mass_kg.iter().sum();
+    let body = Anthropometry {
+        mass_fraction: motions.segment_mass_kg.map(|segment_kg| segment_kg / mass_kg),
+        com_m: motions.segment_com_m,
+        hand_length_m: 0.0,
+    };
+    let masses = MassDistribution { body: &body, gyration_m2: &motions.gyration_m2 };
+    let step_ns = (motions.step_s * 1e9).round() as u64;
+    // The core has the body without a load, and principal axes of inertia that are the segment's.
+    let is_core_s = |case: &&MotionCase| {
+        case.load_kg == 0.0 && case.inertia_axes == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    };
+    let mut compared = 0;
+    for case in motions.cases.iter().filter(is_core_s) {
+        let mut history = History::zeroed();
+        for (index, state) in (1..).zip(&case.states) {
+            let pose = motions.pose(state);
+            history.push(Snapshot::new(index * step_ns, &pose, &pose.shifted(Vector3::zeros()), &body));
+        }
+        let middle_ns = case.states.len().div_ceil(2) as u64 * step_ns;
+        let inertia = std::iter::from_fn(|| history.next(2 * step_ns, Accelerations::Positions, &masses))
+            .find_map(|(snapshot, inertia)| inertia.filter(|_| snapshot.time_ns == middle_ns));
+        let inertia = inertia.expect("motion at the middle state");
+        let pose = motions.pose(&case.states[case.states.len() / 2]);
+        let centre_m: Vector3<f64> = (0..SEGMENTS)
+            .map(|i| {
+                let com_m = pose.origin[i] + pose.world_from_segment[i] * Vector3::from(body.com_m[i]);
+                body.mass_fraction[i] * com_m
+            })
+            .sum();
+        let force_n = Vector3::from(case.force_n);
+        let weight_n = mass_kg * 9.81 * Vector3::z();
+        let off_n = (mass_kg * Vector3::from(inertia.acceleration_m_per_s2) + weight_n - force_n).amax();
+        assert!(off_n < MOTION_TOLERANCE_N, "force off by {off_n:e} N");
+        let about_centre_nm = Vector3::from(case.moment_nm) - centre_m.cross(&force_n);
+        let off_nm = (mass_kg * Vector3::from(inertia.momentum_rate_m2_per_s2) - about_centre_nm).amax();
+        assert!(off_nm < MOTION_TOLERANCE_N, "moment off by {off_nm:e} N m");
+        compared += 1;
+    }
+    assert_eq!(compared, 3);
 }

@@ -69,7 +69,8 @@ def person(rng):
     return height_m, offset_m, segment_mass_kg, centre_m
 
 
-def pinocchio_model(offset_m, segment_mass_kg, centre_m):
+def pinocchio_model(offset_m, segment_mass_kg, centre_m, inertia_kg_m2=None):
+    """Inertia about the segments' centres, which no static pose depends on."""
     model = pin.Model()
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY_M_PER_S2])
     joint_of = []
@@ -77,9 +78,8 @@ def pinocchio_model(offset_m, segment_mass_kg, centre_m):
         kind = pin.JointModelFreeFlyer() if i == 0 else pin.JointModelSpherical()
         parent = 0 if i == 0 else joint_of[PARENT[i]]
         joint = model.addJoint(parent, kind, pin.SE3(np.eye(3), offset_m[i]), name)
-        # Rotational inertia does no work here: nothing moves.
-        model.appendBodyToJoint(joint, pin.Inertia(segment_mass_kg[i], centre_m[i], 0.01 * np.eye(3)),
-                                pin.SE3.Identity())
+        inertia = 0.01 * np.eye(3) if inertia_kg_m2 is None else inertia_kg_m2[i]
+        model.appendBodyToJoint(joint, pin.Inertia(segment_mass_kg[i], centre_m[i], inertia), pin.SE3.Identity())
         joint_of.append(joint)
     return model, joint_of
 
@@ -156,14 +156,21 @@ def case(model, joint_of, rng, hands, load_kg):
     }
 
 
-def plain(value):
+def plain(value, digits=DIGITS):
     if isinstance(value, dict):
-        return {key: plain(inner) for key, inner in value.items()}
+        return {key: plain(inner, digits) for key, inner in value.items()}
     if isinstance(value, (list, tuple, np.ndarray)):
-        return [plain(inner) for inner in value]
+        return [plain(inner, digits) for inner in value]
     if isinstance(value, (float, np.floating)):
-        return round(float(value), DIGITS) + 0.0  # no "-0.0"
+        return round(float(value), digits) + 0.0  # no "-0.0"
     return value
+
+
+def write(name, out):
+    """One vector a line: short enough to read, long enough to diff."""
+    text = json.dumps(out, indent=1)
+    text = re.sub(r"\[\s+(-?[\d.e+-]+(?:,\s+-?[\d.e+-]+)*)\s+\]", lambda m: "[" + re.sub(r"\s+", " ", m[1]) + "]", text)
+    (pathlib.Path(__file__).parent / name).write_text(text + "\n")
 
 
 def main():
@@ -180,10 +187,7 @@ def main():
         "segment_mass_kg": segment_mass_kg, "segment_com_m": centre_m,
         "cases": [case(model, joint_of, rng, hands, load_kg) for hands, load_kg in LOADS],
     })
-    # One vector a line: short enough to read, long enough to diff.
-    text = json.dumps(out, indent=1)
-    text = re.sub(r"\[\s+(-?[\d.e+-]+(?:,\s+-?[\d.e+-]+)*)\s+\]", lambda m: "[" + re.sub(r"\s+", " ", m[1]) + "]", text)
-    (pathlib.Path(__file__).parent / "static.json").write_text(text + "\n")
+    write("static.json", out)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 mod independence;
 mod laws;
 mod live;
-mod pinocchio;
 mod pose_library;
+mod rigid_body;
 mod suit_streams;
 mod wire_vectors;
