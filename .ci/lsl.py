@@ -24,8 +24,8 @@ outlet = pylsl.StreamOutlet(info)
 print("ready", flush=True)
 sent = 0
 while True:
-    # Chunks of ten, so that samples without a stamp of their own come, too.
-    chunk = [[(sent + index) % 100, -2, 120, 4, -5, 6] for index in range(10)]
+    # Chunks, so that samples without a stamp of their own come, too.
+    chunk = [[(sent + index) % 100, -2, 120, 4, -5, 6] for index in range(100)]
     outlet.push_chunk(chunk)
     sent += len(chunk)
-    time.sleep(0.01)
+    time.sleep(0.1)

@@ -213,9 +213,10 @@ fn update_models(settings: &Settings, m: &mut Memory, outputs: &Outputs<'_>, res
     if let Some(new) = register(settings, registration, outputs, sigma, &m.identification) {
         m.placement.apply(&new);
         m.identification.reset_stance_offset(new.at_m2);
-        // Their content uses the previous heading.
+        // Their content uses the previous heading, as does the residual.
         m.history.clear();
         m.window.clear();
+        return;
     }
     if !place_is_lost {
         let input = MotionInput { outputs, residual, sigma, history: &m.history };

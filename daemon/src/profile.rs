@@ -24,9 +24,10 @@ use crate::stored_file::{self, Formats, Refusal, sealed};
 use self::parts::{ConsistencyPart, HandoverPart, ShiftPart, index_of, names_of, set_of};
 
 /// Increments with every change of the file's layout or meaning. Format 2 lacked the poses, their consistency and the
-/// shift; format 3 lacked individual lifts and the checksum; format 4 lacked the handovers. Files of format 1 lack stature and sex, so they cannot
+/// shift; format 3 lacked individual lifts and the checksum; format 4 lacked the handovers; format 5 lacked the model
+/// error. Files of format 1 lack stature and sex, so they cannot
 /// serve as a similar subject. The content of older files is read.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 
 /// Maximum number of characters of another subject's name in a message.
@@ -83,6 +84,9 @@ pub struct Profile {
     /// Consistency of the measurements with the prior.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     consistency: Option<ConsistencyPart>,
+    /// Variance of the model error forward and sideways, m²; absent before format 6.
+    #[serde(default)]
+    model_error_m2: [f64; 2],
     /// Measured handovers, oldest first; absent before format 5.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     handover: Vec<HandoverPart>,
@@ -147,6 +151,7 @@ impl Profile {
             covariance_m2: (0..count).flat_map(|row| worker.filter.covariance_row_m2(row).to_vec()).collect(),
             performed_rad: worker.performed.poses().map(|pose| pose.to_vec()).collect(),
             consistency: Some(ConsistencyPart::of(&worker.consistency)),
+            model_error_m2: worker.misfit_m2,
             handover: experience.handovers().map(HandoverPart::of).collect(),
             shift: Some(ShiftPart::of(shift, saved_unix_s)),
         })
@@ -216,6 +221,7 @@ impl Profile {
         let performed =
             performed.map_err(|_| "a performed pose has another number of segments".to_owned())?;
         stored.performed = Performed::of(self.poses_performed, performed.into_iter());
+        stored.misfit_m2 = self.model_error_m2;
         stored.consistency = match &self.consistency {
             Some(part) => part.consistency(),
             None => {
@@ -370,8 +376,8 @@ mod tests {
         fs::write(&path, &new).unwrap();
         let build = Build { height_m: 1.7, sex: SexConfig::Female };
         assert_eq!(Profile::read(&path).unwrap().unwrap().build(), Some(build));
-        fs::write(&path, new.replace("format = 2", "format = 6")).unwrap();
-        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 5"));
+        fs::write(&path, new.replace("format = 2", "format = 7")).unwrap();
+        assert!(Profile::read(&path).unwrap_err().to_string().contains("reads 1 to 6"));
     }
 
     #[test]
@@ -392,6 +398,7 @@ mod tests {
             (0b101, 0b10, 2, 0);
         stored.poses_used = 70;
         stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
+        stored.misfit_m2 = [1e-4, 4e-5];
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
         let mut experience = Experience::default();
         for excess in [0.25, -0.1] {
@@ -412,5 +419,6 @@ mod tests {
         assert!(bytemuck::bytes_of(&*again) == bytemuck::bytes_of(&*stored));
         assert_eq!((again.suggested_before, again.unholdable, again.suggested), (0b101, 0b10, 2));
         assert_eq!((again.identifying, again.performed.count()), (0, 70));
+        assert_eq!(again.misfit_m2, [1e-4, 4e-5]);
     }
 }

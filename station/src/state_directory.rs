@@ -99,6 +99,11 @@ impl StateDirectory {
         Ok(files)
     }
 
+    /// Path of the results of a subject's load checks.
+    pub fn load_checks(&self, subject: &str) -> PathBuf {
+        self.profiles().join(format!("{subject}.load-checks.jsonl"))
+    }
+
     /// Path of a subject's list of lifts.
     pub fn lifts(&self, subject: &str) -> PathBuf {
         self.profiles().join(format!("{subject}.lifts.csv"))

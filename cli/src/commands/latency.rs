@@ -64,6 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         bail!("the daemon published no cycle in {:.1} s", length.as_secs_f64());
     }
     if let Some(file) = hlog {
+        file.set_len(0)?;
         let mut hlog = HlogWriter::new(BufWriter::new(file), since)?;
         hlog.write_interval(Duration::ZERO, length, &subscriptions.path)?;
         hlog.write_consumers(Duration::ZERO, length, &consumers)?;
@@ -78,7 +79,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 fn create(path: &Path) -> anyhow::Result<File> {
     let mut options = OpenOptions::new();
-    options.write(true).create(true).truncate(true).mode(MODE);
+    // An earlier log stays until there is another.
+    options.write(true).create(true).truncate(false).mode(MODE);
     options.open(path).with_context(|| format!("cannot write {}", path.display()))
 }
 

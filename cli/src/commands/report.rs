@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_discrepancy::report::page;
 use equipoise_discrepancy::session_report::{Facts, Source, document, pdf};
+use equipoise_files::atomic_file::write_atomically;
 use equipoise_recording::record::authenticity::{Authenticity, read_public_key};
 use equipoise_recording::record::signature::public_key_of;
 use equipoise_recording::replay::input::Input;
@@ -73,7 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     bar.clear();
     facts.authenticity = authenticity.as_ref().map(ToString::to_string);
     let html = page(&document(&facts));
-    std::fs::write(&out, &html).with_context(|| format!("cannot write {}", out.display()))?;
+    write_atomically(&out, html.as_bytes()).with_context(|| format!("cannot write {}", out.display()))?;
     let source = match facts.source {
         Source::Recorded => "recorded",
         Source::Replayed => "computed by a replay",

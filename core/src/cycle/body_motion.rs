@@ -61,9 +61,18 @@ impl MotionNoise {
         self.external_m_per_s2 = [0.0; 2];
     }
 
-    /// Ingests the shear that the suit's motion does not explain, m/s². Returns its long-term mean, the constant shear
-    /// of a plate that is not level.
-    pub(super) fn update_shear(&mut self, unexplained_m_per_s2: [f64; 2], step_s: f64) -> [f64; 2] {
+    /// Resets the means of unexplained shear: the plate's zero has changed.
+    pub(super) fn reset_shear(&mut self) {
+        (self.external_m_per_s2, self.bias_m_per_s2) = ([0.0; 2], [0.0; 2]);
+    }
+
+    /// Long-term mean of unexplained shear, m/s²: that of a plate that is not level.
+    pub(super) fn shear_bias_m_per_s2(&self) -> [f64; 2] {
+        self.bias_m_per_s2
+    }
+
+    /// Ingests the shear that the suit's motion does not explain, m/s².
+    pub(super) fn update_shear(&mut self, unexplained_m_per_s2: [f64; 2], step_s: f64) {
         let step_s = step_s.max(0.0);
         for (mean, over_s) in
             [(&mut self.external_m_per_s2, EXTERNAL_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
@@ -73,7 +82,6 @@ impl MotionNoise {
                 *mean += share * (unexplained.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2) - *mean);
             }
         }
-        self.bias_m_per_s2
     }
 
     /// Whether an external horizontal force acts: persistent shear that no motion explains.

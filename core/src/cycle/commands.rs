@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 
 use super::memory::Memory;
 use super::settings::Settings;
-use super::{Tick, identification::Identification};
+use super::{Tick, identification::BodySource, identification::Identification};
 use crate::message::command::CommandKind;
 
 /// Applies a command before the samples of the cycle are ingested.
@@ -19,13 +19,14 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             // Samples from before the command must not update the filter again.
             memory.clear_windows();
             memory.identification.restart(settings);
-            memory.pose_request.restart();
+            memory.pose_request.restart(settings);
             memory.motion_updates.used = 0;
             memory.model_changed_ns = tick.due_ns;
         }
         CommandKind::Tare => {
             if memory.align.tare() {
                 memory.ground.force_offset.reset();
+                memory.prediction.noise.reset_shear();
                 memory.model_changed_ns = tick.due_ns;
             }
         }
@@ -44,13 +45,20 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             // Filters and the static pose window contain results of the previous model.
             memory.clear_windows();
             memory.prediction.terms.restart();
-            memory.pose_request.restart();
+            // Before the first measurement the prior is that of the settings.
+            let subject = &mut memory.identification;
+            let is_measured =
+                subject.poses_used > 0 || memory.motion_updates.used > 0 || subject.identified == 1;
+            if subject.has_body() && !is_measured && subject.body_source() != BodySource::Stored {
+                subject.reset_to_prior(settings);
+            }
+            memory.pose_request.restart(settings);
             memory.model_changed_ns = tick.due_ns;
         }
         CommandKind::SubjectLoad => {
             // The window contains poses of the previous subject.
             memory.clear_windows();
-            memory.pose_request.restart();
+            memory.pose_request.restart(settings);
             memory.prediction.noise = Zeroable::zeroed();
             memory.motion_updates.used = 0;
             memory.model_changed_ns = tick.due_ns;

@@ -196,10 +196,7 @@ impl Differences {
         let Some(early) = self.pending.iter().find(|early| early.time_ns == time_ns) else { return };
         let (invalid, intensity) = (outputs.withheld.reasons(), early.intensity_m_per_s2);
         let Some(overload) = outputs.overload else { return };
-        let unusable = Validity::INVALIDATES_DELTA_F
-            .and(Validity::INVALIDATES_COP_ESTIMATED)
-            .and(Validity::CLOCK_UNSYNCHRONISED);
-        if invalid.any_of(unusable) {
+        if invalid.any_of(Validity::INVALIDATES_DELTA_F.and(Validity::INVALIDATES_COP_ESTIMATED)) {
             return;
         }
         let priors = priors(early.is_by_suit == 1);

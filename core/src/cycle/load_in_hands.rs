@@ -224,10 +224,13 @@ fn update_position(position: &mut LoadPosition, carrying: &Carrying<'_>, cops: &
         let value: f64 = (0..2).map(|axis| direction[axis] * (cops.load_m[axis] - axes.middle[axis])).sum();
         let rest_m2: f64 = (0..2).map(|axis| direction[axis] * direction[axis] * rest_m2[axis]).sum();
         let parts = direction.map(|part| -part * magnified / unit_m);
-        ByModel {
-            measured: Measured { value: value / unit_m, sigma: math::sqrt(rest_m2) / unit_m },
-            row: core::array::from_fn(|state| parts[0] * cop_rows[0][state] + parts[1] * cop_rows[1][state]),
+        let mut row: [f64; STATES] =
+            core::array::from_fn(|state| parts[0] * cop_rows[0][state] + parts[1] * cop_rows[1][state]);
+        // The stance offset moves the grips as well.
+        for (axis, part) in direction.into_iter().enumerate() {
+            row[subject.reduction.count() + axis] -= part / unit_m;
         }
+        ByModel { measured: Measured { value: value / unit_m, sigma: math::sqrt(rest_m2) / unit_m }, row }
     };
     let from_middle = along(axes.aside, axes.apart_m);
     let right = ByModel {

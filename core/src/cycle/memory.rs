@@ -22,7 +22,7 @@ use crate::motion::History;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 17;
+pub const MEMORY_VERSION: u64 = 18;
 
 /// The loop's state between two steps. About 953 kB: allocate it in a `Box`.
 #[repr(C)]
@@ -86,6 +86,7 @@ impl Memory {
         self.version = MEMORY_VERSION;
         self.identification.start(settings);
         self.publication.start();
+        self.pose_request.restart(settings);
     }
 
     /// Restarts from the streams and keeps only the tare, which stays valid until the next one.
@@ -101,6 +102,10 @@ impl Memory {
         self.exposure = subject.exposure;
         // Its differences belong to the previous subject's motion.
         self.early = Zeroable::zeroed();
+        // The held values of an instant are the previous subject's.
+        self.publication.start();
+        // The null pose that is still sent must be compared with these bone lengths.
+        self.reported_body.compare_again();
         // Update the state even if nothing is measured, so that it never shows the previous subject's exposure.
         self.publication.begin_shift(&self.exposure);
     }

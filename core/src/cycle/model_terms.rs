@@ -16,10 +16,13 @@ use crate::effect::{Effect, Model, Observation, without_lag_ns};
 use crate::frame::{Pose, StationWorld};
 use crate::motion::{History, Inertia};
 use crate::overload::GRAVITY_M_PER_S2;
-use crate::static_pose::{PoseStatistics, WINDOW};
+use crate::static_pose::{PoseStatistics, SPAN_NS};
 
 /// After a longer gap the plate's filter has settled, s.
 const SETTLED_S: f64 = 0.5;
+
+/// Snapshots of a static pose window at 240 Hz.
+const RECENT: usize = 74;
 
 /// State of the terms over the last snapshots.
 #[repr(C)]
@@ -27,12 +30,14 @@ const SETTLED_S: f64 = 0.5;
 pub(super) struct ModelTerms {
     /// Time of the station's first snapshot, the origin of all spans; 0 before it.
     first_snapshot_ns: u64,
-    /// Changes at the last snapshots, those of the static pose window: CoP, m, vertical force, N.
-    recent: [[f64; 3]; WINDOW],
-    /// Index of the next entry, in [0, WINDOW).
+    /// Changes at the last snapshots: CoP, m, vertical force, N.
+    recent: [[f64; 3]; RECENT],
+    /// Their times, ns; 0 for none.
+    recent_ns: [u64; RECENT],
+    /// Index of the next entry, in [0, RECENT).
     next: u64,
-    /// Number of consecutive snapshots for which the terms were available, up to WINDOW.
-    applied: u64,
+    /// Time of the first of the consecutive snapshots for which the terms were available, ns; 0 for none.
+    applied_since_ns: u64,
     /// The plate's filter, applied to the predictions of the same three quantities.
     filter: [LowPass; 3],
 }
@@ -46,8 +51,7 @@ impl ModelTerms {
     /// Whether every index and number is in range; stored ones are checked before use.
     pub(super) fn is_sound(&self) -> bool {
         self.recent.iter().flatten().copied().all(f64::is_finite)
-            && self.next < WINDOW as u64
-            && self.applied <= WINDOW as u64
+            && self.next < RECENT as u64
             && self.filter.iter().all(LowPass::is_sound)
     }
 
@@ -105,15 +109,26 @@ impl ModelTerms {
     /// A full static pose window without the contribution of the terms; `None` while that is unavailable for part of
     /// the window.
     pub(super) fn subtract_from(&self, statistics: &PoseStatistics, model: &Model) -> Option<PoseStatistics> {
-        if !model.is_empty() && self.applied < WINDOW as u64 {
+        if model.is_empty() {
+            return Some(*statistics);
+        }
+        let newest = (self.next as usize + RECENT - 1) % RECENT;
+        let since_ns = self.recent_ns[newest].saturating_sub(SPAN_NS);
+        if self.applied_since_ns == 0 || self.applied_since_ns > since_ns {
             return None;
         }
-        let mut without = *statistics;
-        for [x_m, y_m, vertical_n] in self.recent {
-            without.cop_m[0] -= x_m / WINDOW as f64;
-            without.cop_m[1] -= y_m / WINDOW as f64;
-            without.vertical_n -= vertical_n / WINDOW as f64;
+        let (mut sum, mut count) = ([0.0; 3], 0.0);
+        for (change, time_ns) in self.recent.iter().zip(self.recent_ns) {
+            if time_ns >= since_ns && time_ns > 0 {
+                sum.iter_mut().zip(change).for_each(|(sum, change)| *sum += change);
+                count += 1.0;
+            }
         }
+        let [x_m, y_m, vertical_n] = sum.map(|sum| sum / count);
+        let mut without = *statistics;
+        without.cop_m[0] -= x_m;
+        without.cop_m[1] -= y_m;
+        without.vertical_n -= vertical_n;
         Some(without)
     }
 }
@@ -196,13 +211,17 @@ impl ModelTerms {
             o.cop_predicted_m = [0, 1].map(|axis| static_m[axis] + body.cop_beyond_rows_m(axis));
             (cop_m, force_n) = settings.model.change(o);
             self.filter(&settings.model, o, instant.step_s, (&mut cop_m, &mut force_n));
-            self.applied = (self.applied + 1).min(WINDOW as u64);
+            if self.applied_since_ns == 0 {
+                self.applied_since_ns = instant.snapshot.time_ns;
+            }
         } else {
-            self.applied = 0;
+            self.applied_since_ns = 0;
             self.filter.iter_mut().for_each(LowPass::reset);
         }
-        self.recent[self.next as usize % WINDOW] = [cop_m[0], cop_m[1], force_n[2]];
-        self.next = (self.next + 1) % WINDOW as u64;
+        let next = self.next as usize % RECENT;
+        self.recent[next] = [cop_m[0], cop_m[1], force_n[2]];
+        self.recent_ns[next] = instant.snapshot.time_ns;
+        self.next = (self.next + 1) % RECENT as u64;
         (cop_m, force_n)
     }
 }

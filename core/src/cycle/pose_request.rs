@@ -28,12 +28,18 @@ pub(super) struct PoseRequestState {
     begun: u64,
     /// Heading of the subject at that time, rad to the left of world X.
     heading_rad: f64,
+    /// Hash of the requests that `done` counts.
+    requests: u64,
 }
 
 impl PoseRequestState {
-    /// Resets the reference heading, for example for another subject.
-    pub(super) fn restart(&mut self) {
+    /// Resets the reference heading, for example for another subject, and begins again with other requests.
+    pub(super) fn restart(&mut self, settings: &Settings) {
         self.begun = 0;
+        let requests = hash(&settings.pose_requests);
+        if self.requests != requests {
+            (self.requests, self.done) = (requests, 0);
+        }
     }
 
     /// The pose that the model file requests now: none during identification.
@@ -73,6 +79,13 @@ impl PoseRequestState {
     pub(super) fn is_sound(&self) -> bool {
         self.done <= POSE_REQUESTS_MAX as u64 && self.begun <= 1 && self.heading_rad.is_finite()
     }
+}
+
+/// FNV-1a of poses and turns.
+fn hash(requests: &[Option<PoseRequest>]) -> u64 {
+    let words =
+        requests.iter().flatten().flat_map(|request| [request.pose as u64, request.turn_rad.to_bits()]);
+    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| (hash ^ word).wrapping_mul(0x0100_0000_01b3))
 }
 
 /// Distance from the suggested pose, rad; ends the request once the requested pose is held.

@@ -178,10 +178,15 @@ fn body_motion(
         noise.reset_external_force();
     }
     let by_shear = body.by_shear(sample.force_n, subject.mass_kg, load_kg);
+    // Before both feet are on the plate, it measures the shear of a part of the body only.
+    let stands = ground.standing_m.is_some() && delta_f_n > -limit_n;
     if let Some([shear, unexplained]) = by_shear.filter(|_| has_shear) {
         let explained = [terms_x_n, terms_y_n].map(|force_n| force_n / subject.mass_kg);
         let unexplained = [0, 1].map(|axis| unexplained[axis] - explained[axis]);
-        let bias = noise.update_shear(unexplained, instant.step_s);
+        if stands {
+            noise.update_shear(unexplained, instant.step_s);
+        }
+        let bias = noise.shear_bias_m_per_s2();
         if !noise.has_external_force() {
             // A plate that is not level measures shear without motion.
             body.use_acceleration([0, 1].map(|axis| shear[axis] - bias[axis]));

@@ -133,6 +133,14 @@ impl ReportedBody {
         *self = ReportedBody { message: *body, ..Zeroable::zeroed() };
     }
 
+    /// Compares the body with the next pose as if it had just arrived: the subject has changed.
+    pub(super) fn compare_again(&mut self) {
+        (self.accepted, self.contradictions) = (0, 0);
+        if self.message.published_ns > 0 {
+            self.refuse(BodyRejection::None);
+        }
+    }
+
     /// Compares one suit pose with the body; returns whether the body has just been accepted.
     fn compare(&mut self, pose: &Pose<SuitWorld>, suit: &SuitSample) -> bool {
         // The suit's software may send the body before the first pose of a session.

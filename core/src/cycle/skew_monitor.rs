@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::settings::{Motion, Settings};
+use super::validity::CLOCK_SIGMA_MAX_S;
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
@@ -61,8 +62,13 @@ impl SkewMonitor {
         }
         let tracked = self.estimator.at(time_ns);
         let is_first = self.target_s == 0.0;
-        // The lag in use is an older estimate, and clocks drift: the newest estimate is better, however uncertain.
-        if let Some(Skew { skew_s, .. }) = tracked.filter(|skew| skew.is_precise() || !is_first)
+        // The lag in use is an older estimate, and clocks drift: a less precise new one is better. After a night without
+        // motion it is an extrapolation by seconds, though.
+        let is_usable = |skew: &Skew| match is_first {
+            true => skew.is_precise(),
+            false => skew.sigma_s < CLOCK_SIGMA_MAX_S && skew.skew_s.abs() < LAG_MAX_S,
+        };
+        if let Some(Skew { skew_s, .. }) = tracked.filter(is_usable)
             && (skew_s - self.target_s).abs() > RESET_MIN_S
         {
             self.target_s = skew_s;
@@ -265,6 +271,12 @@ mod tests {
         assert!(sigma_s > PRECISE_SIGMA_S, "{sigma_s}");
         assert!((watch.lag_s() - skew_s).abs() <= 2.0 * RESET_MIN_S, "{} {skew_s}", watch.lag_s());
         assert!(watch.lag_sigma_s() > moving_sigma_s);
+        // The next morning the drift is an extrapolation by seconds.
+        let before_s = watch.lag_s();
+        let morning_ns = 15 * 3600 * 1_000_000_000;
+        watch.ingest_suit(morning_ns, 1.0, true);
+        assert!(watch.estimate().is_none_or(|skew| skew.sigma_s > CLOCK_SIGMA_MAX_S));
+        assert!((watch.lag_s() - before_s).abs() < 2.0 * RESET_MIN_S && watch.is_sound());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::streams::Streams;
 use crate::message::Validity;
 
 /// Device time with a larger σ counts as not tied to host time, ns.
-const CLOCK_SIGMA_MAX_NS: u64 = 20_000_000;
+pub(super) const CLOCK_SIGMA_MAX_S: f64 = 0.02;
 
 /// Reasons why values of an instant must not be used.
 #[derive(Debug, Clone, Copy)]
@@ -40,7 +40,7 @@ pub(super) fn validate(
 ) -> Withheld {
     let by_load = overload.map_or(Validity::default(), |overload| overload.invalid);
     let mut invalid = ground.invalid.and(stillness.invalid()).and(by_load);
-    let time_is_uncertain = instant.snapshot.time_sigma_ns > CLOCK_SIGMA_MAX_NS;
+    let time_is_uncertain = instant.snapshot.time_sigma_ns as f64 * 1e-9 > CLOCK_SIGMA_MAX_S;
     invalid.raise(Validity::CLOCK_UNSYNCHRONISED, time_is_uncertain || streams.lag_is_off || lag.is_off);
     // The results belong to the snapshot, which may predate the body.
     invalid.raise(Validity::BODY_UNKNOWN, !subject.has_body());

@@ -42,7 +42,8 @@ message! {
         pub delta_f_sigma_n: f64,
         /// Grip of the left and the right hand, world, m; valid with `com_m`.
         pub hand_m: [[f64; 3]; 2],
-        /// Velocity of the grips, world, m/s; valid with `com_m`.
+        /// Velocity of the grips, world, m/s; valid with `cop_estimated_m`: a flag for motion is also raised where samples
+        /// are missing.
         pub hand_velocity_m_per_s: [[f64; 3]; 2],
         /// Mass of the load in the hands, kg.
         pub lifted_mass_kg: f64,
@@ -75,10 +76,10 @@ impl EarlyState {
         if valid.any_of(Validity::INVALIDATES_COM) {
             self.com_m = [0.0; 3];
             self.hand_m = [[0.0; 3]; 2];
-            self.hand_velocity_m_per_s = [[0.0; 3]; 2];
         }
         if valid.any_of(Validity::INVALIDATES_COP_ESTIMATED) {
             (self.cop_estimated_m, self.cop_sigma_m) = ([0.0; 2], [0.0; 2]);
+            self.hand_velocity_m_per_s = [[0.0; 3]; 2];
         }
         if valid.any_of(Validity::INVALIDATES_DELTA_F) {
             (self.delta_f_n, self.delta_f_sigma_n) = ([0.0; 3], 0.0);

@@ -69,10 +69,14 @@ impl Validity {
         .and(Validity::BODY_UNKNOWN)
         .and(Validity::POSITION_UNKNOWN);
     /// Flags that invalidate the estimated centre of pressure.
-    pub const INVALIDATES_COP_ESTIMATED: Validity = Validity::INVALIDATES_COM.and(Validity::MOVING);
+    pub const INVALIDATES_COP_ESTIMATED: Validity =
+        Validity::INVALIDATES_COM.and(Validity::MOVING).and(Validity::CLOCK_UNSYNCHRONISED);
     /// Flags that invalidate the external force.
-    pub const INVALIDATES_DELTA_F: Validity =
-        Validity::INVALIDATES_COP_MEASURED.and(Validity::MASS_UNKNOWN).and(Validity::MOVING);
+    pub const INVALIDATES_DELTA_F: Validity = Validity::INVALIDATES_COP_MEASURED
+        .and(Validity::MASS_UNKNOWN)
+        .and(Validity::MOVING)
+        .and(Validity::SUIT_IMPLAUSIBLE)
+        .and(Validity::CLOCK_UNSYNCHRONISED);
     /// Flags that invalidate the residual (measured minus predicted), with or without a load.
     pub const INVALIDATES_RESIDUAL: Validity = Validity::INVALIDATES_COP_MEASURED
         .and(Validity::INVALIDATES_COP_ESTIMATED)
@@ -82,10 +86,9 @@ impl Validity {
         .and(Validity::CLOCK_UNSYNCHRONISED);
     /// Flags that invalidate the mass in the hands.
     pub const INVALIDATES_LIFTED_MASS: Validity = Validity::INVALIDATES_DELTA_F
+        .and(Validity::BODY_UNKNOWN)
         .and(Validity::BELOW_LOAD_THRESHOLD)
-        .and(Validity::WEIGHT_MISSING)
-        .and(Validity::SUIT_IMPLAUSIBLE)
-        .and(Validity::CLOCK_UNSYNCHRONISED);
+        .and(Validity::WEIGHT_MISSING);
     /// Flags that invalidate moment and compression of the low back, which exist without a load, too.
     pub const INVALIDATES_LOW_BACK: Validity =
         Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0);

@@ -27,6 +27,8 @@ const AHEAD_SIGMA_M: f64 = 0.0144;
 const POSTURE_S: f64 = 2.0;
 /// Averaging time, because grips change, s: older measurements have less weight.
 const GRIP_S: f64 = 15.0;
+/// Longest time that one measurement stands for, s: 1.5 periods of the slowest suit, 15 Hz.
+const STEP_MAX_S: f64 = 0.1;
 /// A position this many σ from the mean is another grip: the mean restarts.
 pub const ANOTHER_GRIP_SIGMAS: f64 = 3.0;
 
@@ -81,6 +83,8 @@ impl Coordinate {
         step_s: f64,
         times_covariance: impl Fn(&[f64; STATES]) -> [f64; STATES],
     ) {
+        // After a gap, one instant does not weigh as much as the gap.
+        let step_s = step_s.min(STEP_MAX_S);
         let ByModel { measured, row } = value;
         let rest = measured.sigma * measured.sigma;
         let spread = times_covariance(row);
@@ -242,6 +246,24 @@ mod tests {
         assert!(long.eta_sigma() < 0.8 * short.eta_sigma(), "{} {}", long.eta_sigma(), short.eta_sigma());
         assert!((long.eta()[1] - 0.7).abs() < 2.0 * long.eta_sigma(), "{:?}", long.eta());
         assert!(long.is_sound() && short.is_sound());
+    }
+
+    #[test]
+    fn one_instant_after_a_gap_weighs_no_more_than_a_tenth_of_a_second() {
+        let after = |gap_s: Option<f64>| {
+            let mut position = LoadPosition::zeroed();
+            let mut update = |eta: f64, step_s: f64| {
+                let right = by_model(eta, 0.2, 0.0);
+                position.update(Some(&right), &by_model(0.04, 0.5, 0.0), step_s, first_state);
+            };
+            if let Some(gap_s) = gap_s {
+                update(0.5, gap_s);
+            }
+            (0..120).for_each(|_| update(0.7, 1.0 / 60.0));
+            position.eta()[1]
+        };
+        let (with, without) = (after(Some(10.0)), after(None));
+        assert!((with - without).abs() < 0.02, "{with} {without}");
     }
 
     #[test]

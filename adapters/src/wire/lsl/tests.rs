@@ -113,7 +113,7 @@ fn questions_are_as_liblsl_reads_them() {
     let request = String::from_utf8(feed_request(&StreamInfo::parse(&xml("int16", 3, "")).unwrap())).unwrap();
     assert!(request.starts_with("LSL:streamfeed/110 aa-bb\r\nNative-Byte-Order: 1234\r\n"), "{request}");
     assert!(
-        request.contains("\r\nValue-Size: 2\r\n") && request.contains("\r\nMax-Buffer-Length: 10\r\n"),
+        request.contains("\r\nValue-Size: 2\r\n") && request.contains("\r\nMax-Buffer-Length: 10000\r\n"),
         "{request}"
     );
     assert!(request.ends_with("\r\nSession-Id: default\r\n\r\n"), "{request}");

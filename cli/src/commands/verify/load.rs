@@ -17,8 +17,6 @@ use crate::calibration::load_check::{Comparison, Event, GROUPS, LoadCheck, LoadC
 use crate::client::{self, StreamTimeout};
 use crate::commands::{Outcome, StationArgument, stop_on_signals};
 
-/// Results are appended to this file of the state directory, one JSON object a line.
-const FILE: &str = "load-checks.jsonl";
 /// The check fails beyond so many σ.
 const SIGMAS_MAX: f64 = 3.0;
 
@@ -29,7 +27,7 @@ const SIGMAS_MAX: f64 = 3.0;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise verify load --mass 10 --at 0.35,0 --at 0.50,0 --at 0.65,0\n\nEach result is appended to \
-                  load-checks.jsonl in the state directory. Exit code 1: an error exceeds 3 sigma."
+                  SUBJECT.load-checks.jsonl, next to the subject's profile. Exit code 1: an error exceeds 3 sigma."
 )]
 pub(super) struct Arguments {
     /// The mass, kg
@@ -83,7 +81,7 @@ fn results_file(station: &str) -> anyhow::Result<PathBuf> {
         Some(directory) => directory,
         None => StateDirectory::of_environment()?,
     };
-    Ok(directory.path().join(FILE))
+    Ok(directory.load_checks(&facts.subject))
 }
 
 /// Follows the worker from mark to mark.
@@ -212,6 +210,7 @@ fn json(arguments: &Arguments, trials: &[Trial]) -> Value {
 
 /// Appends one line; only this user may read data of a body.
 fn append(path: &Path, result: &Value) -> anyhow::Result<()> {
+    std::fs::create_dir_all(path.parent().unwrap_or(path))?;
     let mut file = std::fs::OpenOptions::new().create(true).append(true).mode(0o600).open(path)?;
     file.write_all(format!("{result}\n").as_bytes())?;
     Ok(())

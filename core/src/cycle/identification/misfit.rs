@@ -24,6 +24,11 @@ impl Misfit {
         self.excess_m2
     }
 
+    /// Continues from a stored variance, m².
+    pub(super) fn restore(&mut self, variance_m2: [f64; 2]) {
+        self.excess_m2 = variance_m2;
+    }
+
     /// Ingests innovations with their expected variances, m², model error included; `rows`: their weight in motion
     /// samples.
     pub(super) fn update(&mut self, innovation_m: [f64; 2], variance_m2: [f64; 2], rows: f64) {

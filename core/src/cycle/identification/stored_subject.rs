@@ -42,6 +42,8 @@ pub struct StoredSubject {
     pub identifying: u64,
     /// 1 once identification is complete.
     pub identified: u64,
+    /// Variance of the model error per axis, m².
+    pub misfit_m2: [f64; 2],
     /// `parent_from_segment` of the last pose used, scalar first: the filter does not use it again.
     pub last_pose_wxyz: [[f64; 4]; JOINTS],
 }
@@ -60,6 +62,7 @@ impl Identification {
         stored.poses_used = self.poses_used;
         stored.identifying = self.identifying;
         stored.identified = self.identified;
+        stored.misfit_m2 = self.misfit_variance_m2();
         stored.last_pose_wxyz = self.last_pose_wxyz;
     }
 
@@ -86,6 +89,7 @@ impl Identification {
             self.suggested = stored.suggested;
         }
         self.consistency = stored.consistency;
+        self.misfit.restore(stored.misfit_m2);
         self.poses_used = stored.poses_used;
         self.identified = u64::from(stored.identified == 1);
         self.identifying = u64::from(stored.identifying == 1 && stored.identified != 1);

@@ -49,6 +49,19 @@ fn a_requested_pose_is_suggested_until_it_was_held() {
 }
 
 #[test]
+fn another_model_s_request_is_suggested_after_a_reload_and_the_same_one_is_not_again() {
+    let (person, mut bench) = identified(0.0);
+    bench.hold(&person, &postures()[WANTED], None, 1000);
+    bench.command(CommandKind::Reload);
+    bench.hold(&person, &postures()[8], None, 1500);
+    assert_eq!(bench.state().suggested_pose, NONE, "it was held");
+    bench.settings.pose_requests[0] = Some(PoseRequest { pose: 5, turn_rad: 0.0 });
+    bench.command(CommandKind::Reload);
+    bench.hold(&person, &postures()[8], None, 1500);
+    assert_eq!(bench.state().suggested_pose, 5);
+}
+
+#[test]
 fn several_poses_are_requested_in_their_order() {
     let (person, mut bench) = identified(0.0);
     bench.settings.pose_requests[1] = Some(PoseRequest { pose: 5, turn_rad: 0.0 });

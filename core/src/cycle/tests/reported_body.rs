@@ -1,6 +1,7 @@
 //! Body dimensions reported by the suit, and the conditions of their acceptance.
 
 use super::*;
+use crate::cycle::identification::StoredSubject;
 use crate::message::suit_body::FootPoint;
 
 const STANDING: [[i16; 3]; 2] = [[-80, 0, 0], [80, 0, 0]];
@@ -87,6 +88,33 @@ fn a_profile_that_contradicts_the_null_pose_is_reported_and_kept() {
     bench.suit_body = Some(null_pose_of(&taller.skeleton));
     bench.hold(&taller, &upright(), None, 200);
     assert_eq!(body_status(&bench), (BodySource::Poses, BodyRejection::ContradictsWorker));
+}
+
+#[test]
+fn the_null_pose_is_compared_with_each_subject_that_is_loaded() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.suit_body = Some(null_pose_of(&person.skeleton));
+    bench.identify(&person);
+    let mut stored = bytemuck::zeroed_box::<StoredSubject>();
+    bench.memory.identification.store(&mut stored);
+    let mut of_bones = |skeleton: &crate::body::Skeleton| {
+        let mut subject = bytemuck::zeroed_box::<SubjectState>();
+        stored.skeleton_m = skeleton.offset_m;
+        assert!(subject.identification.restore(&stored, &bench.settings));
+        subject
+    };
+    let right = of_bones(&person.skeleton);
+    let wrong = of_bones(&crate::body::Skeleton::nominal(1.1 * HEIGHT_M));
+    for (subject, expected) in [
+        (&wrong, BodyRejection::ContradictsWorker),
+        (&right, BodyRejection::None),
+        (&wrong, BodyRejection::ContradictsWorker),
+    ] {
+        bench.memory.replace_subject(subject);
+        bench.command(CommandKind::SubjectLoad);
+        bench.hold(&person, &upright(), None, 200);
+        assert_eq!(body_status(&bench).1, expected);
+    }
 }
 
 #[test]

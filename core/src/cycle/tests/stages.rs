@@ -27,6 +27,7 @@ struct Rig {
     prediction: Box<PredictionState>,
     load: Box<LoadState>,
     time_ns: u64,
+    shear_n: f64,
 }
 
 impl Rig {
@@ -60,6 +61,7 @@ impl Rig {
             prediction: bytemuck::zeroed_box(),
             load: bytemuck::zeroed_box(),
             time_ns: NS_PER_S,
+            shear_n: 0.0,
         }
     }
 
@@ -76,7 +78,7 @@ impl Rig {
                 snapshot.has_ground = 1;
                 snapshot.ground = GroundSample {
                     sample_time_ns: self.time_ns,
-                    force_n: [0.0, 0.0, vertical_n],
+                    force_n: [self.shear_n, 0.0, vertical_n],
                     moment_nm: [0.0, -0.05 * vertical_n, 0.0],
                     ..Zeroable::zeroed()
                 };
@@ -190,6 +192,23 @@ fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_impla
         let suspect = Ground { invalid: Validity::SUIT_IMPLAUSIBLE, ..ground };
         let none =
             overload(&rig.settings, &mut rig.load, &instant, &suspect, &prediction, &estimate, subject);
-        assert!(none.is_none());
+        assert!(
+            none.is_none() && Validity::INVALIDATES_DELTA_F.any_of(suspect.invalid),
+            "the last one is invalid"
+        );
     }
+}
+
+#[test]
+fn the_constant_shear_of_a_plate_is_that_under_a_standing_subject() {
+    let mut rig = Rig::new();
+    rig.shear_n = 20.0;
+    let mut over_10_s = |vertical_n: f64| {
+        (0..1000).for_each(|_| drop(rig.predicted(Some(vertical_n))));
+        rig.prediction.noise.shear_bias_m_per_s2()[0]
+    };
+    // The first step onto the plate.
+    assert_eq!(over_10_s(0.3 * WEIGHT_N), 0.0);
+    let standing = over_10_s(WEIGHT_N) * MASS_KG;
+    assert!((10.0..20.0).contains(&standing), "{standing} N");
 }

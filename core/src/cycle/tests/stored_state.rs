@@ -149,3 +149,17 @@ fn unsound_data_are_not_restored() {
     assert!(!fits(&|stored| stored.registration.station_from_suit_m[0] = f64::NAN));
     assert!(!fits(&|stored| stored.registration.suit_time_ns = 0));
 }
+
+#[test]
+fn a_reload_before_the_first_measurement_sets_the_prior_of_its_settings() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.start_identifying = false));
+    bench.hold(&person, &postures()[0], None, 400);
+    assert!(bench.memory.identification.has_body());
+    let male = bench.memory.identification.anthropometry().mass_fraction;
+    bench.settings.sex = match bench.settings.sex {
+        crate::body::Sex::Male => crate::body::Sex::Female,
+        _ => crate::body::Sex::Male,
+    };
+    bench.command(CommandKind::Reload);
+    assert_ne!(bench.memory.identification.anthropometry().mass_fraction, male);
+}
