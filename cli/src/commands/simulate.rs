@@ -171,7 +171,7 @@ fn simulate(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Positions for `--does corners`: forward and left, m, and turn, rad.
+/// Positions for `--do corners`: forward and left, m, and turn, rad.
 const CORNERS: [([f64; 2], f64); 7] = [
     ([0.12, 0.14], 0.0),
     ([0.12, -0.14], 0.0),
