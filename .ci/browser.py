@@ -52,7 +52,7 @@ LOOK = """(() => {
       const [box, card] = [one, one.closest(".chart, .card, .notice, .banner, [role=tooltip]")].map((each) => each?.getBoundingClientRect());
       return card && box.width && (box.left < card.left - 1 || box.right > card.right + 1 || box.top < card.top - 1 || box.bottom > card.bottom + 1);
     }).map((one) => one.textContent.trim()),
-    link: document.querySelector(".other")?.textContent ?? "", hold: shown("hold"), match: shown("match-card"), progress: shown("progress-card"),
+    link: document.querySelector(".other, #summary")?.textContent ?? "", hold: shown("hold"), match: shown("match-card"), progress: shown("progress-card"),
     loaded: shown("load-card"), fatigue: shown("fatigue-card"), level: shown("badge") ? data("badge").level ?? "" : "",
     load: text("load"), results: [...document.querySelectorAll("#results tr")].map((row) => [...row.cells].map((cell) => cell.textContent)), advice: shown("advice") ? text("advice") : "", flat: shown("flat-note"),
     wide: document.documentElement.scrollWidth > document.documentElement.clientWidth,
@@ -61,6 +61,7 @@ LOOK = """(() => {
     plate: data("plate").drawn ?? "", residual: Number(data("residual").points ?? 0),
     convergence: Number(data("convergence").points ?? 0), parameters: Number(document.querySelector("#phi")?.dataset.curves ?? 0),
     latency: document.querySelectorAll("#latency tr").length, sensors: [...document.querySelectorAll("#sensors tr")].map((row) => [...row.cells].map((cell) => cell.textContent)),
+    tiles: [...document.querySelectorAll("#stations > li")].map((one) => ({ ...one.dataset, text: one.textContent })),
     model: shown("model") ? text("model-what") : "",
     quantities: Object.fromEntries([...document.querySelectorAll("[data-quantity]")].map((one) => [one.dataset.quantity, ["b", "small"].map((kind) => one.querySelector(kind).textContent)])),
     joints: [...document.querySelectorAll("#joints tr")].map((row) => row.querySelector(".torque").textContent), jointsWhy: text("joints-why"),
@@ -76,7 +77,7 @@ LOOK = """(() => {
 
 NOTHING = {"connection": None, "frozen": False, "phase": "", "phaseText": "", "instruction": "", "drawn": "", "triangles": 0, "figure": "", "figureShare": 0.0,
            "textPx": 0.0, "clipped": [], "outside": [], "lang": "", "link": "", "hold": False, "match": False, "progress": False, "loaded": False, "fatigue": False,
-           "level": "", "load": "", "results": [], "advice": "", "flat": False, "wide": False, "covered": False, "apart": 0.0, "model": "",
+           "level": "", "load": "", "results": [], "advice": "", "flat": False, "wide": False, "covered": False, "apart": 0.0, "model": "", "tiles": [],
            "reasons": [], "plate": "", "residual": 0, "convergence": 0, "parameters": 0, "latency": 0, "sensors": [],
            "quantities": {}, "joints": [], "jointsWhy": "", "tab": "", "token": "", "workers": [], "incidents": [], "incidentsText": "", "words": {}, "reply": "", "disabled": 0, "busy": 0}
 

@@ -7,6 +7,7 @@ page.py station URL EQUIPOISE CONFIG SUIT PLATE   a page next to daemon and pers
 import json
 import os
 import pathlib
+import socket
 import subprocess
 import sys
 import tempfile
@@ -196,7 +197,9 @@ def station(browser, start, url, equipoise, config, suit, plate):
     silence(browser, url, person)
     start(equipoise, "simulate", "--suit", suit, "--plate", plate, "--do", "lifts")
     levels(browser, url)
+    stations(browser, start, url, equipoise)
     daemon.kill()
+    browser.look_until(lambda seen: seen["tiles"] and seen["tiles"][0]["connection"] == "silent", "that the daemon of a station is gone")
     browser.open(f"{url}engineer")
     browser.look_until(lambda seen: seen["connection"] == "silent" and len(seen["sensors"]) == 2
                        and all(row[1] == MISSING and "silent" in row[2] for row in seen["sensors"]) and nothing_valid(seen)
@@ -248,6 +251,23 @@ def silence(browser, url, person):
     seen = browser.look_until(lambda seen: "suit_stale" in seen["reasons"] and "worker" not in seen["drawn"], "that the suit is lost")
     browser.shoot("worker-suit-lost")
     report(f"suit lost: \"{seen['instruction']}\"")
+
+
+def stations(browser, start, url, equipoise):
+    """Several stations on one page: this one, and one that does not answer."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        listen = "127.0.0.1:%d" % free.getsockname()[1]
+    with tempfile.TemporaryDirectory() as folder:
+        file = pathlib.Path(folder, "stations.toml")
+        file.write_text(f'[page]\nlisten = "{listen}"\n[[station]]\nurl = "{url}"\n[[station]]\nurl = "http://127.0.0.1:1/"\n', encoding="utf-8")
+        server = start(equipoise, "view", "--stations", str(file))
+        wait_for(f"http://{listen}/", server)
+    browser.open(f"http://{listen}/")
+    seen = browser.look_until(lambda seen: [one["connection"] for one in seen["tiles"]] == ["lost", "live"]
+                              and seen["tiles"][1]["level"] in ("green", "orange"), "a lost station before a live one with a load")
+    report(f"stations: \"{seen['link']}\", {[one['text'] for one in seen['tiles']]}")
+    report(f"stations, three languages: {', '.join(languages(browser).values())}")
+    browser.shoot("stations")
 
 
 def levels(browser, url):

@@ -15,5 +15,6 @@ mod page_tokens;
 mod progress_bar;
 mod provenance;
 pub mod receipt;
+mod stations;
 pub mod subject_data;
 pub mod subject_export;

@@ -442,6 +442,8 @@ pub(crate) const COLUMN_S: f64 = 1.0;
 pub(crate) const SERIES_INTERVAL_S: f64 = 0.25;
 /// Longer times are displayed in minutes. Unit: s. Origin: display.
 pub(crate) const MINUTES_FROM_S: f64 = 300.0;
+/// Valid torques for a headline or a recommendation, at least. Unit: s. Origin: chosen.
+pub(crate) const STATEMENT_TIME_MIN_S: f64 = 5.0;
 /// States that wait for the records of their cycles, which a recorder writes later. Unit: 1. Origin: chosen.
 pub(crate) const REORDER_BUFFER: usize = 512;
 /// Time limit of printing; the report of a shift takes seconds. Unit: s. Origin: chosen.

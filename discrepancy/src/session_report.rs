@@ -4,8 +4,8 @@
 //! States come from the recording if it contains them, otherwise from a replay of its samples through the same cycle.
 //! Invalid values are counted by reason and never drawn: lines break there.
 //!
-//! Layers, lowest first: [`series`] → [`identification`], [`exposure`], [`lifts`], [`back`], [`quality`], [`records`] →
-//! [`gather`] → `strips`, `sections` → [`document`](mod@document) → [`pdf`]
+//! Layers, lowest first: [`series`], [`niosh`] → [`identification`], [`exposure`], [`lifts`], [`back`], [`quality`],
+//! [`records`] → [`period`] → [`gather`] → `strips`, `recommendations`, `sections` → [`document`](mod@document) → [`pdf`]
 
 pub mod back;
 pub mod document;
@@ -13,8 +13,11 @@ pub mod exposure;
 pub mod gather;
 pub mod identification;
 pub mod lifts;
+pub mod niosh;
 pub mod pdf;
+pub mod period;
 pub mod quality;
+mod recommendations;
 pub mod records;
 mod sections;
 pub mod series;

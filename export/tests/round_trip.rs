@@ -254,6 +254,31 @@ fn a_table_of_states_is_their_json() {
 }
 
 #[test]
+fn what_the_loop_masks_is_withheld_and_what_it_publishes_is_not() {
+    let mut numbers = Numbers(11);
+    let mut state = state(1, &mut numbers);
+    (state.suggested_pose, state.suit_sample_time_ns, state.unavailable) = (3, STARTED_NS, 0);
+    let pose = ["suit_com_m_x", "pose_mismatch_rad", "segment_origin_m_Pelvis_z"];
+    let load = ["foot_load_fraction_left", "sharing_source", "hand_load_fraction_right", "torque_nm_L5S1_y"];
+    let distance = ["load_hand_distance_m"];
+    for (flag, withheld, there) in [
+        (Validity::SUIT_IMPLAUSIBLE, [&pose[..], &load, &distance].concat(), vec![]),
+        (Validity::BELOW_LOAD_THRESHOLD, [&load[..], &distance].concat(), pose.to_vec()),
+        (Validity::LOAD_NOT_AT_HANDS, load.to_vec(), [&pose[..], &distance].concat()),
+        (Validity::default(), vec![], [&pose[..], &load, &distance].concat()),
+    ] {
+        state.valid = flag.0;
+        let folder = tempfile::tempdir().unwrap();
+        let (rows, _) = tables(&folder, &write(&folder, &[state], |state| state.time_ns), Topic::State);
+        for (names, expected) in [(&withheld, false), (&there, true)] {
+            for name in names {
+                assert_eq!(rows[0].contains_key(*name), expected, "{name} with {:?}", state.validity());
+            }
+        }
+    }
+}
+
+#[test]
 fn samples_lose_what_was_not_measured_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let mut suit = SuitSample { sample_time_ns: STARTED_NS + 500_000_000, ..SuitSample::zeroed() };

@@ -16,6 +16,7 @@ mod event_stream;
 mod frame;
 pub(crate) mod guard;
 mod newest;
+mod overview;
 mod server;
 mod station;
 mod token;
@@ -121,6 +122,36 @@ impl Page {
     where
         F: FnMut() -> Option<PageFrame> + Send + 'static,
     {
+        Page::launch(listen, token, |listener, access, opened, stopped| {
+            server::serve(listener, access, feed, engineer, opened, stopped)
+        })
+    }
+
+    /// Serves the page of several stations: `feed` is called twice a second on the page's thread and returns their
+    /// state, a JSON array. It must not block.
+    ///
+    /// # Errors
+    /// [`PageError`].
+    pub fn start_overview<F>(listen: SocketAddr, token: Option<Token>, feed: F) -> Result<Page, PageError>
+    where
+        F: FnMut() -> String + Send + 'static,
+    {
+        Page::launch(listen, token, |listener, access, _, stopped| {
+            overview::serve(listener, access, feed, stopped)
+        })
+    }
+
+    /// Starts the thread of a server.
+    fn launch<S>(
+        listen: SocketAddr,
+        token: Option<Token>,
+        serve: impl FnOnce(TcpListener, guard::Access, Arc<AtomicU64>, oneshot::Receiver<Arc<str>>) -> S
+        + Send
+        + 'static,
+    ) -> Result<Page, PageError>
+    where
+        S: Future<Output = ()>,
+    {
         let loopback_only = listen.ip().is_loopback();
         if !loopback_only && token.is_none() {
             return Err(PageError::NotLoopback { listen });
@@ -143,7 +174,7 @@ impl Page {
         let thread = std::thread::Builder::new()
             .name("page".to_owned())
             .spawn(move || {
-                runtime.block_on(server::serve(listener, access, feed, engineer, opened, stopped));
+                runtime.block_on(serve(listener, access, opened, stopped));
                 runtime.shutdown_background();
             })
             .map_err(PageError::Start)?;

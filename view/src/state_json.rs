@@ -22,20 +22,20 @@
 //! | `motion_samples_used` | count | never |
 //! | `group_delay_ns`: delay of the results behind the newest suit sample | ns | never |
 //! | `cop_measured`, `cop_measured_sigma` | m, world x and y | the plate is silent, or the feet are off it |
-//! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent |
-//! | `suit_com`: centre of mass computed by the suit's software, world | m | the suit is silent, or does not send it |
+//! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent or implausible |
+//! | `suit_com`: centre of mass computed by the suit's software, world | m | the suit is silent or implausible, or does not send it |
 //! | `acceleration_source` (`positions`, `suit`) | | as `com` |
 //! | `ground_force_n` | N | the plate is silent or faulty, or shear is not measured |
 //! | `vertical_force_n` | N | the plate is silent or faulty |
 //! | `ground_devices`: devices in the ground sample (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or unavailable |
 //! | `delta_f_n`, `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or the mass is unavailable |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg` | kg | as `delta_f_n`, or too little load, or moving |
-//! | `foot_load_fraction` (left, right), `foot_load_fraction_sigma`, `sharing_source` (`geometry`, `measured`) | 0 to 1 | the plate or the suit is silent, or the feet are off the plate |
-//! | `hand_load_fraction` (left, right), `hand_load_fraction_sigma` | 0 to 1 | a flag invalidates `load_hand_distance_m`, or the load is not at the hands |
-//! | `load_hand_distance_m` | m | any of the above, not identified, moving, or too little load |
+//! | `foot_load_fraction` (left, right), `foot_load_fraction_sigma`, `sharing_source` (`geometry`, `measured`) | 0 to 1 | any flag is raised |
+//! | `hand_load_fraction` (left, right), `hand_load_fraction_sigma` | 0 to 1 | any flag is raised |
+//! | `load_hand_distance_m` | m | any flag except `load_not_at_hands` is raised |
 //! | `reach_m`, `reach_sigma_m`: load from the midpoint of the ankles | m | any flag is raised |
 //! | `variance_max_m2`, `predicted_cop_sigma_m`, `nis`, `prior_inflation` | m², m, 1, 1 | the filter has not computed it |
-//! | `pose_mismatch_rad` | rad | no pose is suggested, or the suit is silent |
+//! | `pose_mismatch_rad` | rad | no pose is suggested, or the suit is silent or implausible |
 //! | `suit_skew_s`, `suit_skew_sigma_s` | s | the motion has not determined the skew |
 //! | `l5s1_moment_nm`, `l5s1_moment_sigma_nm` | N m | any flag except `below_load_threshold` is raised |
 //! | `l5s1_compression_n`, `l5s1_compression_sigma_n` | N | as `l5s1_moment_nm` |
@@ -62,14 +62,6 @@ use equipoise_core::overload::Level;
 use serde::Serialize;
 
 use joints::{Joints, PerJoint};
-
-/// Flags that invalidate the foot load fraction.
-const INVALIDATES_FOOT_LOAD_FRACTION: Validity =
-    Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
-/// Flags that invalidate the distance of the load from the hands. `LOAD_NOT_AT_HANDS` does not: a large distance
-/// raises it.
-const INVALIDATES_LOAD_HAND_DISTANCE: Validity =
-    Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
 
 /// A state, ready to be written as one JSON object. Fields are in the order of the keys.
 #[derive(Debug, Clone, Serialize)]
@@ -184,7 +176,6 @@ pub struct StateJson<'a> {
 impl<'a> StateJson<'a> {
     /// The state at `t_s` seconds of the caller's clock: a recording's own time, or CLOCK_MONOTONIC when live.
     pub fn new(state: &'a State, t_s: f64) -> StateJson<'a> {
-        let asked = state.suggested_pose != u32::MAX;
         let back = |value: f64| state.unless(Validity::INVALIDATES_LOW_BACK, value).and_then(finite);
         let lifted = |value: f64| state.unless(Validity::INVALIDATES_LIFTED_MASS, value).and_then(finite);
         let skew = |value: f64| (state.suit_skew_sigma_s > 0.0).then_some(value).and_then(finite);
@@ -201,7 +192,7 @@ impl<'a> StateJson<'a> {
             stance: state.stance,
             motion_samples_used: state.motion_samples_used,
             group_delay_ns: state.group_delay_ns,
-            suggested_pose: asked.then_some(state.suggested_pose),
+            suggested_pose: Some(state.suggested_pose).filter(|pose| *pose != u32::MAX),
             suit_age_ns: (state.suit_sample_time_ns != 0).then_some(state.suit_age_ns),
             ground_age_ns: (state.ground_age_ns != u64::MAX).then_some(state.ground_age_ns),
             mass_kg: state.unless(Validity::MASS_UNKNOWN, state.mass_kg).and_then(finite),
@@ -250,13 +241,13 @@ impl<'a> StateJson<'a> {
             lifted_mass_kg: lifted(state.lifted_mass_kg),
             lifted_mass_sigma_kg: lifted(state.lifted_mass_sigma_kg),
             foot_load_fraction: state
-                .unless(INVALIDATES_FOOT_LOAD_FRACTION, state.foot_load_fraction)
+                .unless(Validity::INVALIDATES_TORQUES, state.foot_load_fraction)
                 .and_then(all_finite),
             foot_load_fraction_sigma: state
-                .unless(INVALIDATES_FOOT_LOAD_FRACTION, state.foot_load_fraction_sigma)
+                .unless(Validity::INVALIDATES_TORQUES, state.foot_load_fraction_sigma)
                 .and_then(finite),
             sharing_source: state
-                .unless(INVALIDATES_FOOT_LOAD_FRACTION, state.sharing_source)
+                .unless(Validity::INVALIDATES_TORQUES, state.sharing_source)
                 .and_then(SharingSource::from_number)
                 .map(SharingSource::name),
             hand_load_fraction: state
@@ -266,7 +257,7 @@ impl<'a> StateJson<'a> {
                 .unless(Validity::INVALIDATES_TORQUES, state.hand_load_fraction_sigma)
                 .and_then(finite),
             load_hand_distance_m: state
-                .unless(INVALIDATES_LOAD_HAND_DISTANCE, state.load_hand_distance_m)
+                .unless(Validity::INVALIDATES_LOAD_HAND_DISTANCE, state.load_hand_distance_m)
                 .and_then(finite),
             reach_m: state.unless(Validity::INVALIDATES_TORQUES, state.reach_m).and_then(finite),
             reach_sigma_m: state.unless(Validity::INVALIDATES_TORQUES, state.reach_sigma_m).and_then(finite),
@@ -274,10 +265,7 @@ impl<'a> StateJson<'a> {
             predicted_cop_sigma_m: positive(state.predicted_cop_sigma_m),
             nis: positive(state.nis),
             prior_inflation: positive(state.prior_inflation),
-            pose_mismatch_rad: state
-                .unless(Validity::SUIT_STALE, state.pose_mismatch_rad)
-                .filter(|_| asked)
-                .and_then(finite),
+            pose_mismatch_rad: state.pose_mismatch_rad().and_then(finite),
             suit_skew_s: skew(state.suit_skew_s),
             suit_skew_sigma_s: skew(state.suit_skew_sigma_s),
             l5s1_moment_nm: back(state.l5s1_moment_nm),

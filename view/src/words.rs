@@ -169,7 +169,7 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
 fn pose_to_take(state: &State, pose: Option<&str>) -> Instruction {
     let still = state.static_pose != 0;
     match pose {
-        Some(name) if state.pose_mismatch_rad >= POSE_REACHED_RAD => {
+        Some(name) if state.pose_mismatch_rad().is_none_or(|rad| rad >= POSE_REACHED_RAD) => {
             Instruction::new("take_pose", Tone::Calm).about_pose(name)
         }
         // A pose with a load is not used for identification, however static it is.

@@ -1,4 +1,5 @@
-//! Requests a device's settings over HTTP on the local network: one request, one bounded answer, no state.
+//! Requests over HTTP on the local network (a device's settings, a station's page): one request, one bounded answer, no
+//! state.
 
 use std::io;
 use std::time::Duration;
@@ -54,6 +55,14 @@ impl HttpClient {
     /// No connection, no answer in time, an answer that is too long or not HTTP.
     pub fn get(&self, url: &str) -> io::Result<Answer> {
         answer(self.agent.get(url).call())
+    }
+
+    /// `GET url` with `Authorization: Bearer TOKEN`.
+    ///
+    /// # Errors
+    /// As [`Self::get`].
+    pub fn get_with_token(&self, url: &str, token: &str) -> io::Result<Answer> {
+        answer(self.agent.get(url).header("authorization", format!("Bearer {token}")).call())
     }
 
     /// `POST url` with a body of JSON.

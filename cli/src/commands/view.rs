@@ -1,6 +1,6 @@
 //! `equipoise view`: the worker's page, in a process of its own, so that nothing a browser does reaches the loop.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -8,23 +8,42 @@ use anyhow::{Context, bail};
 use equipoise_config::Config;
 use tracing::info;
 
-use super::{ConfigArgument, Outcome, log_to_stderr};
+use super::{Outcome, log_to_stderr};
 use crate::page_feed::ServedPage;
+use crate::stations::{ServedStations, StationsFile};
 
 /// How often the watchdog is fed.
 const PING_EVERY: Duration = Duration::from_secs(1);
 
 /// Serve the worker's page of the configuration's [page]; it waits while no daemon runs
+///
+/// With --stations one page of several stations, on this and other machines: joint closest to its limit, load, incidents,
+/// and a link to each station's page. The file has a [page] with `listen`, and a [[station]] with the `url` of each
+/// station's page; `token_file` in either.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example: equipoise view --config /etc/equipoise/equipoise.toml")]
+#[command(
+    after_help = "Examples:\n  equipoise view --config /etc/equipoise/equipoise.toml\n  equipoise view --stations \
+                        stations.toml"
+)]
 pub(super) struct Arguments {
-    #[command(flatten)]
-    config: ConfigArgument,
+    /// Configuration file
+    #[arg(long, value_name = "FILE", required_unless_present = "stations")]
+    config: Option<PathBuf>,
+    /// Serve one page of the stations that this file names
+    #[arg(long, value_name = "FILE", conflicts_with = "config")]
+    stations: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
-    let path = &arguments.config.config;
+    match (&arguments.stations, &arguments.config) {
+        (Some(stations), _) => serve_stations(stations),
+        (None, Some(config)) => serve_station(config),
+        (None, None) => bail!("neither --config nor --stations"),
+    }
+}
+
+fn serve_station(path: &Path) -> anyhow::Result<Outcome> {
     let config = Config::read(path)?;
     let listen = config.page.as_ref().with_context(|| {
         format!("{} has no [page]: add it, with listen = \"127.0.0.1:8080\" for example", path.display())
@@ -52,6 +71,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Stopping]);
     drop(page);
+    info!("ended");
+    Ok(Outcome::Done)
+}
+
+fn serve_stations(path: &Path) -> anyhow::Result<Outcome> {
+    let file = StationsFile::read(path)?;
+    let stop = super::stop_on_signals()?;
+    let served = ServedStations::start(file, path.parent().unwrap_or(Path::new("")))?;
+    info!("stations: page at {}", served.url());
+    while !stop.load(Ordering::Relaxed) {
+        if !served.is_running() {
+            bail!("a part of the page ended by itself; what it said stands above");
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
     info!("ended");
     Ok(Outcome::Done)
 }

@@ -2,8 +2,9 @@
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
-use equipoise_core::body::Joint;
+use equipoise_core::body::{Joint, Side};
 use equipoise_core::message::{AdapterHealth, CycleRecord, State, Validity};
+use equipoise_core::overload::Level;
 use equipoise_view::words;
 use serde_json::Value;
 
@@ -205,6 +206,56 @@ fn invalid_values_are_not_drawn() {
     assert!(page.text.contains("2003 N on average, at most 2006 ±"), "{}", page.text);
     near(page.cell("Invalid reasons", "moving", "share"), 100.0 * 300.0 / 899.0, 0.051);
     assert!(page.text.contains("Equipoise <b>0</b>"), "what a file says of itself stays text");
+}
+
+#[test]
+fn torques_of_a_tenth_of_a_second_give_no_headline() {
+    let state = |cycle: u64| State {
+        cycle,
+        time_ns: cycle * 10_000_000,
+        valid: if cycle <= 10 { 0 } else { Validity::MOVING.0 },
+        ..State::zeroed()
+    };
+    let all: Vec<State> = (1..900).map(state).collect();
+    let page = report("short.html", &states("short.mcap", &all, |_| {}));
+    for expected in ["reported for 0.1 s only: too short to compare", "0.1 s, too short for a recommendation"]
+    {
+        assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
+    }
+}
+
+#[test]
+fn recommendations_have_a_number_and_a_basis() {
+    let joint = Joint::named("L5S1").unwrap().index();
+    let state = |cycle: u64| {
+        let mut state =
+            State { cycle, time_ns: cycle * 10_000_000, suit_sample_time_ns: 1, ..State::zeroed() };
+        (state.lifts, state.worst_joint) = (u32::from(cycle >= 700), joint as u32);
+        if cycle >= 600 {
+            state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
+            return state;
+        }
+        (state.lifted_mass_kg, state.reach_m) = (12.0, 0.5);
+        (state.torque_nm[joint], state.torque_limit_nm[joint]) = ([0.0, 90.0, 0.0], 100.0);
+        (state.torque_sigma_nm[joint], state.joint_level[joint]) = (4.0, Level::Red as u32);
+        (state.l5s1_compression_n, state.l5s1_compression_sigma_n) = (4000.0, 200.0);
+        for side in Side::BOTH {
+            state.segment_origin_m[side.toe().index()] = [0.2, 0.0, 0.0];
+            state.segment_origin_m[side.hand().index()] = [0.5, 0.0, 0.75];
+        }
+        state
+    };
+    let all: Vec<State> = (1..900).map(state).collect();
+    let page = report("advice.html", &states("advice.mcap", &all, |_| {}));
+    for expected in [
+        "high or overloaded for 6.0 s, at most 90 % ± 4 % of its limit, with 12.0 kg at 0.50 m. Reduce the load to 8.0 kg",
+        "1 of 1 exceed the recommended weight limit; lift 1 most, 1.0 times its limit of 11.5 kg",
+        "compression of 4000 ± 200 N at t = 0.0 s exceeds 3400 N",
+        "Basis. Joints:",
+    ] {
+        assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
+    }
+    assert_eq!(page.rows("Lifts")[0][6..], ["11.5", "1.04"]);
 }
 
 #[test]

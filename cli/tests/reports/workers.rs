@@ -67,6 +67,17 @@ fn a_change_of_worker_is_reported_and_adds_no_lifts() {
     assert!(page.text.contains("3 lifts were counted before it began."), "{}", page.text);
     assert!(page.text.contains("The worker changed at t = 3.0 s, 6.0 s"), "{}", page.text);
     assert!(page.text.contains("identified when loaded"), "{}", page.text);
+    let workers: Vec<Vec<&str>> = page
+        .rows("Workers")
+        .iter()
+        .map(|row| [0, 1, 2, 3, 7].map(|cell| row[cell].as_str()).into())
+        .collect();
+    let expected = [
+        ["1", "0.0", "3.0", "3.0 s", "0"],
+        ["2", "3.0", "6.0", "3.0 s", "0"],
+        ["3", "6.0", "9.0", "3.0 s", "0"],
+    ];
+    assert_eq!(workers, expected);
     let poses = page.rows("Identification");
     assert_eq!(
         (poses.len(), poses[0][0].as_str()),

@@ -300,7 +300,7 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
     if valid.any_of(Validity::INVALIDATES_GROUND_FORCE) {
         (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
-    if valid.any_of(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) {
+    if valid.any_of(Validity::INVALIDATES_POSE) {
         state.segment_origin_m = Zeroable::zeroed();
         state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;
@@ -322,7 +322,9 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
         mask_back(state);
     }
     if valid.any_of(Validity::INVALIDATES_TORQUES) {
+        let distance_m = state.unless(Validity::INVALIDATES_LOAD_HAND_DISTANCE, state.load_hand_distance_m);
         mask_torques(state);
+        state.load_hand_distance_m = distance_m.unwrap_or_default();
         mask_advice(state);
         state.torque_limit_nm = *settings.limits.without_torque_nm();
         levels.reset();

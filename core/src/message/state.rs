@@ -298,9 +298,22 @@ impl State {
         self.unavailable & what as u32 == 0
     }
 
-    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable or the suit is silent.
+    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable or the pose invalid.
     pub fn suit_com_m(&self) -> Option<[f64; 3]> {
-        self.unless(Validity::SUIT_STALE, self.suit_com_m).filter(|_| self.provides(Unavailable::SuitCom))
+        self.unless(Validity::INVALIDATES_POSE, self.suit_com_m)
+            .filter(|_| self.provides(Unavailable::SuitCom))
+    }
+
+    /// Segment origins, world, m; `None` while the pose is invalid.
+    pub fn segment_origin_m(&self) -> Option<&[[f64; 3]; SEGMENTS]> {
+        self.unless(Validity::INVALIDATES_POSE, &self.segment_origin_m)
+            .filter(|_| self.suit_sample_time_ns != 0)
+    }
+
+    /// Difference from the suggested pose, rad; `None` if none is suggested or the pose is invalid.
+    pub fn pose_mismatch_rad(&self) -> Option<f64> {
+        self.unless(Validity::INVALIDATES_POSE, self.pose_mismatch_rad)
+            .filter(|_| self.suggested_pose != u32::MAX)
     }
 
     /// `value`, or `None` if a flag of `invalidating` is raised.

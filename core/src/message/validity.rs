@@ -57,6 +57,8 @@ reasons! {
 impl Validity {
     /// Implausible samples of either sensor.
     pub const IMPLAUSIBLE: Validity = Validity::GROUND_IMPLAUSIBLE.and(Validity::SUIT_IMPLAUSIBLE);
+    /// Flags that invalidate the pose of the suit and what is computed from it alone.
+    pub const INVALIDATES_POSE: Validity = Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE);
     /// Flags that invalidate the measured centre of pressure.
     pub const INVALIDATES_COP_MEASURED: Validity =
         Validity::INVALIDATES_GROUND_FORCE.and(Validity::FEET_OFF_PLATE).and(Validity::COP_NOT_MEASURED);
@@ -64,10 +66,8 @@ impl Validity {
     pub const INVALIDATES_GROUND_FORCE: Validity =
         Validity::GROUND_STALE.and(Validity::PLATE_FAULT).and(Validity::GROUND_IMPLAUSIBLE);
     /// Flags that invalidate the estimated centre of mass.
-    pub const INVALIDATES_COM: Validity = Validity::SUIT_STALE
-        .and(Validity::SUIT_IMPLAUSIBLE)
-        .and(Validity::BODY_UNKNOWN)
-        .and(Validity::POSITION_UNKNOWN);
+    pub const INVALIDATES_COM: Validity =
+        Validity::INVALIDATES_POSE.and(Validity::BODY_UNKNOWN).and(Validity::POSITION_UNKNOWN);
     /// Flags that invalidate the estimated centre of pressure.
     pub const INVALIDATES_COP_ESTIMATED: Validity =
         Validity::INVALIDATES_COM.and(Validity::MOVING).and(Validity::CLOCK_UNSYNCHRONISED);
@@ -104,6 +104,9 @@ impl Validity {
         .and(Validity::CLOCK_UNSYNCHRONISED)
         .and(Validity::WEIGHT_MISSING)
         .and(Validity::LOAD_NOT_AT_HANDS);
+    /// Flags that invalidate the distance of the load from the hands. A large distance raises `LOAD_NOT_AT_HANDS`.
+    pub const INVALIDATES_LOAD_HAND_DISTANCE: Validity =
+        Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
 
     /// The sets above with their public names, for other languages.
     pub const FLAG_SETS: &'static [(Validity, &'static str)] = &[

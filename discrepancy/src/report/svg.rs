@@ -16,8 +16,10 @@ pub use scale::Scale;
 /// Colours of all plots: Okabe and Ito's palette, distinguishable with any colour vision.
 pub(super) const STYLE: &str = include_str!("plot.css");
 
-/// Width of every plot, in its own units: two fit next to each other on a page.
+/// Width of a plot, in its own units: two fit next to each other on a page.
 pub(super) const WIDTH: f64 = 540.0;
+/// Width of a plot over the whole page.
+pub const FULL_WIDTH: f64 = 1100.0;
 const LEFT: f64 = 58.0;
 const RIGHT: f64 = 14.0;
 const BOTTOM: f64 = 40.0;
@@ -29,7 +31,8 @@ pub struct Drawing {
     pub name: String,
     /// A short title.
     pub title: String,
-    /// Outer height.
+    /// Outer size.
+    width: f64,
     height: f64,
     description: String,
     body: String,
@@ -39,7 +42,12 @@ impl Drawing {
     /// A drawing 540 wide: `body` is SVG, in which external names are escaped already.
     pub fn new(name: &str, title: &str, description: &str, height: f64, body: String) -> Drawing {
         let (name, title, description) = (name.to_owned(), title.to_owned(), description.to_owned());
-        Drawing { name, title, height, description, body }
+        Drawing { name, title, width: WIDTH, height, description, body }
+    }
+
+    /// A drawing over the whole page, [`FULL_WIDTH`] wide.
+    pub fn full(self) -> Drawing {
+        Drawing { width: FULL_WIDTH, ..self }
     }
 
     /// For a page that contains [`STYLE`].
@@ -50,15 +58,17 @@ impl Drawing {
     /// As a separate file.
     pub(super) fn standalone(&self) -> String {
         let ground = format!("<style>{STYLE}</style><rect class=\"ground\" width=\"100%\" height=\"100%\"/>");
-        let mut text = self.element(" xmlns=\"http://www.w3.org/2000/svg\" width=\"540\"", &ground);
+        let attributes = format!(" xmlns=\"http://www.w3.org/2000/svg\" width=\"{}\"", self.width);
+        let mut text = self.element(&attributes, &ground);
         text.push('\n');
         text
     }
 
     fn element(&self, attributes: &str, first: &str) -> String {
-        let (name, height) = (xml(&self.name), at(self.height));
+        let (name, width, height) = (xml(&self.name), self.width, at(self.height));
+        let class = if width > WIDTH { "plot full" } else { "plot" };
         format!(
-            "<svg class=\"plot\" viewBox=\"0 0 {WIDTH} {height}\"{attributes} role=\"img\" \
+            "<svg class=\"{class}\" viewBox=\"0 0 {width} {height}\"{attributes} role=\"img\" \
              aria-labelledby=\"{name}-t {name}-d\"><title id=\"{name}-t\">{}</title>\
              <desc id=\"{name}-d\">{}</desc>{first}{}</svg>",
             xml(&self.title),
@@ -221,12 +231,22 @@ impl Plot {
 
     /// Draws it.
     pub fn draw(&self) -> Drawing {
+        self.draw_at(WIDTH)
+    }
+
+    /// Draws it over the whole page.
+    pub fn draw_full(&self) -> Drawing {
+        self.draw_at(FULL_WIDTH).full()
+    }
+
+    fn draw_at(&self, width: f64) -> Drawing {
         let mut body = format!("<text class=\"title\" x=\"{LEFT}\" y=\"16\">{}</text>", xml(&self.title));
         let (legend, rows) = legend(&self.legend, 33.0);
         body.push_str(&legend);
         let frame = Frame {
             x: self.x.scale,
             y: self.y.scale,
+            width,
             top: 26.0 + 17.0 * rows as f64,
             bottom: Self::HEIGHT - BOTTOM,
         };

@@ -2,9 +2,11 @@
 
 use equipoise_view::words;
 
+use crate::constants::STATEMENT_TIME_MIN_S;
 use crate::report::document::{Document, Text};
 
 use super::gather::{Facts, Source};
+use super::recommendations::recommendations;
 use super::sections;
 
 /// The report of a session.
@@ -15,6 +17,7 @@ pub fn document(facts: &Facts) -> Document {
         headline: headline(facts),
         numbers: numbers(facts),
         sections: vec![
+            recommendations(facts),
             sections::session(facts),
             sections::identification(facts),
             sections::exposure(facts),
@@ -37,7 +40,11 @@ fn verdict(facts: &Facts) -> &'static str {
 }
 
 fn headline(facts: &Facts) -> Text {
+    let valid_s = facts.exposure.valid_s;
     let headline_text = match facts.exposure.worst() {
+        Some(_) if valid_s < STATEMENT_TIME_MIN_S => {
+            format!("Torques were reported for {} only: too short to compare the joints.", length(valid_s))
+        }
         Some(worst) => {
             format!("The {} was the joint closest to its limit for the longest time.", words::joint(worst))
         }

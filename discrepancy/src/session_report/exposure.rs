@@ -21,6 +21,8 @@ pub struct Peak {
     pub sigma_nm: f64,
     /// Torque divided by the joint's limit.
     pub share: f64,
+    /// Mass and reach of the load at that time, kg and m; `None` if the mass was invalid.
+    pub load: Option<[f64; 2]>,
 }
 
 /// Exposure of one joint.
@@ -112,7 +114,10 @@ impl JointExposure {
         let share = torque_nm / limit_nm;
         if self.peak.is_none_or(|peak| share > peak.share) {
             let sigma_nm = state.torque_sigma_nm[joint.index()];
-            self.peak = Some(Peak { time_s, torque_nm, sigma_nm, share });
+            let load = state
+                .unless(Validity::INVALIDATES_LIFTED_MASS, [state.lifted_mass_kg, state.reach_m])
+                .filter(|[mass_kg, _]| *mass_kg > 0.0);
+            self.peak = Some(Peak { time_s, torque_nm, sigma_nm, share, load });
         }
     }
 

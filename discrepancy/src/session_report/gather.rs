@@ -14,6 +14,7 @@ use super::back::Back;
 use super::exposure::Exposure;
 use super::identification::Identification;
 use super::lifts::Lifts;
+use super::period::Period;
 use super::quality::Quality;
 use super::records::Records;
 use crate::constants::REORDER_BUFFER;
@@ -44,6 +45,8 @@ pub struct Facts {
     pub subjects: Vec<String>,
     /// Times of subject changes, s since the begin of the recording.
     pub changes_s: Vec<f64>,
+    /// The session by worker, in order.
+    pub periods: Vec<Period>,
     /// Number of states.
     pub cycles: u64,
     /// Times of the first and last state, s since the begin of the recording.
@@ -98,6 +101,7 @@ impl Facts {
             config: chosen.config,
             config_origin: chosen.origin,
             changes_s: Vec::new(),
+            periods: vec![Period::default()],
             cycles: 0,
             span_s: None,
             identification: Identification::default(),
@@ -180,6 +184,7 @@ impl Facts {
         self.span_s = Some([from_s, time_s]);
         if self.is_another_worker(state) {
             self.changes_s.push(time_s);
+            self.periods.push(Period::default());
             self.identification = Identification::default();
             self.lifts.change_subject(state);
             self.back.change_subject();
@@ -188,6 +193,9 @@ impl Facts {
         let State { cycle, time_ns, lifts, .. } = *state;
         self.last = Some(Last { cycle, time_ns, lifts });
         self.identification.ingest(state, time_s, stopped);
+        if let Some(period) = self.periods.last_mut() {
+            period.ingest(state, time_s, step_s);
+        }
         self.exposure.ingest(state, time_s, step_s);
         self.lifts.ingest(state, time_s, step_s);
         self.back.ingest(state, time_s, step_s);

@@ -3,6 +3,8 @@
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::{State, Validity};
 
+use super::niosh::{Grasp, weight_limit_kg};
+
 /// One lift. Mass and reach are means over the time in which they were valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lift {
@@ -18,6 +20,15 @@ pub struct Lift {
     pub reach_m: Option<f64>,
     /// Its maximum, m.
     pub reach_max_m: Option<f64>,
+    /// Recommended weight limit ([`weight_limit_kg`]), kg; 0 beyond the limits of the equation.
+    pub limit_kg: Option<f64>,
+}
+
+impl Lift {
+    /// Mass divided by the recommended weight limit; `None` without one.
+    pub fn index(&self) -> Option<f64> {
+        Some(self.mass_kg? / self.limit_kg.filter(|limit_kg| *limit_kg > 0.0)?)
+    }
 }
 
 /// All lifts of a recording.
@@ -41,6 +52,8 @@ struct Episode {
     reach_sum_m: f64,
     reach_max_m: f64,
     empty_s: f64,
+    /// The first and the last grasp with valid torques.
+    ends: Option<[Grasp; 2]>,
 }
 
 impl Lifts {
@@ -92,6 +105,10 @@ impl Episode {
             self.reach_sum_m += reach_m;
             self.reach_max_m = self.reach_max_m.max(reach_m);
         }
+        if let Some(grasp) = Grasp::of(state) {
+            let [first, _] = self.ends.unwrap_or([grasp; 2]);
+            self.ends = Some([first, grasp]);
+        }
         // No load for this long and no lift counted by the loop: a brief contact.
         if self.empty_s > 2.0 * LIFT_MIN_S {
             *self = Episode::default();
@@ -108,6 +125,7 @@ impl Episode {
             mass_sigma_kg: mean(self.sigma_sum_kg, self.masses),
             reach_m: mean(self.reach_sum_m, self.reaches),
             reach_max_m: (self.reaches > 0.0).then_some(self.reach_max_m),
+            limit_kg: self.ends.map(weight_limit_kg),
         }
     }
 }

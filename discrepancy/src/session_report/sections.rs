@@ -64,6 +64,8 @@ pub(super) fn session(facts: &Facts) -> Section {
     }
     if let Some(note) = several(facts) {
         section.say(note);
+        section.head("Workers");
+        section.table(workers(facts));
     }
     section.note(DISCLAIMER);
     section
@@ -80,6 +82,42 @@ fn several(facts: &Facts) -> Option<String> {
          the final values are of the last one, with what that worker's shift had before.",
         times.join(", ")
     ))
+}
+
+/// One row for each worker.
+fn workers(facts: &Facts) -> Table {
+    let mut table = Table::new(&[
+        "worker",
+        ">from, s",
+        ">to, s",
+        ">torques reported",
+        "closest to its limit",
+        ">of the limit",
+        ">high or overloaded",
+        ">lifts",
+        ">L5/S1 at most, N",
+        ">risk",
+    ]);
+    let named = facts.subjects.len() == facts.periods.len();
+    for (index, period) in facts.periods.iter().enumerate() {
+        let [from_s, to_s] = period.span_s.unwrap_or_default();
+        let worst = period.exposure.worst();
+        let peak = worst.and_then(|joint| period.exposure.joints[joint.index()].peak);
+        let name = if named { facts.subjects[index].clone() } else { (index + 1).to_string() };
+        table.rows.push(vec![
+            name.into(),
+            format!("{from_s:.1}").into(),
+            format!("{to_s:.1}").into(),
+            length(period.exposure.valid_s).into(),
+            or_none(worst, |joint| words::joint(joint).to_owned()),
+            or_none(peak, |peak| format!("{:.0} %", 100.0 * peak.share)),
+            length(period.high_s()).into(),
+            period.lifts.lifts.len().to_string().into(),
+            or_none(period.back.peak, |[peak_n, sigma_n, _]| format!("{peak_n:.0} ± {sigma_n:.0}")),
+            or_none(period.back.assessed_dose(), |[_, probability]| format!("{:.0} %", 100.0 * probability)),
+        ]);
+    }
+    table
 }
 
 fn software(version: &str) -> String {
@@ -287,7 +325,7 @@ fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Serie
         ],
         legend: Vec::new(),
     };
-    Some(Figure { drawing: plot.draw(), caption: Text::default() })
+    Some(Figure { drawing: plot.draw_full(), caption: Text::default() })
 }
 
 /// The points that have no neighbour within a gap.

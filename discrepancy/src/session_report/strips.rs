@@ -8,12 +8,11 @@ use equipoise_view::levels::LevelStyle;
 use equipoise_view::words;
 
 use crate::report::escaped;
-use crate::report::svg::Drawing;
+use crate::report::svg::{Drawing, FULL_WIDTH as WIDTH};
 
 use super::exposure::{Exposure, rank};
 use crate::constants::COLUMN_S;
 
-const WIDTH: f64 = 540.0;
 const NAMES: f64 = 132.0;
 const RIGHT: f64 = 14.0;
 const TOP: f64 = 48.0;
@@ -21,7 +20,7 @@ const ROW: f64 = 18.0;
 /// Height of the highest bar.
 const BAR: f64 = 14.0;
 /// Number of columns of the drawing.
-const COLUMNS: usize = 240;
+const COLUMNS: usize = 480;
 
 /// Heights of the bars.
 const HEIGHTS: [(Level, f64); 5] = [
@@ -60,7 +59,7 @@ pub(super) fn strips(exposure: &Exposure, span_s: [f64; 2], minutes: bool) -> Op
     let title = "Level of every joint over time";
     let description =
         "One strip per joint; the higher the bar, the higher the level. Gaps: torques were withheld.";
-    Some(Drawing::new("levels", title, description, bottom + 42.0, body))
+    Some(Drawing::new("levels", title, description, bottom + 42.0, body).full())
 }
 
 fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &mut String) {

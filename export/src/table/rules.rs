@@ -6,14 +6,6 @@ use equipoise_core::message::state::Unavailable;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{CycleRecord, GroundSample, Message, State, SuitSample, Validity};
 
-/// Flags that invalidate the foot load fraction.
-const INVALIDATES_FOOT_LOAD_FRACTION: Validity =
-    Validity::INVALIDATES_COP_MEASURED.and(Validity::INVALIDATES_COP_ESTIMATED);
-/// Flags that invalidate the distance of the load from the hands. `load_not_at_hands` does not: a large distance is
-/// what raises it.
-const INVALIDATES_LOAD_HAND_DISTANCE: Validity =
-    Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::LOAD_NOT_AT_HANDS.0);
-
 /// A message type that can be exported.
 pub trait Exported: Message {
     /// Names of additional text columns.
@@ -52,13 +44,12 @@ impl Exported for State {
 
     fn is_available(&self, field: &str, index: usize) -> bool {
         let unless = |invalidating: Validity| !self.validity().any_of(invalidating);
-        let asked = self.suggested_pose != u32::MAX;
         match field {
             "suit_sample_time_ns" | "suit_age_ns" => self.suit_sample_time_ns != 0,
             "ground_age_ns" => self.ground_age_ns != u64::MAX,
             "published_ns" => self.published_ns != 0,
-            "suggested_pose" => asked,
-            "pose_mismatch_rad" => asked && unless(Validity::SUIT_STALE),
+            "suggested_pose" => self.suggested_pose != u32::MAX,
+            "pose_mismatch_rad" => self.pose_mismatch_rad().is_some(),
             "worst_joint" => unless(Validity::INVALIDATES_TORQUES) && self.worst_joint != u32::MAX,
             "mass_kg" => unless(Validity::MASS_UNKNOWN),
             "cop_measured_m" => unless(Validity::INVALIDATES_COP_MEASURED),
@@ -78,11 +69,11 @@ impl Exported for State {
             "delta_f_n" => unless(Validity::INVALIDATES_DELTA_F),
             "delta_f_sigma_n" => unless(Validity::INVALIDATES_DELTA_F) && self.delta_f_sigma_n > 0.0,
             "lifted_mass_kg" | "lifted_mass_sigma_kg" => unless(Validity::INVALIDATES_LIFTED_MASS),
-            "foot_load_fraction" | "foot_load_fraction_sigma" | "sharing_source" => {
-                unless(INVALIDATES_FOOT_LOAD_FRACTION)
-            }
-            "load_hand_distance_m" => unless(INVALIDATES_LOAD_HAND_DISTANCE),
-            "hand_load_fraction"
+            "load_hand_distance_m" => unless(Validity::INVALIDATES_LOAD_HAND_DISTANCE),
+            "foot_load_fraction"
+            | "foot_load_fraction_sigma"
+            | "sharing_source"
+            | "hand_load_fraction"
             | "hand_load_fraction_sigma"
             | "reach_m"
             | "reach_sigma_m"
@@ -104,9 +95,7 @@ impl Exported for State {
             "nis" => self.nis > 0.0,
             "prior_inflation" => self.prior_inflation > 0.0,
             "suit_skew_s" | "suit_skew_sigma_s" => self.suit_skew_sigma_s > 0.0,
-            "segment_origin_m" => {
-                unless(Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE)) && self.suit_sample_time_ns != 0
-            }
+            "segment_origin_m" => self.segment_origin_m().is_some(),
             _ => true,
         }
     }

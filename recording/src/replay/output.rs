@@ -185,7 +185,7 @@ fn measured(line: &mut String, state: &State) -> std::fmt::Result {
     fields(Validity::MASS_UNKNOWN, &[state.mass_kg])?;
     fields(Validity::INVALIDATES_GROUND_FORCE, &state.ground_force_n[2..])?;
     fields(Validity::INVALIDATES_DELTA_F, &state.delta_f_n[2..])?;
-    fields(Validity::INVALIDATES_TORQUES, &[state.load_hand_distance_m])
+    fields(Validity::INVALIDATES_LOAD_HAND_DISTANCE, &[state.load_hand_distance_m])
 }
 
 fn exposure(line: &mut String, state: &State) -> std::fmt::Result {

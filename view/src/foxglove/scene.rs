@@ -85,12 +85,9 @@ pub fn nothing(why: &str, time_ns: u64) -> SceneUpdate {
     SceneUpdate::of(&ALL, time_ns, vec![words])
 }
 
-/// Segment origins; `None` while the suit is stale.
+/// Segment origins; `None` while the pose is invalid.
 fn segments(state: &State) -> Option<&[[f64; 3]; SEGMENTS]> {
-    state
-        .unless(Validity::SUIT_STALE, &state.segment_origin_m)
-        .filter(|_| state.suit_sample_time_ns != 0)
-        .filter(|origin_m| origin_m.iter().flatten().all(|value| value.is_finite()))
+    state.segment_origin_m().filter(|origin_m| origin_m.iter().flatten().all(|value| value.is_finite()))
 }
 
 /// A flat disc on the floor.

@@ -18,13 +18,16 @@ const STYLE: &str = "text/css; charset=utf-8";
 
 /// All files: path on the server, content type, content. `view/web` builds them; `view/assets/LIBRARIES.md` lists the
 /// libraries in them.
-const FILES: [(&str, &str, &str); 8] = [
+const FILES: [(&str, &str, &str); 11] = [
     ("/", HTML, include_str!("../../assets/worker.html")),
     ("/worker.js", SCRIPT, include_str!("../../assets/worker.js")),
     ("/worker.css", STYLE, include_str!("../../assets/worker.css")),
     ("/engineer", HTML, include_str!("../../assets/engineer.html")),
     ("/engineer.js", SCRIPT, include_str!("../../assets/engineer.js")),
     ("/engineer.css", STYLE, include_str!("../../assets/engineer.css")),
+    ("/stations", HTML, include_str!("../../assets/stations.html")),
+    ("/stations.js", SCRIPT, include_str!("../../assets/stations.js")),
+    ("/stations.css", STYLE, include_str!("../../assets/stations.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../../assets/icon.svg")),
     ("/libraries", "text/plain; charset=utf-8", include_str!("../../assets/LIBRARIES.md")),
 ];
@@ -44,9 +47,30 @@ struct Asset {
 static ASSETS: LazyLock<[Asset; FILES.len()]> =
     LazyLock::new(|| FILES.map(|(_, kind, text)| Asset { kind, text, gzip: gzip(text), tag: tag(text) }));
 
-/// The routes of all files.
+/// The page of several stations, served by a server of its own at `/`.
+const OVERVIEW: &str = "/stations";
+
+/// The routes of a station's pages.
 pub(super) fn routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
-    FILES.iter().zip(ASSETS.iter()).fold(Router::new(), |routes, ((path, ..), asset)| {
+    routes_of(|path| (!path.starts_with(OVERVIEW)).then_some(path))
+}
+
+/// The routes of the page of several stations.
+pub(super) fn overview_routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
+    routes_of(|path| match path {
+        OVERVIEW => Some("/"),
+        "/icon.svg" | "/libraries" => Some(path),
+        _ => path.starts_with(OVERVIEW).then_some(path),
+    })
+}
+
+/// The files that `place` gives a path.
+fn routes_of<S: Clone + Send + Sync + 'static>(
+    place: impl Fn(&'static str) -> Option<&'static str>,
+) -> Router<S> {
+    let placed =
+        FILES.iter().zip(ASSETS.iter()).filter_map(|((path, ..), asset)| Some((place(path)?, asset)));
+    placed.fold(Router::new(), |routes, (path, asset)| {
         routes.route(path, get(move |headers: HeaderMap| std::future::ready(asset.response(&headers))))
     })
 }

@@ -52,6 +52,7 @@ pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + 
     };
     let routes = Router::new()
         .route("/events/station", get(events))
+        .route("/api/station", get(facts))
         .route("/api/history", get(history))
         .route("/report", get(report))
         .route("/api/subjects", get(subjects))
@@ -94,6 +95,10 @@ fn stream(facts: watch::Receiver<Facts>) -> impl Stream<Item = Result<Event, Inf
             None => Event::default().event("silent").data("{}"),
         })
     })
+}
+
+async fn facts(State(desk): State<Desk>) -> Response {
+    ([(header::CONTENT_TYPE, "application/json")], desk.engineer.station.facts()).into_response()
 }
 
 async fn history(State(desk): State<Desk>) -> Response {

@@ -5,7 +5,7 @@ use std::io;
 
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::POSE_REACHED_RAD;
-use equipoise_core::message::{State, Validity};
+use equipoise_core::message::State;
 use equipoise_core::time::seconds;
 use serde::Serialize;
 use serde_json::Serializer;
@@ -62,10 +62,7 @@ impl PageFrame {
             }),
             advice: words::advice(state),
             advice_name: words::advice_name(state),
-            segment_origin_m: state
-                .unless(Validity::SUIT_STALE, state.segment_origin_m)
-                .filter(|_| state.suit_sample_time_ns != 0)
-                .map(drawn),
+            segment_origin_m: state.segment_origin_m().map(|origins_m| drawn(*origins_m)),
             suggested: self.suggested.as_ref().map(|pose| Suggested {
                 name: pose.name.as_ref(),
                 segment_origin_m: drawn(pose.segment_origin_m),
@@ -97,7 +94,7 @@ struct FrameJson<'a> {
     state: StateJson<'a>,
     #[serde(flatten)]
     headline: &'a Headline,
-    /// Withheld quantities ([`Validity::FLAG_SETS`]) with the first reason.
+    /// Withheld quantities ([`Validity::FLAG_SETS`](equipoise_core::message::Validity::FLAG_SETS)) with the first reason.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     withheld: BTreeMap<&'static str, &'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -115,6 +115,7 @@ fn a_load_on_the_back_is_not_in_the_hands() {
         ([[0.0; 3]; 22], [0.0; 2]),
         "no torque is published for it"
     );
+    assert!(state.load_hand_distance_m > 0.35, "but its distance: {} m", state.load_hand_distance_m);
     let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
     bench.hold(&person, &carrying(), Some((12.0, at)), 600);
     assert!(!bench.state().validity().any_of(Validity::LOAD_NOT_AT_HANDS), "and the hands are hands again");

@@ -3,13 +3,15 @@
 use std::fmt::Write;
 
 use super::scale::Scale;
-use super::{LEFT, Mark, Plot, RIGHT, WIDTH, at, is_dense, thin};
+use super::{LEFT, Mark, Plot, RIGHT, at, is_dense, thin};
 use crate::report::escape::xml;
 
 /// Coordinates of the plot area.
 pub(super) struct Frame {
     pub(super) x: Scale,
     pub(super) y: Scale,
+    /// Of the whole plot.
+    pub(super) width: f64,
     pub(super) top: f64,
     pub(super) bottom: f64,
 }
@@ -22,7 +24,7 @@ impl Frame {
     const DOTS: usize = 500;
 
     fn px(&self, x: f64) -> f64 {
-        LEFT + self.x.share(x) * (WIDTH - LEFT - RIGHT)
+        LEFT + self.x.share(x) * (self.width - LEFT - RIGHT)
     }
 
     fn py(&self, y: f64) -> f64 {
@@ -40,7 +42,7 @@ impl Frame {
 
     pub(super) fn axes(&self, plot: &Plot, out: &mut String) {
         let (x, y) = (plot.x.named_ticks(8), plot.y.named_ticks(6));
-        let (right, width) = (at(WIDTH - RIGHT), WIDTH - LEFT - RIGHT);
+        let (right, width) = (at(self.width - RIGHT), self.width - LEFT - RIGHT);
         let mut grid = String::new();
         for &(value, _) in &y {
             let _ = write!(grid, "M{LEFT} {}H{right}", at(self.py(value)));

@@ -27,7 +27,16 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     if found.under_way() {
         section.say("A load was carried at the end of the recording; that lift is not counted.");
     }
-    let head = [">no.", ">from, s", ">to, s", ">mass, kg", ">reach, m", ">largest reach, m"];
+    let head = [
+        ">no.",
+        ">from, s",
+        ">to, s",
+        ">mass, kg",
+        ">reach, m",
+        ">largest reach, m",
+        ">weight limit, kg",
+        ">index",
+    ];
     let mut table = Table::new(&head);
     for (number, lift) in found.lifts.iter().enumerate() {
         let mass = lift.mass_kg.zip(lift.mass_sigma_kg);
@@ -38,6 +47,8 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
             or_none(mass, |(mass_kg, sigma_kg)| format!("{mass_kg:.2} ± {sigma_kg:.2}")),
             or_none(lift.reach_m, |reach_m| format!("{reach_m:.3}")),
             or_none(lift.reach_max_m, |reach_m| format!("{reach_m:.3}")),
+            or_none(lift.limit_kg, |limit_kg| format!("{limit_kg:.1}")),
+            or_none(lift.index(), |index| format!("{index:.2}")),
         ]);
     }
     section.table(table);
@@ -47,7 +58,8 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     section.note(
         "A lift is at least half a second with a detected load, and ends with half a second without one. Mass and reach are \
          means over the time in which they were valid, σ is that of one state; - : never valid. Reach is from the middle \
-         of the ankles.",
+         of the ankles. Weight limit: the lower of the first and last valid instant, by the NIOSH lifting equation without \
+         its frequency, both hands, good grips, height at the wrists; 0: beyond the equation. Index: mass over limit.",
     );
     section
 }

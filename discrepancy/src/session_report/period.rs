@@ -1,0 +1,38 @@
+//! The part of a session in which one worker's profile was in use.
+
+use equipoise_core::message::State;
+use equipoise_core::overload::Level;
+
+use super::back::Back;
+use super::exposure::{Exposure, JointExposure};
+use super::lifts::Lifts;
+
+/// Exposure, lifts and low back of one worker.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Period {
+    /// Times of the first and last state, s since the begin of the recording.
+    pub span_s: Option<[f64; 2]>,
+    /// Exposure of the joints.
+    pub exposure: Exposure,
+    /// Lifts.
+    pub lifts: Lifts,
+    /// Low back, load, dose.
+    pub back: Back,
+}
+
+impl Period {
+    /// Adds one state, which represents `step_s`.
+    pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
+        let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
+        self.span_s = Some([from_s, time_s]);
+        self.exposure.ingest(state, time_s, step_s);
+        self.lifts.ingest(state, time_s, step_s);
+        self.back.ingest(state, time_s, step_s);
+    }
+
+    /// The longest time of a joint at the levels high and overloaded, s.
+    pub fn high_s(&self) -> f64 {
+        let high_s = |joint: &JointExposure| joint.at(Level::Red) + joint.at(Level::AboveMax);
+        self.exposure.joints.iter().map(high_s).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,25 @@
+// What a tile of the page of several stations shows: texts by key, the level and the active incidents.
+import { MISSING, withSigma } from "./values.js";
+
+// A lost or silent station has the reason in place of a joint. Active incidents come first as given.
+export function tile({ url, connection, station, state, incidents, error }, language) {
+  const active = (incidents ?? []).filter((one) => one.active).map((one) => one.name);
+  const joint = connection === "live" ? state.joint : null;
+  const shown = {
+    name: station ?? new URL(url).host, url, connection, error: error ?? "", active, known: Boolean(incidents),
+    phase: connection === "live" ? `phase.${state.phase}` : "", level: "none", joint: "", torque: "", reason: "",
+    load: connection === "live" && state.lifted_mass_kg > 0 ? withSigma([state.lifted_mass_kg, state.lifted_mass_sigma_kg], 1, "kg", language) : MISSING,
+  };
+  if (connection !== "live") {
+    return { ...shown, reason: `reason.${connection === "waiting" ? "connecting" : connection === "silent" ? "silent_station" : "lost_station"}` };
+  }
+  if (!joint) return { ...shown, reason: `reason.${state.valid.find((name) => name !== "not_identified") ?? state.valid[0] ?? "connecting"}` };
+  const torque = Math.hypot(...joint.torque_nm);
+  const share = joint.limit_nm ? `, ${(100 * torque / joint.limit_nm).toFixed(0)}\u00a0%` : "";
+  return { ...shown, level: joint.level, joint: `joint.${state.worst_joint}`, torque: `${withSigma([torque, joint.sigma_nm], 1, "N\u00a0m", language)}${share}` };
+}
+
+// Stations that need attention first: lost or silent, then with active incidents; the given order otherwise.
+export function attention({ connection, active }) {
+  return connection === "lost" || connection === "silent" || active.length > 0;
+}
