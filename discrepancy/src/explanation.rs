@@ -235,8 +235,8 @@ pub(crate) struct Explanation {
     pub(crate) log_posterior: f64,
     /// Log Bayes factor against no effect, as the noise model says.
     pub(crate) log_evidence: f64,
-    /// The same, each part of it divided by one more than the number of effects with which it was gained.
-    pub(crate) tempered: f64,
+    /// Log prior odds against no effect.
+    pub(crate) log_prior: f64,
     /// The most probable size of its misfit, over [`MODEL_ERROR`].
     pub(crate) misfit_scale: f64,
 }
@@ -248,19 +248,13 @@ impl Explanation {
         outside: None,
         log_posterior: 0.0,
         log_evidence: 0.0,
-        tempered: 0.0,
+        log_prior: 0.0,
         misfit_scale: 1.0,
     };
 
-    /// These effects together, all but the newest part those of `extended`; `None` if they cannot be separated
-    /// numerically. Evidence is tempered, since the noise model is not exact; and the more effects there are, the more of
-    /// the remaining residual is their misfit.
-    pub(crate) fn of(
-        gram: &Gram<'_>,
-        extended: &Explanation,
-        members: Vec<Member>,
-        outside: Option<Outside>,
-    ) -> Option<Explanation> {
+    /// These effects together; `None` if they cannot be separated numerically. Its posterior is that of [`Levels`] where
+    /// none is more probable.
+    pub(crate) fn of(gram: &Gram<'_>, members: Vec<Member>, outside: Option<Outside>) -> Option<Explanation> {
         let parts: Vec<&Whitened> = members
             .iter()
             .map(|member| &*member.whitened)
@@ -269,17 +263,20 @@ impl Explanation {
         let log_prior: f64 = members.iter().map(Member::log_prior).sum();
         let log_prior = log_prior + outside.as_ref().map_or(0.0, |outside| outside.log_prior);
         let (log_evidence, misfit_scale) = log_evidence(gram, &parts)?;
-        let tempered =
-            extended.tempered + (log_evidence - extended.log_evidence) / (1.0 + parts.len() as f64);
-        let log_posterior = tempered + log_prior;
+        let log_posterior = log_evidence / (1.0 + parts.len() as f64) + log_prior;
         log_posterior.is_finite().then_some(Explanation {
             members,
             outside,
             log_posterior,
             log_evidence,
-            tempered,
+            log_prior,
             misfit_scale,
         })
+    }
+
+    /// Number of its effects, including something outside the catalogue.
+    fn size(&self) -> usize {
+        self.members.len() + usize::from(self.outside.is_some())
     }
 
     /// The Gram matrix with its effects as terms and their misfit marginalised, and these terms.
@@ -333,6 +330,43 @@ impl Explanation {
         names.sort();
         names.dedup();
         names
+    }
+}
+
+/// Evidence that counts, by number of effects.
+///
+/// Evidence is tempered, since the noise model is not exact; and the more effects there are, the more of the remaining
+/// residual is their misfit. What `n` effects gain over the most probable explanation by `n − 1` is divided by `n + 1`:
+/// a function of the set, whatever the order in which the search added its effects.
+#[derive(Debug)]
+pub(crate) struct Levels {
+    /// Of the most probable explanation of each size, from no effect on: log evidence, and the part of it that counts.
+    best: Vec<[f64; 2]>,
+}
+
+impl Levels {
+    /// Of all explanations that are compared.
+    pub(crate) fn of(all: &[Explanation]) -> Levels {
+        let mut levels = Levels { best: vec![[0.0; 2]] };
+        for size in 1..=all.iter().map(Explanation::size).max().unwrap_or(0) {
+            let of_size = all.iter().filter(|one| one.size() == size);
+            let best = of_size.max_by(|a, b| levels.log_posterior(a).total_cmp(&levels.log_posterior(b)));
+            let level = best.map_or(levels.best[size - 1], |best| [best.log_evidence, levels.tempered(best)]);
+            levels.best.push(level);
+        }
+        levels
+    }
+
+    /// Log posterior odds of one of them against no effect.
+    pub(crate) fn log_posterior(&self, explanation: &Explanation) -> f64 {
+        self.tempered(explanation) + explanation.log_prior
+    }
+
+    fn tempered(&self, explanation: &Explanation) -> f64 {
+        let size = explanation.size();
+        let Some(before) = size.checked_sub(1) else { return 0.0 };
+        let [evidence, tempered] = self.best[before];
+        tempered + (explanation.log_evidence - evidence) / (1.0 + size as f64)
     }
 }
 

@@ -31,6 +31,7 @@ pub mod reconcile;
 mod refine;
 pub mod report;
 mod rows;
+mod search;
 mod select;
 pub mod session;
 pub mod session_report;

@@ -1,24 +1,20 @@
-//! Search of the explanations: each is extended by every effect that the data may require in addition, and the best
-//! of each size are extended again (beam search).
-
-use std::collections::BTreeSet;
+//! Selection of the effects that are reported: those of the most probable explanation.
 
 use equipoise_config::model_file::Ask;
 use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 
 use crate::ask::ask;
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{
-    BEAM, CHECKED_MAX, CLEAR_LEAD, INTERVAL_MIN_S, MEMBERS_MAX, OUTSIDE_MAX, RIVAL_PROBABILITY_MIN,
-};
+use crate::constants::{CHECKED_MAX, CLEAR_LEAD, INTERVAL_MIN_S, RIVAL_PROBABILITY_MIN};
 use crate::evidence::Estimate;
-use crate::explanation::{Explanation, Member, Outside, marginalise_misfit};
+use crate::explanation::{Explanation, Member, marginalise_misfit};
 use crate::finding::{Candidate as Considered, Generic, SetAside};
 use crate::generic::Library;
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
 use crate::posterior::Posterior;
 use crate::refine;
+use crate::search::{reduced, search, with_outside};
 use crate::trials::{Trial, trials};
 use crate::windows::{self, Windows};
 
@@ -81,61 +77,18 @@ enum Cause {
 
 /// Searches the explanations; adds the effects of the most probable one to the Gram matrix, with their misfit.
 pub(crate) fn select(gram: &mut Gram<'_>, windows: &Windows, library: &Library) -> Selection {
-    let (size_max, behind_max) = BEAM;
     let mut selection = Selection::default();
-    let mut all = vec![Explanation::NONE];
-    let mut front = all.clone();
-    while !front.is_empty() {
-        let mut children = Vec::new();
-        for explanation in &front {
-            for child in extended(gram, windows, explanation, &mut selection) {
-                all.push(child.without_columns());
-                if child.log_posterior > explanation.log_posterior && child.members.len() < MEMBERS_MAX {
-                    children.push(child);
-                }
-            }
-        }
-        let best = all.iter().map(|one| one.log_posterior).fold(0.0, f64::max);
-        front = distinct(children);
-        front.retain(|child| child.log_posterior > best - behind_max);
-        front.truncate(size_max);
-    }
-    let posterior = Posterior::of(with_outside(gram, library, distinct(all)));
+    let all = search(
+        |explanation| extended(gram, windows, explanation, &mut selection),
+        |explanation, known| reduced(gram, explanation, known),
+    );
+    let posterior = Posterior::of(with_outside(gram, library, all));
     selection.is_decided = posterior.names.is_decided();
     selection.is_outside = posterior.names.is_outside();
     selection.outside = posterior.outside();
     selection.ask = ask(gram, &posterior);
     accept(gram, &posterior, &mut selection);
     selection
-}
-
-/// The same explanations, and the most probable ones and what the first was extended from, each with something outside
-/// the catalogue as well.
-fn with_outside(gram: &Gram<'_>, library: &Library, mut all: Vec<Explanation>) -> Vec<Explanation> {
-    let extended: Vec<Explanation> = all
-        .iter()
-        .enumerate()
-        .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.is_prefix_of(&all[0]))
-        .flat_map(|(_, explanation)| {
-            let (conditioned, terms) = explanation.condition(gram);
-            let members = explanation.members_with_columns(gram);
-            let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
-            let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
-            let extended =
-                outside.filter_map(|one| Explanation::of(gram, explanation, members.clone(), Some(one)));
-            extended.map(|one| one.without_columns()).collect::<Vec<Explanation>>()
-        })
-        .collect();
-    all.extend(extended);
-    distinct(all)
-}
-
-/// The best of those with the same effects, most probable first.
-fn distinct(mut all: Vec<Explanation>) -> Vec<Explanation> {
-    all.sort_by(|a, b| b.log_posterior.total_cmp(&a.log_posterior));
-    let mut keys = BTreeSet::new();
-    all.retain(|explanation| keys.insert(explanation.key()));
-    all
 }
 
 /// Adds the effects of the most probable explanation to the Gram matrix. Negligible ones, and those that may as well be
@@ -217,7 +170,7 @@ fn extended(
         let why = match members(&conditioned, explanation, &terms, term, *log_odds) {
             Ok(members) => {
                 let is_negligible = members.last().is_some_and(|member| member.is_negligible);
-                let child = Explanation::of(gram, explanation, members, None);
+                let child = Explanation::of(gram, members, None);
                 let why =
                     if child.is_none() { Some(NOT_FITTED) } else { is_negligible.then_some(NEGLIGIBLE) };
                 children.extend(child);

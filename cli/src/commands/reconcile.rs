@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     /// Recordings or captures; several are processed in sequence
     #[arg(required_unless_present = "session", conflicts_with = "session", value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Record a running station, evaluate at each Enter, and ask for the next measurement until the verdict is `named`
+    /// Record a running station, evaluate at each Enter, and ask for the next measurement until the finding is decided
     #[arg(long, requires = "out")]
     session: bool,
     #[command(flatten)]

@@ -24,7 +24,7 @@ pub(super) struct Experiment {
 /// The experiments that can be requested.
 #[derive(Debug)]
 pub(super) struct Choice {
-    /// Every measurement, as a block that follows the recording. It holds predictions only.
+    /// Every measurement, as a block that follows the recording. Its measured values are not used.
     pub(super) blocks: Vec<Block>,
     /// Every experiment with at most one pose.
     pub(super) single: Vec<Experiment>,
@@ -46,7 +46,7 @@ pub(super) fn empty() -> Ask {
 }
 
 impl Choice {
-    /// After a recording; none if it has no work.
+    /// After a recording with work; none if it is empty.
     pub(super) fn after(rows: &Rows<'_>) -> Option<Choice> {
         let last = *rows.blocks.last()?;
         let mut choice = Choice { blocks: Vec::new(), single: Vec::new() };

@@ -213,7 +213,7 @@ mod tests {
         let mut values = vec![0.0; candidate.count()];
         values[0] = value;
         let member = Member::new(gram, candidate, values, 0.0);
-        Explanation::of(gram, &Explanation::NONE, vec![member], None).unwrap()
+        Explanation::of(gram, vec![member], None).unwrap()
     }
 
     /// Squared distance of what was measured in the further blocks from a prediction, over the number of signals.

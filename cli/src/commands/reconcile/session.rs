@@ -1,5 +1,5 @@
 //! `reconcile --session`: records a station, evaluates what was recorded so far at each Enter, and asks for the next
-//! measurement until the verdict is `named`.
+//! measurement until the finding is decided.
 
 use std::io::{BufRead, stdin};
 use std::path::Path;
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
-use equipoise_discrepancy::finding::{Finding, Verdict};
+use equipoise_discrepancy::finding::Finding;
 use equipoise_recording::record::record;
 
 use super::super::{Outcome, stop_on_signals};
@@ -30,7 +30,7 @@ enum Next {
     End,
 }
 
-/// Records and evaluates until the verdict is `named`, the input ends or a signal comes; then writes the results.
+/// Records and evaluates until the finding is decided, the input ends or a signal comes; then writes the results.
 pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcome> {
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let recording = folder.join(RECORDING);
@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
                 Ok(evaluated) => {
                     // The file is still written: its end is missing, which is no fault.
                     evaluated.print_finding(arguments)?;
-                    if evaluated.outcome.finding.verdict == Verdict::Named {
+                    if evaluated.outcome.finding.decided {
                         break;
                     }
                     eprintln!("{}", request(&evaluated.outcome.finding));
