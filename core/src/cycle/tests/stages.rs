@@ -204,7 +204,9 @@ fn the_constant_shear_of_a_plate_is_that_under_a_standing_subject() {
     let mut rig = Rig::new();
     rig.shear_n = 20.0;
     let mut over_10_s = |vertical_n: f64| {
-        (0..1000).for_each(|_| drop(rig.predicted(Some(vertical_n))));
+        for _ in 0..1000 {
+            rig.predicted(Some(vertical_n));
+        }
         rig.prediction.noise.shear_bias_m_per_s2()[0]
     };
     // The first step onto the plate.
