@@ -230,7 +230,7 @@ fn recommendations_have_a_number_and_a_basis() {
     let state = |cycle: u64| {
         let mut state =
             State { cycle, time_ns: cycle * 10_000_000, suit_sample_time_ns: 1, ..State::zeroed() };
-        (state.lifts, state.worst_joint) = (u32::from(cycle >= 700), joint as u32);
+        (state.lifts, state.worst_joint) = (u32::from(cycle >= 650), joint as u32);
         if cycle >= 600 {
             state.valid = Validity::BELOW_LOAD_THRESHOLD.0;
             return state;
