@@ -11,8 +11,10 @@
 mod coordinates;
 pub mod experience;
 pub mod hold;
+pub mod measure;
 pub mod search;
 mod solve;
+pub mod worst;
 
 use core::ops::RangeInclusive;
 

@@ -8,25 +8,27 @@ pub mod held;
 pub mod planner;
 pub mod station;
 
+use equipoise_core::body::Joint;
+use equipoise_core::handover::experience::LimitRatio;
 use nalgebra::Vector3;
 
-use crate::handover::PART_KG;
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
-use crate::tally::quartiles;
-use course::{Course, FIXED_M, Purpose};
-use held::Held;
+use crate::tally::{Sums, quartiles};
+use course::{Course, Purpose};
+use equipoise_simulator::cobot::trial::{FIXED_M, PART_KG};
+use held::HoldResult;
 use station::Station;
 
 /// Results of one subject.
 #[derive(Debug, Clone)]
 pub struct Findings {
     /// At the fixed place; `None` if the worker does not reach it or no torque was published.
-    baseline: Option<Held>,
+    baseline: Option<HoldResult>,
     /// Where the controller learned.
-    learning: Vec<Held>,
+    learning: Vec<HoldResult>,
     /// At the final place; that is the fixed one if no other is better by more than σ.
-    assisted: Option<(Vector3<f64>, Held)>,
+    assisted: Option<(Vector3<f64>, HoldResult)>,
     /// Handovers without a measurement: the arm did not arrive, or the worker did not reach the part.
     unmeasured: u64,
     /// Steps of the arm outside its limits.
@@ -35,7 +37,7 @@ pub struct Findings {
 
 impl Findings {
     /// Limit ratios at the fixed and the final place, if both were measured.
-    fn both(&self) -> Option<[Held; 2]> {
+    fn both(&self) -> Option<[HoldResult; 2]> {
         Some([self.baseline?, self.assisted?.1])
     }
 
@@ -103,7 +105,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         let Some(findings) = findings else { continue };
         workers.push(row(subject, findings));
     }
-    vec![workers, summary(all.iter().flatten())]
+    vec![workers, summary(all.iter().flatten()), coverage(all.iter().flatten())]
 }
 
 fn row(subject: &Subject, findings: &Findings) -> Vec<Cell> {
@@ -162,9 +164,98 @@ fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
     table
 }
 
+/// All holds of one subject.
+impl Findings {
+    fn holds(&self) -> impl Iterator<Item = &HoldResult> {
+        self.baseline.iter().chain(&self.learning).chain(self.assisted.iter().map(|(_, held)| held))
+    }
+}
+
+/// Errors of the published limit ratios of one kind, over their limit and over their σ.
+#[derive(Debug, Clone, Copy, Default)]
+struct Errors {
+    published: Sums,
+    truth: Sums,
+    error: Sums,
+    sigma: Sums,
+    normalised: Sums,
+    within: [u64; 2],
+}
+
+impl Errors {
+    fn add(&mut self, published: LimitRatio, truth: f64) {
+        let error = published.value - truth;
+        self.published.add(published.value);
+        self.truth.add(truth);
+        self.error.add(error);
+        self.sigma.add(published.sigma);
+        self.normalised.add(error / published.sigma);
+        for (within, sigmas) in self.within.iter_mut().zip([1.0, 2.0]) {
+            *within += u64::from(error.abs() <= sigmas * published.sigma);
+        }
+    }
+
+    fn row(&self, name: &'static str) -> Vec<Cell> {
+        let percent = |within: u64| 100.0 * within as f64 / self.error.count as f64;
+        vec![
+            name.into(),
+            self.error.count.into(),
+            self.truth.mean().into(),
+            self.published.mean().into(),
+            self.error.mean().into(),
+            self.error.rms().into(),
+            self.sigma.rms().into(),
+            self.normalised.mean().into(),
+            percent(self.within[0]).into(),
+            percent(self.within[1]).into(),
+        ]
+    }
+}
+
+/// Published against true limit ratios of all holds.
+fn coverage<'a>(all: impl Iterator<Item = &'a Findings>) -> Table {
+    let mut table = Table::new(
+        "Published limit ratios of all holds",
+        &[
+            "joint",
+            "holds",
+            "truth",
+            "published",
+            "bias",
+            "RMS error",
+            "RMS sigma",
+            "bias, sigma",
+            "within 1 sigma %",
+            "within 2 sigma %",
+        ],
+    );
+    let holds: Vec<&HoldResult> = all.flat_map(Findings::holds).collect();
+    let (mut worst, mut selected) = (Errors::default(), Errors::default());
+    for hold in &holds {
+        worst.add(hold.measured, hold.truth);
+        selected.add(hold.joints[hold.joint.index()].0, hold.truth);
+    }
+    table.push(worst.row("worst"));
+    table.push(selected.row("largest estimate"));
+    for joint in Joint::ALL {
+        let mut errors = Errors::default();
+        holds.iter().for_each(|hold| {
+            let (published, truth) = hold.joints[joint.index()];
+            errors.add(published, truth);
+        });
+        table.push(errors.row(joint.name()));
+    }
+    table.note("worst: mean and sigma of the largest ratio of a joint, against the largest true one");
+    table.note(
+        "largest estimate: the ratio of the joint with the largest estimate, against the largest true one",
+    );
+    table.note("holds of one subject have common errors: the grip, the body model");
+    table
+}
+
 #[cfg(test)]
 mod tests {
-    use equipoise_core::handover::experience::LimitRatio;
+    use equipoise_core::body::JOINTS;
 
     use super::*;
 
@@ -188,7 +279,12 @@ mod tests {
 
     #[test]
     fn a_rise_counts_only_beyond_sigma() {
-        let held = |truth: f64| Held { measured: LimitRatio { value: truth, sigma: 0.05 }, truth };
+        let held = |truth: f64| HoldResult {
+            joint: Joint::ALL[0],
+            measured: LimitRatio { value: truth, sigma: 0.05 },
+            truth,
+            joints: [(LimitRatio { value: truth, sigma: 0.05 }, truth); JOINTS],
+        };
         let after = |truth: f64| Findings {
             baseline: Some(held(0.5)),
             learning: vec![held(0.6), held(0.52)],

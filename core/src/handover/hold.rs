@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::experience::{Experience, LimitRatio};
+use super::worst::{HandFractions, worst};
 use super::{Body, ETA_SIGMA, FootPlacement, PLACE_MAX_M, Part, WIDTH_M, predict, unfatigued};
 use crate::body::{JOINTS, Side};
 use crate::math;
@@ -99,12 +100,13 @@ fn hold(state: &State, grip_m: &[[f64; 3]; 2]) -> Option<Hold> {
     let feet = FootPlacement::of_segments(&state.segment_origin_m);
     let position_m = 0.5 * (grip_m[0] + grip_m[1]);
     let is_planned = WIDTH_M.contains(&width_m) && (position_m - feet.middle_m()).amax() <= PLACE_MAX_M;
-    let ratio = |joint: usize| {
+    let ratio = core::array::from_fn(|joint| {
         let limit_nm = state.torque_limit_nm[joint] * unfatigued(state.fatigue[joint]);
         let torque_nm = Vector3::from(state.torque_nm[joint]).norm();
         LimitRatio { value: torque_nm / limit_nm, sigma: state.torque_sigma_nm[joint] / limit_nm }
-    };
-    let measured = (0..JOINTS).map(ratio).max_by(|a, b| a.value.total_cmp(&b.value))?;
+    });
+    let hands = HandFractions { eta: state.hand_load_fraction, sigma: state.hand_load_fraction_sigma };
+    let measured = worst(&ratio, &hands)?.ratio;
     let part = Part { mass_kg: state.lifted_mass_kg, mass_sigma_kg: state.lifted_mass_sigma_kg, width_m };
     is_planned.then_some(Hold { part, feet, position_m, measured, fatigue: state.fatigue })
 }

@@ -16,7 +16,7 @@ use crate::kalman::STATES;
 use crate::math;
 
 /// Prior mean of the hand load fraction …
-const EVEN: f64 = 0.5;
+pub const EVEN: f64 = 0.5;
 /// … and its 1-σ: uniform between one hand and the other.
 pub const EVEN_SIGMA: f64 = 0.289;
 /// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for

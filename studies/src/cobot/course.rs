@@ -1,13 +1,11 @@
 //! The handovers of one worker in turn: at a fixed place, at places from which the controller learns, and the assisted one.
 
 use equipoise_core::handover::experience::LimitRatio;
+use equipoise_simulator::cobot::trial::FIXED_M;
 use nalgebra::Vector3;
 
 use super::planner::Planner;
 
-/// The fixed place, the same for all workers, who stand at the station's origin and face X: the middle of the region that
-/// `equipoise-study handover` samples, station's world, m.
-pub const FIXED_M: Vector3<f64> = Vector3::new(0.45, 0.0, 1.05);
 /// Handovers between the baseline and the assisted one, from which the controller learns.
 pub const LEARNING: usize = 3;
 /// Number of attempts at each handover: without a measurement the next place is tried.

@@ -4,7 +4,9 @@ use equipoise_core::handover::experience::{Experience, LimitRatio};
 use equipoise_core::handover::{self, Body, FootPlacement, Part, Prediction};
 use nalgebra::Vector3;
 
-use crate::handover::{PART_KG, WIDTH_M, grid};
+use equipoise_simulator::cobot::trial::{PART_KG, WIDTH_M};
+
+use crate::handover::grid;
 
 /// A place that was not reached excludes those within this distance, m.
 const EXCLUDED_M: f64 = 0.075;

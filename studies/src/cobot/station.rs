@@ -8,12 +8,14 @@ use equipoise_simulator::cobot::controller::Controller;
 use equipoise_simulator::cobot::monitor::LimitMonitor;
 use equipoise_simulator::cobot::motion::OutsideWorkspace;
 use equipoise_simulator::cobot::program::{CobotSettings, Program};
+use equipoise_simulator::cobot::trial::{
+    AFTERWARDS_S, ARRIVED_M, ARRIVES_WITHIN_S, HOLD_S, PART_KG, WIDTH_M,
+};
 use equipoise_simulator::reach::{HeldPart, ReachHabits};
 use nalgebra::Vector3;
 
-use super::held::{Held, HeldSums};
+use super::held::{HoldResult, HoldSums};
 use super::planner::Planner;
-use crate::handover::{PART_KG, WIDTH_M};
 use crate::session::{Moment, Session};
 use crate::subject::Subject;
 
@@ -24,14 +26,8 @@ const DECISION_S: f64 = 0.02;
 const STEPS: u32 = 10;
 /// Flags that stop the arm: a worker without a load is a valid state.
 pub const STOPS: Validity = Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0);
-/// The part is at its place within this distance, m; the arm gives up after this time, s.
-pub const ARRIVED_M: f64 = 0.002;
+/// The arm is at rest below this speed.
 const AT_REST_RAD_PER_S: f64 = 0.01;
-const ARRIVES_WITHIN_S: f64 = 30.0;
-/// Duration of a hold with the whole weight, s.
-pub const HOLD_S: f64 = 3.0;
-/// From the end of a hold until the worker stands straight again, s.
-pub const AFTERWARDS_S: f64 = 4.0;
 /// Without a load in the hands for this time the controller regards the place as not reached, s.
 pub const PATIENCE_S: f64 = 3.0;
 
@@ -109,19 +105,18 @@ impl Station {
 
     /// The worker takes the presented part, holds it and gives it back. `None` if no valid torque was published
     /// meanwhile, as when the worker does not reach it.
-    pub fn hold(&mut self) -> Option<Held> {
+    pub fn hold(&mut self) -> Option<HoldResult> {
         let part = HeldPart { middle_m: self.part_m(), width_m: WIDTH_M, aside: Vector3::y() };
         let (habits, limits) = (self.habits, self.session.settings().limits);
         let mut span_s = None;
         self.session.order(|worker, at_s| span_s = worker.hold_part(&habits, &part, PART_KG, at_s, HOLD_S));
         let seconds = span_s.map_or(PATIENCE_S, |[_, end_s]| end_s + AFTERWARDS_S - self.session.now_s());
-        let mut sums = HeldSums::default();
+        let mut sums = HoldSums::default();
         for _ in 0..(seconds / DECISION_S) as u32 {
             self.advance(None, |moment| {
-                sums.add(moment.state);
                 if span_s.is_some_and(|[start_s, end_s]| (start_s..end_s).contains(&moment.time_s)) {
                     let body = moment.worker.sample(moment.time_s);
-                    sums.add_truth(&limits, moment.worker.person(), &body);
+                    sums.add(moment.state, &limits, moment.worker.person(), &body);
                 }
             });
         }
