@@ -115,7 +115,7 @@ impl Holder {
 
     /// The worst joint's limit ratio, by the posture model alone.
     fn modelled(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<handover::Prediction> {
-        let part = Part { mass_kg, mass_sigma_kg: 0.0, width_m: WIDTH_M };
+        let part = Part { mass_kg, mass_sigma_kg: 0.0, width_m: WIDTH_M, slope_rad: None };
         handover::predict(&self.body, &self.feet, &part, at_m).ok()
     }
 
@@ -133,7 +133,7 @@ impl Holder {
             stance: &self.standing_on,
             load_kg: mass_kg,
         };
-        let held = HeldPart { middle_m: at_m, width_m: WIDTH_M, aside: Vector3::y() };
+        let held = HeldPart { middle_m: at_m, width_m: WIDTH_M, aside: Vector3::y(), slope_rad: None };
         let (_, balanced) = reach(&standing, &self.habits, &held)?;
         Some(at_rest(&standing, &balanced))
     }

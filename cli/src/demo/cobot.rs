@@ -14,8 +14,9 @@ use equipoise_bus::{Bus, BusError, HandoverClient};
 use equipoise_core::message::handover::{CurrentFrame, HandoverRefusal};
 use equipoise_core::message::{HandoverPlan, HandoverRequest, State};
 use equipoise_core::overload::TorqueLimits;
+use equipoise_simulator::cobot::controller::Target;
 use equipoise_simulator::cobot::trial::{
-    AFTERWARDS_S, ARRIVED_M, ARRIVES_WITHIN_S, FIXED_M, HOLD_S, PART_KG, WIDTH_M,
+    AFTERWARDS_S, ARRIVED_M, ARRIVES_WITHIN_S, FIXED_M, HOLD_S, PART_KG, TURNED_RAD, WIDTH_M,
 };
 use equipoise_simulator::intention::Intention;
 use equipoise_simulator::reach::{HeldPart, ReachHabits};
@@ -61,6 +62,8 @@ enum Stage {
 struct Handover {
     /// Station's world, m.
     place_m: Vector3<f64>,
+    /// Slope of the handles, rad; `None`: the worker turns them.
+    slope_rad: Option<f64>,
     held: HoldResult,
 }
 
@@ -75,6 +78,8 @@ pub(super) struct Handovers {
     stage: Stage,
     /// Place of the part in the present handover, station's world, m.
     place_m: Vector3<f64>,
+    /// Slope of its handles, rad; `None`: the worker turns them.
+    slope_rad: Option<f64>,
     failed: u32,
     fixed: Option<Handover>,
     plan: Option<HandoverPlan>,
@@ -91,6 +96,7 @@ impl Handovers {
             limits,
             stage: Stage::Over,
             place_m: FIXED_M,
+            slope_rad: None,
             failed: 0,
             fixed: None,
             plan: None,
@@ -123,14 +129,14 @@ impl Handovers {
         fresh: bool,
     ) -> anyhow::Result<bool> {
         let goal = match self.stage {
-            Stage::Present(..) => Goal::Place(self.place_m),
+            Stage::Present(..) => Goal::Present(self.target()),
             _ => Goal::Hold,
         };
         let part_m = self.arm.drive(state, goal)?;
         self.stage = match std::mem::replace(&mut self.stage, Stage::Over) {
             Stage::Plan(since, due) if Instant::now() >= due => self.request_plan(since)?,
             Stage::Present(since, arrived) => {
-                let there_m = part_m.filter(|part_m| is_at(*part_m, self.place_m));
+                let there_m = part_m.filter(|part_m| is_at(*part_m, self.place_m) && self.is_turned());
                 let arrived = there_m.map(|_| arrived.unwrap_or_else(Instant::now));
                 match there_m {
                     Some(part_m) if arrived.is_some_and(|arrived| arrived.elapsed() >= SETTLED) => {
@@ -169,6 +175,17 @@ impl Handovers {
         })
     }
 
+    /// Where the part is to be.
+    fn target(&self) -> Target {
+        Target { at_m: self.place_m, slope_rad: self.slope_rad.unwrap_or_default() }
+    }
+
+    /// Whether the handles have their slope.
+    fn is_turned(&self) -> bool {
+        let slope_rad = self.slope_rad.unwrap_or_default();
+        self.arm.slope_rad().is_some_and(|turned| (turned - slope_rad).abs() < TURNED_RAD)
+    }
+
     /// Asks the daemon for a plan, as `equipoise plan handover --live` does.
     fn request_plan(&mut self, since: Instant) -> anyhow::Result<Stage> {
         let request = HandoverRequest {
@@ -181,6 +198,7 @@ impl Handovers {
         match self.plans.ask(&request, ANSWER_WITHIN) {
             Ok(plan) if plan.refused == HandoverRefusal::None as u32 => {
                 self.place_m = self.permitted_m(plan.position_m.into());
+                self.slope_rad = Some(plan.slope_rad);
                 self.plan = Some(plan);
                 return Ok(Stage::present());
             }
@@ -201,7 +219,8 @@ impl Handovers {
 
     /// The human takes the part where the arm holds it.
     fn take(&self, person: &SimulationHandle, part_m: Vector3<f64>) -> Stage {
-        let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside: Vector3::y() };
+        let slope_rad = self.slope_rad.and_then(|_| self.arm.slope_rad());
+        let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside: Vector3::y(), slope_rad };
         let span_s = person.hold_part(&self.habits, &part, PART_KG, HOLD_S);
         let end_s = span_s.map_or(person.now_s() + OUT_OF_REACH_S, |[_, end_s]| end_s + AFTERWARDS_S);
         Stage::Hold { span_s, end_s, sums: Box::default() }
@@ -209,7 +228,7 @@ impl Handovers {
 
     /// Ends a handover: the next one, or the next attempt at the same.
     fn end(&mut self, held: Option<HoldResult>) -> Stage {
-        let handover = held.map(|held| Handover { place_m: self.place_m, held });
+        let handover = held.map(|held| Handover { place_m: self.place_m, slope_rad: self.slope_rad, held });
         let is_fixed = self.fixed.is_none();
         *(if is_fixed { &mut self.fixed } else { &mut self.assisted }) = handover;
         self.failed = if handover.is_some() { 0 } else { self.failed + 1 };
