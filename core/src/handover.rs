@@ -27,7 +27,7 @@ use crate::math;
 use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
 use crate::sesc::{Phi, centre_of_mass};
 
-use coordinates::{COORDINATES, Coordinates};
+use coordinates::{COORDINATES, Coordinates, WRIST};
 use experience::LimitRatio;
 use solve::Solution;
 
@@ -254,7 +254,11 @@ impl Changed {
 impl Holding<'_> {
     /// The pose of coordinates, and its grip points, world, m.
     fn pose(&self, coordinates: &Coordinates) -> (Pose<StationWorld>, [Vector3<f64>; 2]) {
-        let pose = coordinates::pose(coordinates, &self.body.skeleton, self.feet, self.world_from_feet);
+        let mut coordinates = *coordinates;
+        if self.part.slope_rad.is_none() {
+            coordinates[WRIST..].fill(0.0);
+        }
+        let pose = coordinates::pose(&coordinates, &self.body.skeleton, self.feet, self.world_from_feet);
         let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), self.body.grip_m[side as usize]));
         (pose, grip_m)
     }

@@ -48,8 +48,8 @@ const SIGMA: Coordinates = [
 ];
 /// The wrist to 15°.
 const WRIST_RAD: f64 = 15.0 * DEGREE;
-/// Index of the wrists.
-const WRIST: usize = 15;
+/// Index of the wrists: the last coordinates.
+pub(super) const WRIST: usize = 15;
 /// 1-σ of the difference between the slopes of a hand and of its handle, rad: assumed.
 pub(super) const SLOPE_SIGMA_RAD: f64 = 10.0 * DEGREE;
 const PELVIS_SIGMA_M: f64 = 0.2;

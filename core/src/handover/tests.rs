@@ -162,7 +162,9 @@ fn the_search_finds_the_place_of_the_whole_map() {
         let part = Part { mass_kg, ..PART };
         let planning =
             Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &part, experience: &experience };
-        let value = |place_m| planning.at(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value);
+        let value = |place_m| {
+            planning.at_best_slope(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value)
+        };
         let lowest = places(REGION_M).map(value).fold(f64::INFINITY, f64::min);
         let best = planning.best().unwrap();
         assert!(best.predicted.unwrap().1.value < 1.001 * lowest, "{best:?} {lowest}");
