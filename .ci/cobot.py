@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import math
 import pathlib
 import random
 import re
@@ -376,6 +377,41 @@ def connected(host):
         return None
 
 
+def matrix(turn):
+    """The matrix of a rotation vector, by Rodrigues' formula."""
+    angle = math.sqrt(sum(value * value for value in turn))
+    x, y, z = (value / angle for value in turn) if angle > 1e-12 else (0.0, 0.0, 0.0)
+    cross = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    squared = product(cross, cross)
+    return [
+        [float(i == j) + math.sin(angle) * cross[i][j] + (1.0 - math.cos(angle)) * squared[i][j] for j in range(3)]
+        for i in range(3)
+    ]
+
+
+def product(first, second):
+    return [[sum(first[i][k] * second[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
+
+
+def vector(turn):
+    """The rotation vector of a matrix; turns by 180 degrees do not occur."""
+    along = [turn[2][1] - turn[1][2], turn[0][2] - turn[2][0], turn[1][0] - turn[0][1]]
+    sine = 0.5 * math.sqrt(sum(value * value for value in along))
+    angle = math.atan2(sine, 0.5 * (turn[0][0] + turn[1][1] + turn[2][2] - 1.0))
+    return [0.5 * value * (angle / sine if sine > 1e-12 else 1.0) for value in along]
+
+
+def pose_trans(first, second):
+    turn = matrix(first[3:])
+    at = [first[i] + sum(turn[i][k] * second[k] for k in range(3)) for i in range(3)]
+    return at + vector(product(turn, matrix(second[3:])))
+
+
+def pose_inv(pose):
+    turn = [list(column) for column in zip(*matrix(pose[3:]))]
+    return [-sum(turn[i][k] * pose[k] for k in range(3)) for i in range(3)] + vector(turn)
+
+
 class Robot:
     """The robot's program as Python, on a TCP that follows its velocity exactly."""
 
@@ -384,7 +420,7 @@ class Robot:
     def __init__(self, path):
         self.inputs, self.outputs = {}, {}
         self.base = [1.15, 0.0, 0.75]
-        self.tcp = [-0.35 - 0.3, 0.0, 0.35, 0.0, 0.0, 0.0]
+        self.tcp = [-0.35 - 0.3, 0.0, 0.35, -1.2092, -1.2092, 1.2092]
         self.world = {
             "p": lambda *values: list(values),
             "read_input_integer_register": lambda number: self.inputs.get(("int", number), 0),
@@ -394,14 +430,12 @@ class Robot:
             "get_steptime": lambda: self.STEP_S,
             "get_actual_tcp_pose": lambda: list(self.tcp),
             "norm": lambda values: sum(value * value for value in values) ** 0.5,
-            # No rotation in the default installation.
-            "pose_inv": lambda pose: [-value for value in pose],
-            "pose_trans": lambda first, second: [a + b for a, b in zip(first, second)],
+            "pose_inv": pose_inv,
+            "pose_trans": pose_trans,
         }
         lines = [line for line in textwrap.dedent(pathlib.Path(path).read_text()).split("\n") if line.strip() != "end"]
         body = textwrap.dedent("\n".join(lines[lines.index("def equipoise_handover():") + 1:]))
-        body = re.sub(r"\bp\[(.*?)\]\s*$", r"[\1]", body, flags=re.MULTILINE)
-        body = body.replace("p[at_m[0], at_m[1], at_m[2], 0.0, 0.0, 0.0]", "[at_m[0], at_m[1], at_m[2], 0.0, 0.0, 0.0]")
+        body = re.sub(r"\bp\[", "[", body)
         settings, body = re.split(r"(?=^thread )", body, maxsplit=1, flags=re.MULTILINE)
         functions = re.split(r"^rtde_set_watchdog", body, flags=re.MULTILINE)[0]
         functions = functions.replace("thread ", "def ").replace("sync()", "yield").replace("local ", "")
@@ -418,12 +452,15 @@ class Robot:
             activity = self.world["handover_activity"]()
             self.world["handover_report"](activity)
             self.velocity = self.world["handover_velocity"](activity)
-            self.tcp = [at + self.STEP_S * velocity for at, velocity in zip(self.tcp, self.velocity)]
-            assert self.world["norm"](self.velocity) <= 0.15 + 1e-9
+            step = [self.STEP_S * velocity for velocity in self.velocity]
+            turned = pose_trans([0.0, 0.0, 0.0, *step[3:]], [0.0, 0.0, 0.0, *self.tcp[3:]])
+            self.tcp = [at + by for at, by in zip(self.tcp[:3], step[:3])] + turned[3:]
+            assert self.world["norm"](self.velocity[:3]) <= 0.15 + 1e-9
+            assert self.world["norm"](self.velocity[3:]) <= 0.3 + 1e-9
         return activity
 
     def speed(self):
-        return self.world["norm"](self.velocity)
+        return self.world["norm"](self.velocity[:3])
 
 
 def script(path):
@@ -431,6 +468,8 @@ def script(path):
     robot = Robot(path)
     target = [0.45, 0.1, 1.1]
     robot.inputs = {("int", 36): 1, ("int", 37): 77, **{("double", 36 + axis): target[axis] for axis in range(3)}}
+    robot.inputs["double", 39] = slope = 0.5
+    level = matrix(robot.tcp[3:])
     assert robot.run(1, False) == 4 and robot.speed() == 0, "a command from before the start moves it"
     assert robot.run(0.19, True) == 4 and robot.speed() == 0, "it moves before the sequence has settled"
     assert robot.run(0.5, True) == 1 and robot.speed() > 0.1, "it does not move"
@@ -440,6 +479,8 @@ def script(path):
     reported = [robot.outputs["double", 36 + axis] for axis in range(3)]
     assert all(abs(a - b) < 1e-3 for a, b in zip(reported, target)), f"{reported}, not {target}"
     assert robot.outputs["int", 37] == robot.inputs["int", 37]
+    turned = vector(product(matrix(robot.tcp[3:]), list(zip(*level))))
+    assert all(abs(a - b) < 1e-3 for a, b in zip(turned, [0.0, slope, 0.0])), f"turned by {turned}, not {slope}"
     robot.inputs["double", 36] = 0.0
     assert robot.run(0.1, True) == 3 and robot.speed() == 0, "it moves to a target outside the workspace"
     robot.inputs["int", 36] = 2

@@ -35,7 +35,7 @@ fn main() {
         let place_m = [0.3 + 0.02 * f64::from(index), 0.2 - 0.02 * f64::from(index), 1.0];
         experience.add(Handover { place_m, excess: 0.05, sigma: 0.1 });
     }
-    let parts = PARTS_KG.map(|mass_kg| Part { mass_kg, mass_sigma_kg: 0.1, width_m: 0.35 });
+    let parts = PARTS_KG.map(|mass_kg| Part { mass_kg, mass_sigma_kg: 0.1, width_m: 0.35, slope_rad: None });
     let planning =
         |part| Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part, experience: &experience };
     let is_feasible = |place: Option<Place>| place.is_some_and(|place| place.predicted.is_ok());
@@ -45,7 +45,7 @@ fn main() {
     let mut contenders = [
         Contender::new("a prediction at one place", || {
             one.by_ref().take(1).for_each(|part| {
-                black_box(planning(part).at(Vector3::new(0.45, 0.1, 1.1)));
+                black_box(planning(part).at(Vector3::new(0.45, 0.1, 1.1), Some(0.5)));
             });
         }),
         Contender::new("a plan: the best place of the region", || {

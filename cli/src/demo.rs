@@ -187,12 +187,14 @@ impl Show<'_> {
         simulated.suit.target = self.suit;
         simulated.plate.address = self.plate;
         let person = Simulation::start(simulated).context("the simulated human")?;
-        let pipeline = Pipeline::start(&config(self.settings, self.suit, self.plate, build)?)?;
+        let config = config(self.settings, self.suit, self.plate, build)?;
+        let pipeline = Pipeline::start(&config)?;
         let bus = Bus::join(&BusSettings::new(&self.settings.station, "worker"))?;
         let subscriptions =
             Subscriptions { states: bus.subscriber(64)?, wake: bus.listener(Channel::Results)? };
         let arm = self.arm.take();
-        let handovers = arm.map(|arm| Handovers::new(arm, &bus, seed)).transpose()?;
+        let handovers =
+            arm.map(|arm| Handovers::new(arm, &bus, seed, config.settings().limits)).transpose()?;
         let script = self.play(subscriptions, &person, human, handovers);
         // Stop the daemon first, or its last cycles would report silent sensors.
         let pipeline = pipeline.stop();

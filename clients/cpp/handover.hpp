@@ -46,6 +46,8 @@ struct Plan {
     Position at_m;
     // Predicted share of the worst joint's limit, and its 1-σ.
     double share, sigma;
+    // Slope of the handles: how far hands that follow them point below the horizontal, rad.
+    double slope_rad = 0.0;
 };
 
 struct Input {
@@ -67,8 +69,9 @@ enum class Command { hold = 0, move = 1, retreat = 2 };
 
 struct Output {
     Command command;
-    // With `move`: the commanded position, m.
+    // With `move`: the commanded position, m, and the slope of the handles, rad.
     Position target_m;
+    double slope_rad = 0.0;
 };
 
 class Decision {
@@ -104,7 +107,7 @@ public:
             choose(now_s, input);
             if (target_) {
                 advance(step_s, *input.part_m);
-                return {Command::move, sent_m_};
+                return {Command::move, sent_m_, target_->slope_rad};
             }
         }
         is_moving_ = false;
@@ -117,12 +120,13 @@ private:
         std::uint64_t generation; // 0: from the advice.
         Position at_m;
         double share, sigma;
+        double slope_rad = 0.0;
     };
 
     void choose(double now_s, const Input &input) {
         if (input.plan && input.plan->generation > discarded_) {
             const Plan &plan = *input.plan;
-            const Target planned{plan.generation, plan.at_m, plan.share, plan.sigma};
+            const Target planned{plan.generation, plan.at_m, plan.share, plan.sigma, plan.slope_rad};
             if (!target_) {
                 set(planned);
             } else if (target_->generation == plan.generation) {

@@ -97,7 +97,9 @@ public:
         }
         changed_ = found.st_mtim;
         const std::uint64_t generation = newest ? newest->generation + 1 : 1;
-        newest = Plan{generation, {(*at)[0], (*at)[1], (*at)[2]}, (*share)[0], (*sigma)[0]};
+        // Absent in plans of earlier versions.
+        const auto slope = numbers_of(text.str(), "slope_rad", 1);
+        newest = Plan{generation, {(*at)[0], (*at)[1], (*at)[2]}, (*share)[0], (*sigma)[0], slope ? (*slope)[0] : 0.0};
     }
 
     std::optional<Plan> newest;

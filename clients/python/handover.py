@@ -54,6 +54,8 @@ class Plan(NamedTuple):
     """Predicted share of the worst joint's limit."""
     sigma: float
     """1-σ of `share`."""
+    slope_rad: float = 0.0
+    """Slope of the handles: how far hands that follow them point below the horizontal, rad."""
 
 
 class Input(NamedTuple):
@@ -84,10 +86,11 @@ class Command(enum.IntEnum):
 
 
 class Output(NamedTuple):
-    """Command, and with MOVE the commanded position, m."""
+    """Command, and with MOVE the commanded position, m, and the slope of the handles, rad."""
 
     command: Command
     target_m: Position
+    slope_rad: float = 0.0
 
 
 class Decision:
@@ -128,7 +131,7 @@ class Decision:
             self._choose(now_s, given, given.part_m)
             if self._target is not None:
                 self._advance(step_s, self._target.at_m, given.part_m)
-                return Output(Command.MOVE, self._sent_m)
+                return Output(Command.MOVE, self._sent_m, self._target.slope_rad)
         self._is_moving = False
         retreats = self._has_moved and given.part_m is not None and now_s - self._valid_s >= RETREAT_AFTER_S
         return Output(Command.RETREAT if retreats else Command.HOLD, self._sent_m)

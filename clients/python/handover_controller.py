@@ -45,9 +45,9 @@ OUTPUT_NAMES = (
 OUTPUTS = struct.Struct(">BiidddiI")
 INPUT_NAMES = (
     "input_int_register_36,input_int_register_37,input_double_register_36,input_double_register_37,"
-    "input_double_register_38"
+    "input_double_register_38,input_double_register_39"
 )
-INPUTS = struct.Struct(">Biiddd")
+INPUTS = struct.Struct(">Biidddd")
 OUTPUT_HZ = 250.0
 NORMAL, PLAYING, PROTECTIVE = 1, 2, 5
 
@@ -92,7 +92,7 @@ class Cobot:
         if self._socket is None:
             return
         self.sequence = self.sequence % 0x7FFFFFFF + 1
-        data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m)
+        data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m, output.slope_rad)
         try:
             # A short write would break the stream: the cobot reads no more, and must hold.
             if self._socket.send(package("U", data)) != len(data) + 3:
@@ -213,6 +213,8 @@ class Plans:
                 plan = json.load(file)
             x, y, z = finite(plan["position_m"], 3)
             ratio, sigma = finite([plan["worst_limit_ratio"], plan["worst_limit_ratio_sigma"]], 2)
+            # Absent in plans of earlier versions.
+            (slope_rad,) = finite([plan.get("slope_rad", 0.0)], 1)
         except OSError as error:
             self._report(f"cannot be read: {error.strerror}")
             return
@@ -221,7 +223,7 @@ class Plans:
             return
         self._changed_ns = changed_ns
         self._reported = ""
-        self.newest = Plan(self.newest.generation + 1 if self.newest else 1, (x, y, z), ratio, sigma)
+        self.newest = Plan(self.newest.generation + 1 if self.newest else 1, (x, y, z), ratio, sigma, slope_rad)
 
     def _report(self, why: str) -> None:
         """Reports an unusable file once."""
@@ -241,7 +243,7 @@ class DaemonPlans:
         self._thread = threading.Thread(target=self._request, daemon=True)
         self._subject: Optional[str] = None
         self._changed_ns = 0
-        self._target_m: Optional[Position] = None
+        self._target: Optional[Plan] = None
         self.newest: Optional[Plan] = None
         self._thread.start()
 
@@ -250,7 +252,7 @@ class DaemonPlans:
 
         `target` is the plan that is the target now.
         """
-        self._target_m = target.at_m if target else None
+        self._target = target
         if reading.restarted or reading.state.valid & MODEL_CHANGED:
             self._changed_ns, self._subject = reading.state.time_ns, None
         has_changed = False
@@ -258,13 +260,16 @@ class DaemonPlans:
             requested_m, plan = self._responses.get()
             if plan.sample_time_ns <= self._changed_ns:
                 continue  # Requested before the change.
-            has_moved = requested_m is not None and requested_m == self._target_m and is_outdated(plan)
+            target_m = self._target.at_m if self._target else None
+            has_moved = requested_m is not None and requested_m == target_m and is_outdated(plan)
             if has_moved or self._subject not in (None, plan.subject):
                 # The worker walked away, or the state with the change was missed. The next plan is used.
                 self._changed_ns, has_changed = plan.sample_time_ns, True
             else:
                 generation = self.newest.generation + 1 if self.newest else 1
-                self.newest = Plan(generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma)
+                self.newest = Plan(
+                    generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad
+                )
             self._subject = plan.subject
         return has_changed
 
@@ -280,9 +285,15 @@ class DaemonPlans:
         while True:
             try:
                 planner = planner or HandoverPlanner(self._station)
-                target_m = self._target_m
-                frame = CurrentFrame.STATION if target_m else None
-                plan = planner.plan(mass_kg=self._mass_kg, width_m=self._width_m, current_m=target_m, frame=frame)
+                target = self._target
+                target_m = target.at_m if target else None
+                plan = planner.plan(
+                    mass_kg=self._mass_kg,
+                    width_m=self._width_m,
+                    current_m=target_m,
+                    frame=CurrentFrame.STATION if target else None,
+                    current_slope_rad=target.slope_rad if target else None,
+                )
                 if isinstance(plan, HandoverPlan):
                     self._responses.put((target_m, plan))
                     text = ""

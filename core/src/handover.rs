@@ -11,8 +11,10 @@
 mod coordinates;
 pub mod experience;
 pub mod hold;
+pub mod measure;
 pub mod search;
 mod solve;
+pub mod worst;
 
 use core::ops::RangeInclusive;
 
@@ -25,7 +27,7 @@ use crate::math;
 use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
 use crate::sesc::{Phi, centre_of_mass};
 
-use coordinates::{COORDINATES, Coordinates};
+use coordinates::{COORDINATES, Coordinates, WRIST};
 use experience::LimitRatio;
 use solve::Solution;
 
@@ -126,12 +128,25 @@ pub struct Part {
     pub mass_sigma_kg: f64,
     /// Distance between the grips, m.
     pub width_m: f64,
+    /// Slope of the handles: how far hands that follow them point below the horizontal, rad. `None`: handles that turn
+    /// with the hands, which are then in line with the forearms.
+    pub slope_rad: Option<f64>,
+}
+
+impl Part {
+    /// The part with another slope of its handles.
+    #[must_use]
+    pub fn with_slope(self, slope_rad: Option<f64>) -> Part {
+        Part { slope_rad, ..self }
+    }
 }
 
 /// 1-σ of the fraction of a part in one hand: hands that hold a part evenly differ by a tenth of its weight.
 const ETA_SIGMA: f64 = 0.05;
 /// Largest distance of the hands from the part in a solution, m: beyond it the part is out of reach.
 const MISS_MAX_M: f64 = 3.0 * coordinates::HAND_SIGMA_M;
+/// Hands that follow the handles less, in σ, do not hold them.
+const SLOPE_OFF_MAX_SIGMAS: f64 = 3.0;
 
 /// Remaining fraction of τ_max of a joint with this fatigue.
 fn unfatigued(fatigue: f64) -> f64 {
@@ -196,6 +211,10 @@ pub fn predict(
     if miss_m > MISS_MAX_M {
         return Err(Infeasible::OutOfReach);
     }
+    let slope_off = holding.slope_off_rad(&pose).into_iter().fold(0.0, |most: f64, off| most.max(off.abs()));
+    if slope_off > SLOPE_OFF_MAX_SIGMAS * coordinates::SLOPE_SIGMA_RAD {
+        return Err(Infeasible::OutOfReach);
+    }
     let off_m = holding.cop_off_m(&pose, grip_m);
     if math::hypot(off_m) > coordinates::COP_OFF_MAX_SIGMAS * coordinates::COP_SIGMA_M {
         return Err(Infeasible::OutOfBalance);
@@ -235,7 +254,11 @@ impl Changed {
 impl Holding<'_> {
     /// The pose of coordinates, and its grip points, world, m.
     fn pose(&self, coordinates: &Coordinates) -> (Pose<StationWorld>, [Vector3<f64>; 2]) {
-        let pose = coordinates::pose(coordinates, &self.body.skeleton, self.feet, self.world_from_feet);
+        let mut coordinates = *coordinates;
+        if self.part.slope_rad.is_none() {
+            coordinates[WRIST..].fill(0.0);
+        }
+        let pose = coordinates::pose(&coordinates, &self.body.skeleton, self.feet, self.world_from_feet);
         let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), self.body.grip_m[side as usize]));
         (pose, grip_m)
     }
@@ -244,6 +267,16 @@ impl Holding<'_> {
     fn miss(&self, grip_m: [Vector3<f64>; 2]) -> [Vector3<f64>; 2] {
         let aside = self.world_from_feet * Vector3::new(0.0, 0.5 * self.part.width_m, 0.0);
         [grip_m[0] - (self.at_m + aside), grip_m[1] - (self.at_m - aside)]
+    }
+
+    /// From the slope of the handles to that of each hand, rad; zero for handles that turn with the hands.
+    fn slope_off_rad(&self, pose: &Pose<StationWorld>) -> [f64; 2] {
+        let Some(slope_rad) = self.part.slope_rad else { return [0.0; 2] };
+        Side::BOTH.map(|side| {
+            let outward = if side == Side::Left { Vector3::y() } else { -Vector3::y() };
+            let along = pose.world_from_segment[side.hand().index()] * outward;
+            math::atan2(-along.z, math::hypot([along.x, along.y])) - slope_rad
+        })
     }
 
     /// Weight of the part, N.
@@ -327,6 +360,9 @@ impl Holding<'_> {
         }
         for (axis, off_m) in self.cop_off_m(&pose, grip_m).into_iter().enumerate() {
             all[COORDINATES + 6 + axis] = off_m / coordinates::COP_SIGMA_M;
+        }
+        for (hand, off_rad) in self.slope_off_rad(&pose).into_iter().enumerate() {
+            all[COORDINATES + 8 + hand] = off_rad / coordinates::SLOPE_SIGMA_RAD;
         }
         all
     }

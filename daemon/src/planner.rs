@@ -220,8 +220,12 @@ fn plan_of(
         return refused(HandoverRefusal::Invalid);
     }
     let (feet, height_m) = (FootPlacement::of_segments(&state.segment_origin_m), worker.height_m);
-    let part =
-        Part { mass_kg: request.mass_kg, mass_sigma_kg: request.mass_sigma_kg, width_m: request.width_m };
+    let part = Part {
+        mass_kg: request.mass_kg,
+        mass_sigma_kg: request.mass_sigma_kg,
+        width_m: request.width_m,
+        slope_rad: None,
+    };
     let planning = Planning { body: &body, height_m, feet: &feet, part: &part, experience };
     let Some((best, Ok((worst, ratio)))) = planning.best().map(|best| (best, best.predicted)) else {
         return refused(HandoverRefusal::Infeasible);
@@ -231,16 +235,18 @@ fn plan_of(
         worst_joint: worst.index() as u32,
         position_m: best.position_m.into(),
         place_m: best.place_m.into(),
+        slope_rad: best.slope_rad.unwrap_or_default(),
         limit_ratio: ratio.value,
         limit_ratio_sigma: ratio.sigma,
         ..of_state
     };
     let current_m = Vector3::from(request.current_m);
+    let slope_rad = (request.current_is_sloped == 1).then_some(request.current_slope_rad);
     match CurrentFrame::from_number(request.current_frame) {
         Some(CurrentFrame::Station) => {
-            set_current(&mut plan, &planning.at(feet.place_m(current_m, height_m)));
+            set_current(&mut plan, &planning.at(feet.place_m(current_m, height_m), slope_rad));
         }
-        Some(CurrentFrame::Feet) => set_current(&mut plan, &planning.at(current_m)),
+        Some(CurrentFrame::Feet) => set_current(&mut plan, &planning.at(current_m, slope_rad)),
         Some(CurrentFrame::None) | None => {}
     }
     plan
@@ -271,6 +277,8 @@ fn is_in_range(request: &HandoverRequest) -> bool {
     MASS_KG.contains(&request.mass_kg)
         && (0.0..=request.mass_kg).contains(&request.mass_sigma_kg)
         && WIDTH_M.contains(&request.width_m)
+        && request.current_is_sloped <= 1
+        && request.current_slope_rad.abs() <= core::f64::consts::PI
         && request.current_m.iter().all(|metres| metres.abs() <= current_max_m)
 }
 
@@ -298,7 +306,8 @@ mod tests {
         width_m: 0.35,
         current_m: [0.5, 0.0, 1.2],
         current_frame: CurrentFrame::Feet as u32,
-        reserved: [0; 3],
+        current_is_sloped: 0,
+        current_slope_rad: 0.0,
     };
 
     fn worker() -> Worker {

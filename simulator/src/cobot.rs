@@ -11,3 +11,4 @@ pub mod motion;
 pub mod program;
 pub mod rtde;
 pub mod server;
+pub mod trial;

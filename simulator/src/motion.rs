@@ -16,7 +16,7 @@ use crate::march::March;
 use crate::person::Person;
 use crate::pose::Pose;
 use crate::random::{Random, Wander};
-use crate::reach::{HeldPart, ReachHabits, reach};
+use crate::reach::{HeldPart, ReachHabits, inclined, reach};
 use crate::schedule::Schedule;
 use crate::stance::Stance;
 use crate::stomp::Stomps;
@@ -141,6 +141,8 @@ impl BodyState {
 struct Aim {
     pose: Pose,
     balance_m: Vector2<f64>,
+    /// Inclination of the line from the grips to a load's centre below the horizontal, rad.
+    load_down_rad: f64,
 }
 
 /// The simulated worker.
@@ -181,7 +183,8 @@ impl Worker {
         let foot_press = std::array::from_fn(|_| {
             habits.foot_press_m.map(|sigma_m| Wander::new(&mut random, sigma_m, PRESS_HZ[0], PRESS_HZ[1]))
         });
-        let aim = Aim { pose: Intention::STAND.pose(), balance_m: usual_balance_m(&person, &stance) };
+        let (pose, balance_m) = (Intention::STAND.pose(), usual_balance_m(&person, &stance));
+        let aim = Aim { pose, balance_m, load_down_rad: 0.0 };
         let walk = Walk::new(&person, &stance);
         Worker {
             person,
@@ -271,10 +274,11 @@ impl Worker {
         for_s: f64,
     ) -> Option<[f64; 2]> {
         let balance_m = self.stance.between_the_feet_m(habits.balance_ahead_m);
+        let load_down_rad = part.load_down_rad();
         let [empty, loaded] = [0.0, mass_kg].map(|load_kg| {
             let (person, stance) = (&self.person, &self.stance);
             let standing = Standing { person, com_m: &person.com_m, stance, load_kg };
-            reach(&standing, habits, part).map(|(pose, _)| Aim { pose, balance_m })
+            reach(&standing, habits, part).map(|(pose, _)| Aim { pose, balance_m, load_down_rad })
         });
         let (empty, loaded) = (empty?, loaded?);
         // With the weight the body leans back, and the arms stretch by as much: the hands stay at the part.
@@ -317,16 +321,17 @@ impl Worker {
         let limit = 2.0 * habits.balance_error_m;
         let error = Vector2::from_fn(|_, _| off(habits.balance_error_m).clamp(-limit, limit));
         let balance_m = usual_balance_m(&self.person, &self.stance) + error;
-        self.aims.push(Aim { pose, balance_m }, at_s, over_s);
+        self.aims.push(Aim { pose, balance_m, load_down_rad: 0.0 }, at_s, over_s);
     }
 
     /// State of the body at a time.
     pub fn sample(&self, time_s: f64) -> BodyState {
+        let mix = |from: &f64, to: &f64, s: f64| from + s * (to - from);
         let mut aim = self.aims.at(time_s, |from, to, s| Aim {
             pose: from.pose.towards(&to.pose, s),
             balance_m: from.balance_m.lerp(&to.balance_m, s),
+            load_down_rad: mix(&from.load_down_rad, &to.load_down_rad, s),
         });
-        let mix = |from: &f64, to: &f64, s: f64| from + s * (to - from);
         let [forward, aside, roll, pitch] = [0, 1, 2, 3].map(|i: usize| self.sway[i].at(time_s));
         let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0));
         aim.pose.parent_from_segment[0] = tilt * aim.pose.parent_from_segment[0];
@@ -379,7 +384,7 @@ impl Worker {
             grip_m,
             load_kg,
             right_hand_share: self.habits.right_hand_share,
-            load_ahead_m: ahead * self.habits.load_ahead_m,
+            load_ahead_m: inclined(ahead, aim.load_down_rad) * self.habits.load_ahead_m,
             squeeze_n: apart.try_normalize(1e-6).unwrap_or_else(Vector3::zeros) * squeeze_n,
             foot_press_m,
             foot_stands: stance.ankle_m.map(|ankle_m| ankle_m.z < self.person.ankle_height_m + LIFTED_M),

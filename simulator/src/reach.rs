@@ -2,7 +2,8 @@
 //!
 //! Rules, not an optimum: the hands are brought to the part with arms as far extended as the person likes; what is
 //! missing in height is made up by knees and trunk in the person's own proportion, what is missing in distance by the
-//! trunk. The feet stay, and the pelvis balances the whole body with the part ([`crate::balance`]).
+//! trunk. The feet stay, and the pelvis balances the whole body with the part ([`crate::balance`]). The hands follow the
+//! slope of the handles as far as the wrists move.
 
 use equipoise_core::body::{Segment, Side};
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
@@ -28,6 +29,8 @@ pub struct ReachHabits {
     pub elbow_out_deg: f64,
     /// Distance of the centre of mass ahead of the ankles, m.
     pub balance_ahead_m: f64,
+    /// Slope of the hands on handles, more than that of the handles, degrees.
+    pub slope_more_deg: f64,
 }
 
 impl ReachHabits {
@@ -40,6 +43,7 @@ impl ReachHabits {
             by_spine: random.between(0.35, 0.75),
             elbow_out_deg: random.between(5.0, 35.0),
             balance_ahead_m: random.between(0.03, 0.06),
+            slope_more_deg: random.between(-10.0, 10.0),
         }
     }
 }
@@ -60,6 +64,10 @@ const ITERATIONS_MAX: usize = 60;
 /// Corrections of an arm's aim: each leaves a small fraction of the miss.
 const AIMS: usize = 8;
 
+/// Range of the wrist in the plane of the palm, toward the thumb and toward the little finger, degrees (American Academy
+/// of Orthopaedic Surgeons, Joint Motion, 1965).
+const WRIST_DEG: [f64; 2] = [-20.0, 30.0];
+
 /// A part to hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HeldPart {
@@ -69,6 +77,25 @@ pub struct HeldPart {
     pub width_m: f64,
     /// Unit vector from the right to the left grip, horizontal: to the left of the person.
     pub aside: Vector3<f64>,
+    /// Slope of the handles: how far hands that follow them point below the horizontal, rad. `None`: handles that turn
+    /// with the hands, which are then in line with the forearms.
+    pub slope_rad: Option<f64>,
+}
+
+/// Slope of the hands on a level box, whose centre was measured ahead of the knuckles ([`crate::realism`]): 45°.
+pub const LEVEL_RAD: f64 = std::f64::consts::FRAC_PI_4;
+
+impl HeldPart {
+    /// Inclination of the line from the grips to the part's centre below the horizontal, rad: the part turns with its
+    /// handles.
+    pub fn load_down_rad(&self) -> f64 {
+        self.slope_rad.map_or(0.0, |slope_rad| slope_rad - LEVEL_RAD)
+    }
+}
+
+/// A horizontal unit vector, inclined below the horizontal by this angle, rad.
+pub(crate) fn inclined(ahead: Vector3<f64>, down_rad: f64) -> Vector3<f64> {
+    ahead * down_rad.cos() - Vector3::z() * down_rad.sin()
 }
 
 /// The posture in which a person holds a part, and its pose; `None` if the part is out of reach.
@@ -135,7 +162,14 @@ impl Reaching<'_> {
         let mut pose = intention.pose();
         let mut body = self.standing.balance(&pose, above);
         for _ in 0..iterations {
-            bend_arms(&mut pose, self.standing.person, self.habits, &body, self.wanted_m());
+            bend_arms(
+                &mut pose,
+                self.standing.person,
+                self.habits,
+                &body,
+                self.wanted_m(),
+                self.place.slope_rad,
+            );
             body = self.standing.balance(&pose, above);
             if self.miss_m(&body) < TOLERANCE_M {
                 break;
@@ -159,16 +193,25 @@ fn bend_arms(
     habits: &ReachHabits,
     body: &Balanced,
     target: [Vector3<f64>; 2],
+    slope_rad: Option<f64>,
 ) {
     let world_from = down_the_tree(&pose.parent_from_segment);
     for (k, side) in Side::BOTH.into_iter().enumerate() {
         let hand = side.hand().index();
         let (shoulder, upper_arm, forearm) = (hand - 3, hand - 2, hand - 1);
         let sign = if side == Side::Left { 1.0 } else { -1.0 };
-        let to_grip = person.offset_m[hand] + person.grip_m[k];
-        let [upper_m, lower_m] = [person.offset_m[forearm].norm(), to_grip.norm()];
+        let upper_m = person.offset_m[forearm].norm();
         let to_target = target[k] - body.origin_m[upper_arm];
-        let rotations = |reach: Vector3<f64>| {
+        // The palm's normal is the Z axis of the hand; the thumb is above.
+        let wrist = |down_rad: f64| UnitQuaternion::from_scaled_axis(Vector3::z() * (sign * down_rad));
+        let to_grip = |down_rad: f64| person.offset_m[hand] + wrist(down_rad) * person.grip_m[k];
+        let down_rad_at = |world_from_lower: UnitQuaternion<f64>| {
+            let Some(slope_rad) = slope_rad else { return 0.0 };
+            let forearm_rad = -(world_from_lower * Vector3::new(0.0, sign, 0.0)).z.clamp(-1.0, 1.0).asin();
+            let [up_rad, down_rad] = WRIST_DEG.map(f64::to_radians);
+            (slope_rad + habits.slope_more_deg.to_radians() - forearm_rad).clamp(up_rad, down_rad)
+        };
+        let rotations = |reach: Vector3<f64>, lower_m: f64| {
             let length_m = reach.norm().clamp((upper_m - lower_m).abs() + 1e-3, upper_m + lower_m - 1e-4);
             let along = reach.normalize();
             // The elbow hangs below the line from shoulder to hand, rotated outwards about it.
@@ -195,14 +238,18 @@ fn bend_arms(
         };
         // A grip off the forearm's axis misses the target by its offset: the arm aims as far to the other side.
         let mut aim = to_target;
-        let (mut world_from_upper, mut world_from_lower) = rotations(aim);
+        let mut down_rad = sign * pose.parent_from_segment[hand].scaled_axis().z;
+        let (mut world_from_upper, mut world_from_lower) = rotations(aim, to_grip(down_rad).norm());
         for _ in 0..AIMS {
-            aim += to_target - (world_from_upper * person.offset_m[forearm] + world_from_lower * to_grip);
-            (world_from_upper, world_from_lower) = rotations(aim);
+            // By halves: the wrist moves the forearm, on which it depends.
+            down_rad = 0.5 * (down_rad + down_rad_at(world_from_lower));
+            let reached = world_from_upper * person.offset_m[forearm] + world_from_lower * to_grip(down_rad);
+            aim += to_target - reached;
+            (world_from_upper, world_from_lower) = rotations(aim, to_grip(down_rad).norm());
         }
         pose.parent_from_segment[upper_arm] = world_from[shoulder].inverse() * world_from_upper;
         pose.parent_from_segment[forearm] = world_from_upper.inverse() * world_from_lower;
-        pose.parent_from_segment[hand] = UnitQuaternion::identity();
+        pose.parent_from_segment[hand] = wrist(down_rad);
     }
 }
 
@@ -241,9 +288,11 @@ mod tests {
                 [(0.35, 0.0, 1.1), (0.5, 0.1, 0.9), (0.35, -0.15, 1.4), (0.4, 0.0, 0.6), (0.3, 0.0, 0.75)]
             {
                 let middle_m = Vector3::new(x, y, z);
-                let Some((_, body)) =
-                    reach(&standing, &habits, &HeldPart { middle_m, width_m: 0.35, aside: Vector3::y() })
-                else {
+                let Some((_, body)) = reach(
+                    &standing,
+                    &habits,
+                    &HeldPart { middle_m, width_m: 0.35, aside: Vector3::y(), slope_rad: None },
+                ) else {
                     continue;
                 };
                 reached += 1;
@@ -261,12 +310,41 @@ mod tests {
     }
 
     #[test]
+    fn hands_follow_sloped_handles_as_far_as_the_wrists_move() {
+        let person = Person::nominal(1.77, 72.0);
+        let stance = Stance::shoulder_wide(&person);
+        let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg: 6.0 };
+        let habits = ReachHabits { slope_more_deg: 0.0, ..ReachHabits::of(3) };
+        let slopes_deg = |slope_rad: Option<f64>| {
+            let place = HeldPart {
+                middle_m: Vector3::new(0.4, 0.0, 1.0),
+                width_m: 0.35,
+                aside: Vector3::y(),
+                slope_rad,
+            };
+            let (_, body) = reach(&standing, &habits, &place).unwrap();
+            let grips = grips_m(&person, &body.origin_m, &body.world_from_segment);
+            assert!((0.5 * (grips[0] + grips[1]) - place.middle_m).norm() < 1e-3, "{slope_rad:?}");
+            [Segment::LeftForearm, Segment::LeftHand].map(|segment| {
+                let along = body.world_from_segment[segment.index()] * Vector3::y();
+                (-along.z).asin().to_degrees()
+            })
+        };
+        let [forearm_deg, hand_deg] = slopes_deg(None);
+        assert!((forearm_deg - hand_deg).abs() < 1e-9);
+        let [_, hand_deg] = slopes_deg(Some(20_f64.to_radians()));
+        assert!((hand_deg - 20.0).abs() < 3.0, "{hand_deg}");
+        let [forearm_deg, hand_deg] = slopes_deg(Some(80_f64.to_radians()));
+        assert!((hand_deg - forearm_deg - WRIST_DEG[1]).abs() < 5.0, "{forearm_deg} {hand_deg}");
+    }
+
+    #[test]
     fn places_out_of_reach_are_refused() {
         let person = Person::nominal(1.77, 72.0);
         let stance = Stance::shoulder_wide(&person);
         let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg: 6.0 };
         for middle_m in [Vector3::new(1.8, 0.0, 1.0), Vector3::new(0.3, 0.0, 2.9)] {
-            let place = HeldPart { middle_m, width_m: 0.35, aside: Vector3::y() };
+            let place = HeldPart { middle_m, width_m: 0.35, aside: Vector3::y(), slope_rad: None };
             assert!(reach(&standing, &ReachHabits::of(3), &place).is_none());
         }
     }

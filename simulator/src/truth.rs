@@ -6,6 +6,7 @@
 //! the hand requires `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
 
 pub mod back;
+pub mod hold;
 pub mod in_motion;
 
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS, Segment, Side};

@@ -8,25 +8,29 @@ pub mod held;
 pub mod planner;
 pub mod station;
 
-use nalgebra::Vector3;
+use equipoise_core::body::Joint;
+use equipoise_core::handover::experience::LimitRatio;
 
-use crate::handover::PART_KG;
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
-use crate::tally::quartiles;
-use course::{Course, FIXED_M, Purpose};
-use held::Held;
+use crate::tally::{Sums, quartiles};
+use course::{Course, Purpose};
+use equipoise_simulator::cobot::trial::{FIXED_M, PART_KG};
+use held::HoldResult;
+use planner::Presentation;
 use station::Station;
 
 /// Results of one subject.
 #[derive(Debug, Clone)]
 pub struct Findings {
     /// At the fixed place; `None` if the worker does not reach it or no torque was published.
-    baseline: Option<Held>,
+    baseline: Option<HoldResult>,
+    /// There with fixed handles on a level box; no controller measures it.
+    level: Option<HoldResult>,
     /// Where the controller learned.
-    learning: Vec<Held>,
+    learning: Vec<HoldResult>,
     /// At the final place; that is the fixed one if no other is better by more than σ.
-    assisted: Option<(Vector3<f64>, Held)>,
+    assisted: Option<(Presentation, HoldResult)>,
     /// Handovers without a measurement: the arm did not arrive, or the worker did not reach the part.
     unmeasured: u64,
     /// Steps of the arm outside its limits.
@@ -35,7 +39,7 @@ pub struct Findings {
 
 impl Findings {
     /// Limit ratios at the fixed and the final place, if both were measured.
-    fn both(&self) -> Option<[Held; 2]> {
+    fn both(&self) -> Option<[HoldResult; 2]> {
         Some([self.baseline?, self.assisted?.1])
     }
 
@@ -43,6 +47,11 @@ impl Findings {
     fn change_percent(&self) -> Option<f64> {
         let [before, after] = self.both()?;
         Some(100.0 * (after.truth / before.truth - 1.0))
+    }
+
+    /// The same against the fixed place with a level box.
+    fn change_from_level_percent(&self) -> Option<f64> {
+        Some(100.0 * (self.assisted?.1.truth / self.level?.truth - 1.0))
     }
 
     /// Whether the true limit ratio rises by more than the published σ.
@@ -55,16 +64,23 @@ impl Findings {
 pub fn findings(subject: &Subject) -> Option<Findings> {
     let mut station = Station::new(subject).ok()?;
     let mut course = Course::new(station.planner());
-    let mut findings =
-        Findings { baseline: None, learning: Vec::new(), assisted: None, unmeasured: 0, exceeded: 0 };
-    while let Some((purpose, at_m)) = course.next() {
-        let held = if station.present(at_m) { station.hold() } else { None };
-        course.end(at_m, held.map(|held| held.measured));
+    let mut findings = Findings {
+        baseline: None,
+        level: None,
+        learning: Vec::new(),
+        assisted: None,
+        unmeasured: 0,
+        exceeded: 0,
+    };
+    while let Some((purpose, part)) = course.next() {
+        let held = if station.present(part) { station.hold(part.slope_rad.is_none()) } else { None };
+        course.end(part, held.map(|held| held.measured));
         match (purpose, held) {
             (_, None) => findings.unmeasured += 1,
             (Purpose::Baseline, held) => findings.baseline = held,
+            (Purpose::Level, held) => findings.level = held,
             (Purpose::Learning, Some(held)) => findings.learning.push(held),
-            (Purpose::Assisted, Some(held)) => findings.assisted = Some((at_m, held)),
+            (Purpose::Assisted, Some(held)) => findings.assisted = Some((part, held)),
         }
     }
     findings.exceeded = station.exceeded();
@@ -83,9 +99,11 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "kg",
             "fixed",
             "fixed estimate",
+            "level",
             "forward m",
             "left m",
             "up m",
+            "slope deg",
             "assisted",
             "assisted estimate",
             "sigma",
@@ -94,7 +112,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     let [x, y, z] = FIXED_M.into();
     workers.note(format!(
-        "fixed: at {x} m forward, {y} m to the left, {z} m up for all; forward, left, up: place of the assisted handover"
+        "fixed: at {x} m forward, {y} m to the left, {z} m up for all, with handles that turn with the hands; level: there, \
+         with fixed handles of a level box; forward, left, up, slope: assisted handover"
     ));
     workers.note(
         "fixed, assisted: true static overload, mean of 3 s; estimate and sigma (of the assisted one): published",
@@ -103,12 +122,12 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         let Some(findings) = findings else { continue };
         workers.push(row(subject, findings));
     }
-    vec![workers, summary(all.iter().flatten())]
+    vec![workers, summary(all.iter().flatten()), coverage(all.iter().flatten())]
 }
 
 fn row(subject: &Subject, findings: &Findings) -> Vec<Cell> {
     let (fixed, assisted) = (findings.baseline, findings.assisted);
-    let at_m = |axis: usize| Cell::from(assisted.map(|(at_m, _)| at_m[axis]));
+    let at_m = |axis: usize| Cell::from(assisted.map(|(part, _)| part.at_m[axis]));
     let held = assisted.map(|(_, held)| held);
     vec![
         subject.seed.into(),
@@ -116,9 +135,11 @@ fn row(subject: &Subject, findings: &Findings) -> Vec<Cell> {
         subject.mass_kg.into(),
         fixed.map(|held| held.truth).into(),
         fixed.map(|held| held.measured.value).into(),
+        findings.level.map(|held| held.truth).into(),
         at_m(0),
         at_m(1),
         at_m(2),
+        assisted.and_then(|(part, _)| part.slope_rad).map(f64::to_degrees).into(),
         held.map(|held| held.truth).into(),
         held.map(|held| held.measured.value).into(),
         held.map(|held| held.measured.sigma).into(),
@@ -133,6 +154,7 @@ fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
             "subjects",
             "compared",
             "median reduction %",
+            "from level %",
             "smallest %",
             "rises by more than sigma",
             "learning handovers",
@@ -142,6 +164,8 @@ fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
         ],
     );
     let compared: Vec<f64> = all.clone().filter_map(Findings::change_percent).map(|change| -change).collect();
+    let from_level: Vec<f64> =
+        all.clone().filter_map(Findings::change_from_level_percent).map(|change| -change).collect();
     let above = |findings: &Findings| {
         let Some(fixed) = findings.baseline else { return 0 };
         findings.learning.iter().filter(|held| held.truth - fixed.truth > held.measured.sigma).count()
@@ -150,6 +174,7 @@ fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
         (all.clone().count() as u64).into(),
         (compared.len() as u64).into(),
         quartiles(compared.clone()).map(|[_, median, _]| median).into(),
+        quartiles(from_level).map(|[_, median, _]| median).into(),
         compared.iter().copied().reduce(f64::min).into(),
         (all.clone().filter(|findings| findings.rises()).count() as u64).into(),
         all.clone().map(|findings| findings.learning.len() as u64).sum::<u64>().into(),
@@ -162,9 +187,98 @@ fn summary<'a>(all: impl Iterator<Item = &'a Findings> + Clone) -> Table {
     table
 }
 
+/// All holds of one subject.
+impl Findings {
+    fn holds(&self) -> impl Iterator<Item = &HoldResult> {
+        self.baseline.iter().chain(&self.learning).chain(self.assisted.iter().map(|(_, held)| held))
+    }
+}
+
+/// Errors of the published limit ratios of one kind, over their limit and over their σ.
+#[derive(Debug, Clone, Copy, Default)]
+struct Errors {
+    published: Sums,
+    truth: Sums,
+    error: Sums,
+    sigma: Sums,
+    normalised: Sums,
+    within: [u64; 2],
+}
+
+impl Errors {
+    fn add(&mut self, published: LimitRatio, truth: f64) {
+        let error = published.value - truth;
+        self.published.add(published.value);
+        self.truth.add(truth);
+        self.error.add(error);
+        self.sigma.add(published.sigma);
+        self.normalised.add(error / published.sigma);
+        for (within, sigmas) in self.within.iter_mut().zip([1.0, 2.0]) {
+            *within += u64::from(error.abs() <= sigmas * published.sigma);
+        }
+    }
+
+    fn row(&self, name: &'static str) -> Vec<Cell> {
+        let percent = |within: u64| 100.0 * within as f64 / self.error.count as f64;
+        vec![
+            name.into(),
+            self.error.count.into(),
+            self.truth.mean().into(),
+            self.published.mean().into(),
+            self.error.mean().into(),
+            self.error.rms().into(),
+            self.sigma.rms().into(),
+            self.normalised.mean().into(),
+            percent(self.within[0]).into(),
+            percent(self.within[1]).into(),
+        ]
+    }
+}
+
+/// Published against true limit ratios of all holds.
+fn coverage<'a>(all: impl Iterator<Item = &'a Findings>) -> Table {
+    let mut table = Table::new(
+        "Published limit ratios of all holds",
+        &[
+            "joint",
+            "holds",
+            "truth",
+            "published",
+            "bias",
+            "RMS error",
+            "RMS sigma",
+            "bias, sigma",
+            "within 1 sigma %",
+            "within 2 sigma %",
+        ],
+    );
+    let holds: Vec<&HoldResult> = all.flat_map(Findings::holds).collect();
+    let (mut worst, mut selected) = (Errors::default(), Errors::default());
+    for hold in &holds {
+        worst.add(hold.measured, hold.truth);
+        selected.add(hold.joints[hold.joint.index()].0, hold.truth);
+    }
+    table.push(worst.row("worst"));
+    table.push(selected.row("largest estimate"));
+    for joint in Joint::ALL {
+        let mut errors = Errors::default();
+        holds.iter().for_each(|hold| {
+            let (published, truth) = hold.joints[joint.index()];
+            errors.add(published, truth);
+        });
+        table.push(errors.row(joint.name()));
+    }
+    table.note("worst: mean and sigma of the largest ratio of a joint, against the largest true one");
+    table.note(
+        "largest estimate: the ratio of the joint with the largest estimate, against the largest true one",
+    );
+    table.note("holds of one subject have common errors: the grip, the body model");
+    table
+}
+
 #[cfg(test)]
 mod tests {
-    use equipoise_core::handover::experience::LimitRatio;
+    use equipoise_core::body::JOINTS;
 
     use super::*;
 
@@ -188,18 +302,25 @@ mod tests {
 
     #[test]
     fn a_rise_counts_only_beyond_sigma() {
-        let held = |truth: f64| Held { measured: LimitRatio { value: truth, sigma: 0.05 }, truth };
+        let held = |truth: f64| HoldResult {
+            joint: Joint::ALL[0],
+            measured: LimitRatio { value: truth, sigma: 0.05 },
+            truth,
+            joints: [(LimitRatio { value: truth, sigma: 0.05 }, truth); JOINTS],
+        };
         let after = |truth: f64| Findings {
             baseline: Some(held(0.5)),
+            level: Some(held(0.6)),
             learning: vec![held(0.6), held(0.52)],
-            assisted: Some((FIXED_M, held(truth))),
+            assisted: Some((course::FIXED, held(truth))),
             unmeasured: 0,
             exceeded: 0,
         };
         assert!(after(0.56).rises() && !after(0.54).rises() && !after(0.3).rises());
         assert!((after(0.3).change_percent().unwrap() + 40.0).abs() < 1e-9);
+        assert!((after(0.3).change_from_level_percent().unwrap() + 50.0).abs() < 1e-9);
         let row = summary([after(0.56), after(0.3)].iter()).rows()[0].clone();
-        assert_eq!(row[4], Cell::Count(1));
-        assert_eq!(row[6], Cell::Count(2));
+        assert_eq!(row[5], Cell::Count(1));
+        assert_eq!(row[7], Cell::Count(2));
     }
 }

@@ -10,11 +10,13 @@ use equipoise_core::handover::search::{Region, SPACING_M, places};
 use equipoise_core::handover::{self, Body, Part};
 use equipoise_core::overload::TorqueLimits;
 use equipoise_simulator::balance::Standing;
+use equipoise_simulator::cobot::trial::{PART_KG, WIDTH_M};
 use equipoise_simulator::motion::BodyState;
 use equipoise_simulator::person::Person;
 use equipoise_simulator::random::Random;
 use equipoise_simulator::reach::{HeldPart, ReachHabits, at_rest, reach};
 use equipoise_simulator::stance::Stance;
+use equipoise_simulator::truth::hold::TrueHold;
 use equipoise_simulator::truth::static_overload_nm;
 use nalgebra::Vector3;
 
@@ -32,10 +34,6 @@ const HANDOVERS: [u32; 2] = [0, 3];
 /// Range of the places, from the middle between the ankles: forward, to the left, up, m, and of the masses, kg.
 const PLACE_M: Region = [[0.3, 0.6], [-0.25, 0.25], [0.6, 1.5]];
 const MASS_KG: [f64; 2] = [3.0, 12.0];
-/// Distance between the grips, m.
-pub const WIDTH_M: f64 = 0.35;
-/// Mass of the part whose best place is searched for, kg.
-pub const PART_KG: f64 = 6.0;
 /// A place is as good as the best one within this distance, m, or within this fraction of its overload.
 const CLOSE_M: f64 = 0.05;
 const CLOSE_FRACTION: f64 = 0.05;
@@ -117,7 +115,7 @@ impl Holder {
 
     /// The worst joint's limit ratio, by the posture model alone.
     fn modelled(&self, at_m: Vector3<f64>, mass_kg: f64) -> Option<handover::Prediction> {
-        let part = Part { mass_kg, mass_sigma_kg: 0.0, width_m: WIDTH_M };
+        let part = Part { mass_kg, mass_sigma_kg: 0.0, width_m: WIDTH_M, slope_rad: None };
         handover::predict(&self.body, &self.feet, &part, at_m).ok()
     }
 
@@ -135,7 +133,7 @@ impl Holder {
             stance: &self.standing_on,
             load_kg: mass_kg,
         };
-        let held = HeldPart { middle_m: at_m, width_m: WIDTH_M, aside: Vector3::y() };
+        let held = HeldPart { middle_m: at_m, width_m: WIDTH_M, aside: Vector3::y(), slope_rad: None };
         let (_, balanced) = reach(&standing, &self.habits, &held)?;
         Some(at_rest(&standing, &balanced))
     }
@@ -147,13 +145,23 @@ impl Holder {
     }
 }
 
-/// Largest true share of a joint's limit of a person at rest in this state.
-pub(crate) fn true_worst_limit_ratio(limits: &TorqueLimits, person: &Person, state: &BodyState) -> f64 {
-    let torque_nm = static_overload_nm(person, state).map(Into::into);
+/// True static overload of each joint of a person at rest in this state, and the joints' limits along it, N m.
+pub(crate) fn true_overload(
+    limits: &TorqueLimits,
+    person: &Person,
+    state: &BodyState,
+) -> ([Vector3<f64>; JOINTS], [f64; JOINTS]) {
+    let torque_nm = static_overload_nm(person, state);
     let pose: Pose<StationWorld> = Pose::new(state.origin_m, state.world_from_segment);
-    let limit_nm = limits.along_nm(&pose, &torque_nm);
-    let share = |joint: usize| Vector3::from(torque_nm[joint]).norm() / limit_nm[joint];
-    (0..JOINTS).map(share).fold(0.0, f64::max)
+    (torque_nm, limits.along_nm(&pose, &torque_nm.map(Into::into)))
+}
+
+/// Largest true share of a joint's limit of a person at rest in this state.
+fn true_worst_limit_ratio(limits: &TorqueLimits, person: &Person, state: &BodyState) -> f64 {
+    let (torque_nm, limit_nm) = true_overload(limits, person, state);
+    let mut hold = TrueHold::default();
+    hold.add(&torque_nm, &limit_nm);
+    hold.worst()
 }
 
 /// One subject's results; `None` if no place of the grid is feasible.

@@ -131,14 +131,15 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         write(path, &json.to_string())?;
     }
     if arguments.json {
-        json["now"] = now.map_or(Value::Null, |(place_m, predicted)| json_of(place_m, predicted));
-        json["map"] = map.iter().map(|place| json_of(place.place_m, place.predicted)).collect();
+        json["now"] = now.map_or(Value::Null, |(place_m, predicted)| json_of(place_m, None, predicted));
+        json["map"] =
+            map.iter().map(|place| json_of(place.place_m, place.slope_rad, place.predicted)).collect();
         println!("{json}");
         return Ok(Outcome::Done);
     }
-    println!("best  {}", sentence(best.place_m, best.predicted));
+    println!("best  {}", sentence(best.place_m, best.slope_rad, best.predicted));
     if let Some((place_m, predicted)) = *now {
-        println!("now   {}", sentence(place_m, predicted));
+        println!("now   {}", sentence(place_m, None, predicted));
         if let (Ok((_, best)), Ok((_, now))) = (best.predicted, predicted) {
             println!("gain  {:.0} % of the limit", 100.0 * (now.value - best.value));
         }
@@ -154,12 +155,13 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 fn stored(config: &Config, id: &str, arguments: &HandoverArguments) -> anyhow::Result<Plan> {
     let Stored { body, height_m, experience } = stored_subject(config, id)?;
     let feet = FootPlacement::natural(height_m);
-    let part = Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width };
+    let part =
+        Part { mass_kg: arguments.mass, mass_sigma_kg: 0.0, width_m: arguments.width, slope_rad: None };
     let planning = Planning { body: &body, height_m, feet: &feet, part: &part, experience: &experience };
-    let map: Vec<Place> = places(REGION_M).map(|place_m| planning.at(place_m)).collect();
-    let Some(best) = best_of(&map) else { bail!(infeasible(id, arguments.mass)) };
-    let now = arguments.now.map(|place_m| (place_m, planning.at(place_m).predicted));
-    Ok(Plan { best: *best, now, handovers: experience.count(), map })
+    let map: Vec<Place> = places(REGION_M).map(|place_m| planning.at_best_slope(place_m)).collect();
+    let Some(best) = Place::lowest(map.iter().copied()) else { bail!(infeasible(id, arguments.mass)) };
+    let now = arguments.now.map(|place_m| (place_m, planning.at(place_m, None).predicted));
+    Ok(Plan { best, now, handovers: experience.count(), map })
 }
 
 fn mass_unknown(id: &str) -> String {
@@ -209,15 +211,12 @@ fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
     })
 }
 
-/// The place with the smallest overload.
-fn best_of(map: &[Place]) -> Option<&Place> {
-    let feasible = map.iter().filter_map(|place| Some((place, place.predicted.ok()?.1.value)));
-    feasible.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(place, _)| place)
-}
-
-fn sentence(place_m: Vector3<f64>, predicted: Predicted) -> String {
+fn sentence(place_m: Vector3<f64>, slope_rad: Option<f64>, predicted: Predicted) -> String {
     let [x, y, z] = place_m.into();
-    let at = format!("{x:.2} m forward, {y:.2} m to the left, {z:.2} m up");
+    let mut at = format!("{x:.2} m forward, {y:.2} m to the left, {z:.2} m up");
+    if let Some(slope_rad) = slope_rad {
+        let _ = write!(at, ", handles sloped by {:.0}°", slope_rad.to_degrees());
+    }
     match predicted {
         Ok((worst, LimitRatio { value, sigma })) => {
             format!("{at}: {:.0} ± {:.0} % of the limit of {}", 100.0 * value, 100.0 * sigma, worst.name())
@@ -234,6 +233,7 @@ fn plan_of(best: &Place, subject: &str, mass_kg: f64, handovers: usize) -> Value
         "subject": subject,
         "mass_kg": mass_kg,
         "position_m": position_m,
+        "slope_rad": best.slope_rad,
         "worst_limit_ratio": predicted.map(|(_, ratio)| ratio.value),
         "worst_limit_ratio_sigma": predicted.map(|(_, ratio)| ratio.sigma),
         "worst_joint": predicted.map(|(worst, _)| worst.name()),
@@ -242,11 +242,12 @@ fn plan_of(best: &Place, subject: &str, mass_kg: f64, handovers: usize) -> Value
 }
 
 /// A place of the map. No key of a plan is in it, so that a simple reader of a plan finds only the best place.
-fn json_of(place_m: Vector3<f64>, predicted: Predicted) -> Value {
+fn json_of(place_m: Vector3<f64>, slope_rad: Option<f64>, predicted: Predicted) -> Value {
     let place_m: [f64; 3] = place_m.into();
     match predicted {
         Ok((worst, ratio)) => json!({
             "place_m": place_m,
+            "handle_slope_rad": slope_rad,
             "limit_ratio": ratio.value,
             "limit_ratio_sigma": ratio.sigma,
             "joint": worst.name(),
@@ -256,13 +257,20 @@ fn json_of(place_m: Vector3<f64>, predicted: Predicted) -> Value {
 }
 
 fn csv(map: &[Place]) -> String {
-    let mut text = "forward_m,left_m,up_m,limit_ratio,limit_ratio_sigma,joint\n".to_owned();
-    for Place { place_m, predicted, .. } in map {
+    let mut text = "forward_m,left_m,up_m,slope_rad,limit_ratio,limit_ratio_sigma,joint\n".to_owned();
+    for Place { place_m, slope_rad, predicted, .. } in map {
         let values = match predicted {
             Ok((worst, ratio)) => format!("{:.4},{:.4},{}", ratio.value, ratio.sigma, worst.name()),
             Err(why) => format!(",,{}", why.name()),
         };
-        let _ = writeln!(text, "{:.2},{:.2},{:.2},{values}", place_m.x, place_m.y, place_m.z);
+        let _ = writeln!(
+            text,
+            "{:.2},{:.2},{:.2},{:.4},{values}",
+            place_m.x,
+            place_m.y,
+            place_m.z,
+            slope_rad.unwrap_or_default()
+        );
     }
     text
 }

@@ -13,6 +13,11 @@ use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, HandoverClient};
 use equipoise_core::message::handover::{CurrentFrame, HandoverRefusal};
 use equipoise_core::message::{HandoverPlan, HandoverRequest, State};
+use equipoise_core::overload::TorqueLimits;
+use equipoise_simulator::cobot::controller::Target;
+use equipoise_simulator::cobot::trial::{
+    AFTERWARDS_S, ARRIVED_M, ARRIVES_WITHIN_S, FIXED_M, HOLD_S, PART_KG, TURNED_RAD, WIDTH_M,
+};
 use equipoise_simulator::intention::Intention;
 use equipoise_simulator::reach::{HeldPart, ReachHabits};
 use equipoise_simulator::simulation::SimulationHandle;
@@ -21,28 +26,17 @@ use nalgebra::Vector3;
 
 pub(super) use arm::Arm;
 use arm::Goal;
-use held::{Held, HeldSums};
+use held::{HoldResult, HoldSums};
 
-/// Mass of the part, kg, and distance between the grips, m.
-const PART_KG: f64 = 6.0;
-const WIDTH_M: f64 = 0.35;
-/// The fixed place, the same for all workers, who stand at the station's origin and face X; station's world, m.
-const FIXED_M: Vector3<f64> = Vector3::new(0.45, 0.0, 1.05);
 /// Attempts at each handover. The first may fail on a busy machine, or because the worker does not reach the place: the
 /// next assisted one is nearer to the fixed place by this fraction of the distance.
 const ATTEMPTS: u32 = 3;
 const NEARER: f64 = 0.25;
 /// Duration of standing up before the first handover, s.
 const STAND_S: f64 = 1.8;
-/// The part is at its place within this distance, m.
-const ARRIVED_M: f64 = 0.002;
-/// The worker reaches for the part when it has been at its place for this time; the arm gives up after the second.
+/// The worker reaches for the part when it has been at its place for this time.
 const SETTLED: Duration = Duration::from_millis(300);
-const ARRIVES_WITHIN: Duration = Duration::from_secs(30);
-/// Duration of a hold with the whole weight, s.
-const HOLD_S: f64 = 3.0;
-/// From the end of a hold until the worker stands straight again, and until the next attempt after one out of reach, s.
-const AFTERWARDS_S: f64 = 4.0;
+/// Until the next attempt after one out of reach, s.
 const OUT_OF_REACH_S: f64 = 1.0;
 /// Timeout of the daemon's answer, interval of requests while it has no plan, and the longest time without one.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
@@ -58,7 +52,7 @@ enum Stage {
     Present(Instant, Option<Instant>),
     /// The worker holds the part with the whole weight within `span_s`, and stands straight at `end_s`, simulated time;
     /// no span if the place is out of reach.
-    Hold { span_s: Option<[f64; 2]>, end_s: f64, sums: Box<HeldSums> },
+    Hold { span_s: Option<[f64; 2]>, end_s: f64, sums: Box<HoldSums> },
     /// No handover is left.
     Over,
 }
@@ -68,7 +62,9 @@ enum Stage {
 struct Handover {
     /// Station's world, m.
     place_m: Vector3<f64>,
-    held: Held,
+    /// Slope of the handles, rad; `None`: the worker turns them.
+    slope_rad: Option<f64>,
+    held: HoldResult,
 }
 
 /// The handovers to one simulated human.
@@ -77,9 +73,13 @@ pub(super) struct Handovers {
     arm: Arm,
     plans: HandoverClient,
     habits: ReachHabits,
+    /// τ_max in the configuration of the daemon.
+    limits: TorqueLimits,
     stage: Stage,
     /// Place of the part in the present handover, station's world, m.
     place_m: Vector3<f64>,
+    /// Slope of its handles, rad; `None`: the worker turns them.
+    slope_rad: Option<f64>,
     failed: u32,
     fixed: Option<Handover>,
     plan: Option<HandoverPlan>,
@@ -87,14 +87,16 @@ pub(super) struct Handovers {
 }
 
 impl Handovers {
-    /// With the bus of the station and the seed of the human.
-    pub(super) fn new(arm: Arm, bus: &Bus, seed: u64) -> anyhow::Result<Handovers> {
+    /// With the bus of the station, and the seed and the torque limits of the human.
+    pub(super) fn new(arm: Arm, bus: &Bus, seed: u64, limits: TorqueLimits) -> anyhow::Result<Handovers> {
         Ok(Handovers {
             arm,
             plans: bus.handover_client()?,
             habits: ReachHabits::of(seed),
+            limits,
             stage: Stage::Over,
             place_m: FIXED_M,
+            slope_rad: None,
             failed: 0,
             fixed: None,
             plan: None,
@@ -127,27 +129,27 @@ impl Handovers {
         fresh: bool,
     ) -> anyhow::Result<bool> {
         let goal = match self.stage {
-            Stage::Present(..) => Goal::Place(self.place_m),
+            Stage::Present(..) => Goal::Present(self.target()),
             _ => Goal::Hold,
         };
         let part_m = self.arm.drive(state, goal)?;
         self.stage = match std::mem::replace(&mut self.stage, Stage::Over) {
             Stage::Plan(since, due) if Instant::now() >= due => self.request_plan(since)?,
             Stage::Present(since, arrived) => {
-                let there_m = part_m.filter(|part_m| is_at(*part_m, self.place_m));
+                let there_m = part_m.filter(|part_m| is_at(*part_m, self.place_m) && self.is_turned());
                 let arrived = there_m.map(|_| arrived.unwrap_or_else(Instant::now));
                 match there_m {
                     Some(part_m) if arrived.is_some_and(|arrived| arrived.elapsed() >= SETTLED) => {
                         self.take(person, part_m)
                     }
-                    None if since.elapsed() > ARRIVES_WITHIN => self.end(None),
+                    None if since.elapsed().as_secs_f64() > ARRIVES_WITHIN_S => self.end(None),
                     _ => Stage::Present(since, arrived),
                 }
             }
             Stage::Hold { span_s, end_s, mut sums } => {
                 let time_s = (state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9;
                 if fresh && span_s.is_some_and(|[start_s, end_s]| (start_s..end_s).contains(&time_s)) {
-                    sums.add(state, || person.truth_at(time_s).overload_nm);
+                    sums.add(state, &self.limits, || person.truth_at(time_s));
                 }
                 if person.now_s() > end_s {
                     self.end(sums.mean())
@@ -173,6 +175,17 @@ impl Handovers {
         })
     }
 
+    /// Where the part is to be.
+    fn target(&self) -> Target {
+        Target { at_m: self.place_m, slope_rad: self.slope_rad.unwrap_or_default() }
+    }
+
+    /// Whether the handles have their slope.
+    fn is_turned(&self) -> bool {
+        let slope_rad = self.slope_rad.unwrap_or_default();
+        self.arm.slope_rad().is_some_and(|turned| (turned - slope_rad).abs() < TURNED_RAD)
+    }
+
     /// Asks the daemon for a plan, as `equipoise plan handover --live` does.
     fn request_plan(&mut self, since: Instant) -> anyhow::Result<Stage> {
         let request = HandoverRequest {
@@ -185,6 +198,7 @@ impl Handovers {
         match self.plans.ask(&request, ANSWER_WITHIN) {
             Ok(plan) if plan.refused == HandoverRefusal::None as u32 => {
                 self.place_m = self.permitted_m(plan.position_m.into());
+                self.slope_rad = Some(plan.slope_rad);
                 self.plan = Some(plan);
                 return Ok(Stage::present());
             }
@@ -205,15 +219,16 @@ impl Handovers {
 
     /// The human takes the part where the arm holds it.
     fn take(&self, person: &SimulationHandle, part_m: Vector3<f64>) -> Stage {
-        let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside: Vector3::y() };
+        let slope_rad = self.slope_rad.and_then(|_| self.arm.slope_rad());
+        let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside: Vector3::y(), slope_rad };
         let span_s = person.hold_part(&self.habits, &part, PART_KG, HOLD_S);
         let end_s = span_s.map_or(person.now_s() + OUT_OF_REACH_S, |[_, end_s]| end_s + AFTERWARDS_S);
         Stage::Hold { span_s, end_s, sums: Box::default() }
     }
 
     /// Ends a handover: the next one, or the next attempt at the same.
-    fn end(&mut self, held: Option<Held>) -> Stage {
-        let handover = held.map(|held| Handover { place_m: self.place_m, held });
+    fn end(&mut self, held: Option<HoldResult>) -> Stage {
+        let handover = held.map(|held| Handover { place_m: self.place_m, slope_rad: self.slope_rad, held });
         let is_fixed = self.fixed.is_none();
         *(if is_fixed { &mut self.fixed } else { &mut self.assisted }) = handover;
         self.failed = if handover.is_some() { 0 } else { self.failed + 1 };

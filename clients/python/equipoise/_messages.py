@@ -353,7 +353,8 @@ class HandoverRequest(ctypes.Structure):
     width_m: float
     current_m: ctypes.Array[ctypes.c_double]
     current_frame: int
-    reserved: ctypes.Array[ctypes.c_uint32]
+    current_is_sloped: int
+    current_slope_rad: float
 
     _fields_ = [
         ("mass_kg", ctypes.c_double),
@@ -361,7 +362,8 @@ class HandoverRequest(ctypes.Structure):
         ("width_m", ctypes.c_double),
         ("current_m", ctypes.c_double * 3),
         ("current_frame", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32 * 3),
+        ("current_is_sloped", ctypes.c_uint32),
+        ("current_slope_rad", ctypes.c_double),
     ]
 
     @staticmethod
@@ -392,6 +394,8 @@ class HandoverPlan(ctypes.Structure):
     current_limit_ratio_sigma: float
     current_status: int
     current_worst_joint: int
+    slope_rad: float
+    unused: ctypes.Array[ctypes.c_uint64]
 
     _fields_ = [
         ("refused", ctypes.c_uint32),
@@ -410,15 +414,17 @@ class HandoverPlan(ctypes.Structure):
         ("current_limit_ratio_sigma", ctypes.c_double),
         ("current_status", ctypes.c_uint32),
         ("current_worst_joint", ctypes.c_uint32),
+        ("slope_rad", ctypes.c_double),
+        ("unused", ctypes.c_uint64 * 7),
     ]
 
     @staticmethod
     def type_name() -> str:
         """The name that iceoryx2 compares."""
-        return "equipoise/HandoverPlan/1"
+        return "equipoise/HandoverPlan/2"
 
 
-assert ctypes.sizeof(HandoverPlan) == 192
+assert ctypes.sizeof(HandoverPlan) == 256
 
 
 class Reason(Flags):

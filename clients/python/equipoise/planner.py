@@ -57,6 +57,8 @@ class HandoverPlan(NamedTuple):
     """Limit ratio at the current place."""
     current_limit_ratio_sigma: Optional[float]
     """1-σ of `current_limit_ratio`."""
+    slope_rad: float
+    """Slope of the handles at the best place: how far hands that follow them point below the horizontal, rad."""
 
     def __bool__(self) -> bool:
         return True
@@ -120,11 +122,13 @@ class HandoverPlanner:
         width_m: float = 0.35,
         current_m: Optional[Sequence[float]] = None,
         frame: Optional[CurrentFrame] = None,
+        current_slope_rad: Optional[float] = None,
     ) -> Union[HandoverPlan, NoPlan]:
         """The place at which the part relieves the worker who stands at the station now.
 
-        `width_m` is the distance between the grips. `current_m` is where the part is handed over now, in `frame`: the limit
-        ratio there is predicted, too. Without a running daemon, or without its response within `timeout_s`, it raises a
+        `width_m` is the distance between the grips. `current_m` is where the part is handed over now, in `frame`, with
+        the slope of the handles `current_slope_rad` (None: handles that turn with the hands): the limit ratio there is
+        predicted, too. Without a running daemon, or without its response within `timeout_s`, it raises a
         `BusError`; the next call joins the bus again.
         """
         if self._closed:
@@ -135,6 +139,8 @@ class HandoverPlanner:
         if current_m is not None and frame:
             request.current_m[:] = [float(metres) for metres in current_m]
             request.current_frame = frame
+            if current_slope_rad is not None:
+                request.current_is_sloped, request.current_slope_rad = 1, current_slope_rad
         try:
             return _result(self._ask(request), self._join().full_name(table.HANDOVER.suffix))
         except BusError:
@@ -233,6 +239,7 @@ def _result(plan: table.HandoverPlan, service: str) -> Union[HandoverPlan, NoPla
             Joint(plan.current_worst_joint) if is_predicted else None,
             plan.current_limit_ratio if is_predicted else None,
             plan.current_limit_ratio_sigma if is_predicted else None,
+            plan.slope_rad,
         )
     except ValueError as cause:
         raise BusError(f"the response on {service} has an unknown number: {cause}; run the same release everywhere") from cause

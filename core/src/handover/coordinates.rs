@@ -8,12 +8,12 @@ use crate::frame::{Pose, StationWorld};
 use crate::math;
 
 /// Number of coordinates.
-pub(super) const COORDINATES: usize = 15;
+pub(super) const COORDINATES: usize = 17;
 
 /// Pelvis relative to the middle between the ankles, forward and to the left, m; shortening of the legs by flexed knees,
 /// as a fraction of their length; tilt of the pelvis forward; flexion of the spine forward, to the right and twist to
 /// the left; then for each arm the rotation vector of the upper arm from hanging down (trunk's axes) and the flexion of
-/// the elbow. Angles in rad.
+/// the elbow; then the deviation of each wrist toward the little finger. Angles in rad.
 pub(super) type Coordinates = [f64; COORDINATES];
 
 const DEGREE: f64 = core::f64::consts::PI / 180.0;
@@ -21,7 +21,7 @@ const DEGREE: f64 = core::f64::consts::PI / 180.0;
 const ARM: [usize; 2] = [7, 11];
 /// Middle of the lowest-scored zone of each coordinate.
 pub(super) const MEAN: Coordinates =
-    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, ELBOW_RAD, 0.0, 0.0, 0.0, ELBOW_RAD];
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, ELBOW_RAD, 0.0, 0.0, 0.0, ELBOW_RAD, 0.0, 0.0];
 /// 1-σ of each coordinate: the width of its comfortable zone.
 ///
 /// REBA (Hignett & McAtamney 2000): trunk to 20°, upper arm to 20°, elbow 60 to 100°, knees to 60°, which shortens the
@@ -43,7 +43,15 @@ const SIGMA: Coordinates = [
     20.0 * DEGREE,
     20.0 * DEGREE,
     20.0 * DEGREE,
+    WRIST_RAD,
+    WRIST_RAD,
 ];
+/// The wrist to 15°.
+const WRIST_RAD: f64 = 15.0 * DEGREE;
+/// Index of the wrists: the last coordinates.
+pub(super) const WRIST: usize = 15;
+/// 1-σ of the difference between the slopes of a hand and of its handle, rad: assumed.
+pub(super) const SLOPE_SIGMA_RAD: f64 = 10.0 * DEGREE;
 const PELVIS_SIGMA_M: f64 = 0.2;
 const TRUNK_RAD: f64 = 20.0 * DEGREE;
 /// 1-σ of an inclination backwards: that of upright people.
@@ -106,7 +114,8 @@ pub(super) fn pose(
         let upper_arm = rotation[hand - 3] * turn([x, y, z]) * hanging;
         rotation[hand - 2] = upper_arm;
         rotation[hand - 1] = upper_arm * turn([0.0, 0.0, -sign * elbow_rad]);
-        rotation[hand] = rotation[hand - 1];
+        // The thumb is above: toward the little finger is down.
+        rotation[hand] = rotation[hand - 1] * turn([0.0, 0.0, sign * coordinates[WRIST + side as usize]]);
     }
     let from_pelvis_m = skeleton.origins_m(&rotation);
     let middle_m = feet.middle_m();

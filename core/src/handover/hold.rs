@@ -3,11 +3,17 @@
 use nalgebra::Vector3;
 
 use super::experience::{Experience, LimitRatio};
+use super::worst::{HandFractions, worst};
 use super::{Body, ETA_SIGMA, FootPlacement, PLACE_MAX_M, Part, WIDTH_M, predict, unfatigued};
-use crate::body::{JOINTS, Side};
+use crate::body::{JOINTS, Joint, Side};
 use crate::math;
 use crate::message::{State, Validity};
+use crate::overload::load_position::AHEAD_M;
 use crate::static_pose::SPAN_NS;
+
+/// Largest horizontal distance of the grip, over its distance from the wrist, that is taken for a level hand: the load
+/// is up to 14 mm (1-σ) farther ahead.
+const COSINE_MAX: f64 = 1.2;
 
 /// A part that was held.
 #[derive(Debug, Clone, Copy)]
@@ -85,27 +91,65 @@ fn is_in_both_hands(state: &State) -> bool {
     (state.hand_load_fraction[0] - 0.5).abs() <= 3.0 * sigma
 }
 
+/// A hand that holds a part.
+#[derive(Clone, Copy)]
+struct Hand {
+    /// Grip point, world, m.
+    grip_m: Vector3<f64>,
+    /// How far the hand points below the horizontal, rad; `None` in line with the forearm.
+    slope_rad: Option<f64>,
+}
+
+impl Hand {
+    /// A state has no orientations. The torque of the wrist is η ΔF times the horizontal distance from the wrist to the
+    /// load, which is that of the grip at `to_grip_m` from the wrist, plus the load's distance ahead of it. Without such
+    /// a torque the hand is in line with the forearm.
+    fn of(state: &State, side: Side, to_grip_m: f64) -> Hand {
+        let hand = side.hand();
+        let [elbow_m, wrist_m] =
+            [hand.index() - 1, hand.index()].map(|segment| Vector3::from(state.segment_origin_m[segment]));
+        let forearm_m = wrist_m - elbow_m;
+        let in_line = Hand {
+            grip_m: wrist_m + forearm_m * (to_grip_m / forearm_m.norm().max(f64::EPSILON)),
+            slope_rad: None,
+        };
+        let wrist = Joint::ALL.into_iter().find(|joint| joint.segment() == hand);
+        let [torque_x, torque_y, _] = wrist.map_or([0.0; 3], |wrist| state.torque_nm[wrist.index()]);
+        let carried_n = state.hand_load_fraction[side as usize] * state.delta_f_n[2];
+        // (x, y, 0) × (0, 0, −F) = (−y F, x F, 0), which the wrist balances.
+        let lever = Vector3::new(-torque_y, torque_x, 0.0) / carried_n;
+        let cosine = (lever.norm() - AHEAD_M) / to_grip_m;
+        if !(0.0..=COSINE_MAX).contains(&cosine) {
+            return in_line;
+        }
+        let slope_rad = math::acos(cosine.min(1.0));
+        let along =
+            lever.normalize() * cosine.min(1.0) - Vector3::z() * math::sqrt((1.0 - cosine * cosine).max(0.0));
+        Hand { grip_m: wrist_m + along * to_grip_m, slope_rad: Some(slope_rad) }
+    }
+}
+
 /// The hold of a state; `None` if the hands are where no part is planned.
 fn hold(state: &State, grip_m: &[[f64; 3]; 2]) -> Option<Hold> {
-    let grip_m = Side::BOTH.map(|side| {
-        let hand = side.hand().index();
-        let [elbow_m, wrist_m] =
-            [hand - 1, hand].map(|segment| Vector3::from(state.segment_origin_m[segment]));
-        // A state has no orientations; predictions, too, have the hand in line with the forearm.
-        let forearm_m = wrist_m - elbow_m;
-        wrist_m + forearm_m * (grip_m[side as usize][1].abs() / forearm_m.norm().max(f64::EPSILON))
-    });
+    let held = Side::BOTH.map(|side| Hand::of(state, side, grip_m[side as usize][1].abs()));
+    let grip_m = held.map(|hand| hand.grip_m);
+    let slope_rad = match held.map(|hand| hand.slope_rad) {
+        [Some(left), Some(right)] => Some(0.5 * (left + right)),
+        _ => None,
+    };
     let width_m = (grip_m[0] - grip_m[1]).norm();
     let feet = FootPlacement::of_segments(&state.segment_origin_m);
     let position_m = 0.5 * (grip_m[0] + grip_m[1]);
     let is_planned = WIDTH_M.contains(&width_m) && (position_m - feet.middle_m()).amax() <= PLACE_MAX_M;
-    let ratio = |joint: usize| {
+    let ratio = core::array::from_fn(|joint| {
         let limit_nm = state.torque_limit_nm[joint] * unfatigued(state.fatigue[joint]);
         let torque_nm = Vector3::from(state.torque_nm[joint]).norm();
         LimitRatio { value: torque_nm / limit_nm, sigma: state.torque_sigma_nm[joint] / limit_nm }
-    };
-    let measured = (0..JOINTS).map(ratio).max_by(|a, b| a.value.total_cmp(&b.value))?;
-    let part = Part { mass_kg: state.lifted_mass_kg, mass_sigma_kg: state.lifted_mass_sigma_kg, width_m };
+    });
+    let hands = HandFractions { eta: state.hand_load_fraction, sigma: state.hand_load_fraction_sigma };
+    let measured = worst(&ratio, &hands)?.ratio;
+    let part =
+        Part { mass_kg: state.lifted_mass_kg, mass_sigma_kg: state.lifted_mass_sigma_kg, width_m, slope_rad };
     is_planned.then_some(Hold { part, feet, position_m, measured, fatigue: state.fatigue })
 }
 
@@ -150,6 +194,28 @@ mod tests {
         assert!((hold.part.width_m - 0.4).abs() < 1e-12 && hold.part.mass_kg == 6.0);
         // 20 N m of 100 N m, which fatigue has halved.
         assert!((hold.measured.value - 0.4).abs() < 1e-12 && (hold.measured.sigma - 0.04).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_torque_of_the_wrists_gives_the_slope_of_the_hands() {
+        let slope_rad = 0.8_f64;
+        let held = |time_ms: u64| {
+            let mut state = held(time_ms);
+            state.delta_f_n[2] = 60.0;
+            for (side, name) in Side::BOTH.into_iter().zip(["LeftWrist", "RightWrist"]) {
+                let lever_m = 0.09 * slope_rad.cos() + AHEAD_M;
+                let carried_n = state.hand_load_fraction[side as usize] * 60.0;
+                // The load pulls down in front of the wrist: the wrist balances it about the axis to the right.
+                state.torque_nm[Joint::named(name).unwrap().index()] = [0.0, -lever_m * carried_n, 0.0];
+            }
+            state
+        };
+        let mut detector = HoldDetector::default();
+        let holds = (0..10).filter_map(|step| detector.ingest(&held(1000 + 50 * step), &GRIP_M));
+        let hold = holds.into_iter().next().unwrap();
+        assert!((hold.part.slope_rad.unwrap() - slope_rad).abs() < 1e-9, "{hold:?}");
+        let expected_m = Vector3::new(0.3 + 0.09 * slope_rad.cos(), 0.0, 1.2 - 0.09 * slope_rad.sin());
+        assert!((hold.position_m - expected_m).norm() < 1e-9, "{hold:?}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Search for the place of a part with the lowest limit ratio of the worst joint.
+//! Search for the place of a part, and the slope of its handles, with the lowest limit ratio of the worst joint.
 
 use nalgebra::Vector3;
 
@@ -13,6 +13,10 @@ pub type Region = [[f64; 2]; 3];
 pub const REGION_M: Region = [[0.3, 0.7], [-0.4, 0.4], [0.6, 1.5]];
 /// Spacing of the places, m: half of that over which the overload changes by its σ.
 pub const SPACING_M: f64 = 0.05;
+
+/// Slopes of the handles ([`Part::slope_rad`]): hands horizontal, down by 30°, down by 60°, rad. Steeper handles exceed
+/// what wrists follow in most postures.
+pub const SLOPES_RAD: [f64; 3] = [0.0, core::f64::consts::FRAC_PI_6, core::f64::consts::FRAC_PI_3];
 
 /// The places of a region at [`SPACING_M`], its bounds included, m.
 pub fn places(region_m: Region) -> impl Iterator<Item = Vector3<f64>> {
@@ -37,7 +41,7 @@ pub struct Planning<'a> {
     pub height_m: f64,
     /// The feet.
     pub feet: &'a FootPlacement,
-    /// The part.
+    /// The part; a search changes the slope of its handles.
     pub part: &'a Part,
     /// Earlier handovers to this worker.
     pub experience: &'a Experience,
@@ -50,6 +54,8 @@ pub struct Place {
     pub place_m: Vector3<f64>,
     /// In the station's world, m.
     pub position_m: Vector3<f64>,
+    /// Slope of the handles, rad ([`Part::slope_rad`]).
+    pub slope_rad: Option<f64>,
     /// The prediction.
     pub predicted: Predicted,
 }
@@ -58,6 +64,11 @@ pub struct Place {
 pub type Predicted = Result<(Joint, LimitRatio), Infeasible>;
 
 impl Place {
+    /// The feasible place with the lowest limit ratio.
+    pub fn lowest(places: impl Iterator<Item = Place>) -> Option<Place> {
+        places.filter(|place| place.predicted.is_ok()).min_by(|a, b| a.value().total_cmp(&b.value()))
+    }
+
     /// The limit ratio; infinite where the part cannot be held.
     fn value(&self) -> f64 {
         self.predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value)
@@ -75,26 +86,37 @@ const PLACES: usize = (STEPS[0] + 1) * (STEPS[1] + 1) * (STEPS[2] + 1);
 type Cell = [usize; 3];
 
 impl Planning<'_> {
-    /// The prediction at a place (relative to the feet, m), corrected by experience.
-    pub fn at(&self, place_m: Vector3<f64>) -> Place {
+    /// The prediction at a place (relative to the feet, m), with this slope of the handles, corrected by experience.
+    pub fn at(&self, place_m: Vector3<f64>, slope_rad: Option<f64>) -> Place {
         let position_m = self.feet.world_m(place_m, self.height_m);
-        let predicted = predict(self.body, self.feet, self.part, position_m);
+        let predicted = predict(self.body, self.feet, &self.part.with_slope(slope_rad), position_m);
         let predicted =
             predicted.map(|it| (it.worst, self.experience.correct(place_m, it.worst_with_sigma())));
-        Place { place_m, position_m, predicted }
+        Place { place_m, position_m, slope_rad, predicted }
     }
 
-    /// The place of [`REGION_M`] with the lowest limit ratio, from coarse to fine; `None` if the part can be held nowhere.
-    ///
-    /// Over all places if no coarse one is feasible.
+    /// The place of [`REGION_M`] and the slope of [`SLOPES_RAD`] with the lowest limit ratio; `None` if the part can be
+    /// held nowhere.
     pub fn best(&self) -> Option<Place> {
-        let mut map = Map { planning: self, value: [f64::NAN; PLACES] };
+        Place::lowest(SLOPES_RAD.iter().filter_map(|slope_rad| self.best_with(*slope_rad)))
+    }
+
+    /// The prediction at a place with the slope of [`SLOPES_RAD`] that has the lowest limit ratio there, or the first one
+    /// if none is feasible.
+    pub fn at_best_slope(&self, place_m: Vector3<f64>) -> Place {
+        let all = SLOPES_RAD.map(|slope_rad| self.at(place_m, Some(slope_rad)));
+        Place::lowest(all.into_iter()).unwrap_or(all[0])
+    }
+
+    /// The best place with this slope, from coarse to fine, over all places if no coarse one is feasible.
+    fn best_with(&self, slope_rad: f64) -> Option<Place> {
+        let mut map = Map { planning: self, slope_rad, value: [f64::NAN; PLACES] };
         // If no coarse place is feasible, the next stride bounds the time of a request: one of 2³ times as many places.
         let starts =
             STRIDES[..2].iter().map(|stride| map.lowest(*stride)).find(|starts| starts[0].1.is_finite())?;
         let feasible = starts.into_iter().filter(|(_, value)| value.is_finite());
         let found = feasible.map(|start| map.descend(start)).min_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some(self.at(place_of(found.0)))
+        Some(self.at(place_of(found.0), Some(slope_rad)))
     }
 }
 
@@ -106,6 +128,7 @@ fn place_of(cell: Cell) -> Vector3<f64> {
 /// Limit ratios by cell; NaN where none is computed yet.
 struct Map<'a> {
     planning: &'a Planning<'a>,
+    slope_rad: f64,
     value: [f64; PLACES],
 }
 
@@ -130,7 +153,7 @@ impl Map<'_> {
     fn value(&mut self, cell: Cell) -> f64 {
         let index = (cell[2] * (STEPS[1] + 1) + cell[1]) * (STEPS[0] + 1) + cell[0];
         if self.value[index].is_nan() {
-            self.value[index] = self.planning.at(place_of(cell)).value();
+            self.value[index] = self.planning.at(place_of(cell), Some(self.slope_rad)).value();
         }
         self.value[index]
     }

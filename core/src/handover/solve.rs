@@ -5,8 +5,8 @@ use nalgebra::{SMatrix, SVector};
 use super::Holding;
 use super::coordinates::{COORDINATES, Coordinates, MEAN};
 
-/// Residuals: one per coordinate, three per hand, two of the balance.
-pub(super) const RESIDUALS: usize = COORDINATES + 8;
+/// Residuals: one per coordinate, three per hand, two of the balance, the slope of each hand.
+pub(super) const RESIDUALS: usize = COORDINATES + 10;
 /// Step of the difference quotients, rad and m: the square root of the rounding error.
 pub(super) const STEP: f64 = 1e-7;
 /// Upper bound of the iterations; some ten suffice.

@@ -17,7 +17,7 @@ fn body() -> Body {
     }
 }
 
-const PART: Part = Part { mass_kg: 6.0, mass_sigma_kg: 0.1, width_m: 0.35 };
+const PART: Part = Part { mass_kg: 6.0, mass_sigma_kg: 0.1, width_m: 0.35, slope_rad: None };
 
 fn feet() -> FootPlacement {
     FootPlacement::natural(HEIGHT_M)
@@ -84,6 +84,33 @@ fn the_feet_of_a_pose_and_places_relative_to_them_are_the_ones_it_was_made_in() 
 }
 
 #[test]
+fn hands_follow_the_slope_of_the_handles_which_relieves_the_wrists() {
+    let place = Vector3::new(0.35, 0.0, 0.9);
+    let hold =
+        |slope_rad: Option<f64>| predict(&body(), &feet(), &PART.with_slope(slope_rad), place).unwrap();
+    let slope_rad = |prediction: &Prediction, segment: Segment| {
+        let along = prediction.pose.world_from_segment[segment.index()] * Vector3::y();
+        (-along.z).asin()
+    };
+    let free = hold(None);
+    let off_rad = slope_rad(&free, Segment::LeftHand) - slope_rad(&free, Segment::LeftForearm);
+    assert!(off_rad.abs() < 1e-6, "{off_rad}");
+    let wrist = Joint::named("LeftWrist").unwrap().index();
+    let mut before = f64::INFINITY;
+    for wanted_rad in search::SLOPES_RAD {
+        let prediction = hold(Some(wanted_rad));
+        let found_rad = slope_rad(&prediction, Segment::LeftHand);
+        assert!((found_rad - wanted_rad).abs() < 0.2, "{wanted_rad} {found_rad}");
+        assert!(prediction.limit_ratio[wrist] < before, "{wanted_rad}");
+        before = prediction.limit_ratio[wrist];
+    }
+    assert!(before < 0.7 * hold(Some(0.0)).limit_ratio[wrist]);
+    // No wrist and no arm follows handles that point at the body.
+    let behind = predict(&body(), &feet(), &PART.with_slope(Some(2.6)), place);
+    assert_eq!(behind.err(), Some(Infeasible::OutOfReach));
+}
+
+#[test]
 fn overload_grows_with_distance_and_mass_and_fatigue() {
     let (near, far) = (at(0.35, 0.0, 1.1).unwrap(), at(0.6, 0.0, 1.1).unwrap());
     for name in ["L5S1", "LeftShoulder", "RightKnee"] {
@@ -135,7 +162,9 @@ fn the_search_finds_the_place_of_the_whole_map() {
         let part = Part { mass_kg, ..PART };
         let planning =
             Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &part, experience: &experience };
-        let value = |place_m| planning.at(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value);
+        let value = |place_m| {
+            planning.at_best_slope(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value)
+        };
         let lowest = places(REGION_M).map(value).fold(f64::INFINITY, f64::min);
         let best = planning.best().unwrap();
         assert!(best.predicted.unwrap().1.value < 1.001 * lowest, "{best:?} {lowest}");

@@ -16,14 +16,16 @@ message! {
         pub current_m: [f64; 3],
         /// A [`CurrentFrame`].
         pub current_frame: u32,
-        /// Always zero; the fields fill a multiple of 64 bytes.
-        pub reserved: [u32; 3],
+        /// 1 if the handles have the slope `current_slope_rad` there; 0: handles that turn with the hands.
+        pub current_is_sloped: u32,
+        /// Slope of the handles at the current place, as [`HandoverPlan::slope_rad`].
+        pub current_slope_rad: f64,
     }
 }
 
 message! {
     /// The plan of a [`HandoverRequest`]. Places are of the middle between the grips.
-    as "equipoise/HandoverPlan/1", 192 bytes,
+    as "equipoise/HandoverPlan/2", 256 bytes,
     pub struct HandoverPlan {
         /// A [`HandoverRefusal`]; unless it is 0, all values after `subject` are zero.
         pub refused: u32,
@@ -57,6 +59,10 @@ message! {
         pub current_status: u32,
         /// Index of the worst joint at the current place.
         pub current_worst_joint: u32,
+        /// Slope of the handles at the best place: how far hands that follow them point below the horizontal, rad.
+        pub slope_rad: f64,
+        /// Always zero; the fields fill a multiple of 64 bytes.
+        pub unused: [u64; 7],
     }
 }
 

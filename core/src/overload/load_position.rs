@@ -16,12 +16,12 @@ use crate::kalman::STATES;
 use crate::math;
 
 /// Prior mean of the hand load fraction …
-const EVEN: f64 = 0.5;
+pub const EVEN: f64 = 0.5;
 /// … and its 1-σ: uniform between one hand and the other.
 pub const EVEN_SIGMA: f64 = 0.289;
 /// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for
 /// the centre of a box; the variance of a uniform distribution is the square of its width over 12.
-const AHEAD_M: f64 = 0.025;
+pub const AHEAD_M: f64 = 0.025;
 const AHEAD_SIGMA_M: f64 = 0.0144;
 /// Correlation time of the CoPs' errors besides the body model's: from one posture of work to the next, s.
 const POSTURE_S: f64 = 2.0;

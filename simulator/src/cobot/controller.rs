@@ -10,6 +10,15 @@ pub const RESUME_AFTER_S: f64 = 0.5;
 /// Speed of the commanded position, m/s.
 pub const TARGET_M_PER_S: f64 = 0.1;
 
+/// Where the part is to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// Position, station's world, m.
+    pub at_m: Vector3<f64>,
+    /// Slope of the handles, rad ([`Inputs::slope_rad`]).
+    pub slope_rad: f64,
+}
+
 /// From the validity of the newest state to the input registers of the program.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Controller {
@@ -25,13 +34,14 @@ impl Controller {
     pub fn decide(
         &mut self,
         is_valid: bool,
-        target_m: Option<Vector3<f64>>,
+        target: Option<Target>,
         tcp_m: Vector3<f64>,
         step_s: f64,
     ) -> Inputs {
         self.valid_s = if is_valid { self.valid_s + step_s } else { 0.0 };
         self.sequence = self.sequence % i32::MAX + 1;
-        self.sent_m = target_m.filter(|_| self.valid_s >= RESUME_AFTER_S).map(|target_m| {
+        let target = target.filter(|_| self.valid_s >= RESUME_AFTER_S);
+        self.sent_m = target.map(|Target { at_m: target_m, .. }| {
             let from_m = self.sent_m.unwrap_or(tcp_m);
             from_m + (target_m - from_m).cap_magnitude(TARGET_M_PER_S * step_s)
         });
@@ -39,6 +49,7 @@ impl Controller {
             command: i32::from(self.sent_m.is_some()),
             sequence: self.sequence,
             target_m: self.sent_m.unwrap_or(tcp_m).into(),
+            slope_rad: target.map_or(0.0, |target| target.slope_rad),
         }
     }
 }
@@ -50,7 +61,8 @@ mod tests {
     #[test]
     fn it_holds_on_an_invalid_state_and_resumes_slowly_from_where_the_arm_is() {
         let (mut controller, step_s) = (Controller::default(), 0.01);
-        let (at_m, target_m) = (Vector3::new(0.5, 0.1, 1.2), Some(Vector3::new(0.5, 0.1, 0.9)));
+        let at_m = Vector3::new(0.5, 0.1, 1.2);
+        let target_m = Some(Target { at_m: Vector3::new(0.5, 0.1, 0.9), slope_rad: 0.5 });
         let mut decide = |is_valid, target_m| controller.decide(is_valid, target_m, at_m, step_s);
         let commands: Vec<i32> = (0..60).map(|_| decide(true, target_m).command).collect();
         assert_eq!(commands.iter().filter(|command| **command == 0).count(), 49);
@@ -66,6 +78,8 @@ mod tests {
         for _ in 0..400 {
             decide(true, target_m);
         }
-        assert_eq!(Some(Vector3::from(decide(true, target_m).target_m)), target_m);
+        let arrived = decide(true, target_m);
+        let reached = Target { at_m: arrived.target_m.into(), slope_rad: arrived.slope_rad };
+        assert_eq!(Some(reached), target_m);
     }
 }

@@ -69,7 +69,8 @@ mod tests {
             let limits = Limits { tcp_m_per_s: of_tcp * limits.tcp_m_per_s, ..limits };
             let mut monitor = LimitMonitor::new(&motion, limits);
             for _ in 0..500 {
-                motion.step(Command::Toward(Vector3::new(-0.7, 0.2, 0.3)));
+                let turned = motion.orientation();
+                motion.step(Command::Toward(Vector3::new(-0.7, 0.2, 0.3), turned));
                 monitor.observe(&motion);
             }
             monitor

@@ -87,8 +87,8 @@ impl Default for Workspace {
 pub enum Command {
     /// Decelerates to rest.
     Stop,
-    /// Moves the TCP in a straight line to a position in the base, m; the orientation stays.
-    Toward(Vector3<f64>),
+    /// Moves the TCP in a straight line to a position in the base, m, and turns it to an orientation.
+    Toward(Vector3<f64>, UnitQuaternion<f64>),
 }
 
 /// The arm in motion.
@@ -96,7 +96,6 @@ pub enum Command {
 pub struct Motion {
     limits: Limits,
     workspace: Workspace,
-    orientation: UnitQuaternion<f64>,
     q_rad: Joints,
     qd_rad_per_s: Joints,
     is_stopped: bool,
@@ -108,7 +107,7 @@ pub struct Motion {
 pub struct OutsideWorkspace;
 
 impl Motion {
-    /// An arm at rest. It keeps the orientation that its TCP has at the start.
+    /// An arm at rest.
     ///
     /// # Errors
     /// [`OutsideWorkspace`] if it could not stop there.
@@ -117,8 +116,7 @@ impl Motion {
         if !workspace.permits(&pose.translation.vector) {
             return Err(OutsideWorkspace);
         }
-        let orientation = pose.rotation;
-        Ok(Motion { limits, workspace, orientation, q_rad, qd_rad_per_s: Joints::zeros(), is_stopped: false })
+        Ok(Motion { limits, workspace, q_rad, qd_rad_per_s: Joints::zeros(), is_stopped: false })
     }
 
     /// Joint angles, rad.
@@ -137,6 +135,12 @@ impl Motion {
     #[must_use]
     pub fn tcp_m(&self) -> Vector3<f64> {
         arm::forward(&self.q_rad).translation.vector
+    }
+
+    /// Orientation of the TCP, base.
+    #[must_use]
+    pub fn orientation(&self) -> UnitQuaternion<f64> {
+        arm::forward(&self.q_rad).rotation
     }
 
     /// Velocity of the TCP, base axes, m/s.
@@ -167,13 +171,14 @@ impl Motion {
         self.is_stopped &= self.qd_rad_per_s.amax() > 0.0;
     }
 
-    /// One control period. A position that is not finite causes a protective stop.
+    /// One control period. A target that is not finite causes a protective stop.
     pub fn step(&mut self, command: Command) {
-        if matches!(command, Command::Toward(at_m) if !at_m.iter().all(|value| value.is_finite())) {
+        if matches!(command, Command::Toward(at_m, turned) if !at_m.iter().chain(turned.coords.iter()).all(|value| value.is_finite()))
+        {
             self.protective_stop();
         }
         let wanted = match command {
-            Command::Toward(at_m) if !self.is_stopped => self.approach(&at_m),
+            Command::Toward(at_m, turned) if !self.is_stopped => self.approach(&at_m, &turned),
             _ => None,
         };
         let qd = wanted.filter(|qd| self.can_stop_after(qd)).unwrap_or_else(|| self.decelerated());
@@ -181,12 +186,12 @@ impl Motion {
         self.qd_rad_per_s = qd;
     }
 
-    /// Joint velocities of the next step toward a position, within all limits.
-    fn approach(&self, target_m: &Vector3<f64>) -> Option<Joints> {
+    /// Joint velocities of the next step toward a pose, within all limits.
+    fn approach(&self, target_m: &Vector3<f64>, orientation: &UnitQuaternion<f64>) -> Option<Joints> {
         let pose = arm::forward(&self.q_rad);
         let way_m = target_m - pose.translation.vector;
         let speed = PLANNED * self.limits.tcp_m_per_s;
-        let turn_rad = arm::rotation_between(&pose.rotation, &self.orientation);
+        let turn_rad = arm::rotation_between(&pose.rotation, orientation);
         let mut twist = Vector6::zeros();
         twist.fixed_rows_mut::<3>(0).copy_from(&(way_m * APPROACH_PER_S).cap_magnitude(speed));
         let turn = (turn_rad * TURN_PER_S).cap_magnitude(TURN_MAX_RAD_PER_S);
@@ -254,6 +259,12 @@ mod tests {
     use crate::cobot::program::start_rad;
     use crate::random::Random;
 
+    /// To a position, turned from the start about the base's Y axis, rad.
+    fn toward(at_m: Vector3<f64>, turned_rad: f64) -> Command {
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), turned_rad);
+        Command::Toward(at_m, turn * arm::forward(&start_rad()).rotation)
+    }
+
     fn motion() -> Motion {
         Motion::new(start_rad(), Limits::default(), Workspace::default()).unwrap()
     }
@@ -269,7 +280,7 @@ mod tests {
                 let span = if random.happens(0.1) { 10.0 } else { 0.7 };
                 let at_m =
                     Vector3::from_fn(|_, _| random.between(-span, span)) + Vector3::new(-0.65, 0.0, 0.35);
-                command = if random.happens(0.2) { Command::Stop } else { Command::Toward(at_m) };
+                command = if random.happens(0.2) { Command::Stop } else { toward(at_m, 1.0) };
             }
             if random.happens(0.0005) {
                 motion.protective_stop();
@@ -292,7 +303,7 @@ mod tests {
         for target in [[-0.7, 0.2, 0.3], [-0.5, -0.3, 0.5], [-0.8, 0.0, 0.1]] {
             let target_m = Vector3::from(target);
             for _ in 0..6 * 500 {
-                motion.step(Command::Toward(target_m));
+                motion.step(toward(target_m, -0.5));
             }
             assert!((motion.tcp_m() - target_m).norm() < 0.001, "{} of {target_m}", motion.tcp_m());
             assert!(arm::forward(&motion.q_rad).rotation.angle_to(&begun) < 0.01);
@@ -308,7 +319,7 @@ mod tests {
             let size = motion.workspace.high_m - low;
             let at_m = low + Vector3::from_fn(|axis, _| random.unit() * size[axis]);
             for _ in 0..(random.unit() * 500.0) as u32 {
-                motion.step(Command::Toward(at_m));
+                motion.step(toward(at_m, 0.0));
             }
             (0..25).for_each(|_| motion.step(Command::Stop));
             assert_eq!(motion.qd_rad_per_s, Joints::zeros());
@@ -317,9 +328,9 @@ mod tests {
 
     #[test]
     fn a_protective_stop_ignores_commands_until_it_is_unlocked() {
-        let (mut motion, to) = (motion(), Command::Toward(Vector3::new(-0.7, 0.2, 0.3)));
+        let (mut motion, to) = (motion(), toward(Vector3::new(-0.7, 0.2, 0.3), 0.0));
         (0..100).for_each(|_| motion.step(to));
-        motion.step(Command::Toward(Vector3::new(f64::NAN, 0.0, 0.0)));
+        motion.step(toward(Vector3::new(f64::NAN, 0.0, 0.0), 0.0));
         motion.unlock();
         assert!(motion.is_protective_stop(), "it still moves");
         (0..100).for_each(|_| motion.step(to));

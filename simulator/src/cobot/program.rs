@@ -2,7 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
 use super::arm::{self, Joints};
 use super::motion::{Command, Limits, Motion, OutsideWorkspace, STEP_S, Workspace};
@@ -11,7 +11,7 @@ use super::motion::{Command, Limits, Motion, OutsideWorkspace, STEP_S, Workspace
 pub const STALE_S: f64 = 0.06;
 /// After an interruption it moves only when the sequence has changed for this long, s.
 pub const SETTLED_S: f64 = 0.2;
-/// Number of the first register: int 36 and 37, double 36 to 38, as inputs and as outputs.
+/// Number of the first register: int 36 and 37, double 36 to 38, as inputs and as outputs, and double 39 as an input.
 pub const FIRST_REGISTER: u8 = 36;
 
 /// Default retreat position, base frame, m.
@@ -26,6 +26,9 @@ pub struct Inputs {
     pub sequence: i32,
     /// Target of the TCP in the station's world, m.
     pub target_m: [f64; 3],
+    /// Target of the slope of the part's handles, rad: how far hands that follow them point below the horizontal; 0 at
+    /// the start.
+    pub slope_rad: f64,
 }
 
 /// What the program does, as its output register 36.
@@ -74,6 +77,18 @@ impl CobotSettings {
     #[must_use]
     pub fn permits(&self, at_m: &Vector3<f64>) -> bool {
         self.workspace.permits(&base_position(self, at_m))
+    }
+
+    /// Slope of the handles with these joint angles, rad.
+    #[must_use]
+    pub fn slope_rad(&self, q_rad: &Joints) -> f64 {
+        let turn = arm::forward(q_rad).rotation * arm::forward(&start_rad()).rotation.inverse();
+        turn.scaled_axis().dot(&self.aside())
+    }
+
+    /// To the left of the worker, who faces the world's X axis, base.
+    fn aside(&self) -> Unit<Vector3<f64>> {
+        self.world_from_base.rotation.inverse() * Vector3::y_axis()
     }
 }
 
@@ -148,16 +163,28 @@ impl Program {
         if self.changing_s < SETTLED_S {
             return (Activity::NoHeartbeat, Command::Stop);
         }
-        let (activity, target_m) = match inputs.command {
-            1 => (Activity::Move, Vector3::from(inputs.target_m)),
-            2 => (Activity::Retreat, self.settings.retreat_m),
+        let (activity, target_m, slope_rad) = match inputs.command {
+            1 => (Activity::Move, Vector3::from(inputs.target_m), inputs.slope_rad),
+            2 => (Activity::Retreat, self.settings.retreat_m, 0.0),
             _ => return (Activity::Hold, Command::Stop),
         };
         let target_m = base_position(&self.settings, &target_m);
         if target_m.iter().all(|value| value.is_finite()) && !self.motion.workspace().permits(&target_m) {
             return (Activity::Unreachable, Command::Stop);
         }
-        (activity, Command::Toward(target_m))
+        (activity, Command::Toward(target_m, self.sloped(slope_rad)))
+    }
+
+    /// Orientation of the TCP with this slope of the handles, base: the side of the part away from the worker goes down.
+    fn sloped(&self, slope_rad: f64) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_axis_angle(&self.settings.aside(), slope_rad)
+            * arm::forward(&start_rad()).rotation
+    }
+
+    /// Slope of the handles, rad.
+    #[must_use]
+    pub fn slope_rad(&self) -> f64 {
+        self.settings.slope_rad(&self.motion.q_rad())
     }
 
     /// The arm.
@@ -222,7 +249,7 @@ mod tests {
     fn it_moves_to_the_target_and_back_only_while_the_sequence_changes() {
         let mut program = Program::new(CobotSettings::default()).unwrap();
         let start_m = program.tcp_in_world_m();
-        let mut inputs = Inputs { command: 1, sequence: 77, target_m: TARGET_M };
+        let mut inputs = Inputs { command: 1, sequence: 77, target_m: TARGET_M, slope_rad: 0.0 };
         run(&mut program, &mut inputs, 1.0, false);
         assert_eq!((program.activity(), speed(&program)), (Activity::NoHeartbeat, 0.0));
         run(&mut program, &mut inputs, SETTLED_S - 0.02, true);
@@ -246,7 +273,7 @@ mod tests {
     #[test]
     fn it_holds_for_a_target_outside_and_stops_for_one_that_is_not_finite() {
         let mut program = Program::new(CobotSettings::default()).unwrap();
-        let mut inputs = Inputs { command: 1, sequence: 0, target_m: [0.0, 0.0, 1.0] };
+        let mut inputs = Inputs { command: 1, sequence: 0, target_m: [0.0, 0.0, 1.0], slope_rad: 0.0 };
         run(&mut program, &mut inputs, 1.0, true);
         assert_eq!((program.activity(), speed(&program)), (Activity::Unreachable, 0.0));
         inputs.target_m[2] = f64::INFINITY;
@@ -258,7 +285,12 @@ mod tests {
     fn equal_inputs_give_equal_motion() {
         let run = || {
             let mut program = Program::new(CobotSettings::default()).unwrap();
-            run(&mut program, &mut Inputs { command: 1, sequence: 0, target_m: TARGET_M }, 2.0, true);
+            run(
+                &mut program,
+                &mut Inputs { command: 1, sequence: 0, target_m: TARGET_M, slope_rad: 0.0 },
+                2.0,
+                true,
+            );
             program
         };
         assert_eq!(run(), run());

@@ -116,6 +116,7 @@ fn inputs(controller: &Controller) -> Inputs {
         command: value("int", 0) as i32,
         sequence: value("int", 1) as i32,
         target_m: [0, 1, 2].map(|axis| value("double", axis)),
+        slope_rad: value("double", 3),
     }
 }
 

@@ -149,8 +149,12 @@ fn a_perfect_suit_sees_the_truth_and_an_ordinary_one_is_a_degree_off() {
 
 #[test]
 fn a_held_part_stays_in_the_hands_and_the_motion_is_smooth_and_balanced() {
-    let place =
-        |middle_m: [f64; 3]| HeldPart { middle_m: middle_m.into(), width_m: 0.35, aside: Vector3::y() };
+    let place = |middle_m: [f64; 3]| HeldPart {
+        middle_m: middle_m.into(),
+        width_m: 0.35,
+        aside: Vector3::y(),
+        slope_rad: None,
+    };
     for seed in 0..4 {
         let person = Person::new(seed, 1.6 + 0.08 * seed as f64, 60.0 + 8.0 * seed as f64);
         let weight_n = person.mass_kg * GRAVITY_M_PER_S2;

@@ -1,13 +1,15 @@
 //! The handovers of one worker in turn: at a fixed place, at places from which the controller learns, and the assisted one.
 
 use equipoise_core::handover::experience::LimitRatio;
-use nalgebra::Vector3;
+use equipoise_simulator::cobot::trial::FIXED_M;
+use equipoise_simulator::reach::LEVEL_RAD;
 
-use super::planner::Planner;
+use super::planner::{Planner, Presentation};
 
-/// The fixed place, the same for all workers, who stand at the station's origin and face X: the middle of the region that
-/// `equipoise-study handover` samples, station's world, m.
-pub const FIXED_M: Vector3<f64> = Vector3::new(0.45, 0.0, 1.05);
+/// The baseline: the worker grips the part as is comfortable.
+pub const FIXED: Presentation = Presentation { at_m: FIXED_M, slope_rad: None };
+/// The same with the fixed handles of a level box.
+pub const LEVEL: Presentation = Presentation { at_m: FIXED_M, slope_rad: Some(LEVEL_RAD) };
 /// Handovers between the baseline and the assisted one, from which the controller learns.
 pub const LEARNING: usize = 3;
 /// Number of attempts at each handover: without a measurement the next place is tried.
@@ -18,6 +20,8 @@ const TRIES: usize = 4;
 pub enum Purpose {
     /// The overload at the fixed place.
     Baseline,
+    /// The same with fixed handles: for comparison, without learning.
+    Level,
     /// Where the corrected limit ratio less its σ is lowest.
     Learning,
     /// Where the corrected limit ratio is lowest; at the fixed place unless that is better by more than σ.
@@ -42,35 +46,38 @@ impl Course {
         Course { planner, purpose, has_baseline: false, learned: 0, failed: 0 }
     }
 
-    /// The next handover and its place, station's world, m; `None` at the end, or if no place is left.
-    pub fn next(&self) -> Option<(Purpose, Vector3<f64>)> {
+    /// The next handover and its presentation; `None` at the end, or if none is left.
+    pub fn next(&self) -> Option<(Purpose, Presentation)> {
         let purpose = self.purpose?;
-        let at_m = match purpose {
-            Purpose::Baseline => FIXED_M,
-            Purpose::Learning => self.planner.best(1.0)?.at_m,
+        let part = match purpose {
+            Purpose::Baseline => FIXED,
+            Purpose::Level => LEVEL,
+            Purpose::Learning => self.planner.best(1.0)?.part,
             Purpose::Assisted if self.has_baseline => {
-                self.planner.better_than(FIXED_M).map_or(FIXED_M, |better| better.at_m)
+                self.planner.better_than(FIXED).map_or(FIXED, |better| better.part)
             }
-            Purpose::Assisted => self.planner.best(0.0)?.at_m,
+            Purpose::Assisted => self.planner.best(0.0)?.part,
         };
-        Some((purpose, at_m))
+        Some((purpose, part))
     }
 
     /// Ends the handover at a place with the measured limit ratio. `None`: no valid torque was published, because the arm did not
     /// arrive, the worker did not reach the part, or a state was invalid; the place is not used again.
-    pub fn end(&mut self, at_m: Vector3<f64>, measured: Option<LimitRatio>) {
+    pub fn end(&mut self, part: Presentation, measured: Option<LimitRatio>) {
         let Some(purpose) = self.purpose else { return };
         match measured {
-            Some(measured) => self.planner.observe(at_m, measured),
+            _ if purpose == Purpose::Level => {}
+            Some(measured) => self.planner.observe(part, measured),
             None if purpose == Purpose::Baseline => {}
-            None => self.planner.exclude(at_m),
+            None => self.planner.exclude(part),
         }
         self.has_baseline |= purpose == Purpose::Baseline && measured.is_some();
         self.learned += usize::from(purpose == Purpose::Learning && measured.is_some());
         self.failed = if measured.is_some() { 0 } else { self.failed + 1 };
         let is_over = measured.is_some() || self.failed == TRIES;
         let next = match purpose {
-            Purpose::Baseline if is_over => Some(Purpose::Learning),
+            Purpose::Baseline if is_over => Some(Purpose::Level),
+            Purpose::Level if is_over => Some(Purpose::Learning),
             Purpose::Learning if self.learned == LEARNING || self.failed == TRIES => Some(Purpose::Assisted),
             Purpose::Assisted if is_over => None,
             same => Some(same),
@@ -93,10 +100,12 @@ mod tests {
     #[test]
     fn the_handovers_follow_each_other_and_places_without_a_measurement_are_not_repeated() {
         let mut course = Course::new(planner());
-        assert_eq!(course.next(), Some((Purpose::Baseline, FIXED_M)));
-        course.end(FIXED_M, None);
-        assert_eq!(course.next(), Some((Purpose::Baseline, FIXED_M)));
-        course.end(FIXED_M, measured(0.5));
+        assert_eq!(course.next(), Some((Purpose::Baseline, FIXED)));
+        course.end(FIXED, None);
+        assert_eq!(course.next(), Some((Purpose::Baseline, FIXED)));
+        course.end(FIXED, measured(0.5));
+        assert_eq!(course.next(), Some((Purpose::Level, LEVEL)));
+        course.end(LEVEL, measured(0.7));
         let mut refused = None;
         for _ in 0..LEARNING {
             let (purpose, at_m) = course.next().unwrap();

@@ -1,21 +1,33 @@
-//! The choice of a place: the posture model's prediction, corrected by the limit ratios measured in earlier handovers.
+//! The choice of a place and a slope of the handles: the posture model's prediction, corrected by the limit ratios measured in earlier handovers.
 
 use equipoise_core::handover::experience::{Experience, LimitRatio};
+use equipoise_core::handover::search::SLOPES_RAD;
 use equipoise_core::handover::{self, Body, FootPlacement, Part, Prediction};
 use nalgebra::Vector3;
 
-use crate::handover::{PART_KG, WIDTH_M, grid};
+use equipoise_simulator::cobot::trial::{PART_KG, WIDTH_M};
+
+use crate::handover::grid;
 
 /// A place that was not reached excludes those within this distance, m.
 const EXCLUDED_M: f64 = 0.075;
 /// The part that is handed over.
-const PART: Part = Part { mass_kg: PART_KG, mass_sigma_kg: 0.0, width_m: WIDTH_M };
+const PART: Part = Part { mass_kg: PART_KG, mass_sigma_kg: 0.0, width_m: WIDTH_M, slope_rad: None };
 
-/// A place with its corrected limit ratio of the worst joint.
+/// How the part is presented.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Choice {
-    /// Station's world, m.
+pub struct Presentation {
+    /// Middle between the grips, station's world, m.
     pub at_m: Vector3<f64>,
+    /// Slope of the handles ([`Part::slope_rad`]).
+    pub slope_rad: Option<f64>,
+}
+
+/// A presentation with its corrected limit ratio of the worst joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// The presentation.
+    pub part: Presentation,
     /// Corrected limit ratio.
     pub corrected: LimitRatio,
 }
@@ -25,7 +37,7 @@ pub struct Choice {
 pub struct Planner {
     body: Body,
     feet: FootPlacement,
-    places: Vec<(Vector3<f64>, Prediction)>,
+    candidates: Vec<(Presentation, Prediction)>,
     experience: Experience,
 }
 
@@ -33,49 +45,54 @@ impl Planner {
     /// A planner for the places in front of the worker that the cobot `permits`: those of `equipoise-study handover`,
     /// station's world.
     pub fn new(body: Body, feet: FootPlacement, permits: impl Fn(&Vector3<f64>) -> bool) -> Planner {
-        let mut planner = Planner { body, feet, places: Vec::new(), experience: Experience::default() };
+        let mut planner = Planner { body, feet, candidates: Vec::new(), experience: Experience::default() };
         let permitted = grid().filter(permits);
-        planner.places = permitted.filter_map(|at_m| Some((at_m, planner.predict(at_m)?))).collect();
+        let parts = permitted
+            .flat_map(|at_m| SLOPES_RAD.map(|slope_rad| Presentation { at_m, slope_rad: Some(slope_rad) }));
+        planner.candidates = parts.filter_map(|part| Some((part, planner.predict(part)?))).collect();
         planner
     }
 
-    /// Prediction of the posture model; `None` for an infeasible place.
-    fn predict(&self, at_m: Vector3<f64>) -> Option<Prediction> {
-        handover::predict(&self.body, &self.feet, &PART, at_m).ok()
+    /// Prediction of the posture model; `None` for an infeasible presentation.
+    fn predict(&self, part: Presentation) -> Option<Prediction> {
+        handover::predict(&self.body, &self.feet, &PART.with_slope(part.slope_rad), part.at_m).ok()
     }
 
-    /// A place and its corrected limit ratio.
-    fn corrected(&self, at_m: Vector3<f64>, model: &Prediction) -> Choice {
-        let corrected = self.experience.correct(at_m, model.worst_with_sigma());
-        Choice { at_m, corrected }
+    /// A presentation and its corrected limit ratio.
+    fn corrected(&self, part: Presentation, model: &Prediction) -> Candidate {
+        let corrected = self.experience.correct(part.at_m, model.worst_with_sigma());
+        Candidate { part, corrected }
     }
 
-    /// Adds the limit ratio measured at a place. One at an infeasible place has no prediction to compare with.
-    pub fn observe(&mut self, at_m: Vector3<f64>, measured: LimitRatio) {
-        if let Some(model) = self.predict(at_m) {
-            self.experience.observe(at_m, model.worst_limit_ratio(), measured);
+    /// Adds a measured limit ratio. One of an infeasible presentation has no prediction to compare with.
+    pub fn observe(&mut self, part: Presentation, measured: LimitRatio) {
+        if let Some(model) = self.predict(part) {
+            self.experience.observe(part.at_m, model.worst_limit_ratio(), measured);
         }
     }
 
-    /// Excludes a place that the worker did not reach.
-    pub fn exclude(&mut self, at_m: Vector3<f64>) {
-        self.places.retain(|(place_m, _)| (place_m - at_m).norm() > EXCLUDED_M);
+    /// Excludes a presentation that the worker did not reach, and those near to it with the same slope.
+    pub fn exclude(&mut self, part: Presentation) {
+        let is_same = |other: &Presentation| {
+            other.slope_rad == part.slope_rad && (other.at_m - part.at_m).norm() <= EXCLUDED_M
+        };
+        self.candidates.retain(|(other, _)| !is_same(other));
     }
 
-    /// The place with the lowest corrected limit ratio less `optimism` σ; `None` if all are infeasible or excluded.
-    pub fn best(&self, optimism: f64) -> Option<Choice> {
-        let value = |choice: &Choice| choice.corrected.value - optimism * choice.corrected.sigma;
-        let all = self.places.iter().map(|(at_m, model)| self.corrected(*at_m, model));
+    /// The presentation with the lowest corrected limit ratio less `optimism` σ; `None` if all are infeasible or excluded.
+    pub fn best(&self, optimism: f64) -> Option<Candidate> {
+        let value = |it: &Candidate| it.corrected.value - optimism * it.corrected.sigma;
+        let all = self.candidates.iter().map(|(part, model)| self.corrected(*part, model));
         all.min_by(|a, b| value(a).total_cmp(&value(b)))
     }
 
-    /// The best place, if it is better than `from_m` by more than σ as in `clients/python/handover.py`.
-    pub fn better_than(&self, from_m: Vector3<f64>) -> Option<Choice> {
+    /// The best presentation, if it is better than `from` by more than σ as in `clients/python/handover.py`.
+    pub fn better_than(&self, from: Presentation) -> Option<Candidate> {
         let best = self.best(0.0)?;
-        let Some(model) = self.predict(from_m) else { return Some(best) };
-        let there = self.predict(best.at_m)?;
+        let Some(model) = self.predict(from) else { return Some(best) };
+        let there = self.predict(best.part)?;
         let predicted = [model, there].map(|model| model.worst_with_sigma());
-        let gain = self.experience.difference([from_m, best.at_m], predicted);
+        let gain = self.experience.difference([from.at_m, best.part.at_m], predicted);
         (gain.value > gain.sigma).then_some(best)
     }
 }
@@ -99,15 +116,19 @@ pub(super) mod tests {
     fn the_best_place_follows_the_measurements_and_excluded_places_are_left_out() {
         let mut planner = planner();
         let best = planner.best(0.0).unwrap();
-        assert!(planner.better_than(Vector3::new(0.6, 0.0, 1.05)).is_some());
-        assert_eq!(planner.better_than(best.at_m), None);
+        assert!(
+            planner
+                .better_than(Presentation { at_m: Vector3::new(0.6, 0.0, 1.05), slope_rad: None })
+                .is_some()
+        );
+        assert_eq!(planner.better_than(best.part), None);
         for _ in 0..3 {
             let measured = LimitRatio { value: 2.0 * best.corrected.value, sigma: 0.02 };
-            planner.observe(best.at_m, measured);
+            planner.observe(best.part, measured);
         }
         let next = planner.best(0.0).unwrap();
-        assert!((next.at_m - best.at_m).norm() > 0.1, "{best:?} {next:?}");
-        planner.exclude(next.at_m);
-        assert_ne!(planner.best(0.0).unwrap().at_m, next.at_m);
+        assert!(next.part != best.part, "{best:?} {next:?}");
+        planner.exclude(next.part);
+        assert_ne!(planner.best(0.0).unwrap().part, next.part);
     }
 }

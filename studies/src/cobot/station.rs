@@ -4,16 +4,18 @@
 
 use equipoise_core::handover;
 use equipoise_core::message::Validity;
-use equipoise_simulator::cobot::controller::Controller;
+use equipoise_simulator::cobot::controller::{Controller, Target};
 use equipoise_simulator::cobot::monitor::LimitMonitor;
 use equipoise_simulator::cobot::motion::OutsideWorkspace;
 use equipoise_simulator::cobot::program::{CobotSettings, Program};
+use equipoise_simulator::cobot::trial::{
+    AFTERWARDS_S, ARRIVED_M, ARRIVES_WITHIN_S, HOLD_S, PART_KG, TURNED_RAD, WIDTH_M,
+};
 use equipoise_simulator::reach::{HeldPart, ReachHabits};
 use nalgebra::Vector3;
 
-use super::held::{Held, HeldSums};
-use super::planner::Planner;
-use crate::handover::{PART_KG, WIDTH_M};
+use super::held::{HoldResult, HoldSums};
+use super::planner::{Planner, Presentation};
 use crate::session::{Moment, Session};
 use crate::subject::Subject;
 
@@ -24,14 +26,8 @@ const DECISION_S: f64 = 0.02;
 const STEPS: u32 = 10;
 /// Flags that stop the arm: a worker without a load is a valid state.
 pub const STOPS: Validity = Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0);
-/// The part is at its place within this distance, m; the arm gives up after this time, s.
-pub const ARRIVED_M: f64 = 0.002;
+/// The arm is at rest below this speed.
 const AT_REST_RAD_PER_S: f64 = 0.01;
-const ARRIVES_WITHIN_S: f64 = 30.0;
-/// Duration of a hold with the whole weight, s.
-pub const HOLD_S: f64 = 3.0;
-/// From the end of a hold until the worker stands straight again, s.
-pub const AFTERWARDS_S: f64 = 4.0;
 /// Without a load in the hands for this time the controller regards the place as not reached, s.
 pub const PATIENCE_S: f64 = 3.0;
 
@@ -83,12 +79,12 @@ impl Station {
         self.program.tcp_in_world_m()
     }
 
-    /// Advances worker and estimator by the interval between two decisions, and then the arm, toward `target_m` or at
+    /// Advances worker and estimator by the interval between two decisions, and then the arm, toward a target or at
     /// rest.
-    fn advance(&mut self, target_m: Option<Vector3<f64>>, see: impl FnMut(&Moment)) {
+    fn advance(&mut self, target: Option<Target>, see: impl FnMut(&Moment)) {
         self.session.run(DECISION_S, see);
         let is_valid = !self.session.state().validity().any_of(STOPS);
-        let inputs = self.controller.decide(is_valid, target_m, self.part_m(), DECISION_S);
+        let inputs = self.controller.decide(is_valid, target, self.part_m(), DECISION_S);
         for _ in 0..STEPS {
             self.program.step(&inputs);
             self.monitor.observe(self.program.motion());
@@ -96,32 +92,35 @@ impl Station {
     }
 
     /// Moves the part to a place; the arm holds while the published state is invalid. Returns whether it arrived.
-    pub fn present(&mut self, at_m: Vector3<f64>) -> bool {
+    pub fn present(&mut self, part: Presentation) -> bool {
+        let target = Target { at_m: part.at_m, slope_rad: part.slope_rad.unwrap_or_default() };
         for _ in 0..(ARRIVES_WITHIN_S / DECISION_S) as u32 {
-            self.advance(Some(at_m), |_| {});
+            self.advance(Some(target), |_| {});
             let is_at_rest = self.program.motion().qd_rad_per_s().amax() < AT_REST_RAD_PER_S;
-            if (self.part_m() - at_m).norm() < ARRIVED_M && is_at_rest {
+            let is_turned = (self.program.slope_rad() - target.slope_rad).abs() < TURNED_RAD;
+            if (self.part_m() - target.at_m).norm() < ARRIVED_M && is_turned && is_at_rest {
                 return true;
             }
         }
         false
     }
 
-    /// The worker takes the presented part, holds it and gives it back. `None` if no valid torque was published
+    /// The worker takes the presented part, with fixed handles or such that turn with the hands, holds it and gives it
+    /// back. `None` if no valid torque was published
     /// meanwhile, as when the worker does not reach it.
-    pub fn hold(&mut self) -> Option<Held> {
-        let part = HeldPart { middle_m: self.part_m(), width_m: WIDTH_M, aside: Vector3::y() };
+    pub fn hold(&mut self, turns_with_hands: bool) -> Option<HoldResult> {
+        let slope_rad = (!turns_with_hands).then(|| self.program.slope_rad());
+        let part = HeldPart { middle_m: self.part_m(), width_m: WIDTH_M, aside: Vector3::y(), slope_rad };
         let (habits, limits) = (self.habits, self.session.settings().limits);
         let mut span_s = None;
         self.session.order(|worker, at_s| span_s = worker.hold_part(&habits, &part, PART_KG, at_s, HOLD_S));
         let seconds = span_s.map_or(PATIENCE_S, |[_, end_s]| end_s + AFTERWARDS_S - self.session.now_s());
-        let mut sums = HeldSums::default();
+        let mut sums = HoldSums::default();
         for _ in 0..(seconds / DECISION_S) as u32 {
             self.advance(None, |moment| {
-                sums.add(moment.state);
                 if span_s.is_some_and(|[start_s, end_s]| (start_s..end_s).contains(&moment.time_s)) {
                     let body = moment.worker.sample(moment.time_s);
-                    sums.add_truth(&limits, moment.worker.person(), &body);
+                    sums.add(moment.state, &limits, moment.worker.person(), &body);
                 }
             });
         }
@@ -133,7 +132,7 @@ impl Station {
 mod tests {
     use super::*;
 
-    const PLACE_M: Vector3<f64> = Vector3::new(0.45, 0.0, 1.05);
+    const PLACE: Presentation = Presentation { at_m: Vector3::new(0.45, 0.0, 1.05), slope_rad: Some(0.5) };
 
     #[test]
     fn the_arm_moves_only_while_the_published_state_is_valid() {
@@ -143,10 +142,10 @@ mod tests {
             station.advance(None, |_| {});
         }
         station.session.restart_ground(ARRIVES_WITHIN_S + 1.0);
-        assert!(!station.present(PLACE_M));
+        assert!(!station.present(PLACE));
         // The state is valid until the silence is noticed.
         assert!((station.part_m() - begun_m).norm() < 0.02, "{}", station.part_m());
-        assert!(station.present(PLACE_M));
+        assert!(station.present(PLACE));
         assert_eq!(station.exceeded(), 0);
     }
 }

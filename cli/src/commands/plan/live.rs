@@ -45,7 +45,12 @@ pub(super) fn plan(station: &str, id: &str, arguments: &HandoverArguments) -> an
         Some(CurrentStatus::None) | None => None,
     };
     Ok(Plan {
-        best: Place { place_m: plan.place_m.into(), position_m: plan.position_m.into(), predicted: Ok(best) },
+        best: Place {
+            place_m: plan.place_m.into(),
+            position_m: plan.position_m.into(),
+            slope_rad: Some(plan.slope_rad),
+            predicted: Ok(best),
+        },
         now: arguments.now.zip(now),
         handovers: plan.handovers as usize,
         map: Vec::new(),

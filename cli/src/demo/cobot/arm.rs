@@ -7,7 +7,7 @@ use anyhow::Context;
 use equipoise_core::message::{State, Validity};
 use equipoise_daemon::realtime::now_ns;
 use equipoise_simulator::cobot::arm::{JOINTS, chain_m};
-use equipoise_simulator::cobot::controller::Controller;
+use equipoise_simulator::cobot::controller::{Controller, Target};
 use equipoise_simulator::cobot::program::{Activity, CobotSettings};
 use equipoise_simulator::cobot::server::Cobot;
 use nalgebra::{Point3, Vector3};
@@ -33,8 +33,8 @@ const WORKSPACE_M: f64 = 1.0;
 pub(super) enum Goal {
     /// Hold the part at rest.
     Hold,
-    /// Move the part to a place while the state is valid, station's world, m.
-    Place(Vector3<f64>),
+    /// Move the part while the state is valid.
+    Present(Target),
     /// Move to the retreat position.
     Retreat,
 }
@@ -72,6 +72,11 @@ impl Arm {
         Some(chain_m(&self.robot.newest()?.q_rad).map(in_world))
     }
 
+    /// Slope of the handles, rad; `None` before the first data.
+    pub(super) fn slope_rad(&self) -> Option<f64> {
+        Some(self.settings.slope_rad(&self.robot.newest()?.q_rad))
+    }
+
     /// Commands the arm; it moves to a place only while the newest state is valid. Returns the position of the part,
     /// station's world, m; `None` before the first data.
     pub(super) fn drive(&mut self, state: &State, goal: Goal) -> anyhow::Result<Option<Vector3<f64>>> {
@@ -82,11 +87,11 @@ impl Arm {
             let step_s = since.as_secs_f64();
             let is_current = now_ns().saturating_sub(state.published_ns) <= AGE_MAX_NS && step_s <= GAP_MAX_S;
             let is_valid = is_current && !state.validity().any_of(STOPS);
-            let target_m = match goal {
-                Goal::Place(at_m) => Some(at_m),
+            let target = match goal {
+                Goal::Present(target) => Some(target),
                 Goal::Hold | Goal::Retreat => None,
             };
-            let mut inputs = self.controller.decide(is_valid, target_m, part_m, step_s.min(GAP_MAX_S));
+            let mut inputs = self.controller.decide(is_valid, target, part_m, step_s.min(GAP_MAX_S));
             if matches!(goal, Goal::Retreat) {
                 inputs.command = Activity::Retreat as i32;
             }

@@ -35,6 +35,9 @@ pub struct CobotSummary {
 pub struct HandoverResult {
     /// Place of the part, station's world, m.
     pub place_m: [f64; 3],
+    /// Slope of the handles, rad; absent for handles that turn with the hands.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub slope_rad: Option<f64>,
     /// MVN's name of the worst joint, as published.
     pub joint: &'static str,
     /// Published torque over its limit.
@@ -50,6 +53,8 @@ pub struct HandoverResult {
 pub struct PlanResult {
     /// Planned place, station's world, m.
     pub position_m: [f64; 3],
+    /// Planned slope of the handles, rad.
+    pub slope_rad: f64,
     /// Number of measured handovers that correct the prediction.
     pub handovers: u32,
     /// Predicted limit ratio of the worst joint there, and 1-σ.
@@ -99,9 +104,10 @@ fn changes((fixed, assisted): (&HandoverResult, &HandoverResult)) -> (Change, Ch
 }
 
 impl HandoverResult {
-    fn of(Handover { place_m, held }: Handover) -> HandoverResult {
+    fn of(Handover { place_m, slope_rad, held }: Handover) -> HandoverResult {
         HandoverResult {
             place_m: place_m.into(),
+            slope_rad,
             joint: held.joint.name(),
             limit_ratio: held.ratio.value,
             limit_ratio_sigma: held.ratio.sigma,
@@ -115,6 +121,7 @@ impl PlanResult {
         let is_feasible = plan.current_status == CurrentStatus::Predicted as u32;
         PlanResult {
             position_m: plan.position_m,
+            slope_rad: plan.slope_rad,
             handovers: plan.handovers,
             limit_ratio: [plan.limit_ratio, plan.limit_ratio_sigma],
             fixed_limit_ratio: is_feasible
@@ -127,24 +134,33 @@ impl fmt::Display for HandoverResult {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [ratio, sigma, real] =
             [self.limit_ratio, self.limit_ratio_sigma, self.true_limit_ratio].map(|ratio| 100.0 * ratio);
-        write!(f, "{}  {ratio:3.0} ± {sigma:.0} % ({real:.0} %)  {}", Place(self.place_m), self.joint)
+        write!(
+            f,
+            "{}  {ratio:3.0} ± {sigma:.0} % ({real:.0} %)  {}",
+            Place(self.place_m, self.slope_rad),
+            self.joint
+        )
     }
 }
 
-/// A place in words.
-struct Place([f64; 3]);
+/// A place and the slope of the handles in words.
+struct Place([f64; 3], Option<f64>);
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [x, y, z] = self.0;
-        write!(f, "{x:.2} m forward, {y:5.2} m left, {z:.2} m up")
+        write!(f, "{x:.2} m forward, {y:5.2} m left, {z:.2} m up, ")?;
+        match self.1 {
+            Some(slope_rad) => write!(f, "sloped {:2.0}°", slope_rad.to_degrees()),
+            None => write!(f, "free grip "),
+        }
     }
 }
 
 impl fmt::Display for PlanResult {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [ratio, sigma] = self.limit_ratio.map(|ratio| 100.0 * ratio);
-        write!(f, "{}  {ratio:3.0} ± {sigma:.0} % predicted", Place(self.position_m))?;
+        write!(f, "{}  {ratio:3.0} ± {sigma:.0} % predicted", Place(self.position_m, Some(self.slope_rad)))?;
         if let Some(fixed) = self.fixed_limit_ratio {
             let [ratio, sigma] = fixed.map(|ratio| 100.0 * ratio);
             write!(f, ", {ratio:.0} ± {sigma:.0} % at the fixed place")?;
@@ -192,7 +208,14 @@ mod tests {
 
     fn result(limit_ratio: f64, true_limit_ratio: f64) -> HandoverResult {
         let (place_m, joint) = ([0.45, 0.0, 1.05], "L5S1");
-        HandoverResult { place_m, joint, limit_ratio, limit_ratio_sigma: 0.03, true_limit_ratio }
+        HandoverResult {
+            place_m,
+            slope_rad: None,
+            joint,
+            limit_ratio,
+            limit_ratio_sigma: 0.03,
+            true_limit_ratio,
+        }
     }
 
     #[test]
