@@ -1,12 +1,15 @@
 """The test of .ci/cobot: starts and kills the processes of the handover loop, and reads the cobot's speed."""
 
+import bisect
 import contextlib
 import io
 import json
 import math
+import os
 import pathlib
 import random
 import re
+import shutil
 import signal
 import socket
 import struct
@@ -128,9 +131,9 @@ class Rig:
         self.equipoise, self.scratch, self.host, self.suit, self.plate = equipoise, scratch, host, suit, plate
         self.running = []
 
-    def start(self, name, *command):
+    def start(self, name, *command, env=None):
         log = open(self.scratch / f"{name}.log", "ab")
-        process = subprocess.Popen(command, stdout=log, stderr=log)
+        process = subprocess.Popen(command, stdout=log, stderr=log, env=env)
         self.running.append(process)
         return process
 
@@ -144,7 +147,8 @@ class Rig:
                           f"127.0.0.1:{self.plate}", "--do", does)
 
     def daemon(self):
-        return self.start("daemon", self.equipoise, "run", "--config", str(self.scratch / "equipoise.toml"))
+        environment = {**os.environ, "STATE_DIRECTORY": str(self.scratch / "state")}
+        return self.start("daemon", self.equipoise, "run", "--config", str(self.scratch / "equipoise.toml"), env=environment)
 
 
 def read_by_ur_rtde(host):
@@ -340,6 +344,66 @@ def of_the_daemons_plans(rig):
     print("cobot: python: moves to the daemon's plans, and holds as the worker is loaded")
 
 
+def free_port():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
+        door.bind(("127.0.0.1", 0))
+        return door.getsockname()[1]
+
+
+def second_station(rig):
+    """A copy of the first station with devices and state of its own."""
+    scratch = rig.scratch / "second"
+    scratch.mkdir()
+    shutil.copytree(rig.scratch / "state", scratch / "state")
+    suit, plate = free_port(), free_port()
+    text = (rig.scratch / "equipoise.toml").read_text().replace('station = "cobot"', 'station = "cobot-2"')
+    text = text.replace(f"127.0.0.1:{rig.suit}", f"127.0.0.1:{suit}").replace(f"127.0.0.1:{rig.plate}", f"127.0.0.1:{plate}")
+    (scratch / "equipoise.toml").write_text(text)
+    second = Rig(rig.equipoise, scratch, None, suit, plate)
+    second.running = rig.running  # Ended together.
+    return second
+
+
+def of_two_cobots(rig, daemon):
+    """One cobot moves at a time; one whose worker's state is lost gives its turn to the other, and goes on later."""
+    before = len(rig.running)
+    second = second_station(rig)
+    second.person("lifts")
+    daemons = {"cobot": daemon, "cobot-2": second.daemon()}
+    hosts = {"cobot": "127.0.31.5", "cobot-2": "127.0.31.6"}
+    for host in hosts.values():
+        rig.start(f"cobot-{host}", rig.equipoise, "simulate", "--cobot", f"{host}:{RTDE_PORT}")
+    observers = {station: until("the cobot serves", lambda host=host: connected(host)) for station, host in hosts.items()}
+    controller = rig.start("two", sys.executable, str(rig.scratch / "two_cobots.py"), "--mass", "6",
+                           *(f"{station}={host}:{RTDE_PORT}" for station, host in hosts.items()))
+    first = until("a cobot moves", lambda: next((at for at, seen in observers.items() if seen.is_moving()), None), 240)
+    other = next(station for station in hosts if station != first)
+    daemons[first].send_signal(signal.SIGSTOP)
+    until(f"{other} moves while the daemon of {first} is stopped", observers[other].is_moving)
+    daemons[first].send_signal(signal.SIGCONT)
+    until(f"{first} goes on", observers[first].is_moving)
+    for station in hosts:
+        command = [rig.equipoise, "latency", "--station", station, "--for", "5"]
+        for line in subprocess.run(command, capture_output=True, text=True).stdout.splitlines():
+            stage, p50, _, p99, *_ = *line.split(), "", "", ""
+            if stage in ("loop.wake", "loop.compute", "suit.to_state"):
+                print(f"cobot: two stations: {station}: {stage}: p50 {p50} us, p99 {p99} us")
+    rig.end(controller, signal.SIGTERM)
+    assert controller.returncode == 0, f"two_cobots.py ended with {controller.returncode}"
+    moving = {at: [at_s for at_s, speed in seen.speeds if speed > MOVES_M_PER_S] for at, seen in observers.items()}
+    together = sum(near(moving[other], at_s) for at_s in moving[first])
+    assert all(moving.values()) and together == 0, f"both moved at {together} instants"
+    print(f"cobot: two cobots: {len(moving[first])} and {len(moving[other])} samples in motion, none at the same time")
+    for process in rig.running[before:]:
+        rig.end(process)
+
+
+def near(ordered, value):
+    """Whether one of these increasing values is within 10 ms of a value."""
+    at = bisect.bisect(ordered, value)
+    return any(abs(ordered[k] - value) < 0.01 for k in (at - 1, at) if 0 <= k < len(ordered))
+
+
 def loop(equipoise, scratch, host, suit, plate, stops):
     scratch = pathlib.Path(scratch)
     rig = Rig(equipoise, scratch, host, suit, plate)
@@ -357,6 +421,7 @@ def loop(equipoise, scratch, host, suit, plate, stops):
         person = rig.person("lifts")
         plan_of_both(rig)
         of_the_daemons_plans(rig)
+        of_two_cobots(rig, daemon)
         file = scratch / "plan.json"
         Plans(file)
         for name, program in [("python", [sys.executable, str(scratch / "handover_controller.py")]),

@@ -28,6 +28,8 @@ TARGET_M_PER_S = 0.1
 """Speed of the commanded position, m/s."""
 TIME_STEP_MAX_S = 0.02
 """Longest time step that the commanded position is computed for, s."""
+ARRIVED_M = 0.03
+"""A part this close to its target has arrived: the plans of one worker vary by more."""
 ADVICE_ABOVE = 0.6
 """Without a plan the part is moved while the worst joint's share of its limit is above this ..."""
 ADVICE_STEP_M = 0.05
@@ -144,8 +146,7 @@ class Decision:
             elif target.generation == plan.generation:
                 self._better_since_s = None
             else:
-                sigma = math.sqrt(target.sigma * target.sigma + plan.sigma * plan.sigma)
-                self._set_if_better(now_s, target.share - plan.share > sigma, plan)
+                self._set_if_better(now_s, is_better(plan, target), plan)
             return
         is_planned = target is not None and target.generation != 0
         if is_planned or given.share is None or given.sigma is None or given.advice is None:
@@ -168,6 +169,16 @@ class Decision:
         elif now_s - self._better_since_s >= BETTER_FOR_S:
             self._set(candidate)
 
+    def wants_to_move(self, given: Input) -> bool:
+        """Whether the part is elsewhere than a valid reading's target, present or next. For controllers that take turns."""
+        target, plan = self._target, given.plan
+        if plan and plan.generation > self._discarded and (target is None or is_better(plan, target)):
+            target = plan
+        is_valid = given.has_state and not given.reasons & STOPS and 0.0 <= given.age_s <= AGE_MAX_S
+        if not is_valid or target is None or given.part_m is None:
+            return False
+        return math.dist(target.at_m, given.part_m) > ARRIVED_M
+
     @property
     def target(self) -> Optional[Plan]:
         """The plan that is the target."""
@@ -189,6 +200,11 @@ class Decision:
         else:
             part = most_m / way_m
             self._sent_m = (self._sent_m[0] + part * x, self._sent_m[1] + part * y, self._sent_m[2] + part * z)
+
+
+def is_better(plan: Plan, target: Plan) -> bool:
+    """Whether a plan's predicted share is below the target's by more than 1 σ of the difference."""
+    return target.share - plan.share > math.hypot(target.sigma, plan.sigma)
 
 
 def input_of(values: List[float]) -> Input:

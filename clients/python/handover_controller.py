@@ -20,7 +20,7 @@ import struct
 import sys
 import threading
 import time
-from typing import Dict, Iterable, List, Optional, Tuple
+from typing import Dict, Iterable, List, Optional, Protocol, Tuple
 
 import equipoise
 from equipoise import BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, NoReading, NoStateReason, Reading
@@ -343,6 +343,73 @@ def percentiles(name: str, values_s: List[float]) -> str:
     return f"{name}_us=" + "/".join(f"{1e6 * value:.0f}" for value in at)
 
 
+def address_of(text: str) -> Tuple[str, int]:
+    """ADDRESS:PORT."""
+    host, port = text.rsplit(":", 1)
+    return host, int(port)
+
+
+class Turns(Protocol):
+    """Who may move, where several cobots share a space."""
+
+    def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
+        """Whether this station's cobot may move now. `wants`: it has somewhere to go; `share` of the worst joint's limit."""
+
+
+def control(
+    station: str, name: str, cobot_address: Tuple[str, int], plans: Plans | DaemonPlans, stop: threading.Event,
+    turns: Optional[Turns] = None,
+) -> str:
+    """Controls one cobot until `stop`; returns percentiles of the times from stage to stage.
+
+    A cobot whose turn it is not counts as not ready: it holds, and does not retreat either.
+    """
+    prefix = f"station={station} " if turns else ""
+    cobot, decision = Cobot(cobot_address), Decision()
+    last, send_at_s, print_at_s = Command.HOLD, 0.0, 0.0
+    bus_s: List[float] = []
+    decision_s: List[float] = []
+    with equipoise.subscribe(station, name=name, timeout_s=TIMEOUT_S) as consumer:
+        for reading in consumer:
+            cobot.poll()
+            now_s = time.monotonic()
+            has_changed = False
+            if isinstance(plans, Plans):
+                plans.poll(now_s)
+            elif isinstance(reading, Reading):
+                has_changed = plans.ingest(reading, decision.target)
+            given = input_of(reading, cobot.part_m(), plans.newest)
+            if turns and not turns.may_move(station, now_s, decision.wants_to_move(given), given.share):
+                given = given._replace(part_m=None)
+            # The decision holds and discards all plans so far, as after a restart.
+            output = decision.decide(now_s, given._replace(restarted=given.restarted or has_changed))
+            if output.command != last or now_s >= send_at_s:
+                cobot.send(output)
+                send_at_s = now_s + SEND_EVERY_S
+                if isinstance(reading, Reading) and len(bus_s) < SAMPLES_MAX:
+                    bus_s.append(max(reading.received_ns - reading.state.published_ns, 0) / 1e9)
+                    decision_s.append(time.monotonic() - reading.received_ns / 1e9)
+            if output.command != last or now_s >= print_at_s:
+                why = "+".join(reading.reason_names) if isinstance(reading, Reading) else reading.reason.value
+                x, y, z = output.target_m
+                print(
+                    f"{prefix}at_s={now_s:.3f} command={output.command.name.lower()} target_m={x:.3f},{y:.3f},{z:.3f} "
+                    f"activity={cobot.activity} reasons={why}",
+                    flush=True,
+                )
+                print_at_s = now_s + PRINT_EVERY_S
+            last = output.command
+            if isinstance(reading, NoReading) and reading.reason is NoStateReason.BUS:
+                time.sleep(BUS_PAUSE_S)
+            if stop.is_set():
+                break
+    if isinstance(plans, DaemonPlans):
+        plans.close()
+    # p50, p99, p99.9 and maximum of each stage.
+    stages = (("bus", bus_s), ("decision", decision_s), ("cobot", cobot.answer_s))
+    return f"end {prefix}" + " ".join(percentiles(name, values_s) for name, values_s in stages)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Handover controller: worker's state to cobot.")
     parser.add_argument("station")
@@ -359,57 +426,16 @@ def main() -> None:
         parser.error("give --target or --mass")
     if not arguments.interval > 0.0:
         parser.error("--interval: give a positive number of seconds")
-    host, port = arguments.cobot.rsplit(":", 1)
-    stop: List[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda caught, frame: stop.append(caught))
     try:
-        plans = Plans(arguments.target, arguments.plan)
+        plans: Plans | DaemonPlans = Plans(arguments.target, arguments.plan)
     except ValueError:
         parser.error("--target: give three numbers X,Y,Z in metres, for example 0.5,0.1,1.1")
-    daemon_plans: Optional[DaemonPlans] = None
     if arguments.mass is not None:
-        daemon_plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
-    cobot, decision = Cobot((host, int(port))), Decision()
-    last, send_at_s, print_at_s = Command.HOLD, 0.0, 0.0
-    bus_s: List[float] = []
-    decision_s: List[float] = []
-    with equipoise.subscribe(arguments.station, name=arguments.name, timeout_s=TIMEOUT_S) as consumer:
-        for reading in consumer:
-            cobot.poll()
-            now_s = time.monotonic()
-            plans.poll(now_s)
-            has_changed = False
-            if daemon_plans and isinstance(reading, Reading):
-                has_changed = daemon_plans.ingest(reading, decision.target)
-            given = input_of(reading, cobot.part_m(), (daemon_plans or plans).newest)
-            # The decision holds and discards all plans so far, as after a restart.
-            output = decision.decide(now_s, given._replace(restarted=given.restarted or has_changed))
-            if output.command != last or now_s >= send_at_s:
-                cobot.send(output)
-                send_at_s = now_s + SEND_EVERY_S
-                if isinstance(reading, Reading) and len(bus_s) < SAMPLES_MAX:
-                    bus_s.append(max(reading.received_ns - reading.state.published_ns, 0) / 1e9)
-                    decision_s.append(time.monotonic() - reading.received_ns / 1e9)
-            if output.command != last or now_s >= print_at_s:
-                why = "+".join(reading.reason_names) if isinstance(reading, Reading) else reading.reason.value
-                x, y, z = output.target_m
-                print(
-                    f"at_s={now_s:.3f} command={output.command.name.lower()} target_m={x:.3f},{y:.3f},{z:.3f} "
-                    f"activity={cobot.activity} reasons={why}",
-                    flush=True,
-                )
-                print_at_s = now_s + PRINT_EVERY_S
-            last = output.command
-            if isinstance(reading, NoReading) and reading.reason is NoStateReason.BUS:
-                time.sleep(BUS_PAUSE_S)
-            if stop:
-                break
-    if daemon_plans:
-        daemon_plans.close()
-    # p50, p99, p99.9 and maximum of each stage.
-    stages = (("bus", bus_s), ("decision", decision_s), ("cobot", cobot.answer_s))
-    print("end " + " ".join(percentiles(name, values_s) for name, values_s in stages))
+        plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda caught, frame: stop.set())
+    print(control(arguments.station, arguments.name, address_of(arguments.cobot), plans, stop))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,88 @@
+"""Controller of several handovers whose cobots share a space: one cobot moves at a time. docs/cobot.md. Not a safety function.
+
+    pip install ./clients/python
+    python clients/python/two_cobots.py --mass 6 station-1=192.0.2.20:30004 station-2=192.0.2.21:30004
+
+Which cobot moves next is the integrator's decision; here the one whose worker is closest to a limit (`Turns`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import threading
+from typing import Dict, List, Optional, Tuple
+
+from handover_controller import DaemonPlans, address_of, control
+
+# A turn that is not asked for this long ends. The cobot of a controller that has stopped is at rest before: it holds 60 ms
+# after the last command.
+TURN_LOST_S = 0.5
+
+
+class Turns:
+    """One cobot moves at a time: until it has arrived, or its worker's state is invalid; next is the most urgent."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        # Of each station that wants to move: when it last said so, s, and the share of its worker's worst joint.
+        self._wishes: Dict[str, Tuple[float, float]] = {}
+        self._holder: Optional[str] = None
+        self._holder_at_s = 0.0
+
+    def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
+        """Whether this station's cobot may move now; called with each reading."""
+        with self._lock:
+            if wants:
+                # Without a load in the hands there is no share: such a worker waits for the part, and is next after others.
+                self._wishes[station] = (now_s, share or 0.0)
+            else:
+                self._wishes.pop(station, None)
+            self._wishes = {at: wish for at, wish in self._wishes.items() if now_s - wish[0] < TURN_LOST_S}
+            if self._holder == station and wants:
+                self._holder_at_s = now_s
+            if self._holder == station and not wants or now_s - self._holder_at_s > TURN_LOST_S:
+                self._holder = None
+            if self._holder is None and self._wishes:
+                self._holder = max(self._wishes, key=lambda at: self._wishes[at][1])
+                self._holder_at_s = now_s
+            return self._holder == station
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Handover controller of several stations: one cobot moves at a time.")
+    parser.add_argument("stations", nargs="+", metavar="STATION=ADDRESS:PORT", help="a station, and RTDE of its cobot")
+    parser.add_argument("--mass", type=float, metavar="KG", required=True, help="mass of the parts")
+    parser.add_argument("--width", type=float, metavar="M", default=0.35, help="distance between the grips")
+    parser.add_argument("--interval", type=float, metavar="S", default=1.0, help="between two requests for a plan")
+    arguments = parser.parse_args()
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda caught, frame: stop.set())
+    turns = Turns()
+    failures: List[str] = []
+    threads: List[threading.Thread] = []
+
+    def run(station: str, cobot: str) -> None:
+        try:
+            plans = DaemonPlans(station, arguments.mass, arguments.width, arguments.interval)
+            print(control(station, "handover", address_of(cobot), plans, stop, turns))
+        except BaseException as error:
+            failures.append(f"{station}: {error}")
+            stop.set()
+
+    for pair in arguments.stations:
+        station, _, cobot = pair.partition("=")
+        if not station or ":" not in cobot:
+            parser.error(f"{pair}: give STATION=ADDRESS:PORT, for example station-1=192.0.2.20:30004")
+        threads.append(threading.Thread(target=run, args=(station, cobot)))
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    if failures:
+        raise SystemExit("; ".join(failures))
+
+
+if __name__ == "__main__":
+    main()
