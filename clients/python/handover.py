@@ -230,7 +230,7 @@ def main() -> None:
             decision = Decision()
             continue
         values = [float(word) for word in line.split()]
-        command, (x, y, z) = decision.decide(values[0], input_of(values))
+        command, (x, y, z), _ = decision.decide(values[0], input_of(values))
         print(f"{int(command)} {x:.9f} {y:.9f} {z:.9f}", flush=True)
 
 
