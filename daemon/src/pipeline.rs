@@ -333,7 +333,8 @@ impl Start<'_> {
         let (planner, ()) = start_thread("planner", ORDINARY, thread_registry, move |ready| {
             let planner = Planner::open(&station, worker_data, subjects, active_configuration, control)?;
             let _ = ready.send(());
-            Ok(planner.run()?)
+            planner.run();
+            Ok(())
         })?;
         running.independent.push(("planner", planner));
         let control = Arc::clone(self.control);

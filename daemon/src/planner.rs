@@ -28,6 +28,8 @@ use crate::subjects::Subjects;
 
 /// Polling interval for requests and states.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// After a failure of the bus.
+const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 /// Maximum age of the state of a plan, ns: that at which a controller stops (docs/cobot.md).
 const STATE_AGE_MAX_NS: u64 = 50_000_000;
 /// Flags that invalidate the feet's positions, or the subject that they belong to.
@@ -120,32 +122,41 @@ impl Planner {
         })
     }
 
-    /// Plans and learns until the daemon stops.
-    ///
-    /// # Errors
-    /// The bus fails.
-    pub fn run(mut self) -> Result<(), BusError> {
+    /// Plans and learns until the daemon stops. A failure of the bus is logged, and tried again.
+    pub fn run(mut self) {
+        let mut logged = String::new();
         while !self.control.is_stopping() {
             self.update_worker();
-            if let Some(state) = self.states.latest()? {
-                self.learn(&state);
-                self.newest = Some(state);
-            }
-            let Planner { server, newest, worker, subjects, .. } = &mut self;
-            // The copy of a subject who was just loaded comes once the saving thread has time.
-            let worker = worker.as_ref().filter(|worker| worker.number == subjects.in_use());
-            let served = server.poll(|request| {
-                let destination = worker.and_then(|worker| subjects.get(worker.number));
-                let (subject, experience) =
-                    destination.map(|it| (it.subject, it.experience)).unwrap_or_default();
-                let plan = plan_of(request, newest.as_ref(), now_ns(), worker, &experience);
-                HandoverPlan { subject: padded(&subject), ..plan }
-            })?;
-            if !served {
-                std::thread::sleep(POLL_INTERVAL);
+            match self.serve() {
+                Ok(true) => {}
+                Ok(false) => std::thread::sleep(POLL_INTERVAL),
+                Err(error) => {
+                    let text = error.to_string();
+                    if text != logged {
+                        tracing::warn!("handovers are not planned: {text}; tried again each second");
+                        logged = text;
+                    }
+                    std::thread::sleep(RETRY_INTERVAL);
+                }
             }
         }
-        Ok(())
+    }
+
+    /// Learns from the newest state and answers one request; `false` if there is none.
+    fn serve(&mut self) -> Result<bool, BusError> {
+        if let Some(state) = self.states.latest()? {
+            self.learn(&state);
+            self.newest = Some(state);
+        }
+        let Planner { server, newest, worker, subjects, .. } = self;
+        // The copy of a subject who was just loaded comes once the saving thread has time.
+        let worker = worker.as_ref().filter(|worker| worker.number == subjects.in_use());
+        server.poll(|request| {
+            let destination = worker.and_then(|worker| subjects.get(worker.number));
+            let (subject, experience) = destination.map(|it| (it.subject, it.experience)).unwrap_or_default();
+            let plan = plan_of(request, newest.as_ref(), now_ns(), worker, &experience);
+            HandoverPlan { subject: padded(&subject), ..plan }
+        })
     }
 
     /// Restores the identified body when it, the torque limits or the stature have changed.

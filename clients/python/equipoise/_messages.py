@@ -62,7 +62,7 @@ EVENTS = "events"
 EVENTS_SCHEMA = "events/1"
 STATE = Service(
     suffix="state",
-    schema="0x74b3848262561db7",
+    schema="0xf1d6fde9c0b7c12a",
     publishers_max=2,
     subscribers_max=24,
     depth=8,
@@ -72,7 +72,7 @@ STATE = Service(
 )
 EARLY_STATE = Service(
     suffix="early",
-    schema="0xada448d9bdfe82f9",
+    schema="0xee2f18c2c0a64c20",
     publishers_max=2,
     subscribers_max=24,
     depth=4,
@@ -92,7 +92,7 @@ CONSUMER_RECEIPT = Service(
 )
 HANDOVER = RequestService(
     suffix="handover",
-    schema="0x04e817bbc90936b2+0xa95ec1b44e6c3a51",
+    schema="0xf0b80830ba5043cc+0xc5bd3320c7a29a69",
     overflow_requests=True,
     overflow_responses=True,
     fire_and_forget=False,
@@ -453,10 +453,10 @@ class Reason(Flags):
 INVALIDATES_GROUND_FORCE = Reason(34818)
 INVALIDATES_COP_MEASURED = Reason(38930)
 INVALIDATES_COM = Reason(82945)
-INVALIDATES_COP_ESTIMATED = Reason(82953)
-INVALIDATES_DELTA_F = Reason(39450)
+INVALIDATES_COP_ESTIMATED = Reason(83081)
+INVALIDATES_DELTA_F = Reason(105114)
 INVALIDATES_RESIDUAL = Reason(122591)
-INVALIDATES_LIFTED_MASS = Reason(236218)
+INVALIDATES_LIFTED_MASS = Reason(237242)
 INVALIDATES_LOW_BACK = Reason(262111)
 INVALIDATES_TORQUES = Reason(262143)
 

@@ -173,23 +173,28 @@ fn the_limb_axis_and_phase_are_named() {
 }
 
 #[test]
-fn a_new_identification_restarts_the_watch() {
-    let mut watch = ModelWatch::default();
-    for second in 1..=39 {
-        assert_eq!(watch.update(&state(second, [0.05, 0.0], true, 0.0)), None, "too short");
+fn a_new_identification_and_another_subject_restart_the_watch() {
+    for restart in [
+        |state: &mut State| state.phase = Phase::Identifying as u32,
+        |state| state.valid = Validity::MODEL_CHANGED.0,
+    ] {
+        let mut watch = ModelWatch::default();
+        for second in 1..=39 {
+            assert_eq!(watch.update(&state(second, [0.05, 0.0], true, 0.0)), None, "too short");
+        }
+        let mut restarted = state(40, [0.05, 0.0], true, 0.0);
+        restart(&mut restarted);
+        assert_eq!(watch.update(&restarted), None);
+        for second in 41..=70 {
+            assert_eq!(watch.update(&state(second, [0.05, 0.0], true, 0.0)), None);
+        }
+        let mut invalid = state(90, [0.05, 0.0], true, 0.0);
+        invalid.valid |= Validity::MOVING.0;
+        assert_eq!(watch.update(&invalid), None, "invalid values are not compared");
+        let reported = watch.update(&state(91, [0.05, 0.0], true, 0.0));
+        assert!(reported.is_some_and(|found| found.is_static && found.limb.is_none()), "{reported:?}");
+        assert!(watch.update(&state(91, [0.05, 0.0], true, 0.0)).is_none(), "one state is seen once");
     }
-    let mut learning = state(40, [0.05, 0.0], true, 0.0);
-    learning.phase = Phase::Identifying as u32;
-    assert_eq!(watch.update(&learning), None);
-    for second in 41..=70 {
-        assert_eq!(watch.update(&state(second, [0.05, 0.0], true, 0.0)), None);
-    }
-    let mut invalid = state(90, [0.05, 0.0], true, 0.0);
-    invalid.valid |= Validity::MOVING.0;
-    assert_eq!(watch.update(&invalid), None, "invalid values are not compared");
-    let reported = watch.update(&state(91, [0.05, 0.0], true, 0.0));
-    assert!(reported.is_some_and(|reported| reported.is_static && reported.limb.is_none()), "{reported:?}");
-    assert!(watch.update(&state(91, [0.05, 0.0], true, 0.0)).is_none(), "one state is seen once");
 }
 
 #[test]
