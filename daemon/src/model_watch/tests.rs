@@ -176,7 +176,7 @@ fn the_limb_axis_and_phase_are_named() {
 fn a_new_identification_and_another_subject_restart_the_watch() {
     for restart in [
         |state: &mut State| state.phase = Phase::Identifying as u32,
-        |state| state.valid = Validity::MODEL_CHANGED.0,
+        |state: &mut State| state.valid = Validity::MODEL_CHANGED.0,
     ] {
         let mut watch = ModelWatch::default();
         for second in 1..=39 {
