@@ -345,9 +345,9 @@ def of_the_daemons_plans(rig):
 
 
 def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as door:
-        door.bind(("127.0.0.1", 0))
-        return door.getsockname()[1]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
 
 
 def second_station(rig):
@@ -365,7 +365,7 @@ def second_station(rig):
 
 
 def of_two_cobots(rig, daemon):
-    """One cobot moves at a time; one whose worker's state is lost gives its turn to the other, and goes on later."""
+    """One cobot moves at a time; without a state of its worker its turn ends, and it resumes later."""
     before = len(rig.running)
     second = second_station(rig)
     second.person("lifts")
@@ -381,7 +381,7 @@ def of_two_cobots(rig, daemon):
     daemons[first].send_signal(signal.SIGSTOP)
     until(f"{other} moves while the daemon of {first} is stopped", observers[other].is_moving)
     daemons[first].send_signal(signal.SIGCONT)
-    until(f"{first} goes on", observers[first].is_moving)
+    until(f"{first} resumes", observers[first].is_moving)
     for station in hosts:
         command = [rig.equipoise, "latency", "--station", station, "--for", "5"]
         for line in subprocess.run(command, capture_output=True, text=True).stdout.splitlines():

@@ -38,7 +38,7 @@ const STATE_KEYS: [&str; 8] = [
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct StationsFile {
-    /// Where the page listens.
+    /// Address and token of this page.
     pub(crate) page: PageConfig,
     /// The stations, in the order of the page.
     station: Vec<StationEntry>,
@@ -57,7 +57,7 @@ impl StationsFile {
     /// Reads the file.
     ///
     /// # Errors
-    /// It cannot be read, or has another form.
+    /// The file cannot be read or is invalid.
     pub(crate) fn read(path: &Path) -> anyhow::Result<StationsFile> {
         let text =
             read_text(path, FILE_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
@@ -114,7 +114,7 @@ type Tiles = Vec<(String, Mutex<Tile>)>;
 /// The page being served, and the threads that request the stations.
 pub(crate) struct ServedStations {
     page: Page,
-    /// The threads run while this reference exists.
+    /// The threads end when this reference is dropped.
     tiles: Option<Arc<Tiles>>,
     threads: Vec<JoinHandle<()>>,
 }
@@ -205,7 +205,11 @@ fn request(client: &HttpClient, url: &str, token: Option<&str>) -> anyhow::Resul
             None => client.get(&address)?,
         };
         ensure!(matches!(answer.status, 200 | 503), "{}: {}", answer.status, answer.text.trim_end());
-        Ok((answer.status, serde_json::from_str(&answer.text).context("no page of a station")?))
+        Ok((
+            answer.status,
+            serde_json::from_str(&answer.text)
+                .context("the answer is not JSON: url must be the address of a station's page")?,
+        ))
     };
     let (_, facts) = get("/api/station")?;
     // 503: the daemon is silent.

@@ -26,7 +26,7 @@ inline constexpr double BETTER_FOR_S = 1.0;
 // Speed of the commanded position, m/s, and the longest time step that it is computed for, s.
 inline constexpr double TARGET_M_PER_S = 0.1;
 inline constexpr double TIME_STEP_MAX_S = 0.02;
-// Without a plan the part is moved along the relieving direction while the worst joint's share of its limit is above this,
+// Without a plan the part is moved along the relieving direction while the worst joint's limit ratio is above this,
 // by this distance, m.
 inline constexpr double ADVICE_ABOVE = 0.6;
 inline constexpr double ADVICE_STEP_M = 0.05;
@@ -44,7 +44,7 @@ struct Plan {
     // Increments with each new plan, from 1.
     std::uint64_t generation;
     Position at_m;
-    // Predicted share of the worst joint's limit, and its 1-σ.
+    // Predicted limit ratio of the worst joint, and its 1-σ.
     double share, sigma;
     // Slope of the handles: how far hands that follow them point below the horizontal, rad.
     double slope_rad = 0.0;

@@ -29,9 +29,9 @@ TARGET_M_PER_S = 0.1
 TIME_STEP_MAX_S = 0.02
 """Longest time step that the commanded position is computed for, s."""
 ARRIVED_M = 0.03
-"""A part this close to its target has arrived: the plans of one worker vary by more."""
+"""Distance from the target at which the part has arrived, m; the plans of one worker vary by more."""
 ADVICE_ABOVE = 0.6
-"""Without a plan the part is moved while the worst joint's share of its limit is above this ..."""
+"""Without a plan the part is moved while the worst joint's limit ratio is above this ..."""
 ADVICE_STEP_M = 0.05
 """... along the relieving direction, by this distance, m."""
 
@@ -53,7 +53,7 @@ class Plan(NamedTuple):
     """Increments with each new plan, from 1."""
     at_m: Position
     share: float
-    """Predicted share of the worst joint's limit."""
+    """Predicted limit ratio of the worst joint."""
     sigma: float
     """1-σ of `share`."""
     slope_rad: float = 0.0
@@ -203,7 +203,7 @@ class Decision:
 
 
 def is_better(plan: Plan, target: Plan) -> bool:
-    """Whether a plan's predicted share is below the target's by more than 1 σ of the difference."""
+    """Whether a plan's predicted limit ratio is below the target's by more than 1 σ of the difference."""
     return target.share - plan.share > math.hypot(target.sigma, plan.sigma)
 
 

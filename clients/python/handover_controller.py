@@ -344,16 +344,16 @@ def percentiles(name: str, values_s: List[float]) -> str:
 
 
 def address_of(text: str) -> Tuple[str, int]:
-    """ADDRESS:PORT."""
+    """Address and port of `ADDRESS:PORT`."""
     host, port = text.rsplit(":", 1)
     return host, int(port)
 
 
 class Turns(Protocol):
-    """Who may move, where several cobots share a space."""
+    """Decides which of several cobots in a common space may move."""
 
     def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
-        """Whether this station's cobot may move now. `wants`: it has somewhere to go; `share` of the worst joint's limit."""
+        """Whether this station's cobot may move now. `wants`: it is not at its target; `share`: limit ratio of the worst joint."""
 
 
 def control(
@@ -362,7 +362,7 @@ def control(
 ) -> str:
     """Controls one cobot until `stop`; returns percentiles of the times from stage to stage.
 
-    A cobot whose turn it is not counts as not ready: it holds, and does not retreat either.
+    Without its turn a cobot counts as not ready: it holds and does not retreat.
     """
     prefix = f"station={station} " if turns else ""
     cobot, decision = Cobot(cobot_address), Decision()

@@ -15,26 +15,26 @@ from typing import Dict, List, Optional, Tuple
 
 from handover_controller import DaemonPlans, address_of, control
 
-# A turn that is not asked for this long ends. The cobot of a controller that has stopped is at rest before: it holds 60 ms
-# after the last command.
+# A turn ends if its station has not requested it for this time. The cobot of a stopped controller is at rest by then: it
+# holds 60 ms after the last command.
 TURN_LOST_S = 0.5
 
 
 class Turns:
-    """One cobot moves at a time: until it has arrived, or its worker's state is invalid; next is the most urgent."""
+    """One cobot moves at a time, until it has arrived or its worker's state is invalid. Next: the largest limit ratio."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        # Of each station that wants to move: when it last said so, s, and the share of its worker's worst joint.
+        # By station that requests a turn: time of its last request, s, and the limit ratio of its worker's worst joint.
         self._wishes: Dict[str, Tuple[float, float]] = {}
         self._holder: Optional[str] = None
         self._holder_at_s = 0.0
 
     def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
-        """Whether this station's cobot may move now; called with each reading."""
+        """Whether this station's cobot may move now; called with each reading. `share`: limit ratio of the worst joint."""
         with self._lock:
             if wants:
-                # Without a load in the hands there is no share: such a worker waits for the part, and is next after others.
+                # Without a load in the hands there is no limit ratio: such a worker is served after the others.
                 self._wishes[station] = (now_s, share or 0.0)
             else:
                 self._wishes.pop(station, None)

@@ -145,7 +145,7 @@ impl Part {
 const ETA_SIGMA: f64 = 0.05;
 /// Largest distance of the hands from the part in a solution, m: beyond it the part is out of reach.
 const MISS_MAX_M: f64 = 3.0 * coordinates::HAND_SIGMA_M;
-/// Hands that follow the handles less, in σ, do not hold them.
+/// Largest deviation of a hand's slope from that of the handles in a solution, σ: beyond it the part is infeasible.
 const SLOPE_OFF_MAX_SIGMAS: f64 = 3.0;
 
 /// Remaining fraction of τ_max of a joint with this fatigue.
@@ -269,7 +269,7 @@ impl Holding<'_> {
         [grip_m[0] - (self.at_m + aside), grip_m[1] - (self.at_m - aside)]
     }
 
-    /// From the slope of the handles to that of each hand, rad; zero for handles that turn with the hands.
+    /// Slope of each hand minus that of the handles, rad; zero for handles that turn with the hands.
     fn slope_off_rad(&self, pose: &Pose<StationWorld>) -> [f64; 2] {
         let Some(slope_rad) = self.part.slope_rad else { return [0.0; 2] };
         Side::BOTH.map(|side| {

@@ -28,7 +28,7 @@ use crate::subjects::Subjects;
 
 /// Polling interval for requests and states.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
-/// After a failure of the bus.
+/// Interval of attempts after a failure of the bus.
 const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 /// Maximum age of the state of a plan, ns: that at which a controller stops (docs/cobot.md).
 const STATE_AGE_MAX_NS: u64 = 50_000_000;
@@ -122,7 +122,7 @@ impl Planner {
         })
     }
 
-    /// Plans and learns until the daemon stops. A failure of the bus is logged, and tried again.
+    /// Plans and measures handovers until the daemon stops. A failure of the bus is logged; the bus is tried again.
     pub fn run(mut self) {
         let mut logged = String::new();
         while !self.control.is_stopping() {
@@ -133,7 +133,7 @@ impl Planner {
                 Err(error) => {
                     let text = error.to_string();
                     if text != logged {
-                        tracing::warn!("handovers are not planned: {text}; tried again each second");
+                        tracing::warn!("handovers are not planned: {text}; next attempt in 1 s");
                         logged = text;
                     }
                     std::thread::sleep(RETRY_INTERVAL);
@@ -142,7 +142,7 @@ impl Planner {
         }
     }
 
-    /// Learns from the newest state and answers one request; `false` if there is none.
+    /// Updates the experience by the newest state and answers one request; returns whether there was one.
     fn serve(&mut self) -> Result<bool, BusError> {
         if let Some(state) = self.states.latest()? {
             self.learn(&state);

@@ -25,8 +25,8 @@ use self::parts::{ConsistencyPart, HandoverPart, ShiftPart, index_of, names_of, 
 
 /// Increments with every change of the file's layout or meaning. Format 2 lacked the poses, their consistency and the
 /// shift; format 3 lacked individual lifts and the checksum; format 4 lacked the handovers; format 5 lacked the model
-/// error. Files of format 1 lack stature and sex, so they cannot
-/// serve as a similar subject. The content of older files is read.
+/// error. Files of format 1 lack stature and sex, so they cannot serve as a similar subject. The content of
+/// older files is read.
 const FORMAT: u32 = 6;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 4 };
 

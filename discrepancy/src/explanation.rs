@@ -252,8 +252,8 @@ impl Explanation {
         misfit_scale: 1.0,
     };
 
-    /// These effects together; `None` if they cannot be separated numerically. Its posterior is that of [`Levels`] where
-    /// none is more probable.
+    /// These effects together; `None` if they cannot be separated numerically. The log posterior is preliminary: all
+    /// evidence is divided by the number of effects plus one, as if no smaller set had any; [`Levels`] has the final one.
     pub(crate) fn of(gram: &Gram<'_>, members: Vec<Member>, outside: Option<Outside>) -> Option<Explanation> {
         let parts: Vec<&Whitened> = members
             .iter()
@@ -333,19 +333,19 @@ impl Explanation {
     }
 }
 
-/// Evidence that counts, by number of effects.
+/// Tempered evidence by number of effects.
 ///
-/// Evidence is tempered, since the noise model is not exact; and the more effects there are, the more of the remaining
-/// residual is their misfit. What `n` effects gain over the most probable explanation by `n − 1` is divided by `n + 1`:
-/// a function of the set, whatever the order in which the search added its effects.
+/// Evidence is tempered because the noise model is not exact, and because with more effects more of the remaining residual
+/// is their misfit. The evidence that `n` effects add to that of the most probable explanation by `n − 1` is divided by
+/// `n + 1`: a function of the set, independent of the order in which the search added its effects.
 #[derive(Debug)]
 pub(crate) struct Levels {
-    /// Of the most probable explanation of each size, from no effect on: log evidence, and the part of it that counts.
+    /// Log evidence and tempered log evidence of the most probable explanation of each size, from size 0.
     best: Vec<[f64; 2]>,
 }
 
 impl Levels {
-    /// Of all explanations that are compared.
+    /// Levels of all explanations that are compared.
     pub(crate) fn of(all: &[Explanation]) -> Levels {
         let mut levels = Levels { best: vec![[0.0; 2]] };
         for size in 1..=all.iter().map(Explanation::size).max().unwrap_or(0) {

@@ -1,5 +1,5 @@
-//! Beam search of the explanations: each is extended by every effect that the data may require in addition, and the most
-//! probable ones are extended again. An effect that was added first may have stood in for others that came later, so
+//! Beam search over explanations: each is extended by every further effect that the data may require, and the most
+//! probable results are extended again. An effect that was added first may be explained by effects added later, so
 //! explanations without one of their effects are compared as well.
 
 use std::collections::BTreeSet;
@@ -10,8 +10,9 @@ use crate::generic::Library;
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
 
-/// All explanations that the search meets, without columns, most probable first. `extended`: one with each effect in
-/// addition that the data may require; `reduced`: one without each of its effects, but those with some keys.
+/// All explanations that the search evaluates, without columns, most probable first. `extended` returns an explanation
+/// with each further effect that the data may require; `reduced` returns it without each of its effects in turn, except
+/// sets whose keys are already evaluated.
 pub(crate) fn search(
     mut extended: impl FnMut(&Explanation) -> Vec<Explanation>,
     reduced: impl Fn(&Explanation, &BTreeSet<Vec<String>>) -> Vec<Explanation>,
@@ -37,7 +38,7 @@ pub(crate) fn search(
     ranked(all)
 }
 
-/// An explanation, and the one from which it was made, without columns.
+/// An explanation and its origin, the explanation that was extended or reduced, without columns.
 struct Changed {
     explanation: Explanation,
     from: Explanation,
@@ -49,7 +50,7 @@ impl Changed {
     }
 }
 
-/// Those that are to be extended: more probable than what they were made from, and not far behind the best of all.
+/// The explanations to extend: more probable than their origin, and at most the limit of [`BEAM`] below the best of all.
 fn promising(changed: Vec<Changed>, all: &[Explanation], visited: &BTreeSet<Vec<String>>) -> Vec<Changed> {
     let (size_max, behind_max) = BEAM;
     let levels = Levels::of(all);
@@ -81,8 +82,7 @@ fn ranked(mut all: Vec<Explanation>) -> Vec<Explanation> {
     all
 }
 
-/// The same explanations, and the most probable ones and what the first was extended from, each with something outside
-/// the catalogue as well.
+/// Adds explanations with a term outside the catalogue: to the most probable ones, and to each prefix of the first.
 pub(crate) fn with_outside(
     gram: &Gram<'_>,
     library: &Library,
@@ -105,7 +105,7 @@ pub(crate) fn with_outside(
     ranked(all)
 }
 
-/// An explanation without each of its effects in turn, refitted, except those with some keys.
+/// An explanation without each of its effects in turn, refitted, except sets whose keys are in `known`.
 pub(crate) fn reduced(
     gram: &Gram<'_>,
     explanation: &Explanation,
@@ -145,7 +145,7 @@ mod tests {
         (Effect::WornMass, Place::Segment(Segment::Pelvis)),
     ];
 
-    /// An explanation by some effects: evidence of the last two, for which the first stands in until both are added.
+    /// An explanation by some effects: the last two have the evidence; the first explains part of it until both are added.
     fn explanation(effects: &[usize]) -> Explanation {
         let members = effects.iter().map(|&effect| {
             let (effect, place) = EFFECTS[effect];

@@ -29,7 +29,7 @@ pub struct ReachHabits {
     pub elbow_out_deg: f64,
     /// Distance of the centre of mass ahead of the ankles, m.
     pub balance_ahead_m: f64,
-    /// Slope of the hands on handles, more than that of the handles, degrees.
+    /// Slope of the hands minus that of the handles, degrees.
     pub slope_more_deg: f64,
 }
 
@@ -241,7 +241,7 @@ fn bend_arms(
         let mut down_rad = sign * pose.parent_from_segment[hand].scaled_axis().z;
         let (mut world_from_upper, mut world_from_lower) = rotations(aim, to_grip(down_rad).norm());
         for _ in 0..AIMS {
-            // By halves: the wrist moves the forearm, on which it depends.
+            // Half steps, because the forearm's direction and the wrist's angle depend on each other.
             down_rad = 0.5 * (down_rad + down_rad_at(world_from_lower));
             let reached = world_from_upper * person.offset_m[forearm] + world_from_lower * to_grip(down_rad);
             aim += to_target - reached;

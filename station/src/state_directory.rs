@@ -12,7 +12,7 @@ use crate::status::{self, Status};
 /// Neither the service manager nor a home directory determines the location of the state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "nothing says where state is to be kept: set STATE_DIRECTORY to a directory of this user (neither it nor \
+    "no directory for persistent state: set STATE_DIRECTORY to a directory of this user (neither it nor \
      XDG_STATE_HOME nor HOME is set)"
 )]
 pub struct NoStateDirectory;

@@ -25,7 +25,7 @@ use station::Station;
 pub struct Findings {
     /// At the fixed place; `None` if the worker does not reach it or no torque was published.
     baseline: Option<HoldResult>,
-    /// There with fixed handles on a level box; no controller measures it.
+    /// At the fixed place with the handles of a level box; not measured by a controller.
     level: Option<HoldResult>,
     /// Where the controller learned.
     learning: Vec<HoldResult>,

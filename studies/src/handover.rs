@@ -156,7 +156,7 @@ pub(crate) fn true_overload(
     (torque_nm, limits.along_nm(&pose, &torque_nm.map(Into::into)))
 }
 
-/// Largest true share of a joint's limit of a person at rest in this state.
+/// Largest true limit ratio of a person at rest in this state.
 fn true_worst_limit_ratio(limits: &TorqueLimits, person: &Person, state: &BodyState) -> f64 {
     let (torque_nm, limit_nm) = true_overload(limits, person, state);
     let mut hold = TrueHold::default();

@@ -37,17 +37,17 @@ pub fn short_info_answer(bytes: &[u8], id: u32) -> Option<StreamInfo> {
     StreamInfo::parse(info).ok()
 }
 
-/// What the sender stores for a receiver that does not keep up, s …
+/// Requested size of the sender's buffer, s …
 const BUFFER_S: f64 = 10.0;
-/// … and at least, samples: an irregular stream has no rate.
+/// … and its minimum, samples: an irregular stream has no rate.
 const BUFFER_SAMPLES_MIN: f64 = 1000.0;
 
 /// The request for a stream's samples.
 pub fn feed_request(info: &StreamInfo) -> Vec<u8> {
     let StreamInfo { uid, hostname, source_id, session_id, format, .. } = info;
     let value_size = format.size();
-    // In samples, although liblsl's programs state seconds; with 0 the sender would end the stream. It chooses the chunk
-    // size.
+    // Max-Buffer-Length is in samples, although liblsl's API has seconds; with 0 the sender ends the stream. With
+    // Max-Chunk-Length 0 the sender chooses the chunk size.
     let buffer_samples = (BUFFER_S * info.rate_hz).ceil().max(BUFFER_SAMPLES_MIN);
     format!(
         "LSL:streamfeed/110 {uid}\r\nNative-Byte-Order: 1234\r\nEndian-Performance: 0\r\nHas-IEEE754-Floats: 1\r\n\

@@ -79,7 +79,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 
 fn create(path: &Path) -> anyhow::Result<File> {
     let mut options = OpenOptions::new();
-    // An earlier log stays until there is another.
+    // An earlier log is kept until the new one is complete.
     options.write(true).create(true).truncate(false).mode(MODE);
     options.open(path).with_context(|| format!("cannot write {}", path.display()))
 }

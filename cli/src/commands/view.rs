@@ -18,8 +18,8 @@ const PING_EVERY: Duration = Duration::from_secs(1);
 /// Serve the worker's page of the configuration's [page]; it waits while no daemon runs
 ///
 /// With --stations one page of several stations, on this and other machines: joint closest to its limit, load, incidents,
-/// and a link to each station's page. The file has a [page] with `listen`, and a [[station]] with the `url` of each
-/// station's page; `token_file` in either.
+/// and a link to each station's page. The file has a [page] with `listen`, and for each station a [[station]] with the
+/// `url` of its page; both may have a `token_file`.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise view --config /etc/equipoise/equipoise.toml\n  equipoise view --stations \
@@ -29,7 +29,7 @@ pub(super) struct Arguments {
     /// Configuration file
     #[arg(long, value_name = "FILE", required_unless_present = "stations")]
     config: Option<PathBuf>,
-    /// Serve one page of the stations that this file names
+    /// Serve one page of the stations listed in this file
     #[arg(long, value_name = "FILE", conflicts_with = "config")]
     stations: Option<PathBuf>,
 }
@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     match (&arguments.stations, &arguments.config) {
         (Some(stations), _) => serve_stations(stations),
         (None, Some(config)) => serve_station(config),
-        (None, None) => bail!("neither --config nor --stations"),
+        (None, None) => bail!("give --config FILE or --stations FILE"),
     }
 }
 
@@ -60,7 +60,7 @@ fn serve_station(path: &Path) -> anyhow::Result<Outcome> {
     let (mut pinged, mut requests) = (Instant::now(), 0);
     while !stop.load(Ordering::Relaxed) {
         if !page.is_running() {
-            bail!("a part of the page ended by itself; what it said stands above");
+            bail!("a thread of the page ended unexpectedly; the log has its error");
         }
         // Feed the watchdog with requested frames, not merely while this thread runs.
         if pinged.elapsed() >= PING_EVERY && page.requests() != requests {
@@ -82,7 +82,7 @@ fn serve_stations(path: &Path) -> anyhow::Result<Outcome> {
     info!("stations: page at {}", served.url());
     while !stop.load(Ordering::Relaxed) {
         if !served.is_running() {
-            bail!("a part of the page ended by itself; what it said stands above");
+            bail!("a thread of the page ended unexpectedly; the log has its error");
         }
         std::thread::sleep(Duration::from_millis(50));
     }

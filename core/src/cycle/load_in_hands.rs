@@ -226,7 +226,7 @@ fn update_position(position: &mut LoadPosition, carrying: &Carrying<'_>, cops: &
         let parts = direction.map(|part| -part * magnified / unit_m);
         let mut row: [f64; STATES] =
             core::array::from_fn(|state| parts[0] * cop_rows[0][state] + parts[1] * cop_rows[1][state]);
-        // The stance offset moves the grips as well.
+        // The stance offset also displaces the grips.
         for (axis, part) in direction.into_iter().enumerate() {
             row[subject.reduction.count() + axis] -= part / unit_m;
         }

@@ -102,9 +102,9 @@ impl Memory {
         self.exposure = subject.exposure;
         // Its differences belong to the previous subject's motion.
         self.early = Zeroable::zeroed();
-        // The held values of an instant are the previous subject's.
+        // The values held between two instants belong to the previous subject.
         self.publication.start();
-        // The null pose that is still sent must be compared with these bone lengths.
+        // The suit may still send the previous subject's null pose: compare it with the poses again.
         self.reported_body.compare_again();
         // Update the state even if nothing is measured, so that it never shows the previous subject's exposure.
         self.publication.begin_shift(&self.exposure);

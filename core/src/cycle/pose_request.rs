@@ -33,7 +33,7 @@ pub(super) struct PoseRequestState {
 }
 
 impl PoseRequestState {
-    /// Resets the reference heading, for example for another subject, and begins again with other requests.
+    /// Resets the reference heading, for example for another subject; other requests begin with the first one.
     pub(super) fn restart(&mut self, settings: &Settings) {
         self.begun = 0;
         let requests = hash(&settings.pose_requests);

@@ -178,7 +178,7 @@ fn body_motion(
         noise.reset_external_force();
     }
     let by_shear = body.by_shear(sample.force_n, subject.mass_kg, load_kg);
-    // Before both feet are on the plate, it measures the shear of a part of the body only.
+    // Unless both feet are on the plate, it measures only a part of the body's shear.
     let stands = ground.standing_m.is_some() && delta_f_n > -limit_n;
     if let Some([shear, unexplained]) = by_shear.filter(|_| has_shear) {
         let explained = [terms_x_n, terms_y_n].map(|force_n| force_n / subject.mass_kg);

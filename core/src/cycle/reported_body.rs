@@ -133,7 +133,7 @@ impl ReportedBody {
         *self = ReportedBody { message: *body, ..Zeroable::zeroed() };
     }
 
-    /// Compares the body with the next pose as if it had just arrived: the subject has changed.
+    /// Withdraws the acceptance after a change of subject: the body is compared with the next poses again.
     pub(super) fn compare_again(&mut self) {
         (self.accepted, self.contradictions) = (0, 0);
         if self.message.published_ns > 0 {

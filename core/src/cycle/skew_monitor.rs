@@ -62,8 +62,8 @@ impl SkewMonitor {
         }
         let tracked = self.estimator.at(time_ns);
         let is_first = self.target_s == 0.0;
-        // The lag in use is an older estimate, and clocks drift: a less precise new one is better. After a night without
-        // motion it is an extrapolation by seconds, though.
+        // Clocks drift, so a new estimate is better than the lag in use even if it is less precise. After hours without
+        // motion it extrapolates the drift by seconds and is not used.
         let is_usable = |skew: &Skew| match is_first {
             true => skew.is_precise(),
             false => skew.sigma_s < CLOCK_SIGMA_MAX_S && skew.skew_s.abs() < LAG_MAX_S,

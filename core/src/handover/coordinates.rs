@@ -46,7 +46,7 @@ const SIGMA: Coordinates = [
     WRIST_RAD,
     WRIST_RAD,
 ];
-/// The wrist to 15°.
+/// REBA's wrist to 15°.
 const WRIST_RAD: f64 = 15.0 * DEGREE;
 /// Index of the wrists: the last coordinates.
 pub(super) const WRIST: usize = 15;
@@ -114,7 +114,7 @@ pub(super) fn pose(
         let upper_arm = rotation[hand - 3] * turn([x, y, z]) * hanging;
         rotation[hand - 2] = upper_arm;
         rotation[hand - 1] = upper_arm * turn([0.0, 0.0, -sign * elbow_rad]);
-        // The thumb is above: toward the little finger is down.
+        // The thumb is up, so deviation toward the little finger lowers the hand.
         rotation[hand] = rotation[hand - 1] * turn([0.0, 0.0, sign * coordinates[WRIST + side as usize]]);
     }
     let from_pelvis_m = skeleton.origins_m(&rotation);

@@ -11,8 +11,8 @@ use crate::message::{State, Validity};
 use crate::overload::load_position::AHEAD_M;
 use crate::static_pose::SPAN_NS;
 
-/// Largest horizontal distance of the grip, over its distance from the wrist, that is taken for a level hand: the load
-/// is up to 14 mm (1-σ) farther ahead.
+/// Largest computed cosine of a hand's slope that counts as a level hand: above 1, because the load may be farther ahead
+/// of the grip than [`AHEAD_M`] (1-σ 14 mm).
 const COSINE_MAX: f64 = 1.2;
 
 /// A part that was held.
@@ -96,14 +96,14 @@ fn is_in_both_hands(state: &State) -> bool {
 struct Hand {
     /// Grip point, world, m.
     grip_m: Vector3<f64>,
-    /// How far the hand points below the horizontal, rad; `None` in line with the forearm.
+    /// Slope of the hand, rad ([`Part::slope_rad`]); `None`: in line with the forearm.
     slope_rad: Option<f64>,
 }
 
 impl Hand {
-    /// A state has no orientations. The torque of the wrist is η ΔF times the horizontal distance from the wrist to the
-    /// load, which is that of the grip at `to_grip_m` from the wrist, plus the load's distance ahead of it. Without such
-    /// a torque the hand is in line with the forearm.
+    /// The hand of a state, computed from the torque of the wrist because states have no orientations. The torque is η ΔF
+    /// times the horizontal distance from the wrist to the load: that of the grip, which is `to_grip_m` from the wrist,
+    /// plus [`AHEAD_M`]. If no slope explains the torque, the hand is in line with the forearm.
     fn of(state: &State, side: Side, to_grip_m: f64) -> Hand {
         let hand = side.hand();
         let [elbow_m, wrist_m] =

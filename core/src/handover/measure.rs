@@ -1,4 +1,4 @@
-//! The limit ratio while a part is held, as published: the mean over states.
+//! The published limit ratio of a hold: the mean over its states.
 
 use nalgebra::Vector3;
 
@@ -11,7 +11,7 @@ use crate::message::{State, Validity};
 #[derive(Debug, Clone, Copy, Default)]
 pub struct HoldMean {
     states: u32,
-    /// By joint, N m. The mean of a length would contain the noise across it.
+    /// By joint, N m. Vectors, because a mean of magnitudes would include the noise perpendicular to the torque.
     torque_nm: [Vector3<f64>; JOINTS],
     limit_nm: [f64; JOINTS],
     sigma_nm: [f64; JOINTS],
@@ -37,7 +37,8 @@ impl HoldMean {
         true
     }
 
-    /// Mean torque over mean limit of each joint; its 1-σ is the mean one, as if the errors of all states were the same.
+    /// Mean torque over mean limit of each joint; its 1-σ is the mean 1-σ, because the errors of the states of one hold
+    /// are treated as equal.
     /// NaN for a joint without a limit.
     pub fn limit_ratios(&self) -> [LimitRatio; JOINTS] {
         core::array::from_fn(|joint| LimitRatio {

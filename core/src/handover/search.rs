@@ -14,8 +14,8 @@ pub const REGION_M: Region = [[0.3, 0.7], [-0.4, 0.4], [0.6, 1.5]];
 /// Spacing of the places, m: half of that over which the overload changes by its σ.
 pub const SPACING_M: f64 = 0.05;
 
-/// Slopes of the handles ([`Part::slope_rad`]): hands horizontal, down by 30°, down by 60°, rad. Steeper handles exceed
-/// what wrists follow in most postures.
+/// Slopes of the handles ([`Part::slope_rad`]): 0, 30 and 60°, rad. Steeper handles exceed the range of the wrists in most
+/// postures.
 pub const SLOPES_RAD: [f64; 3] = [0.0, core::f64::consts::FRAC_PI_6, core::f64::consts::FRAC_PI_3];
 
 /// The places of a region at [`SPACING_M`], its bounds included, m.

@@ -1,9 +1,9 @@
 //! The worst joint's limit ratio, with the error of its selection.
 //!
-//! The largest of several uncertain ratios is on average larger than the ratio of the joint whose estimate is largest:
-//! the fraction η of the load in the right hand is known to 0.1 to 0.29, and whatever one arm carries less, the other
-//! carries more. The ratios of an arm's joints are proportional to the fraction in its hand, those of the others do not
-//! depend on it. So the mean and the variance of the largest ratio follow from the distribution of η.
+//! The largest of several uncertain ratios is on average larger than the ratio of the joint whose estimate is largest.
+//! The 1-σ of η, the fraction of the load in the right hand, is 0.1 to 0.29, and one arm carries what the other does not.
+//! The ratios of an arm's joints are proportional to the fraction in its hand; those of the other joints do not depend on
+//! it. Mean and variance of the largest ratio therefore follow from the distribution of η.
 
 use super::experience::LimitRatio;
 use crate::body::{JOINTS, Joint, Side};
@@ -12,7 +12,7 @@ use crate::overload::load_position::{EVEN, EVEN_SIGMA};
 
 /// Points of the quadrature over η in [0, 1]: an interval is 0.4 σ of a well measured η.
 const POINTS: usize = 25;
-/// Smallest fraction by which a ratio is scaled: that of a smaller fraction is mostly error.
+/// Smallest fraction by which a ratio is divided: the ratio at a smaller fraction is mostly error.
 const ETA_MIN: f64 = 0.05;
 
 /// The worst joint and its limit ratio.
@@ -50,7 +50,8 @@ pub fn worst(ratio: &[LimitRatio; JOINTS], hands: &HandFractions) -> Option<Wors
     if sigma.is_nan() || sigma <= 0.0 {
         return Some(Worst { joint, ratio: ratio[joint.index()] });
     }
-    // Of each hand's joints and of the others: the largest ratio, and the variance of its errors other than η's.
+    // For the joints of the left arm, of the right arm, and the others: the largest ratio, and its variance without the
+    // part due to η.
     let mut group = [(0.0, 0.0); 3];
     for joint in finite() {
         let (hand, LimitRatio { value, sigma: all }) = (hand_of(joint), ratio[joint.index()]);
@@ -77,9 +78,9 @@ pub fn worst(ratio: &[LimitRatio; JOINTS], hands: &HandFractions) -> Option<Wors
     Some(Worst { joint, ratio: LimitRatio { value: mean, sigma: math::sqrt(variance) } })
 }
 
-/// Density of η, but for a factor: uniform in [0, 1] times the likelihood of the measurement. The estimate is the
-/// product of that likelihood and of a normal distribution with the uniform one's mean and variance, which is divided
-/// out.
+/// Density of η up to a constant factor: uniform in [0, 1] times the likelihood of the measurement. The estimate is the
+/// product of that likelihood and a normal distribution with mean and variance of the uniform one; division by the normal
+/// distribution leaves the likelihood.
 fn density(right: f64, eta: f64, sigma: f64) -> f64 {
     let [by_both, by_prior] = [(right - eta) / sigma, (right - EVEN) / EVEN_SIGMA];
     math::exp(0.5 * (by_prior * by_prior - by_both * by_both))

@@ -27,7 +27,7 @@ const AHEAD_SIGMA_M: f64 = 0.0144;
 const POSTURE_S: f64 = 2.0;
 /// Averaging time, because grips change, s: older measurements have less weight.
 const GRIP_S: f64 = 15.0;
-/// Longest time that one measurement stands for, s: 1.5 periods of the slowest suit, 15 Hz.
+/// Longest time that one measurement represents, s: 1.5 periods of the slowest suit, 15 Hz.
 const STEP_MAX_S: f64 = 0.1;
 /// A position this many σ from the mean is another grip: the mean restarts.
 pub const ANOTHER_GRIP_SIGMAS: f64 = 3.0;
@@ -83,7 +83,7 @@ impl Coordinate {
         step_s: f64,
         times_covariance: impl Fn(&[f64; STATES]) -> [f64; STATES],
     ) {
-        // After a gap, one instant does not weigh as much as the gap.
+        // One measurement after a gap must not have the weight of the gap.
         let step_s = step_s.min(STEP_MAX_S);
         let ByModel { measured, row } = value;
         let rest = measured.sigma * measured.sigma;

@@ -5,7 +5,7 @@
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::message::{State, Validity};
 
-/// Where a load is, relative to the feet.
+/// Position of a load relative to the feet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grasp {
     /// H: horizontal distance of the load from the middle of the ankles, m.

@@ -10,7 +10,7 @@ use super::lifts::Lifts;
 /// Exposure, lifts and low back of one worker.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Period {
-    /// Times of the first and last state, s since the begin of the recording.
+    /// Times of the first and last state, s since the beginning of the recording.
     pub span_s: Option<[f64; 2]>,
     /// Exposure of the joints.
     pub exposure: Exposure,

@@ -11,7 +11,7 @@ use super::document::length;
 use super::exposure::Peak;
 use super::gather::Facts;
 
-/// What to change, from the largest loads of the session.
+/// Changes of the job, derived from the largest loads of the session.
 pub(super) fn recommendations(facts: &Facts) -> Section {
     let mut section = Section::new("Recommendations");
     if facts.exposure.valid_s < STATEMENT_TIME_MIN_S {
@@ -100,7 +100,7 @@ fn compression(facts: &Facts) -> Option<Text> {
     }
 }
 
-/// A high-risk job that is more likely than not.
+/// The dose, if its probability of a high-risk job is at least 50 %.
 fn risk(facts: &Facts) -> Option<Text> {
     let [_, probability] = facts.back.assessed_dose()?;
     (probability >= 0.5).then(|| {

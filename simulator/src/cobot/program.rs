@@ -86,7 +86,7 @@ impl CobotSettings {
         turn.scaled_axis().dot(&self.aside())
     }
 
-    /// To the left of the worker, who faces the world's X axis, base.
+    /// Direction to the left of the worker, who faces the world's X axis, base.
     fn aside(&self) -> Unit<Vector3<f64>> {
         self.world_from_base.rotation.inverse() * Vector3::y_axis()
     }

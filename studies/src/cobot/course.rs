@@ -6,7 +6,7 @@ use equipoise_simulator::reach::LEVEL_RAD;
 
 use super::planner::{Planner, Presentation};
 
-/// The baseline: the worker grips the part as is comfortable.
+/// The baseline: handles that turn with the hands.
 pub const FIXED: Presentation = Presentation { at_m: FIXED_M, slope_rad: None };
 /// The same with the fixed handles of a level box.
 pub const LEVEL: Presentation = Presentation { at_m: FIXED_M, slope_rad: Some(LEVEL_RAD) };
@@ -20,7 +20,7 @@ const TRIES: usize = 4;
 pub enum Purpose {
     /// The overload at the fixed place.
     Baseline,
-    /// The same with fixed handles: for comparison, without learning.
+    /// The same with fixed handles, for comparison; not added to the experience.
     Level,
     /// Where the corrected limit ratio less its σ is lowest.
     Learning,

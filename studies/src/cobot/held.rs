@@ -1,4 +1,4 @@
-//! What is published while a worker holds a part, and what is true at the same instants.
+//! Published and true limit ratios while a worker holds a part.
 
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::handover::experience::LimitRatio;
@@ -32,7 +32,7 @@ pub struct HoldSums {
 }
 
 impl HoldSums {
-    /// Adds a published state and the body at its instant; what is not static, or has no valid torques, is left out.
+    /// Adds a published state and the body at its instant; only static poses with valid torques count.
     pub fn add(&mut self, state: &State, limits: &TorqueLimits, person: &Person, body: &BodyState) {
         if self.published.add(state) {
             let (torque_nm, limit_nm) = true_overload(limits, person, body);

@@ -1,4 +1,5 @@
-//! The choice of a place and a slope of the handles: the posture model's prediction, corrected by the limit ratios measured in earlier handovers.
+//! Choice of a place and a slope of the handles: prediction of the posture model, corrected by the limit ratios measured in
+//! earlier handovers.
 
 use equipoise_core::handover::experience::{Experience, LimitRatio};
 use equipoise_core::handover::search::SLOPES_RAD;

@@ -105,7 +105,7 @@ impl Station {
         false
     }
 
-    /// The worker takes the presented part, with fixed handles or such that turn with the hands, holds it and gives it
+    /// The worker takes the presented part, with fixed or turning handles, holds it and gives it
     /// back. `None` if no valid torque was published
     /// meanwhile, as when the worker does not reach it.
     pub fn hold(&mut self, turns_with_hands: bool) -> Option<HoldResult> {

@@ -64,7 +64,7 @@ pub(super) fn overview_routes<S: Clone + Send + Sync + 'static>() -> Router<S> {
     })
 }
 
-/// The files that `place` gives a path.
+/// The files for which `place` returns a path.
 fn routes_of<S: Clone + Send + Sync + 'static>(
     place: impl Fn(&'static str) -> Option<&'static str>,
 ) -> Router<S> {

@@ -19,7 +19,7 @@ use tokio_stream::wrappers::WatchStream;
 use super::guard::{Access, guard};
 use super::{assets, connections, event_stream};
 
-/// Interval of the events.
+/// Interval of the event stream.
 const EVERY: Duration = Duration::from_millis(500);
 const NOT_FOUND: &str = "This address has no page. Stations: /.\n";
 

@@ -1,4 +1,4 @@
-//! What is published while the worker holds a part, and what is true at the same instants.
+//! Published and true limit ratios while the worker holds a part.
 
 use equipoise_core::body::Joint;
 use equipoise_core::frame::{Pose, StationWorld};

@@ -152,7 +152,7 @@ impl fmt::Display for Place {
         write!(f, "{x:.2} m forward, {y:5.2} m left, {z:.2} m up, ")?;
         match self.1 {
             Some(slope_rad) => write!(f, "sloped {:2.0}°", slope_rad.to_degrees()),
-            None => write!(f, "free grip "),
+            None => write!(f, "turning   "),
         }
     }
 }

@@ -58,8 +58,9 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     section.note(
         "A lift is at least half a second with a detected load, and ends with half a second without one. Mass and reach are \
          means over the time in which they were valid, σ is that of one state; - : never valid. Reach is from the middle \
-         of the ankles. Weight limit: the lower of the first and last valid instant, by the NIOSH lifting equation without \
-         its frequency, both hands, good grips, height at the wrists; 0: beyond the equation. Index: mass over limit.",
+         of the ankles. Weight limit: the lower of those at the first and last valid instant, by the NIOSH lifting equation \
+         without its frequency, for both hands and good grips, at the height of the wrists; 0: outside its range. \
+         Index: mass over limit.",
     );
     section
 }
