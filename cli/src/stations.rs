@@ -18,8 +18,8 @@ use crate::page_tokens::PageTokens;
 
 /// Interval of the requests to a station.
 const REQUEST_INTERVAL: Duration = Duration::from_millis(500);
-/// Without an answer for this long a station is lost. Longer than the time limit of a request.
-const LOST_AFTER: Duration = Duration::from_secs(3);
+/// A station is lost after this time without an answer; longer than the interval and the time limit of two requests.
+const LOST_AFTER: Duration = Duration::from_secs(6);
 /// Maximum size of the file, bytes.
 const FILE_BYTES_MAX: u64 = 1 << 20;
 /// Keys of a state that the page displays.

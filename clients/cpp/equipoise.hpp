@@ -207,7 +207,7 @@ public:
     }
     std::optional<Vector3> hand_velocity_m_per_s(std::size_t side) const noexcept {
         const double(&velocity)[3] = reading_.early.hand_velocity_m_per_s[side & 1U];
-        return unless(EQUIPOISE_INVALIDATES_COM, Vector3{velocity[0], velocity[1], velocity[2]});
+        return unless(EQUIPOISE_INVALIDATES_COP_ESTIMATED, Vector3{velocity[0], velocity[1], velocity[2]});
     }
 
 private:

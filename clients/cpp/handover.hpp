@@ -107,7 +107,8 @@ public:
             choose(now_s, input);
             if (target_) {
                 advance(step_s, *input.part_m);
-                return {Command::move, sent_m_, target_->slope_rad};
+                slope_rad_ = target_->slope_rad;
+                return {Command::move, sent_m_, slope_rad_};
             }
         }
         is_moving_ = false;
@@ -144,7 +145,8 @@ private:
         const Position &part = *input.part_m, &along = *input.advice;
         const Position at{part.x + ADVICE_STEP_M * along.x, part.y + ADVICE_STEP_M * along.y,
                           part.z + ADVICE_STEP_M * along.z};
-        set_if_better(now_s, *input.share - ADVICE_ABOVE > *input.sigma, {0, at, *input.share, *input.sigma});
+        set_if_better(now_s, *input.share - ADVICE_ABOVE > *input.sigma,
+                      {0, at, *input.share, *input.sigma, slope_rad_});
     }
 
     void set_if_better(double now_s, bool is_better, const Target &candidate) {
@@ -185,6 +187,7 @@ private:
     std::optional<double> valid_since_s_, better_since_s_;
     std::optional<Target> target_;
     Position sent_m_{0.0, 0.0, 0.0};
+    double slope_rad_ = 0.0; // Of the handles in the last `move`.
 };
 
 } // namespace equipoise::handover

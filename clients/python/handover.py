@@ -26,6 +26,8 @@ BETTER_FOR_S = 1.0
 """A better target must stay better for this time, s."""
 TARGET_M_PER_S = 0.1
 """Speed of the commanded position, m/s."""
+TURN_RAD_PER_S = 0.3
+"""Speed at which clients/ur/handover.script turns the handles, rad/s."""
 TIME_STEP_MAX_S = 0.02
 """Longest time step that the commanded position is computed for, s."""
 ARRIVED_M = 0.03
@@ -108,6 +110,8 @@ class Decision:
         self._target: Optional[Plan] = None
         self._sent_m: Position = (0.0, 0.0, 0.0)
         self._is_moving = self._has_moved = False
+        # Slope of the handles in the last MOVE, rad, and remaining time of their turn to that of the target, s.
+        self._slope_rad = self._turns_for_s = 0.0
 
     def decide(self, now_s: float, given: Input) -> Output:
         """Decides for this instant; `now_s` never decreases."""
@@ -133,7 +137,8 @@ class Decision:
             self._choose(now_s, given, given.part_m)
             if self._target is not None:
                 self._advance(step_s, self._target.at_m, given.part_m)
-                return Output(Command.MOVE, self._sent_m, self._target.slope_rad)
+                self._slope_rad = self._target.slope_rad
+                return Output(Command.MOVE, self._sent_m, self._slope_rad)
         self._is_moving = False
         retreats = self._has_moved and given.part_m is not None and now_s - self._valid_s >= RETREAT_AFTER_S
         return Output(Command.RETREAT if retreats else Command.HOLD, self._sent_m)
@@ -158,7 +163,7 @@ class Decision:
             part_m[1] + ADVICE_STEP_M * along[1],
             part_m[2] + ADVICE_STEP_M * along[2],
         )
-        advised = Plan(0, at_m, given.share, given.sigma)
+        advised = Plan(0, at_m, given.share, given.sigma, self._slope_rad)
         self._set_if_better(now_s, given.share - ADVICE_ABOVE > given.sigma, advised)
 
     def _set_if_better(self, now_s: float, is_better: bool, candidate: Plan) -> None:
@@ -170,14 +175,21 @@ class Decision:
             self._set(candidate)
 
     def wants_to_move(self, given: Input) -> bool:
-        """Whether the part is elsewhere than a valid reading's target, present or next. For controllers that take turns."""
-        target, plan = self._target, given.plan
-        if plan and plan.generation > self._discarded and (target is None or is_better(plan, target)):
-            target = plan
+        """Whether the reading is valid and the part must move or turn: toward its present or next target, or by the advice.
+        For controllers that take turns."""
         is_valid = given.has_state and not given.reasons & STOPS and 0.0 <= given.age_s <= AGE_MAX_S
-        if not is_valid or target is None or given.part_m is None:
+        if not is_valid or given.part_m is None:
             return False
-        return math.dist(target.at_m, given.part_m) > ARRIVED_M
+        target, plan = self._target, given.plan
+        if plan and plan.generation > self._discarded:
+            target = plan if target is None or is_better(plan, target) else target
+        elif given.advice and given.share is not None and given.sigma is not None:
+            if given.share - ADVICE_ABOVE > given.sigma and (target is None or target.generation == 0):
+                return True
+        if target is None:
+            return False
+        is_turned = self._turns_for_s <= 0.0 if target is self._target else target.slope_rad == self._slope_rad
+        return not is_turned or math.dist(target.at_m, given.part_m) > ARRIVED_M
 
     @property
     def target(self) -> Optional[Plan]:
@@ -186,12 +198,14 @@ class Decision:
 
     def _set(self, target: Plan) -> None:
         self._target, self._better_since_s = target, None
+        self._turns_for_s = abs(target.slope_rad - self._slope_rad) / TURN_RAD_PER_S
 
     def _advance(self, step_s: float, target_m: Position, part_m: Position) -> None:
         """Moves the commanded position toward the target."""
         if not self._is_moving:
             self._sent_m = part_m
         self._is_moving = self._has_moved = True
+        self._turns_for_s -= min(step_s, TIME_STEP_MAX_S)
         x, y, z = (target_m[axis] - self._sent_m[axis] for axis in range(3))
         way_m = math.sqrt(x * x + y * y + z * z)
         most_m = TARGET_M_PER_S * min(step_s, TIME_STEP_MAX_S)

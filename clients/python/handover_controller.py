@@ -49,7 +49,7 @@ INPUT_NAMES = (
 )
 INPUTS = struct.Struct(">Biidddd")
 OUTPUT_HZ = 250.0
-NORMAL, PLAYING, PROTECTIVE = 1, 2, 5
+NORMAL, PLAYING, OUTSIDE, PROTECTIVE = 1, 2, 3, 5
 
 
 class Cobot:
@@ -74,6 +74,11 @@ class Cobot:
         """Position of the TCP in the station's world; None while the cobot is not ready."""
         is_current = self._socket is not None and time.monotonic() - self._at_s < COBOT_SILENT_S
         return self._position_m if is_current and self._is_ready else None
+
+    @property
+    def is_able(self) -> bool:
+        """Whether its target is within its workspace."""
+        return self.activity != OUTSIDE
 
     def poll(self) -> None:
         """Connects if necessary, and takes what the cobot has sent."""
@@ -379,7 +384,7 @@ def control(
             elif isinstance(reading, Reading):
                 has_changed = plans.ingest(reading, decision.target)
             given = input_of(reading, cobot.part_m(), plans.newest)
-            if turns and not turns.may_move(station, now_s, decision.wants_to_move(given), given.share):
+            if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.share):
                 given = given._replace(part_m=None)
             # The decision holds and discards all plans so far, as after a restart.
             output = decision.decide(now_s, given._replace(restarted=given.restarted or has_changed))

@@ -15,6 +15,8 @@ from typing import Dict, List, Optional, Tuple
 
 from handover_controller import DaemonPlans, address_of, control
 
+# Longest turn, s: 1.2 m at the commanded 0.1 m/s. The turn of an arm that cannot reach its target ends.
+TURN_MAX_S = 12.0
 # A turn ends if its station has not requested it for this time. The cobot of a stopped controller is at rest by then: it
 # holds 60 ms after the last command.
 TURN_LOST_S = 0.5
@@ -28,7 +30,9 @@ class Turns:
         # By station that requests a turn: time of its last request, s, and the limit ratio of its worker's worst joint.
         self._wishes: Dict[str, Tuple[float, float]] = {}
         self._holder: Optional[str] = None
-        self._holder_at_s = 0.0
+        self._holder_at_s = self._holder_since_s = 0.0
+        # The station whose turn ended at TURN_MAX_S, until another station has had a turn.
+        self._last: Optional[str] = None
 
     def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
         """Whether this station's cobot may move now; called with each reading. `share`: limit ratio of the worst joint."""
@@ -43,9 +47,13 @@ class Turns:
                 self._holder_at_s = now_s
             if self._holder == station and not wants or now_s - self._holder_at_s > TURN_LOST_S:
                 self._holder = None
+            if self._holder is not None and now_s - self._holder_since_s > TURN_MAX_S:
+                self._last, self._holder = self._holder, None
             if self._holder is None and self._wishes:
-                self._holder = max(self._wishes, key=lambda at: self._wishes[at][1])
-                self._holder_at_s = now_s
+                self._holder = max(self._wishes, key=lambda at: (at != self._last, self._wishes[at][1]))
+                self._holder_at_s = self._holder_since_s = now_s
+                if self._holder != self._last:
+                    self._last = None
             return self._holder == station
 
 
@@ -71,8 +79,10 @@ def main() -> None:
             failures.append(f"{station}: {error}")
             stop.set()
 
-    for pair in arguments.stations:
-        station, _, cobot = pair.partition("=")
+    cobots = [pair.partition("=")[::2] for pair in arguments.stations]
+    for pair, (station, cobot) in zip(arguments.stations, cobots):
+        if sum(station == other or cobot == address for other, address in cobots) > 1:
+            parser.error(f"{pair}: its station or its cobot is given twice")
         if not station or ":" not in cobot:
             parser.error(f"{pair}: give STATION=ADDRESS:PORT, for example station-1=192.0.2.20:30004")
         threads.append(threading.Thread(target=run, args=(station, cobot)))

@@ -128,8 +128,12 @@ impl Planner {
         while !self.control.is_stopping() {
             self.update_worker();
             match self.serve() {
-                Ok(true) => {}
-                Ok(false) => std::thread::sleep(POLL_INTERVAL),
+                Ok(is_served) => {
+                    logged.clear();
+                    if !is_served {
+                        std::thread::sleep(POLL_INTERVAL);
+                    }
+                }
                 Err(error) => {
                     let text = error.to_string();
                     if text != logged {

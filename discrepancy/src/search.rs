@@ -24,6 +24,9 @@ pub(crate) fn search(
         let mut changed: Vec<Changed> = Vec::new();
         for from in &front {
             visited.insert(from.key());
+            if from.members.len() == MEMBERS_MAX {
+                continue;
+            }
             changed.extend(extended(from).into_iter().map(|explanation| Changed::new(explanation, from)));
         }
         all.extend(changed.iter().map(|one| one.explanation.without_columns()));
@@ -60,7 +63,6 @@ fn promising(changed: Vec<Changed>, all: &[Explanation], visited: &BTreeSet<Vec<
         .map(|one| (levels.log_posterior(&one.explanation), one))
         .filter(|(log_posterior, one)| {
             *log_posterior > levels.log_posterior(&one.from).max(best - behind_max)
-                && one.explanation.members.len() < MEMBERS_MAX
         })
         .collect();
     rated.sort_by(|a, b| b.0.total_cmp(&a.0));

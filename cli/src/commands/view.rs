@@ -80,12 +80,19 @@ fn serve_stations(path: &Path) -> anyhow::Result<Outcome> {
     let stop = super::stop_on_signals()?;
     let served = ServedStations::start(file, path.parent().unwrap_or(Path::new("")))?;
     info!("stations: page at {}", served.url());
+    let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
+    let mut pinged = Instant::now();
     while !stop.load(Ordering::Relaxed) {
         if !served.is_running() {
             bail!("a thread of the page ended unexpectedly; the log has its error");
         }
+        if pinged.elapsed() >= PING_EVERY {
+            pinged = Instant::now();
+            let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
+        }
         std::thread::sleep(Duration::from_millis(50));
     }
+    let _ = sd_notify::notify(&[sd_notify::NotifyState::Stopping]);
     info!("ended");
     Ok(Outcome::Done)
 }

@@ -192,7 +192,7 @@ fn torques_are_verified_with_a_known_mass_in_the_hands_and_a_wrong_one_fails(sta
     let [near_nm, far_nm] =
         [0, 1].map(|trial| number(&result, &format!("/trials/{trial}/torques/shoulders/expected_nm")));
     assert!(far_nm > 1.3 * near_nm, "{result}");
-    let stored = std::fs::read_to_string(station.state_directory().join("profiles/anon-1.load-checks.jsonl"))
+    let stored = std::fs::read_to_string(station.state_directory().join("subjects/anon-1.load-checks.jsonl"))
         .expect("a file");
     let lines: Vec<Value> = stored.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     assert_eq!(lines, [result]);

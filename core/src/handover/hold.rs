@@ -122,9 +122,11 @@ impl Hand {
         if !(0.0..=COSINE_MAX).contains(&cosine) {
             return in_line;
         }
-        let slope_rad = math::acos(cosine.min(1.0));
-        let along =
-            lever.normalize() * cosine.min(1.0) - Vector3::z() * math::sqrt((1.0 - cosine * cosine).max(0.0));
+        // A slope up and one down have the same lever: use the one nearer to the forearm's.
+        let sign = if forearm_m.z > 0.0 { -1.0 } else { 1.0 };
+        let slope_rad = sign * math::acos(cosine.min(1.0));
+        let sine = sign * math::sqrt((1.0 - cosine * cosine).max(0.0));
+        let along = lever.normalize() * cosine.min(1.0) - Vector3::z() * sine;
         Hand { grip_m: wrist_m + along * to_grip_m, slope_rad: Some(slope_rad) }
     }
 }

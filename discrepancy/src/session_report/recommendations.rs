@@ -10,20 +10,23 @@ use crate::report::document::{Section, Text, strong};
 use super::document::length;
 use super::exposure::Peak;
 use super::gather::Facts;
+use super::lifts::Lift;
 
 /// Changes of the job, derived from the largest loads of the session.
 pub(super) fn recommendations(facts: &Facts) -> Section {
     let mut section = Section::new("Recommendations");
-    if facts.exposure.valid_s < STATEMENT_TIME_MIN_S {
+    // Low-back values and dose are also valid without a load, torques are not.
+    let has_torques = facts.exposure.valid_s >= STATEMENT_TIME_MIN_S;
+    if !has_torques {
         section.say(format!(
-            "Torques were reported for {}, too short for a recommendation. See data quality for the reasons.",
+            "Torques were reported for {}, too short for a recommendation on joints. See data quality for the reasons.",
             length(facts.exposure.valid_s)
         ));
-        return section;
     }
+    let joints = if has_torques { joints(facts) } else { Vec::new() };
     let all: Vec<Text> =
-        joints(facts).into_iter().chain(lifts(facts)).chain(compression(facts)).chain(risk(facts)).collect();
-    if all.is_empty() {
+        joints.into_iter().chain(lifts(facts)).chain(compression(facts)).chain(risk(facts)).collect();
+    if all.is_empty() && has_torques {
         section.say("No joint, lift or low-back load exceeded the limits below.");
     }
     section.list(all);
@@ -71,13 +74,23 @@ fn joints(facts: &Facts) -> Vec<Text> {
 /// The lifts above their recommended weight limit.
 fn lifts(facts: &Facts) -> Option<Text> {
     let lifts = &facts.lifts.lifts;
-    let indices = lifts.iter().enumerate().filter_map(|(number, lift)| Some((number + 1, lift.index()?)));
-    let above: Vec<(usize, f64)> = indices.filter(|(_, index)| *index > 1.0).collect();
-    let (number, index) = above.iter().copied().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    let excess = |lift: &Lift| match lift.limit_kg? {
+        // Outside the range of the equation no mass is acceptable.
+        limit_kg if limit_kg <= 0.0 => Some(f64::INFINITY),
+        _ => lift.index(),
+    };
+    let excesses = lifts.iter().enumerate().filter_map(|(number, lift)| Some((number + 1, excess(lift)?)));
+    let above: Vec<(usize, f64)> = excesses.filter(|(_, excess)| *excess > 1.0).collect();
+    let (number, excess) = above.iter().copied().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     let limit_kg = lifts[number - 1].limit_kg?;
+    let most = if limit_kg > 0.0 {
+        format!("{excess:.1} times its limit of {limit_kg:.1} kg")
+    } else {
+        "beyond the reach, height or twisting for which the equation accepts any mass".to_owned()
+    };
     Some(strong("Lifts").plain(format!(
-        ": {} of {} exceed the recommended weight limit; lift {number} most, {index:.1} times its limit of {limit_kg:.1} kg. \
-         Reduce mass, reach or twisting, or start nearer to knuckle height.",
+        ": {} of {} exceed the recommended weight limit; lift {number} most, {most}. Reduce mass, reach or twisting, or start \
+         nearer to knuckle height.",
         above.len(),
         lifts.len()
     )))
@@ -100,9 +113,10 @@ fn compression(facts: &Facts) -> Option<Text> {
     }
 }
 
-/// The dose, if its probability of a high-risk job is at least 50 %.
+/// The dose, if the largest probability of a high-risk job of a worker is at least 50 %.
 fn risk(facts: &Facts) -> Option<Text> {
-    let [_, probability] = facts.back.assessed_dose()?;
+    let doses = facts.periods.iter().filter_map(|period| period.back.assessed_dose());
+    let probability = doses.map(|[_, probability]| probability).max_by(f64::total_cmp)?;
     (probability >= 0.5).then(|| {
         strong("Dose").plain(format!(
             ": a shift of this dose is a high-risk job with a probability of {:.0} %. Reduce the number of lifts, or rotate \
