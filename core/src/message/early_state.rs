@@ -42,8 +42,8 @@ message! {
         pub delta_f_sigma_n: f64,
         /// Grip of the left and the right hand, world, m; valid with `com_m`.
         pub hand_m: [[f64; 3]; 2],
-        /// Velocity of the grips, world, m/s; valid with `cop_estimated_m`: a flag for motion is also raised where samples
-        /// are missing.
+        /// Velocity of the grips, world, m/s; valid with `cop_estimated_m`, because without enough samples
+        /// there is none.
         pub hand_velocity_m_per_s: [[f64; 3]; 2],
         /// Mass of the load in the hands, kg.
         pub lifted_mass_kg: f64,
