@@ -409,8 +409,8 @@ typedef struct equipoise_early_state {
     double delta_f_sigma_n;
     /* Grip of the left and the right hand, world, m; valid with com_m. */
     double hand_m[2][3];
-    /* Velocity of the grips, world, m/s; valid with cop_estimated_m: a flag for motion is also raised where
-       samples are missing. */
+    /* Velocity of the grips, world, m/s; valid with cop_estimated_m, because without enough samples there is
+       none. */
     double hand_velocity_m_per_s[2][3];
     /* Mass of the load in the hands, kg. */
     double lifted_mass_kg;
