@@ -285,7 +285,7 @@ def plans_before_a_change_are_discarded():
     def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None)):
         for subject, sample_time_ns in responses:
             plan = equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
-                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target)
+                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target, slope_rad=0.0)
             plans._responses.put((target.at_m, plan))
         state = equipoise.State(time_ns=at_ns, valid=valid)
         has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True), target)

@@ -1,10 +1,11 @@
 //! The real program installs itself, below a folder that needs no root.
 
+use std::io::ErrorKind;
 use std::os::unix::fs::PermissionsExt;
-
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 
+use crate::process::wait_for;
 use crate::station::Station;
 
 /// The program with a daemon next to it, as after a build of both; the daemon is not started here.
@@ -16,8 +17,17 @@ fn built(station: &Station) -> PathBuf {
     program
 }
 
+/// Runs a copy of the program. A process that another test has just started holds it open for writing until it executes
+/// its own program.
+fn output(command: &mut Command) -> Output {
+    wait_for("the copy to be closed", || match command.output() {
+        Err(error) if error.kind() == ErrorKind::ExecutableFileBusy => None,
+        ended => Some(ended.expect("the program runs")),
+    })
+}
+
 fn run(program: &Path, arguments: &[&str]) -> String {
-    let ended = Command::new(program).args(arguments).output().expect("the program runs");
+    let ended = output(Command::new(program).args(arguments));
     assert!(ended.status.success(), "{}", String::from_utf8_lossy(&ended.stderr));
     String::from_utf8_lossy(&ended.stdout).into_owned()
 }
@@ -38,7 +48,7 @@ fn install_and_uninstall_of_a_running_program() {
     assert_eq!(program.metadata().expect("the program").permissions().mode() & 0o777, 0o755);
     let configuration = root.join("etc/equipoise/equipoise.toml");
     let mut check = Command::new(&program);
-    let checked = check.arg("check").arg(&configuration).output().expect("the installed program runs");
+    let checked = output(check.arg("check").arg(&configuration));
     assert!(checked.status.success(), "{}", String::from_utf8_lossy(&checked.stderr));
     assert!(!run(&built, &arguments).contains("installed "), "a second time does nothing");
 
@@ -52,7 +62,7 @@ fn install_and_uninstall_of_a_running_program() {
 fn write_errors_are_reported_with_a_remedy() {
     let station = Station::new();
     let file = station.write("file", "no folder").display().to_string();
-    let refused = Command::new(built(&station)).args(["install", "--root", &file]).output().expect("it runs");
+    let refused = output(Command::new(built(&station)).args(["install", "--root", &file]));
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!(refused.status.code(), Some(1), "{message}");
     assert!(["cannot write", &file, "--root"].iter().all(|part| message.contains(part)), "{message}");
