@@ -69,7 +69,8 @@ mod tests {
         Grasp { reach_m, height_m, asymmetry_deg }
     }
 
-    /// An example of the Applications Manual, which rounds its multipliers to two digits.
+    /// An example of the Applications Manual. It rounds its multipliers upward to two digits (14.5 lb = 51 lb · 0.44 · 0.75
+    /// · 0.86, where HM is 0.435 and VM 0.745), and its 10 in and 51 lb exceed the metric 25 cm and 23 kg by 1.6 and 0.6 %.
     #[test]
     fn the_limit_is_that_of_the_applications_manual() {
         // Example 1, loading punch press stock: 14.5 lb at the destination, whose coupling is 1.
@@ -78,7 +79,7 @@ mod tests {
         let turned = [grasp([16.0, 24.0], 45.0); 2];
         for (ends, pounds) in [(punch_press, 14.5), (turned, 51.0 * 0.625 * 0.955 * 0.856)] {
             let limit_lb = weight_limit_kg(ends) / POUND_KG;
-            assert!((limit_lb - pounds).abs() < 0.03 * pounds, "{limit_lb} lb instead of {pounds}");
+            assert!((limit_lb - pounds).abs() < 0.05 * pounds, "{limit_lb} lb instead of {pounds}");
         }
     }
 

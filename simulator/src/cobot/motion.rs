@@ -297,16 +297,16 @@ mod tests {
     }
 
     #[test]
-    fn the_tcp_arrives_and_keeps_its_orientation() {
+    fn the_tcp_arrives_and_turns_to_its_orientation() {
         let mut motion = motion();
-        let begun = arm::forward(&motion.q_rad).rotation;
+        let turned = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -0.5) * motion.orientation();
         for target in [[-0.7, 0.2, 0.3], [-0.5, -0.3, 0.5], [-0.8, 0.0, 0.1]] {
             let target_m = Vector3::from(target);
             for _ in 0..6 * 500 {
                 motion.step(toward(target_m, -0.5));
             }
             assert!((motion.tcp_m() - target_m).norm() < 0.001, "{} of {target_m}", motion.tcp_m());
-            assert!(arm::forward(&motion.q_rad).rotation.angle_to(&begun) < 0.01);
+            assert!(motion.orientation().angle_to(&turned) < 0.01);
         }
     }
 

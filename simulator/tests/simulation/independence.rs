@@ -3,9 +3,10 @@
 use std::path::Path;
 
 /// Names, frames, messages and the library of poses are shared; tables and estimators are not.
-const SHARED: [&str; 5] = [
+const SHARED: [&str; 6] = [
     "equipoise_core::body::{",
     "equipoise_core::body::S",
+    "equipoise_core::body::JOINTS",
     "equipoise_core::frame::",
     "equipoise_core::message::",
     "equipoise_core::pose_suggestion::",
