@@ -84,7 +84,9 @@ fn joints_are_coloured_and_sized_by_their_level_and_grey_when_withheld() {
     let is = |drawn_m: f64, expected_m: f64| (drawn_m - expected_m).abs() < 1e-4;
     assert!(is(diameter(&state, Joint::ALL[0]), above.0));
     assert!(is(diameter(&state, Joint::ALL[1]), none.0));
-    for (reason, name) in Validity::NAMES.iter().filter(|(reason, _)| *reason != Validity::SUIT_STALE) {
+    for (reason, name) in
+        Validity::NAMES.iter().filter(|(reason, _)| !Validity::INVALIDATES_POSE.any_of(*reason))
+    {
         let mut withheld = state;
         withheld.valid = reason.0;
         assert!(is(diameter(&withheld, Joint::ALL[0]), none.0), "{name}");
