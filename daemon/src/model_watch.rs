@@ -112,13 +112,10 @@ pub struct ModelWatch {
 impl ModelWatch {
     /// Ingests a state; returns a discrepancy to report, at most once in five minutes.
     pub fn update(&mut self, state: &State) -> Option<Suspicion> {
-        match Phase::from_number(state.phase) {
-            // Residuals of another subject, model or tare.
-            _ if state.validity().any_of(Validity::MODEL_CHANGED) => {
-                self.samples.clear();
-                self.current = None;
-                return None;
-            }
+        // With a changed model the residuals are those of another subject, model or tare.
+        let phase =
+            Phase::from_number(state.phase).filter(|_| !state.validity().any_of(Validity::MODEL_CHANGED));
+        match phase {
             Some(Phase::Monitoring) => {}
             // A sensor is silent; subject and identification stay.
             Some(Phase::Degraded) => return None,

@@ -1,7 +1,7 @@
 //! `equipoise view`: the worker's page, in a process of its own, so that nothing a browser does reaches the loop.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
@@ -56,23 +56,41 @@ fn serve_station(path: &Path) -> anyhow::Result<Outcome> {
         (Some(_), true) => info!("every request needs the token"),
         (None, _) => {}
     }
+    let mut requests = 0;
+    // Feed the watchdog with requested frames, not merely while this thread runs.
+    let progresses = || {
+        let newest = page.requests();
+        std::mem::replace(&mut requests, newest) != newest
+    };
+    serve(&stop, || page.is_running(), progresses)?;
+    drop(page);
+    info!("ended");
+    Ok(Outcome::Done)
+}
+
+/// Serves until `stop`, as a service of systemd: pings its watchdog while the page `progresses`.
+///
+/// # Errors
+/// A thread of the page ended.
+fn serve(
+    stop: &AtomicBool,
+    is_running: impl Fn() -> bool,
+    mut progresses: impl FnMut() -> bool,
+) -> anyhow::Result<()> {
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
-    let (mut pinged, mut requests) = (Instant::now(), 0);
+    let mut pinged = Instant::now();
     while !stop.load(Ordering::Relaxed) {
-        if !page.is_running() {
+        if !is_running() {
             bail!("a thread of the page ended unexpectedly; the log has its error");
         }
-        // Feed the watchdog with requested frames, not merely while this thread runs.
-        if pinged.elapsed() >= PING_EVERY && page.requests() != requests {
-            (pinged, requests) = (Instant::now(), page.requests());
+        if pinged.elapsed() >= PING_EVERY && progresses() {
+            pinged = Instant::now();
             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
         }
         std::thread::sleep(Duration::from_millis(50));
     }
     let _ = sd_notify::notify(&[sd_notify::NotifyState::Stopping]);
-    drop(page);
-    info!("ended");
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 fn serve_stations(path: &Path) -> anyhow::Result<Outcome> {
@@ -80,19 +98,7 @@ fn serve_stations(path: &Path) -> anyhow::Result<Outcome> {
     let stop = super::stop_on_signals()?;
     let served = ServedStations::start(file, path.parent().unwrap_or(Path::new("")))?;
     info!("stations: page at {}", served.url());
-    let _ = sd_notify::notify(&[sd_notify::NotifyState::Ready]);
-    let mut pinged = Instant::now();
-    while !stop.load(Ordering::Relaxed) {
-        if !served.is_running() {
-            bail!("a thread of the page ended unexpectedly; the log has its error");
-        }
-        if pinged.elapsed() >= PING_EVERY {
-            pinged = Instant::now();
-            let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
-        }
-        std::thread::sleep(Duration::from_millis(50));
-    }
-    let _ = sd_notify::notify(&[sd_notify::NotifyState::Stopping]);
+    serve(&stop, || served.is_running(), || true)?;
     info!("ended");
     Ok(Outcome::Done)
 }

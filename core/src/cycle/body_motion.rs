@@ -63,7 +63,8 @@ impl MotionNoise {
 
     /// Resets the means of unexplained shear: the plate's zero has changed.
     pub(super) fn reset_shear(&mut self) {
-        (self.external_m_per_s2, self.bias_m_per_s2) = ([0.0; 2], [0.0; 2]);
+        self.reset_external_force();
+        self.bias_m_per_s2 = [0.0; 2];
     }
 
     /// Long-term mean of unexplained shear, m/s²: that of a plate that is not level.
