@@ -33,6 +33,22 @@ pub struct Standing<'a> {
     pub load_kg: f64,
 }
 
+/// Where the search for the balance begins: at the result for a body that differs little.
+#[derive(Debug, Clone, Copy)]
+pub struct Start {
+    /// Pelvis of the result, from where it would be with weightless legs, m.
+    by_legs_m: Vector2<f64>,
+    /// Inverse Jacobian: shift of the pelvis by error of the centre of mass.
+    shift_from_error: Matrix2<f64>,
+}
+
+impl Default for Start {
+    fn default() -> Start {
+        // Most of the mass moves with the pelvis, some stays with the feet.
+        Start { by_legs_m: Vector2::zeros(), shift_from_error: Matrix2::identity() * 1.2 }
+    }
+}
+
 /// A body in balance.
 #[derive(Debug, Clone, Copy)]
 pub struct Balanced {
@@ -53,10 +69,15 @@ pub struct Balanced {
 impl Standing<'_> {
     /// The body in `pose` with its centre of mass (with the load) above `target_m`.
     pub fn balance(&self, pose: &Pose, target_m: Vector2<f64>) -> Balanced {
+        self.balance_near(pose, target_m, &mut Start::default())
+    }
+
+    /// The same with a start, which is replaced by the result for a next body that differs little.
+    pub fn balance_near(&self, pose: &Pose, target_m: Vector2<f64>, start: &mut Start) -> Balanced {
         let upper = Upper::new(self, pose);
-        // Most of the mass moves with the pelvis, some stays with the feet.
-        let mut shift_from_error = Matrix2::identity() * 1.2;
-        let mut pelvis_xy = target_m - upper.centre_from_pelvis.xy();
+        let Start { by_legs_m, mut shift_from_error } = *start;
+        let without_legs_m = target_m - upper.centre_from_pelvis.xy();
+        let mut pelvis_xy = without_legs_m + by_legs_m;
         let mut legs = self.legs(pose, &upper, pelvis_xy);
         let mut error = upper.centre(self, &legs).xy() - target_m;
         for _ in 0..MAX_ITERATIONS {
@@ -75,6 +96,7 @@ impl Standing<'_> {
             }
             error = now;
         }
+        *start = Start { by_legs_m: pelvis_xy - without_legs_m, shift_from_error };
         self.assemble(&upper, &legs)
     }
 
@@ -99,8 +121,11 @@ impl Standing<'_> {
     fn assemble(&self, upper: &Upper, legs: &Legs) -> Balanced {
         let mut world_from_segment = upper.world_from_segment;
         for (k, side) in Side::BOTH.into_iter().enumerate() {
-            let rotation = legs.rotations(self.stance, k);
-            for (segment, rotation) in Stance::leg(side).into_iter().zip(rotation) {
+            let Leg { world_from_upper, world_from_lower, .. } = &legs.leg[k];
+            let [upper, lower] =
+                [world_from_upper, world_from_lower].map(UnitQuaternion::from_rotation_matrix);
+            let foot = self.stance.world_from_foot[k];
+            for (segment, rotation) in Stance::leg(side).into_iter().zip([upper, lower, foot, foot]) {
                 world_from_segment[segment.index()] = rotation;
             }
         }
@@ -113,7 +138,7 @@ impl Standing<'_> {
             world_from_segment,
             origin_m,
             com_m: coms_m(self.com_m, &origin_m, &world_from_segment),
-            knee_flexion_rad: legs.leg.map(|leg| leg.knee_flexion_rad),
+            knee_flexion_rad: legs.leg.map(|leg| leg.knee_flexion_rad()),
         }
     }
 }
@@ -148,6 +173,8 @@ struct Upper {
     centre_from_pelvis: Vector3<f64>,
     hip_from_pelvis: [Vector3<f64>; 2],
     leg_lengths_m: [[f64; 2]; 2],
+    /// Mass of foot and toe, kg, and their centre from the ankle, world axes, m; the toes lie flat with the foot.
+    foot: [(f64, Vector3<f64>); 2],
 }
 
 impl Upper {
@@ -169,6 +196,13 @@ impl Upper {
             centre_from_pelvis: (body * body_kg + load * standing.load_kg) / mass_kg,
             hip_from_pelvis: hips.map(|hip| origin_m[hip.index()]),
             leg_lengths_m: hips.map(|hip| person.leg_lengths_m(hip)),
+            foot: [0, 1].map(|k: usize| {
+                let [foot, toe] = [Side::BOTH[k].foot(), Side::BOTH[k].toe()].map(Segment::index);
+                let (mass_kg, com_m) = (&person.segment_mass_kg, standing.com_m);
+                let together_kg = mass_kg[foot] + mass_kg[toe];
+                let moment = com_m[foot] * mass_kg[foot] + (person.offset_m[toe] + com_m[toe]) * mass_kg[toe];
+                (together_kg, standing.stance.world_from_foot[k] * (moment / together_kg))
+            }),
         }
     }
 
@@ -177,17 +211,20 @@ impl Upper {
         let person = standing.person;
         let mut mass = self.mass_kg;
         let mut moment = (legs.pelvis_m + self.centre_from_pelvis) * self.mass_kg;
+        let mut carry = |mass_kg: f64, point_m: Vector3<f64>| {
+            mass += mass_kg;
+            moment += point_m * mass_kg;
+        };
         for (k, side) in Side::BOTH.into_iter().enumerate() {
-            let mut origin = legs.pelvis_m + self.hip_from_pelvis[k];
-            let rotation = legs.rotations(standing.stance, k);
-            for (j, segment) in Stance::leg(side).into_iter().enumerate() {
-                let i = segment.index();
-                if j > 0 {
-                    origin += rotation[j - 1] * person.offset_m[i];
-                }
-                mass += person.segment_mass_kg[i];
-                moment += (origin + rotation[j] * standing.com_m[i]) * person.segment_mass_kg[i];
-            }
+            let [thigh, shank, foot, _] = Stance::leg(side).map(Segment::index);
+            let Leg { world_from_upper, world_from_lower, .. } = legs.leg[k];
+            let hip_m = legs.pelvis_m + self.hip_from_pelvis[k];
+            let knee_m = hip_m + world_from_upper * person.offset_m[shank];
+            let ankle_m = knee_m + world_from_lower * person.offset_m[foot];
+            carry(person.segment_mass_kg[thigh], hip_m + world_from_upper * standing.com_m[thigh]);
+            carry(person.segment_mass_kg[shank], knee_m + world_from_lower * standing.com_m[shank]);
+            let (foot_kg, foot_from_ankle_m) = self.foot[k];
+            carry(foot_kg, ankle_m + foot_from_ankle_m);
         }
         moment / mass
     }
@@ -196,14 +233,6 @@ impl Upper {
 struct Legs {
     pelvis_m: Vector3<f64>,
     leg: [Leg; 2],
-}
-
-impl Legs {
-    /// World rotations of upper leg, lower leg, foot and toe; the toes lie flat with the foot.
-    fn rotations(&self, stance: &Stance, k: usize) -> [UnitQuaternion<f64>; 4] {
-        let foot = stance.world_from_foot[k];
-        [self.leg[k].world_from_upper, self.leg[k].world_from_lower, foot, foot]
-    }
 }
 
 /// Smooth minimum of three heights, rounded off where two of them meet; never above the minimum.

@@ -72,7 +72,9 @@ pub(crate) fn external_wrench(
 fn spin_nms(person: &Person, i: usize, from: &BodyState, to: &BodyState, step_s: f64) -> Vector3<f64> {
     let (start, end) = (from.world_from_segment[i], to.world_from_segment[i]);
     let turn = (end * start.inverse()).scaled_axis();
-    let middle = nalgebra::UnitQuaternion::from_scaled_axis(turn * 0.5) * start;
+    let middle = nalgebra::UnitQuaternion::new_normalize(
+        start.quaternion() + end.quaternion() * start.dot(&end).signum(),
+    );
     middle * (person.inertia_kg_m2[i] * (middle.inverse() * (turn / step_s)))
 }
 

@@ -1,6 +1,6 @@
 //! Inverse kinematics of a leg between a given hip and ankle: two links and a hinge, in closed form.
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 
 /// A leg is never fully extended or folded: there the bending direction of its knee is undefined.
 const LEAST_BEND_M: f64 = 1e-6;
@@ -9,11 +9,17 @@ const LEAST_BEND_M: f64 = 1e-6;
 #[derive(Debug, Clone, Copy)]
 pub struct Leg {
     /// `world_from_upper_leg`.
-    pub world_from_upper: UnitQuaternion<f64>,
+    pub world_from_upper: Rotation3<f64>,
     /// `world_from_lower_leg`.
-    pub world_from_lower: UnitQuaternion<f64>,
+    pub world_from_lower: Rotation3<f64>,
+    cos_inside_knee: f64,
+}
+
+impl Leg {
     /// Flexion of the knee, rad; 0 is straight.
-    pub knee_flexion_rad: f64,
+    pub fn knee_flexion_rad(&self) -> f64 {
+        core::f64::consts::PI - self.cos_inside_knee.acos()
+    }
 }
 
 /// The leg from `hip_m` towards `ankle_m` with links of `[thigh, shank]` metres whose knee points along `knee_forward`
@@ -37,13 +43,12 @@ pub fn solve(
     let along = |from: Vector3<f64>, to: Vector3<f64>| {
         let up = (from - to).normalize();
         let axes = Matrix3::from_columns(&[hinge.cross(&up), hinge, up]);
-        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))
+        Rotation3::from_matrix_unchecked(axes)
     };
-    let cos_knee = (thigh * thigh + shank * shank - distance * distance) / (2.0 * thigh * shank);
     Leg {
         world_from_upper: along(hip_m, knee_m),
         world_from_lower: along(knee_m, ankle_m),
-        knee_flexion_rad: core::f64::consts::PI - cos_knee.acos(),
+        cos_inside_knee: (thigh * thigh + shank * shank - distance * distance) / (2.0 * thigh * shank),
     }
 }
 
@@ -62,7 +67,7 @@ mod tests {
         // A knee is a hinge: both links share their Y axis.
         assert!((leg.world_from_upper * Vector3::y() - leg.world_from_lower * Vector3::y()).norm() < 1e-7);
         let bend = leg.world_from_upper.inverse() * leg.world_from_lower;
-        assert!((bend.scaled_axis() - Vector3::y() * leg.knee_flexion_rad).norm() < 1e-7);
+        assert!((bend.scaled_axis() - Vector3::y() * leg.knee_flexion_rad()).norm() < 1e-7);
     }
 
     #[test]
@@ -74,6 +79,6 @@ mod tests {
     #[test]
     fn a_leg_too_short_is_stretched() {
         let leg = solve(Vector3::z() * 0.9, Vector3::zeros(), [0.43, 0.42], Vector3::x());
-        assert!(leg.knee_flexion_rad < 0.01);
+        assert!(leg.knee_flexion_rad() < 0.01);
     }
 }

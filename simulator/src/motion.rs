@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 use crate::GRAVITY_M_PER_S2;
-use crate::balance::{Standing, grips_m};
+use crate::balance::{Standing, Start, grips_m};
 use crate::dynamics::{Wrench, ground_reaction};
 use crate::intention::Intention;
 use crate::kinematics::Rotations;
@@ -326,6 +326,10 @@ impl Worker {
 
     /// State of the body at a time.
     pub fn sample(&self, time_s: f64) -> BodyState {
+        self.sample_near(time_s, &mut Start::default())
+    }
+
+    fn sample_near(&self, time_s: f64, start: &mut Start) -> BodyState {
         let mix = |from: &f64, to: &f64, s: f64| from + s * (to - from);
         let mut aim = self.aims.at(time_s, |from, to, s| Aim {
             pose: from.pose.towards(&to.pose, s),
@@ -337,19 +341,16 @@ impl Worker {
         aim.pose.parent_from_segment[0] = tilt * aim.pose.parent_from_segment[0];
         let com_m = self.breathing_coms_m(time_s);
         let mut stance = Cow::Borrowed(&self.stance);
-        for march in self.marches.iter().filter(|march| march.lasts(time_s)) {
-            for (ankle_m, lift_m) in stance.to_mut().ankle_m.iter_mut().zip(march.lift_m(time_s)) {
+        let marches = self.marches.iter().filter(|march| march.lasts(time_s));
+        let stomps = self.stomps.iter().filter(|stomps| stomps.lasts(time_s));
+        let marches = marches.map(|m| (m.lift_m(time_s), m.aside_m(time_s), m.sink(time_s)));
+        let stomps = stomps.map(|s| (s.lift_m(time_s), s.aside_m(time_s), s.sink(time_s)));
+        for (lift_m, aside_m, sink) in marches.chain(stomps) {
+            for (ankle_m, lift_m) in stance.to_mut().ankle_m.iter_mut().zip(lift_m) {
                 ankle_m.z += lift_m;
             }
-            aim.balance_m.y += march.aside_m(time_s);
-            aim.pose.pelvis_height -= march.sink(time_s);
-        }
-        for stomps in self.stomps.iter().filter(|stomps| stomps.lasts(time_s)) {
-            for (ankle_m, lift_m) in stance.to_mut().ankle_m.iter_mut().zip(stomps.lift_m(time_s)) {
-                ankle_m.z += lift_m;
-            }
-            aim.balance_m.y += stomps.aside_m(time_s);
-            aim.pose.pelvis_height -= stomps.sink(time_s);
+            aim.balance_m.y += aside_m;
+            aim.pose.pelvis_height -= sink;
         }
         if !self.walk.is_empty() {
             self.turn_towards(&mut aim, time_s);
@@ -362,13 +363,12 @@ impl Worker {
             stance: &stance,
             load_kg: self.expected_load_kg.at(time_s, mix),
         };
-        let body = standing.balance(&aim.pose, aim.balance_m + sway_m);
+        let body = standing.balance_near(&aim.pose, aim.balance_m + sway_m, start);
         let grip_m = grips_m(&self.person, &body.origin_m, &body.world_from_segment);
         let load_kg = self.load_kg.at(time_s, mix);
         let apart = grip_m[0] - grip_m[1];
-        // "Ahead" is relative to the chest, not to the line between the hands: that line rotates quickly where one hand
-        // passes above the other, which would move the box by centimetres within milliseconds and cause huge inertial
-        // forces.
+        // "Ahead" is relative to the chest: the line between the hands rotates quickly where one passes above the other,
+        // which would cause huge inertial forces of the box.
         let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
         let ahead = leftwards.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
         let squeeze_n = self.habits.squeeze_share * load_kg * GRAVITY_M_PER_S2;
@@ -398,13 +398,13 @@ impl Worker {
 
     /// The states one difference before, at, and one difference after a time.
     pub(crate) fn around(&self, time_s: f64) -> [BodyState; 3] {
-        [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t))
+        let mut start = Start::default();
+        [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample_near(t, &mut start))
     }
 
     /// Velocity and acceleration of the segment origins, m/s and m/s².
     pub fn origin_motion(&self, time_s: f64) -> [[Vector3<f64>; 2]; SEGMENTS] {
-        let [before, now, after] =
-            [time_s - DIFFERENCE_S, time_s, time_s + DIFFERENCE_S].map(|t| self.sample(t).origin_m);
+        let [before, now, after] = self.around(time_s).map(|body| body.origin_m);
         std::array::from_fn(|i| {
             let velocity = (after[i] - before[i]) / (2.0 * DIFFERENCE_S);
             [velocity, (after[i] - now[i] * 2.0 + before[i]) / (DIFFERENCE_S * DIFFERENCE_S)]

@@ -41,7 +41,11 @@ pub struct Scene {
 impl Scene {
     /// True state of the body.
     pub fn body(&self, time_s: f64) -> BodyState {
-        let mut body = self.worker.sample(time_s);
+        self.changed(self.worker.sample(time_s))
+    }
+
+    fn changed(&self, mut body: BodyState) -> BodyState {
+        let time_s = body.time_s;
         for (change, span) in &self.hidden.changes {
             change.on(&mut body, span.share(time_s));
         }
@@ -50,7 +54,7 @@ impl Scene {
 
     /// True ground reaction on the person, about the world's origin.
     pub fn ground_reaction(&self, time_s: f64) -> Wrench {
-        let around = [-DIFFERENCE_S, 0.0, DIFFERENCE_S].map(|step_s| self.body(time_s + step_s));
+        let around = self.worker.around(time_s).map(|body| self.changed(body));
         let mut wrench = ground_reaction(self.worker.person(), &around, DIFFERENCE_S);
         for (burden, span) in &self.hidden.burdens {
             let share = span.share(time_s);
