@@ -212,6 +212,18 @@ pub fn misaligned(segment: Segment, observation: &Observation) -> Columns {
     suit::segment_misalignment(Place::Segment(segment), [0.0; 3], observation)
 }
 
+/// The same for a misalignment that is multiplied by a factor of the time, as of soft tissue that moves with a joint.
+///
+/// `turned`: the factor times `world_from_segment`, row by row; `acceleration`: its second derivative, 1/s².
+pub fn misaligned_by_factor(
+    segment: Segment,
+    turned: &[[f64; 3]; 3],
+    acceleration: &[[f64; 3]; 3],
+    observation: &Observation,
+) -> Columns {
+    suit::varying_misalignment(segment, [turned, acceleration], observation)
+}
+
 /// Lever arm of a segment's rotation: a small rotation ε, world axes, moves the predicted CoM by `ε × arm`, m.
 pub fn arm_m(segment: Segment, observation: &Observation) -> [f64; 3] {
     observation.arm(segment).at

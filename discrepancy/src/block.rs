@@ -1,6 +1,6 @@
 //! A block: means of predictions and measurements over a fraction of a second of a session.
 
-use equipoise_core::body::{SEGMENTS, Segment};
+use equipoise_core::body::{SEGMENTS, Segment, Side};
 use equipoise_core::effect::Observation;
 use nalgebra::{UnitQuaternion, Vector3};
 
@@ -56,6 +56,8 @@ pub struct Block {
     pub turning_by_group_m: [[f64; 2]; 4],
     /// Rotation vector of each segment relative to its parent (pelvis: relative to the feet's heading), rad.
     pub joint_rad: [[f64; 3]; SEGMENTS],
+    /// Second derivative of each of its components times the segment's rotation matrix, rad/s².
+    pub bent_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,
     /// Change by each of [`LAGS_S`].
@@ -75,4 +77,11 @@ pub(crate) fn joint_rad(
         let parent = segment.parent().map_or(heading, turned);
         (parent.inverse() * turned(segment)).scaled_axis().into()
     })
+}
+
+/// Common heading of the feet, rad from forward, left positive.
+pub(crate) fn heading_rad(rotation: &[UnitQuaternion<f64>; SEGMENTS]) -> f64 {
+    let forward = |side: &Side| rotation[side.foot().index()] * Vector3::x();
+    let sum: Vector3<f64> = Side::BOTH.iter().map(forward).sum();
+    sum.y.atan2(sum.x)
 }

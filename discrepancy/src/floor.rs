@@ -10,38 +10,68 @@ use crate::noise::cop::cop_columns;
 /// Expected residual of every block of the work and its 1-σ: centre of pressure x, y (m), vertical force (N).
 #[derive(Debug, Clone)]
 pub(crate) struct Floor {
-    /// Expectation conditioned on the clean rows.
-    pub(crate) mean: Vec<[f64; 3]>,
+    /// Expectation conditioned on the clean rows, with the original model and with the accepted terms.
+    pub(crate) mean: [Vec<[f64; 3]>; 2],
     /// 1-σ of noise around that expectation.
     pub(crate) sigma: Vec<[f64; 3]>,
 }
 
 impl Floor {
-    /// Of all work rows, given the stance offsets. The clean rows come first, so the factor already contains both
-    /// results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the covariance `C Cᵀ`.
-    pub(crate) fn of(gram: &Gram<'_>, stances_m: &[[f64; 2]]) -> Floor {
+    /// Of all work rows, given the stance offsets. `None` where the algebra fails.
+    pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2]]) -> Option<Floor> {
+        let value = if accepted.is_empty() { Vec::new() } else { gram.estimate(accepted)?.value };
+        let before = Floor::expected(gram, stances_m, |_| [0.0; 3]);
+        let explained = |block: usize| {
+            let mut value = value.as_slice();
+            let mut sum = [0.0; 3];
+            for term in accepted.iter().map(|&term| &gram.terms[term]) {
+                let (own, others) = value.split_at(term.count);
+                value = others;
+                let predicted = term.predicted(gram.rows, block, own);
+                sum.iter_mut().zip(predicted).for_each(|(sum, part)| *sum += part);
+            }
+            sum
+        };
+        let after = Floor::expected(gram, stances_m, explained);
+        let [mean, sigma] = before;
+        Some(Floor { mean: [mean, after.into_iter().next()?], sigma })
+    }
+
+    /// Expectation and 1-σ, if this part of the residual (m, m, N) is explained. The clean rows come first, so the factor
+    /// already contains both results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the
+    /// covariance `C Cᵀ`.
+    fn expected(
+        gram: &Gram<'_>,
+        stances_m: &[[f64; 2]],
+        explained: impl Fn(usize) -> [f64; 3],
+    ) -> [Vec<[f64; 3]>; 2] {
         let rows = gram.rows;
         let (work, from) = (rows.len() - rows.work_from, rows.work_from);
         let without = &gram.noise.cop_without_stances;
         let mut residual_m = cop_columns(rows, 1, |block, _| {
-            let residual_m = rows.cop_residual_m(block);
-            [0, 1].map(|axis| residual_m[axis] - stances_m[block][axis])
+            let (residual_m, explained) = (rows.cop_residual_m(block), explained(block));
+            [0, 1].map(|axis| residual_m[axis] - stances_m[block][axis] - explained[axis])
         });
         without.whiten_from(0, &mut residual_m);
-        let mut floor = Floor { mean: vec![[0.0; 3]; work], sigma: vec![[0.0; 3]; work] };
+        let vertical = gram.noise.force.first().map(|factor| {
+            let residual_n = |block, _| rows.force_residual_n(block, 2) - explained(block)[2];
+            let mut residual_n = Mat::from_fn(rows.len(), 1, residual_n);
+            factor.whiten_from(0, &mut residual_n);
+            (factor, residual_n)
+        });
+        let (mut mean, mut sigma) = (vec![[0.0; 3]; work], vec![[0.0; 3]; work]);
         for block in 0..work {
             for axis in 0..2 {
                 let row = 2 * (from + block) + axis;
-                (floor.mean[block][axis], floor.sigma[block][axis]) =
+                (mean[block][axis], sigma[block][axis]) =
                     predicted(without, row, 2 * from, residual_m.col_as_slice(0));
             }
-            if let Some(vertical) = gram.noise.force.first() {
-                let residual = &gram.residual[gram.cop_rows()..];
-                (floor.mean[block][2], floor.sigma[block][2]) =
-                    predicted(vertical, from + block, from, residual);
+            if let Some((factor, residual_n)) = &vertical {
+                (mean[block][2], sigma[block][2]) =
+                    predicted(factor, from + block, from, residual_n.col_as_slice(0));
             }
         }
-        floor
+        [mean, sigma]
     }
 
     /// Root mean square deviation of noise alone on one axis from the expectation conditioned on the clean rows, over

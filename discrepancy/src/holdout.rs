@@ -22,10 +22,10 @@ pub(crate) struct HeldOut {
 }
 
 impl HeldOut {
-    /// Subtracts the expectation, conditioned on the clean rows, of each block of the work: earlier errors of the
-    /// subject's parameters and of the pose count on neither side of the gap.
-    pub(crate) fn subtract_expected(&mut self, expected: &[[f64; 3]]) {
-        for list in [&mut self.before, &mut self.after] {
+    /// Subtracts the expectations before and after, conditioned on the clean rows, of each block of the work: earlier
+    /// errors of the subject's parameters and of the pose count on neither side of the gap.
+    pub(crate) fn subtract_expected(&mut self, expected: &[Vec<[f64; 3]>; 2]) {
+        for (list, expected) in [&mut self.before, &mut self.after].into_iter().zip(expected) {
             for (residual, mean) in list.iter_mut().zip(expected) {
                 residual.iter_mut().zip(mean).for_each(|(residual, mean)| *residual -= mean);
             }

@@ -24,12 +24,12 @@ pub(crate) fn same_columns(one: &str, other: &str) -> bool {
 /// The name of anything outside the catalogue.
 pub(crate) const OUTSIDE: &str = "outside the catalogue";
 
-/// A probable explanation, and what it predicts.
+/// A probable set of names, and what its most probable explanation predicts.
 #[derive(Debug, Clone)]
 pub(crate) struct Predictor<P> {
     /// Names of its effects that are not negligible, and [`OUTSIDE`], sorted; one name for those with the same columns.
     pub(crate) names: Vec<String>,
-    /// Probability of the explanation, relative to the other predictors.
+    /// Probability of the set, relative to the other predictors.
     pub(crate) probability: f64,
     /// Its prediction.
     pub(crate) prediction: P,
@@ -63,19 +63,25 @@ impl Posterior {
         Posterior { explanations, names: NameSets { sets, probabilities } }
     }
 
-    /// The most probable explanations with their predictions; those without one are left out.
+    /// The most probable sets of names, each with the prediction of its most probable explanation; those without one are
+    /// left out.
     pub(crate) fn predictors<P>(&self, predict: impl Fn(&Explanation) -> Option<P>) -> Vec<Predictor<P>> {
-        let mut predictors: Vec<Predictor<P>> = self
-            .explanations
-            .iter()
-            .zip(&self.names.probabilities)
+        let mut sets: Vec<(Vec<String>, f64, &Explanation)> = Vec::new();
+        for (explanation, &probability) in self.explanations.iter().zip(&self.names.probabilities) {
+            let mut names: Vec<String> = explanation.names().iter().map(|name| class(name)).collect();
+            names.sort();
+            names.dedup();
+            match sets.iter_mut().find(|(known, ..)| *known == names) {
+                Some((_, sum, _)) => *sum += probability,
+                None => sets.push((names, probability, explanation)),
+            }
+        }
+        sets.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut predictors: Vec<Predictor<P>> = sets
+            .into_iter()
             .take(CHECKED_MAX)
-            .filter_map(|(explanation, &probability)| {
-                let prediction = predict(explanation)?;
-                let mut names: Vec<String> = explanation.names().iter().map(|name| class(name)).collect();
-                names.sort();
-                names.dedup();
-                Some(Predictor { names, probability, prediction })
+            .filter_map(|(names, probability, explanation)| {
+                Some(Predictor { names, probability, prediction: predict(explanation)? })
             })
             .collect();
         let total: f64 = predictors.iter().map(|predictor| predictor.probability).sum();

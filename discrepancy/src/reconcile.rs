@@ -139,10 +139,10 @@ pub fn reconcile(
     let generics = generic::search(&gram, &library, &selection.terms(), threshold);
     let rest = Remainder::of(&gram, &selection.terms());
     let stances_m = stances_m(&gram, &rest.after);
-    let mut held = held_out(&gram, &selection.terms(), &stances_m)
-        .ok_or(ReconcileError::NoNoise { channel: "plate" })?;
+    let no_noise = || ReconcileError::NoNoise { channel: "plate" };
+    let mut held = held_out(&gram, &selection.terms(), &stances_m).ok_or_else(no_noise)?;
     progress(0.9);
-    let floor = Floor::of(&gram, &stances_m);
+    let floor = Floor::of(&gram, &selection.terms(), &stances_m).ok_or_else(no_noise)?;
     held.subtract_expected(&floor.mean);
     let answer = answer::assemble(&gram, &selection, generics, Residuals { held: &held, rest, floor });
     let picture = drawing::picture(&gram, &selection, &held, &answer, threshold);

@@ -5,7 +5,7 @@
 //! Effects of the work phase only are therefore zero in all rows before [`Rows::work_from`].
 
 use equipoise_core::body::{SEGMENTS, Segment};
-use equipoise_core::effect::{Columns, misaligned};
+use equipoise_core::effect::{Columns, misaligned, misaligned_by_factor};
 
 use crate::block::{Block, Phase};
 use crate::constants::{BLOCKS_PER_POSE, BLOCKS_USED_MAX, ONSET_S, SAME_POSE_RAD};
@@ -22,6 +22,8 @@ pub(crate) struct Rows<'a> {
     pub(crate) work_from: usize,
     /// Per block and segment: measurement error per rad of orientation error about each of the segment's axes.
     per_misalignment: Vec<[Columns; SEGMENTS]>,
+    /// The same per rad of misalignment and rad of each component of the joint's rotation vector.
+    per_soft_tissue: Vec<[[Columns; 3]; SEGMENTS]>,
 }
 
 impl<'a> Rows<'a> {
@@ -35,7 +37,8 @@ impl<'a> Rows<'a> {
         let work_from = blocks.iter().position(|block| block.phase == Phase::Work).unwrap_or(blocks.len());
         let of_block = |block: &&Block| Segment::ALL.map(|segment| misaligned(segment, &block.observation));
         let per_misalignment = blocks.iter().map(of_block).collect();
-        Rows { session, blocks, work_from, per_misalignment }
+        let per_soft_tissue = blocks.iter().map(|block| soft_tissue(block)).collect();
+        Rows { session, blocks, work_from, per_misalignment, per_soft_tissue }
     }
 
     /// A subset of the blocks, in order.
@@ -107,11 +110,35 @@ impl<'a> Rows<'a> {
         self.per_misalignment[block][segment].times(&[x, y, z, 0.0])
     }
 
+    /// The same for soft tissue: per rad about one of the segment's axes and rad of a component of its joint's rotation
+    /// vector.
+    pub(crate) fn effect_of_soft_tissue(
+        &self,
+        block: usize,
+        segment: usize,
+        [axis, joint]: [usize; 2],
+    ) -> ([f64; 2], [f64; 3]) {
+        let columns = &self.per_soft_tissue[block][segment][joint];
+        (columns.cop_m[axis], columns.force_n[axis])
+    }
+
     /// Contribution of a vector (m, or m per unit) added to the centre of mass to the centre of pressure.
     pub(crate) fn on_cop(&self, block: usize, vector: [f64; 3]) -> [f64; 2] {
         let slope = self.slope(block);
         [vector[0] - slope[0] * vector[2], vector[1] - slope[1] * vector[2]]
     }
+}
+
+fn soft_tissue(block: &Block) -> [[Columns; 3]; SEGMENTS] {
+    Segment::ALL.map(|segment| {
+        let index = segment.index();
+        [0, 1, 2].map(|joint| {
+            let bent =
+                block.observation.rotation[index].map(|row| row.map(|e| block.joint_rad[index][joint] * e));
+            let acceleration = &block.bent_rotation_acceleration[index][joint];
+            misaligned_by_factor(segment, &bent, acceleration, &block.observation)
+        })
+    })
 }
 
 /// The selected blocks: identification, clean work, work in question, each by time.

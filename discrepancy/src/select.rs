@@ -5,7 +5,7 @@ use equipoise_core::effect::{Effect, PARAMETERS_MAX};
 
 use crate::ask::ask;
 use crate::candidate::{Candidate, Scope};
-use crate::constants::{CHECKED_MAX, CLEAR_LEAD, INTERVAL_MIN_S, RIVAL_PROBABILITY_MIN};
+use crate::constants::{CHECKED_MAX, CLEAR_LEAD, RIVAL_PROBABILITY_MIN};
 use crate::evidence::Estimate;
 use crate::explanation::{Explanation, Member, marginalise_misfit};
 use crate::finding::{Candidate as Considered, Generic, SetAside};
@@ -283,7 +283,7 @@ fn without_overlap(candidate: Candidate, other: &Candidate) -> Option<Candidate>
     };
     let parts_s = [[from_s, other_from_s], [other_to_s, to_s]];
     let longest_s = parts_s.into_iter().max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])))?;
-    let is_long_enough = longest_s[1] - longest_s[0] >= INTERVAL_MIN_S;
+    let is_long_enough = longest_s[1] - longest_s[0] >= windows::shortest_s(candidate.effect);
     is_long_enough.then_some(Candidate { scope: Scope::Span(longest_s), ..candidate })
 }
 

@@ -57,6 +57,14 @@ fn can_be_temporary(candidate: &Candidate) -> bool {
     }
 }
 
+/// Shortest part of the work in which an effect may act, s: a change in time shows in motion only.
+pub(crate) fn shortest_s(effect: Effect) -> f64 {
+    match effect {
+        Effect::SuitLag | Effect::PlateLowpass => TIMING_PART_MIN_S,
+        _ => INTERVAL_MIN_S,
+    }
+}
+
 /// Number of shapes that are tried in parts of the work.
 fn shapes_in_parts(effect: Effect) -> f64 {
     match effect {
@@ -113,9 +121,8 @@ impl Windows {
             log_odds(&|i, j| sums.product(from, to, i, j), &|i| sums.with_residual(from, to, i), mean, sigma)
         };
         let log_odds_of_whole = score(0, last);
-        let is_timing = matches!(pieces.candidate.effect, Effect::SuitLag | Effect::PlateLowpass);
         let length_s = |from: usize, to: usize| self.edges_s[to] - self.edges_s[from];
-        let shortest_s = if is_timing { TIMING_PART_MIN_S } else { INTERVAL_MIN_S }.min(length_s(0, last));
+        let shortest_s = shortest_s(pieces.candidate.effect).min(length_s(0, last));
         let pairs = (0..last)
             .flat_map(|from| (from + 1..=last).map(move |to| (from, to)))
             .filter(|&(from, to)| length_s(from, to) >= shortest_s);
@@ -142,12 +149,13 @@ pub(crate) fn refine(gram: &Gram<'_>, candidate: &Candidate, accepted: &[usize])
         gram.score_candidate(&candidate, &directions, &residual)
     };
     let mut best = score(span_s);
+    let shortest_s = shortest_s(candidate.effect).min(span_s[1] - span_s[0]);
     let mut step_s = 0.5 * piece_s(gram.rows);
     while step_s > EDGE_STEP_MIN_S {
         let moves = [[step_s, 0.0], [-step_s, 0.0], [0.0, step_s], [0.0, -step_s]];
         let better = moves.into_iter().find_map(|[from, to]| {
             let moved = [(span_s[0] + from).max(min_s), (span_s[1] + to).min(max_s)];
-            let value = if moved[1] - moved[0] < INTERVAL_MIN_S { f64::NEG_INFINITY } else { score(moved) };
+            let value = if moved[1] - moved[0] < shortest_s { f64::NEG_INFINITY } else { score(moved) };
             (value > best + 1e-6).then_some((moved, value))
         });
         match better {

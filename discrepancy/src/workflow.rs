@@ -62,8 +62,9 @@ pub struct Compared {
 impl Reconcile<'_> {
     /// The cycle's settings, with the effects already found and without passive adaptation.
     fn settings(&self) -> Settings {
-        // The lag is one of the effects to find, so the cycle must not correct it.
-        Settings { passive: false, align_streams: false, ..self.config.settings() }
+        // Lags and displacements are effects to find, so the cycle must not correct them.
+        let sensors = Settings { align_streams: false, watch_registration: false, ..self.config.settings() };
+        Settings { passive: false, ..sensors }
     }
 
     /// Surveys the recording, identifies the subject and compares.

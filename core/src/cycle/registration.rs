@@ -223,7 +223,7 @@ pub(super) fn register(
     }
     let (measured_m, estimated_m) = (outputs.ground.reading.cop_m, outputs.estimate.cop_m);
     let quality = state.quality;
-    if quality != RegistrationQuality::Lost as u64 {
+    if settings.watch_registration && quality != RegistrationQuality::Lost as u64 {
         state.check_distance(math::hypot([0, 1].map(|axis| measured_m[axis] - estimated_m[axis])));
     }
     if quality == RegistrationQuality::Converged as u64 {

@@ -152,6 +152,8 @@ pub struct Settings {
     pub ground_latency_ns: u64,
     /// Whether the skew between the streams is corrected when the motion reveals it.
     pub align_streams: bool,
+    /// Whether the registration counts as lost while measured and estimated CoP stay far apart.
+    pub watch_registration: bool,
     /// Whether the suit's position drifts, so that the anchor must hold the standing feet; false for optical markers.
     pub suit_drifts: bool,
     /// Whether identification starts automatically.
@@ -216,6 +218,7 @@ impl Settings {
             suit_latency_ns: 0,
             ground_latency_ns: 0,
             align_streams: true,
+            watch_registration: true,
             suit_drifts: true,
             start_identifying: true,
             level_margin_share: 0.02,

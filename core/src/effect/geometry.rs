@@ -177,8 +177,11 @@ pub(super) fn leftward([x, y]: [f64; 2]) -> [f64; 2] {
     [-y, x]
 }
 
+/// Three rows.
+pub(super) type Matrix = [[f64; 3]; 3];
+
 /// A vector rotated by a matrix, row by row.
-fn rotated(matrix: &[[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
+pub(super) fn rotated(matrix: &Matrix, vector: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row.iter().zip(vector).map(|(a, b)| a * b).sum())
 }
 

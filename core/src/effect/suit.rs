@@ -3,7 +3,7 @@
 //! The lag has no column: the loop corrects the time of samples on arrival, so that all later stages use the right
 //! time.
 
-use super::geometry::{AXES, Column, Moving, chord, cross, leftward, sum};
+use super::geometry::{AXES, Column, Matrix, Moving, chord, cross, leftward, rotated, sum};
 use super::{Columns, Observation, Parameter, Place};
 use crate::body::Segment;
 use crate::math;
@@ -75,15 +75,35 @@ pub(super) const SEGMENT_MISALIGNMENT: [Parameter; 3] = [
 /// rotation; for one that may be large (`about_rad`, δ), terms with the sum `R_s (exp(−δ) − 1) ψ_s` (Rodrigues).
 pub(super) fn segment_misalignment(place: Place, about_rad: [f64; 3], o: &Observation) -> Columns {
     let Place::Segment(segment) = place else { return Columns::zero(SEGMENT_MISALIGNMENT.len()) };
+    misaligned_by(segment, about_rad, o, |own_m| o.turned(segment, own_m))
+}
+
+/// Columns of a small misalignment that is multiplied by a factor, which changes with time: `Δr = f R_s (ψ_s × e)`.
+/// Input: mean and second derivative (1/s²) of `f R_s`.
+pub(super) fn varying_misalignment(
+    segment: Segment,
+    [turned, acceleration]: [&Matrix; 2],
+    o: &Observation,
+) -> Columns {
+    let moved = |own_m| Moving { at: rotated(turned, own_m), acceleration: rotated(acceleration, own_m) };
+    misaligned_by(segment, [0.0; 3], o, moved)
+}
+
+/// Columns of [`segment_misalignment`] for a displacement, in the segment's axes, that moves as `turned` states.
+fn misaligned_by(
+    segment: Segment,
+    about_rad: [f64; 3],
+    o: &Observation,
+    turned: impl Fn([f64; 3]) -> Moving,
+) -> Columns {
     // Bones are rigid: in the segment's axes the attached parts do not move.
     let rows = &o.rotation[segment.index()];
     let (straight, aside) = chord(math::sqrt(about_rad.iter().map(|part| part * part).sum()));
     let moved = |arm: Moving, axis: [f64; 3]| {
         let [x, y, z] = arm.at;
         let fixed_m = [0, 1, 2].map(|axis| rows[0][axis] * x + rows[1][axis] * y + rows[2][axis] * z);
-        let turned = cross(fixed_m, axis);
-        let back = sum(turned.map(|part| straight * part), cross(turned, about_rad).map(|part| aside * part));
-        o.turned(segment, back)
+        let across = cross(fixed_m, axis);
+        turned(sum(across.map(|part| straight * part), cross(across, about_rad).map(|part| aside * part)))
     };
     let arm = o.arm(segment);
     Columns::of(&AXES.map(|axis| {

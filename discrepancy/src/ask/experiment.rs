@@ -126,6 +126,10 @@ fn standing(
     let step_m = about_vertical(last.heading_rad) * Vector3::new(step_m[0], step_m[1], 0.0);
     let rotation = rotation.map(|own| turn * own);
     let origin = origins_in_pose(like, &rotation, step_m);
+    let ankles_before_m = between_ankles_m(&|segment| Vector3::from(like.origin_m[segment.index()]));
+    let from_ankles_m = Vector3::new(like.feet_m[0], like.feet_m[1], ankles_before_m.z) - ankles_before_m;
+    let feet_m = between_ankles_m(&|segment| origin[segment.index()])
+        + about_vertical(turn_deg.to_radians()) * from_ankles_m;
     let com = Segment::ALL
         .iter()
         .map(|segment| rotation[segment.index()] * Vector3::from(like.phi_m[segment.index()]))
@@ -134,7 +138,7 @@ fn standing(
     let force_n = [0.0, 0.0, like.mass_kg * 9.81];
     let observation = Observation {
         time_s: like.time_s + UNTIL_EXPERIMENT_S,
-        feet_m: [like.feet_m[0] + step_m[0], like.feet_m[1] + step_m[1]],
+        feet_m: [feet_m.x, feet_m.y],
         origin_m: origin.map(Into::into),
         origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
         rotation: rotation.map(|own| {
@@ -160,10 +164,16 @@ fn standing(
         com_velocity_m_per_s: [0.0; 3],
         turning_by_group_m: [[0.0; 2]; 4],
         joint_rad: joint_rad(&rotation, heading_rad),
+        bent_rotation_acceleration: [[[[0.0; 3]; 3]; 3]; SEGMENTS],
         heading_rad,
         by_lag: [Change::NONE; LAGS_S.len()],
         by_cutoff: [Change::NONE; CUTOFFS_HZ.len()],
     }
+}
+
+/// The middle between the ankles, m.
+fn between_ankles_m(origin: &dyn Fn(Segment) -> Vector3<f64>) -> Vector3<f64> {
+    Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
 }
 
 /// Segment origins in a pose, with the middle between the feet in its place, plus a step.
@@ -181,9 +191,6 @@ fn origins_in_pose(
         let own = Vector3::from_fn(|k, _| (0..3).map(|axis| rows[axis][k] * along[axis]).sum::<f64>());
         origin[segment.index()] = origin[parent.index()] + rotation[parent.index()] * own;
     }
-    let middle = |origin: &dyn Fn(Segment) -> Vector3<f64>| {
-        Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
-    };
-    let shift = middle(&seen) - middle(&|segment| origin[segment.index()]) + step_m;
+    let shift = between_ankles_m(&seen) - between_ankles_m(&|segment| origin[segment.index()]) + step_m;
     origin.map(|origin| origin + shift)
 }

@@ -1,6 +1,6 @@
 //! Means over a block.
 
-use equipoise_core::body::{SEGMENTS, Side};
+use equipoise_core::body::SEGMENTS;
 use equipoise_core::effect::Observation;
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -9,7 +9,7 @@ use super::options::Options;
 use super::point::Point;
 use super::window::{Window, matrix};
 use super::worker::Worker;
-use crate::block::{Block, Change, Phase, joint_rad};
+use crate::block::{Block, Change, Phase, heading_rad, joint_rad};
 use crate::constants::{BLOCK_REACH, CUTOFFS_HZ};
 
 /// A block under construction.
@@ -57,6 +57,7 @@ struct Bodies {
     origin_acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
     rotation: [[[f64; 3]; 3]; SEGMENTS],
     rotation_acceleration_per_s2: [[[f64; 3]; 3]; SEGMENTS],
+    bent_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
     quaternion: [[f64; 4]; SEGMENTS],
 }
 
@@ -79,6 +80,7 @@ impl BlockMean {
                 origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
                 rotation: [[[0.0; 3]; 3]; SEGMENTS],
                 rotation_acceleration_per_s2: [[[0.0; 3]; 3]; SEGMENTS],
+                bent_rotation_acceleration: [[[[0.0; 3]; 3]; 3]; SEGMENTS],
                 quaternion: [[0.0; 4]; SEGMENTS],
             }),
         }
@@ -150,6 +152,10 @@ impl BlockMean {
                 for (row, entries) in matrix(&sample.snapshot, segment).iter().enumerate() {
                     add_scaled(&mut bodies.rotation[segment][row], value, entries);
                     add_scaled(&mut bodies.rotation_acceleration_per_s2[segment][row], second, entries);
+                    let bent = bodies.bent_rotation_acceleration[segment].iter_mut();
+                    for (bent, joint_rad) in bent.zip(sample.joint_rad[segment]) {
+                        add_scaled(&mut bent[row], second * joint_rad, entries);
+                    }
                 }
             }
         }
@@ -158,10 +164,10 @@ impl BlockMean {
     /// The block.
     pub(super) fn block(self, phase: Phase, still: bool, timing: &Timing, worker: &Worker) -> Block {
         let (sum, bodies, count) = (&self.sum, &*self.bodies, self.count);
-        let heading_rad = heading_rad(&bodies.rotation);
         let rotation = bodies
             .quaternion
             .map(|[w, x, y, z]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z)));
+        let heading_rad = heading_rad(&rotation);
         let turning_by_group_m = sum.turning_by_group_m.map(|group| mean(group, count));
         let observation = Observation {
             time_s: sum.time_s / count,
@@ -195,6 +201,7 @@ impl BlockMean {
             com_velocity_m_per_s: mean(sum.com_velocity_m_per_s, count),
             turning_by_group_m,
             joint_rad: joint_rad(&rotation, heading_rad),
+            bent_rotation_acceleration: bodies.bent_rotation_acceleration,
             heading_rad,
             by_lag: timing.by_lag,
             by_cutoff: std::array::from_fn(|k| timing.by_cutoff(k, &self.by_cutoff[k], count)),
@@ -214,11 +221,4 @@ fn add_scaled<const N: usize>(sum: &mut [f64; N], scale: f64, value: &[f64; N]) 
 
 fn mean<const N: usize>(sum: [f64; N], count: f64) -> [f64; N] {
     sum.map(|sum| sum / count)
-}
-
-/// Common heading of the feet, rad from forward, left positive.
-fn heading_rad(rotation: &[[[f64; 3]; 3]; SEGMENTS]) -> f64 {
-    let forward =
-        |row: usize| Side::BOTH.iter().map(|side| rotation[side.foot().index()][row][0]).sum::<f64>();
-    forward(1).atan2(forward(0))
 }

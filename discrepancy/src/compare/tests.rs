@@ -132,6 +132,32 @@ fn a_thrown_body_accelerates_as_it_was_thrown_whatever_the_anchor_shifts() {
 }
 
 #[test]
+fn soft_tissue_accelerates_with_the_joint_and_not_only_with_the_segment() {
+    let shank = Segment::RightLowerLeg.index();
+    let bend = |time_s: f64| 0.6 + 0.5 * (2.0 * time_s).sin();
+    // The bend times the shank's rotation matrix.
+    let bent = |time_s: f64| {
+        UnitQuaternion::from_axis_angle(&Vector3::y_axis(), bend(time_s)).to_rotation_matrix().matrix()
+            * bend(time_s)
+    };
+    let blocks = blocks(options(0.0, 12.0), 60.0, 12.0, |time_s, snapshot| {
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), bend(time_s));
+        snapshot.orientation_wxyz[shank] = [turn.w, turn.i, turn.j, turn.k];
+    });
+    assert!(blocks.len() > 40, "{}", blocks.len());
+    for block in &blocks {
+        let (time_s, step_s) = (block.observation.time_s, 1e-3);
+        let expected =
+            (bent(time_s + step_s) + bent(time_s - step_s) - bent(time_s) * 2.0) / (step_s * step_s);
+        let [about_x, about_y, _] = block.bent_rotation_acceleration[shank];
+        for (row, column) in (0..3).flat_map(|row| [0, 1, 2].map(|column| (row, column))) {
+            assert!(about_x[row][column].abs() < 1e-9);
+            assert!((about_y[row][column] - expected[(row, column)]).abs() < 0.15, "{about_y:?} {expected}");
+        }
+    }
+}
+
+#[test]
 fn a_lag_changes_what_moves_by_its_way_and_a_filter_by_its_delay() {
     let speed_m_per_s = 0.3;
     let blocks = blocks(options(0.0, 12.0), 60.0, 12.0, |time_s, snapshot| {

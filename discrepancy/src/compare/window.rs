@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use equipoise_core::body::SEGMENTS;
 use equipoise_core::frame::StationWorld;
 use equipoise_core::frame::{Pose, rotation};
 use equipoise_core::message::Component;
@@ -13,6 +14,7 @@ use nalgebra::Vector3;
 use super::options::Options;
 use super::point::Point;
 use super::worker::Worker;
+use crate::block::{heading_rad, joint_rad};
 use crate::constants::{SNAPSHOT_RESERVE_S, TIME_TOLERANCE_S, WINDOW_REACH, WINDOW_SIDE_MIN};
 
 /// Maximum number of snapshots on each side.
@@ -26,6 +28,8 @@ pub(super) struct Sample {
     pub(super) snapshot: Snapshot,
     /// Centre of mass by the chain in the suit's own world, m: the anchor's shifts are no motion of the body.
     pub(super) centre_m: Vector3<f64>,
+    /// As [`crate::block::Block::joint_rad`].
+    pub(super) joint_rad: [[f64; 3]; SEGMENTS],
     /// Plate data; `None` without a centre of pressure.
     pub(super) ground: Option<PlateReading>,
 }
@@ -94,7 +98,9 @@ impl Window {
             })
         });
         let has_cop = ground.is_some();
-        self.samples.push_back(Sample { time_s, snapshot: *snapshot, centre_m, ground });
+        let turned = snapshot.orientation_wxyz.map(rotation);
+        let joint_rad = joint_rad(&turned, heading_rad(&turned));
+        self.samples.push_back(Sample { time_s, snapshot: *snapshot, centre_m, joint_rad, ground });
         has_cop
     }
 

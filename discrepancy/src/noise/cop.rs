@@ -178,8 +178,8 @@ fn misalignment(rows: &Rows<'_>) -> Mat<f64> {
 fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
     let columns = cop_columns(rows, 9 * SEGMENTS, |block, column| {
         let (segment, axis, joint) = (column / 9, column / 3 % 3, column % 3);
-        let size = soft_tissue_scale(segment) * rows.blocks[block].joint_rad[segment][joint];
-        rows.effect_of_misalignment(block, segment, axis).0.map(|moved| moved * size)
+        let (cop_m, _) = rows.effect_of_soft_tissue(block, segment, [axis, joint]);
+        cop_m.map(|moved_m| soft_tissue_scale(segment) * moved_m)
     });
     outer(columns.as_ref(), columns.as_ref())
 }

@@ -118,8 +118,8 @@ fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     });
     let skin = Mat::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
         let (segment, along, joint) = (column / 9, column / 3 % 3, column % 3);
-        let size = soft_tissue * soft_tissue_scale(segment) * rows.blocks[block].joint_rad[segment][joint];
-        size * rows.effect_of_misalignment(block, segment, along).1[axis]
+        let (_, force_n) = rows.effect_of_soft_tissue(block, segment, [along, joint]);
+        soft_tissue * soft_tissue_scale(segment) * force_n[axis]
     });
     sum += outer(skin.as_ref(), skin.as_ref());
     sum

@@ -240,7 +240,7 @@ impl Judged {
     /// The finding against the truth.
     pub fn outcome(&self) -> Outcome {
         let is_right = match self.class {
-            Class::Outside => self.declared,
+            Class::Outside => self.named.iter().all(|name| is_declared_for(&self.kind, name)),
             _ => self.named.iter().all(|name| self.is_right(name)),
         };
         match (self.class, self.verdict.as_str()) {
