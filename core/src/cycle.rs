@@ -162,7 +162,7 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
         &m.history,
     );
     let subject = weigh(settings, &mut m.identification, instant, &ground, &prediction);
-    let estimate = estimate_cop(settings, instant, &ground, &prediction, subject);
+    let estimate = estimate_cop(settings, instant, &prediction, subject);
     if ground.is_implausible() {
         let agrees = weight_agreement(instant, &ground, &prediction, &estimate, subject);
         m.align.plausibility.ingest_weight_agreement(agrees, instant.step_s);

@@ -27,6 +27,7 @@ mod planning;
 mod pose_request;
 mod reported_body;
 mod sharing;
+mod shear;
 mod stages;
 mod stored_state;
 use bench::*;

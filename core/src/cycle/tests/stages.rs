@@ -173,7 +173,7 @@ fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_impla
         }
         let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + added_n));
         let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
-        let estimate = estimate_cop(&rig.settings, &instant, &ground, &prediction, subject);
+        let estimate = estimate_cop(&rig.settings, &instant, &prediction, subject);
         let subject = update_from_static_pose(
             &rig.settings,
             &mut rig.subject,
@@ -213,4 +213,22 @@ fn the_constant_shear_of_a_plate_is_that_under_a_standing_subject() {
     assert_eq!(over_10_s(0.3 * WEIGHT_N), 0.0);
     let standing = over_10_s(WEIGHT_N) * MASS_KG;
     assert!((10.0..20.0).contains(&standing), "{standing} N");
+}
+
+#[test]
+fn sigma_contains_the_error_of_the_suit_s_acceleration_unless_shear_is_used() {
+    let sigma_m = |shear_n: f64| {
+        let mut rig = Rig::new();
+        rig.shear_n = shear_n;
+        for _ in 0..300 {
+            rig.predicted(Some(WEIGHT_N));
+        }
+        rig.prediction.noise.horizontal_activity_m_per_s2.update(2.0, 0.01);
+        let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N));
+        assert_eq!(prediction.body.slope_is_measured, shear_n < 25.0);
+        let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
+        estimate_cop(&rig.settings, &instant, &prediction, subject).cop_sigma_m[0]
+    };
+    let (used, pushed) = (sigma_m(5.0), sigma_m(60.0));
+    assert!(pushed > used + 0.005, "{used} {pushed}");
 }
