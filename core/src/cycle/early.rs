@@ -141,6 +141,11 @@ impl EarlyStage {
         self.differences.pending = Zeroable::zeroed();
     }
 
+    /// Resets the measured differences: they belong to another differentiation.
+    pub(super) fn reset_differences(&mut self) {
+        self.differences = Zeroable::zeroed();
+    }
+
     /// Whether every index and number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
         let Differences { pending, next, compared_s, delta_f, cop, torque } = &self.differences;

@@ -26,6 +26,7 @@ mod not_measured;
 mod planning;
 mod pose_request;
 mod reported_body;
+mod resets;
 mod sharing;
 mod shear;
 mod stages;
