@@ -3,7 +3,9 @@
 use super::*;
 use crate::cycle::align::AlignState;
 use crate::cycle::ground::{Ground, GroundState};
-use crate::cycle::loading::LoadState;
+use crate::cycle::identify::Identified;
+use crate::cycle::load_in_hands::hold_load;
+use crate::cycle::loading::{Carrying, ExternalForce, LoadState};
 use crate::cycle::placement::Placement;
 use crate::cycle::prediction::{Prediction, PredictionState};
 use crate::cycle::stillness::Stillness;
@@ -231,4 +233,40 @@ fn sigma_contains_the_error_of_the_suit_s_acceleration_unless_shear_is_used() {
     };
     let (used, pushed) = (sigma_m(5.0), sigma_m(60.0));
     assert!(pushed > used + 0.005, "{used} {pushed}");
+}
+
+#[test]
+fn the_distance_of_a_load_from_the_hands_contains_the_error_of_their_place() {
+    let mut rig = Rig::new();
+    for _ in 0..20 {
+        rig.predicted(Some(WEIGHT_N + 60.0));
+    }
+    let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + 60.0));
+    let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
+    let mut estimate = estimate_cop(&rig.settings, &instant, &prediction, subject);
+    let subject = Identified::newest(&rig.subject);
+    let mut sigma_m = |rest_m: f64| {
+        estimate.stance.rest_m = [rest_m; 2];
+        let force = ExternalForce { vertical_n: WEIGHT_N + 60.0, delta_f_n: 60.0, sigma_n: 2.0 };
+        let carrying = Carrying {
+            instant: &instant,
+            ground: &ground,
+            prediction: &prediction,
+            estimate: &estimate,
+            subject,
+            force,
+        };
+        hold_load(&rig.settings, &rig.load.position, &carrying).residual_m[0].sigma
+    };
+    let (without, with) = (sigma_m(0.0), sigma_m(0.5));
+    assert!((with * with - without * without - 0.25).abs() < 1e-9, "{without} {with}");
+}
+
+#[test]
+fn a_handover_is_planned_without_the_error_of_the_stance() {
+    let mut rig = Rig::new();
+    let sigma_m = |subject: &Identification| subject.handover_body(&rig.settings, [0.0; 22]).cop_sigma_m;
+    let before_m = sigma_m(&rig.subject);
+    rig.subject.reset_stance_offset([0.04; 2]);
+    assert_eq!(sigma_m(&rig.subject), before_m);
 }
