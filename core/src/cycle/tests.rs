@@ -21,6 +21,7 @@ mod early;
 mod exposure;
 mod filter_updates;
 mod latency;
+mod masks;
 mod model_terms;
 mod not_measured;
 mod planning;

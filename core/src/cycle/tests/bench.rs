@@ -12,6 +12,7 @@ use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::message::Component;
 use crate::message::state::Phase;
+use crate::message::suit::SuitBlocks;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::{Phi, centre_of_mass};
@@ -265,6 +266,7 @@ impl Bench {
             let mut suit: SuitSample = Zeroable::zeroed();
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
             suit.session = self.suit_session;
+            (suit.blocks, suit.com_m) = (SuitBlocks::CentreOfMass as u32, centre.into());
             suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
