@@ -133,7 +133,7 @@ pub(in crate::cycle) struct Disturbance {
     /// Force that pushes the person forward at a height of 1.2 m, N.
     pub(in crate::cycle) push_n: f64,
     /// Fraction of the weight under the right foot, which is next to the plate.
-    pub(in crate::cycle) beside: f64,
+    pub(in crate::cycle) outside: f64,
     /// `GroundDevice` bits.
     pub(in crate::cycle) devices: u32,
     /// 1-σ of the sample times, ns.
@@ -142,10 +142,10 @@ pub(in crate::cycle) struct Disturbance {
 
 impl Disturbance {
     fn of(self, ground: GroundSample) -> GroundSample {
-        let Disturbance { shear_n, push_n, beside, devices, time_sigma_ns } = self;
-        let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - beside);
+        let Disturbance { shear_n, push_n, outside, devices, time_sigma_ns } = self;
+        let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
         // The foot on the plate is to the left.
-        let aside_nm = 0.2 * beside * on_plate * fz;
+        let aside_nm = 0.2 * outside * on_plate * fz;
         let unlike = 1.0 + 1e-12 * (ground.sequence % 2) as f64;
         GroundSample {
             // No sensor repeats a value to the last bit, except zero.

@@ -1,4 +1,4 @@
-//! Measured shear: an external horizontal force, and a foot beside the plate.
+//! Measured shear: an external horizontal force, and a foot next to the plate.
 
 use super::*;
 use crate::sesc::centre_of_mass;
@@ -26,7 +26,7 @@ fn change(bench: &mut Bench, person: &Person, to: Disturbance) {
         bench.disturbance = Disturbance {
             shear_n: [0, 1].map(|axis| part(from.shear_n[axis], to.shear_n[axis])),
             push_n: part(from.push_n, to.push_n),
-            beside: part(from.beside, to.beside),
+            outside: part(from.outside, to.outside),
             ..to
         };
         bench.hold(person, &posture(), None, 10);
@@ -79,7 +79,7 @@ fn the_constant_shear_of_a_tilted_plate_is_subtracted() {
 fn the_shear_under_one_foot_is_not_the_acceleration_of_the_body() {
     let person = Person::real();
     let mut bench = standing(&person);
-    let astride = Disturbance { shear_n: [0.5, -22.0], beside: 0.4, ..Disturbance::default() };
+    let astride = Disturbance { shear_n: [0.5, -22.0], outside: 0.4, ..Disturbance::default() };
     change(&mut bench, &person, astride);
     assert!(check_estimates(&mut bench, &person, 3000) > 2500);
     assert!(bench.state().validity().any_of(Validity::WEIGHT_MISSING));
