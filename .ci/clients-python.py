@@ -237,7 +237,7 @@ def what_is_unavailable_is_no_number():
     )
     for name in set(_arrays.AVAILABLE_IF) - {"suit_com_m", "ground_force_n"}:
         assert silent.array(name) is None, f"{name}, which the state does not say: {silent.array(name)}"
-    for name, reason in {"sharing_source": Reason.GROUND_STALE, "acceleration_source": Reason.BODY_UNKNOWN}.items():
+    for name, reason in {"sharing_source": Reason.GROUND_STALE, "acceleration_source": Reason.BODY_UNKNOWN, "suit_com_m": Reason.POSITION_UNKNOWN}.items():
         assert reading_of(valid=int(reason)).array(name) is None, name
     no_com, no_shear = reading_of(unavailable=int(Unavailable.SUIT_COM)), reading_of(unavailable=int(Unavailable.SHEAR))
     assert no_com.array("suit_com_m") is None and no_shear.array("suit_com_m") is not None

@@ -26,7 +26,7 @@ extern "C" {
 
 /* Hash of the fields of all structs and of all names and numbers. See equipoise_options. */
 #define EQUIPOISE_STATE_TYPE "equipoise/State/5"
-#define EQUIPOISE_LAYOUT UINT64_C(0x905e99ee557de830)
+#define EQUIPOISE_LAYOUT UINT64_C(0xf61a2221577eca0a)
 
 /* Invalid reasons: bits of equipoise_state.valid. */
 /* No suit sample for more than two sample periods. */
@@ -85,9 +85,9 @@ extern "C" {
 #define EQUIPOISE_INVALIDATES_DELTA_F \
     (EQUIPOISE_REASON_GROUND_STALE | EQUIPOISE_REASON_MOVING | \
      EQUIPOISE_REASON_FEET_OFF_PLATE | EQUIPOISE_REASON_CLOCK_UNSYNCHRONISED | \
-     EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_PLATE_FAULT | \
-     EQUIPOISE_REASON_COP_NOT_MEASURED | EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | \
-     EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
+     EQUIPOISE_REASON_MASS_UNKNOWN | EQUIPOISE_REASON_BODY_UNKNOWN | \
+     EQUIPOISE_REASON_PLATE_FAULT | EQUIPOISE_REASON_COP_NOT_MEASURED | \
+     EQUIPOISE_REASON_GROUND_IMPLAUSIBLE | EQUIPOISE_REASON_SUIT_IMPLAUSIBLE)
 #define EQUIPOISE_INVALIDATES_RESIDUAL \
     (EQUIPOISE_REASON_SUIT_STALE | EQUIPOISE_REASON_GROUND_STALE | \
      EQUIPOISE_REASON_NOT_IDENTIFIED | EQUIPOISE_REASON_MOVING | \
@@ -284,7 +284,7 @@ typedef struct equipoise_state {
     /* Ground reaction force on the person, world axes, N; see unavailable for its horizontal part. */
     double ground_force_n[3];
     /* External force: measured ground reaction minus that of the unloaded body in the same motion, world axes,
-       N. */
+       N; x and y: always 0, not published. */
     double delta_f_n[3];
     /* 1-σ of the vertical component of delta_f_n, N. */
     double delta_f_sigma_n;
@@ -340,7 +340,8 @@ typedef struct equipoise_state {
     double advice_direction[3];
     /* Reduction of the worst joint's torque by a motion in that direction, N m per cm. */
     double advice_gain_nm_per_cm;
-    /* Segment origins (proximal joint centres) in MVN order, world, m. */
+    /* Segment origins (proximal joint centres) in MVN order, world, m; with position_unknown, their place and
+       heading on the floor are not those of the station. */
     double segment_origin_m[EQUIPOISE_SEGMENTS][3];
     /* Overload torque of each joint (Eq. 15), world axes, N m. */
     double torque_nm[EQUIPOISE_JOINTS][3];
@@ -403,7 +404,7 @@ typedef struct equipoise_early_state {
     /* 1-σ of cop_estimated_m per axis, m. */
     double cop_sigma_m[2];
     /* External force: measured ground reaction minus that of the unloaded body in the same motion, world axes,
-       N. */
+       N; x and y: always 0, not published. */
     double delta_f_n[3];
     /* 1-σ of the vertical component of delta_f_n, N. */
     double delta_f_sigma_n;

@@ -184,7 +184,7 @@ typedef struct equipoise_udp_datagram {
     float advice_direction[3];
     /* Reduction of its torque by a motion in that direction [N m/cm]. Needs TORQUES */
     float advice_gain_nm_per_cm;
-    /* External force, world axes [N]. Needs DELTA_F */
+    /* External force, world axes; x and y always 0, not published [N]. Needs DELTA_F */
     float delta_f_n[3];
     /* 1-σ of its vertical component [N]. Needs DELTA_F */
     float delta_f_sigma_n;

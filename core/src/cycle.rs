@@ -162,7 +162,7 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
         &m.history,
     );
     let subject = weigh(settings, &mut m.identification, instant, &ground, &prediction);
-    let estimate = estimate_cop(settings, instant, &ground, &prediction, subject);
+    let estimate = estimate_cop(settings, instant, &prediction, subject);
     if ground.is_implausible() {
         let agrees = weight_agreement(instant, &ground, &prediction, &estimate, subject);
         m.align.plausibility.ingest_weight_agreement(agrees, instant.step_s);
@@ -265,7 +265,7 @@ fn publish_cycle(settings: &Settings, m: &mut Memory, streams: &Streams, tick: T
     let (terms, instant_ns) = (&m.prediction.terms, m.history.released_ns());
     let freshness = Freshness::at(settings, &m.align, terms, streams, instant_ns, tick);
     if let Some(sample) = m.align.alignment.newest_ground().filter(|_| freshness.has_ground_alone()) {
-        let alone = measure_ground_alone(&mut m.ground, sample, &m.identification, streams);
+        let alone = measure_ground_alone(settings, &mut m.ground, sample, &m.identification, streams);
         m.publication.hold_ground_alone(&alone);
     }
     let status = Status {

@@ -25,6 +25,9 @@ pub use fatigue::Fatigue;
 /// Longer intervals between samples count as gaps without data, ns.
 pub const GAP_NS: u64 = NS_PER_S;
 
+/// After a pause this long a new shift begins, s: longer than any break of a working day, shorter than any night.
+pub const SHIFT_ENDS_S: u64 = 4 * 3600;
+
 /// State of the load during one time step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Load {
@@ -100,7 +103,7 @@ impl Exposure {
         self.dose = Dose::restored(damage, lifts, ended, latest);
     }
 
-    /// Resets everything for another subject.
+    /// Resets everything, for another subject or shift.
     pub fn start(&mut self) {
         *self = Zeroable::zeroed();
     }
@@ -109,12 +112,15 @@ impl Exposure {
     /// of each joint against it, N m.
     ///
     /// Over a gap longer than [`GAP_NS`], and when time does not advance, the load is unavailable: the fatigue stays
-    /// constant, and a lift in progress ends with the values so far.
+    /// constant, and a lift in progress ends with the values so far. A gap of [`SHIFT_ENDS_S`] starts a new shift.
     pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limit_nm: &[f64; JOINTS]) {
         let step_ns = match self.last_sample_ns {
             0 => 0,
             last_ns => sample_time_ns.saturating_sub(last_ns),
         };
+        if step_ns >= SHIFT_ENDS_S * NS_PER_S {
+            self.start();
+        }
         self.last_sample_ns = sample_time_ns;
         if (1..=GAP_NS).contains(&step_ns) {
             self.fatigue.advance(load, limit_nm, seconds(step_ns));

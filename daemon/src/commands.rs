@@ -20,7 +20,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// Time without anyone on the plate that a tare requires: the loop uses its last 0.3 s, and published states lag
 /// slightly behind the plate.
-/// a little behind.
 const EMPTY_MIN_NS: u64 = 500_000_000;
 
 /// The command server's thread.
@@ -165,8 +164,12 @@ fn tare(ends: &mut CommandEnds, latest: Option<&State>, empty_ns: u64) -> Answer
     if empty_ns < EMPTY_MIN_NS {
         return Err("somebody stood on the plate a moment ago; ask again".to_owned());
     }
-    push_command(ends, CommandKind::Tare)
-        .map(|()| "what the empty plate shows is zero from now on".to_owned())
+    // The loop examines its own last readings, and refuses without a reply.
+    push_command(ends, CommandKind::Tare).map(|()| {
+        "the readings of the empty plate are zero from now on, unless it was loaded or faulty in the last 0.3 s: check \
+         that it measures 0 N"
+            .to_owned()
+    })
 }
 
 fn reply(cycle: u64, outcome: Answer) -> Reply {

@@ -50,7 +50,8 @@ const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
         reason: Validity::SUIT_IMPLAUSIBLE,
         incident: Incident::SuitImplausible,
         after: Duration::ZERO,
-        message: "poses of the suit repeat, leap or come apart at the joints, and are not used",
+        message: "poses of the suit repeat, jump or separate at the joints, and are not used; another worker than the \
+                   profile in use has other bones: `equipoise subject load`",
     },
     ValidityIncident {
         reason: Validity::WEIGHT_MISSING,

@@ -263,6 +263,7 @@ fn what_the_loop_masks_is_withheld_and_what_it_publishes_is_not() {
     let distance = ["load_hand_distance_m"];
     for (flag, withheld, there) in [
         (Validity::SUIT_IMPLAUSIBLE, [&pose[..], &load, &distance].concat(), vec![]),
+        (Validity::POSITION_UNKNOWN, vec!["suit_com_m_x"], vec!["segment_origin_m_Pelvis_z"]),
         (Validity::BELOW_LOAD_THRESHOLD, [&load[..], &distance].concat(), pose.to_vec()),
         (Validity::LOAD_NOT_AT_HANDS, load.to_vec(), [&pose[..], &distance].concat()),
         (Validity::default(), vec![], [&pose[..], &load, &distance].concat()),

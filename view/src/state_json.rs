@@ -23,12 +23,12 @@
 //! | `group_delay_ns`: delay of the results behind the newest suit sample | ns | never |
 //! | `cop_measured`, `cop_measured_sigma` | m, world x and y | the plate is silent, or the feet are off it |
 //! | `cop_estimated`, `cop_sigma`, `com` | m | the suit is silent or implausible |
-//! | `suit_com`: centre of mass computed by the suit's software, world | m | the suit is silent or implausible, or does not send it |
+//! | `suit_com`: centre of mass computed by the suit's software, world | m | as `com`, or the suit does not send it |
 //! | `acceleration_source` (`positions`, `suit`) | | as `com` |
 //! | `ground_force_n` | N | the plate is silent or faulty, or shear is not measured |
 //! | `vertical_force_n` | N | the plate is silent or faulty |
 //! | `ground_devices`: devices in the ground sample (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or unavailable |
-//! | `delta_f_n`, `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or the mass is unavailable |
+//! | `delta_f_n` (x and y: always 0, not published), `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or mass or body are unavailable |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg` | kg | as `delta_f_n`, or too little load, or moving |
 //! | `foot_load_fraction` (left, right), `foot_load_fraction_sigma`, `sharing_source` (`geometry`, `measured`) | 0 to 1 | any flag is raised |
 //! | `hand_load_fraction` (left, right), `hand_load_fraction_sigma` | 0 to 1 | any flag is raised |

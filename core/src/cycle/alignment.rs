@@ -217,7 +217,9 @@ impl Alignment {
         self.ground_mean(time_ns, [span_ns, 0], |offset_ns| end_kernel(offset_ns as f64 / span_ns as f64))
     }
 
-    /// Mean of the wrench from `before_ns` before a time to `after_ns` after it, with a weight by the distance from it.
+    /// Mean of the wrench over the time from `before_ns` before a time to `after_ns` after it, with a weight by the
+    /// distance from it: a sample represents half the interval to each neighbour, so that lost samples do not shift the
+    /// mean.
     fn ground_mean(
         &self,
         time_ns: u64,
@@ -233,12 +235,16 @@ impl Alignment {
             .peekable();
         let last = **within.peek()?;
         let (mut mean, mut first_ns) = (WeightedMean::of(&last), last.sample_time_ns);
-        for sample in within {
-            if first_ns - sample.sample_time_ns > GAP_MAX_NS || !mean.is_alike(sample) {
+        let (period_ns, mut newer_gap_ns) = (self.ground_period_ns().max(1), None);
+        while let Some(sample) = within.next() {
+            first_ns = sample.sample_time_ns;
+            let older_gap_ns = within.peek().map(|older| first_ns - older.sample_time_ns);
+            if older_gap_ns.is_some_and(|gap_ns| gap_ns > GAP_MAX_NS) || !mean.is_alike(sample) {
                 return None;
             }
-            first_ns = sample.sample_time_ns;
-            mean.add(sample, weight(first_ns.abs_diff(time_ns)));
+            let interval_ns = newer_gap_ns.unwrap_or(period_ns) + older_gap_ns.unwrap_or(period_ns);
+            mean.add(sample, weight(first_ns.abs_diff(time_ns)) * interval_ns as f64);
+            newer_gap_ns = older_gap_ns;
         }
         let is_covered = first_ns <= (time_ns + slack_ns).saturating_sub(before_ns)
             && last.sample_time_ns + slack_ns >= time_ns + after_ns;

@@ -72,16 +72,14 @@ impl MotionNoise {
         self.bias_m_per_s2
     }
 
-    /// Ingests the shear that the suit's motion does not explain, m/s².
+    /// Ingests the shear that the suit's motion does not explain, m/s². An external force, which the short-term mean
+    /// detects, does not update the long-term one.
     pub(super) fn update_shear(&mut self, unexplained_m_per_s2: [f64; 2], step_s: f64) {
-        let step_s = step_s.max(0.0);
-        for (mean, over_s) in
-            [(&mut self.external_m_per_s2, EXTERNAL_OVER_S), (&mut self.bias_m_per_s2, BIAS_OVER_S)]
-        {
-            let share = (step_s / (over_s + step_s)).min(1.0);
-            for (mean, unexplained) in mean.iter_mut().zip(unexplained_m_per_s2) {
-                *mean += share * (unexplained.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2) - *mean);
-            }
+        let unexplained =
+            unexplained_m_per_s2.map(|shear| shear.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2));
+        update_mean(&mut self.external_m_per_s2, unexplained, step_s, EXTERNAL_OVER_S);
+        if !self.has_external_force() {
+            update_mean(&mut self.bias_m_per_s2, unexplained, step_s, BIAS_OVER_S);
         }
     }
 
@@ -261,6 +259,15 @@ impl BodyMotion {
     /// Shift of the CoP on an axis by acceleration and rotation, m.
     pub(super) fn shift_m(&self, axis: usize) -> f64 {
         (self.centre_height_m * self.slope[axis]).abs() + self.turning_m[axis].abs()
+    }
+}
+
+/// Updates an exponential mean over about `over_s`, s, by a value that lasted `step_s`.
+fn update_mean(mean: &mut [f64; 2], value: [f64; 2], step_s: f64, over_s: f64) {
+    let step_s = step_s.max(0.0);
+    let share = (step_s / (over_s + step_s)).min(1.0);
+    for (mean, value) in mean.iter_mut().zip(value) {
+        *mean += share * (value - *mean);
     }
 }
 

@@ -13,11 +13,13 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
         CommandKind::IdentifyStart => memory.identification.continue_identification(),
         CommandKind::IdentifyStop => {
             memory.identification.stop();
+            memory.load.reset_position();
             memory.model_changed_ns = tick.due_ns;
         }
         CommandKind::IdentifyReset => {
             // Samples from before the command must not update the filter again.
             memory.clear_windows();
+            memory.load.reset_position();
             memory.identification.restart(settings);
             memory.pose_request.restart(settings);
             memory.motion_updates.used = 0;
@@ -44,7 +46,13 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
         CommandKind::Reload => {
             // Filters and the static pose window contain results of the previous model.
             memory.clear_windows();
+            memory.load.reset_position();
             memory.prediction.terms.restart();
+            if memory.differentiation != settings.differentiation() {
+                memory.differentiation = settings.differentiation();
+                memory.prediction.noise = Zeroable::zeroed();
+                memory.early.reset_differences();
+            }
             // Before the first measurement the prior is that of the settings.
             let subject = &mut memory.identification;
             let is_measured =
@@ -58,6 +66,8 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
         CommandKind::SubjectLoad => {
             // The window contains poses of the previous subject.
             memory.clear_windows();
+            memory.load = Zeroable::zeroed();
+            memory.ground.force_offset.reset();
             memory.pose_request.restart(settings);
             memory.prediction.noise = Zeroable::zeroed();
             memory.motion_updates.used = 0;

@@ -32,7 +32,6 @@ pub(super) struct Estimate {
 pub(super) fn estimate_cop(
     settings: &Settings,
     instant: &Instant,
-    ground: &Ground,
     prediction: &Prediction,
     subject: Weighed<'_>,
 ) -> Estimate {
@@ -55,8 +54,8 @@ pub(super) fn estimate_cop(
     let drift_m2 = subject.drift_variance_m2(pose, settings);
     let [x, y] = offset_m;
     let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
-    // Without measured shear, only the suit measures the body's acceleration; the contribution vanishes at rest.
-    let unmeasured_m = if ground.reading.measures_shear() {
+    // Unless shear is used, only the suit measures the body's acceleration; the contribution vanishes at rest.
+    let unmeasured_m = if body.slope_is_measured {
         0.0
     } else {
         body.cop_sigma_by_acceleration_m(prediction.sigma.moving_acceleration_m_per_s2)

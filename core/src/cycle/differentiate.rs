@@ -75,6 +75,6 @@ pub(super) fn differentiate(
         step_s: snapshot.time_ns.saturating_sub(before_ns) as f64 * 1e-9,
         suit_body: suit_body.copied(),
         place_is_lost: placement.registration.is_lost(),
-        heading_sigma_rad: placement.registration.sigma_rad(),
+        heading_sigma_rad: placement.registration.heading_sigma_rad(),
     })
 }

@@ -23,6 +23,7 @@ use super::placement::Placement;
 use super::prediction::{Prediction, PredictionState, predict_early};
 use super::settings::{Motion, Settings};
 use super::streams::Streams;
+use super::validity::time_is_uncertain;
 use super::{foot_outline, insoles};
 use crate::body::{JOINTS, Side, gyration_m2};
 use crate::math;
@@ -139,6 +140,11 @@ impl EarlyStage {
     /// Drops the estimates that wait for their state: they belong to another body, place or model.
     pub(super) fn clear_pending(&mut self) {
         self.differences.pending = Zeroable::zeroed();
+    }
+
+    /// Resets the measured differences: they belong to another differentiation.
+    pub(super) fn reset_differences(&mut self) {
+        self.differences = Zeroable::zeroed();
     }
 
     /// Whether every index and number is in range; a stored one is checked before use.
@@ -284,6 +290,7 @@ impl Early {
         };
         let mut invalid = ground.invalid.and(state.validity());
         invalid.raise(Validity::MOVING, inertia.is_none() || !stage.differences.is_calibrated());
+        invalid.raise(Validity::CLOCK_UNSYNCHRONISED, time_is_uncertain(&instant.snapshot));
         let inertia = inertia.unwrap_or(Inertia::REST);
         stage.intensity.update(intensity_m_per_s2(&inertia), step_s);
         let terms = (stage.held.terms_cop_m, stage.held.terms_force_n);
@@ -415,7 +422,7 @@ fn newest_instant(settings: &Settings, newest: &Newest<'_>) -> (Instant, Option<
         step_s: 0.0,
         suit_body: suit_body.copied(),
         place_is_lost: placement.registration.is_lost(),
-        heading_sigma_rad: placement.registration.sigma_rad(),
+        heading_sigma_rad: placement.registration.heading_sigma_rad(),
     };
     (instant, motion)
 }

@@ -100,6 +100,8 @@ impl Ground {
 pub(super) struct GroundAlone {
     /// The newest sample.
     pub(super) reading: Reading,
+    /// 1-σ of its CoP per axis, m.
+    pub(super) cop_sigma_m: f64,
     /// Vertical force minus the weight of the body at rest, N.
     pub(super) delta_f_n: f64,
     /// Validity flags raised by the stage.
@@ -152,6 +154,7 @@ pub(super) fn measure_ground(
 
 /// Evaluates the newest ground sample while the suit is silent.
 pub(super) fn measure_ground_alone(
+    settings: &Settings,
     state: &mut GroundState,
     sample: &GroundSample,
     subject: &Identification,
@@ -162,7 +165,13 @@ pub(super) fn measure_ground_alone(
     raise_feet_off(standing, &mut invalid);
     state.note_usability(invalid);
     let unloaded_n = subject.mass_kg * GRAVITY_M_PER_S2 + state.force_offset.mean_n();
-    GroundAlone { reading: state.last, delta_f_n: sample.force_n[2] - unloaded_n, invalid }
+    GroundAlone {
+        reading: state.last,
+        // Without a suit sample, no error of its time applies.
+        cop_sigma_m: GroundSigma::of(Some(sample), &state.force_offset, settings).cop_m,
+        delta_f_n: sample.force_n[2] - unloaded_n,
+        invalid,
+    }
 }
 
 fn raise_feet_off(standing: Option<[f64; 2]>, invalid: &mut Validity) {

@@ -36,10 +36,15 @@ pub(super) struct LoadState {
     /// Detector of intervals without a load.
     pub(super) unloaded: Unloaded,
     /// Position of the load in the hands.
-    position: LoadPosition,
+    pub(super) position: LoadPosition,
 }
 
 impl LoadState {
+    /// Resets the position of the load in the hands: it was computed with another model.
+    pub(super) fn reset_position(&mut self) {
+        self.position.reset();
+    }
+
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
         self.detector.is_sound() && self.unloaded.is_sound() && self.position.is_sound()

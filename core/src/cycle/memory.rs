@@ -22,7 +22,7 @@ use crate::motion::History;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 18;
+pub const MEMORY_VERSION: u64 = 19;
 
 /// The loop's state between two steps. About 953 kB: allocate it in a `Box`.
 #[repr(C)]
@@ -56,6 +56,8 @@ pub struct Memory {
     pub(super) lag_test: LagTest,
     /// Exposure accumulated over the subject's shift.
     pub exposure: Exposure,
+    /// [`Settings::differentiation`] of the errors measured so far.
+    pub(super) differentiation: [u64; 2],
     /// Time of the last external change of the model; 0 for never.
     pub(super) model_changed_ns: u64,
     /// Values of the newest instant.
@@ -84,6 +86,7 @@ impl Memory {
     pub fn start(&mut self, settings: &Settings) {
         bytemuck::bytes_of_mut(self).fill(0);
         self.version = MEMORY_VERSION;
+        self.differentiation = settings.differentiation();
         self.identification.start(settings);
         self.publication.start();
         self.pose_request.restart(settings);

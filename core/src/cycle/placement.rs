@@ -107,6 +107,7 @@ pub(super) fn anchor(
         let outlines = foot_outline::both(&pose, suit_body, settings.height_m);
         snapshot.ground = insoles::to_world(&ground, &pose, &outlines);
         snapshot.has_ground = 1;
+        state.registration.ingest_ground(&snapshot.ground);
     }
     snapshot
 }

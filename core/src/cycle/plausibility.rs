@@ -55,31 +55,35 @@ const PELVIS_RATE_MAX_RAD_PER_S: f64 = 15.0;
 /// et al. 1999).
 const SEGMENT_RATE_MAX_RAD_PER_S: f64 = 40.0;
 
-/// Interval in which a sensor is implausible; all zero for none.
+/// The last two intervals in which a sensor is implausible; all zero for none. The one before the last still covers
+/// instants that wait for their window.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Span {
-    from_ns: u64,
-    to_ns: u64,
+    last_ns: [u64; 2],
+    before_ns: [u64; 2],
 }
 
 impl Span {
     /// Adds an interval; merges it if the gap is at most the time for which a jump stays suspect.
     pub(super) fn add(&mut self, from_ns: u64, to_ns: u64) {
-        if self.to_ns > 0 && from_ns <= self.to_ns.saturating_add(JUMP_HOLDS_NS) {
-            *self = Span { from_ns: self.from_ns.min(from_ns), to_ns: self.to_ns.max(to_ns) };
+        let [last_from_ns, last_to_ns] = self.last_ns;
+        if last_to_ns > 0 && from_ns <= last_to_ns.saturating_add(JUMP_HOLDS_NS) {
+            self.last_ns = [last_from_ns.min(from_ns), last_to_ns.max(to_ns)];
         } else {
-            *self = Span { from_ns, to_ns };
+            *self = Span { last_ns: [from_ns, to_ns], before_ns: self.last_ns };
         }
     }
 
-    /// Whether the interval from `from_ns` to `to_ns` overlaps the span.
+    /// Whether the interval from `from_ns` to `to_ns` overlaps one of them.
     pub(super) fn overlaps(&self, from_ns: u64, to_ns: u64) -> bool {
-        self.to_ns > 0 && self.from_ns <= to_ns && from_ns <= self.to_ns
+        [self.last_ns, self.before_ns]
+            .iter()
+            .any(|[begin_ns, end_ns]| *end_ns > 0 && *begin_ns <= to_ns && from_ns <= *end_ns)
     }
 
     fn is_sound(&self) -> bool {
-        self.from_ns <= self.to_ns
+        [self.last_ns, self.before_ns].iter().all(|[from_ns, to_ns]| from_ns <= to_ns)
     }
 }
 

@@ -153,7 +153,7 @@ fn load_limit_n(settings: &Settings, delta_f_sigma_n: f64) -> f64 {
 ///
 /// If the plate measures shear, the shear gives the horizontal acceleration more accurately than positions
 /// differentiated twice. Persistent shear that no motion explains is an external horizontal force; the suit's
-/// acceleration is used then.
+/// acceleration is used then, and while the plate does not carry the whole body.
 fn body_motion(
     settings: &Settings,
     noise: &mut MotionNoise,
@@ -180,12 +180,9 @@ fn body_motion(
     let by_shear = body.by_shear(sample.force_n, subject.mass_kg, load_kg);
     // Unless both feet are on the plate, it measures only a part of the body's shear.
     let stands = ground.standing_m.is_some() && delta_f_n > -limit_n;
-    if let Some([shear, unexplained]) = by_shear.filter(|_| has_shear) {
+    if let Some([shear, unexplained]) = by_shear.filter(|_| has_shear && stands) {
         let explained = [terms_x_n, terms_y_n].map(|force_n| force_n / subject.mass_kg);
-        let unexplained = [0, 1].map(|axis| unexplained[axis] - explained[axis]);
-        if stands {
-            noise.update_shear(unexplained, instant.step_s);
-        }
+        noise.update_shear([0, 1].map(|axis| unexplained[axis] - explained[axis]), instant.step_s);
         let bias = noise.shear_bias_m_per_s2();
         if !noise.has_external_force() {
             // A plate that is not level measures shear without motion.

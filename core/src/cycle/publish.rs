@@ -97,9 +97,10 @@ pub(super) struct Status<'a> {
 }
 
 impl Publication {
-    /// Before the first instant.
+    /// Before the first instant, also of another subject: nothing that depends on the body is valid.
     pub(super) fn start(&mut self) {
-        self.invalid = Validity::MOVING.and(Validity::FEET_OFF_PLATE).0;
+        let invalid = Validity::MOVING.and(Validity::FEET_OFF_PLATE).and(Validity::BODY_UNKNOWN);
+        self.invalid = invalid.0;
     }
 
     /// Whether a person stands on the plate at the newest instant.
@@ -166,6 +167,7 @@ impl Publication {
     /// Holds the ground measurement while the suit is silent.
     pub(super) fn hold_ground_alone(&mut self, alone: &GroundAlone) {
         hold_reading(&mut self.estimate, &alone.reading);
+        self.estimate.cop_measured_sigma_m = [alone.cop_sigma_m; 2];
         self.estimate.delta_f_n = [0.0, 0.0, alone.delta_f_n];
         self.invalid = alone.invalid.0;
     }
@@ -178,7 +180,7 @@ impl Publication {
             status.freshness.ground_is_stale || Validity(self.invalid).any_of(Validity::GROUND_STALE);
         let is_stale = status.freshness.suit_is_stale || ground_is_stale;
         let valid = self.validity(status, ground_is_stale);
-        let phase = self.phase(status.subject, valid, is_stale);
+        let phase = self.phase(status.subject, is_stale);
         if is_stale {
             self.estimate.static_pose = 0;
         }
@@ -225,8 +227,8 @@ impl Publication {
     }
 
     /// Phase at the tick.
-    fn phase(&mut self, subject: &Identification, valid: Validity, is_stale: bool) -> Phase {
-        let ready = !valid.any_of(Validity::BODY_UNKNOWN) && subject.mass_kg > 0.0;
+    fn phase(&mut self, subject: &Identification, is_stale: bool) -> Phase {
+        let ready = subject.has_body() && subject.mass_kg > 0.0;
         let phase = match ready && !is_stale {
             true if subject.identified == 1 => Phase::Monitoring,
             true if subject.identifying == 1 => Phase::Identifying,
@@ -295,15 +297,17 @@ fn hold_exposure(state: &mut State, exposure: &InstantExposure) {
 fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
     let valid = state.validity();
     if valid.any_of(Validity::INVALIDATES_COP_MEASURED) {
-        state.cop_measured_m = [0.0; 2];
+        (state.cop_measured_m, state.cop_measured_sigma_m) = ([0.0; 2], [0.0; 2]);
     }
     if valid.any_of(Validity::INVALIDATES_GROUND_FORCE) {
         (state.ground_force_n, state.ground_devices) = ([0.0; 3], 0);
     }
     if valid.any_of(Validity::INVALIDATES_POSE) {
         state.segment_origin_m = Zeroable::zeroed();
-        state.suit_com_m = [0.0; 3];
         state.pose_mismatch_rad = 0.0;
+    }
+    if valid.any_of(Validity::INVALIDATES_SUIT_COM) {
+        state.suit_com_m = [0.0; 3];
     }
     if valid.any_of(Validity::INVALIDATES_COP_ESTIMATED) {
         state.cop_estimated_m = [0.0; 2];
@@ -313,7 +317,7 @@ fn mask_invalid(state: &mut State, settings: &Settings, levels: &mut Levels) {
         state.com_m = [0.0; 3];
     }
     if valid.any_of(Validity::INVALIDATES_DELTA_F) {
-        state.delta_f_n = [0.0; 3];
+        (state.delta_f_n, state.delta_f_sigma_n) = ([0.0; 3], 0.0);
     }
     if valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
         mask_mass(state);

@@ -64,6 +64,8 @@ pub(super) struct RegistrationEstimator {
     sigma_rad: f64,
     /// A [`RegistrationQuality`].
     quality: u64,
+    /// 1 while insoles alone measure the ground.
+    is_unneeded: u64,
     /// 1-σ of the heading at the start of the search, rad.
     initial_sigma_rad: f64,
     /// 1-σ of the heading before the search, rad.
@@ -84,8 +86,12 @@ pub(super) struct RegistrationEstimator {
 }
 
 impl RegistrationEstimator {
-    /// Whether position or heading are unavailable.
+    /// Whether position or heading are needed and unavailable.
     pub(super) fn is_lost(&self) -> bool {
+        self.is_searching() && self.is_unneeded == 0
+    }
+
+    fn is_searching(&self) -> bool {
         self.quality == RegistrationQuality::Lost as u64
     }
 
@@ -96,12 +102,22 @@ impl RegistrationEstimator {
 
     /// 1-σ of the heading, rad: 0 for the configured heading, π while the heading is unavailable.
     pub(super) fn sigma_rad(&self) -> f64 {
-        if self.is_lost() { core::f64::consts::PI } else { self.sigma_rad }
+        if self.is_searching() { core::f64::consts::PI } else { self.sigma_rad }
+    }
+
+    /// Likewise, as far as it is an error of the results: 0 while no heading is needed.
+    pub(super) fn heading_sigma_rad(&self) -> f64 {
+        if self.is_unneeded == 1 { 0.0 } else { self.sigma_rad() }
+    }
+
+    /// Ingests which devices measure the ground: insoles alone measure in the suit world, so no registration is needed.
+    pub(super) fn ingest_ground(&mut self, ground: &GroundSample) {
+        self.is_unneeded = u64::from(ground.is_by_insoles_alone());
     }
 
     /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`.
     pub(super) fn mark_lost(&mut self, sigma_rad: f64) {
-        if !self.is_lost() {
+        if !self.is_searching() {
             self.previous_sigma_rad = self.sigma_rad;
         }
         self.quality = RegistrationQuality::Lost as u64;
@@ -174,6 +190,7 @@ impl RegistrationEstimator {
         let angles = [station_from_suit_rad, sigma_rad, initial_sigma_rad, previous_sigma_rad, turned_rad];
         angles.iter().chain(self.first_rows.iter().flatten()).all(|number| number.is_finite())
             && self.quality <= RegistrationQuality::Lost as u64
+            && self.is_unneeded <= 1
             && self.fit.is_sound()
     }
 
@@ -213,8 +230,6 @@ pub(super) fn register(
 ) -> Option<NewRegistration> {
     let snapshot = &outputs.instant.snapshot;
     if snapshot.ground().is_some_and(GroundSample::is_by_insoles_alone) {
-        // Insoles measure in the suit world, so no registration is needed.
-        state.quality = RegistrationQuality::Converged as u64;
         return None;
     }
     let due = snapshot.time_ns.saturating_sub(state.paired_ns) >= MOTION_ROW_EVERY_NS;

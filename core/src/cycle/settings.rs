@@ -181,6 +181,15 @@ impl Settings {
         }
     }
 
+    /// What the measured errors of motion depend on: source of the accelerations and half the window, ns.
+    pub(super) fn differentiation(&self) -> [u64; 2] {
+        let half_window_ns = match self.motion {
+            Motion::Compensated { half_window_ns } => half_window_ns,
+            Motion::Paper => 0,
+        };
+        [self.accelerations as u64, half_window_ns]
+    }
+
     /// 1-σ of a segment's orientation, rad: constant and varying error combined.
     pub(crate) fn suit_orientation_sigma_rad(&self) -> f64 {
         math::hypot([self.suit_misalignment_rad, self.suit_drift_rad])

@@ -36,7 +36,8 @@ message! {
         pub cop_estimated_m: [f64; 2],
         /// 1-σ of `cop_estimated_m` per axis, m.
         pub cop_sigma_m: [f64; 2],
-        /// External force: measured ground reaction minus that of the unloaded body in the same motion, world axes, N.
+        /// External force: measured ground reaction minus that of the unloaded body in the same motion, world axes, N;
+        /// x and y: always 0, not published.
         pub delta_f_n: [f64; 3],
         /// 1-σ of the vertical component of `delta_f_n`, N.
         pub delta_f_sigma_n: f64,

@@ -78,7 +78,8 @@ message! {
         pub suit_com_m: [f64; 3],
         /// Ground reaction force on the person, world axes, N; see `unavailable` for its horizontal part.
         pub ground_force_n: [f64; 3],
-        /// External force: measured ground reaction minus that of the unloaded body in the same motion, world axes, N.
+        /// External force: measured ground reaction minus that of the unloaded body in the same motion, world axes, N;
+        /// x and y: always 0, not published.
         pub delta_f_n: [f64; 3],
         /// 1-σ of the vertical component of `delta_f_n`, N.
         pub delta_f_sigma_n: f64,
@@ -134,7 +135,8 @@ message! {
         pub advice_direction: [f64; 3],
         /// Reduction of the worst joint's torque by a motion in that direction, N m per cm.
         pub advice_gain_nm_per_cm: f64,
-        /// Segment origins (proximal joint centres) in MVN order, world, m.
+        /// Segment origins (proximal joint centres) in MVN order, world, m; with `position_unknown`, their place and
+        /// heading on the floor are not those of the station.
         pub segment_origin_m: [[f64; 3]; SEGMENTS],
         /// Overload torque of each joint (Eq. 15), world axes, N m.
         pub torque_nm: [[f64; 3]; JOINTS],
@@ -298,13 +300,15 @@ impl State {
         self.unavailable & what as u32 == 0
     }
 
-    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable or the pose invalid.
+    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable, or the pose or its position
+    /// invalid.
     pub fn suit_com_m(&self) -> Option<[f64; 3]> {
-        self.unless(Validity::INVALIDATES_POSE, self.suit_com_m)
+        self.unless(Validity::INVALIDATES_SUIT_COM, self.suit_com_m)
             .filter(|_| self.provides(Unavailable::SuitCom))
     }
 
-    /// Segment origins, world, m; `None` while the pose is invalid.
+    /// Segment origins, world, m; `None` while the pose is invalid. With [`Validity::POSITION_UNKNOWN`] they are a figure
+    /// at an arbitrary place.
     pub fn segment_origin_m(&self) -> Option<&[[f64; 3]; SEGMENTS]> {
         self.unless(Validity::INVALIDATES_POSE, &self.segment_origin_m)
             .filter(|_| self.suit_sample_time_ns != 0)

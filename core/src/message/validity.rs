@@ -59,6 +59,8 @@ impl Validity {
     pub const IMPLAUSIBLE: Validity = Validity::GROUND_IMPLAUSIBLE.and(Validity::SUIT_IMPLAUSIBLE);
     /// Flags that invalidate the pose of the suit and what is computed from it alone.
     pub const INVALIDATES_POSE: Validity = Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE);
+    /// Flags that invalidate the centre of mass computed by the suit's software.
+    pub const INVALIDATES_SUIT_COM: Validity = Validity::INVALIDATES_POSE.and(Validity::POSITION_UNKNOWN);
     /// Flags that invalidate the measured centre of pressure.
     pub const INVALIDATES_COP_MEASURED: Validity =
         Validity::INVALIDATES_GROUND_FORCE.and(Validity::FEET_OFF_PLATE).and(Validity::COP_NOT_MEASURED);
@@ -74,6 +76,7 @@ impl Validity {
     /// Flags that invalidate the external force.
     pub const INVALIDATES_DELTA_F: Validity = Validity::INVALIDATES_COP_MEASURED
         .and(Validity::MASS_UNKNOWN)
+        .and(Validity::BODY_UNKNOWN)
         .and(Validity::MOVING)
         .and(Validity::SUIT_IMPLAUSIBLE)
         .and(Validity::CLOCK_UNSYNCHRONISED);
@@ -85,10 +88,8 @@ impl Validity {
         .and(Validity::MODEL_CHANGED)
         .and(Validity::CLOCK_UNSYNCHRONISED);
     /// Flags that invalidate the mass in the hands.
-    pub const INVALIDATES_LIFTED_MASS: Validity = Validity::INVALIDATES_DELTA_F
-        .and(Validity::BODY_UNKNOWN)
-        .and(Validity::BELOW_LOAD_THRESHOLD)
-        .and(Validity::WEIGHT_MISSING);
+    pub const INVALIDATES_LIFTED_MASS: Validity =
+        Validity::INVALIDATES_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD).and(Validity::WEIGHT_MISSING);
     /// Flags that invalidate moment and compression of the low back, which exist without a load, too.
     pub const INVALIDATES_LOW_BACK: Validity =
         Validity(Validity::INVALIDATES_TORQUES.0 & !Validity::BELOW_LOAD_THRESHOLD.0);

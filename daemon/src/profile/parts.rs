@@ -6,13 +6,11 @@ use bytemuck::Zeroable;
 
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::cycle::identification::Consistency;
-use equipoise_core::exposure::{LATEST_LIFTS, Lift, Shift};
+use equipoise_core::exposure::{LATEST_LIFTS, Lift, SHIFT_ENDS_S, Shift};
 use equipoise_core::handover::experience::Handover;
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use serde::{Deserialize, Serialize};
 
-/// Pause that ends a shift, s: longer than any break of a working day, shorter than any night.
-pub(super) const SHIFT_ENDS_S: u64 = 4 * 3600;
 /// Resolution of the stored fatigue: steps from 0 to 1.
 const FATIGUE_STEPS: f64 = 1e4;
 

@@ -46,7 +46,11 @@ impl LiftLog {
     /// Ingests a copy of a subject's shift. The first copy only sets the starting point.
     pub(super) fn ingest(&mut self, number: u64, shift: &Shift, now_ns: u64, unix_s: u64) {
         let now = Progress::of(shift);
-        let Some(before) = self.previous.insert(number, now) else { return };
+        let Some(mut before) = self.previous.insert(number, now) else { return };
+        if shift.ended < before.ended {
+            // A new shift counts from one.
+            before = Progress { ended: 0, undone: Vec::new() };
+        }
         let mut latest: Vec<&Lift> = shift.latest.iter().filter(|lift| lift.number > 0).collect();
         latest.sort_by_key(|lift| lift.number);
         let mut lines = String::new();
@@ -165,6 +169,21 @@ mod tests {
                  2026-11-21T10:14:55Z,lift,22,{rest}\n2026-11-21T10:15:00Z,undone,22,{rest}\n"
             )
         );
+    }
+
+    #[test]
+    fn a_new_shift_counts_from_one() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
+        let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
+        (0..20).for_each(|_| end_one(&mut shift, 0));
+        log.ingest(CONFIGURED, &shift, 0, 0);
+        shift = Shift::zeroed();
+        end_one(&mut shift, 90 * NS_PER_S);
+        log.ingest(CONFIGURED, &shift, 100 * NS_PER_S, 1_795_256_100);
+        log.write(&subjects).unwrap();
+        assert!(fs::read_to_string(state.lifts("a")).unwrap().contains(",lift,1,"));
     }
 
     #[test]

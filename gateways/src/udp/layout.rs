@@ -220,7 +220,7 @@ pub const FIELDS: &[Field] = &[
         world axes; zero if none does", |data, at| Real(data.state().advice_direction[at])),
     unless(TORQUES, "advice_gain_nm_per_cm", &[], "N m/cm", "reduction of its torque by a motion in that direction",
         |data, _| Real(data.state().advice_gain_nm_per_cm)),
-    unless(Validity::INVALIDATES_DELTA_F, "delta_f_n", &[3], "N", "external force, world axes",
+    unless(Validity::INVALIDATES_DELTA_F, "delta_f_n", &[3], "N", "external force, world axes; x and y always 0, not published",
         |data, at| Real(data.state().delta_f_n[at])),
     unless(Validity::INVALIDATES_DELTA_F, "delta_f_sigma_n", &[], "N", "1-σ of its vertical component",
         |data, _| Real(data.state().delta_f_sigma_n)),

@@ -164,3 +164,20 @@ fn the_period_is_estimated_and_a_gap_is_not_a_period() {
     take_suit(&mut alignment, &suit(time_ns + 500_000_000), NOW_NS);
     assert!(alignment.suit_period_ns() < 5_000_000);
 }
+
+#[test]
+fn lost_samples_do_not_shift_the_mean_of_the_wrench() {
+    let at_ns = 200_000_000;
+    let mean = |is_kept: fn(u64) -> bool| {
+        let mut alignment = empty();
+        for millisecond in (0..500).filter(|millisecond| is_kept(*millisecond)) {
+            take_ground(&mut alignment, &ground(millisecond * 1_000_000, millisecond as f64), NOW_NS);
+        }
+        alignment.ground_around(at_ns, 70_000_000).unwrap().force_n[2]
+    };
+    assert!((mean(|_| true) - 200.0).abs() < 1e-9);
+    let sparse_after = |millisecond: u64| millisecond <= 200 || millisecond.is_multiple_of(5);
+    assert!((mean(sparse_after) - 200.0).abs() < 0.05, "{}", mean(sparse_after));
+    let with_a_gap = |millisecond: u64| !(181..200).contains(&millisecond);
+    assert!((mean(with_a_gap) - 200.0).abs() < 0.5, "{}", mean(with_a_gap));
+}

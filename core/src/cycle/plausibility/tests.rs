@@ -311,3 +311,15 @@ fn before_bone_lengths_are_available_nominal_ones_apply() {
     sample.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; 23];
     assert!(!watch.check_suit(&sample, None, &bones));
 }
+
+#[test]
+fn a_second_interval_keeps_the_first_one() {
+    let mut span = Span::zeroed();
+    assert!(!span.overlaps(0, u64::MAX));
+    span.add(100 * MS_NS, 150 * MS_NS);
+    span.add(150 * MS_NS + JUMP_HOLDS_NS + 1, 600 * MS_NS);
+    for (at_ms, is_suspect) in [(99, false), (120, true), (200, false), (500, true), (601, false)] {
+        assert_eq!(span.overlaps(at_ms * MS_NS, at_ms * MS_NS), is_suspect, "{at_ms}");
+    }
+    assert!(span.is_sound());
+}

@@ -12,6 +12,7 @@ use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
 use crate::message::Component;
 use crate::message::state::Phase;
+use crate::message::suit::SuitBlocks;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::pose_suggestion::{Posture, posture};
 use crate::sesc::{Phi, centre_of_mass};
@@ -120,6 +121,41 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
+    /// Disturbances of the ground.
+    pub(in crate::cycle) disturbance: Disturbance,
+}
+
+/// Disturbances of the ground; by default none.
+#[derive(Clone, Copy, Default)]
+pub(in crate::cycle) struct Disturbance {
+    /// Constant shear, N.
+    pub(in crate::cycle) shear_n: [f64; 2],
+    /// Force that pushes the person forward at a height of 1.2 m, N.
+    pub(in crate::cycle) push_n: f64,
+    /// Fraction of the weight under the right foot, which is next to the plate.
+    pub(in crate::cycle) outside: f64,
+    /// `GroundDevice` bits.
+    pub(in crate::cycle) devices: u32,
+    /// 1-σ of the sample times, ns.
+    pub(in crate::cycle) time_sigma_ns: u64,
+}
+
+impl Disturbance {
+    fn of(self, ground: GroundSample) -> GroundSample {
+        let Disturbance { shear_n, push_n, outside, devices, time_sigma_ns } = self;
+        let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
+        // The foot on the plate is to the left.
+        let aside_nm = 0.2 * outside * on_plate * fz;
+        let unlike = 1.0 + 1e-12 * (ground.sequence % 2) as f64;
+        GroundSample {
+            // No sensor repeats a value to the last bit, except zero.
+            force_n: [fx + shear_n[0] * unlike - push_n, fy + shear_n[1] * unlike, on_plate * fz],
+            moment_nm: [on_plate * mx + aside_nm, on_plate * my - 1.2 * push_n, mz],
+            devices,
+            sample_time_sigma_ns: time_sigma_ns,
+            ..ground
+        }
+    }
 }
 
 impl Bench {
@@ -145,6 +181,7 @@ impl Bench {
             last_input: None,
             takes_ms: 100.0,
             suit_session: 0,
+            disturbance: Disturbance::default(),
         }
     }
 
@@ -221,7 +258,7 @@ impl Bench {
                 moment_nm: moment,
                 ..Zeroable::zeroed()
             };
-            let mut ground = self.with_feet(ground);
+            let mut ground = self.with_feet(self.disturbance.of(ground));
             if let Some([x, y]) = self.unmeasured_shear_n {
                 (ground.force_n[0], ground.force_n[1]) = (x, y);
                 ground.not_measured = Component::Shear as u32;
@@ -229,6 +266,7 @@ impl Bench {
             let mut suit: SuitSample = Zeroable::zeroed();
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
             suit.session = self.suit_session;
+            (suit.blocks, suit.com_m) = (SuitBlocks::CentreOfMass as u32, centre.into());
             suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));

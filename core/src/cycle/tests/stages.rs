@@ -3,7 +3,9 @@
 use super::*;
 use crate::cycle::align::AlignState;
 use crate::cycle::ground::{Ground, GroundState};
-use crate::cycle::loading::LoadState;
+use crate::cycle::identify::Identified;
+use crate::cycle::load_in_hands::hold_load;
+use crate::cycle::loading::{Carrying, ExternalForce, LoadState};
 use crate::cycle::placement::Placement;
 use crate::cycle::prediction::{Prediction, PredictionState};
 use crate::cycle::stillness::Stillness;
@@ -173,7 +175,7 @@ fn a_load_is_the_force_beyond_the_prediction_and_unknown_while_a_sensor_is_impla
         }
         let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + added_n));
         let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
-        let estimate = estimate_cop(&rig.settings, &instant, &ground, &prediction, subject);
+        let estimate = estimate_cop(&rig.settings, &instant, &prediction, subject);
         let subject = update_from_static_pose(
             &rig.settings,
             &mut rig.subject,
@@ -213,4 +215,58 @@ fn the_constant_shear_of_a_plate_is_that_under_a_standing_subject() {
     assert_eq!(over_10_s(0.3 * WEIGHT_N), 0.0);
     let standing = over_10_s(WEIGHT_N) * MASS_KG;
     assert!((10.0..20.0).contains(&standing), "{standing} N");
+}
+
+#[test]
+fn sigma_contains_the_error_of_the_suit_s_acceleration_unless_shear_is_used() {
+    let sigma_m = |shear_n: f64| {
+        let mut rig = Rig::new();
+        rig.shear_n = shear_n;
+        for _ in 0..300 {
+            rig.predicted(Some(WEIGHT_N));
+        }
+        rig.prediction.noise.horizontal_activity_m_per_s2.update(2.0, 0.01);
+        let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N));
+        assert_eq!(prediction.body.slope_is_measured, shear_n < 25.0);
+        let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
+        estimate_cop(&rig.settings, &instant, &prediction, subject).cop_sigma_m[0]
+    };
+    let (used, pushed) = (sigma_m(5.0), sigma_m(60.0));
+    assert!(pushed > used + 0.005, "{used} {pushed}");
+}
+
+#[test]
+fn the_distance_of_a_load_from_the_hands_contains_the_error_of_their_place() {
+    let mut rig = Rig::new();
+    for _ in 0..20 {
+        rig.predicted(Some(WEIGHT_N + 60.0));
+    }
+    let (instant, ground, _, prediction) = rig.predicted(Some(WEIGHT_N + 60.0));
+    let subject = weigh(&rig.settings, &mut rig.subject, &instant, &ground, &prediction);
+    let mut estimate = estimate_cop(&rig.settings, &instant, &prediction, subject);
+    let subject = Identified::newest(&rig.subject);
+    let mut sigma_m = |rest_m: f64| {
+        estimate.stance.rest_m = [rest_m; 2];
+        let force = ExternalForce { vertical_n: WEIGHT_N + 60.0, delta_f_n: 60.0, sigma_n: 2.0 };
+        let carrying = Carrying {
+            instant: &instant,
+            ground: &ground,
+            prediction: &prediction,
+            estimate: &estimate,
+            subject,
+            force,
+        };
+        hold_load(&rig.settings, &rig.load.position, &carrying).residual_m[0].sigma
+    };
+    let (without, with) = (sigma_m(0.0), sigma_m(0.5));
+    assert!((with * with - without * without - 0.25).abs() < 1e-9, "{without} {with}");
+}
+
+#[test]
+fn a_handover_is_planned_without_the_error_of_the_stance() {
+    let mut rig = Rig::new();
+    let sigma_m = |subject: &Identification| subject.handover_body(&rig.settings, [0.0; 22]).cop_sigma_m;
+    let before_m = sigma_m(&rig.subject);
+    rig.subject.reset_stance_offset([0.04; 2]);
+    assert_eq!(sigma_m(&rig.subject), before_m);
 }

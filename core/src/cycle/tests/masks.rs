@@ -1,0 +1,127 @@
+//! Flags that invalidate values, and values that are masked by them.
+
+use super::*;
+use crate::cycle::memory::SubjectState;
+use crate::message::GroundDevice;
+
+fn posture() -> Posture {
+    stand(20, 0, [0, 0, -80], [0, 0, 80], 30)
+}
+
+#[test]
+fn an_uncertain_time_masks_state_and_early_state() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.identify(&person);
+    bench.hold(&person, &posture(), None, 2500);
+    let is_valid =
+        |valid: Validity| !valid.any_of(Validity::INVALIDATES_DELTA_F.and(Validity::INVALIDATES_COM));
+    let early = *bench.memory.early();
+    assert!(is_valid(bench.state().validity()) && is_valid(early.validity()));
+    assert!(early.cop_sigma_m[0] > 0.0 && early.delta_f_sigma_n > 0.0);
+
+    bench.disturbance.time_sigma_ns = 30_000_000;
+    bench.hold(&person, &posture(), None, 30);
+    let (state, early) = (*bench.state(), *bench.memory.early());
+    assert!(is_valid(state.validity()), "the state refers to an earlier sample");
+    assert!(early.validity().any_of(Validity::CLOCK_UNSYNCHRONISED), "{:?}", early.validity());
+    assert_eq!((early.cop_estimated_m, early.cop_sigma_m), ([0.0; 2], [0.0; 2]));
+    assert_eq!((early.delta_f_n, early.delta_f_sigma_n), ([0.0; 3], 0.0));
+    assert_ne!(early.com_m, [0.0; 3], "by the suit alone");
+
+    bench.hold(&person, &posture(), None, 200);
+    let state = bench.state();
+    assert!(state.validity().any_of(Validity::CLOCK_UNSYNCHRONISED), "{:?}", state.validity());
+    assert_eq!((state.cop_estimated_m, state.cop_sigma_m), ([0.0; 2], [0.0; 2]));
+    assert_eq!((state.delta_f_n, state.delta_f_sigma_n), ([0.0; 3], 0.0));
+    assert_ne!((state.cop_measured_m[0], state.cop_measured_sigma_m[0]), (0.0, 0.0), "by the plate alone");
+    assert_ne!(state.com_m, [0.0; 3]);
+}
+
+#[test]
+fn a_measured_centre_of_pressure_has_its_sigma_and_a_masked_one_has_none() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.suit_silent = true;
+    bench.hold(&person, &posture(), None, 500);
+    let state = bench.state();
+    assert!(!state.validity().any_of(Validity::INVALIDATES_COP_MEASURED));
+    assert_ne!(state.cop_measured_m, [0.0; 2]);
+    assert_eq!(state.cop_measured_sigma_m, [bench.settings.cop_sigma_m; 2]);
+    bench.suit_silent = false;
+    bench.hold(&person, &posture(), None, 1000);
+    assert!(bench.state().cop_measured_sigma_m[0] > 0.0 && bench.state().delta_f_sigma_n > 0.0);
+    bench.ground_silent = true;
+    bench.hold(&person, &posture(), None, 300);
+    let state = bench.state();
+    assert!(state.validity().any_of(Validity::INVALIDATES_COP_MEASURED));
+    assert_eq!((state.cop_measured_m, state.cop_measured_sigma_m), ([0.0; 2], [0.0; 2]));
+    assert_eq!((state.delta_f_n, state.delta_f_sigma_n), ([0.0; 3], 0.0));
+}
+
+#[test]
+fn without_a_body_there_is_no_external_force() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let mut without_body = 0;
+    for _ in 0..1000 {
+        bench.hold(&person, &posture(), None, 1);
+        let state = bench.state();
+        if state.validity().any_of(Validity::BODY_UNKNOWN) {
+            without_body += 1;
+            assert!(Validity::INVALIDATES_DELTA_F.any_of(state.validity()));
+            assert!(Validity::INVALIDATES_DELTA_F.any_of(Validity::BODY_UNKNOWN));
+            assert_eq!(state.delta_f_n, [0.0; 3]);
+        }
+    }
+    assert!(without_body > 100);
+}
+
+#[test]
+fn values_of_the_previous_subject_are_not_published_after_a_load() {
+    let (person, mut bench, mut other) = (Person::real(), Bench::new(|_| {}), Bench::new(|_| {}));
+    bench.identify(&person);
+    bench.hold(&person, &posture(), None, 2500);
+    other.hold(&person, &posture(), None, 500);
+    other.command(CommandKind::IdentifyStop);
+    other.hold(&person, &posture(), None, 500);
+    let (before_m, expected_m) = (bench.state().com_m, other.state().com_m);
+    assert!((before_m[0] - expected_m[0]).abs() > 0.005, "{before_m:?} {expected_m:?}");
+    let subject =
+        SubjectState { identification: other.memory.identification, exposure: other.memory.exposure };
+    bench.memory.replace_subject(&subject);
+    bench.command(CommandKind::SubjectLoad);
+    let (mut published, mut published_early) = (0, 0);
+    for _ in 0..2000 {
+        let (state, early) = (bench.state(), bench.memory.early());
+        if !state.validity().any_of(Validity::INVALIDATES_COM) {
+            published += 1;
+            assert!((state.com_m[0] - expected_m[0]).abs() < 0.002, "{:?} {expected_m:?}", state.com_m);
+        }
+        if !early.validity().any_of(Validity::INVALIDATES_COM) {
+            published_early += 1;
+            assert!((early.com_m[0] - expected_m[0]).abs() < 0.002, "{:?} {expected_m:?}", early.com_m);
+        }
+        bench.hold(&person, &posture(), None, 1);
+    }
+    assert!(published > 1800 && published_early > 1500, "{published} {published_early}");
+}
+
+#[test]
+fn insoles_need_no_place_with_a_load_either_and_a_plate_does() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.disturbance.devices = GroundDevice::Insoles as u32;
+    bench.identify(&person);
+    let at = lifted_box(&person, &posture());
+    bench.hold(&person, &posture(), None, 1000);
+    bench.hold(&person, &posture(), Some((10.0, at)), 1000);
+    bench.memory.invalidate_registration();
+    for _ in 0..1000 {
+        bench.hold(&person, &posture(), Some((10.0, at)), 1);
+        assert!(!bench.state().validity().any_of(Validity::POSITION_UNKNOWN));
+    }
+    assert!(bench.state().suit_com_m().is_some());
+    bench.disturbance.devices = GroundDevice::Plate as u32;
+    bench.hold(&person, &posture(), Some((10.0, at)), 200);
+    let state = bench.state();
+    assert!(state.validity().any_of(Validity::POSITION_UNKNOWN));
+    assert_eq!((state.suit_com_m(), state.suit_com_m), (None, [0.0; 3]), "in the world of the suit");
+    assert!(state.segment_origin_m().is_some(), "a figure");
+}
