@@ -5,6 +5,8 @@ const LOST_AFTER_MS = 2500;
 // Frames arrive 10 to 60 times a second: for a stream of frames this limit holds while it is live.
 export const FRAMES_LOST_AFTER_MS = 1000;
 const CHECK_EVERY_MS = 100;
+// A check so long after the last one is late because the page was busy, or because the browser slows a hidden page.
+const CHECK_PAUSED_MS = 500;
 // Browsers detect a vanished peer only after minutes. Reconnect after this time without an event, counted
 // from the start of each attempt.
 const RECONNECT_AFTER_MS = 5000;
@@ -21,7 +23,8 @@ export class Stream {
     this.connection = "waiting"; // or live, silent, lost, ended
     this.results = null; // of a demonstration that has ended
     this.frame = null;
-    this.lastEventAt = performance.now();
+    this.lastEventAt = this.checkedAt = performance.now();
+    this.paused = false;
     this.connect();
     // A page that the browser keeps for its back button would keep its connection too, of which a browser opens six.
     addEventListener("pagehide", () => this.source.close());
@@ -34,6 +37,10 @@ export class Stream {
     setInterval(() => {
       if (this.results) return;
       const now = performance.now();
+      // After a pause of the whole page, events that arrived meanwhile come first.
+      const paused = now - this.checkedAt > CHECK_PAUSED_MS && !this.paused;
+      [this.checkedAt, this.paused] = [now, paused];
+      if (paused) return;
       if (now - this.lastEventAt > (this.connection === "live" ? liveFor : LOST_AFTER_MS)) this.setConnection("lost");
       const quietFor = now - Math.max(this.lastEventAt, this.attemptAt);
       const limit = this.source.readyState === EventSource.CLOSED ? CLOSED_FOR_MS : RECONNECT_AFTER_MS;

@@ -35,7 +35,9 @@ function setUp(t, ...limit) {
       t.mock.timers.tick(100);
     }
   };
-  return { stream, after, page };
+  // The page is busy: no timer runs.
+  const busy = (ms) => { now += ms; };
+  return { stream, after, busy, page };
 }
 
 test("a page that is left closes its connection, and connects again when it returns", (t) => {
@@ -86,6 +88,22 @@ test("frames are lost after a second; without data an event a second keeps the c
   after(2500);
   assert.equal(stream.connection, "silent");
   after(100);
+  assert.equal(stream.connection, "lost");
+});
+
+test("after a pause of the page one check is left out, so that events come first", (t) => {
+  const { stream, after, busy } = setUp(t, FRAMES_LOST_AFTER_MS);
+  FakeEventSource.made[0].emit("frame", "{}");
+  for (let i = 0; i < 2; i += 1) {
+    busy(2000);
+    after(100);
+    assert.equal(stream.connection, "live");
+    FakeEventSource.made[0].emit("frame", "{}");
+    after(100);
+    assert.equal(stream.connection, "live");
+  }
+  busy(2000);
+  after(200);
   assert.equal(stream.connection, "lost");
 });
 
