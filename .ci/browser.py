@@ -66,7 +66,7 @@ LOOK = """(() => {
     quantities: Object.fromEntries([...document.querySelectorAll("[data-quantity]")].map((one) => [one.dataset.quantity, ["b", "small"].map((kind) => one.querySelector(kind).textContent)])),
     joints: [...document.querySelectorAll("#joints tr")].map((row) => row.querySelector(".torque").textContent), jointsWhy: text("joints-why"),
     tab: document.querySelector("[role=tab][aria-selected=true]")?.dataset.tab ?? "", token: `${data("token-state").kind ?? ""}: ${text("token-state")}`,
-    workers: [...document.querySelectorAll("#subject option")].map(({ value }) => value).filter(Boolean),
+    workers: [...document.querySelectorAll("#subjects option")].map(({ value }) => value).filter(Boolean),
     incidents: [...document.querySelectorAll("#incidents li")].map((li) => li.dataset.incident ?? ""), incidentsText: text("incidents"),
     words: Object.fromEntries([...document.querySelectorAll("[data-t]")].map((one) => [one.dataset.t, one.textContent])),
     reply: `${data("reply").kind ?? ""}: ${text("reply")}`,

@@ -122,6 +122,8 @@ def a_clock_ahead_blocks_no_consumer(root, publisher):
         publisher.publish(ahead_s=3600)
         refused = consumer.next(1.0)
         assert not refused and refused.reason is NoStateReason.OTHER_CLOCK, refused
+        again = consumer.next(0.0)
+        assert not again and again.reason is NoStateReason.OTHER_CLOCK, f"between two refused states: {again}"
         publisher.publish()
         reading = consumer.next(1.0)
         assert reading, f"after one state from a clock ahead: {reading}"
@@ -140,6 +142,16 @@ def a_stale_state_is_reported(root, publisher):
         time.sleep(LONGER_THAN_REJOIN_S)
         publisher.publish()
         assert consumer.next(0.0).reason is NoStateReason.STALE and consumer._ports is ports, "it rejoined although states arrive"
+
+
+def states_keep_a_consumer_of_early_states_joined(root, publisher):
+    with joined(root, "early", report=False) as consumer:
+        ports, end = consumer._ports, time.monotonic() + 2 * LONGER_THAN_REJOIN_S
+        while time.monotonic() < end:
+            publisher.publish()
+            assert not consumer.early(), "nothing publishes early states"
+            time.sleep(0.02)
+        assert consumer._ports is ports, "it rejoined although states arrive"
 
 
 def closed_consumers_stay_closed(root, publisher):
@@ -356,7 +368,7 @@ def all_of(root):
     plans_are_requested(root)
     publisher = Publisher(root)
     for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_clock_ahead_blocks_no_consumer,
-                 a_stale_state_is_reported, closed_consumers_stay_closed, leftovers_hang_no_consumer,
+                 a_stale_state_is_reported, states_keep_a_consumer_of_early_states_joined, closed_consumers_stay_closed, leftovers_hang_no_consumer,
                  slots_of_dead_processes_are_awaited):
         test(root, publisher)
     a_polling_consumer_rejoins(root, publisher).close()

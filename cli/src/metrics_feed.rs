@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use crossbeam_channel::Sender;
@@ -14,9 +14,14 @@ use equipoise_core::message::{AdapterHealth, CycleRecord, Incidents, State};
 use equipoise_daemon::realtime::now_ns;
 use equipoise_view::metrics::{Metrics, Snapshot, Stream};
 use rustix::process::setpriority_process;
+use tracing::warn;
+
+use crate::page_feed::BusWatch;
 
 /// Polling interval of the bus.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
+/// Interval between attempts to join a replaced bus.
+const REJOIN_INTERVAL: Duration = Duration::from_secs(1);
 /// Depth of several polling intervals at the highest rate, so that every state is counted.
 const STATES: usize = 1024;
 /// Nice value of both threads: any other work has priority.
@@ -34,7 +39,7 @@ pub fn run(
 ) -> anyhow::Result<()> {
     // On Linux this affects only this thread and the server's thread, which it starts. A refusal has little effect.
     let _ = setpriority_process(None, NICE);
-    let mut feed = Feed::open(station)?;
+    let mut feed = Feed::open(BusSettings::new(station, METRICS_ROLE))?;
     let shared = Arc::new(Mutex::new(feed.snapshot.clone()));
     let served = Arc::clone(&shared);
     let metrics = Metrics::start(listen, move || {
@@ -55,22 +60,44 @@ pub fn run(
 pub const METRICS_ROLE: &str = "metrics";
 
 struct Feed {
+    settings: BusSettings,
+    /// `None` while a replaced bus cannot be joined.
+    ports: Option<Ports>,
+    joined: Instant,
+    snapshot: Snapshot,
+}
+
+struct Ports {
     states: Subscriber<State>,
     cycles: Subscriber<CycleRecord>,
     health: Subscriber<AdapterHealth>,
     incidents: Subscriber<Incidents>,
-    snapshot: Snapshot,
+    bus_watch: BusWatch,
     // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
 
+impl Ports {
+    fn open(settings: &BusSettings) -> Result<Ports, BusError> {
+        let bus = Bus::join(settings)?;
+        Ok(Ports {
+            states: bus.subscriber(STATES)?,
+            cycles: bus.subscriber(1)?,
+            health: bus.subscriber(8)?,
+            incidents: bus.subscriber(1)?,
+            bus_watch: BusWatch::of(&settings.root),
+            _bus: bus,
+        })
+    }
+}
+
 impl Feed {
-    fn open(station: &str) -> Result<Feed, BusError> {
-        let bus = Bus::join(&BusSettings::new(station, METRICS_ROLE))?;
+    fn open(settings: BusSettings) -> Result<Feed, BusError> {
+        let ports = Some(Ports::open(&settings)?);
         let stream = |name, reasons| Stream { name, health: None, reasons };
         let snapshot = Snapshot {
             now_ns: now_ns(),
-            station: station.to_owned(),
+            station: settings.station.clone(),
             version: env!("CARGO_PKG_VERSION"),
             state: None,
             record: None,
@@ -78,19 +105,26 @@ impl Feed {
             incidents: None,
             joint_cycles: [[0; _]; JOINTS],
         };
-        Ok(Feed {
-            states: bus.subscriber(STATES)?,
-            cycles: bus.subscriber(1)?,
-            health: bus.subscriber(8)?,
-            incidents: bus.subscriber(1)?,
-            snapshot,
-            _bus: bus,
-        })
+        Ok(Feed { settings, ports, joined: Instant::now(), snapshot })
+    }
+
+    /// Joins the bus again if its directory was replaced: the old ports do not reach the new one.
+    fn rejoin_if_replaced(&mut self) {
+        if let Some(ports) = self.ports.take_if(|ports| ports.bus_watch.is_replaced()) {
+            // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
+            std::mem::forget(ports);
+        }
+        if self.ports.is_none() && self.joined.elapsed() >= REJOIN_INTERVAL {
+            self.joined = Instant::now();
+            let ports = Ports::open(&self.settings);
+            self.ports = ports.inspect_err(|error| warn!("the metrics have no data: {error}")).ok();
+        }
     }
 
     fn update(&mut self) -> Result<(), BusError> {
-        let snapshot = &mut self.snapshot;
-        while let Some(state) = self.states.receive()? {
+        self.rejoin_if_replaced();
+        let (Some(ports), snapshot) = (&mut self.ports, &mut self.snapshot) else { return Ok(()) };
+        while let Some(state) = ports.states.receive()? {
             for (levels, level) in snapshot.joint_cycles.iter_mut().zip(state.joint_level) {
                 if let Some(count) = levels.get_mut(level as usize) {
                     *count += 1;
@@ -98,13 +132,38 @@ impl Feed {
             }
             snapshot.state = Some(state);
         }
-        snapshot.record = self.cycles.latest()?.or(snapshot.record);
-        snapshot.incidents = self.incidents.latest()?.or(snapshot.incidents);
-        while let Some(health) = self.health.receive()? {
+        snapshot.record = ports.cycles.latest()?.or(snapshot.record);
+        snapshot.incidents = ports.incidents.latest()?.or(snapshot.incidents);
+        while let Some(health) = ports.health.receive()? {
             if let Some(stream) = snapshot.streams.get_mut((health.stream as usize).wrapping_sub(1)) {
                 stream.health = Some(health);
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    #[test]
+    fn metrics_join_a_bus_whose_directory_was_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("bus");
+        let settings = |role| BusSettings { root: root.clone(), ..BusSettings::new("metrics-test", role) };
+        let mut feed = Feed::open(settings(METRICS_ROLE)).unwrap();
+        std::fs::rename(&root, folder.path().join("old")).unwrap();
+        let bus = Bus::join(&settings("daemon")).unwrap();
+        let states = bus.publisher::<State>().unwrap();
+        let begun = Instant::now();
+        while feed.snapshot.state.is_none() {
+            assert!(begun.elapsed() < Duration::from_secs(20), "no state of the new bus");
+            states.send(&State { time_ns: now_ns(), ..State::zeroed() }).unwrap();
+            feed.update().unwrap();
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 }

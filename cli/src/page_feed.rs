@@ -1,6 +1,7 @@
 //! Feeds the page as a consumer of the bus that receives only the newest state: it is independent of the daemon, waits
 //! while none runs, and continues with the next one.
 
+mod active;
 mod history;
 mod station;
 
@@ -12,11 +13,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use equipoise_bus::{Bus, BusError, BusSettings, Publisher, Subscriber};
-use equipoise_config::method::StopConfig;
 use equipoise_config::model::suggestion;
 use equipoise_config::{Config, PageConfig};
 use equipoise_core::message::{ConsumerReceipt, State};
 use equipoise_core::pose_suggestion::library::LIBRARY;
+use equipoise_core::time::NS_PER_S;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::status::PageFile;
@@ -35,10 +36,13 @@ pub const CONSUMER_NAME: &str = "view";
 const POLL_INTERVAL: Duration = Duration::from_millis(8);
 /// Interval for checking that the joined bus still exists, and for retries of joining.
 const BUS_CHECK_INTERVAL: Duration = Duration::from_secs(1);
+/// States older than this are not displayed, ns.
+const FRESH_NS: u64 = NS_PER_S / 4;
 /// Interval of latency reports.
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
+type Active = Mutex<active::Parts>;
 type Simulated = Mutex<(Option<SimulatedHuman>, Option<SimulatedCobot>)>;
 type Receipts = Mutex<ReceiptBuilder>;
 
@@ -67,10 +71,18 @@ impl ServedPage {
         let requests = Arc::new(AtomicU64::new(0));
         let receipts = Arc::new(Receipts::new(ReceiptBuilder::new(CONSUMER_NAME, now_ns())));
         let simulated = Arc::new(Simulated::default());
-        let frames = frames(config, &newest, &receipts, &requests, Arc::clone(&simulated));
+        let active = Arc::new(Active::new(active::Parts::of(config)));
+        let feed = FrameFeed {
+            newest: Arc::downgrade(&newest),
+            active: Arc::clone(&active),
+            receipts: Arc::clone(&receipts),
+            requests: Arc::clone(&requests),
+            simulated: Arc::clone(&simulated),
+        };
+        let frames = move || feed.frame(now_ns());
         let page = Page::start_with(page.listen, token, frames, Some(engineer)).context("page.listen")?;
         let feed = start_feed(&config.station, Arc::downgrade(&newest), receipts)?;
-        let collecting = station::start_collecting(station_data, Arc::downgrade(&newest))?;
+        let collecting = station::start_collecting(station_data, Arc::downgrade(&newest), active)?;
         let file = PageFile::new(&config.station, page.url(), token.is_some());
         // Without the file only `equipoise status` is affected: it does not list the page.
         if let Err(error) = file.write() {
@@ -229,18 +241,18 @@ fn receive_until_replaced(mut ports: Ports, root: &Path, newest: &Weak<Newest>, 
 }
 
 /// The directory of the joined bus.
-struct BusWatch {
+pub(crate) struct BusWatch {
     bus_directory: BusDirectory,
     checked: Instant,
 }
 
 impl BusWatch {
-    fn of(root: &Path) -> BusWatch {
+    pub(crate) fn of(root: &Path) -> BusWatch {
         BusWatch { bus_directory: BusDirectory::read(root), checked: Instant::now() }
     }
 
     /// Whether the directory was replaced, checked at most once a second.
-    fn is_replaced(&mut self) -> bool {
+    pub(crate) fn is_replaced(&mut self) -> bool {
         self.checked.elapsed() >= BUS_CHECK_INTERVAL && self.is_replaced_now()
     }
 
@@ -250,35 +262,69 @@ impl BusWatch {
     }
 }
 
-/// The frames that the page requests.
-fn frames(
-    config: &Config,
-    newest: &Arc<Newest>,
-    receipts: &Arc<Receipts>,
-    requests: &Arc<AtomicU64>,
+/// Whether a message is younger than `old_ns`, and not dated by the clock of another time namespace, ahead of this one.
+pub(crate) fn is_current(time_ns: u64, now_ns: u64, old_ns: u64) -> bool {
+    now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < old_ns)
+}
+
+/// The source of the frames that the page requests.
+struct FrameFeed {
+    newest: Weak<Newest>,
+    active: Arc<Active>,
+    receipts: Arc<Receipts>,
+    requests: Arc<AtomicU64>,
     simulated: Arc<Simulated>,
-) -> impl FnMut() -> Option<PageFrame> + Send + 'static {
-    let (newest, receipts, requests) = (Arc::downgrade(newest), Arc::clone(receipts), Arc::clone(requests));
-    let target_m = (config.identification.stop == StopConfig::PredictedCop)
-        .then_some(config.identification.stop_cop_sigma_mm * 1e-3);
-    let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
-    // One of two plates would be a wrong picture of the ground.
-    let plate_corners_m = config.ground.frame.corners_m().filter(|_| config.ground.second.is_none());
-    move || {
-        requests.fetch_add(1, Ordering::Relaxed);
-        let state = newest.upgrade()?.lock().ok().and_then(|newest| *newest)?;
-        if let Ok(mut receipts) = receipts.lock() {
-            receipts.record_once(&state, now_ns());
+}
+
+impl FrameFeed {
+    /// The frame of the newest state; `None` without a current one.
+    fn frame(&self, now_ns: u64) -> Option<PageFrame> {
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        let state = self.newest.upgrade()?.lock().ok().and_then(|newest| *newest)?;
+        let state = Some(state).filter(|state| is_current(state.time_ns, now_ns, FRESH_NS))?;
+        if let Ok(mut receipts) = self.receipts.lock() {
+            receipts.record_once(&state, now_ns);
         }
+        let active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
         let suggested = LIBRARY.get(state.suggested_pose as usize).map(|posture| {
             let pose = SuggestedPose::on_the_spot(posture, &state.segment_origin_m);
-            SuggestedPose { name: suggestion(&state, ask.as_ref()).unwrap_or(pose.name.clone()), ..pose }
+            let name = suggestion(&state, active.ask.as_ref()).unwrap_or(pose.name.clone());
+            SuggestedPose { name, ..pose }
         });
         let mut frame = PageFrame::new(state);
         frame.suggested = suggested;
-        frame.cop_sigma_target_m = target_m;
-        frame.plate_corners_m = plate_corners_m;
-        (frame.simulated, frame.cobot) = *simulated.lock().unwrap_or_else(PoisonError::into_inner);
+        frame.cop_sigma_target_m = active.target_m;
+        frame.plate_corners_m = active.plate_corners_m;
+        (frame.simulated, frame.cobot) = *self.simulated.lock().unwrap_or_else(PoisonError::into_inner);
         Some(frame)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    #[test]
+    fn a_state_is_displayed_while_it_is_young_and_of_this_clock() {
+        let state = State { time_ns: 5 * NS_PER_S, suggested_pose: u32::MAX, ..State::zeroed() };
+        let newest = Arc::new(Newest::new(Some(state)));
+        let feed = FrameFeed {
+            newest: Arc::downgrade(&newest),
+            active: Arc::default(),
+            receipts: Arc::new(Receipts::new(ReceiptBuilder::new(CONSUMER_NAME, 0))),
+            requests: Arc::default(),
+            simulated: Arc::default(),
+        };
+        for (now_ns, displayed) in [
+            (state.time_ns - 1, false),
+            (state.time_ns, true),
+            (state.time_ns + FRESH_NS - 1, true),
+            (state.time_ns + FRESH_NS, false),
+        ] {
+            assert_eq!(feed.frame(now_ns).is_some(), displayed, "{now_ns}");
+        }
+        assert_eq!(feed.requests.load(Ordering::Relaxed), 4, "requests are counted without a frame, too");
     }
 }

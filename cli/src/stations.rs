@@ -1,6 +1,8 @@
 //! Several stations on one page: requests the newest state and facts of each station's page, on this or other machines.
 
+use std::net::Ipv6Addr;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -18,6 +20,8 @@ use crate::page_tokens::PageTokens;
 
 /// Interval of the requests to a station.
 const REQUEST_INTERVAL: Duration = Duration::from_millis(500);
+/// A state is not displayed after this time without an answer, or once a request has failed.
+const STATE_FOR: Duration = Duration::from_secs(2);
 /// A station is lost after this time without an answer; longer than the interval and the time limit of two requests.
 const LOST_AFTER: Duration = Duration::from_secs(6);
 /// Maximum size of the file, bytes.
@@ -65,13 +69,33 @@ impl StationsFile {
         ensure!(!file.station.is_empty(), "{}: no [[station]]: add one, with its url", path.display());
         for StationEntry { url, .. } in &file.station {
             ensure!(
-                url.starts_with("http://") && !url.contains(['?', '#']),
+                is_page_address(url),
                 "{}: {url}: give the address of a station's page, http://HOST:PORT/; a token belongs to token_file",
                 path.display()
             );
         }
         Ok(file)
     }
+}
+
+/// Whether a text is `http://HOST:PORT/`, the port being optional, with or without a path.
+fn is_page_address(url: &str) -> bool {
+    let Some(rest) = url.strip_prefix("http://") else { return false };
+    let (authority, path) = rest.split_once('/').unwrap_or((rest, ""));
+    let (host, port) = match authority.rsplit_once(':') {
+        Some((host, port)) if !authority.ends_with(']') => (host, port),
+        _ => (authority, "80"),
+    };
+    let is_host = match host.strip_prefix('[').and_then(|host| host.strip_suffix(']')) {
+        Some(address) => address.parse::<Ipv6Addr>().is_ok(),
+        None => {
+            !host.is_empty()
+                && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"-._".contains(&byte))
+        }
+    };
+    is_host
+        && port.parse::<u16>().is_ok_and(|port| port > 0)
+        && path.bytes().all(|byte| byte.is_ascii_graphic() && !b"?#".contains(&byte))
 }
 
 /// The newest answers of a station.
@@ -90,6 +114,7 @@ impl Tile {
     fn to_json(&self, url: &str) -> Value {
         let connection = match (self.answered, &self.state) {
             (Some(answered), _) if answered.elapsed() > LOST_AFTER => "lost",
+            (Some(answered), _) if self.error.is_some() || answered.elapsed() > STATE_FOR => "waiting",
             (Some(_), Some(_)) => "live",
             (Some(_), None) => "silent",
             (None, _) if self.error.is_some() => "lost",
@@ -117,6 +142,7 @@ pub(crate) struct ServedStations {
     /// The threads end when this reference is dropped.
     tiles: Option<Arc<Tiles>>,
     threads: Vec<JoinHandle<()>>,
+    snapshots: Arc<AtomicU64>,
 }
 
 impl ServedStations {
@@ -136,8 +162,13 @@ impl ServedStations {
         let tiles: Arc<Tiles> =
             Arc::new(file.station.into_iter().map(|station| (station.url, Mutex::default())).collect());
         let shown = Arc::downgrade(&tiles);
-        let page = Page::start_overview(file.page.listen, token, move || snapshot(&shown).to_string())
-            .context("page.listen")?;
+        let snapshots = Arc::new(AtomicU64::new(0));
+        let counted = Arc::clone(&snapshots);
+        let feed = move || {
+            counted.fetch_add(1, Ordering::Relaxed);
+            snapshot(&shown).to_string()
+        };
+        let page = Page::start_overview(file.page.listen, token, feed).context("page.listen")?;
         let threads = secrets.into_iter().enumerate().map(|(index, secret)| {
             let tiles = Arc::downgrade(&tiles);
             std::thread::Builder::new()
@@ -145,7 +176,7 @@ impl ServedStations {
                 .spawn(move || request_until_dropped(&tiles, index, secret.as_deref()))
         });
         let threads = threads.collect::<std::io::Result<_>>()?;
-        Ok(ServedStations { page, tiles: Some(tiles), threads })
+        Ok(ServedStations { page, tiles: Some(tiles), threads, snapshots })
     }
 
     /// Address for a browser.
@@ -156,6 +187,11 @@ impl ServedStations {
     /// Whether server and threads are running.
     pub(crate) fn is_running(&self) -> bool {
         self.page.is_running() && self.threads.iter().all(|thread| !thread.is_finished())
+    }
+
+    /// Number of snapshots requested by the page's thread: increments twice a second while the thread runs.
+    pub(crate) fn snapshots(&self) -> u64 {
+        self.snapshots.load(Ordering::Relaxed)
     }
 }
 
@@ -221,129 +257,32 @@ fn request(client: &HttpClient, url: &str, token: Option<&str>) -> anyhow::Resul
 fn displayed(state: &Value) -> Value {
     let kept = STATE_KEYS.iter().filter_map(|key| Some(((*key).to_owned(), state.get(key)?.clone())));
     let mut kept: Map<String, Value> = kept.collect();
-    let worst =
-        kept.get("worst_joint").and_then(Value::as_str).and_then(|name| state.get("joints")?.get(name));
-    match worst.cloned() {
-        Some(worst) => kept.insert("joint".to_owned(), worst),
-        None => None,
-    };
+    if let Some((name, joint)) = displayed_joint(state) {
+        kept.insert("worst_joint".to_owned(), name.into());
+        kept.insert("joint".to_owned(), joint.clone());
+    }
     kept.remove("joints");
     Value::Object(kept)
 }
 
-#[cfg(test)]
-mod tests {
-    use std::os::unix::fs::PermissionsExt as _;
-
-    use super::*;
-    use bytemuck::Zeroable;
-    use equipoise_core::message::State;
-    use equipoise_view::Token;
-    use equipoise_view::page::{Engineer, PageCommand, PageFrame, Station};
-
-    const TOKEN: &str = "of-the-test-0123456789abcdefghij";
-
-    struct Facts;
-
-    impl Station for Facts {
-        fn facts(&self) -> String {
-            json!({ "station": "press-1", "incidents": [{ "name": "suit_silent", "active": true }] })
-                .to_string()
-        }
-
-        fn history(&self) -> String {
-            "{}".to_owned()
-        }
-
-        fn report(&self) -> Option<String> {
-            None
-        }
-
-        fn subjects(&self) -> Result<Vec<String>, String> {
-            Ok(Vec::new())
-        }
-
-        fn command(&self, _: &PageCommand) -> Result<String, String> {
-            Err("none".to_owned())
-        }
+/// The joint of the tile, by the rule of [`equipoise_view::words::headline_joint`].
+fn displayed_joint(state: &Value) -> Option<(&str, &Value)> {
+    let (name, joints) = (state.get("worst_joint")?.as_str()?, state.get("joints")?.as_object()?);
+    let worst = joints.get(name)?;
+    let has_level = |joint: &Value, level: &str| joint.get("level").and_then(Value::as_str) == Some(level);
+    if !has_level(worst, "green") {
+        return Some((name, worst));
     }
-
-    fn station(live: bool) -> Page {
-        let mut state = State { worst_joint: 0, lifted_mass_kg: 8.0, ..State::zeroed() };
-        (state.torque_nm[0], state.torque_limit_nm[0]) = ([0.0, 30.0, 40.0], 100.0);
-        let feed = move || {
-            (state.cycle, state.time_ns) = (state.cycle + 1, state.time_ns + 1);
-            live.then(|| PageFrame::new(state))
-        };
-        let engineer = Engineer { station: Arc::new(Facts), command_token: None };
-        Page::start_with("127.0.0.1:0".parse().unwrap(), Token::new(TOKEN), feed, Some(engineer)).unwrap()
-    }
-
-    fn file(text: &str) -> anyhow::Result<StationsFile> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("stations.toml");
-        std::fs::write(&path, text).unwrap();
-        StationsFile::read(&path)
-    }
-
-    #[test]
-    fn a_tile_is_live_silent_or_lost() {
-        let folder = tempfile::tempdir().unwrap();
-        let token = folder.path().join("token");
-        std::fs::write(&token, TOKEN).unwrap();
-        std::fs::set_permissions(&token, std::fs::Permissions::from_mode(0o600)).unwrap();
-        let pages = [station(true), station(false)];
-        let mut text = "[page]\nlisten = \"127.0.0.1:0\"\n".to_owned();
-        for page in &pages {
-            text += &format!("[[station]]\nurl = \"{}\"\ntoken_file = \"token\"\n", page.url());
-        }
-        // Without the token, and an address that nothing serves.
-        text += &format!(
-            "[[station]]\nurl = \"{}\"\n[[station]]\nurl = \"http://127.0.0.1:1/\"\n",
-            pages[0].url()
-        );
-        let served = ServedStations::start(file(&text).unwrap(), folder.path()).unwrap();
-        let client = HttpClient::new();
-        let stations = || -> Value {
-            serde_json::from_str(&client.get(&format!("{}api/stations", served.url())).unwrap().text).unwrap()
-        };
-        let begun = Instant::now();
-        let is = |all: &Value| {
-            ["live", "silent", "lost", "lost"]
-                .iter()
-                .zip(all.as_array().unwrap())
-                .all(|(one, tile)| tile["connection"] == *one)
-        };
-        while !is(&stations()) {
-            assert!(begun.elapsed() < Duration::from_secs(30), "{}", stations());
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        let all = stations();
-        assert_eq!(
-            (&all[0]["station"], &all[0]["state"]["worst_joint"]),
-            (&json!("press-1"), &json!("L5S1"))
-        );
-        assert_eq!(
-            (&all[0]["state"]["joint"]["limit_nm"], &all[0]["state"]["lifted_mass_kg"]),
-            (&json!(100.0), &json!(8.0))
-        );
-        assert_eq!(all[0]["incidents"][0]["name"], "suit_silent");
-        assert!(all[0]["state"].get("joints").is_none() && all[1]["state"].is_null(), "{all}");
-        assert!(all[2]["error"].as_str().unwrap().starts_with("401: This page needs its token"), "{all}");
-        assert!(all[3]["error"].is_string() && served.is_running());
-    }
-
-    #[test]
-    fn a_file_with_another_form_is_refused_with_a_remedy() {
-        let page = "[page]\nlisten = \"127.0.0.1:0\"\n";
-        for (text, expected) in [
-            (page.to_owned() + "station = []", "unknown field"),
-            (format!("station = []\n{page}"), "no [[station]]"),
-            (format!("{page}[[station]]\nurl = \"press-1:8080\""), "http://HOST:PORT/"),
-            (format!("{page}[[station]]\nurl = \"http://a/?token=b\""), "token_file"),
-        ] {
-            let error = format!("{:#}", file(&text).unwrap_err());
-            assert!(error.contains(expected), "{error}");
-        }
-    }
+    let ratio = |joint: &Value| {
+        let torque_nm = joint.get("torque_nm").and_then(Value::as_array);
+        let squares =
+            torque_nm.into_iter().flatten().filter_map(Value::as_f64).map(|component| component * component);
+        squares.sum::<f64>().sqrt() / joint.get("limit_nm").and_then(Value::as_f64).unwrap_or(f64::INFINITY)
+    };
+    let undecided = joints.iter().filter(|(_, joint)| has_level(joint, "undecided"));
+    let closest = undecided.max_by(|(_, a), (_, b)| ratio(a).total_cmp(&ratio(b)));
+    Some(closest.map_or((name, worst), |(name, joint)| (name.as_str(), joint)))
 }
+
+#[cfg(test)]
+mod tests;

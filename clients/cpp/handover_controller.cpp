@@ -80,8 +80,7 @@ public:
             return;
         }
         due_s_ = now_s + PLAN_EVERY_S;
-        if (stat(path_.c_str(), &found) != 0 ||
-            (found.st_mtim.tv_sec == changed_.tv_sec && found.st_mtim.tv_nsec == changed_.tv_nsec)) {
+        if (stat(path_.c_str(), &found) != 0 || is_same(found.st_mtim, changed_)) {
             return;
         }
         std::ifstream file(path_);
@@ -90,9 +89,12 @@ public:
         const auto at = numbers_of(text.str(), "position_m", 3);
         const auto share = numbers_of(text.str(), "worst_limit_ratio", 1), sigma = numbers_of(text.str(), "worst_limit_ratio_sigma", 1);
         if (!at || !share || !sigma) {
-            std::cerr << path_ << ": no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma; `equipoise plan handover --out "
-                      << path_ << "` writes it" << std::endl;
-            changed_ = found.st_mtim;
+            // Read again at the next poll: it may be incomplete. One message for each version.
+            if (!is_same(found.st_mtim, reported_)) {
+                std::cerr << path_ << ": no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma; `equipoise plan handover --out "
+                          << path_ << "` writes it" << std::endl;
+            }
+            reported_ = found.st_mtim;
             return;
         }
         changed_ = found.st_mtim;
@@ -105,9 +107,11 @@ public:
     std::optional<Plan> newest;
 
 private:
+    static bool is_same(const timespec &a, const timespec &b) { return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec; }
+
     std::string path_;
     double due_s_ = 0.0;
-    timespec changed_{};
+    timespec changed_{}, reported_{};
 };
 
 // What the decision needs of a reading.

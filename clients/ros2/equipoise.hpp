@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 
 #include <equipoise_msgs/msg/state.hpp>
 #include <rclcpp/rclcpp.hpp>
@@ -12,10 +13,13 @@ using State = equipoise_msgs::msg::State;
 class Equipoise
 {
 public:
-  explicit Equipoise(rclcpp::Node & node)
+  // Stations whose names differ only in characters that ROS 2 does not allow share the topic.
+  explicit Equipoise(rclcpp::Node & node, const std::string & station = "station-1")
   : subscription_(node.create_subscription<State>(
         "/equipoise/station_1/state", rclcpp::QoS(1).best_effort(),
-        [this](State::ConstSharedPtr state) {last_ = state; came_ = steady_.now();}))
+        [this, station](State::ConstSharedPtr state) {
+          if (state->station == station) {last_ = state; came_ = steady_.now();}
+        }))
   {
   }
 

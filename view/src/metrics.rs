@@ -93,7 +93,7 @@ impl Metrics {
         let thread = std::thread::Builder::new()
             .name("metrics".to_owned())
             .spawn(move || {
-                runtime.block_on(connections::serve(listener, routes, stopped, |_| {}));
+                runtime.block_on(connections::serve(listener, routes, stopped, drop));
                 runtime.shutdown_background();
             })
             .map_err(MetricsError::Start)?;

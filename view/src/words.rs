@@ -151,8 +151,8 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
         // Without these, identification uses no pose, however static it is.
         Some(Phase::Identifying) => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
             .map_or_else(|| pose_to_take(state, pose), calm),
-        Some(Phase::Monitoring) => match worst_joint(state) {
-            Some(worst) => overload(worst, state.joint_level[worst.index()]),
+        Some(Phase::Monitoring) => match headline_joint(state) {
+            Some(joint) => overload(joint, state.joint_level[joint.index()]),
             // After identification a pose is suggested only to discriminate explanations of a discrepancy.
             None if pose.is_some() => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
                 .map_or_else(|| pose_to_take(state, pose), calm),
@@ -185,7 +185,7 @@ fn is_loaded(state: &State) -> bool {
     !state.validity().any_of(Validity::INVALIDATES_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD))
 }
 
-fn overload(worst: Joint, level: u32) -> Instruction {
+fn overload(joint: Joint, level: u32) -> Instruction {
     let (name, tone) = match level_name(level) {
         "orange" => ("orange", Tone::Warn),
         "red" => ("red", Tone::Alarm),
@@ -194,7 +194,7 @@ fn overload(worst: Joint, level: u32) -> Instruction {
         "undecided" => ("undecided", Tone::Calm),
         _ => return Instruction::new("not_judged", Tone::Calm),
     };
-    Instruction::new(name, tone).about_joint(worst)
+    Instruction::new(name, tone).about_joint(joint)
 }
 
 /// The part before the colon: what is wrong, without what to do.
@@ -207,8 +207,22 @@ pub fn worst_joint(state: &State) -> Option<Joint> {
     crate::state_json::worst_joint(state)
 }
 
-/// Where to move the load, seen from the worker; `None` without valid torques, while the level of the worst joint is
-/// undecided, or if no direction helps.
+/// The joint of the headline: the worst joint, but if that is green, the undecided joint closest to its limit, because
+/// `undecided` counts as the worst level; `None` while torques are withheld.
+pub fn headline_joint(state: &State) -> Option<Joint> {
+    let worst = worst_joint(state)?;
+    if state.joint_level[worst.index()] != Level::Green as u32 {
+        return Some(worst);
+    }
+    let ratio = |joint: &Joint| torque_nm(state, *joint) / state.torque_limit_nm[joint.index()];
+    let undecided =
+        Joint::ALL.into_iter().filter(|joint| state.joint_level[joint.index()] == Level::Undecided as u32);
+    undecided.max_by(|a, b| ratio(a).total_cmp(&ratio(b))).or(Some(worst))
+}
+
+/// Where to move the load, seen from the worker; `None` if no direction helps, without valid torques, or unless the
+/// headline's joint is at medium or high load: below, no motion is necessary, above, the load is to be put down, and an
+/// undecided joint makes the direction uncertain, too.
 ///
 /// The direction is taken against the worker's own front, which the line between the hips shows.
 pub fn advice(state: &State) -> Option<&'static str> {
@@ -217,8 +231,8 @@ pub fn advice(state: &State) -> Option<&'static str> {
 
 /// The same as the name of a sentence: `closer`, `away`, `left` or `right`.
 pub(crate) fn advice_name(state: &State) -> Option<&'static str> {
-    let worst = worst_joint(state)?;
-    if state.joint_level[worst.index()] == Level::Undecided as u32 {
+    let joint = headline_joint(state)?;
+    if ![Level::Orange as u32, Level::Red as u32].contains(&state.joint_level[joint.index()]) {
         return None;
     }
     let [x, y, _] = state.advice_direction;
@@ -341,6 +355,26 @@ mod tests {
     }
 
     #[test]
+    fn no_load_is_called_low_while_a_joint_is_undecided() {
+        let [knee, elbow, hip] =
+            ["RightKnee", "LeftElbow", "LeftHip"].map(|name| Joint::named(name).unwrap());
+        let mut state = State { phase: Phase::Monitoring as u32, ..State::zeroed() };
+        state.worst_joint = knee.index() as u32;
+        for (joint, torque_nm, level) in
+            [(knee, 28.0, Level::Green), (elbow, 25.0, Level::Undecided), (hip, 20.0, Level::Undecided)]
+        {
+            state.torque_nm[joint.index()][0] = torque_nm;
+            state.torque_limit_nm[joint.index()] = 100.0;
+            state.joint_level[joint.index()] = level as u32;
+        }
+        let shown = instruction(&state, None);
+        let text = "Left elbow: the load is too uncertain to evaluate";
+        assert_eq!((shown.text.as_str(), headline_joint(&state)), (text, Some(elbow)));
+        state.joint_level[knee.index()] = Level::Orange as u32;
+        assert_eq!(headline_joint(&state), Some(knee));
+    }
+
+    #[test]
     fn a_level_next_to_a_torque_is_one_word() {
         let shown = [Level::Green, Level::Orange, Level::Red, Level::AboveMax].map(|each| level(each as u32));
         assert_eq!(shown, ["low", "medium", "high", "overloaded"]);
@@ -348,15 +382,25 @@ mod tests {
 
     #[test]
     fn advice_is_given_as_the_worker_stands() {
-        let mut state = State::zeroed();
+        let mut state = State { joint_level: [Level::Orange as u32; _], ..State::zeroed() };
         assert_eq!(advice(&state), None, "no direction");
         state.advice_direction = [-1.0, 0.0, 0.0];
         assert_eq!(advice(&state), None, "no heading");
         // The left hip of a worker who faces +X points along +Y.
         state.segment_origin_m[Segment::LeftUpperLeg.index()] = [0.0, 0.2, 0.9];
         assert_eq!(advice(&state), Some("Bring the load closer"));
-        let undecided = State { joint_level: [Level::Undecided as u32; _], ..state };
-        assert_eq!(advice(&undecided), None, "the level is uncertain");
+        for (level, advised) in [
+            (Level::None, false),
+            (Level::Green, false),
+            (Level::Orange, true),
+            (Level::Red, true),
+            (Level::AboveMax, false),
+            (Level::Undecided, false),
+        ] {
+            state.joint_level = [level as u32; _];
+            assert_eq!(advice(&state).is_some(), advised, "{level:?}");
+        }
+        state.joint_level = [Level::Red as u32; _];
         // The same direction, with the worker turned left by quarter turns.
         let turned: [([f64; 3], &str); 3] = [
             ([-0.2, 0.0, 0.9], "Move the load to your left"),

@@ -98,7 +98,12 @@ fn serve_stations(path: &Path) -> anyhow::Result<Outcome> {
     let stop = super::stop_on_signals()?;
     let served = ServedStations::start(file, path.parent().unwrap_or(Path::new("")))?;
     info!("stations: page at {}", served.url());
-    serve(&stop, || served.is_running(), || true)?;
+    let mut snapshots = 0;
+    let progresses = || {
+        let newest = served.snapshots();
+        std::mem::replace(&mut snapshots, newest) != newest
+    };
+    serve(&stop, || served.is_running(), progresses)?;
     info!("ended");
     Ok(Outcome::Done)
 }

@@ -19,6 +19,7 @@ use equipoise_view::terminal::live_line;
 use super::status::requested_pose;
 use super::{Outcome, StationArgument};
 use crate::client;
+use crate::page_feed::is_current;
 
 /// After this long without a state nothing is shown as if it were new.
 const SILENT_AFTER: Duration = Duration::from_secs(1);
@@ -76,14 +77,15 @@ fn lines(station: &str, until: &Until) -> anyhow::Result<()> {
     let (mut board, mut incidents) = (bus.subscriber::<Incidents>(1)?, None);
     let mut out = std::io::stdout().lock();
     let ask = requested_pose(status::read(station).as_ref());
-    let mut received = Instant::now();
+    let is_fresh = |state: &State| is_current(state.time_ns, now_ns(), SILENT_AFTER.as_nanos() as u64);
+    let mut received = is_fresh(&state).then(Instant::now);
     // Print at least one line, however short the time and however long joining took.
     loop {
-        if let Some(newer) = states.latest()? {
-            (state, received) = (newer, Instant::now());
+        if let Some(newer) = states.latest()?.filter(is_fresh) {
+            (state, received) = (newer, Some(Instant::now()));
         }
         incidents = board.latest()?.or(incidents);
-        if received.elapsed() > SILENT_AFTER {
+        if received.is_none_or(|received| received.elapsed() > SILENT_AFTER) {
             writeln!(out, "the daemon is silent")?;
         } else {
             let wrong = incidents.as_ref().and_then(|incidents| incident_words::line(incidents, now_ns()));

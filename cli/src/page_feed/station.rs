@@ -25,7 +25,7 @@ use equipoise_view::page::{PageCommand, Station};
 use serde_json::{Value, json};
 
 use super::history::{History, Parameters};
-use super::{BusWatch, Newest, PAGE_ROLE};
+use super::{Active, BusWatch, FRESH_NS, Newest, PAGE_ROLE, active, is_current};
 use crate::client;
 
 /// Data are gathered for this long after the last request.
@@ -40,8 +40,8 @@ const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(1);
 const TIMEOUT: Duration = Duration::from_millis(500);
 /// The daemon publishes its incidents once a second; an older message does not count as current, ns.
 const INCIDENTS_FRESH_NS: u64 = 5 * NS_PER_S / 2;
-/// Older states are ignored, ns.
-const FRESH_NS: u64 = NS_PER_S / 4;
+/// Interval at which the daemon's active configuration is read.
+const STATUS_INTERVAL: Duration = Duration::from_secs(1);
 /// Maximum size of a displayed report, bytes.
 const REPORT_BYTES_MAX: u64 = 16 << 20;
 
@@ -87,8 +87,8 @@ impl Station for StationData {
         let facts = status::read(&self.station);
         let collected = self.collected();
         let message = |name: &str| facts.as_ref().and_then(|facts| facts.incidents.get(name));
-        let is_current = |time_ns: u64| now_ns().saturating_sub(time_ns) < INCIDENTS_FRESH_NS;
-        let incidents = collected.incidents.as_ref().filter(|all| is_current(all.time_ns)).map(|all| {
+        let current = |all: &&Incidents| is_current(all.time_ns, now_ns(), INCIDENTS_FRESH_NS);
+        let incidents = collected.incidents.as_ref().filter(current).map(|all| {
             let begun = Incident::ALL.iter().filter(|kind| all.begun[**kind as usize] > 0);
             begun.map(|kind| incident(all, *kind, message(kind.name()))).collect::<Vec<_>>()
         });
@@ -120,7 +120,7 @@ impl Station for StationData {
         let files = directory.profile_files().map_err(|error| {
             let folder = directory.profiles();
             format!(
-                "Cannot list the stored workers in {}: {error}. Run the page as the daemon's user.",
+                "Cannot list the stored workers in {}: {error}. Enter the id of a worker.",
                 folder.display()
             )
         })?;
@@ -166,14 +166,22 @@ fn adapter(health: &AdapterHealth) -> Value {
 pub(super) fn start_collecting(
     station_data: Arc<StationData>,
     newest: Weak<Newest>,
+    active: Arc<Active>,
 ) -> std::io::Result<JoinHandle<()>> {
     std::thread::Builder::new().name("page-station".into()).spawn(move || {
         let mut subscriptions: Option<Subscriptions> = None;
         let mut point_time = Instant::now();
+        let (mut published, mut status_read) = (active::Active::default(), None::<Instant>);
         while let Some(newest) = newest.upgrade() {
             let state = newest.lock().ok().and_then(|newest| *newest);
-            let state = state.filter(|state| now_ns().saturating_sub(state.time_ns) < FRESH_NS);
+            let state = state.filter(|state| is_current(state.time_ns, now_ns(), FRESH_NS));
             drop(newest);
+            if status_read.is_none_or(|status_read| status_read.elapsed() >= STATUS_INTERVAL) {
+                status_read = Some(Instant::now());
+                if let Some(parts) = published.changed(&station_data.station) {
+                    *active.lock().unwrap_or_else(PoisonError::into_inner) = parts;
+                }
+            }
             if point_time.elapsed() >= POINT_INTERVAL {
                 point_time = Instant::now();
                 if let Some(state) = &state {

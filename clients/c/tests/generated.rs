@@ -6,6 +6,8 @@
 //! compiler only, and it does not compute sets of validity flags, names of joints and the layout hash.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "../../rust/tests/common/flag_sets.rs"]
+mod flag_sets;
 #[path = "../../rust/tests/common/names.rs"]
 mod names;
 
@@ -109,7 +111,7 @@ fn reasons() -> String {
 
 fn invalidating() -> String {
     let mut out = String::new();
-    for (set, name) in Validity::FLAG_SETS {
+    for (set, name) in flag_sets::all() {
         write!(out, "#define EQUIPOISE_INVALIDATES_{} \\\n    (", constant_case(name)).unwrap();
         let names: Vec<_> =
             set.names().map(|name| format!("EQUIPOISE_REASON_{}", constant_case(name))).collect();

@@ -2,6 +2,8 @@
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
 mod compiler;
+#[path = "../../rust/tests/common/flag_sets.rs"]
+mod flag_sets;
 #[path = "../../rust/tests/common/names.rs"]
 mod names;
 
@@ -82,7 +84,7 @@ fn facts_of_numbers() -> Vec<Fact> {
     for (reason, name) in Validity::NAMES {
         facts.push(fact(format!("EQUIPOISE_REASON_{}", constant_case(name)), reason.0));
     }
-    for (set, name) in Validity::FLAG_SETS {
+    for (set, name) in flag_sets::all() {
         facts.push(fact(format!("EQUIPOISE_INVALIDATES_{}", constant_case(name)), set.0));
     }
     for joint in Joint::ALL {

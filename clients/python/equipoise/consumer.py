@@ -67,6 +67,8 @@ class Consumer:
         self._suit_sample_time_ns = 0
         self._last: Optional[Reading] = None
         self._last_early: Optional[EarlyReading] = None
+        # Why the newest state was not returned, if so.
+        self._refused: Optional[NoReading] = None
         self._missed = self._withheld = 0
         self._restarted = False
         self._closed = False
@@ -91,7 +93,7 @@ class Consumer:
                 self._keep_up()
                 left_ns = end_ns - time.monotonic_ns()
                 if left_ns <= 0:
-                    return self._silent() if passed_over is None else passed_over
+                    return self._why_none() if passed_over is None else passed_over
                 self._sleep(min(left_ns, SLEEP_MAX_NS))
         except BusError as error:
             return self._lose_ports(error)
@@ -120,7 +122,7 @@ class Consumer:
             again = self._aged(self._last._replace(is_new=False), time.monotonic_ns())
             if again.age_ns <= self._stale_after_ns:
                 return again
-        return self._silent()
+        return self._why_none()
 
     def early(self) -> Union[EarlyReading, NoReading]:
         """The newest early state, without sleeping: the result about the newest suit sample, with a larger uncertainty.
@@ -131,6 +133,9 @@ class Consumer:
         try:
             newest = self._receive_early()
             if newest is None:
+                # A rejoin would discard the queued states; if there are any, the bus is the current one.
+                if self._must_rejoin() and self._receive() is not None:
+                    self._heard_ns = time.monotonic_ns()
                 self._keep_up()
         except BusError as error:
             return self._lose_ports(error)
@@ -229,7 +234,8 @@ class Consumer:
         if state.time_ns > now_ns:
             # Before anything else is remembered of it: all later states would be old.
             self._heard_ns = now_ns
-            return self._ahead(state.time_ns - now_ns)
+            self._refused = self._ahead(state.time_ns - now_ns)
+            return self._refused
         cycle, time_ns, last = state.cycle, state.time_ns, self._order
         missed, restarted = 0, False
         if last is not None:
@@ -245,7 +251,9 @@ class Consumer:
         reading = self._aged(Reading(state, now_ns, 0, None, self._missed, self._restarted, True), now_ns)
         if reading.age_ns > self._stale_after_ns:
             self._withheld = 1
-            return self._stale(reading)
+            self._refused = self._stale(reading)
+            return self._refused
+        self._refused = None
         self._last, self._missed, self._restarted = reading, 0, False
         return reading
 
@@ -274,6 +282,11 @@ class Consumer:
         sample_age_ns = max(now_ns - sample_ns, 0) if sample_ns else None
         return reading._replace(age_ns=max(now_ns - reading.state.time_ns, 0), sample_age_ns=sample_age_ns)
 
+    def _why_none(self) -> NoReading:
+        """Silent, unless a state was refused recently: calls between two states then repeat its reason."""
+        silent_ns = time.monotonic_ns() - self._heard_ns
+        return self._silent() if self._refused is None or silent_ns > self._stale_after_ns else self._refused
+
     def _silent(self) -> NoReading:
         silent_ms = (time.monotonic_ns() - self._heard_ns) // 1_000_000
         return NoReading(NoStateReason.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
@@ -281,12 +294,16 @@ class Consumer:
     def _keep_up(self) -> None:
         """Between two states: publishes the report if it is due, and rejoins after a long silence."""
         self._report()
-        if time.monotonic_ns() - max(self._heard_ns, self._joined_ns) >= REJOIN_AFTER_NS:
+        if self._must_rejoin():
             # The places held now must be free first: they may be the last.
             self._leave()
             self._joined_ns = time.monotonic_ns()
             self._ports = _Ports(*self._where)
             self._reporting.open(self._ports.bus)
+
+    def _must_rejoin(self) -> bool:
+        """Whether nothing was received for so long that the bus may have been recreated."""
+        return time.monotonic_ns() - max(self._heard_ns, self._joined_ns) >= REJOIN_AFTER_NS
 
     def _report(self) -> None:
         """Publishes the report if it is due."""

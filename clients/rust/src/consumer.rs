@@ -194,6 +194,10 @@ impl Consumer {
                 return reading;
             }
         }
+        // A rejoin would discard the queued states; if there are any, the bus is the current one.
+        if self.must_rejoin() && self.receive(Subscriber::latest)?.is_some() {
+            self.heard_ns = now_ns;
+        }
         self.keep_up()?;
         match self.last_early {
             Some((early, received_ns)) => EarlyReading::at(early, received_ns, false, now_ns),
@@ -302,12 +306,16 @@ impl Consumer {
     /// Between two states: publishes the report if it is due, and rejoins after a long silence.
     fn keep_up(&mut self) -> Result<(), NoReading> {
         self.report();
-        let now_ns = now_ns();
-        let since_ns = self.heard_ns.max(self.joined_ns);
-        if Duration::from_nanos(now_ns.saturating_sub(since_ns)) >= REJOIN_AFTER {
+        if self.must_rejoin() {
             self.rejoin()?;
         }
         Ok(())
+    }
+
+    /// Whether nothing was received for so long that the bus may have been recreated.
+    fn must_rejoin(&self) -> bool {
+        let since_ns = self.heard_ns.max(self.joined_ns);
+        Duration::from_nanos(now_ns().saturating_sub(since_ns)) >= REJOIN_AFTER
     }
 
     /// Publishes the report if it is due.
@@ -353,5 +361,40 @@ impl Drop for Consumer {
     fn drop(&mut self) {
         self.reporting.publish();
         self.leave();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    #[test]
+    fn states_without_early_states_keep_the_bus_joined() {
+        let folder = tempfile::tempdir().unwrap();
+        let settings = |role| {
+            let mut settings = ConsumerSettings::new("test", role);
+            settings.bus.root = folder.path().join("bus");
+            settings
+        };
+        let bus = Bus::join(&settings("daemon").bus).unwrap();
+        let states = bus.publisher::<State>().unwrap();
+        let mut consumer = Consumer::join_with(settings("early")).unwrap();
+        let joined_ns = consumer.joined_ns;
+        let mut poll_for = |duration: Duration, publishes: bool| {
+            let end_ns = now_ns() + duration.as_nanos() as u64;
+            while now_ns() < end_ns {
+                if publishes {
+                    states.send(&State { time_ns: now_ns(), ..State::zeroed() }).unwrap();
+                }
+                assert!(matches!(consumer.early(), Err(NoReading::Silent { .. })));
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            consumer.joined_ns
+        };
+        assert_eq!(poll_for(REJOIN_AFTER * 2, true), joined_ns);
+        // The queue still has states, which postpone the rejoin once.
+        assert_ne!(poll_for(REJOIN_AFTER * 3, false), joined_ns);
     }
 }

@@ -3,6 +3,8 @@
 //! compares it.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "common/flag_sets.rs"]
+mod flag_sets;
 #[path = "common/names.rs"]
 mod names;
 
@@ -169,7 +171,7 @@ fn variants<E: Debug>(from_number: fn(u32) -> Option<E>) -> Vec<(String, u64)> {
 fn enumerations(out: &mut String) {
     let reasons = Validity::NAMES.iter().map(|(reason, name)| (constant_case(name), reason.0));
     enumeration(out, "Reason(Flags)", "Invalid reasons: bits of `State.valid`.", reasons);
-    for (set, name) in Validity::FLAG_SETS {
+    for (set, name) in flag_sets::all() {
         writeln!(out, "INVALIDATES_{} = Reason({})", constant_case(name), set.0).unwrap();
     }
     out.push_str("\n\n");

@@ -120,8 +120,11 @@ fn values_come_and_go_with_the_state() {
         let session = station.plain().await.expect("loopback needs no security");
         let before = read(&session, "SequenceNumber").await;
         assert_eq!(before.status, Some(StatusCode::BadWaitingForInitialData));
+        let level = || read_id(&session, VariableId::Server_ServiceLevel.into());
+        assert_eq!(level().await.value, Some(Variant::from(1_u8)), "no state yet");
 
         station.gateway.send(&Ok(reading(Validity(0))));
+        assert_eq!(level().await.value, Some(Variant::from(255_u8)));
         let sequence = read(&session, "SequenceNumber").await;
         assert_eq!(
             (sequence.value.clone(), sequence.status()),

@@ -56,7 +56,9 @@ pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
                 ..entity(ASKED)
             });
         }
-        let support = figure::support(origin_m, height_m);
+        // The place of the feet on the floor is as valid as that of the centre of mass.
+        let placed_m = state.unless(Validity::INVALIDATES_COM, origin_m);
+        let support = placed_m.and_then(|origin_m| figure::support(origin_m, height_m));
         entities.extend(support.map(|support| Entity { lines: vec![support], ..entity(SUPPORT) }));
         let advice = advice(state, origin_m);
         entities.extend(advice.map(|arrow| Entity { arrows: vec![arrow], ..entity(ADVICE) }));
@@ -117,12 +119,12 @@ fn reaction([x, y]: [f64; 2], force_n: f64) -> Arrow {
     arrow([x, y, 0.0], [0.0, 0.0, 1.0], force_n * FORCE_M_PER_N, MEASURED_COLOR)
 }
 
-/// Direction in which to move the load, from the midpoint between the hands.
+/// Direction in which to move the load, from the midpoint between the hands; `None` where the pages give no advice.
 fn advice(state: &State, origin_m: &[[f64; 3]; SEGMENTS]) -> Option<Arrow> {
-    let direction = state.unless(Validity::INVALIDATES_TORQUES, state.advice_direction)?;
+    words::advice_name(state)?;
     let hands = Side::BOTH.map(|side| Vector::from(origin_m[side.hand().index()]));
     let from_m = (0.5 * (hands[0] + hands[1])).into();
-    (direction != [0.0; 3]).then(|| arrow(from_m, direction, 0.25, ADVICE_COLOR))
+    Some(arrow(from_m, state.advice_direction, 0.25, ADVICE_COLOR))
 }
 
 /// The phase, and a line for each validity flag.

@@ -3,6 +3,7 @@
 use bytemuck::Zeroable;
 use equipoise_core::body::{Joint, Segment, Side, Skeleton};
 use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::Level;
 use serde_json::Value;
 
 use super::figure::{hull, look};
@@ -19,6 +20,7 @@ fn standing() -> State {
     let mut state = monitoring();
     state.segment_origin_m = Skeleton::nominal(1.77).t_pose_m().map(|[x, y, z]| [x, y, z + 0.95]);
     state.suggested_pose = 3;
+    state.joint_level[state.worst_joint as usize] = Level::Red as u32;
     state
 }
 
@@ -74,15 +76,14 @@ fn a_whole_state_is_drawn_whole() {
 #[test]
 fn joints_are_coloured_and_sized_by_their_level_and_grey_when_withheld() {
     let state = standing();
-    let [none, above] =
-        [0, 4].map(|number| look(equipoise_core::overload::Level::from_number(number).unwrap()));
+    let [none, red] = [Level::None, Level::Red].map(look);
     let diameter = |state: &State, joint: Joint| {
         let json = parsed(&drawn(state));
         entity(&json, "figure")["spheres"][1 + joint.index()]["size"]["x"].as_f64().unwrap()
     };
     // Lengths are rounded to 0.1 mm.
     let is = |drawn_m: f64, expected_m: f64| (drawn_m - expected_m).abs() < 1e-4;
-    assert!(is(diameter(&state, Joint::ALL[0]), above.0));
+    assert!(is(diameter(&state, Joint::ALL[0]), red.0));
     assert!(is(diameter(&state, Joint::ALL[1]), none.0));
     for (reason, name) in
         Validity::NAMES.iter().filter(|(reason, _)| !Validity::INVALIDATES_POSE.any_of(*reason))
@@ -108,6 +109,20 @@ fn what_a_reason_spoils_is_taken_away_and_the_reason_is_written() {
     let json = parsed(&drawn(&state));
     assert!(ids(&json, "deletions").contains(&"centre of pressure, measured".to_owned()));
     assert!(ids(&json, "entities").contains(&"figure".to_owned()));
+
+    state.valid = Validity::POSITION_UNKNOWN.0;
+    let json = parsed(&drawn(&state));
+    assert!(ids(&json, "deletions").contains(&"support polygon".to_owned()));
+    assert!(ids(&json, "entities").contains(&"figure".to_owned()));
+}
+
+#[test]
+fn no_motion_of_the_load_is_advised_at_an_undecided_level() {
+    for level in [Level::Green, Level::AboveMax, Level::Undecided] {
+        let mut state = standing();
+        state.joint_level[state.worst_joint as usize] = level as u32;
+        assert!(ids(&parsed(&drawn(&state)), "deletions").contains(&"advice".to_owned()), "{level:?}");
+    }
 }
 
 #[test]

@@ -13,8 +13,10 @@ use prometheus_client::registry::{Registry, Unit};
 
 use crate::state_json::level_name;
 
-/// A state older than this is not current: its values are left out.
+/// A state or cycle record older than this is not current: its values are left out.
 const OLD_NS: u64 = NS_PER_S;
+/// The same for adapter health and incidents, which are published once a second.
+const OLD_REPORT_NS: u64 = 5 * NS_PER_S / 2;
 /// Number of levels of a joint, `Level::None` included.
 const LEVELS: usize = 6;
 
@@ -134,6 +136,11 @@ impl Collector for Snapshot {
 }
 
 impl Snapshot {
+    /// Whether a message is younger than `old_ns`, and not of another time namespace, ahead of this one.
+    fn is_current(&self, time_ns: u64, old_ns: u64) -> bool {
+        self.now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < old_ns)
+    }
+
     fn cycles(&self, families: &mut Families<'_>) -> fmt::Result {
         let of = |count: fn(&CycleRecord) -> u64| self.record.as_ref().map(count);
         families.counter("cycles", "Cycles begun", of(|record| record.cycle))?;
@@ -147,7 +154,8 @@ impl Snapshot {
         families.counter("input_samples_refused", help, of(|record| record.input_refused))?;
         let help = "States lost because the ring behind the loop was full";
         families.counter("output_states_dropped", help, of(|record| record.output_dropped))?;
-        let period_s = self.record.map(|record| seconds(record.period_ns));
+        let current = self.record.filter(|record| self.is_current(record.due_ns, OLD_NS));
+        let period_s = current.map(|record| seconds(record.period_ns));
         families.gauge(("cycle_period", Some(Unit::Seconds)), "Length of one cycle", period_s)
     }
 
@@ -172,13 +180,12 @@ impl Snapshot {
             })
             .collect();
         families.counters("adapter_refused", "What an adapter refused, by reason", &refused)?;
-        let rates: Vec<_> = reporting()
-            .filter(|(_, health)| self.now_ns.saturating_sub(health.time_ns) < 3 * OLD_NS)
-            .map(|(stream, health)| ([("stream", stream.name)], health.rate_hz))
-            .collect();
+        let current = || reporting().filter(|(_, health)| self.is_current(health.time_ns, OLD_REPORT_NS));
+        let rates: Vec<_> =
+            current().map(|(stream, health)| ([("stream", stream.name)], health.rate_hz)).collect();
         let unit = Unit::Other("hertz".to_owned());
         families.gauges(("adapter_rate", Some(unit)), "Samples a second over the last second", &rates)?;
-        let blocks: Vec<_> = reporting()
+        let blocks: Vec<_> = current()
             .filter(|(_, health)| health.block_latency_ns > 0)
             .map(|(stream, health)| ([("stream", stream.name)], seconds(health.block_latency_ns)))
             .collect();
@@ -193,6 +200,9 @@ impl Snapshot {
         let begun: Vec<_> =
             kinds().map(|kind| ([("incident", kind.name())], board.begun[kind as usize])).collect();
         families.counters("incidents", "How often each kind of incident has begun", &begun)?;
+        if !self.is_current(board.time_ns, OLD_REPORT_NS) {
+            return Ok(());
+        }
         let is_active = |kind: Incident| f64::from(u8::from(board.active & (1 << kind as u32) != 0));
         let active: Vec<_> = kinds().map(|kind| ([("incident", kind.name())], is_active(kind))).collect();
         families.gauges(("incident_active", None), "1 while an incident goes on", &active)
@@ -200,7 +210,7 @@ impl Snapshot {
 
     /// Metrics of the newest state; if it is old, only that it is.
     fn now(&self, families: &mut Families<'_>) -> fmt::Result {
-        let fresh = self.state.filter(|state| self.now_ns.saturating_sub(state.time_ns) < OLD_NS);
+        let fresh = self.state.filter(|state| self.is_current(state.time_ns, OLD_NS));
         let is_fresh = f64::from(u8::from(fresh.is_some()));
         let help = "1 while states are published; else their values are left out";
         families.gauge(("publishing", None), help, Some(is_fresh))?;
@@ -278,11 +288,12 @@ mod tests {
     #[test]
     fn counts_have_totals_and_units_stand_last() {
         let mut known = snapshot();
-        let mut board = Incidents::zeroed();
+        let mut board = Incidents { time_ns: known.now_ns, ..Incidents::zeroed() };
         board.begun[Incident::GroundSilent as usize] = 4;
         board.active = 1 << Incident::GroundSilent as u32;
         known.incidents = Some(board);
-        known.record = Some(CycleRecord { cycle: 77, period_ns: 1_000_000, ..CycleRecord::zeroed() });
+        let due_ns = known.now_ns;
+        known.record = Some(CycleRecord { cycle: 77, period_ns: 1_000_000, due_ns, ..CycleRecord::zeroed() });
         let mut health = AdapterHealth { received: 9, time_ns: known.now_ns, ..AdapterHealth::zeroed() };
         health.refused[0] = 2;
         health.block_latency_ns = 40_000_000;
@@ -312,12 +323,20 @@ mod tests {
         assert!(text.contains("level=\"red\"} 6\n"), "{text}");
         assert!(!text.contains("stream=\"ground\""), "nothing is known of it: {text}");
 
-        known.now_ns += 2 * NS_PER_S;
-        let text = open_metrics(&known).unwrap();
-        assert!(text.contains("equipoise_publishing{station=\"bench\"} 0"), "{text}");
-        assert!(
-            text.contains("cycles_total") && !text.contains("sample_age"),
-            "counts stay, values do not: {text}"
-        );
+        // Counts stay, values do not.
+        let sees = |now_ns: u64, values: &[(&str, bool)]| {
+            let text = open_metrics(&Snapshot { now_ns, ..known.clone() }).unwrap();
+            assert!(text.contains("equipoise_publishing{station=\"bench\"} 0"), "{text}");
+            assert!(text.contains("cycles_total") && text.contains("incidents_total"), "{text}");
+            for (name, served) in values {
+                assert_eq!(text.contains(name), *served, "{name}: {text}");
+            }
+        };
+        let values = ["sample_age", "cycle_period", "incident_active", "block_latency", "adapter_rate"];
+        let served = |served: [bool; 5]| std::array::from_fn::<_, 5, _>(|i| (values[i], served[i]));
+        sees(due_ns + 2 * NS_PER_S, &served([false, false, true, true, true]));
+        sees(due_ns + 3 * NS_PER_S, &served([false; 5]));
+        // The clock of another time namespace.
+        sees(due_ns - 1, &served([false; 5]));
     }
 }

@@ -11,7 +11,7 @@ use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::server::graceful::{GracefulShutdown, Watcher};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::TcpStream;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
 /// Maximum number of open connections; a browser opens up to six. Further ones get a 503 response and are closed.
@@ -35,19 +35,18 @@ const TOO_MANY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nConnection: close\r\n\
     Content-Length: 64\r\n\r\nToo many connections to the page are open; close one, try again\n";
 
-/// Serves `routes` until `stopped` completes (or its sender is dropped); then calls `farewell` with its value, which must
-/// end endless responses.
+/// Serves `routes` until `stopped` completes; then calls `farewell` with its value, which must end endless responses.
 pub(crate) async fn serve<T>(
     listener: TcpListener,
     routes: Router,
-    stopped: oneshot::Receiver<T>,
-    farewell: impl FnOnce(Option<T>),
+    stopped: impl Future<Output = T>,
+    farewell: impl FnOnce(T),
 ) {
     // Fails only without a reactor; this function runs inside one.
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
     let open = Arc::new(GracefulShutdown::new());
     let taking = tokio::spawn(take(listener, routes, Arc::downgrade(&open)));
-    let last = stopped.await.ok();
+    let last = stopped.await;
     taking.abort();
     // The task may hold a watcher until it has ended.
     let _ = taking.await;

@@ -9,13 +9,14 @@ use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use axum::Router;
+use axum::body::Bytes;
 use axum::extract::{Path, State};
 use axum::http::StatusCode;
 use axum::http::header::{self, HeaderMap};
 use axum::response::sse::Event;
 use axum::response::{Html, IntoResponse, Response};
 use axum::routing::{get, post};
-use tokio::sync::{Semaphore, watch};
+use tokio::sync::{Mutex, Semaphore, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tokio_stream::wrappers::WatchStream;
 use tokio_stream::{Stream, StreamExt};
@@ -40,6 +41,8 @@ struct Desk {
     /// Invalid after the page has stopped.
     sender: Weak<watch::Sender<Facts>>,
     places: Arc<Semaphore>,
+    /// The report as last read. One request at a time reads the file, and all responses of one content share its memory.
+    report: Arc<Mutex<Bytes>>,
 }
 
 /// The routes, and the task that polls facts while there are viewers; it runs until it is aborted.
@@ -49,6 +52,7 @@ pub(super) fn routes(engineer: Engineer) -> (Router, impl Future<Output = ()> + 
         engineer: engineer.clone(),
         sender: Arc::downgrade(&sender),
         places: Arc::new(Semaphore::new(COMMANDS_AT_ONCE)),
+        report: Arc::default(),
     };
     let routes = Router::new()
         .route("/events/station", get(events))
@@ -106,8 +110,15 @@ async fn history(State(desk): State<Desk>) -> Response {
 }
 
 async fn report(State(desk): State<Desk>) -> Response {
-    let station = desk.engineer.station;
-    match tokio::task::spawn_blocking(move || station.report()).await {
+    let (station, mut last) = (desk.engineer.station, desk.report.lock_owned().await);
+    let read = move || {
+        let html = station.report().unwrap_or_default();
+        if *last != html {
+            *last = html.into();
+        }
+        (!last.is_empty()).then(|| last.clone())
+    };
+    match tokio::task::spawn_blocking(read).await {
         Ok(Some(html)) => Html(html).into_response(),
         _ => (StatusCode::NOT_FOUND, "No report was written, or [page] report does not name it.\n")
             .into_response(),

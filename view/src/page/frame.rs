@@ -54,7 +54,7 @@ impl PageFrame {
             state: self.state_json(),
             headline,
             withheld: words::withheld(state),
-            worst: words::worst_joint(state).map(|joint| Worst {
+            worst: words::headline_joint(state).map(|joint| Worst {
                 joint: joint.name(),
                 text: words::joint(joint),
                 level: level_name(state.joint_level[joint.index()]),

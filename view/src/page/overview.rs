@@ -25,7 +25,7 @@ const NOT_FOUND: &str = "This address has no page. Stations: /.\n";
 
 type Stations = watch::Receiver<Arc<str>>;
 
-/// Serves until `stopped` completes or its sender is dropped.
+/// Serves until `stopped` completes or its sender is dropped, or the feed panics.
 pub(super) async fn serve<F>(
     listener: TcpListener,
     access: Access,
@@ -35,7 +35,7 @@ pub(super) async fn serve<F>(
     F: FnMut() -> String + Send + 'static,
 {
     let (newest, watched) = watch::channel(Arc::from(feed()));
-    let follower = tokio::spawn(async move {
+    let mut follower = tokio::spawn(async move {
         let mut ticks = interval(EVERY);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
         loop {
@@ -50,8 +50,15 @@ pub(super) async fn serve<F>(
         .with_state(watched)
         .fallback(|| std::future::ready((StatusCode::NOT_FOUND, NOT_FOUND)))
         .layer(from_fn_with_state(access, guard));
+    let follower_handle = follower.abort_handle();
+    let ended = async {
+        tokio::select! {
+            _ = stopped => {}
+            _ = &mut follower => {}
+        }
+    };
     // The aborted task drops the sender, which ends the event streams.
-    connections::serve(listener, routes, stopped, |_| follower.abort()).await;
+    connections::serve(listener, routes, ended, |()| follower_handle.abort()).await;
 }
 
 async fn events(State(stations): State<Stations>, headers: HeaderMap) -> Response {

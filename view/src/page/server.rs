@@ -13,6 +13,7 @@ use axum::response::sse::Event;
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use tokio::sync::{oneshot, watch};
+use tokio::task::JoinSet;
 use tokio_stream::StreamExt;
 use tokio_stream::wrappers::WatchStream;
 
@@ -23,8 +24,8 @@ use super::{PageFrame, assets, connections, engineer, event_stream};
 
 const NOT_FOUND: &str = "This address has no page. Worker's page: /, engineer's page: /engineer.\n";
 
-/// Serves until `stopped` completes, whose text is the last event of open pages, or its sender is dropped. Counts opened
-/// event streams in `streams`.
+/// Serves until `stopped` completes, whose text is the last event of open pages, its sender is dropped, or a task that
+/// reads the station panics. Counts opened event streams in `streams`.
 pub(super) async fn serve<F>(
     listener: TcpListener,
     access: Access,
@@ -36,25 +37,33 @@ pub(super) async fn serve<F>(
     F: FnMut() -> Option<PageFrame> + Send + 'static,
 {
     let (newest, watched) = watch::channel(Newest::Silent);
-    let follower = tokio::spawn(follow(feed, newest.clone()));
+    let mut readers = JoinSet::new();
+    readers.spawn(follow(feed, newest.clone()));
     let (more, telling) = engineer.map(engineer::routes).unzip();
-    let telling = telling.map(tokio::spawn);
+    if let Some(telling) = telling {
+        readers.spawn(telling);
+    }
     let routes = pages(Watched { newest: watched, streams })
         .merge(more.unwrap_or_default())
         .fallback(|| std::future::ready((StatusCode::NOT_FOUND, NOT_FOUND)))
         .layer(from_fn_with_state(access, guard));
-    // Aborting both tasks and dropping the senders ends the event streams, after their last event.
-    let farewell = |last: Option<Arc<str>>| {
-        follower.abort();
+    let ended = async {
+        let last = tokio::select! {
+            last = stopped => last.ok(),
+            // Readers run for ever: only a panic ends one.
+            _ = readers.join_next() => None,
+        };
+        (last, readers)
+    };
+    // Aborting the readers and dropping the senders ends the event streams, after their last event.
+    let farewell = |(last, mut readers): (Option<Arc<str>>, JoinSet<()>)| {
+        readers.abort_all();
         if let Some(last) = last {
             newest.send_replace(Newest::Ended(last));
         }
         drop(newest);
-        if let Some(telling) = telling {
-            telling.abort();
-        }
     };
-    connections::serve(listener, routes, stopped, farewell).await;
+    connections::serve(listener, routes, ended, farewell).await;
 }
 
 /// What the routes read.

@@ -18,6 +18,9 @@ const COMMANDING: &str = "commanding-0123456789abcdefghijk";
 struct Known {
     asked_for_facts: AtomicU32,
     commands: Mutex<Vec<PageCommand>>,
+    /// Reports being read now, and the most at once.
+    reading: AtomicU32,
+    reading_max: AtomicU32,
     /// Why the profiles cannot be listed.
     unlisted: Mutex<Option<String>>,
 }
@@ -32,6 +35,10 @@ impl Station for Known {
     }
 
     fn report(&self) -> Option<String> {
+        let reading = 1 + self.reading.fetch_add(1, Ordering::SeqCst);
+        self.reading_max.fetch_max(reading, Ordering::SeqCst);
+        std::thread::sleep(Duration::from_millis(50));
+        self.reading.fetch_sub(1, Ordering::SeqCst);
         Some("<style>p{}</style><p>what the model lacks".to_owned())
     }
 
@@ -205,5 +212,20 @@ fn the_page_its_history_and_the_report_are_served_under_rules_that_run_nothing()
     let policy = report.lines().find(|line| line.starts_with("content-security-policy")).unwrap();
     assert!(policy.contains("sandbox") && policy.contains("default-src 'none'"), "{policy}");
     assert!(!policy.contains("script-src"), "{policy}");
+    page.stop();
+}
+
+#[test]
+fn the_report_is_read_once_at_a_time() {
+    let (page, known) = page(None, None);
+    std::thread::scope(|scope| {
+        let requests: Vec<_> =
+            (0..8).map(|_| scope.spawn(|| response_to(&page, "GET", "/report", ""))).collect();
+        for request in requests {
+            let (status, report) = request.join().unwrap();
+            assert!(status == 200 && report.contains("what the model lacks"), "{report}");
+        }
+    });
+    assert_eq!(known.reading_max.load(Ordering::SeqCst), 1);
     page.stop();
 }

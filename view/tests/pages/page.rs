@@ -269,3 +269,18 @@ fn stopping_ends_open_streams_and_frees_the_port() {
     events.read_to_end(&mut rest).unwrap();
     Page::start(address, || None).unwrap().stop();
 }
+
+#[test]
+fn a_panic_of_the_feed_ends_the_page() {
+    let any_port = SocketAddr::from(ANY_PORT);
+    let station = Page::start(any_port, || panic!("of the test")).unwrap();
+    let mut calls = 0;
+    let feed = move || {
+        calls += 1;
+        assert!(calls < 3, "of the test");
+        "[]".to_owned()
+    };
+    let stations = Page::start_overview(any_port, None, feed).unwrap();
+    wait_until("the page of a station ends", || !station.is_running());
+    wait_until("the page of several stations ends", || !stations.is_running());
+}

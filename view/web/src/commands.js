@@ -7,7 +7,7 @@ import { t } from "./words.js";
 // Longer than any command takes. Without it, a lost connection would block the buttons.
 const RESPONSE_TIMEOUT_MS = 30_000;
 const UNAUTHORISED = 401;
-// The token was accepted, but the list of workers cannot be read.
+// The token was accepted, but the list of workers cannot be read: an id is entered as text.
 const UNLISTED = 500;
 // A shorter token is checked when the field is left.
 const TOKEN_CHARS_MIN = 32;
@@ -18,11 +18,11 @@ export function commands(element) {
   let accepted = false;
   const enable = () => {
     for (const button of buttons) button.disabled = !accepted || (button.dataset.command === "subject-load" && !workers.value);
-    workers.disabled = !accepted || workers.options.length < 2;
+    workers.disabled = !accepted;
   };
   const command = oneAtATime(buttons, send);
   for (const button of buttons) button.addEventListener("click", () => command(button.dataset.command));
-  workers.addEventListener("change", enable);
+  workers.addEventListener("input", enable);
   element("token").addEventListener("input", ({ target }) => check(target.value.length >= TOKEN_CHARS_MIN));
   element("token").addEventListener("change", ({ target }) => { if (!accepted) check(target.value.length > 0); });
   enable();
@@ -45,17 +45,15 @@ export function commands(element) {
     if (token !== element("token").value) return;
     accepted = answer.ok || answer.status === UNLISTED;
     showToken(accepted ? "done" : "refused", accepted ? t("ui.token_accepted") : answer.text);
-    if (answer.ok) list(JSON.parse(answer.text));
-    else if (accepted) {
-      workers.replaceChildren();
-      showReply("refused", answer.text);
-    }
+    list(answer.ok ? JSON.parse(answer.text) : []);
+    if (answer.ok && !workers.list.options.length) workers.placeholder = t("ui.worker_none");
+    if (accepted && !answer.ok) showReply("refused", answer.text);
     enable();
   }
 
   function list(ids) {
-    const option = (id, text) => Object.assign(document.createElement("option"), { value: id, textContent: text });
-    workers.replaceChildren(option("", t(ids.length ? "ui.worker_choose" : "ui.worker_none")), ...ids.map((id) => option(id, id)));
+    workers.placeholder = ids.length ? t("ui.worker_choose") : "";
+    workers.list.replaceChildren(...ids.map((id) => Object.assign(document.createElement("option"), { value: id })));
   }
 
   async function send(name) {

@@ -7,9 +7,6 @@ export const HOLD_MS = 1000;
 const FAULTS = ["suit_stale", "ground_stale", "plate_fault"];
 // Reasons that need no action and are in the banner already.
 const UNLISTED = ["not_identified", "below_load_threshold"];
-// Levels at which moving the load is advised. Undecided is not one, since the advice would be uncertain too; above the limit
-// the load is to be put down.
-const ADVISED = ["orange", "red"];
 const OFFLINE = {
   waiting: { name: "connecting", tone: "calm" }, live: { name: "connecting", tone: "calm" },
   silent: { name: "silent", tone: "warn" }, lost: { name: "lost", tone: "alarm" }, ended: { name: "ended", tone: "calm" },
@@ -57,7 +54,7 @@ export function viewOf(connection, frame) {
     posing: kind === "pose" && isPoseRequested(frame),
     calibrating: kind === "pose" && state.phase === "identifying",
     fatigue: state.phase === "monitoring" ? state.fatigue : null,
-    advice: ADVISED.includes(level) ? frame.advice_name ?? null : null,
+    advice: kind === "load" ? frame.advice_name ?? null : null,
     loadKg: kind === "load" && state.lifted_mass_kg > 0 ? state.lifted_mass_kg : null,
     figure: { frame: frame.segment_origin_m ? frame : null, faded: false, levels: kind === "load" },
   };

@@ -5,8 +5,8 @@ import { commands } from "./commands.js";
 import { IncidentList, span } from "./incidents.js";
 import { JointTable } from "./joints.js";
 import { number } from "./numbers.js";
-import { drawPlate } from "./plate.js";
-import { Stream, painter, setText } from "./stream.js";
+import { drawPlate, feetOf } from "./plate.js";
+import { FRAMES_LOST_AFTER_MS, Stream, painter, setText } from "./stream.js";
 import { explanations, tabs } from "./tabs.js";
 import { applyTheme } from "./theme.js";
 import { MISSING, quantities, withheldBy } from "./values.js";
@@ -30,7 +30,7 @@ const redraw = painter(draw);
 const joints = new JointTable(element("joints"));
 const incidents = new IncidentList(element("incidents"));
 // As many as the residual has points.
-const frames = new Stream("/events?hz=10", ["frame"], redraw);
+const frames = new Stream("/events?hz=10", ["frame"], redraw, FRAMES_LOST_AFTER_MS);
 const station = new Stream("/events/station", ["station"], redraw);
 
 // Curves from before this page was opened.
@@ -43,7 +43,7 @@ function draw(now) {
   const frame = frames.newest();
   const facts = station.newest();
   element("plate").style.visibility = frame ? "" : "hidden";
-  element("plate").dataset.drawn = [frame?.state.cop_measured && "measured", frame?.state.cop_estimated && "estimated", frame?.segment_origin_m && "support"].filter(Boolean).join(" ");
+  element("plate").dataset.drawn = [frame?.state.cop_measured && "measured", frame?.state.cop_estimated && "estimated", frame && feetOf(frame).length && "support"].filter(Boolean).join(" ");
   if (frame) charts.residual.add(frame.state);
   drawPlate(element("plate"), frame, charts.residual.trail);
   if (now - numbersShown < NUMBERS_EVERY_MS && frame) return;

@@ -4,13 +4,17 @@ import { colour } from "./theme.js";
 
 const SHOWN_MIN_M = 0.62;
 
+// Ankle and ball of each foot; none while the place of the body in the station is not valid.
+export function feetOf({ segment_origin_m: origins, withheld }) {
+  return origins && !withheld?.com ? FEET.map((foot) => foot.map((segment) => origins[segment])) : [];
+}
+
 // `trail`: earlier measured CoP.
 export function drawPlate(canvas, frame, trail) {
   const { context, width, height } = prepared(canvas);
   if (!frame) return;
   const { cop_measured: measured, cop_estimated: estimated, cop_sigma: sigma } = frame.state;
-  const origins = frame.segment_origin_m;
-  const feet = origins ? FEET.map((foot) => foot.map((segment) => origins[segment])) : [];
+  const feet = feetOf(frame);
   const corners = frame.plate_corners_m;
   const outline = corners ?? feet.flat();
   const shown = outline.length ? outline : [measured, estimated].filter(Boolean);

@@ -1,21 +1,30 @@
 // Event stream of the server: the newest frame, or the connection state if there is none.
 
-// The server sends 60 events/s; once a second if there are no data.
+// The server sends events at least once a second, also without data.
 const LOST_AFTER_MS = 2500;
+// Frames arrive 10 to 60 times a second: for a stream of frames this limit holds while it is live.
+export const FRAMES_LOST_AFTER_MS = 1000;
+const CHECK_EVERY_MS = 100;
+// A check so long after the last one is late because the page was busy, or because the browser slows a hidden page.
+const CHECK_PAUSED_MS = 500;
 // Browsers detect a vanished peer only after minutes. Reconnect after this time without an event, counted
 // from the start of each attempt.
 const RECONNECT_AFTER_MS = 5000;
+// A connection that the browser has given up is opened again after this time.
+const CLOSED_FOR_MS = 1000;
 
 export class Stream {
-  // `changed` is called at each event; the drawing code reads `newest` when the screen is ready.
-  constructor(address, names, changed) {
+  // `changed` is called at each event; the drawing code reads `newest` when the screen is ready. A live stream is lost after
+  // `liveFor` ms without an event.
+  constructor(address, names, changed, liveFor = LOST_AFTER_MS) {
     this.address = address;
     this.names = names;
     this.changed = changed;
     this.connection = "waiting"; // or live, silent, lost, ended
     this.results = null; // of a demonstration that has ended
     this.frame = null;
-    this.lastEventAt = performance.now();
+    this.lastEventAt = this.checkedAt = performance.now();
+    this.paused = false;
     this.connect();
     // A page that the browser keeps for its back button would keep its connection too, of which a browser opens six.
     addEventListener("pagehide", () => this.source.close());
@@ -28,10 +37,15 @@ export class Stream {
     setInterval(() => {
       if (this.results) return;
       const now = performance.now();
-      if (now - this.lastEventAt > LOST_AFTER_MS) this.setConnection("lost");
-      const timedOut = now - Math.max(this.lastEventAt, this.attemptAt) > RECONNECT_AFTER_MS;
-      if (this.connection === "lost" && (timedOut || this.source.readyState === EventSource.CLOSED)) this.connect();
-    }, 1000);
+      // After a pause of the whole page, events that arrived meanwhile come first.
+      const paused = now - this.checkedAt > CHECK_PAUSED_MS && !this.paused;
+      [this.checkedAt, this.paused] = [now, paused];
+      if (paused) return;
+      if (now - this.lastEventAt > (this.connection === "live" ? liveFor : LOST_AFTER_MS)) this.setConnection("lost");
+      const quietFor = now - Math.max(this.lastEventAt, this.attemptAt);
+      const limit = this.source.readyState === EventSource.CLOSED ? CLOSED_FOR_MS : RECONNECT_AFTER_MS;
+      if (this.connection === "lost" && quietFor > limit) this.connect();
+    }, CHECK_EVERY_MS);
   }
 
   connect() {

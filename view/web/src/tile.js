@@ -1,12 +1,29 @@
 // What a tile of the page of several stations shows: texts by key, the level and the active incidents.
 import { MISSING, withSigma } from "./values.js";
 
-// A lost or silent station has the reason in place of a joint. Active incidents come first as given.
-export function tile({ url, connection, station, state, incidents, error }, language) {
+// A lost or silent station has the reason in place of a joint, as has one whose data are not those of a station's page.
+export function tile(station, language) {
+  try {
+    return shownOf(station, language);
+  } catch {
+    return shownOf({ url: String(station?.url), connection: "lost", error: station?.error }, language);
+  }
+}
+
+// Also of an address that a browser does not accept.
+function hostOf(url) {
+  try {
+    return new URL(url).host;
+  } catch {
+    return url;
+  }
+}
+
+function shownOf({ url, connection, station, state, incidents, error }, language) {
   const active = (incidents ?? []).filter((one) => one.active).map((one) => one.name);
   const joint = connection === "live" ? state.joint : null;
   const shown = {
-    name: station ?? new URL(url).host, url, connection, error: error ?? "", active, known: Boolean(incidents),
+    name: station ?? hostOf(url), url, connection, error: error ?? "", active, known: Boolean(incidents),
     phase: connection === "live" ? `phase.${state.phase}` : "", level: "none", joint: "", torque: "", reason: "",
     load: connection === "live" && state.lifted_mass_kg > 0 ? withSigma([state.lifted_mass_kg, state.lifted_mass_sigma_kg], 1, "kg", language) : MISSING,
   };

@@ -3,7 +3,7 @@ import { number } from "./numbers.js";
 
 export const MISSING = "—";
 
-const offline = (connection) => ({ waiting: "connecting", silent: "silent", lost: "lost" })[connection] ?? "connecting";
+const offline = (connection) => ({ waiting: "connecting", silent: "silent", lost: "lost", ended: "ended" })[connection] ?? "connecting";
 
 // `set` is the set of flags that invalidates the value (`Validity::FLAG_SETS`); `flag` a single one; `unavailable` the
 // name of a quantity that the sensors may lack.

@@ -8,7 +8,7 @@ import { setLevel } from "./levels.js";
 import { drawMarks } from "./marks.js";
 import { LIMB_REACHED_RAD, limbDeviations, movements, share, worstLimb } from "./match.js";
 import { load, number } from "./numbers.js";
-import { Stream, painter, setText } from "./stream.js";
+import { FRAMES_LOST_AFTER_MS, Stream, painter, setText } from "./stream.js";
 import { applyTheme } from "./theme.js";
 import { View } from "./view.js";
 import { capitalised, instruction, language, languageSwitch, reason, t } from "./words.js";
@@ -48,7 +48,7 @@ function makeFigure() {
 
 const figure = makeFigure();
 const redraw = painter(draw);
-const stream = new Stream("/events", ["frame"], redraw);
+const stream = new Stream("/events", ["frame"], redraw, FRAMES_LOST_AFTER_MS);
 const view = new View(element("figure"), showTurn);
 
 function draw(now) {

@@ -1,9 +1,17 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { hull } from "../src/plate.js";
+import { feetOf, hull } from "../src/plate.js";
 
 test("the hull has the corners in order, without inner points", () => {
   const corners = [[0, 0], [2, 0], [2, 1], [0, 1]];
   assert.deepEqual(hull([[1, 0.5], ...corners, [1, 0], [0.2, 0.9]]), corners);
+});
+
+test("no foot is drawn while the place of the body is not valid", () => {
+  const segment_origin_m = Array.from({ length: 23 }, (_, i) => [i, 0, 0]);
+  assert.equal(feetOf({ segment_origin_m }).length, 2);
+  assert.equal(feetOf({ segment_origin_m, withheld: { moving: "moving" } }).length, 2);
+  assert.deepEqual(feetOf({ segment_origin_m, withheld: { com: "position_unknown" } }), []);
+  assert.deepEqual(feetOf({}), []);
 });

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { Stream } from "../src/stream.js";
+import { FRAMES_LOST_AFTER_MS, Stream } from "../src/stream.js";
 
 // Test double of the browser's `EventSource`; `made` lists all instances.
 class FakeEventSource {
@@ -19,8 +19,8 @@ class FakeEventSource {
   emit(name, data) { this.listeners[name]({ data }); }
 }
 
-// A stream, and `after(ms)`, which advances the mocked time in steps of a second, the period of the stream's timer.
-function setUp(t) {
+// A stream, and `after(ms)`, which advances the mocked time in steps of 100 ms, the period of the stream's timer.
+function setUp(t, ...limit) {
   let now = 0;
   FakeEventSource.made = [];
   globalThis.EventSource = FakeEventSource;
@@ -28,14 +28,16 @@ function setUp(t) {
   globalThis.addEventListener = page.addEventListener.bind(page);
   t.mock.timers.enable({ apis: ["setInterval"] });
   t.mock.method(performance, "now", () => now);
-  const stream = new Stream("/events", ["frame"], () => {});
+  const stream = new Stream("/events", ["frame"], () => {}, ...limit);
   const after = (ms) => {
     for (const end = now + ms; now < end;) {
-      now += 1000;
-      t.mock.timers.tick(1000);
+      now += 100;
+      t.mock.timers.tick(100);
     }
   };
-  return { stream, after, page };
+  // The page is busy: no timer runs.
+  const busy = (ms) => { now += ms; };
+  return { stream, after, busy, page };
 }
 
 test("a page that is left closes its connection, and connects again when it returns", (t) => {
@@ -75,6 +77,36 @@ test("an open connection without events is lost and opened again", (t) => {
   assert.deepEqual(stream.newest(), { a: 1 });
 });
 
+test("frames are lost after a second; without data an event a second keeps the connection", (t) => {
+  const { stream, after } = setUp(t, FRAMES_LOST_AFTER_MS);
+  FakeEventSource.made[0].emit("frame", "{}");
+  after(1000);
+  assert.equal(stream.connection, "live");
+  after(100);
+  assert.deepEqual([stream.connection, stream.newest()], ["lost", null]);
+  FakeEventSource.made[0].emit("silent");
+  after(2500);
+  assert.equal(stream.connection, "silent");
+  after(100);
+  assert.equal(stream.connection, "lost");
+});
+
+test("after a pause of the page one check is left out, so that events come first", (t) => {
+  const { stream, after, busy } = setUp(t, FRAMES_LOST_AFTER_MS);
+  FakeEventSource.made[0].emit("frame", "{}");
+  for (let i = 0; i < 2; i += 1) {
+    busy(2000);
+    after(100);
+    assert.equal(stream.connection, "live");
+    FakeEventSource.made[0].emit("frame", "{}");
+    after(100);
+    assert.equal(stream.connection, "live");
+  }
+  busy(2000);
+  after(200);
+  assert.equal(stream.connection, "lost");
+});
+
 test("a demonstration that has ended leaves its results, and is not connected to again", (t) => {
   const { stream, after, page } = setUp(t);
   const { made } = FakeEventSource;
@@ -90,7 +122,8 @@ test("a demonstration that has ended leaves its results, and is not connected to
 test("every attempt has the same timeout", (t) => {
   const { after } = setUp(t);
   after(60_000);
-  assert.equal(FakeEventSource.made.length, 1 + 60 / 6);
+  // Each is given up at the first check after 5 s.
+  assert.equal(FakeEventSource.made.length, 1 + Math.floor(60 / 5.1));
 });
 
 test("a connection closed by the browser is opened again after a second", (t) => {
@@ -99,6 +132,11 @@ test("a connection closed by the browser is opened again after a second", (t) =>
   after(1000);
   assert.equal(FakeEventSource.made.length, 1, "the browser reconnects by itself");
   FakeEventSource.made[0].readyState = FakeEventSource.CLOSED;
-  after(1000);
+  after(100);
   assert.equal(FakeEventSource.made.length, 2);
+  FakeEventSource.made[1].readyState = FakeEventSource.CLOSED;
+  after(1000);
+  assert.equal(FakeEventSource.made.length, 2, "not at every check");
+  after(100);
+  assert.equal(FakeEventSource.made.length, 3);
 });

@@ -28,3 +28,10 @@ test("an active incident needs attention, an ended one does not", () => {
   assert.equal(attention(one({ incidents: [{ name: "suit_silent", active: true }] })), true);
   assert.equal(attention(one({ incidents: [{ name: "suit_silent", active: false }] })), false);
 });
+
+test("a station with other data or an invalid address is shown as lost", () => {
+  for (const [more, name] of [[{ state: {} }, "press-1:8080"], [{ state: null }, "press-1:8080"], [{ incidents: {} }, "press-1:8080"], [{ connection: "lost", station: null, url: "http://press 1/" }, "http://press 1/"]]) {
+    const shown = one({ ...more });
+    assert.deepEqual([shown.name, shown.connection, shown.reason, attention(shown)], [name, "lost", "reason.lost_station", true]);
+  }
+});

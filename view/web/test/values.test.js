@@ -31,7 +31,7 @@ test("what the sensors do not measure is named", () => {
 });
 
 test("no number without a frame, or that is none", () => {
-  for (const [connection, reason] of [["silent", "silent"], ["lost", "lost"], ["waiting", "connecting"]]) {
+  for (const [connection, reason] of [["silent", "silent"], ["lost", "lost"], ["waiting", "connecting"], ["ended", "ended"]]) {
     assert.ok(Object.values(named(connection, null)).every(([text, why]) => text === MISSING && why === reason), connection);
   }
   for (const none of [null, NaN, Infinity, "1"]) assert.deepEqual(named("live", { state: { mass_kg: none } }).mass, [MISSING, "not_available"]);

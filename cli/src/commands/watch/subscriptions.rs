@@ -14,6 +14,7 @@ use equipoise_view::watch::Sensor;
 
 use super::SILENT_AFTER;
 use crate::commands::status::{reasons, refused, requested_pose};
+use crate::page_feed::is_current;
 
 /// Interval at which the bus directory, the daemon's status file and the latency percentiles are checked.
 const STATUS_INTERVAL: Duration = Duration::from_secs(1);
@@ -83,7 +84,8 @@ impl Subscriptions {
 
     fn receive(&mut self) -> Result<(), BusError> {
         let Some(ports) = &mut self.ports else { return Ok(()) };
-        if let Some(state) = ports.states.latest()? {
+        let is_fresh = |state: &State| is_current(state.time_ns, now_ns(), SILENT_AFTER.as_nanos() as u64);
+        if let Some(state) = ports.states.latest()?.filter(is_fresh) {
             self.state = Some((state, Instant::now()));
         }
         self.incidents = ports.board.latest()?.or(self.incidents);

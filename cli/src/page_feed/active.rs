@@ -1,0 +1,91 @@
+//! Parts of the daemon's active configuration that frames contain: a reload changes them while the page is served.
+
+use equipoise_config::Config;
+use equipoise_config::method::StopConfig;
+use equipoise_config::model_file::{Ask, ModelFile};
+use equipoise_station::status;
+
+/// What frames contain of a configuration and its model.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Parts {
+    /// Target of the identification, m.
+    pub(super) target_m: Option<f64>,
+    /// The pose requested by the model file.
+    pub(super) ask: Option<Ask>,
+    /// Corners of the plate, m.
+    pub(super) plate_corners_m: Option<[[f64; 2]; 4]>,
+}
+
+impl Parts {
+    /// Of a configuration as read from its file.
+    pub(super) fn of(config: &Config) -> Parts {
+        let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
+        Parts::with_ask(config, ask)
+    }
+
+    fn with_ask(config: &Config, ask: Option<Ask>) -> Parts {
+        let identification = &config.identification;
+        Parts {
+            target_m: (identification.stop == StopConfig::PredictedCop)
+                .then_some(identification.stop_cop_sigma_mm * 1e-3),
+            ask,
+            // One of two plates would be a wrong picture of the ground.
+            plate_corners_m: config.ground.frame.corners_m().filter(|_| config.ground.second.is_none()),
+        }
+    }
+
+    /// Of the texts in the daemon's status; `None` if the configuration is not valid for this version.
+    fn of_texts(config: &str, model: &str) -> Option<Parts> {
+        let config = Config::parse(config, "the daemon's configuration").ok()?;
+        let ask = ModelFile::parse(model, "the daemon's model").ok().and_then(|model| model.ask);
+        Some(Parts::with_ask(&config, ask))
+    }
+}
+
+/// The parts of the active configuration, as last published by a daemon.
+#[derive(Debug, Default)]
+pub(super) struct Active {
+    texts: [String; 2],
+}
+
+impl Active {
+    /// The parts that a station's daemon uses, if its configuration or model has changed since the last call.
+    pub(super) fn changed(&mut self, station: &str) -> Option<Parts> {
+        let status = status::read(station)?;
+        self.changed_by([status.config_toml, status.model_toml])
+    }
+
+    fn changed_by(&mut self, texts: [String; 2]) -> Option<Parts> {
+        if texts == self.texts {
+            return None;
+        }
+        self.texts = texts;
+        let [config, model] = &self.texts;
+        Parts::of_texts(config, model)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_reload_changes_what_frames_contain() {
+        let config = |size: &str, target_mm: f64| {
+            format!(
+                "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"ati-rdt\"\n[ground.frame]\n{size}\
+                 [identification]\nstop = \"predicted-cop\"\nstop_cop_sigma_mm = {target_mm:?}\n\
+                 [subject]\nid = \"a\"\nheight_m = 1.7\n"
+            )
+        };
+        let model = "version = 1\n[ask]\nbetween = [\"hand_load right\", \"worn_mass T8\"]\npose = \"both arms up\"\n\
+                     turn_deg = 90.0\nseparation_sigma = 4.25\n";
+        let mut active = Active::default();
+        let first = active.changed_by([config("", 2.0), String::new()]).unwrap();
+        assert_eq!((first.target_m, &first.ask, first.plate_corners_m), (Some(0.002), &None, None));
+        assert_eq!(active.changed_by([config("", 2.0), String::new()]), None, "no change");
+        let second = active.changed_by([config("size_m = [0.6, 0.4]\n", 3.0), model.to_owned()]).unwrap();
+        assert_eq!(second.target_m, Some(0.003));
+        assert!(second.ask.is_some() && second.plate_corners_m.is_some(), "{second:?}");
+    }
+}

@@ -1,0 +1,12 @@
+//! The flag sets of the clients in other languages.
+
+use equipoise_core::message::Validity;
+
+/// Sets for single fields of a state, in addition to those of [`Validity::FLAG_SETS`].
+const OF_FIELDS: [(Validity, &str); 2] =
+    [(Validity::INVALIDATES_POSE, "pose"), (Validity::INVALIDATES_LOAD_HAND_DISTANCE, "load_hand_distance")];
+
+/// All sets with their public names.
+pub(crate) fn all() -> impl Iterator<Item = (Validity, &'static str)> {
+    Validity::FLAG_SETS.iter().copied().chain(OF_FIELDS)
+}
