@@ -229,19 +229,20 @@ source = "mvn-udp"
 [ground]
 source = "bota-serial"
 [ground.serial]
-port = "/home/jane/ports/ttyPlate"
+port = "/srv/jane/ports/ttyPlate"
 [subject]
 id = "anon-1"
 height_m = 1.77
 [page]
 listen = "192.0.2.10:8080"
-token_file = "/home/jane/token"
+token_file = "/srv/jane/token"
 [metrics]
 listen = "127.0.0.1:9187"
 [recording]
-directory = "/home/jane/recordings"
+directory = "/srv/jane/recordings"
 [gateways.mqtt]
 broker = "broker.hall-3.example"
+ca_file = "/srv/jane/ca.pem"
 [gateways.udp]
 to = ["192.0.2.11:9000"]
 [gateways.opcua]
@@ -253,7 +254,7 @@ connect = ["tcp/192.0.2.12:7447"]
     let config = Config::parse(text, "c.toml").unwrap();
     let recorded = config.clone().without_paths();
     let written = recorded.to_toml();
-    for private in ["jane", "home", "192.0.2", "example", "127.0.0.1:4840", "127.0.0.1:9187"] {
+    for private in ["jane", "srv", "192.0.2", "example", "127.0.0.1:4840", "127.0.0.1:9187"] {
         assert!(config.to_toml().contains(private), "{private}");
         assert!(!written.contains(private), "{private} is in {written}");
     }

@@ -84,6 +84,11 @@ fn connections(ground: &GroundConfig) -> [Key; 5] {
             remote,
             "devices that send to `listen`, and source = \"lsl\"",
         ),
-        ("ground.file", ground.file.is_some(), file, "transport = \"file\""),
+        (
+            "ground.file",
+            ground.file.is_some(),
+            file,
+            "source = \"text\" or \"binary\" with transport = \"file\"",
+        ),
     ]
 }

@@ -86,14 +86,9 @@ fn keys_of_other_connections_are_refused() {
     let unlistened =
         |text: &str| text.lines().filter(|line| !line.starts_with("listen")).collect::<Vec<_>>().join("\n");
     for (text, from, to, named) in [
-        (TEXT, "[subject]", file, "ground.file: is for transport = \"file\""),
+        (TEXT, "[subject]", file, "ground.file: is for source = \"text\""),
         (tcp.as_str(), "station", "station", "ground.listen: is for devices that send datagrams"),
-        (
-            &unlistened(tcp),
-            address,
-            &format!("{address}\nallow_remote = true"),
-            "ground.allow_remote: is for",
-        ),
+        (&unlistened(tcp), "station", "station", "ground.allow_remote: is for"),
         (
             &unlistened(&to_file),
             "source = \"text\"",
@@ -219,9 +214,15 @@ fn errors_in_channels_are_reported_with_key_and_line() {
         .replace("[ground.channels.wrench]", "[loop]\n#")
         .replace("force = \"N\"", "")
         .replace("moment = \"N m\"", "");
-    assert!(
-        Config::parse(&none, "c.toml").unwrap_err().to_string().contains("ground.channels: must be given")
-    );
+    let message = Config::parse(&none, "c.toml").unwrap_err().to_string();
+    assert!(message.contains("ground.channels: must be given") && message.contains(".insoles"), "{message}");
+    for (source, keys) in [("text", "transport, delimiter"), ("binary", "transport, endian")] {
+        let text = format!(
+            "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"{source}\"\n[subject]\nid = \"a\"\nheight_m = 1.7\n"
+        );
+        let message = Config::parse(&text, "c.toml").unwrap_err().to_string();
+        assert!(message.contains(keys), "{message}");
+    }
 }
 
 #[test]
