@@ -39,8 +39,8 @@ pub struct Deletion {
     pub directories: Vec<StateDirectory>,
     /// Daemons that had the subject in use.
     users: Vec<User>,
-    /// Stations with a running daemon, which writes its files itself.
-    running: Vec<String>,
+    /// Stations with a running daemon, which writes its files itself, and its state directory.
+    running: Vec<(String, StateDirectory)>,
 }
 
 /// A daemon that had the subject in use.
@@ -91,7 +91,7 @@ impl Deletion {
                         self.users.push(User { station, directory: directory.clone(), stores_profiles });
                     }
                     self.daemons.push(format!("station {}: {answer}", facts.station));
-                    self.running.push(facts.station);
+                    self.running.push((facts.station, directory.clone()));
                 }
                 Err(_) if !process_runs(facts.process_id) => {}
                 Err(error) => {
@@ -132,7 +132,7 @@ impl Deletion {
             }
             sync(&directory.profiles());
             for (path, file) in data.stations {
-                self.clear_station(id, path, file)?;
+                self.clear_station(id, &directory, path, file)?;
             }
             for path in data.leftovers {
                 remove(&path)?;
@@ -165,9 +165,18 @@ impl Deletion {
         ))
     }
 
-    /// Removes the mention of the subject in a station's file.
-    fn clear_station(&mut self, id: &str, path: PathBuf, mut file: StationFile) -> anyhow::Result<()> {
-        if self.running.contains(&file.station) {
+    /// Removes the mention of the subject in a station's file of a state directory.
+    fn clear_station(
+        &mut self,
+        id: &str,
+        directory: &StateDirectory,
+        path: PathBuf,
+        mut file: StationFile,
+    ) -> anyhow::Result<()> {
+        let is_written = |(station, of): &(String, StateDirectory)| {
+            *station == file.station && is_same(of.path(), directory.path())
+        };
+        if self.running.iter().any(is_written) {
             // Its daemon writes it itself.
             let started = Instant::now();
             while StationFile::read(&path).is_ok_and(|file| file.is_some_and(|file| names(&file, id))) {
@@ -213,6 +222,11 @@ impl Deletion {
         }
         Ok(())
     }
+}
+
+/// Whether two paths lead to the same directory.
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Whether a daemon writes profiles, which is the default.

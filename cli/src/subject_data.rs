@@ -140,7 +140,14 @@ impl RecordingData {
                     continue;
                 }
             };
-            for entry in entries.flatten() {
+            for entry in entries {
+                let entry = match entry {
+                    Ok(entry) => entry,
+                    Err(reason) => {
+                        self.unknown.push(format!("{}: {reason}", folder.display()));
+                        continue;
+                    }
+                };
                 match entry.file_type() {
                     Ok(kind) if kind.is_dir() => folders.push(entry.path()),
                     Ok(kind) if kind.is_file() => files.push(entry.path()),

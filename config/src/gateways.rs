@@ -82,13 +82,6 @@ impl GatewaysConfig {
         *self == GatewaysConfig::default()
     }
 
-    /// The same without the folders of file paths, which may contain names of persons and places: for recordings.
-    #[must_use]
-    pub fn without_paths(mut self) -> GatewaysConfig {
-        self.each_path(|path| *path = path.file_name().map_or_else(PathBuf::new, PathBuf::from));
-        self
-    }
-
     fn each_path(&mut self, mut change: impl FnMut(&mut PathBuf)) {
         let opcua = self.opcua.iter_mut().flat_map(OpcUaConfig::paths);
         let mqtt = self.mqtt.iter_mut().flat_map(MqttConfig::paths);

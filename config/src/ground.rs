@@ -13,6 +13,7 @@ pub mod moticon;
 pub mod numbers;
 pub mod qtm;
 pub mod second;
+mod sections;
 pub mod serial;
 pub mod tec_gihan;
 pub mod text;
@@ -335,63 +336,16 @@ impl GroundConfig {
 impl GroundConfig {
     /// Checks a device description, whose errors may be in an entry of a list.
     pub(super) fn check_description(&self) -> Result<(), DescriptionError> {
-        self.check_sections()?;
+        sections::check(self)?;
         match self.source {
             GroundSourceKind::Text => text::check(self)?,
             GroundSourceKind::Binary => binary::check(self)?,
             GroundSourceKind::MoticonUdp => moticon::check(self)?,
             _ => {}
         }
+        sections::check_connection(self)?;
         match &self.second {
             Some(second) => second.check_description().map_err(DescriptionError::in_second),
-            None => Ok(()),
-        }
-    }
-}
-
-impl GroundConfig {
-    /// Rejects sections and keys of other sources, which would have no effect. If another process reads the device,
-    /// they are allowed: the same file serves both with one word changed.
-    fn check_sections(&self) -> Result<(), DescriptionError> {
-        use GroundSourceKind::{
-            AmtiSerial, AtiRdt, Binary, BotaSerial, External, KistlerLabamp, Lsl, MoticonUdp, Qtm, TecGihan,
-            Text,
-        };
-        if self.source == External {
-            return Ok(());
-        }
-        let over_serial = match self.source {
-            AmtiSerial | BotaSerial | TecGihan => true,
-            Text => self.text.as_ref().is_some_and(|text| text.transport == transport::TransportKind::Serial),
-            Binary => self
-                .binary
-                .as_ref()
-                .is_some_and(|binary| binary.transport == transport::TransportKind::Serial),
-            _ => false,
-        };
-        let described = matches!(self.source, Text | Binary);
-        let is = |source: GroundSourceKind| self.source == source;
-        let (ati, text, binary) = ("source = \"ati-rdt\"", "source = \"text\"", "source = \"binary\"");
-        let (either, serial) = ("source = \"text\" or \"binary\"", "devices on a serial line");
-        let sections = [
-            ("ground.counts_per_newton", self.counts_per_newton.is_some(), is(AtiRdt), ati),
-            ("ground.counts_per_newton_metre", self.counts_per_newton_metre.is_some(), is(AtiRdt), ati),
-            ("ground.ati", self.ati.is_some(), is(AtiRdt), ati),
-            ("ground.serial", self.serial.is_some(), over_serial, serial),
-            ("ground.amti", self.amti.is_some(), is(AmtiSerial), "source = \"amti-serial\""),
-            ("ground.bota", self.bota.is_some(), is(BotaSerial), "source = \"bota-serial\""),
-            ("ground.labamp", self.labamp.is_some(), is(KistlerLabamp), "source = \"kistler-labamp\""),
-            ("ground.tec_gihan", self.tec_gihan.is_some(), is(TecGihan), "source = \"tec-gihan\""),
-            ("ground.moticon", self.moticon.is_some(), is(MoticonUdp), "source = \"moticon-udp\""),
-            ("ground.qtm", self.qtm.is_some(), is(Qtm), "source = \"qtm\""),
-            ("ground.lsl", self.lsl.is_some(), is(Lsl), "source = \"lsl\""),
-            ("ground.text", self.text.is_some(), is(Text), text),
-            ("ground.binary", self.binary.is_some(), is(Binary), binary),
-            ("ground.channels", self.channels.is_some(), described, either),
-            ("ground.file", self.file.is_some(), described, either),
-        ];
-        match sections.iter().find(|(_, is_present, belongs, _)| *is_present && !belongs) {
-            Some((key, _, _, of)) => Err(DescriptionError::new(*key, format!("is for {of}; leave it out"))),
             None => Ok(()),
         }
     }

@@ -300,27 +300,30 @@ impl Config {
         toml::to_string_pretty(self).unwrap_or_default()
     }
 
-    /// The same without file paths, which may contain names of persons and places: for recordings.
+    /// The same for recordings: without page, metrics and gateways, which a replay does not use and whose addresses may
+    /// contain names of hosts, and without the folders of files and ports, which may contain names of persons.
     pub fn without_paths(mut self) -> Config {
         let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
+        (self.page, self.metrics, self.gateways) = (None, None, GatewaysConfig::default());
         if let Some(model) = &mut self.model {
             model.file = name_of(&model.file);
         }
-        if let Some(page) = &mut self.page {
-            page.token_file = page.token_file.as_deref().map(name_of);
-            page.command_token_file = page.command_token_file.as_deref().map(name_of);
-            page.report = page.report.as_deref().map(name_of);
-        }
-        let second = self.ground.second.as_deref_mut().and_then(|second| second.file.as_mut());
-        for file in self.ground.file.iter_mut().chain(second) {
+        let GroundConfig { file, serial, second, .. } = &mut self.ground;
+        let second = second.as_deref_mut();
+        let (second_file, second_serial) =
+            second.map_or((None, None), |of| (of.file.as_mut(), of.serial.as_mut()));
+        for file in file.iter_mut().chain(second_file) {
             file.path = name_of(&file.path);
+        }
+        for serial in serial.iter_mut().chain(second_serial) {
+            // The path of a port must be absolute.
+            serial.port = Path::new("/").join(name_of(&serial.port));
         }
         self.latency.hlog = self.latency.hlog.as_deref().map(name_of);
         if let Some(recording) = &mut self.recording {
             recording.directory = name_of(&recording.directory);
             recording.sign_key = recording.sign_key.as_deref().map(name_of);
         }
-        self.gateways = self.gateways.without_paths();
         self
     }
 

@@ -219,3 +219,45 @@ fn a_model_next_to_the_configuration_reaches_the_cycle() {
     assert_eq!((&parsed.model, parsed.loaded_model), (&config.model, None));
     assert!(refusal(&format!("{SMALLEST}[model]\nfiel = \"m.toml\"")).contains("did you mean `file`?"));
 }
+
+#[test]
+fn a_recorded_configuration_has_no_hosts_and_no_folders() {
+    let text = r#"
+station = "station-1"
+[suit]
+source = "mvn-udp"
+[ground]
+source = "bota-serial"
+[ground.serial]
+port = "/srv/jane/ports/ttyPlate"
+[subject]
+id = "anon-1"
+height_m = 1.77
+[page]
+listen = "192.0.2.10:8080"
+token_file = "/srv/jane/token"
+[metrics]
+listen = "127.0.0.1:9187"
+[recording]
+directory = "/srv/jane/recordings"
+[gateways.mqtt]
+broker = "broker.hall-3.example"
+ca_file = "/srv/jane/ca.pem"
+[gateways.udp]
+to = ["192.0.2.11:9000"]
+[gateways.opcua]
+listen = "127.0.0.1:4840"
+host = "plc.hall-3.example"
+[gateways.zenoh]
+connect = ["tcp/192.0.2.12:7447"]
+"#;
+    let config = Config::parse(text, "c.toml").unwrap();
+    let recorded = config.clone().without_paths();
+    let written = recorded.to_toml();
+    for private in ["jane", "srv", "192.0.2", "example", "127.0.0.1:4840", "127.0.0.1:9187"] {
+        assert!(config.to_toml().contains(private), "{private}");
+        assert!(!written.contains(private), "{private} is in {written}");
+    }
+    assert!(written.contains("/ttyPlate") && written.contains("recordings"), "{written}");
+    assert_eq!(Config::parse(&written, "recorded").unwrap(), recorded);
+}

@@ -17,10 +17,22 @@ static FILES_CREATED: AtomicU64 = AtomicU64::new(0);
 /// # Errors
 /// The system's error; the old content remains.
 pub fn write_atomically(path: &Path, content: &[u8]) -> std::io::Result<()> {
+    write_atomically_with(path, content, |_| Ok(()))
+}
+
+/// The same, where `prepare` sets owner and mode before the content is written.
+///
+/// # Errors
+/// The system's error, or that of `prepare`; the old content remains.
+pub fn write_atomically_with(
+    path: &Path,
+    content: &[u8],
+    prepare: impl FnOnce(&File) -> std::io::Result<()>,
+) -> std::io::Result<()> {
     let directory = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(directory)?;
     let (mut file, temporary) = create_temporary(path)?;
-    let written = file.write_all(content).and_then(|()| file.sync_all());
+    let written = prepare(&file).and_then(|()| file.write_all(content)).and_then(|()| file.sync_all());
     if let Err(error) = written.and_then(|()| fs::rename(&temporary, path)) {
         let _ = fs::remove_file(&temporary);
         return Err(error);
@@ -96,6 +108,7 @@ pub fn remove_abandoned_files(folder: &Path, is_ours: impl Fn(&str) -> bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::os::unix::fs::PermissionsExt;
 
     #[test]
     fn a_file_is_replaced_atomically() {
@@ -105,6 +118,22 @@ mod tests {
         write_atomically(&path, b"two").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"two");
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_file_has_its_mode_before_it_replaces_another() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.toml");
+        fs::write(&path, "old").unwrap();
+        write_atomically_with(&path, b"new", |file| {
+            assert_eq!((file.metadata()?.len(), fs::read(&path)?), (0, b"old".to_vec()));
+            file.set_permissions(fs::Permissions::from_mode(0o600))
+        })
+        .unwrap();
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        let refused = write_atomically_with(&path, b"newer", |_| Err(std::io::Error::other("no")));
+        assert!(refused.is_err() && fs::read(&path).unwrap() == b"new");
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
     }
 
     #[test]

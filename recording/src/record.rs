@@ -6,6 +6,7 @@
 
 pub mod authenticity;
 mod pictures;
+mod ports;
 pub mod service;
 pub mod signature;
 pub mod storage;
@@ -15,16 +16,13 @@ use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use bytemuck::Zeroable;
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
-use equipoise_bus::{Bus, BusError, BusSettings, CommandClient, Subscriber, Topic};
+use equipoise_bus::{Bus, BusSettings, CommandClient};
 use equipoise_config::Config;
-use equipoise_core::cycle::Checkpoint;
-use equipoise_core::message::{
-    AdapterHealth, Command, CommandKind, CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample,
-};
+use equipoise_core::message::{Command, CommandKind, CycleRecord};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::state_directory::StateDirectory;
@@ -33,6 +31,7 @@ use equipoise_station::status::{self, Status};
 pub use summary::RecordSummary;
 
 use pictures::Pictures;
+use ports::{Daemons, Ports};
 
 /// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
@@ -53,7 +52,8 @@ const CHECKPOINT_PAUSE: Duration = Duration::from_secs(2);
 /// `started` is called when writing begins. Returns a summary and the SHA-256 of the file.
 ///
 /// # Errors
-/// No daemon runs, the file exists or cannot be written (data already written remain readable), or the bus fails.
+/// No daemon runs, the file exists or cannot be written (data already written remain readable), or the bus fails or is
+/// replaced.
 pub fn record(
     station: &str,
     out: &Path,
@@ -62,22 +62,33 @@ pub fn record(
     started: impl FnOnce(),
 ) -> anyhow::Result<(RecordSummary, String)> {
     let mut tap = Tap::open(station)?;
-    let (checked, replaced) = (Cell::new(Instant::now()), Cell::new(false));
+    let (checked, removed) = (Cell::new(Instant::now()), Cell::new(false));
     let ending = |progress: &Progress<'_>| {
-        if checked.get().elapsed() >= DIRECTORY_CHECK_INTERVAL {
-            checked.set(Instant::now());
-            replaced.set(progress.recorder.bytes_in_place().is_none());
+        if checked.get().elapsed() < DIRECTORY_CHECK_INTERVAL {
+            return stopping();
         }
-        replaced.get() || stopping()
+        checked.set(Instant::now());
+        removed.set(progress.recorder.bytes_in_place().is_none());
+        removed.get() || progress.bus_directory.is_replaced() || stopping()
     };
-    let sha256 = tap.record(out, None, pictures_hz, &ending, started)?;
-    if replaced.get() {
+    let recorded = tap.record(out, None, (pictures_hz, Daemons::All), &ending, started);
+    let summary = tap.summary;
+    if tap.is_replaced() {
+        tap.leak();
+        bail!(
+            "the directory of the bus was removed or replaced, so this process receives nothing from station {station} \
+             any more: recording ends, {} contains what came before; record a new file",
+            out.display()
+        );
+    }
+    let sha256 = recorded?;
+    if removed.get() {
         bail!(
             "{} was removed or replaced while it was written: recording ends, and what it held is gone",
             out.display()
         );
     }
-    Ok((tap.summary, sha256))
+    Ok((summary, sha256))
 }
 
 /// State of the file being written.
@@ -94,6 +105,8 @@ struct Tap {
     station: String,
     summary: RecordSummary,
     ports: Ports,
+    /// Process id of the daemon in the header of the last file.
+    process_id: u32,
     commands: CommandClient,
     // Must be dropped after its ports.
     _bus: Bus,
@@ -116,7 +129,7 @@ impl Tap {
         request_checkpoint(&commands)?;
         let bus_directory = BusDirectory::read(&settings.root);
         let (station, summary) = (station.to_owned(), RecordSummary::default());
-        Ok(Tap { station, summary, ports, commands, _bus: bus, bus_directory })
+        Ok(Tap { station, summary, ports, process_id: 0, commands, _bus: bus, bus_directory })
     }
 
     /// Whether the bus directory was replaced, so that processes joining now are not received.
@@ -124,8 +137,18 @@ impl Tap {
         self.bus_directory.is_replaced()
     }
 
+    /// Ends without closing the ports: after a replacement that would remove files of the new bus with the same names.
+    fn leak(self) {
+        std::mem::forget(self);
+    }
+
     /// Creates a file with its header.
-    fn begin(&self, out: &Path, previous: Option<Predecessor>, pictures_hz: f64) -> anyhow::Result<Sink> {
+    fn begin(
+        &self,
+        out: &Path,
+        previous: Option<Predecessor>,
+        (pictures_hz, daemons): (f64, Daemons),
+    ) -> anyhow::Result<Sink> {
         let Some(facts) = status::read(&self.station) else {
             bail!("the daemon of station {} has ended", self.station);
         };
@@ -143,25 +166,28 @@ impl Tap {
         let pictures = Pictures::announce(&mut recorder, pictures_hz)?;
         let (newest_ns, station) = (header.started_monotonic_ns, self.station.clone());
         let (subject, process_id) = (facts.subject, facts.process_id);
-        Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id })
+        Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id, daemons })
     }
 
-    /// Records into a new file, the successor of `previous`, until `ending` returns true; returns its SHA-256.
+    /// Records into a new file, the successor of `previous`, until `ending` returns true, or up to the first message of
+    /// the next daemon with [`Daemons::One`]; returns its SHA-256. `contents`: pictures per second, and the daemons.
     fn record(
         &mut self,
         out: &Path,
         previous: Option<Predecessor>,
-        pictures_hz: f64,
+        contents: (f64, Daemons),
         ending: &dyn Fn(&Progress<'_>) -> bool,
         started: impl FnOnce(),
     ) -> anyhow::Result<String> {
-        let mut sink = self.begin(out, previous, pictures_hz)?;
+        let mut sink = self.begin(out, previous, contents)?;
+        self.process_id = sink.process_id;
         started();
         let (ports, summary) = (&mut self.ports, &mut self.summary);
         let bus_directory = &self.bus_directory;
         let mut checkpoint_due = Some(Instant::now() + SETTLE);
         let (mut flushed, mut lost) = (Instant::now(), summary.lost());
-        loop {
+        ports.begin(&mut sink, summary)?;
+        while !ports.is_next_daemon() {
             let (recorder, process_id) = (&sink.recorder, sink.process_id);
             if ending(&Progress { recorder, summary, process_id, bus_directory }) {
                 break;
@@ -229,9 +255,16 @@ struct Sink {
     /// The subject whose profile is already in the file.
     subject: String,
     process_id: u32,
+    daemons: Daemons,
 }
 
 impl Sink {
+    /// The status of a daemon that belongs in this file.
+    fn status(&self) -> Option<Status> {
+        let belongs = |facts: &Status| self.daemons == Daemons::All || facts.process_id == self.process_id;
+        status::read(&self.station).filter(belongs)
+    }
+
     fn write<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
         self.newest_ns = self.newest_ns.max(time_ns);
         Ok(self.recorder.write(time_ns, message)?)
@@ -244,8 +277,7 @@ impl Sink {
             return Ok(());
         }
         let number = record.command_argument[0] as u64;
-        if let Some(facts) = status::read(&self.station).filter(|facts| facts.reload == number && number > 0)
-        {
+        if let Some(facts) = self.status().filter(|facts| facts.reload == number && number > 0) {
             let reloaded = Reloaded { config_toml: recorded_config(&facts)?, model_toml: facts.model_toml };
             self.recorder.add_reload(record.due_ns, number, &reloaded)?;
         }
@@ -254,7 +286,7 @@ impl Sink {
 
     /// Stores the profile of a newly loaded subject, so that a search finds the recording by its pseudonym.
     fn record_subject(&mut self) -> anyhow::Result<()> {
-        let Some(facts) = status::read(&self.station).filter(|facts| facts.subject != self.subject) else {
+        let Some(facts) = self.status().filter(|facts| facts.subject != self.subject) else {
             return Ok(());
         };
         let profile = read_profile(&facts);
@@ -264,83 +296,4 @@ impl Sink {
         }
         Ok(())
     }
-}
-
-/// All subscribers, with maximum buffer depths.
-struct Ports {
-    cycle: Subscriber<CycleRecord>,
-    state: Subscriber<State>,
-    early: Subscriber<EarlyState>,
-    checkpoint: Subscriber<Checkpoint>,
-    suit: Subscriber<SuitSample>,
-    ground: Subscriber<GroundSample>,
-    body: Subscriber<SuitBody>,
-    health: Subscriber<AdapterHealth>,
-}
-
-impl Ports {
-    fn open(bus: &Bus) -> Result<Ports, BusError> {
-        Ok(Ports {
-            cycle: bus.subscriber(CycleRecord::SERVICE.depth_max)?,
-            state: bus.subscriber(State::SERVICE.depth_max)?,
-            early: bus.subscriber(EarlyState::SERVICE.depth_max)?,
-            checkpoint: bus.subscriber(Checkpoint::SERVICE.depth_max)?,
-            suit: bus.subscriber(SuitSample::SERVICE.depth_max)?,
-            ground: bus.subscriber(GroundSample::SERVICE.depth_max)?,
-            body: bus.subscriber(SuitBody::SERVICE.depth_max)?,
-            health: bus.subscriber(AdapterHealth::SERVICE.depth_max)?,
-        })
-    }
-
-    /// Writes all pending messages. Each kind is fetched after the kinds published later than it, so that a recording
-    /// that ends here contains the state and samples of every cycle record.
-    fn fetch(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
-        write_pending(&mut self.cycle, |record| {
-            summary.cycles.ingest(record.cycle);
-            sink.record_reload(record)?;
-            sink.write(record.due_ns, record)
-        })?;
-        write_pending(&mut self.state, |state| {
-            summary.states.ingest(state.cycle);
-            sink.write(state.time_ns, state)?;
-            sink.pictures.add(&mut sink.recorder, state)
-        })?;
-        write_pending(&mut self.early, |early| {
-            summary.early += 1;
-            sink.write(early.time_ns, early)
-        })?;
-        write_pending(&mut self.checkpoint, |checkpoint| {
-            summary.checkpoints += 1;
-            // A checkpoint has no time stamp.
-            sink.write(sink.newest_ns, checkpoint)
-        })?;
-        write_pending(&mut self.suit, |sample| {
-            summary.suit.ingest(sample.sequence);
-            sink.write(sample.published_ns, sample)
-        })?;
-        write_pending(&mut self.ground, |sample| {
-            summary.ground.ingest(sample.sequence);
-            sink.write(sample.published_ns, sample)
-        })?;
-        write_pending(&mut self.body, |body| sink.write(body.published_ns, body))?;
-        write_pending(&mut self.health, |health| {
-            summary.health += 1;
-            sink.write(health.time_ns, health)
-        })
-    }
-}
-
-/// Reads every pending message in place: a checkpoint is too large for the stack.
-fn write_pending<M: Topic>(
-    port: &mut Subscriber<M>,
-    mut write: impl FnMut(&M) -> anyhow::Result<()>,
-) -> anyhow::Result<()> {
-    // At most one buffer's worth, so that a fast publisher cannot block this function.
-    for _ in 0..M::SERVICE.depth_max {
-        match port.receive_with(&mut write)? {
-            Some(written) => written.with_context(|| "the recording has ended")?,
-            None => break,
-        }
-    }
-    Ok(())
 }

@@ -15,7 +15,7 @@
 mod columns;
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
@@ -66,6 +66,9 @@ pub enum BioWareError {
     /// The file could not be opened or read.
     #[error("cannot read {}: {reason}", path.display())]
     Open { path: PathBuf, reason: String },
+    /// The file could not be read up to its rows.
+    #[error("line {line}: cannot be read: {reason}")]
+    Read { line: u64, reason: String },
     /// No header line.
     #[error(
         "no line of the first {HEAD_LINES_MAX} names a time and a vertical force (abs time, Fx, Fy, Fz, Mx, My, Mz); \
@@ -121,6 +124,8 @@ pub struct BioWareCapture<R: Read> {
     sequence: u64,
     last_time_ns: u64,
     rejected: Rejected,
+    /// Line and cause at which reading failed.
+    fault: Option<(u64, String)>,
 }
 
 impl BioWareCapture<File> {
@@ -145,7 +150,7 @@ impl<R: Read> BioWareCapture<R> {
         let mut lines = BufReader::new(ShortLines::new(reader));
         let (mut text, mut below) = (Vec::new(), Vec::new());
         for line in 1..=HEAD_LINES_MAX {
-            if !next_line(&mut lines, &mut text) {
+            if !next_line(&mut lines, &mut text).map_err(unreadable(line))? {
                 break;
             }
             let head = String::from_utf8_lossy(&text).into_owned();
@@ -155,7 +160,7 @@ impl<R: Read> BioWareCapture<R> {
             if !columns::is_head(&cells) {
                 continue;
             }
-            let waiting = next_line(&mut lines, &mut below);
+            let waiting = next_line(&mut lines, &mut below).map_err(unreadable(line + 1))?;
             let below_text = String::from_utf8_lossy(&below).into_owned();
             let below_cells: Vec<&str> = below_text.split(separator).take(CELLS_MAX).collect();
             let columns = Columns::find(line, &cells, &below_cells, &settings)?;
@@ -173,6 +178,7 @@ impl<R: Read> BioWareCapture<R> {
                 sequence: 0,
                 last_time_ns: 0,
                 rejected: Rejected::numbered_by("line"),
+                fault: None,
             };
             capture.find_first_time();
             return Ok(capture);
@@ -196,6 +202,11 @@ impl<R: Read> BioWareCapture<R> {
         &self.rejected
     }
 
+    /// Line and cause at which reading failed before the end of the file: the rows after it are missing.
+    pub fn fault(&self) -> Option<(u64, &str)> {
+        self.fault.as_ref().map(|(line, cause)| (*line, cause.as_str()))
+    }
+
     /// Reads up to the first row with a time, which is the origin of all times.
     fn find_first_time(&mut self) {
         while self.waiting || self.advance() {
@@ -212,11 +223,16 @@ impl<R: Read> BioWareCapture<R> {
         }
     }
 
-    /// Reads the next line that is not blank into `text`.
+    /// Reads the next line that is not blank into `text`; `false` at the end of the file, or after a fault.
     fn advance(&mut self) -> bool {
         loop {
-            if !next_line(&mut self.lines, &mut self.text) {
-                return false;
+            match next_line(&mut self.lines, &mut self.text) {
+                Ok(true) if self.fault.is_none() => {}
+                Ok(_) => return false,
+                Err(error) => {
+                    self.fault.get_or_insert((self.line + 1, error.to_string()));
+                    return false;
+                }
             }
             self.line += 1;
             if !self.text.iter().all(u8::is_ascii_whitespace) {
@@ -321,16 +337,20 @@ fn channels_of(layout: &Layout, settings: &BioWareSettings, line: u64) -> Result
     })
 }
 
-/// Reads a line without its end; `false` at the end of the file, or on a read error.
-fn next_line<R: Read>(lines: &mut BufReader<ShortLines<R>>, text: &mut Vec<u8>) -> bool {
+/// Reads a line without its end; `false` at the end of the file.
+fn next_line<R: Read>(lines: &mut BufReader<ShortLines<R>>, text: &mut Vec<u8>) -> io::Result<bool> {
     text.clear();
-    if !matches!(lines.read_until(b'\n', text), Ok(1..)) {
-        return false;
+    if lines.read_until(b'\n', text)? == 0 {
+        return Ok(false);
     }
     while matches!(text.last(), Some(b'\n' | b'\r')) {
         text.pop();
     }
-    true
+    Ok(true)
+}
+
+fn unreadable(line: u64) -> impl Fn(io::Error) -> BioWareError {
+    move |error| BioWareError::Read { line, reason: error.to_string() }
 }
 
 impl<R: Read> Iterator for BioWareCapture<R> {

@@ -13,7 +13,7 @@ use std::io::{BufRead, BufReader, Chain, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
-use equipoise_core::message::{GroundSample, SuitSample};
+use equipoise_core::message::{GroundDevice, GroundSample, SuitSample};
 use equipoise_core::time::NS_PER_S;
 use equipoise_files::open_regular;
 use thiserror::Error;
@@ -163,6 +163,7 @@ impl<R: Read> CsvCapture<R> {
             published_ns: time_ns,
             sequence,
             device_counter: sequence as u32,
+            devices: GroundDevice::Plate as u32,
             ..Zeroable::zeroed()
         };
         for axis in 0..3 {

@@ -32,6 +32,12 @@ impl GroundBrain {
         self.receiver.restart();
     }
 
+    /// The connection was opened (again) at the first byte of its source.
+    pub fn opened_at_start(&mut self, now_ns: u64) {
+        self.device.opened_at_start(now_ns);
+        self.receiver.restart();
+    }
+
     /// Processes one datagram, or a piece of a stream, and appends its samples to `samples`, oldest first.
     pub fn receive(&mut self, bytes: &[u8], arrival_ns: u64, samples: &mut Vec<GroundSample>) {
         self.device.take(bytes, arrival_ns, &mut self.taken);

@@ -23,6 +23,11 @@ pub trait GroundDevice: Send {
     /// The connection was opened (again): partially received frames and unfinished exchanges are discarded.
     fn opened(&mut self, now_ns: u64);
 
+    /// As [`Self::opened`] for a stream that begins with its source's first byte, and therefore with a whole line.
+    fn opened_at_start(&mut self, now_ns: u64) {
+        self.opened(now_ns);
+    }
+
     /// Processes a whole datagram, or any piece of a stream. Never panics, for any input.
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken);
 

@@ -5,7 +5,8 @@
 //! in time, never held and never extrapolated: a sample of the first device waits for its partner, for a bounded time.
 //!
 //! One of two plates measures only a part of the ground reaction, so a sample without a partner is dropped. A plate
-//! used with insoles measures all of it: without them its sample is published, and `devices` reports their absence.
+//! used with insoles measures all of it: if they are silent or report a fault, its sample is published, and `devices`
+//! reports their absence.
 
 mod queue;
 #[cfg(test)]
@@ -106,16 +107,16 @@ impl Fusion {
             }
             self.waiting.pop_front();
             let whole = match found {
+                // A fault of the insoles does not invalidate the plate.
+                Found::Partner(second) if self.is_plate_alone(&second) => {
+                    self.second_session = second.session;
+                    self.without_partner(&first)
+                }
                 Found::Partner(second) => {
                     self.second_session = second.session;
                     Some(self.together(&first, &second))
                 }
-                Found::NotYet | Found::Nothing => {
-                    self.counts.refuse(GroundRefusal::NoPartner.index());
-                    let session = first.session.wrapping_add(self.second_session);
-                    (self.settings.kind == FusionKind::PlateAndInsoles)
-                        .then_some(GroundSample { session, ..first })
-                }
+                Found::NotYet | Found::Nothing => self.without_partner(&first),
             };
             if let Some(whole) = whole {
                 self.counts.published += 1;
@@ -134,6 +135,18 @@ impl Fusion {
     fn is_awaited(&self, now_ns: u64) -> bool {
         self.settings.kind != FusionKind::PlateAndInsoles
             || self.partners.came_ns().is_some_and(|came_ns| now_ns.saturating_sub(came_ns) < SILENT_NS)
+    }
+
+    /// Whether a plate's partner is a sample of faulty insoles.
+    fn is_plate_alone(&self, second: &GroundSample) -> bool {
+        self.settings.kind == FusionKind::PlateAndInsoles && second.device_status != 0
+    }
+
+    /// The sample of a plate without insoles; `None` with two plates.
+    fn without_partner(&mut self, first: &GroundSample) -> Option<GroundSample> {
+        self.counts.refuse(GroundRefusal::NoPartner.index());
+        let session = first.session.wrapping_add(self.second_session);
+        (self.settings.kind == FusionKind::PlateAndInsoles).then_some(GroundSample { session, ..*first })
     }
 
     fn together(&self, first: &GroundSample, second: &GroundSample) -> GroundSample {

@@ -36,6 +36,7 @@ pub struct FileLine {
     /// The file did not exist at the first attempt to open it: all of its later contents are new.
     missed: bool,
     goes_on: bool,
+    begins_at_start: bool,
     buffer: Box<[u8]>,
 }
 
@@ -58,7 +59,16 @@ impl FileLine {
     /// Follows the file at a path; `key` is its configuration key for errors.
     pub fn new(path: PathBuf, begin: Begin, key: &'static str) -> FileLine {
         let buffer = vec![0; BUFFER_SIZE].into_boxed_slice();
-        FileLine { path, begin, key, open: None, missed: false, goes_on: false, buffer }
+        FileLine {
+            path,
+            begin,
+            key,
+            open: None,
+            missed: false,
+            goes_on: false,
+            begins_at_start: false,
+            buffer,
+        }
     }
 
     /// Start position in a file that was just opened, and whether it continues where the last one ended.
@@ -128,12 +138,18 @@ impl Transport for FileLine {
             file.seek(SeekFrom::Start(read)).map_err(|error| self.refused(error))?;
         }
         self.goes_on = goes_on;
+        // A pipe may have been opened in the middle of a line.
+        self.begins_at_start = !is_pipe && read == 0;
         self.open = Some(Open { file, is_pipe, identity: identity(&metadata), read, is_over: false });
         Ok(())
     }
 
     fn goes_on(&self) -> bool {
         self.goes_on
+    }
+
+    fn begins_at_start(&self) -> bool {
+        self.begins_at_start
     }
 
     fn receive(&mut self) -> Result<Option<Incoming<'_>>, SourceError> {

@@ -134,8 +134,10 @@ impl GroundSource {
         match self.transport.open() {
             Ok(()) => {
                 (self.open, self.trouble) = (true, None);
-                if !self.transport.goes_on() {
-                    self.brain.opened(now_ns);
+                match (self.transport.goes_on(), self.transport.begins_at_start()) {
+                    (true, _) => {}
+                    (false, true) => self.brain.opened_at_start(now_ns),
+                    (false, false) => self.brain.opened(now_ns),
                 }
                 Ok(())
             }
@@ -225,7 +227,7 @@ mod tests {
         }
     }
 
-    fn force_lines() -> Box<dyn GroundDevice> {
+    fn force_lines(framing: Framing) -> Box<dyn GroundDevice> {
         let direct = Direct { force: [None, None, Some(0)], ..Direct::default() };
         Box::new(Text::new(TextSettings {
             form: LineForm {
@@ -235,7 +237,7 @@ mod tests {
                 prefix: Vec::new(),
                 fields: 1,
             },
-            framing: Framing::Stream,
+            framing,
             header_lines: 1,
             longest: 100,
             columns: vec![Column { field: 0, scale: 1.0, offset: 0.0 }],
@@ -243,6 +245,30 @@ mod tests {
             time: None,
             sequence: None,
         }))
+    }
+
+    fn forces_n(source: &mut GroundSource, want: usize) -> Vec<f64> {
+        let (mut samples, until) = (Vec::new(), Instant::now() + Duration::from_secs(10));
+        while samples.len() < want && Instant::now() < until {
+            source.receive(&mut samples).unwrap();
+        }
+        samples.iter().map(|sample| sample.force_n[2]).collect()
+    }
+
+    #[test]
+    fn the_first_line_of_a_new_file_is_used_and_the_rest_of_a_line_is_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("export.txt");
+        std::fs::write(&path, "Fz\n-600\n-6").unwrap();
+        let line = Box::new(FileLine::new(path.clone(), Begin::End, "ground.file.path"));
+        let settings = GroundSettings::default();
+        let mut source = GroundSource::open(line, force_lines(Framing::Joined), settings).unwrap();
+        let mut file = std::fs::File::options().append(true).open(&path).unwrap();
+        file.write_all(b"01\nFz\n-602\n").unwrap();
+        assert_eq!(forces_n(&mut source, 1), [602.0], "the first line is the end of one");
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, "Fz\n-701\n-702\n").unwrap();
+        assert_eq!(forces_n(&mut source, 2), [701.0, 702.0]);
     }
 
     #[test]
@@ -253,14 +279,8 @@ mod tests {
         let (fail, fails) = crossbeam_channel::bounded(1);
         let line = FileLine::new(path, Begin::Start, "ground.file.path");
         let share = Box::new(Share { line, fails });
-        let mut source = GroundSource::open(share, force_lines(), GroundSettings::default()).unwrap();
-        let forces_n = |source: &mut GroundSource, want: usize| {
-            let (mut samples, until) = (Vec::new(), Instant::now() + Duration::from_secs(10));
-            while samples.len() < want && Instant::now() < until {
-                source.receive(&mut samples).unwrap();
-            }
-            samples.iter().map(|sample: &GroundSample| sample.force_n[2]).collect::<Vec<_>>()
-        };
+        let mut source =
+            GroundSource::open(share, force_lines(Framing::Stream), GroundSettings::default()).unwrap();
         file.write_all(b"Fz\n-701\n-7").unwrap();
         assert_eq!(forces_n(&mut source, 1), [701.0]);
         fail.send(()).unwrap();

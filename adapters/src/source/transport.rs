@@ -27,6 +27,11 @@ pub trait Transport: Send {
         false
     }
 
+    /// Whether the opened connection begins with the first byte of its source, and therefore with a whole line.
+    fn begins_at_start(&self) -> bool {
+        false
+    }
+
     /// Waits briefly (tens of milliseconds) for bytes; `None` if none arrived.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! Text exports of a plate: units are read or declared, never guessed; three layouts give the same wrench; real values.
 
+use std::io::{self, Read};
 use std::path::PathBuf;
 
 use equipoise_adapters::capture::{BioWareCapture, BioWareError, BioWareSettings, Units};
@@ -172,6 +173,43 @@ fn what_is_no_export_is_refused_and_what_is_no_row_is_counted() {
     assert_eq!(capture.rejected().to_string(), reported);
     let endless = EXPORT.to_owned() + &"7".repeat(1 << 20);
     assert_eq!(BioWareCapture::new(endless.as_bytes(), kistler()).unwrap().count(), 2);
+}
+
+/// A disk that fails after the text.
+#[derive(Debug)]
+struct Failing<'a>(&'a [u8]);
+
+impl Read for Failing<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self.0.read(buffer)? {
+            0 => Err(io::Error::other("bad sector")),
+            read => Ok(read),
+        }
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_read_to_its_end_has_a_fault() {
+    let mut capture = BioWareCapture::new(Failing(EXPORT.as_bytes()), kistler()).unwrap();
+    assert_eq!((capture.by_ref().count(), capture.fault()), (2, Some((8, "bad sector"))));
+    assert_eq!(capture.next(), None);
+    let long = format!("{EXPORT}{}", "0.002\t".repeat(20_000));
+    let mut capture = BioWareCapture::new(long.as_bytes(), kistler()).unwrap();
+    capture.by_ref().for_each(drop);
+    let (_, cause) = capture.fault().unwrap();
+    assert!(cause.contains("more than"), "{cause}");
+    let head = BioWareCapture::new(Failing(b"BioWare 5\r\n"), kistler()).unwrap_err();
+    assert_eq!(head, BioWareError::Read { line: 2, reason: "bad sector".to_owned() });
+    let mut whole = BioWareCapture::new(EXPORT.as_bytes(), kistler()).unwrap();
+    assert_eq!((whole.by_ref().count(), whole.fault()), (2, None));
+}
+
+#[test]
+fn a_first_row_in_quotation_marks_is_no_line_of_units() {
+    let text = "\"time (s)\",\"Fx (N)\",\"Fy (N)\",\"Fz (N)\",\"Mx (N.m)\",\"My (N.m)\",\"Mz (N.m)\"\n\
+        \"0.0\",\"1\",\"2\",\"700\",\"1\",\"2\",\"3\"\n\"0.1\",\"1\",\"2\",\"710\",\"1\",\"2\",\"3\"\n";
+    let vertical_n: Vec<f64> = read(text, kistler()).iter().map(|sample| sample.force_n[2]).collect();
+    assert_eq!(vertical_n, [700.0, 710.0]);
 }
 
 #[test]

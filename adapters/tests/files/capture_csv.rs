@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use equipoise_adapters::capture::{CsvCapture, CsvError};
 use equipoise_core::body::Segment;
+use equipoise_core::message::GroundDevice;
 
 /// A row of the standard layout: time, all segments at `x`, quaternions `[w, 0, 0, 0]`, a vertical force.
 fn row(time: &str, x: &str, w: &str) -> Vec<String> {
@@ -45,6 +46,7 @@ fn rows_become_pairs_of_samples() {
     assert_eq!(ground.force_n, [1.0, 2.0, 700.0]);
     assert_eq!((ground.per_foot, ground.feet()), (0, None), "one wrench says nothing of each foot");
     assert_eq!(ground.cop_m(), Ok([20.0 / 700.0, 10.0 / 700.0]));
+    assert_eq!(ground.devices, GroundDevice::Plate as u32);
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! Changes single values of a file and preserves comments, order and everything else.
 
 use std::fs;
-use std::os::unix::fs::{MetadataExt, chown};
+use std::os::unix::fs::{MetadataExt, fchown};
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use equipoise_config::Config;
-use equipoise_files::atomic_file::write_atomically;
+use equipoise_files::atomic_file::write_atomically_with;
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use toml_edit::{Array, DocumentMut, Item, Table, Value};
 
@@ -86,11 +86,12 @@ pub fn rewrite(path: &Path, change: impl FnOnce(&str, &str) -> anyhow::Result<St
     let text = read_text(&path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
     let after = change(&text, &path.display().to_string())?;
     let before = fs::metadata(&path)?;
-    write_atomically(&path, after.as_bytes()).with_context(|| format!("cannot write {}", path.display()))?;
-    fs::set_permissions(&path, before.permissions())?;
-    // Restore the owner, which requires root; without root the file was already this user's.
-    let _not_root = chown(&path, Some(before.uid()), Some(before.gid()));
-    Ok(())
+    write_atomically_with(&path, after.as_bytes(), |file| {
+        // Requires root; without root the file is this user's already. Before the mode, which a change of owner may limit.
+        let _not_root = fchown(file, Some(before.uid()), Some(before.gid()));
+        file.set_permissions(before.permissions())
+    })
+    .with_context(|| format!("cannot write {}", path.display()))
 }
 
 #[cfg(test)]

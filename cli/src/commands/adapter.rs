@@ -77,14 +77,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             );
             break;
         }
-        reload.store(false, Ordering::Relaxed);
         let stopping = || stop.load(Ordering::Relaxed) || reload.load(Ordering::Relaxed);
         if let Err(error) = run_once(stream, &config, &report, &stopping) {
             let error = anyhow::Error::from(error);
             adapter_fault::publish(&config.station, stream.name(), Some(&single_line(&error)));
             return Err(error);
         }
-        if reload.load(Ordering::Relaxed) {
+        // Reset before reading, so that a signal during it causes another read.
+        if reload.swap(false, Ordering::Relaxed) {
             config = reread(path, config);
         }
     }

@@ -8,6 +8,9 @@ use equipoise_adapters::recording::Entry;
 use equipoise_export::{Export, Format, Progress, Summary, Topic};
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::Input;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGQUIT, SIGTERM};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
 
 use super::{Outcome, span};
 use crate::progress_bar::Bar;
@@ -54,6 +57,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if *topic != Topic::State && !format.is_table() {
         bail!("--topic is for tables; {} holds values of states", out.display());
     }
+    if *topic != Topic::State && config.is_some() {
+        bail!(
+            "--config computes states, and --topic selects recorded messages of another kind; leave one of them out"
+        );
+    }
     let span_s = span("--span", arguments.span.as_deref())?.map(|span| [span.from_s, span.to_s]);
     let export = Export {
         recording: file,
@@ -84,6 +92,7 @@ fn replayed(input: &Input, export: Export<'_>, config: Option<&Path>, bar: &Bar)
     let mut states: OsString = export.out.components().as_path().as_os_str().to_owned();
     states.push(format!(".{}.mcap", std::process::id()));
     let states = PathBuf::from(states);
+    remove_on_signals(states.clone())?;
     let outcome = compute(input, export, config, &states, bar);
     // The recording is only an intermediate result; remove it even if the export failed.
     let _ = std::fs::remove_file(&states);
@@ -102,6 +111,9 @@ fn compute(
     let summary = bar.follow("computing states by a replay", input, || replay.run(Some(states)))?;
     bar.clear();
     println!("{}: {} states computed by a replay", export.recording.display(), summary.cycles);
+    if let Some(fidelity) = &summary.fidelity {
+        print!("{fidelity}");
+    }
     for rejected in &summary.skipped.rejected {
         eprintln!("rejected: {rejected}");
     }
@@ -112,7 +124,20 @@ fn compute(
         false => Export { states: Some(states), ..export },
     };
     let written = write(&export, &Bar::new(false))?;
-    Ok(if summary.skipped.rejected.is_empty() { written } else { Outcome::PartRejected })
+    Ok(if summary.is_complete() { written } else { Outcome::PartRejected })
+}
+
+/// Removes a file before a signal ends the process: its states are personal data.
+fn remove_on_signals(path: PathBuf) -> anyhow::Result<()> {
+    let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
+    // Not joined: it waits until the process ends.
+    std::thread::spawn(move || {
+        for signal in signals.forever() {
+            let _ = std::fs::remove_file(&path);
+            let _ = emulate_default_handler(signal);
+        }
+    });
+    Ok(())
 }
 
 fn write(export: &Export<'_>, bar: &Bar) -> anyhow::Result<Outcome> {

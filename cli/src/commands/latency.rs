@@ -1,7 +1,7 @@
 //! `equipoise latency`: a consumer that measures the path, stage by stage, its own pick-up and the others' included.
 
 use std::fs::{File, OpenOptions};
-use std::io::BufWriter;
+use std::io::Write;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -11,6 +11,7 @@ use anyhow::{Context, bail};
 use equipoise_bus::{Bus, BusError, Channel, Listener, Subscriber, Topic};
 use equipoise_core::message::{ConsumerReceipt, CycleRecord, State};
 use equipoise_daemon::realtime::now_ns;
+use equipoise_files::atomic_file::write_atomically_with;
 use equipoise_latency::receipt::{since_its_start, tell_apart};
 use equipoise_latency::{ConsumerReceipts, ConsumerTimes, HlogWriter, PathHistograms, Report};
 
@@ -63,11 +64,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     if report.cycles == 0 {
         bail!("the daemon published no cycle in {:.1} s", length.as_secs_f64());
     }
-    if let Some(file) = hlog {
-        file.set_len(0)?;
-        let mut hlog = HlogWriter::new(BufWriter::new(file), since)?;
-        hlog.write_interval(Duration::ZERO, length, &subscriptions.path)?;
-        hlog.write_consumers(Duration::ZERO, length, &consumers)?;
+    if let (Some(path), Some(file)) = (&arguments.hlog, hlog) {
+        let mut log = Vec::new();
+        let mut writer = HlogWriter::new(&mut log, since)?;
+        writer.write_interval(Duration::ZERO, length, &subscriptions.path)?;
+        writer.write_consumers(Duration::ZERO, length, &consumers)?;
+        replace(path, file, &log).with_context(|| format!("cannot write {}", path.display()))?;
     }
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
@@ -77,11 +79,21 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(if report.cycles_lost > 0 { Outcome::PartRejected } else { Outcome::Done })
 }
 
+/// Opens the log without changing an earlier one.
 fn create(path: &Path) -> anyhow::Result<File> {
     let mut options = OpenOptions::new();
-    // An earlier log is kept until the new one is complete.
     options.write(true).create(true).truncate(false).mode(MODE);
     options.open(path).with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Writes the log; an earlier one is kept until the new one is complete.
+fn replace(path: &Path, mut file: File, log: &[u8]) -> std::io::Result<()> {
+    let before = file.metadata()?;
+    if !before.is_file() {
+        return file.write_all(log);
+    }
+    // The target of a link, so that the link remains.
+    write_atomically_with(&path.canonicalize()?, log, |file| file.set_permissions(before.permissions()))
 }
 
 /// Everything subscribed, and what was seen.
@@ -136,5 +148,26 @@ impl Subscriptions {
         all.extend((self.own.report().states > 0).then(|| since_its_start(self.own.report())));
         tell_apart(&mut all);
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::{MetadataExt, symlink};
+
+    #[test]
+    fn an_earlier_log_is_replaced_as_a_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, link) = (folder.path().join("a.hlog"), folder.path().join("link.hlog"));
+        std::fs::write(&path, "an earlier log, longer than the new one").unwrap();
+        symlink("a.hlog", &link).unwrap();
+        let reader = File::open(&path).unwrap();
+        let file = create(&link).unwrap();
+        replace(&link, file, b"new").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_ne!(reader.metadata().unwrap().ino(), std::fs::metadata(&path).unwrap().ino());
+        assert_eq!(std::io::read_to_string(reader).unwrap(), "an earlier log, longer than the new one");
     }
 }

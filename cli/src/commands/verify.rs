@@ -139,6 +139,9 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
         seconds: arguments.seconds.unwrap_or(5.0),
         places,
     };
+    // Before the measurement, which an error would lose.
+    let with_places = !arguments.at.is_empty();
+    let frame = with_places.then(|| results::frame_of(&arguments.station.station)).transpose()?;
     let mut verification = Verification::new(settings);
     let (mut zero_n, mut zero_drift_n) = (0.0, None);
     eprintln!("leave the plate empty …");
@@ -178,7 +181,9 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
         placed: verification.placed().to_vec(),
         zero_n,
         zero_drift_n,
-        geometry: results::geometry_of(verification.placed(), &arguments.at, &arguments.station.station)?,
+        geometry: frame
+            .as_ref()
+            .and_then(|frame| results::geometry_of(verification.placed(), &arguments.at, frame)),
     };
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&result.json())?);

@@ -11,6 +11,7 @@ use equipoise_simulator::simulation::{OnPlates, Simulation, SimulationHandle};
 use equipoise_simulator::walk::Place;
 use serde_json::Value;
 
+use crate::adapters::external;
 use crate::monitor::Monitor;
 use crate::process::{Process, TIMEOUT, wait_for};
 use crate::station::Station;
@@ -340,4 +341,13 @@ fn two_plates_are_tared_together_and_only_while_empty(station: &Station) {
     monitor.until("zero", is(0.0));
     person.put_on_plates(OnPlates::Nothing);
     monitor.until("less than zero", is(-3.0 * 9.81));
+}
+
+#[test]
+fn positions_on_a_plate_of_another_process_are_refused_before_the_measurement() {
+    let station = Station::new();
+    let _daemon = station.daemon(&external(&station));
+    let verify = station.run(&["verify", "--mass", "20", "--at", "0.1,0.1", "--within", "5"]);
+    verify.assert_failed(1, &["the plate is read by another process, whose own file holds [ground.frame]"]);
+    assert!(!verify.stderr.contains("leave the plate empty"), "{}", verify.stderr);
 }

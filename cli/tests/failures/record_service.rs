@@ -119,6 +119,16 @@ fn a_file_deleted_in_progress_is_closed_and_the_next_one_starts() {
     recorded.end();
 }
 
+/// Numbers of the states in the readable part of a file.
+fn state_numbers(path: &Path) -> Vec<u64> {
+    let recording = Recording::open(path).unwrap();
+    let number = |entry: Entry| match entry {
+        Entry::State(state) => Some(state.cycle),
+        _ => None,
+    };
+    recording.entries().map_while(Result::ok).filter_map(|timed| number(timed.entry)).collect()
+}
+
 /// Rates of the cycles in a file, by their number.
 fn cycles_at(path: &Path, rate_hz: u64) -> usize {
     let recording = Recording::open(path).unwrap();
@@ -138,11 +148,22 @@ fn another_daemon_has_a_file_of_its_own_and_one_on_another_bus_is_found() {
     assert!(Recording::open(&second).unwrap().header().config_toml.contains("rate_hz = 500"));
     until("cycles of the new daemon", || cycles_at(&second, 500) > 500);
     assert_eq!(cycles_at(&second, 200), 0);
-    // How many cycles of the new daemon precede its detection depends on the machine's load.
     assert!(cycles_at(&first, 200) > 100);
+    assert_eq!(cycles_at(&first, 500), 0, "each file ends with its daemon");
+    for file in [&first, &second] {
+        let numbers = state_numbers(file);
+        assert!(numbers.is_sorted_by(|a, b| a < b), "{}: a state of another daemon", file.display());
+    }
 
     // The service manager recreates the bus's directory.
+    let single = recorded.station.file("single.mcap");
+    let mut recorder = recorded.station.command("record");
+    let recorder = recorder.arg(&single).stderr(Stdio::piped()).spawn().unwrap();
+    until("a recording by itself", || states(&single) > 0);
     recorded.station.restart(&config, |bus| std::fs::remove_dir_all(bus).unwrap());
+    let ended = recorder.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(1), "{}", describe_output(&ended));
+    assert!(describe_output(&ended).contains("removed or replaced"), "{}", describe_output(&ended));
     let third = recorded.next_after(&second);
     until("cycles on the new bus", || cycles_at(&third, 500) > 500);
     recorded.end();

@@ -7,7 +7,7 @@ use rustix::process::Signal;
 
 use crate::monitor::Monitor;
 use crate::process::wait_for;
-use crate::station::Station;
+use crate::station::{NAME, Station};
 
 fn files(folder: &Path) -> Vec<PathBuf> {
     let mut all = Vec::new();
@@ -137,11 +137,18 @@ fn a_subject_is_found_in_the_daemon_s_state_directory() {
     let recorded = equipoise_adapters::recording::Recording::open(&recording).expect("a recording");
     assert!(recorded.header().subject_toml.contains("anon-1"), "the profile of the daemon is in it");
 
-    // Data in the environment's directory is deleted as well; flight records only where the subject was.
+    // Data in the environment's directory are deleted as well, and flight records where the subject was.
     std::fs::create_dir_all(own.join("flight")).expect("a folder");
     std::fs::create_dir_all(service.join("flight")).expect("a folder");
     std::fs::write(own.join("flight/other-cycle-7.mcap"), "x").expect("a record");
     std::fs::write(service.join("flight/bench-cycle-7.mcap"), "x").expect("a record");
+    // The daemon of the same station does not write the file of another directory.
+    let former = own.join("stations").join(format!("{NAME}.toml"));
+    std::fs::create_dir_all(own.join("stations")).expect("a folder");
+    let text = format!(
+        "format = 1\nstation = \"{NAME}\"\nsaved_unix_s = 1\n[subject]\nin_use = \"anon-1\"\nconfigured = \"x\"\n"
+    );
+    std::fs::write(&former, text).expect("a file");
     let message = station.run(&["subject", "delete", "anon-1"]);
     assert!(
         message.assert_done().contains("bench-cycle-7.mcap is deleted: flight records name no subject"),
@@ -149,7 +156,8 @@ fn a_subject_is_found_in_the_daemon_s_state_directory() {
         message.stdout
     );
     assert!(!profile.exists() && !service.join("flight/bench-cycle-7.mcap").exists());
-    assert!(own.join("flight/other-cycle-7.mcap").exists());
+    assert!(former.exists());
+    assert_eq!(mentions(&own, "anon-1"), [] as [PathBuf; 0]);
     assert_eq!(mentions(&service.join("subjects"), "anon-1"), [] as [PathBuf; 0]);
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

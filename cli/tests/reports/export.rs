@@ -1,11 +1,14 @@
 //! Exports of the session for OpenSim and as C3D, compared with its states.
 
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
+use std::process::Command;
 
 use equipoise_adapters::recording::{Entry, Recording};
 use equipoise_core::body::{Joint, SEGMENTS};
 use equipoise_core::message::{GroundSample, State, Validity};
 use equipoise_studies::sensors::EPOCH_NS;
+use rustix::process::{Pid, Signal, kill_process};
 
 use crate::session::{equipoise, session, text};
 
@@ -231,4 +234,21 @@ fn an_export_without_valid_values_fails_with_a_remedy_and_leaves_no_file() {
     let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
     let left: Vec<_> = names.filter(|name| name.to_string_lossy().starts_with("no.")).collect();
     assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn an_interrupted_export_leaves_no_file() {
+    let (folder, out) = (tempfile::tempdir().unwrap(), "stopped.csv");
+    let mut export = Command::new(env!("CARGO_BIN_EXE_equipoise"));
+    export.args(["export", text(&session().samples), "--out"]).arg(folder.path().join(out));
+    let mut export = export.spawn().unwrap();
+    let names = || -> Vec<_> {
+        std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect()
+    };
+    while names().is_empty() {
+        assert!(export.try_wait().unwrap().is_none(), "it ended before its first file");
+    }
+    kill_process(Pid::from_child(&export), Signal::INT).unwrap();
+    assert_eq!(export.wait().unwrap().signal(), Some(2));
+    assert_eq!(names(), [""; 0]);
 }

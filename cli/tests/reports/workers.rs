@@ -92,6 +92,26 @@ fn a_change_of_worker_is_reported_and_adds_no_lifts() {
 }
 
 #[test]
+fn a_restart_that_begins_a_new_shift_keeps_the_lifts_before() {
+    // Three lifts, then a restart: another cycle number, no lift. One lift fewer would be the same shift.
+    let states: Vec<State> = (1..600)
+        .map(|number| State {
+            cycle: if number < 400 { number } else { number - 399 },
+            time_ns: number * 10_000_000,
+            lifts: if number < 400 { (number / 100) as u32 } else { 0 },
+            dose_damage: if number < 400 { 1e-3 } else { 0.0 },
+            ..State::zeroed()
+        })
+        .collect();
+    let recording =
+        recording("shifts.mcap", &states, |_| CycleRecord { period_ns: 10_000_000, ..CycleRecord::zeroed() });
+    let page = report("shifts.html", &recording);
+    assert_eq!(page.rows("Lifts").len(), 3, "{}", page.text);
+    let lifts: Vec<&str> = page.rows("Workers").iter().map(|row| row[7].as_str()).collect();
+    assert_eq!(lifts, ["3", "0"]);
+}
+
+#[test]
 fn a_worker_without_valid_loads_has_no_reported_risk() {
     let state = |cycle| State {
         cycle,

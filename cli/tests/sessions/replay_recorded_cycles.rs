@@ -14,6 +14,8 @@ use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, Sui
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::{Replay, Summary};
 
+use crate::common::{describe_output, equipoise};
+
 const CONFIG: &str = r#"
 station = "test"
 [suit]
@@ -229,6 +231,33 @@ fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
     assert!(!summary.is_complete());
 }
 
+/// A table or a page of states that a replay computed from an incomplete recording.
+#[test]
+fn an_export_and_a_report_of_an_inexact_replay_have_exit_code_3() {
+    let directory = tempfile::tempdir().unwrap();
+    let (table, page) = (directory.path().join("table.csv"), directory.path().join("page.html"));
+    let mut live = live(&[101], &[]);
+    live.states.clear();
+    for (is_complete, code) in [(true, 0), (false, 3)] {
+        if !is_complete {
+            live.cycles.drain(600..605);
+        }
+        let recording = live.record(directory.path());
+        for (command, out) in [("export", &table), ("report", &page)] {
+            let _ = std::fs::remove_file(out);
+            let output = equipoise().arg(command).arg(&recording).arg("--out").arg(out).output().unwrap();
+            let message = describe_output(&output);
+            assert_eq!(output.status.code(), Some(code), "{command}: {message}");
+            assert_eq!(message.contains("cycle records are missing"), !is_complete, "{command}: {message}");
+        }
+    }
+    let mut with_config = equipoise();
+    with_config.arg("export").arg(directory.path().join("live.mcap")).arg("--out").arg(&table);
+    let output = with_config.args(["--topic", "ground", "--config", "none.toml"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{}", describe_output(&output));
+    assert!(describe_output(&output).contains("leave one of them out"), "{}", describe_output(&output));
+}
+
 #[test]
 fn missing_samples_are_reported() {
     let mut live = live(&[101], &[]);
@@ -269,6 +298,20 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
     assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
     assert_eq!(states.last().unwrap().cycle, 899);
     assert!(!summary.is_complete() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
+}
+
+#[test]
+fn a_replay_stops_at_a_restart_of_the_daemon_whose_configuration_is_unknown() {
+    let mut live = live(&[101, 901], &[]);
+    // From cycle 901 on another daemon, which numbers its cycles from 1.
+    let renumbered = |cycle: u64| if cycle > 900 { cycle - 900 } else { cycle };
+    live.cycles.iter_mut().for_each(|record| record.cycle = renumbered(record.cycle));
+    live.states.iter_mut().for_each(|state| state.cycle = renumbered(state.cycle));
+    let (summary, states) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.unknown_daemon_at, fidelity.states_differing), (Some(1), 0), "{summary}");
+    assert_eq!((fidelity.restarts, states.last().unwrap().cycle), (1, 900), "{summary}");
+    assert!(!summary.is_complete() && summary.to_string().contains("of a restarted daemon"), "{summary}");
 }
 
 #[test]

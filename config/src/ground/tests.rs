@@ -76,6 +76,46 @@ fn sections_and_keys_of_other_sources_are_refused() {
     assert!(message.starts_with("ground.counts_per_newton: is for source = \"ati-rdt\""), "{message}");
 }
 
+#[test]
+fn keys_of_other_connections_are_refused() {
+    let (listen, file) = ("listen = \"0.0.0.0:9000\"", "[ground.file]\npath = \"export.txt\"\n[subject]");
+    let address = "address = \"192.168.1.20:8888\"";
+    let tcp = TEXT.replace("transport = \"udp\"", "transport = \"tcp\"");
+    let to_file = TEXT.replace("transport = \"udp\"", "transport = \"file\"").replace("[subject]", file);
+    let tcp = &tcp.replace(listen, &format!("{listen}\n{address}"));
+    let unlistened =
+        |text: &str| text.lines().filter(|line| !line.starts_with("listen")).collect::<Vec<_>>().join("\n");
+    for (text, from, to, named) in [
+        (TEXT, "[subject]", file, "ground.file: is for source = \"text\""),
+        (tcp.as_str(), "station", "station", "ground.listen: is for devices that send datagrams"),
+        (&unlistened(tcp), "station", "station", "ground.allow_remote: is for"),
+        (
+            &unlistened(&to_file),
+            "source = \"text\"",
+            &format!("source = \"text\"\n{address}"),
+            "ground.address: is for",
+        ),
+        (
+            MOTICON,
+            "source = \"moticon-udp\"",
+            &format!("source = \"moticon-udp\"\n{address}"),
+            "ground.address: is for",
+        ),
+        (
+            RDT,
+            "source = \"binary\"",
+            "source = \"binary\"\nallow_remote = true",
+            "ground.allow_remote: is for",
+        ),
+    ] {
+        let message = refusal(text, from, to);
+        assert!(message.starts_with(named), "{message}, not {named}");
+    }
+    // Another process reads the device by this file.
+    let external = tcp.replace("source = \"text\"", "source = \"external\"");
+    assert!(Config::parse(&external, "c.toml").is_ok());
+}
+
 /// A device with sample blocks may be silent for the length of a block; that is not stale data.
 #[test]
 fn the_latency_includes_a_block_and_long_blocks_are_refused() {
@@ -174,9 +214,15 @@ fn errors_in_channels_are_reported_with_key_and_line() {
         .replace("[ground.channels.wrench]", "[loop]\n#")
         .replace("force = \"N\"", "")
         .replace("moment = \"N m\"", "");
-    assert!(
-        Config::parse(&none, "c.toml").unwrap_err().to_string().contains("ground.channels: must be given")
-    );
+    let message = Config::parse(&none, "c.toml").unwrap_err().to_string();
+    assert!(message.contains("ground.channels: must be given") && message.contains(".insoles"), "{message}");
+    for (source, keys) in [("text", "transport, delimiter"), ("binary", "transport, endian")] {
+        let text = format!(
+            "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"{source}\"\n[subject]\nid = \"a\"\nheight_m = 1.7\n"
+        );
+        let message = Config::parse(&text, "c.toml").unwrap_err().to_string();
+        assert!(message.contains(keys), "{message}");
+    }
 }
 
 #[test]

@@ -9,6 +9,7 @@ use equipoise_core::message::State;
 use equipoise_latency::{PathHistograms, Report as PathReport};
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::{Chosen, Input};
+use equipoise_recording::replay::samples::Sample;
 
 use super::back::Back;
 use super::exposure::Exposure;
@@ -70,6 +71,8 @@ pub struct Facts {
     /// Result of the authenticity check, in one line; `None` for a capture.
     pub authenticity: Option<String>,
     started_ns: u64,
+    /// Height of the walking surface in the world, m.
+    surface_z_m: f64,
     records: Records,
     last: Option<Last>,
 }
@@ -77,7 +80,6 @@ pub struct Facts {
 /// Data of the previous state, for comparison with the next one.
 #[derive(Debug, Clone, Copy)]
 struct Last {
-    cycle: u64,
     time_ns: u64,
     lifts: u32,
 }
@@ -93,6 +95,7 @@ impl Facts {
             Input::Recording(recording) => recording.header().clone(),
             _ => RecordingHeader::default(),
         };
+        let surface_z_m = surface_z_m(input, &chosen.config);
         let mut facts = Facts {
             name: name.to_owned(),
             source: Source::Recorded,
@@ -101,12 +104,12 @@ impl Facts {
             config: chosen.config,
             config_origin: chosen.origin,
             changes_s: Vec::new(),
-            periods: vec![Period::default()],
+            periods: vec![Period::on(surface_z_m)],
             cycles: 0,
             span_s: None,
             identification: Identification::default(),
             exposure: Exposure::default(),
-            lifts: Lifts::default(),
+            lifts: Lifts::on(surface_z_m),
             back: Back::default(),
             mass_kg: 0.0,
             path: None,
@@ -114,6 +117,7 @@ impl Facts {
             rejected: Vec::new(),
             authenticity: None,
             started_ns: input.started_ns(),
+            surface_z_m,
             records: Records::default(),
             last: None,
         };
@@ -168,7 +172,9 @@ impl Facts {
             self.ingest(state);
             Ok(())
         })?;
-        for reason in summary.skipped.rejected {
+        let inexact = summary.fidelity.filter(|fidelity| !fidelity.is_exact());
+        let inexact = inexact.map(|fidelity| fidelity.to_string()).unwrap_or_default();
+        for reason in summary.skipped.rejected.into_iter().chain(inexact.lines().map(str::to_owned)) {
             if !self.rejected.contains(&reason) {
                 self.rejected.push(reason);
             }
@@ -184,14 +190,14 @@ impl Facts {
         self.span_s = Some([from_s, time_s]);
         if self.is_another_worker(state) {
             self.changes_s.push(time_s);
-            self.periods.push(Period::default());
+            self.periods.push(Period::on(self.surface_z_m));
             self.identification = Identification::default();
             self.lifts.change_subject(state);
             self.back.change_subject();
         }
         let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
-        let State { cycle, time_ns, lifts, .. } = *state;
-        self.last = Some(Last { cycle, time_ns, lifts });
+        let State { time_ns, lifts, .. } = *state;
+        self.last = Some(Last { time_ns, lifts });
         self.identification.ingest(state, time_s, stopped);
         if let Some(period) = self.periods.last_mut() {
             period.ingest(state, time_s, step_s);
@@ -210,23 +216,33 @@ impl Facts {
         recorded().unwrap_or(self.config.period_ns())
     }
 
-    /// Whether the subject was changed since the previous state: according to a record, or to a change in the number of
-    /// lifts that is impossible for one subject, which can only decrease one by one (`subject undo-lift`) and increases
-    /// at a limited rate.
+    /// Whether the subject was changed or a new shift began since the previous state: according to a record, or to a
+    /// change in the number of lifts that is impossible within one shift of one subject, where it can only decrease one
+    /// by one (`subject undo-lift`) and increases at a limited rate. A restart of the daemon restores the last saved
+    /// number, which may be lower by one, or begins a new shift at 0.
     fn is_another_worker(&self, state: &State) -> bool {
         let Some(last) = self.last else { return false };
         if self.records.has_load(last.time_ns, state.time_ns) {
             return true;
         }
-        // A restart restores the last saved state, which may have one lift less.
-        let continues = state.cycle > last.cycle;
         let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
         let more = f64::from(state.lifts.saturating_sub(last.lifts));
-        continues && (state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S))
+        state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S)
     }
 
     /// Whether the whole file was used.
     pub fn is_complete(&self) -> bool {
         self.rejected.is_empty()
     }
+}
+
+/// Height of the walking surface in the world by the first ground sample, m; 0 without one.
+fn surface_z_m(input: &Input, config: &Config) -> f64 {
+    let first = input.samples(config).ok().and_then(|mut samples| {
+        samples.find_map(|sample| match sample {
+            Sample::Ground(ground) => Some(ground.surface_z_m),
+            Sample::Suit(_) | Sample::Body(_) => None,
+        })
+    });
+    first.unwrap_or_default()
 }

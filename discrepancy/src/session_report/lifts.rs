@@ -40,6 +40,8 @@ pub struct Lifts {
     pub before: u32,
     counted: Option<u32>,
     episode: Episode,
+    /// Height of the walking surface in the world, m.
+    surface_z_m: f64,
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -52,11 +54,16 @@ struct Episode {
     reach_sum_m: f64,
     reach_max_m: f64,
     empty_s: f64,
-    /// The first and the last grasp with valid torques.
+    /// The first and the last grasp of a load with valid torques.
     ends: Option<[Grasp; 2]>,
 }
 
 impl Lifts {
+    /// No lifts yet, on a walking surface at this height in the world, m.
+    pub fn on(surface_z_m: f64) -> Lifts {
+        Lifts { surface_z_m, ..Lifts::default() }
+    }
+
     /// Adds one state, which represents `step_s`.
     pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
         let counted = self.counted.unwrap_or_else(|| {
@@ -71,7 +78,7 @@ impl Lifts {
             self.lifts.pop();
         }
         self.counted = Some(state.lifts);
-        self.episode.ingest(state, time_s, step_s);
+        self.episode.ingest(state, time_s, step_s, self.surface_z_m);
     }
 
     /// From this state on another subject is in use, with a separate count of lifts and empty hands.
@@ -87,7 +94,7 @@ impl Lifts {
 }
 
 impl Episode {
-    fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
+    fn ingest(&mut self, state: &State, time_s: f64, step_s: f64, surface_z_m: f64) {
         let valid_kg = state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg);
         // A negative mass indicates leaning on something: no load, as in the loop.
         if let Some(mass_kg) = valid_kg.filter(|mass_kg| *mass_kg > 0.0) {
@@ -97,21 +104,26 @@ impl Episode {
             self.mass_sum_kg += mass_kg;
             self.sigma_sum_kg += state.lifted_mass_sigma_kg;
             self.empty_s = 0.0;
+            self.ingest_grasp(state, surface_z_m);
         } else if valid_kg.is_some() || state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
             self.empty_s += step_s;
         }
+        // No load for this long and no lift counted by the loop: a brief contact.
+        if self.empty_s > 2.0 * LIFT_MIN_S {
+            *self = Episode::default();
+        }
+    }
+
+    /// Adds the position of a load.
+    fn ingest_grasp(&mut self, state: &State, surface_z_m: f64) {
         if let Some(reach_m) = state.unless(Validity::INVALIDATES_TORQUES, state.reach_m) {
             self.reaches += 1.0;
             self.reach_sum_m += reach_m;
             self.reach_max_m = self.reach_max_m.max(reach_m);
         }
-        if let Some(grasp) = Grasp::of(state) {
+        if let Some(grasp) = Grasp::of(state, surface_z_m) {
             let [first, _] = self.ends.unwrap_or([grasp; 2]);
             self.ends = Some([first, grasp]);
-        }
-        // No load for this long and no lift counted by the loop: a brief contact.
-        if self.empty_s > 2.0 * LIFT_MIN_S {
-            *self = Episode::default();
         }
     }
 
@@ -156,9 +168,11 @@ mod tests {
         take(1.0, counted(2));
         take(0.2, carrying(50.0, 2));
         take(2.0, counted(2));
-        take(3.0, carrying(-8.0, 2));
+        take(3.0, State { reach_m: 0.9, ..carrying(-8.0, 2) });
         take(1.0, carrying(4.0, 2));
         take(1.0, carrying(6.0, 2));
+        // Without a load there is no reach, although torques may be valid.
+        take(0.2, State { reach_m: 0.9, ..carrying(0.0, 2) });
         take(0.5, counted(2));
         take(1.0, counted(3));
         take(1.0, carrying(9.0, 3));
@@ -168,7 +182,8 @@ mod tests {
         assert!(
             (lift.mass_kg.unwrap() - 5.0).abs() < 1e-9 && (lift.mass_sigma_kg.unwrap() - 0.3).abs() < 1e-9
         );
-        assert!((lift.reach_m.unwrap() - 0.4).abs() < 1e-9 && (lift.to_s - lift.from_s - 1.99).abs() < 1e-6);
+        assert!((lift.reach_m.unwrap() - 0.4).abs() < 1e-9 && lift.reach_max_m == Some(0.4));
+        assert!((lift.to_s - lift.from_s - 1.99).abs() < 1e-6);
     }
 
     #[test]

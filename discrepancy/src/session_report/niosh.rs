@@ -10,15 +10,15 @@ use equipoise_core::message::{State, Validity};
 pub struct Grasp {
     /// H: horizontal distance of the load from the middle of the ankles, m.
     pub reach_m: f64,
-    /// V: height of the wrists above the floor, m.
+    /// V: height of the wrists above the walking surface, m.
     pub height_m: f64,
     /// A: angle between the feet and the hands, about the vertical, degrees.
     pub asymmetry_deg: f64,
 }
 
 impl Grasp {
-    /// The grasp of a state with valid torques.
-    pub fn of(state: &State) -> Option<Grasp> {
+    /// The grasp of a state with valid torques; `surface_z_m` is the height of the walking surface in the world, m.
+    pub fn of(state: &State, surface_z_m: f64) -> Option<Grasp> {
         let reach_m = state.unless(Validity::INVALIDATES_TORQUES, state.reach_m)?;
         let origin_m = state.segment_origin_m()?;
         let middle = |of: fn(Side) -> Segment| {
@@ -30,7 +30,7 @@ impl Grasp {
         let cross = ahead[0] * towards[1] - ahead[1] * towards[0];
         let along = ahead[0] * towards[0] + ahead[1] * towards[1];
         let asymmetry_deg = cross.abs().atan2(along).to_degrees();
-        Some(Grasp { reach_m, height_m: hands[2], asymmetry_deg })
+        Some(Grasp { reach_m, height_m: hands[2] - surface_z_m, asymmetry_deg })
     }
 
     /// HM · VM · AM: 0 beyond the limits of the equation.
@@ -105,9 +105,9 @@ mod tests {
             // To the side: 90 degrees.
             state.segment_origin_m[side.hand().index()] = [2.0, 0.5 + y, 0.9];
         }
-        let grasp = Grasp::of(&state).unwrap();
-        assert!((grasp.asymmetry_deg - 90.0).abs() < 1e-9 && (grasp.height_m - 0.9).abs() < 1e-12);
+        let grasp = Grasp::of(&state, 0.2).unwrap();
+        assert!((grasp.asymmetry_deg - 90.0).abs() < 1e-9 && (grasp.height_m - 0.7).abs() < 1e-12);
         state.valid = Validity::MOVING.0;
-        assert_eq!(Grasp::of(&state), None);
+        assert_eq!(Grasp::of(&state, 0.2), None);
     }
 }

@@ -21,6 +21,11 @@ pub struct Period {
 }
 
 impl Period {
+    /// A period without states on a walking surface at this height in the world, m.
+    pub fn on(surface_z_m: f64) -> Period {
+        Period { lifts: Lifts::on(surface_z_m), ..Period::default() }
+    }
+
     /// Adds one state, which represents `step_s`.
     pub fn ingest(&mut self, state: &State, time_s: f64, step_s: f64) {
         let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);

@@ -57,7 +57,7 @@ impl PlateFile {
             Some("txt" | "tsv" | "csv") => Kind::Text(path.to_owned()),
             Some("pcap" | "pcapng" | "cap" | "mcap") => Kind::Input(Input::open(path)?),
             _ => bail!(
-                "{}: give a plate's file that ends in .txt, .tsv, .csv, .pcap or .pcapng",
+                "{}: give a plate's file that ends in .txt, .tsv, .csv, .pcap, .pcapng or .mcap",
                 path.display()
             ),
         };
@@ -101,9 +101,11 @@ impl PlateSamples<'_> {
         match &self.source {
             Source::Text(capture) => {
                 let rejected = capture.rejected();
-                let reason =
-                    (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
-                SkippedData { rejected: reason.into_iter().collect(), ignored: Vec::new() }
+                let rows = (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
+                let fault = capture.fault().map(|(line, cause)| {
+                    format!("the plate's file cannot be read from line {line} on, which ends it: {cause}")
+                });
+                SkippedData { rejected: rows.into_iter().chain(fault).collect(), ignored: Vec::new() }
             }
             Source::Input(samples) => samples.skipped(),
         }

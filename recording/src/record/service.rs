@@ -1,6 +1,7 @@
 //! Records for as long as the station runs: one file after another, within the limits of the disk space.
 
 use std::cell::Cell;
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
@@ -12,6 +13,7 @@ use equipoise_files::sha256_with;
 use equipoise_station::status;
 use tracing::{info, warn};
 
+use super::ports::Daemons;
 use super::signature::{Signer, SigningKey};
 use super::storage::{Limits, RecordingStore, has_jumped};
 use super::summary::RecordSummary;
@@ -21,10 +23,14 @@ use super::{Progress, Tap};
 const POLL_INTERVAL: Duration = Duration::from_millis(500);
 /// Interval for checking file and daemon, and for notifying the service manager that messages are written.
 const FILE_CHECK_INTERVAL: Duration = Duration::from_millis(500);
-/// Shorter interval after the cycle number restarted: messages of another daemon belong in another file.
-const RESTART_CHECK_INTERVAL: Duration = Duration::from_millis(50);
+/// Maximum wait for the status of a daemon whose first cycles were received: it is published after them.
+const STATUS_TIMEOUT: Duration = Duration::from_secs(2);
+/// Interval of reading it.
+const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Interval for removing old files.
 const CLEAR_INTERVAL: Duration = Duration::from_secs(10);
+/// Reason for the end of a file.
+const NEXT_DAEMON: &str = "is complete: another daemon runs, whose configuration is in the next file";
 const MIB: u64 = 1 << 20;
 
 fn limits_of(config: &RecordingConfig) -> Limits {
@@ -65,8 +71,12 @@ pub fn serve(
         let out = store.next(unix_s);
         let until = Until::new(station, &retention, stopping, heartbeat);
         let announce = || info!("recording station {station} to {}", out.display());
-        match tap.record(&out, previous, config.pictures_hz, &|progress| until.is_over(progress), announce) {
+        let contents = (config.pictures_hz, Daemons::One);
+        match tap.record(&out, previous, contents, &|progress| until.is_over(progress), announce) {
             Ok(sha256) => {
+                if tap.ports.is_next_daemon() {
+                    until.reason.set(NEXT_DAEMON);
+                }
                 info!("{} {}; {}", out.display(), until.reason.get(), tap.summary);
                 signer.start(&out, &sha256);
                 previous = Some(Predecessor { file: file_name(&out), sha256 });
@@ -81,23 +91,36 @@ pub fn serve(
         if let Some(error) = until.error.take() {
             return Err(error);
         }
-        let is_replaced = tap.is_replaced();
-        if !stopping() && (is_replaced || status::read(station).is_none()) {
-            info!("the daemon of station {station} has ended; waiting for the next one");
-            let summary = tap.summary;
-            if is_replaced {
-                // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
-                std::mem::forget(tap);
-            } else {
-                drop(tap);
-            }
-            match wait_for_daemon(station, stopping, heartbeat)? {
-                Some(next) => tap = Tap { summary, ..next },
-                None => return Ok(summary),
-            }
-        }
+        tap = match next_tap(tap, station, stopping, heartbeat)? {
+            ControlFlow::Continue(next) => next,
+            ControlFlow::Break(summary) => return Ok(summary),
+        };
     }
     Ok(tap.summary)
+}
+
+/// The subscriptions for the next file, after a wait for a daemon if none runs; the summary once `stopping`.
+fn next_tap(
+    tap: Tap,
+    station: &str,
+    stopping: &dyn Fn() -> bool,
+    heartbeat: &dyn Fn(),
+) -> anyhow::Result<ControlFlow<RecordSummary, Tap>> {
+    if tap.ports.is_next_daemon() {
+        wait_for_next_status(station, tap.process_id, stopping, heartbeat);
+    }
+    let (summary, is_replaced) = (tap.summary, tap.is_replaced());
+    if stopping() || !is_replaced && status::read(station).is_some() {
+        return Ok(ControlFlow::Continue(tap));
+    }
+    info!("the daemon of station {station} has ended; waiting for the next one");
+    if is_replaced {
+        tap.leak();
+    } else {
+        drop(tap);
+    }
+    let next = wait_for_daemon(station, stopping, heartbeat)?;
+    Ok(next.map_or(ControlFlow::Break(summary), |next| ControlFlow::Continue(Tap { summary, ..next })))
 }
 
 /// The configured signing key; `base` is the folder to which a relative path refers.
@@ -148,6 +171,16 @@ fn wait_for_daemon(
         std::thread::sleep(POLL_INTERVAL);
     }
     Ok(None)
+}
+
+/// Waits until the status is that of another process: the next file has its configuration in the header.
+fn wait_for_next_status(station: &str, process_id: u32, stopping: &dyn Fn() -> bool, heartbeat: &dyn Fn()) {
+    let started = Instant::now();
+    let is_next = || status::read(station).is_some_and(|facts| facts.process_id != process_id);
+    while !stopping() && started.elapsed() < STATUS_TIMEOUT && !is_next() {
+        heartbeat();
+        std::thread::sleep(STATUS_POLL_INTERVAL);
+    }
 }
 
 /// Removes old recordings and logs it.
@@ -218,8 +251,6 @@ struct Until<'a> {
     checked: Cell<Instant>,
     /// Messages written at the last check.
     written: Cell<u64>,
-    /// Restarts of the cycle number counted when the file was started.
-    restarts: Cell<Option<u64>>,
     /// Reason for the end of the file, in words.
     reason: Cell<&'static str>,
     error: Cell<Option<anyhow::Error>>,
@@ -239,8 +270,7 @@ impl<'a> Until<'a> {
             heartbeat,
             checked: Cell::new(Instant::now()),
             written: Cell::new(0),
-            restarts: Cell::new(None),
-            reason: Cell::new("is whole"),
+            reason: Cell::new("is complete"),
             error: Cell::new(None),
         }
     }
@@ -253,11 +283,7 @@ impl<'a> Until<'a> {
             self.error.set(Some(error));
             return true;
         }
-        let restarts = progress.summary.cycles.restarts;
-        let initial_restarts = self.restarts.get().unwrap_or(restarts);
-        self.restarts.set(Some(initial_restarts));
-        let pause = if restarts > initial_restarts { RESTART_CHECK_INTERVAL } else { FILE_CHECK_INTERVAL };
-        if self.checked.get().elapsed() < pause {
+        if self.checked.get().elapsed() < FILE_CHECK_INTERVAL {
             return false;
         }
         self.checked.set(Instant::now());
@@ -278,7 +304,7 @@ impl<'a> Until<'a> {
             return true;
         };
         if facts.is_some_and(|facts| facts.process_id != progress.process_id) {
-            self.reason.set("is whole: another daemon runs, with a head of its own");
+            self.reason.set(NEXT_DAEMON);
             return true;
         }
         bytes >= self.retention.config.file_max_mib * MIB || progress.bus_directory.is_replaced()

@@ -46,6 +46,8 @@ pub struct Fidelity {
     pub reloads: u64,
     /// The cycle at which settings became active that the recording lacks; the replay ends there.
     pub unknown_settings_at: Option<u64>,
+    /// The first cycle of a restarted daemon, whose settings the recording lacks; the replay ends there.
+    pub unknown_daemon_at: Option<u64>,
     /// Damage that ended reading before the end of the file.
     pub damage: Option<String>,
 }
@@ -99,6 +101,7 @@ impl Fidelity {
             && self.out_of_order == 0
             && self.uncertain == 0
             && self.unknown_settings_at.is_none()
+            && self.unknown_daemon_at.is_none()
             && self.damage.is_none()
     }
 }
@@ -145,6 +148,13 @@ impl fmt::Display for Fidelity {
             writeln!(
                 f,
                 "stopped at cycle {cycle}: the configuration was read again there, and the recording lacks the new one"
+            )?;
+        }
+        if let Some(cycle) = self.unknown_daemon_at {
+            writeln!(
+                f,
+                "stopped at cycle {cycle} of a restarted daemon: the recording lacks its configuration; replay with --config \
+                 to continue"
             )?;
         }
         if let Some(damage) = &self.damage {

@@ -22,7 +22,7 @@ pub(super) enum Start {
 }
 
 /// Calls `write` with the state of every replayed cycle. `settings` are those of the recording's reloads by number;
-/// `None` ignores the reloads and keeps the machine's own settings.
+/// `None` ignores reloads and restarts of the daemon and keeps the machine's own settings.
 ///
 /// # Errors
 /// The error of `write`.
@@ -50,7 +50,7 @@ pub(super) fn run(
         if run.cycle(&mut feed, &cycle) {
             write(run.machine.state())?;
         }
-        if run.fidelity.unknown_settings_at.is_some() {
+        if run.fidelity.unknown_settings_at.is_some() || run.fidelity.unknown_daemon_at.is_some() {
             break;
         }
     }
@@ -136,10 +136,12 @@ impl Run<'_> {
                 return false;
             }
             if tick.cycle <= last.cycle {
-                // Another run of the daemon; its first cycle comes with a checkpoint.
                 self.fidelity.restarts += 1;
-                self.running &= self.start == Start::Empty;
-                self.exact = false;
+                if self.settings.is_some() {
+                    // The header has the configuration of the daemon before; the recording lacks the new one's.
+                    self.fidelity.unknown_daemon_at = Some(tick.cycle);
+                    return false;
+                }
             } else if tick.cycle > last.cycle + 1 {
                 self.fidelity.cycles_missing += tick.cycle - last.cycle - 1;
                 self.exact = false;

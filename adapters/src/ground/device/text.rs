@@ -19,7 +19,8 @@ pub enum Framing {
     Datagrams,
     /// Deliveries are pieces of a stream that begins with a line.
     Stream,
-    /// Pieces of a stream that was joined at an arbitrary point: the first line may be incomplete.
+    /// Pieces of a stream that was joined at an arbitrary point: the first line may be incomplete, unless the transport
+    /// reports that it begins at the start ([`GroundDevice::opened_at_start`]).
     Joined,
 }
 
@@ -138,13 +139,14 @@ impl<J> Text<J> {
             wrong: 0,
             fault: None,
         };
-        Text { lines: settings.lines(), settings, reader }
+        Text { lines: settings.lines(settings.framing == Framing::Joined), settings, reader }
     }
 }
 
 impl TextSettings {
-    fn lines(&self) -> Lines {
-        Lines::new(self.longest.min(LINE_BYTES_MAX), self.framing == Framing::Joined)
+    /// The line buffer; `is_joined`: the first line may be incomplete.
+    fn lines(&self, is_joined: bool) -> Lines {
+        Lines::new(self.longest.min(LINE_BYTES_MAX), is_joined)
     }
 
     fn counts_nothing(&self) -> bool {
@@ -161,8 +163,13 @@ impl TextSettings {
 }
 
 impl<J: Judge> GroundDevice for Text<J> {
-    fn opened(&mut self, _now_ns: u64) {
-        self.lines = self.settings.lines();
+    fn opened(&mut self, now_ns: u64) {
+        self.opened_at_start(now_ns);
+        self.lines = self.settings.lines(self.settings.framing == Framing::Joined);
+    }
+
+    fn opened_at_start(&mut self, _now_ns: u64) {
+        self.lines = self.settings.lines(false);
         self.reader.header_left = self.settings.header_lines;
         self.reader.order.forget();
     }

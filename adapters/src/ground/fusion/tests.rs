@@ -250,6 +250,23 @@ proptest! {
 }
 
 #[test]
+fn a_fault_of_the_insoles_leaves_the_plate_valid() {
+    let mut fusion = plate_and_insoles();
+    for time_ns in [10 * MS, 20 * MS] {
+        let status = u32::from(time_ns == 20 * MS);
+        fusion.push(1, GroundSample { device_status: status, ..insoles(time_ns, [300.0, 400.0]) }, 25 * MS);
+    }
+    for time_ns in [10 * MS, 15 * MS] {
+        fusion.push(0, first(time_ns, 700.0), 25 * MS);
+    }
+    let [both, alone] = fused(&mut fusion, 25 * MS)[..] else { panic!("two samples") };
+    assert_eq!((both.device_status, both.per_foot), (0, 1));
+    assert_eq!((alone.device_status, alone.per_foot), (0, 0), "between a sample and a faulty one");
+    assert_eq!((alone.devices, alone.force_n[2]), (DeviceKind::Plate as u32, 700.0));
+    assert_eq!(without_partner(&fusion), 1);
+}
+
+#[test]
 fn the_session_of_the_whole_never_falls_however_often_the_insoles_fail() {
     let mut fusion = plate_and_insoles();
     let mut sessions = Vec::new();

@@ -48,6 +48,8 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
     };
     std::thread::scope(|scope| {
         let recorder = scope.spawn(|| record(station, &recording, PICTURES_HZ, &stopping, started));
+        // Also after an error, as the scope waits for the recorder.
+        let end = EndRecording(&is_decided);
         let is_over = || interrupted.load(Ordering::Relaxed) || recorder.is_finished();
         while wait(&lines, &is_over) == Next::Evaluate {
             match super::evaluate(arguments, &recording) {
@@ -63,7 +65,7 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
                 Err(error) => eprintln!("not yet: {error:#}"),
             }
         }
-        is_decided.store(true, Ordering::Relaxed);
+        drop(end);
         match recorder.join() {
             Ok(recorded) => recorded.map(drop),
             Err(panic) => std::panic::resume_unwind(panic),
@@ -71,6 +73,15 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
     })?;
     // The recording is complete now, and its hash is that of the file.
     super::one(arguments, &recording, Some(folder))
+}
+
+/// Ends the recording when dropped.
+struct EndRecording<'a>(&'a AtomicBool);
+
+impl Drop for EndRecording<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
 }
 
 /// The lines of standard input; disconnected at its end.
@@ -106,5 +117,25 @@ fn request(finding: &Finding) -> String {
         None => {
             "no known measurement would tell more; continue the work, then Enter (Ctrl-C ends)".to_owned()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_in_an_evaluation_ends_the_recording() {
+        let is_decided = AtomicBool::new(false);
+        let failed: anyhow::Result<()> = std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_decided.load(Ordering::Relaxed) {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+            });
+            let _end = EndRecording(&is_decided);
+            anyhow::bail!("standard output is closed");
+        });
+        assert!(failed.is_err());
     }
 }

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use equipoise_adapters::calibration::verify::Placed;
 use equipoise_adapters::calibration::verify::places::{Geometry, Known, geometry};
 use equipoise_adapters::calibration::verify::rod::Tip;
+use equipoise_adapters::ground::GroundFrame;
 use serde_json::{Value, json};
 
 use crate::client;
@@ -20,25 +21,25 @@ pub(super) struct MassResult {
     pub(super) geometry: Option<Geometry>,
 }
 
-/// Compares the measured positions of the mass with the placed ones, in the plate's own frame.
-pub(super) fn geometry_of(
-    placed: &[Placed],
-    at_m: &[[f64; 2]],
-    station: &str,
-) -> anyhow::Result<Option<Geometry>> {
-    if at_m.is_empty() {
-        return Ok(None);
-    }
+/// Pose of the plate of a station, whose origin and axes the placed positions refer to.
+///
+/// # Errors
+/// The station's configuration cannot be read, or another process has that of the plate.
+pub(super) fn frame_of(station: &str) -> anyhow::Result<GroundFrame> {
     let config = client::active_configuration_of(station)?;
     client::own_ground(&config, "[ground.frame]")?;
-    let frame = config.ground.settings().frame;
+    Ok(config.ground.settings().frame)
+}
+
+/// Compares the measured positions of the mass with the placed ones, in the plate's own frame.
+pub(super) fn geometry_of(placed: &[Placed], at_m: &[[f64; 2]], frame: &GroundFrame) -> Option<Geometry> {
     let (sine, cosine) = frame.yaw_rad.sin_cos();
     let in_plate = |[x, y]: [f64; 2]| {
         let [x, y] = [x - frame.origin_m[0], y - frame.origin_m[1]];
         [cosine * x + sine * y, cosine * y - sine * x]
     };
     let seen_m: Vec<[f64; 2]> = placed.iter().map(|placed| in_plate(placed.cop_m)).collect();
-    Ok(geometry(&seen_m, at_m))
+    geometry(&seen_m, at_m)
 }
 
 impl MassResult {
