@@ -209,10 +209,17 @@ impl Walk {
             cop_measured_m: cop,
             force_measured_n: force,
         };
-        let joint_rad = std::array::from_fn(|s| match Segment::ALL[s].parent() {
-            Some(parent) => (at[1][parent.index()].inverse() * at[1][s]).scaled_axis().into(),
-            None => at[1][s].scaled_axis().into(),
+        let joint_rad = [0, 1, 2].map(|i| {
+            Segment::ALL.map(|segment| -> [f64; 3] {
+                let turned = |segment: Segment| at[i][segment.index()];
+                let parent = segment.parent().map_or(UnitQuaternion::identity(), turned);
+                (parent.inverse() * turned(segment)).scaled_axis().into()
+            })
         });
+        let bent = |s: usize, joint: usize| {
+            let at = |i: usize| matrix(i, s) * joint_rad[i][s][joint];
+            rows((at(0) - at(1) * 2.0 + at(2)) / (STEP_S * STEP_S))
+        };
         let none = Change { cop_m: [0.0; 2], force_n: [0.0; 3] };
         let pause_s = time_s % (HELD_S + MOVED_S);
         Block {
@@ -222,7 +229,8 @@ impl Walk {
             observation,
             com_velocity_m_per_s: ((com(2) - com(0)) / (2.0 * STEP_S)).into(),
             turning_by_group_m: [[0.0; 2]; 4],
-            joint_rad,
+            joint_rad: joint_rad[1],
+            bent_rotation_acceleration: std::array::from_fn(|s| [0, 1, 2].map(|joint| bent(s, joint))),
             heading_rad: 0.0,
             by_lag: [none; LAGS_S.len()],
             by_cutoff: [none; CUTOFFS_HZ.len()],

@@ -29,13 +29,15 @@ pub(super) fn second(path: impl Fn(f64) -> Vector, time_s: f64) -> Vector {
 pub(super) struct SuitError {
     pub(super) in_world: [Vector; SEGMENTS],
     pub(super) in_segment: [Vector; SEGMENTS],
+    /// Factor of `in_segment` at a time, s.
+    pub(super) factor: fn(f64) -> f64,
     pub(super) whole_rad: f64,
 }
 
 impl SuitError {
     pub(super) fn none() -> SuitError {
         let none = [Vector::zeros(); SEGMENTS];
-        SuitError { in_world: none, in_segment: none, whole_rad: 0.0 }
+        SuitError { in_world: none, in_segment: none, factor: |_| 1.0, whole_rad: 0.0 }
     }
 }
 
@@ -72,7 +74,7 @@ impl Body {
         let turned = core::array::from_fn(|index| {
             UnitQuaternion::from_scaled_axis(error.in_world[index])
                 * truth[index]
-                * UnitQuaternion::from_scaled_axis(error.in_segment[index])
+                * UnitQuaternion::from_scaled_axis(error.in_segment[index] * (error.factor)(time_s))
         });
         // The middle between the feet is fixed.
         let middle = Vector::new(0.1, -0.05, FLOOR_M + 0.05);
@@ -209,7 +211,7 @@ fn feet(joints: &[Vector; SEGMENTS]) -> Vector {
     ends.iter().map(|end| joints[end.index()]).sum::<Vector>() * 0.25
 }
 
-fn sine(angle: f64) -> f64 {
+pub(super) fn sine(angle: f64) -> f64 {
     crate::math::sin_cos(angle).0
 }
 

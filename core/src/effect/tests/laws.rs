@@ -1,8 +1,10 @@
 use nalgebra::{Rotation2, Vector2, Vector3};
 
-use super::body::{BODY_KG, Body, FLOOR_M, Path, Reaction, SuitError};
+use super::body::{BODY_KG, Body, FLOOR_M, Path, Reaction, SuitError, second, sine};
 use crate::body::{Segment, Side};
-use crate::effect::{Columns, Effect, Observation, PARAMETERS_MAX, Place, Term, columns};
+use crate::effect::{
+    Columns, Effect, Observation, PARAMETERS_MAX, Place, Term, columns, misaligned_by_factor,
+};
 use crate::message::GroundSample;
 use crate::sesc::Phi;
 
@@ -161,6 +163,36 @@ fn a_segment_that_is_read_turned_shifts_the_prediction_by_its_columns() {
             let o = body.observation(time_s, &crooked, &phi(&body), &truth, shear);
             let misaligned = columns(Effect::SegmentMisalignment, place, 0.0, &o);
             little_is_left(&o, &misaligned, [1e-5, -2e-5, 1.5e-5, 0.0], segment.name());
+        }
+    }
+}
+
+/// As of a sensor on soft tissue that moves with the joint: the displacement accelerates with the factor, too.
+#[test]
+fn a_misalignment_that_changes_with_time_shifts_the_prediction_by_its_columns() {
+    let body = Body::new();
+    for segment in [Segment::T8, Segment::RightUpperArm, Segment::LeftUpperLeg, Segment::RightLowerLeg] {
+        for (time_s, shear) in TIMES_S.into_iter().flat_map(|time| [(time, false), (time, true)]) {
+            let truth = body.reaction(time_s, &[], None);
+            let mut loose = SuitError { factor: |t| 0.3 + sine(3.0 * t), ..SuitError::none() };
+            loose.in_segment[segment.index()] = Vector3::new(1e-5, -2e-5, 1.5e-5);
+            let o = body.observation(time_s, &loose, &phi(&body), &truth, shear);
+            let column = |t: f64, axis: usize| -> Vector3<f64> {
+                let turned = body.rotation(t)[segment.index()].to_rotation_matrix();
+                turned.matrix().column(axis) * (loose.factor)(t)
+            };
+            let rows = |of: &dyn Fn(usize) -> Vector3<f64>| {
+                let columns = [0, 1, 2].map(of);
+                [0, 1, 2].map(|row| columns.map(|column| column[row]))
+            };
+            let turned = rows(&|axis| column(time_s, axis));
+            let acceleration = rows(&|axis| second(|t| column(t, axis), time_s));
+            let loosened = misaligned_by_factor(segment, &turned, &acceleration, &o);
+            let value = [1e-5, -2e-5, 1.5e-5, 0.0];
+            little_is_left(&o, &loosened, value, segment.name());
+            let (_, left_n) = left_over(&o, &loosened, value);
+            let (_, gap_n) = left_over(&o, &Columns::zero(1), value);
+            assert!(left_n < 1e-3 * gap_n, "{}: {left_n} N of {gap_n} N are left", segment.name());
         }
     }
 }
