@@ -50,6 +50,12 @@ impl Ports {
 
     /// Writes the first messages of the daemon at which the file before ended.
     pub(super) fn begin(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
+        if self.is_next_daemon() {
+            self.cycle.accept_next();
+            self.state.accept_next();
+            self.early.accept_next();
+            self.checkpoint.accept_next();
+        }
         let (cycle, state) = (self.cycle.held.take(), self.state.held.take());
         let (early, checkpoint) = (self.early.held.take(), self.checkpoint.held.take());
         cycle.map_or(Ok(()), |record| write_cycle(sink, summary, &record))?;
@@ -110,6 +116,13 @@ struct CyclePort<M: Topic> {
 impl<M: Topic> CyclePort<M> {
     fn open(bus: &Bus) -> Result<CyclePort<M>, BusError> {
         Ok(CyclePort { subscriber: bus.subscriber(M::SERVICE.depth_max)?, last: None, held: None })
+    }
+
+    /// Accepts the next daemon, also if its first message of this kind is still to come.
+    fn accept_next(&mut self) {
+        if self.held.is_none() {
+            self.last = None;
+        }
     }
 
     /// Writes the pending messages, with [`Daemons::One`] up to the first of the next daemon.
