@@ -138,35 +138,20 @@ fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f64]) -> Vec<
         Scope::Span(edges_s) => Some(edges_s),
         _ => None,
     };
-    let sizes = sizes(candidate, value);
-    misfit(gram, &columns_at, &sizes, &hats(rows, model_error(candidate.effect), edges_s))
+    misfit(gram, &columns_at, [&candidate.sigma, value], &hats(rows, model_error(candidate.effect), edges_s))
 }
 
-/// Size of an effect, in the unit of each parameter: of a mass and its first moments the mass and its usual arm times it,
-/// of others by [`sizes_by_prior`].
-fn sizes(candidate: &Candidate, value: &[f64]) -> Vec<f64> {
-    let Some(arm_m) = candidate.effect.arm_sigma_m(candidate.place) else {
-        return sizes_by_prior(&candidate.sigma, value);
-    };
-    let mass_kg = value[0].abs();
-    (0..value.len()).map(|parameter| if parameter == 0 { mass_kg } else { arm_m * mass_kg }).collect()
-}
-
-/// The root mean square of the parameters in units of their priors' 1-σ, times this, since their units differ.
-fn sizes_by_prior(sigma: &[f64], value: &[f64]) -> Vec<f64> {
-    let squares: f64 = value.iter().zip(sigma).map(|(value, sigma)| (value / sigma).powi(2)).sum();
-    let size = (squares / sigma.len() as f64).sqrt();
-    sigma.iter().map(|sigma| size * sigma).collect()
-}
-
-/// The same of columns at every block of the work, with the size of the effect in the unit of each parameter.
+/// The same of columns at every block of the work, with the prior's 1-σ and the values of the parameters.
 fn misfit(
     gram: &Gram<'_>,
     columns_at: &[Columns],
-    sizes: &[f64],
+    [sigma, value]: [&[f64]; 2],
     hats: &[(f64, f64, f64)],
 ) -> Vec<(Vec<f64>, f64)> {
-    let (rows, count) = (gram.rows, sizes.len());
+    let (rows, count) = (gram.rows, sigma.len());
+    // Size of the effect in units of the prior, since the parameters' units differ.
+    let squares: f64 = value.iter().zip(sigma).map(|(value, sigma)| (value / sigma).powi(2)).sum();
+    let size = (squares / count as f64).sqrt();
     let whitened = whiten_each(rows, gram.noise, hats.len() * count, |block, column| {
         let Some(at) = block.checked_sub(rows.work_from).map(|block| &columns_at[block]) else {
             return ([0.0; 2], [0.0; 3]);
@@ -174,7 +159,7 @@ fn misfit(
         let (peak_s, half_s, _) = hats[column / count];
         let parameter = column % count;
         let near = (1.0 - (rows.time_s(block) - peak_s).abs() / half_s).max(0.0);
-        let scale = near * sizes[parameter];
+        let scale = near * size * sigma[parameter];
         (at.cop_m[parameter].map(|value| scale * value), at.force_n[parameter].map(|value| scale * value))
     });
     let fractions = hats.iter().flat_map(|&(_, _, fraction)| std::iter::repeat_n(fraction, count));
@@ -215,7 +200,7 @@ impl Outside {
     /// A term of the library with its fitted parameters; all `of` terms are equally probable.
     pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, of: usize) -> Outside {
         let hats = hats(gram.rows, term.model_error, None);
-        let misfit = misfit(gram, term.columns_at, &sizes_by_prior(term.sigma, &term.value), &hats);
+        let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats);
         let contributions = || term.columns_at.iter().map(|columns| columns.times(&padded(&term.value)));
         let size = [
             root_mean(contributions().map(|(cop_m, _)| cop_m[0] * cop_m[0])),

@@ -35,17 +35,10 @@ fn add_wide(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -
     if candidate.is_shape_factor() {
         return term;
     }
-    if let Some(arm_m) = candidate.effect.arm_sigma_m(candidate.place)
-        && let Some(fitted) = crate::select::estimate_last(gram, accepted, term)
-    {
-        let moment_kg_m = moment_sigma_kg_m(arm_m, fitted.value[0]);
-        candidate.sigma[1..].fill(moment_kg_m);
-        gram.terms[term].sigma[1..].fill(moment_kg_m);
-    }
     let all: Vec<usize> = accepted.iter().copied().chain([term]).collect();
     let columns = gram.columns_of(&all);
     let (mean, sigma) = gram.priors(&all);
-    // The prior of a first moment follows the mass.
+    // The prior of a mass's first moment follows the mass already.
     let widened = if candidate.effect.arm_sigma_m(candidate.place).is_some() { 1 } else { candidate.count() };
     let first = sigma.len() - candidate.count();
     let score = |(factor, weight): (f64, f64)| {
@@ -151,11 +144,6 @@ pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usiz
     if curvature > 0.0 { 1.0 / curvature.sqrt() } else { candidate.shape.abs() }
 }
 
-/// Prior 1-σ of the first moments of a mass, kg, whose place has this arm.
-fn moment_sigma_kg_m(arm_m: f64, mass_kg: f64) -> f64 {
-    arm_m * mass_kg.abs().max(MOMENT_MASS_MIN_KG)
-}
-
 /// Refits a mass's first moment with a prior consistent with the mass: the length of an arm, not a metre.
 pub(crate) fn scale_moment_priors(gram: &mut Gram<'_>) {
     for index in 0..gram.terms.len() {
@@ -168,7 +156,7 @@ pub(crate) fn scale_moment_priors(gram: &mut Gram<'_>) {
         let Some(mass) = estimate(&products, &with_residual, &term.mean[..1], &term.sigma[..1]) else {
             continue;
         };
-        let moment = moment_sigma_kg_m(arm_m, mass.value[0]);
+        let moment = arm_m * mass.value[0].abs().max(MOMENT_MASS_MIN_KG);
         gram.terms[index].sigma[1..].fill(moment);
         if let Some(candidate) = &mut gram.terms[index].candidate {
             candidate.sigma[1..].fill(moment);
