@@ -39,7 +39,7 @@ pub struct Deletion {
     pub directories: Vec<StateDirectory>,
     /// Daemons that had the subject in use.
     users: Vec<User>,
-    /// Stations with a running daemon, which writes its files itself, and its state directory.
+    /// Station and state directory of each running daemon, which writes its files itself.
     running: Vec<(String, StateDirectory)>,
 }
 
@@ -165,7 +165,7 @@ impl Deletion {
         ))
     }
 
-    /// Removes the mention of the subject in a station's file of a state directory.
+    /// Removes the subject from a station's file in a state directory.
     fn clear_station(
         &mut self,
         id: &str,
@@ -224,7 +224,7 @@ impl Deletion {
     }
 }
 
-/// Whether two paths lead to the same directory.
+/// Whether two paths refer to the same directory.
 fn is_same(a: &Path, b: &Path) -> bool {
     a == b || matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }

@@ -108,7 +108,7 @@ impl Feed {
         Ok(Feed { settings, ports, joined: Instant::now(), snapshot })
     }
 
-    /// Joins the bus again if its directory was replaced: the old ports do not reach the new one.
+    /// Rejoins the bus if its directory was replaced, because the old ports do not receive from the new bus.
     fn rejoin_if_replaced(&mut self) {
         if let Some(ports) = self.ports.take_if(|ports| ports.bus_watch.is_replaced()) {
             // Dropping the old ports would remove files of the new bus that have the same names, so leak them.

@@ -262,7 +262,7 @@ impl BusWatch {
     }
 }
 
-/// Whether a message is younger than `old_ns`, and not dated by the clock of another time namespace, ahead of this one.
+/// Whether a message is younger than `age_max_ns`, ns; false for a future time, which is of another time namespace.
 pub(crate) fn is_current(time_ns: u64, now_ns: u64, old_ns: u64) -> bool {
     now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < old_ns)
 }

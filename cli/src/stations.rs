@@ -265,7 +265,7 @@ fn displayed(state: &Value) -> Value {
     Value::Object(kept)
 }
 
-/// The joint of the tile, by the rule of [`equipoise_view::words::headline_joint`].
+/// Name and values of the joint that the tile displays, as [`equipoise_view::words::headline_joint`] selects it.
 fn displayed_joint(state: &Value) -> Option<(&str, &Value)> {
     let (name, joints) = (state.get("worst_joint")?.as_str()?, state.get("joints")?.as_object()?);
     let worst = joints.get(name)?;

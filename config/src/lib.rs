@@ -300,7 +300,7 @@ impl Config {
         toml::to_string_pretty(self).unwrap_or_default()
     }
 
-    /// The same for recordings: without page, metrics and gateways, which a replay does not use and whose addresses may
+    /// For recordings: without page, metrics and gateways, which a replay does not use and whose addresses may
     /// contain names of hosts, and without the folders of files and ports, which may contain names of persons.
     pub fn without_paths(mut self) -> Config {
         let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);

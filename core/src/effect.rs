@@ -212,9 +212,9 @@ pub fn misaligned(segment: Segment, observation: &Observation) -> Columns {
     suit::segment_misalignment(Place::Segment(segment), [0.0; 3], observation)
 }
 
-/// The same for a misalignment that is multiplied by a factor of the time, as of soft tissue that moves with a joint.
+/// As [`misaligned`] for a misalignment times a time-dependent factor, such as soft tissue that moves with a joint.
 ///
-/// `turned`: the factor times `world_from_segment`, row by row; `acceleration`: its second derivative, 1/s².
+/// `turned`: the factor (1) times `world_from_segment`, row by row; `acceleration`: its second derivative, 1/s².
 pub fn misaligned_by_factor(
     segment: Segment,
     turned: &[[f64; 3]; 3],

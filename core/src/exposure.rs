@@ -112,7 +112,7 @@ impl Exposure {
     /// of each joint against it, N m.
     ///
     /// Over a gap longer than [`GAP_NS`], and when time does not advance, the load is unavailable: the fatigue stays
-    /// constant, and a lift in progress ends with the values so far. A gap of [`SHIFT_ENDS_S`] starts a new shift.
+    /// constant, and a lift in progress ends with the values so far. From [`SHIFT_ENDS_S`] on, a new shift starts.
     pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limit_nm: &[f64; JOINTS]) {
         let step_ns = match self.last_sample_ns {
             0 => 0,

@@ -164,7 +164,7 @@ fn tare(ends: &mut CommandEnds, latest: Option<&State>, empty_ns: u64) -> Answer
     if empty_ns < EMPTY_MIN_NS {
         return Err("somebody stood on the plate a moment ago; ask again".to_owned());
     }
-    // The loop examines its own last readings, and refuses without a reply.
+    // The loop checks its most recent readings and may refuse the tare without a reply.
     push_command(ends, CommandKind::Tare).map(|()| {
         "the readings of the empty plate are zero from now on, unless it was loaded or faulty in the last 0.3 s: check \
          that it measures 0 N"

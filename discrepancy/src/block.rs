@@ -56,7 +56,7 @@ pub struct Block {
     pub turning_by_group_m: [[f64; 2]; 4],
     /// Rotation vector of each segment relative to its parent (pelvis: relative to the feet's heading), rad.
     pub joint_rad: [[f64; 3]; SEGMENTS],
-    /// Second derivative of each of its components times the segment's rotation matrix, rad/s².
+    /// Second derivative of each component of `joint_rad` times the segment's rotation matrix, rad/s².
     pub bent_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,

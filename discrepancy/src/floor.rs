@@ -10,14 +10,14 @@ use crate::noise::cop::cop_columns;
 /// Expected residual of every block of the work and its 1-σ: centre of pressure x, y (m), vertical force (N).
 #[derive(Debug, Clone)]
 pub(crate) struct Floor {
-    /// Expectation conditioned on the clean rows, with the original model and with the accepted terms.
+    /// Expectation (m, m, N) conditioned on the clean rows, with the original model and with the accepted terms.
     pub(crate) mean: [Vec<[f64; 3]>; 2],
     /// 1-σ of noise around that expectation.
     pub(crate) sigma: Vec<[f64; 3]>,
 }
 
 impl Floor {
-    /// Of all work rows, given the stance offsets. `None` where the algebra fails.
+    /// Expectation and σ of all work rows, given the stance offsets; `None` if the terms cannot be estimated.
     pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2]]) -> Option<Floor> {
         let value = if accepted.is_empty() { Vec::new() } else { gram.estimate(accepted)?.value };
         let before = Floor::expected(gram, stances_m, |_| [0.0; 3]);
@@ -37,8 +37,8 @@ impl Floor {
         Some(Floor { mean: [mean, after.into_iter().next()?], sigma })
     }
 
-    /// Expectation and 1-σ, if this part of the residual (m, m, N) is explained. The clean rows come first, so the factor
-    /// already contains both results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the
+    /// Expectation and 1-σ of the residual minus its `explained` part, m, m, N. The clean rows come first, so the
+    /// factor already contains both results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the
     /// covariance `C Cᵀ`.
     fn expected(
         gram: &Gram<'_>,

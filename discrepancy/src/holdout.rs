@@ -22,8 +22,8 @@ pub(crate) struct HeldOut {
 }
 
 impl HeldOut {
-    /// Subtracts the expectations before and after, conditioned on the clean rows, of each block of the work: earlier
-    /// errors of the subject's parameters and of the pose count on neither side of the gap.
+    /// Subtracts the expectation of each block of the work, before and after, conditioned on the clean rows, m, m, N:
+    /// earlier errors of the subject's parameters and of the pose then do not contribute to the gap.
     pub(crate) fn subtract_expected(&mut self, expected: &[Vec<[f64; 3]>; 2]) {
         for (list, expected) in [&mut self.before, &mut self.after].into_iter().zip(expected) {
             for (residual, mean) in list.iter_mut().zip(expected) {

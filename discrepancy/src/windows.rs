@@ -57,7 +57,7 @@ fn can_be_temporary(candidate: &Candidate) -> bool {
     }
 }
 
-/// Shortest part of the work in which an effect may act, s: a change in time shows in motion only.
+/// Shortest part of the work in which an effect may act, s; timing effects are observable only in motion.
 pub(crate) fn shortest_s(effect: Effect) -> f64 {
     match effect {
         Effect::SuitLag | Effect::PlateLowpass => TIMING_PART_MIN_S,

@@ -20,7 +20,7 @@ pub fn write_atomically(path: &Path, content: &[u8]) -> std::io::Result<()> {
     write_atomically_with(path, content, |_| Ok(()))
 }
 
-/// The same, where `prepare` sets owner and mode before the content is written.
+/// As [`write_atomically`]; `prepare` sets owner and mode of the file before the content is written.
 ///
 /// # Errors
 /// The system's error, or that of `prepare`; the old content remains.

@@ -16,7 +16,7 @@ use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
@@ -75,11 +75,16 @@ pub fn record(
     let summary = tap.summary;
     if tap.is_replaced() {
         tap.leak();
-        bail!(
+        let replaced = format!(
             "the directory of the bus was removed or replaced, so this process receives nothing from station {station} \
-             any more: recording ends, {} contains what came before; record a new file",
-            out.display()
+             any more: recording ends"
         );
+        return match recorded {
+            Ok(_) => {
+                Err(anyhow!("{replaced}, {} contains what came before; record a new file", out.display()))
+            }
+            Err(error) => Err(error.context(replaced)),
+        };
     }
     let sha256 = recorded?;
     if removed.get() {
@@ -137,7 +142,7 @@ impl Tap {
         self.bus_directory.is_replaced()
     }
 
-    /// Ends without closing the ports: after a replacement that would remove files of the new bus with the same names.
+    /// Ends without closing the ports, which after a replacement would remove files of the new bus with equal names.
     fn leak(self) {
         std::mem::forget(self);
     }

@@ -33,12 +33,12 @@ pub struct Standing<'a> {
     pub load_kg: f64,
 }
 
-/// Where the search for the balance begins: at the result for a body that differs little.
+/// Initial values of the balance iteration: the result for a similar body.
 #[derive(Debug, Clone, Copy)]
 pub struct Start {
-    /// Pelvis of the result, from where it would be with weightless legs, m.
+    /// Offset of the pelvis from its position for massless legs, m.
     by_legs_m: Vector2<f64>,
-    /// Inverse Jacobian: shift of the pelvis by error of the centre of mass.
+    /// Inverse Jacobian: shift of the pelvis per error of the centre of mass, m/m.
     shift_from_error: Matrix2<f64>,
 }
 
@@ -72,7 +72,7 @@ impl Standing<'_> {
         self.balance_near(pose, target_m, &mut Start::default())
     }
 
-    /// The same with a start, which is replaced by the result for a next body that differs little.
+    /// As [`Self::balance`], from given initial values, which are replaced by the result.
     pub fn balance_near(&self, pose: &Pose, target_m: Vector2<f64>, start: &mut Start) -> Balanced {
         let upper = Upper::new(self, pose);
         let Start { by_legs_m, mut shift_from_error } = *start;
@@ -173,7 +173,7 @@ struct Upper {
     centre_from_pelvis: Vector3<f64>,
     hip_from_pelvis: [Vector3<f64>; 2],
     leg_lengths_m: [[f64; 2]; 2],
-    /// Mass of foot and toe, kg, and their centre from the ankle, world axes, m; the toes lie flat with the foot.
+    /// Mass of foot and toe, kg, and their centre from the ankle, world axes, m; the toes are aligned with the foot.
     foot: [(f64, Vector3<f64>); 2],
 }
 

@@ -367,8 +367,8 @@ impl Worker {
         let grip_m = grips_m(&self.person, &body.origin_m, &body.world_from_segment);
         let load_kg = self.load_kg.at(time_s, mix);
         let apart = grip_m[0] - grip_m[1];
-        // "Ahead" is relative to the chest: the line between the hands rotates quickly where one passes above the other,
-        // which would cause huge inertial forces of the box.
+        // "Ahead" is relative to the chest, because the line between the hands rotates quickly when one hand passes
+        // above the other, which would cause large inertial forces of the box.
         let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
         let ahead = leftwards.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
         let squeeze_n = self.habits.squeeze_share * load_kg * GRAVITY_M_PER_S2;

@@ -28,7 +28,7 @@
 //! | `ground_force_n` | N | the plate is silent or faulty, or shear is not measured |
 //! | `vertical_force_n` | N | the plate is silent or faulty |
 //! | `ground_devices`: devices in the ground sample (`plate`, `second_plate`, `insoles`) | names | as `vertical_force_n`, or unavailable |
-//! | `delta_f_n` (x and y: always 0, not published), `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or mass or body are unavailable |
+//! | `delta_f_n` (x and y: always 0, not published), `delta_f_sigma_n` (vertical) | N | as `cop_measured`, or mass or body is unavailable |
 //! | `lifted_mass_kg`, `lifted_mass_sigma_kg` | kg | as `delta_f_n`, or too little load, or moving |
 //! | `foot_load_fraction` (left, right), `foot_load_fraction_sigma`, `sharing_source` (`geometry`, `measured`) | 0 to 1 | any flag is raised |
 //! | `hand_load_fraction` (left, right), `hand_load_fraction_sigma` | 0 to 1 | any flag is raised |

@@ -220,9 +220,9 @@ pub fn headline_joint(state: &State) -> Option<Joint> {
     undecided.max_by(|a, b| ratio(a).total_cmp(&ratio(b))).or(Some(worst))
 }
 
-/// Where to move the load, seen from the worker; `None` if no direction helps, without valid torques, or unless the
-/// headline's joint is at medium or high load: below, no motion is necessary, above, the load is to be put down, and an
-/// undecided joint makes the direction uncertain, too.
+/// Where to move the load, seen from the worker; `None` without valid torques, if no direction helps, or if the
+/// headline's joint is not `orange` or `red`: below these levels no motion is necessary, above them the load must be
+/// put down, and for an undecided joint the direction is uncertain, too.
 ///
 /// The direction is taken against the worker's own front, which the line between the hips shows.
 pub fn advice(state: &State) -> Option<&'static str> {

@@ -23,7 +23,7 @@ pub trait GroundDevice: Send {
     /// The connection was opened (again): partially received frames and unfinished exchanges are discarded.
     fn opened(&mut self, now_ns: u64);
 
-    /// As [`Self::opened`] for a stream that begins with its source's first byte, and therefore with a whole line.
+    /// As [`Self::opened`] for a stream that begins with its source's first byte, and therefore with a complete line.
     fn opened_at_start(&mut self, now_ns: u64) {
         self.opened(now_ns);
     }

@@ -27,7 +27,7 @@ pub trait Transport: Send {
         false
     }
 
-    /// Whether the opened connection begins with the first byte of its source, and therefore with a whole line.
+    /// Whether the opened connection begins with the first byte of its source, and therefore with a complete line.
     fn begins_at_start(&self) -> bool {
         false
     }

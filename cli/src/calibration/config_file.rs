@@ -87,7 +87,7 @@ pub fn rewrite(path: &Path, change: impl FnOnce(&str, &str) -> anyhow::Result<St
     let after = change(&text, &path.display().to_string())?;
     let before = fs::metadata(&path)?;
     write_atomically_with(&path, after.as_bytes(), |file| {
-        // Requires root; without root the file is this user's already. Before the mode, which a change of owner may limit.
+        // Fails without root, when this user owns the file already. The mode follows: chown may clear bits of it.
         let _not_root = fchown(file, Some(before.uid()), Some(before.gid()));
         file.set_permissions(before.permissions())
     })

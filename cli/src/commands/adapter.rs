@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             adapter_fault::publish(&config.station, stream.name(), Some(&single_line(&error)));
             return Err(error);
         }
-        // Reset before reading, so that a signal during it causes another read.
+        // Reset the flag before reading the file, so that a signal during the read causes another one.
         if reload.swap(false, Ordering::Relaxed) {
             config = reread(path, config);
         }

@@ -129,8 +129,9 @@ fn compute(
 
 /// Removes a file before a signal ends the process: its states are personal data.
 fn remove_on_signals(path: PathBuf) -> anyhow::Result<()> {
-    let mut signals = Signals::new([SIGHUP, SIGINT, SIGQUIT, SIGTERM])?;
-    // Not joined: it waits until the process ends.
+    let handled = [SIGHUP, SIGINT, SIGQUIT, SIGTERM].into_iter().filter(|&signal| !is_ignored(signal));
+    let mut signals = Signals::new(handled)?;
+    // The thread is not joined, because it waits for signals until the process ends.
     std::thread::spawn(move || {
         for signal in signals.forever() {
             let _ = std::fs::remove_file(&path);
@@ -138,6 +139,14 @@ fn remove_on_signals(path: PathBuf) -> anyhow::Result<()> {
         }
     });
     Ok(())
+}
+
+/// Whether this process was started with the signal ignored, as by `nohup`.
+fn is_ignored(signal: i32) -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask =
+        status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
 fn write(export: &Export<'_>, bar: &Bar) -> anyhow::Result<Outcome> {

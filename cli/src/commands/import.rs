@@ -17,7 +17,7 @@ use crate::progress_bar::Bar;
 /// pcap, pcapng: the datagrams of suit and plate as Wireshark or tcpdump captured them; the configuration says on
 /// which ports, with which scale, and where the plate stands. mvnx: motion as MVN exports it, versions 3 and 4. With
 /// --with the suit's samples come from FILE and the ground's from the other: a plate's text export (BioWare and
-/// alike: .txt, .tsv, .csv), a capture (.pcap, .pcapng) or a recording; --join says how their clocks are joined.
+/// alike: .txt, .tsv, .csv), a capture (.pcap, .pcapng) or a recording; --join selects how their clocks are aligned.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise import morning.pcapng -o morning.mcap --config equipoise.toml\n  equipoise \

@@ -92,7 +92,7 @@ fn replace(path: &Path, mut file: File, log: &[u8]) -> std::io::Result<()> {
     if !before.is_file() {
         return file.write_all(log);
     }
-    // The target of a link, so that the link remains.
+    // Replace the target of a link, so that the link remains.
     write_atomically_with(&path.canonicalize()?, log, |file| file.set_permissions(before.permissions()))
 }
 

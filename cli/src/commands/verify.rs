@@ -139,7 +139,7 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
         seconds: arguments.seconds.unwrap_or(5.0),
         places,
     };
-    // Before the measurement, which an error would lose.
+    // Read before the measurement, because a later error would discard its result.
     let with_places = !arguments.at.is_empty();
     let frame = with_places.then(|| results::frame_of(&arguments.station.station)).transpose()?;
     let mut verification = Verification::new(settings);

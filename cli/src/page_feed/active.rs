@@ -5,19 +5,19 @@ use equipoise_config::method::StopConfig;
 use equipoise_config::model_file::{Ask, ModelFile};
 use equipoise_station::status;
 
-/// What frames contain of a configuration and its model.
+/// Values of a configuration and its model that frames contain.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Parts {
-    /// Target of the identification, m.
+    /// 1-σ of the predicted CoP at which identification stops, m; `None` with another stopping rule.
     pub(super) target_m: Option<f64>,
-    /// The pose requested by the model file.
+    /// Pose requested by the model file.
     pub(super) ask: Option<Ask>,
-    /// Corners of the plate, m.
+    /// Corners of the plate, world x and y, m; `None` without a configured size.
     pub(super) plate_corners_m: Option<[[f64; 2]; 4]>,
 }
 
 impl Parts {
-    /// Of a configuration as read from its file.
+    /// The parts of a configuration read from its file.
     pub(super) fn of(config: &Config) -> Parts {
         let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
         Parts::with_ask(config, ask)
@@ -29,12 +29,12 @@ impl Parts {
             target_m: (identification.stop == StopConfig::PredictedCop)
                 .then_some(identification.stop_cop_sigma_mm * 1e-3),
             ask,
-            // One of two plates would be a wrong picture of the ground.
+            // With two plates, the outline of one would misrepresent the ground.
             plate_corners_m: config.ground.frame.corners_m().filter(|_| config.ground.second.is_none()),
         }
     }
 
-    /// Of the texts in the daemon's status; `None` if the configuration is not valid for this version.
+    /// The parts of the texts in the daemon's status; `None` if the configuration is not valid for this version.
     fn of_texts(config: &str, model: &str) -> Option<Parts> {
         let config = Config::parse(config, "the daemon's configuration").ok()?;
         let ask = ModelFile::parse(model, "the daemon's model").ok().and_then(|model| model.ask);

@@ -24,7 +24,7 @@ INVALIDATED_BY: Dict[str, Reason] = {
     "cop_estimated_m": table.INVALIDATES_COP_ESTIMATED,
     "cop_sigma_m": table.INVALIDATES_COP_ESTIMATED,
     "com_m": table.INVALIDATES_COM,
-    "suit_com_m": Reason.SUIT_STALE | Reason.SUIT_IMPLAUSIBLE | Reason.POSITION_UNKNOWN,
+    "suit_com_m": table.INVALIDATES_SUIT_COM,
     "ground_force_n": table.INVALIDATES_GROUND_FORCE,
     "delta_f_n": table.INVALIDATES_DELTA_F,
     "delta_f_sigma_n": table.INVALIDATES_DELTA_F,

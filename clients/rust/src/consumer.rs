@@ -194,7 +194,7 @@ impl Consumer {
                 return reading;
             }
         }
-        // A rejoin would discard the queued states; if there are any, the bus is the current one.
+        // A rejoin would discard queued states; if there are any, the joined bus is still in use.
         if self.must_rejoin() && self.receive(Subscriber::latest)?.is_some() {
             self.heard_ns = now_ns;
         }
@@ -394,7 +394,7 @@ mod tests {
             consumer.joined_ns
         };
         assert_eq!(poll_for(REJOIN_AFTER * 2, true), joined_ns);
-        // The queue still has states, which postpone the rejoin once.
+        // States still in the queue postpone the rejoin once.
         assert_ne!(poll_for(REJOIN_AFTER * 3, false), joined_ns);
     }
 }

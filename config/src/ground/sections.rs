@@ -13,7 +13,7 @@ pub(super) fn check_connection(ground: &GroundConfig) -> Result<(), DescriptionE
     refuse(ground, &connections(ground))
 }
 
-/// If another process reads the device, every key is allowed: the same file serves both with one word changed.
+/// If another process reads the device, every key is allowed: the files of both may differ in `source` only.
 fn refuse(ground: &GroundConfig, keys: &[Key]) -> Result<(), DescriptionError> {
     if ground.source == GroundSourceKind::External {
         return Ok(());
@@ -24,7 +24,7 @@ fn refuse(ground: &GroundConfig, keys: &[Key]) -> Result<(), DescriptionError> {
     }
 }
 
-/// A key, whether it is present, whether the source uses it, and the sources that do.
+/// A key, whether it is present, whether the source uses it, and a description of the sources that use it.
 type Key = (&'static str, bool, bool, &'static str);
 
 /// Keys of single devices.
@@ -71,7 +71,7 @@ fn connections(ground: &GroundConfig) -> [Key; 5] {
         || is(TransportKind::Tcp)
         || matches!(source, AtiRdt | KistlerLabamp | Lsl | Qtm);
     let listen = is(TransportKind::Udp) || source == MoticonUdp;
-    // A stream without an address is searched in the network.
+    // An LSL stream without an address is searched on the network.
     let remote = source == MoticonUdp || source == Lsl || is(TransportKind::Udp) && ground.listen.is_some();
     let file = is(TransportKind::File);
     [

@@ -217,9 +217,8 @@ impl Alignment {
         self.ground_mean(time_ns, [span_ns, 0], |offset_ns| end_kernel(offset_ns as f64 / span_ns as f64))
     }
 
-    /// Mean of the wrench over the time from `before_ns` before a time to `after_ns` after it, with a weight by the
-    /// distance from it: a sample represents half the interval to each neighbour, so that lost samples do not shift the
-    /// mean.
+    /// Mean of the wrench from `before_ns` before a time to `after_ns` after it, weighted by the distance from it. Each
+    /// sample represents half the interval to each neighbour, so that lost samples do not shift the mean.
     fn ground_mean(
         &self,
         time_ns: u64,

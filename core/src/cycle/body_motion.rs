@@ -73,7 +73,7 @@ impl MotionNoise {
     }
 
     /// Ingests the shear that the suit's motion does not explain, m/s². An external force, which the short-term mean
-    /// detects, does not update the long-term one.
+    /// detects, does not update the long-term mean.
     pub(super) fn update_shear(&mut self, unexplained_m_per_s2: [f64; 2], step_s: f64) {
         let unexplained =
             unexplained_m_per_s2.map(|shear| shear.clamp(-SHEAR_MAX_M_PER_S2, SHEAR_MAX_M_PER_S2));
@@ -262,7 +262,7 @@ impl BodyMotion {
     }
 }
 
-/// Updates an exponential mean over about `over_s`, s, by a value that lasted `step_s`.
+/// Updates an exponential mean with the time constant `over_s`, s, by a value that lasted `step_s`, s.
 fn update_mean(mean: &mut [f64; 2], value: [f64; 2], step_s: f64, over_s: f64) {
     let step_s = step_s.max(0.0);
     let share = (step_s / (over_s + step_s)).min(1.0);

@@ -142,7 +142,7 @@ impl EarlyStage {
         self.differences.pending = Zeroable::zeroed();
     }
 
-    /// Resets the measured differences: they belong to another differentiation.
+    /// Resets the measured differences: they were measured with the previous differentiation.
     pub(super) fn reset_differences(&mut self) {
         self.differences = Zeroable::zeroed();
     }

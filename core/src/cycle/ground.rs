@@ -167,7 +167,7 @@ pub(super) fn measure_ground_alone(
     let unloaded_n = subject.mass_kg * GRAVITY_M_PER_S2 + state.force_offset.mean_n();
     GroundAlone {
         reading: state.last,
-        // Without a suit sample, no error of its time applies.
+        // There is no suit sample, so a time error does not contribute.
         cop_sigma_m: GroundSigma::of(Some(sample), &state.force_offset, settings).cop_m,
         delta_f_n: sample.force_n[2] - unloaded_n,
         invalid,

@@ -166,7 +166,7 @@ impl ByCops {
         });
         let residual_m: [Measured; 2] = core::array::from_fn(|axis| {
             let in_hands_m = eta[0] * between[0][axis] + eta[1] * between[1][axis] + offset[axis];
-            // The part of the body's place that is independent of Ĉ_wo displaces the hands only.
+            // The part of the body's position error that is independent of Ĉ_wo displaces the hands only.
             let place_sigma_m = carrying.estimate.stance.rest_m[axis];
             let sigma = math::hypot([math::hypot([sigma_m[axis], place_sigma_m]), position_sigma_m[axis]]);
             Measured { value: load_m[axis] - in_hands_m, sigma }

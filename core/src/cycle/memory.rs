@@ -56,7 +56,7 @@ pub struct Memory {
     pub(super) lag_test: LagTest,
     /// Exposure accumulated over the subject's shift.
     pub exposure: Exposure,
-    /// [`Settings::differentiation`] of the errors measured so far.
+    /// [`Settings::differentiation`] with which the motion errors were measured.
     pub(super) differentiation: [u64; 2],
     /// Time of the last external change of the model; 0 for never.
     pub(super) model_changed_ns: u64,

@@ -55,8 +55,8 @@ const PELVIS_RATE_MAX_RAD_PER_S: f64 = 15.0;
 /// et al. 1999).
 const SEGMENT_RATE_MAX_RAD_PER_S: f64 = 40.0;
 
-/// The last two intervals in which a sensor is implausible; all zero for none. The one before the last still covers
-/// instants that wait for their window.
+/// The last two intervals in which a sensor is implausible, start and end, ns; all zero for none. The earlier one still
+/// covers instants whose window is incomplete.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct Span {
@@ -75,7 +75,7 @@ impl Span {
         }
     }
 
-    /// Whether the interval from `from_ns` to `to_ns` overlaps one of them.
+    /// Whether the interval from `from_ns` to `to_ns` overlaps one of the intervals.
     pub(super) fn overlaps(&self, from_ns: u64, to_ns: u64) -> bool {
         [self.last_ns, self.before_ns]
             .iter()

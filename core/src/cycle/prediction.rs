@@ -153,7 +153,7 @@ fn load_limit_n(settings: &Settings, delta_f_sigma_n: f64) -> f64 {
 ///
 /// If the plate measures shear, the shear gives the horizontal acceleration more accurately than positions
 /// differentiated twice. Persistent shear that no motion explains is an external horizontal force; the suit's
-/// acceleration is used then, and while the plate does not carry the whole body.
+/// acceleration is used then, and also while the plate does not carry the complete body.
 fn body_motion(
     settings: &Settings,
     noise: &mut MotionNoise,

@@ -97,7 +97,7 @@ pub(super) struct Status<'a> {
 }
 
 impl Publication {
-    /// Before the first instant, also of another subject: nothing that depends on the body is valid.
+    /// Sets the flags for the time before the first instant of a subject: no value that depends on the body is valid.
     pub(super) fn start(&mut self) {
         let invalid = Validity::MOVING.and(Validity::FEET_OFF_PLATE).and(Validity::BODY_UNKNOWN);
         self.invalid = invalid.0;

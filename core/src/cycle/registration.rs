@@ -86,7 +86,7 @@ pub(super) struct RegistrationEstimator {
 }
 
 impl RegistrationEstimator {
-    /// Whether position or heading are needed and unavailable.
+    /// Whether position or heading is needed but unavailable.
     pub(super) fn is_lost(&self) -> bool {
         self.is_searching() && self.is_unneeded == 0
     }
@@ -105,7 +105,7 @@ impl RegistrationEstimator {
         if self.is_searching() { core::f64::consts::PI } else { self.sigma_rad }
     }
 
-    /// Likewise, as far as it is an error of the results: 0 while no heading is needed.
+    /// 1-σ of the heading as it affects the results, rad: 0 while no heading is needed.
     pub(super) fn heading_sigma_rad(&self) -> f64 {
         if self.is_unneeded == 1 { 0.0 } else { self.sigma_rad() }
     }

@@ -152,7 +152,7 @@ pub struct Settings {
     pub ground_latency_ns: u64,
     /// Whether the skew between the streams is corrected when the motion reveals it.
     pub align_streams: bool,
-    /// Whether the registration counts as lost while measured and estimated CoP stay far apart.
+    /// Whether the registration is marked as lost if measured and estimated CoP remain far apart.
     pub watch_registration: bool,
     /// Whether the suit's position drifts, so that the anchor must hold the standing feet; false for optical markers.
     pub suit_drifts: bool,
@@ -181,7 +181,7 @@ impl Settings {
         }
     }
 
-    /// What the measured errors of motion depend on: source of the accelerations and half the window, ns.
+    /// Settings that determine the measured errors of motion: source of the accelerations, and half the window, ns.
     pub(super) fn differentiation(&self) -> [u64; 2] {
         let half_window_ns = match self.motion {
             Motion::Compensated { half_window_ns } => half_window_ns,

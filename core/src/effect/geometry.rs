@@ -177,7 +177,7 @@ pub(super) fn leftward([x, y]: [f64; 2]) -> [f64; 2] {
     [-y, x]
 }
 
-/// Three rows.
+/// A 3×3 matrix as three rows.
 pub(super) type Matrix = [[f64; 3]; 3];
 
 /// A vector rotated by a matrix, row by row.

@@ -89,7 +89,7 @@ pub(super) fn varying_misalignment(
     misaligned_by(segment, [0.0; 3], o, moved)
 }
 
-/// Columns of [`segment_misalignment`] for a displacement, in the segment's axes, that moves as `turned` states.
+/// Columns of [`segment_misalignment`]; `turned` maps a displacement in the segment's axes to its motion in the world.
 fn misaligned_by(
     segment: Segment,
     about_rad: [f64; 3],

@@ -96,7 +96,7 @@ impl Planning<'_> {
     }
 
     /// The place of [`REGION_M`] and the slope of [`SLOPES_RAD`] with the lowest limit ratio that the search finds; `None`
-    /// if the part can be held at none of its starting places.
+    /// if no starting place of the search is feasible.
     pub fn best(&self) -> Option<Place> {
         Place::lowest(SLOPES_RAD.iter().filter_map(|slope_rad| self.best_with(*slope_rad)))
     }
@@ -109,7 +109,7 @@ impl Planning<'_> {
     }
 
     /// The best place with this slope, from coarse to fine. If no place of the coarsest stride is feasible, the search
-    /// starts from the next one; `None` if that has no feasible place either.
+    /// starts from the next finer one; `None` if that has no feasible place either.
     fn best_with(&self, slope_rad: f64) -> Option<Place> {
         let mut map = Map { planning: self, slope_rad, value: [f64::NAN; PLACES] };
         // If no coarse place is feasible, the next stride bounds the time of a request: one of 2³ times as many places.

@@ -300,15 +300,15 @@ impl State {
         self.unavailable & what as u32 == 0
     }
 
-    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable, or the pose or its position
-    /// invalid.
+    /// Centre of mass computed by the suit's software, world, m; `None` if it is unavailable, or if the pose or its
+    /// position is invalid.
     pub fn suit_com_m(&self) -> Option<[f64; 3]> {
         self.unless(Validity::INVALIDATES_SUIT_COM, self.suit_com_m)
             .filter(|_| self.provides(Unavailable::SuitCom))
     }
 
-    /// Segment origins, world, m; `None` while the pose is invalid. With [`Validity::POSITION_UNKNOWN`] they are a figure
-    /// at an arbitrary place.
+    /// Segment origins, world, m; `None` while the pose is invalid. With [`Validity::POSITION_UNKNOWN`] their
+    /// position and heading on the floor are arbitrary.
     pub fn segment_origin_m(&self) -> Option<&[[f64; 3]; SEGMENTS]> {
         self.unless(Validity::INVALIDATES_POSE, &self.segment_origin_m)
             .filter(|_| self.suit_sample_time_ns != 0)

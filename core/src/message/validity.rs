@@ -59,8 +59,10 @@ impl Validity {
     pub const IMPLAUSIBLE: Validity = Validity::GROUND_IMPLAUSIBLE.and(Validity::SUIT_IMPLAUSIBLE);
     /// Flags that invalidate the pose of the suit and what is computed from it alone.
     pub const INVALIDATES_POSE: Validity = Validity::SUIT_STALE.and(Validity::SUIT_IMPLAUSIBLE);
-    /// Flags that invalidate the centre of mass computed by the suit's software.
-    pub const INVALIDATES_SUIT_COM: Validity = Validity::INVALIDATES_POSE.and(Validity::POSITION_UNKNOWN);
+    /// Flags that invalidate the centre of mass computed by the suit's software. With an unknown body it may be the previous
+    /// subject's.
+    pub const INVALIDATES_SUIT_COM: Validity =
+        Validity::INVALIDATES_POSE.and(Validity::POSITION_UNKNOWN).and(Validity::BODY_UNKNOWN);
     /// Flags that invalidate the measured centre of pressure.
     pub const INVALIDATES_COP_MEASURED: Validity =
         Validity::INVALIDATES_GROUND_FORCE.and(Validity::FEET_OFF_PLATE).and(Validity::COP_NOT_MEASURED);

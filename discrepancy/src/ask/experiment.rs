@@ -171,7 +171,7 @@ fn standing(
     }
 }
 
-/// The middle between the ankles, m.
+/// Midpoint between the ankles, in the frame of `origin`, m.
 fn between_ankles_m(origin: &dyn Fn(Segment) -> Vector3<f64>) -> Vector3<f64> {
     Side::BOTH.iter().map(|side| origin(side.foot())).sum::<Vector3<f64>>() * 0.5
 }

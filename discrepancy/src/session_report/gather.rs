@@ -236,7 +236,7 @@ impl Facts {
     }
 }
 
-/// Height of the walking surface in the world by the first ground sample, m; 0 without one.
+/// Height of the walking surface in the world according to the first ground sample, m; 0 without one.
 fn surface_z_m(input: &Input, config: &Config) -> f64 {
     let first = input.samples(config).ok().and_then(|mut samples| {
         samples.find_map(|sample| match sample {

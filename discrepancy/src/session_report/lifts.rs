@@ -59,7 +59,7 @@ struct Episode {
 }
 
 impl Lifts {
-    /// No lifts yet, on a walking surface at this height in the world, m.
+    /// Without lifts, on a walking surface at this height in the world, m.
     pub fn on(surface_z_m: f64) -> Lifts {
         Lifts { surface_z_m, ..Lifts::default() }
     }

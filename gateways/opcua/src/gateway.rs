@@ -91,7 +91,7 @@ impl OpcUa {
             nodes: server.nodes.clone(),
             published: Mutex::new(published),
         });
-        // The library's initial level is that of a server with values.
+        // The library's initial level is that of a server with values, so set that of one without.
         board.handle.set_service_level(SERVICE_LEVELS[1]);
         board.show(&Err(NoReading::Silent { silent: Duration::ZERO }));
         let silence_max = Duration::from_secs_f64(TICKS_MISSED_MAX / config.rate_hz).max(SILENCE_MIN);

@@ -1,7 +1,7 @@
 //! Subscriptions of a recorder.
 //!
 //! A daemon numbers its cycles from 1, so a number that does not increase is the first of another daemon. A recorder
-//! that begins a file for each daemon ends the file there: what follows waits for the next file.
+//! that begins a file for each daemon ends the file there and holds that message for the next file.
 
 use anyhow::Context;
 use equipoise_bus::{Bus, BusError, Subscriber, Topic};
@@ -16,9 +16,9 @@ use super::summary::RecordSummary;
 /// The daemons whose messages one file contains.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Daemons {
-    /// The one that runs at the begin of the file.
+    /// The daemon that runs at the start of the file.
     One,
-    /// Those after it too.
+    /// Later daemons, too.
     All,
 }
 
@@ -48,7 +48,7 @@ impl Ports {
         })
     }
 
-    /// Writes the first messages of the daemon at which the file before ended.
+    /// Writes the held messages of the daemon whose start ended the previous file.
     pub(super) fn begin(&mut self, sink: &mut Sink, summary: &mut RecordSummary) -> anyhow::Result<()> {
         if self.is_next_daemon() {
             self.cycle.accept_next();
@@ -84,7 +84,7 @@ impl Ports {
             |checkpoint| checkpoint.cycle,
             |checkpoint| write_checkpoint(sink, summary, checkpoint),
         )?;
-        // The next daemon uses the samples that are pending now.
+        // Pending samples belong to the next daemon, and thus to the next file.
         if self.is_next_daemon() {
             return Ok(());
         }
@@ -118,7 +118,7 @@ impl<M: Topic> CyclePort<M> {
         Ok(CyclePort { subscriber: bus.subscriber(M::SERVICE.depth_max)?, last: None, held: None })
     }
 
-    /// Accepts the next daemon, also if its first message of this kind is still to come.
+    /// Accepts lower cycle numbers, also if the first message of this kind from the next daemon is not received yet.
     fn accept_next(&mut self) {
         if self.held.is_none() {
             self.last = None;

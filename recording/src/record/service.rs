@@ -25,7 +25,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(500);
 const FILE_CHECK_INTERVAL: Duration = Duration::from_millis(500);
 /// Maximum wait for the status of a daemon whose first cycles were received: it is published after them.
 const STATUS_TIMEOUT: Duration = Duration::from_secs(2);
-/// Interval of reading it.
+/// Interval at which that status is read.
 const STATUS_POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Interval for removing old files.
 const CLEAR_INTERVAL: Duration = Duration::from_secs(10);

@@ -138,7 +138,7 @@ impl Run<'_> {
             if tick.cycle <= last.cycle {
                 self.fidelity.restarts += 1;
                 if self.settings.is_some() {
-                    // The header has the configuration of the daemon before; the recording lacks the new one's.
+                    // The header contains the previous daemon's configuration; that of the new daemon is not recorded.
                     self.fidelity.unknown_daemon_at = Some(tick.cycle);
                     return false;
                 }

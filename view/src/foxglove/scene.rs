@@ -56,7 +56,7 @@ pub fn of(state: &State, time_ns: u64) -> SceneUpdate {
                 ..entity(ASKED)
             });
         }
-        // The place of the feet on the floor is as valid as that of the centre of mass.
+        // The position of the feet on the floor is valid only if that of the centre of mass is.
         let placed_m = state.unless(Validity::INVALIDATES_COM, origin_m);
         let support = placed_m.and_then(|origin_m| figure::support(origin_m, height_m));
         entities.extend(support.map(|support| Entity { lines: vec![support], ..entity(SUPPORT) }));
@@ -119,7 +119,7 @@ fn reaction([x, y]: [f64; 2], force_n: f64) -> Arrow {
     arrow([x, y, 0.0], [0.0, 0.0, 1.0], force_n * FORCE_M_PER_N, MEASURED_COLOR)
 }
 
-/// Direction in which to move the load, from the midpoint between the hands; `None` where the pages give no advice.
+/// Direction in which to move the load, from the midpoint between the hands; `None` if the page displays no advice.
 fn advice(state: &State, origin_m: &[[f64; 3]; SEGMENTS]) -> Option<Arrow> {
     words::advice_name(state)?;
     let hands = Side::BOTH.map(|side| Vector::from(origin_m[side.hand().index()]));

@@ -136,7 +136,7 @@ impl Collector for Snapshot {
 }
 
 impl Snapshot {
-    /// Whether a message is younger than `old_ns`, and not of another time namespace, ahead of this one.
+    /// Whether a message is younger than `age_max_ns`, ns; false for a future time, which is of another time namespace.
     fn is_current(&self, time_ns: u64, old_ns: u64) -> bool {
         self.now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < old_ns)
     }

@@ -35,7 +35,7 @@ const TOO_MANY: &[u8] =
     b"HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/plain\r\nConnection: close\r\n\
     Content-Length: 64\r\n\r\nToo many connections to the page are open; close one, try again\n";
 
-/// Serves `routes` until `stopped` completes; then calls `farewell` with its value, which must end endless responses.
+/// Serves `routes` until `stopped` completes; then calls `on_stop` with its value, which must end endless responses.
 pub(crate) async fn serve<T>(
     listener: TcpListener,
     routes: Router,

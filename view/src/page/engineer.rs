@@ -41,7 +41,7 @@ struct Desk {
     /// Invalid after the page has stopped.
     sender: Weak<watch::Sender<Facts>>,
     places: Arc<Semaphore>,
-    /// The report as last read. One request at a time reads the file, and all responses of one content share its memory.
+    /// The report as last read. One request at a time reads the file; responses with equal content share its memory.
     report: Arc<Mutex<Bytes>>,
 }
 

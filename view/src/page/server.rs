@@ -50,7 +50,7 @@ pub(super) async fn serve<F>(
     let ended = async {
         let last = tokio::select! {
             last = stopped => last.ok(),
-            // Readers run for ever: only a panic ends one.
+            // Readers never return: only a panic ends one.
             _ = readers.join_next() => None,
         };
         (last, readers)

@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
     };
     std::thread::scope(|scope| {
         let recorder = scope.spawn(|| record(station, &recording, PICTURES_HZ, &stopping, started));
-        // Also after an error, as the scope waits for the recorder.
+        // Ends the recording after an error, too: the scope waits for the recorder.
         let end = EndRecording(&is_decided);
         let is_over = || interrupted.load(Ordering::Relaxed) || recorder.is_finished();
         while wait(&lines, &is_over) == Next::Evaluate {

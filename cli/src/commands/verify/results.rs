@@ -21,17 +21,17 @@ pub(super) struct MassResult {
     pub(super) geometry: Option<Geometry>,
 }
 
-/// Pose of the plate of a station, whose origin and axes the placed positions refer to.
+/// Pose of a station's plate; the specified positions of the mass refer to the plate's origin and axes.
 ///
 /// # Errors
-/// The station's configuration cannot be read, or another process has that of the plate.
+/// The station's configuration cannot be read, or another process reads the plate and has its configuration.
 pub(super) fn frame_of(station: &str) -> anyhow::Result<GroundFrame> {
     let config = client::active_configuration_of(station)?;
     client::own_ground(&config, "[ground.frame]")?;
     Ok(config.ground.settings().frame)
 }
 
-/// Compares the measured positions of the mass with the placed ones, in the plate's own frame.
+/// Compares the measured positions of the mass with the specified ones `at_m`, in the plate's frame, m.
 pub(super) fn geometry_of(placed: &[Placed], at_m: &[[f64; 2]], frame: &GroundFrame) -> Option<Geometry> {
     let (sine, cosine) = frame.yaw_rad.sin_cos();
     let in_plate = |[x, y]: [f64; 2]| {

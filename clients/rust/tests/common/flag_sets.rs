@@ -3,8 +3,11 @@
 use equipoise_core::message::Validity;
 
 /// Sets for single fields of a state, in addition to those of [`Validity::FLAG_SETS`].
-const OF_FIELDS: [(Validity, &str); 2] =
-    [(Validity::INVALIDATES_POSE, "pose"), (Validity::INVALIDATES_LOAD_HAND_DISTANCE, "load_hand_distance")];
+const OF_FIELDS: [(Validity, &str); 3] = [
+    (Validity::INVALIDATES_POSE, "pose"),
+    (Validity::INVALIDATES_SUIT_COM, "suit_com"),
+    (Validity::INVALIDATES_LOAD_HAND_DISTANCE, "load_hand_distance"),
+];
 
 /// All sets with their public names.
 pub(crate) fn all() -> impl Iterator<Item = (Validity, &'static str)> {

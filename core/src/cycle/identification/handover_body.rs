@@ -16,7 +16,7 @@ impl Identification {
         // A handover is near to upright standing, in which the model's error is that of the whole trunk.
         let upright = [UnitQuaternion::identity(); SEGMENTS];
         let pose = Pose::new(skeleton.t_pose_m().map(Vector3::from), upright);
-        // The stance offset displaces body and feet alike.
+        // The stance offset displaces body and feet equally, so its variance does not contribute.
         let [x, y] = self.parameter_variance_m2(&self.reduction.rows(&pose, [0.0; 2]).h);
         let floor = settings.measurement_sigma_m * settings.measurement_sigma_m;
         Body {
