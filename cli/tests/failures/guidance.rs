@@ -61,9 +61,16 @@ fn a_daemon_requests_the_pose_of_its_model_file_until_it_was_held() {
     };
     run(&["identify", "stop"]);
     until(&mut states, "the pose that is asked for", |state| state.suggested_pose == WANTED as u32);
-    // Compare words, independent of line breaks.
-    let output = run(&["status"]).split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(output.contains(&format!("Take this pose: {pose}, {BETWEEN}")), "{output}");
+    // Right after the start the body is unknown, and the status says that first. Compare words, independent of line
+    // breaks.
+    let started = Instant::now();
+    loop {
+        let output = run(&["status"]).split_whitespace().collect::<Vec<_>>().join(" ");
+        if output.contains(&format!("Take this pose: {pose}, {BETWEEN}")) {
+            break;
+        }
+        assert!(started.elapsed() < Duration::from_secs(30), "{output}");
+    }
     let line = run(&["watch", "--for", "0.5"]);
     assert!(line.contains(BETWEEN), "{line}");
 
