@@ -21,6 +21,7 @@ use equipoise_core::time::NS_PER_S;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::status::PageFile;
+use equipoise_view::is_current;
 use equipoise_view::page::{Engineer, LiftResult, Page, PageFrame, SimulatedCobot, SimulatedHuman};
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
@@ -260,11 +261,6 @@ impl BusWatch {
         self.checked = Instant::now();
         self.bus_directory.is_replaced()
     }
-}
-
-/// Whether a message is younger than `age_max_ns`, ns; false for a future time, which is of another time namespace.
-pub(crate) fn is_current(time_ns: u64, now_ns: u64, old_ns: u64) -> bool {
-    now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < old_ns)
 }
 
 /// The source of the frames that the page requests.

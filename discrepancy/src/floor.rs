@@ -22,15 +22,8 @@ impl Floor {
         let value = if accepted.is_empty() { Vec::new() } else { gram.estimate(accepted)?.value };
         let before = Floor::expected(gram, stances_m, |_| [0.0; 3]);
         let explained = |block: usize| {
-            let mut value = value.as_slice();
-            let mut sum = [0.0; 3];
-            for term in accepted.iter().map(|&term| &gram.terms[term]) {
-                let (own, others) = value.split_at(term.count);
-                value = others;
-                let predicted = term.predicted(gram.rows, block, own);
-                sum.iter_mut().zip(predicted).for_each(|(sum, part)| *sum += part);
-            }
-            sum
+            gram.predictions(accepted, &value, block)
+                .fold([0.0; 3], |sum, predicted| [0, 1, 2].map(|signal| sum[signal] + predicted[signal]))
         };
         let after = Floor::expected(gram, stances_m, explained);
         let [mean, sigma] = before;

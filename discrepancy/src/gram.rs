@@ -51,7 +51,7 @@ impl Term {
     }
 
     /// Predicted change at a block with these parameters: centre of pressure x, y (m), vertical force (N).
-    pub(crate) fn predicted(&self, rows: &Rows<'_>, block: usize, value: &[f64]) -> [f64; 3] {
+    fn predicted(&self, rows: &Rows<'_>, block: usize, value: &[f64]) -> [f64; 3] {
         let Some(candidate) = &self.candidate else { return [0.0; 3] };
         let columns = candidate.columns(rows, block);
         let mut sum = [0.0; 3];
@@ -282,6 +282,21 @@ impl Gram<'_> {
             }
         }
         (directions, residual)
+    }
+
+    /// Predicted change at a block by each of some terms with these parameters, m, m, N.
+    pub(crate) fn predictions<'b>(
+        &'b self,
+        terms: &'b [usize],
+        mut value: &'b [f64],
+        block: usize,
+    ) -> impl Iterator<Item = [f64; 3]> + 'b {
+        terms.iter().map(move |&term| {
+            let term = &self.terms[term];
+            let (own, others) = value.split_at(term.count);
+            value = others;
+            term.predicted(self.rows, block, own)
+        })
     }
 
     /// Log Bayes factor of a candidate that is no term, with some directions projected out.

@@ -130,12 +130,8 @@ fn held_out_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, 
 
 /// Subtracts the prediction of the accepted terms at a block.
 fn subtract_prediction(gram: &Gram<'_>, accepted: &[usize], value: &[f64], block: usize, held: &mut HeldOut) {
-    let mut first = 0;
-    for (index, &term) in accepted.iter().enumerate() {
-        let term = &gram.terms[term];
-        let predicted = term.predicted(gram.rows, block, &value[first..first + term.count]);
-        first += term.count;
-        let row = block - gram.rows.work_from;
+    let row = block - gram.rows.work_from;
+    for (index, predicted) in gram.predictions(accepted, value, block).enumerate() {
         held.of_term[index][row] = predicted;
         held.after[row].iter_mut().zip(predicted).for_each(|(after, part)| *after -= part);
     }

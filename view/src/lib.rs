@@ -21,3 +21,8 @@ pub mod words;
 pub use page::{Page, PageError, PageFrame, Token};
 pub use state_json::StateJson;
 pub use suggested_pose::SuggestedPose;
+
+/// Whether a message is younger than `age_max_ns`, ns; false for a future time, which is of another time namespace.
+pub fn is_current(time_ns: u64, now_ns: u64, age_max_ns: u64) -> bool {
+    now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < age_max_ns)
+}

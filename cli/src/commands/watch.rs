@@ -14,12 +14,12 @@ use equipoise_core::message::{Incidents, State};
 use equipoise_daemon::realtime::now_ns;
 use equipoise_station::status;
 use equipoise_view::incident_words;
+use equipoise_view::is_current;
 use equipoise_view::terminal::live_line;
 
 use super::status::requested_pose;
 use super::{Outcome, StationArgument};
 use crate::client;
-use crate::page_feed::is_current;
 
 /// After this long without a state nothing is shown as if it were new.
 const SILENT_AFTER: Duration = Duration::from_secs(1);

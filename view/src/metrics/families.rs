@@ -11,6 +11,7 @@ use prometheus_client::encoding::{DescriptorEncoder, text};
 use prometheus_client::metrics::MetricType;
 use prometheus_client::registry::{Registry, Unit};
 
+use crate::is_current;
 use crate::state_json::level_name;
 
 /// A state or cycle record older than this is not current: its values are left out.
@@ -136,11 +137,6 @@ impl Collector for Snapshot {
 }
 
 impl Snapshot {
-    /// Whether a message is younger than `age_max_ns`, ns; false for a future time, which is of another time namespace.
-    fn is_current(&self, time_ns: u64, old_ns: u64) -> bool {
-        self.now_ns.checked_sub(time_ns).is_some_and(|age_ns| age_ns < old_ns)
-    }
-
     fn cycles(&self, families: &mut Families<'_>) -> fmt::Result {
         let of = |count: fn(&CycleRecord) -> u64| self.record.as_ref().map(count);
         families.counter("cycles", "Cycles begun", of(|record| record.cycle))?;
@@ -154,7 +150,7 @@ impl Snapshot {
         families.counter("input_samples_refused", help, of(|record| record.input_refused))?;
         let help = "States lost because the ring behind the loop was full";
         families.counter("output_states_dropped", help, of(|record| record.output_dropped))?;
-        let current = self.record.filter(|record| self.is_current(record.due_ns, OLD_NS));
+        let current = self.record.filter(|record| is_current(record.due_ns, self.now_ns, OLD_NS));
         let period_s = current.map(|record| seconds(record.period_ns));
         families.gauge(("cycle_period", Some(Unit::Seconds)), "Length of one cycle", period_s)
     }
@@ -180,7 +176,8 @@ impl Snapshot {
             })
             .collect();
         families.counters("adapter_refused", "What an adapter refused, by reason", &refused)?;
-        let current = || reporting().filter(|(_, health)| self.is_current(health.time_ns, OLD_REPORT_NS));
+        let current =
+            || reporting().filter(|(_, health)| is_current(health.time_ns, self.now_ns, OLD_REPORT_NS));
         let rates: Vec<_> =
             current().map(|(stream, health)| ([("stream", stream.name)], health.rate_hz)).collect();
         let unit = Unit::Other("hertz".to_owned());
@@ -200,7 +197,7 @@ impl Snapshot {
         let begun: Vec<_> =
             kinds().map(|kind| ([("incident", kind.name())], board.begun[kind as usize])).collect();
         families.counters("incidents", "How often each kind of incident has begun", &begun)?;
-        if !self.is_current(board.time_ns, OLD_REPORT_NS) {
+        if !is_current(board.time_ns, self.now_ns, OLD_REPORT_NS) {
             return Ok(());
         }
         let is_active = |kind: Incident| f64::from(u8::from(board.active & (1 << kind as u32) != 0));
@@ -210,7 +207,7 @@ impl Snapshot {
 
     /// Metrics of the newest state; if it is old, only that it is.
     fn now(&self, families: &mut Families<'_>) -> fmt::Result {
-        let fresh = self.state.filter(|state| self.is_current(state.time_ns, OLD_NS));
+        let fresh = self.state.filter(|state| is_current(state.time_ns, self.now_ns, OLD_NS));
         let is_fresh = f64::from(u8::from(fresh.is_some()));
         let help = "1 while states are published; else their values are left out";
         families.gauge(("publishing", None), help, Some(is_fresh))?;

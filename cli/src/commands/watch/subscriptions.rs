@@ -10,11 +10,11 @@ use equipoise_latency::{PathHistograms, Report};
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::process_state::is_stopped;
 use equipoise_station::status;
+use equipoise_view::is_current;
 use equipoise_view::watch::Sensor;
 
 use super::SILENT_AFTER;
 use crate::commands::status::{reasons, refused, requested_pose};
-use crate::page_feed::is_current;
 
 /// Interval at which the bus directory, the daemon's status file and the latency percentiles are checked.
 const STATUS_INTERVAL: Duration = Duration::from_secs(1);
