@@ -1,12 +1,13 @@
 //! Common functions of commands and page that communicate with a running daemon.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusSettings, Request, RequestClient, parse_text};
 use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::command::CommandKind;
+use equipoise_core::message::handover::HandoverRefusal;
 use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, State};
 use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_station::process_state::is_stopped;
@@ -35,10 +36,20 @@ pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow
     Ok(text)
 }
 
-/// Requests a plan of a handover from a running daemon.
+/// Requests a plan of a handover from a running daemon. A daemon that has no fresh state is asked again for a second: on a
+/// busy machine its loop stands still for 100 ms now and then.
 pub(crate) fn plan_handover(station: &str, request: &HandoverRequest) -> anyhow::Result<HandoverPlan> {
     let bus = join(station, "plan")?;
-    ask(&bus, &bus.handover_client()?, request)
+    let client = bus.handover_client()?;
+    let started = Instant::now();
+    loop {
+        let plan = ask(&bus, &client, request)?;
+        let is_stale = plan.refused == HandoverRefusal::Stale as u32;
+        if !is_stale || started.elapsed() > Duration::from_secs(1) {
+            return Ok(plan);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow::Result<Q::Response> {
@@ -51,7 +62,7 @@ fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow:
 /// The newest state of a running daemon.
 pub(crate) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
     let mut states = bus.subscriber::<State>(1)?;
-    let started = std::time::Instant::now();
+    let started = Instant::now();
     while started.elapsed() < TIMEOUT {
         if let Some(state) = states.latest()? {
             return Ok(state);
@@ -98,12 +109,12 @@ pub(crate) struct StreamTimeout {
 impl StreamTimeout {
     /// `what` is the display name of the stream.
     pub(crate) fn new(what: &'static str, station: &str) -> StreamTimeout {
-        StreamTimeout { what, station: station.to_owned(), at: std::time::Instant::now() }
+        StreamTimeout { what, station: station.to_owned(), at: Instant::now() }
     }
 
     /// Records a message at this instant.
     pub(crate) fn reset(&mut self) {
-        self.at = std::time::Instant::now();
+        self.at = Instant::now();
     }
 
     /// Fails after too long a silence.
