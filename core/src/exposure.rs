@@ -111,8 +111,9 @@ impl Exposure {
     /// Advances to the suit sample of `sample_time_ns`; `load` acted since the previous sample, `limit_nm` is the limit
     /// of each joint against it, N m.
     ///
-    /// Over a gap longer than [`GAP_NS`], and when time does not advance, the load is unavailable: the fatigue stays
-    /// constant, and a lift in progress ends with the values so far. From [`SHIFT_ENDS_S`] on, a new shift starts.
+    /// Over a gap longer than [`GAP_NS`], and when time does not advance, the load is unavailable: fatigue and dose stay
+    /// constant, and a lift in progress continues, as over an interval with withheld torques. From [`SHIFT_ENDS_S`] on, a
+    /// new shift starts.
     pub fn advance(&mut self, sample_time_ns: u64, load: &Load, limit_nm: &[f64; JOINTS]) {
         let step_ns = match self.last_sample_ns {
             0 => 0,
@@ -125,8 +126,6 @@ impl Exposure {
         if (1..=GAP_NS).contains(&step_ns) {
             self.fatigue.advance(load, limit_nm, seconds(step_ns));
             self.dose.advance(load, seconds(step_ns), sample_time_ns);
-        } else {
-            self.dose.end_lift();
         }
     }
 
@@ -146,21 +145,26 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_adds_nothing_and_ends_the_lift() {
+    fn a_gap_adds_nothing_and_a_load_carried_over_it_is_one_lift() {
         let limits = [100.0; JOINTS];
         let mut exposure: Exposure = Zeroable::zeroed();
         for sample in 0..=100 {
             exposure.advance(NS_PER_S + sample * 10_000_000, &carrying(30.0), &limits);
         }
-        let (tired, lifts) = (exposure.fatigue, exposure.dose.lifts);
-        assert!(tired.share[0] > 0.0 && lifts == 0);
-        exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
-        assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
+        let before = exposure;
+        assert!(before.fatigue.share[0] > 0.0 && before.dose.lifts == 0);
+        // Over 3 s without data, as with a suit out of radio range, and when time does not advance.
+        for time_ns in [5 * NS_PER_S, 5 * NS_PER_S, 4 * NS_PER_S] {
+            exposure.advance(time_ns, &carrying(30.0), &limits);
+            assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&before.fatigue));
+            assert_eq!(bytemuck::bytes_of(&exposure.dose), bytemuck::bytes_of(&before.dose));
+        }
+        for sample in 1..=200 {
+            let load = if sample <= 100 { carrying(30.0) } else { Load::None };
+            exposure.advance(4 * NS_PER_S + sample * 10_000_000, &load, &limits);
+        }
         assert_eq!(exposure.dose.lifts, 1);
-        // Time that does not advance adds nothing.
-        exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
-        exposure.advance(4 * NS_PER_S, &carrying(30.0), &limits);
-        assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
+        assert!((exposure.dose.latest[0].carried_s - 2.0).abs() < 1e-9);
         assert!(exposure.is_sound());
     }
 }

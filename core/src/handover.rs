@@ -100,6 +100,12 @@ impl FootPlacement {
         self.world_from_feet().inverse() * (world_m - self.world_m(Vector3::zeros(), height_m))
     }
 
+    /// Angle from the world's X axis, about the vertical, to the direction between both feet's directions, rad.
+    pub fn heading_rad(&self) -> f64 {
+        let ahead = self.world_from_feet() * Vector3::x();
+        math::atan2(ahead.y, ahead.x)
+    }
+
     /// Middle between the ankles, m.
     fn middle_m(&self) -> Vector3<f64> {
         0.5 * (self.ankle_m[0] + self.ankle_m[1])

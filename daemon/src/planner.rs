@@ -32,8 +32,12 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const RETRY_INTERVAL: Duration = Duration::from_secs(1);
 /// Maximum age of the state of a plan, ns: that at which a controller stops (docs/cobot.md).
 const STATE_AGE_MAX_NS: u64 = 50_000_000;
-/// Flags that invalidate the feet's positions, or the subject that they belong to.
-const INVALIDATES_PLAN: Validity = Validity::SUIT_STALE
+/// Flags that invalidate the feet's positions, the subject that they belong to, or the copied identification, which the
+/// saving thread renews late while the disk is slow.
+const INVALIDATES_PLAN: Validity = Validity::NOT_IDENTIFIED
+    .and(Validity::MASS_UNKNOWN)
+    .and(Validity::BODY_UNKNOWN)
+    .and(Validity::SUIT_STALE)
     .and(Validity::SUIT_IMPLAUSIBLE)
     .and(Validity::POSITION_UNKNOWN)
     .and(Validity::FEET_OFF_PLATE)
@@ -251,6 +255,7 @@ fn plan_of(
         position_m: best.position_m.into(),
         place_m: best.place_m.into(),
         slope_rad: best.slope_rad.unwrap_or_default(),
+        feet_heading_rad: feet.heading_rad(),
         limit_ratio: ratio.value,
         limit_ratio_sigma: ratio.sigma,
         ..of_state
@@ -365,6 +370,7 @@ mod tests {
             (0, 7, 900_000_000, 0)
         );
         let [forward, left, _] = fresh.place_m;
+        assert!((fresh.feet_heading_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-9, "{fresh:?}");
         assert!((fresh.position_m[1] - forward).abs() < 0.05, "{fresh:?}");
         assert!((fresh.position_m[0] - (2.0 - left)).abs() < 0.05, "{fresh:?}");
         assert!(fresh.limit_ratio <= fresh.current_limit_ratio && fresh.limit_ratio_sigma > 0.0);

@@ -102,6 +102,8 @@ fn place(text: &str) -> Result<Vector3<f64>, String> {
 /// The best place, the current one, and what they stand on.
 struct Plan {
     best: Place,
+    /// Heading of the feet: angle from the station's X axis about the vertical, rad; 0 without a running daemon.
+    feet_heading_rad: f64,
     /// The current place, relative to the feet, m.
     now: Option<(Vector3<f64>, Predicted)>,
     /// Number of measured handovers.
@@ -119,14 +121,14 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     } else {
         stored(&config, id, arguments)?
     };
-    let Plan { best, now, handovers, map } = &plan;
+    let Plan { best, now, map, .. } = &plan;
     if let Some(path) = &arguments.csv {
         write(path, &csv(map))?;
     }
     if let Some(path) = &arguments.picture {
         write(path, &picture::svg(map, best, arguments.mass, id))?;
     }
-    let mut json = plan_of(best, id, arguments.mass, *handovers);
+    let mut json = json_of_plan(&plan, id, arguments.mass);
     if let Some(path) = &arguments.out {
         write(path, &json.to_string())?;
     }
@@ -144,7 +146,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             println!("gain  {:.0} % of the limit", 100.0 * (now.value - best.value));
         }
     }
-    println!("corrected by {handovers} measured handovers");
+    println!("corrected by {} measured handovers", plan.handovers);
     for path in [&arguments.out, &arguments.csv, &arguments.picture].into_iter().flatten() {
         println!("{}: written", path.display());
     }
@@ -161,7 +163,7 @@ fn stored(config: &Config, id: &str, arguments: &HandoverArguments) -> anyhow::R
     let map: Vec<Place> = places(REGION_M).map(|place_m| planning.at_best_slope(place_m)).collect();
     let Some(best) = Place::lowest(map.iter().copied()) else { bail!(infeasible(id, arguments.mass)) };
     let now = arguments.now.map(|place_m| (place_m, planning.at(place_m, None).predicted));
-    Ok(Plan { best, now, handovers: experience.count(), map })
+    Ok(Plan { best, feet_heading_rad: 0.0, now, handovers: experience.count(), map })
 }
 
 fn mass_unknown(id: &str) -> String {
@@ -226,7 +228,8 @@ fn sentence(place_m: Vector3<f64>, slope_rad: Option<f64>, predicted: Predicted)
 }
 
 /// The best place as a plan for a controller of a cobot.
-fn plan_of(best: &Place, subject: &str, mass_kg: f64, handovers: usize) -> Value {
+fn json_of_plan(plan: &Plan, subject: &str, mass_kg: f64) -> Value {
+    let Plan { best, feet_heading_rad, handovers, .. } = plan;
     let position_m: [f64; 3] = best.position_m.into();
     let predicted = best.predicted.ok();
     json!({
@@ -234,6 +237,7 @@ fn plan_of(best: &Place, subject: &str, mass_kg: f64, handovers: usize) -> Value
         "mass_kg": mass_kg,
         "position_m": position_m,
         "slope_rad": best.slope_rad,
+        "feet_heading_rad": feet_heading_rad,
         "worst_limit_ratio": predicted.map(|(_, ratio)| ratio.value),
         "worst_limit_ratio_sigma": predicted.map(|(_, ratio)| ratio.sigma),
         "worst_joint": predicted.map(|(worst, _)| worst.name()),

@@ -92,7 +92,7 @@ CONSUMER_RECEIPT = Service(
 )
 HANDOVER = RequestService(
     suffix="handover",
-    schema="0xf0b80830ba5043cc+0xc5bd3320c7a29a69",
+    schema="0xf0b80830ba5043cc+0xa837151ed90dab5a",
     overflow_requests=True,
     overflow_responses=True,
     fire_and_forget=False,
@@ -395,6 +395,7 @@ class HandoverPlan(ctypes.Structure):
     current_status: int
     current_worst_joint: int
     slope_rad: float
+    feet_heading_rad: float
     unused: ctypes.Array[ctypes.c_uint64]
 
     _fields_ = [
@@ -415,7 +416,8 @@ class HandoverPlan(ctypes.Structure):
         ("current_status", ctypes.c_uint32),
         ("current_worst_joint", ctypes.c_uint32),
         ("slope_rad", ctypes.c_double),
-        ("unused", ctypes.c_uint64 * 7),
+        ("feet_heading_rad", ctypes.c_double),
+        ("unused", ctypes.c_uint64 * 6),
     ]
 
     @staticmethod

@@ -59,6 +59,9 @@ class HandoverPlan(NamedTuple):
     """1-σ of `current_limit_ratio`."""
     slope_rad: float
     """Slope of the handles at the best place: how far hands that follow them point below the horizontal, rad."""
+    feet_heading_rad: float
+    """Heading of the feet: angle from the station's X axis about the vertical, rad. The handles slope about the worker's
+    lateral axis, which is the station's Y axis turned by this."""
 
     def __bool__(self) -> bool:
         return True
@@ -240,6 +243,7 @@ def _result(plan: table.HandoverPlan, service: str) -> Union[HandoverPlan, NoPla
             plan.current_limit_ratio if is_predicted else None,
             plan.current_limit_ratio_sigma if is_predicted else None,
             plan.slope_rad,
+            plan.feet_heading_rad,
         )
     except ValueError as cause:
         raise BusError(f"the response on {service} has an unknown number: {cause}; run the same release everywhere") from cause

@@ -21,8 +21,9 @@
 //! 0.08 lower.
 //!
 //! A **lift** is an episode of at least half a second in which a load is established to be carried. It ends, and
-//! counts, after half a second in which no load is established to be carried, or at a gap in the data. Intervals with
-//! withheld torques, as in an impact, do not end it; a peak within such an interval is missed.
+//! counts, after half a second in which no load is established to be carried. Intervals with withheld torques, as in an
+//! impact, and gaps in the data do not end it: a load carried over the outage of a sensor is one lift, not two. A peak
+//! within such an interval is missed, and so is the second of two lifts without a hands-free instant that was measured.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -132,7 +133,7 @@ impl Dose {
     }
 
     /// Ends the episode; counts it if it was a lift.
-    pub(super) fn end_lift(&mut self) {
+    fn end_lift(&mut self) {
         let carried_s = self.carried_s;
         if carried_s >= LIFT_MIN_S {
             let peak_nm = self.peak_nm.value();

@@ -61,8 +61,11 @@ message! {
         pub current_worst_joint: u32,
         /// Slope of the handles at the best place: how far hands that follow them point below the horizontal, rad.
         pub slope_rad: f64,
+        /// Heading of the feet: angle from the station's X axis about the vertical, rad. The handles slope about the
+        /// worker's lateral axis, which is the station's Y axis turned by this.
+        pub feet_heading_rad: f64,
         /// Always zero; the fields fill a multiple of 64 bytes.
-        pub unused: [u64; 7],
+        pub unused: [u64; 6],
     }
 }
 

@@ -30,6 +30,9 @@ pub(super) fn plan(station: &str, id: &str, arguments: &HandoverArguments) -> an
     if plan.refused != HandoverRefusal::None as u32 {
         bail!(why_refused(&plan, id, arguments.mass));
     }
+    if subject.is_empty() {
+        bail!("the person at the station is unnamed, not {id}: run `equipoise subject load {id}`");
+    }
     let ratio = |joint: u32, value: f64, sigma: f64| {
         let joint = Joint::ALL.get(joint as usize).context("the daemon's plan names no joint")?;
         anyhow::Ok((*joint, LimitRatio { value, sigma }))
@@ -51,6 +54,7 @@ pub(super) fn plan(station: &str, id: &str, arguments: &HandoverArguments) -> an
             slope_rad: Some(plan.slope_rad),
             predicted: Ok(best),
         },
+        feet_heading_rad: plan.feet_heading_rad,
         now: arguments.now.zip(now),
         handovers: plan.handovers as usize,
         map: Vec::new(),
