@@ -154,7 +154,19 @@ impl<Q: Request> RequestClient<Q> {
     /// [`BusError::NoDaemon`] if no daemon serves the station, [`BusError::NoAnswer`] after `timeout`: a request that
     /// the daemon has not started by then is not executed.
     pub fn ask(&self, request: &Q, timeout: Duration) -> Result<Q::Response, BusError> {
-        let give_up = Instant::now() + timeout;
+        self.ask_until(request, |waited| waited >= timeout)
+    }
+
+    /// As [`Self::ask`], but waits until `is_over`, which receives the time since the request.
+    ///
+    /// # Errors
+    /// As [`Self::ask`].
+    pub fn ask_until(
+        &self,
+        request: &Q,
+        is_over: impl Fn(Duration) -> bool,
+    ) -> Result<Q::Response, BusError> {
+        let asked = Instant::now();
         let pending = self.port.send_copy(*request).map_err(BusError::failed("ask", &self.name))?;
         if pending.number_of_server_connections() == 0 {
             return Err(BusError::NoDaemon { service: self.name.clone() });
@@ -167,8 +179,9 @@ impl<Q: Request> RequestClient<Q> {
             if let Some(response) = answer {
                 return Ok(*response.payload());
             }
-            if Instant::now() >= give_up {
-                return Err(BusError::NoAnswer { service: self.name.clone(), timeout });
+            let waited = asked.elapsed();
+            if is_over(waited) {
+                return Err(BusError::NoAnswer { service: self.name.clone(), timeout: waited });
             }
             thread::sleep(LOOK_EVERY);
         }

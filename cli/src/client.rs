@@ -8,12 +8,15 @@ use equipoise_bus::{Bus, BusSettings, Request, RequestClient, parse_text};
 use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::handover::HandoverRefusal;
-use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, State};
+use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, Reply, State};
+use equipoise_daemon::commands::PLATE_SILENT;
 use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_station::process_state::is_stopped;
 
-/// Timeout of a daemon's reply, and of its next state.
-const TIMEOUT: Duration = Duration::from_secs(2);
+/// Timeout of a daemon's reply, and of its next state: a busy machine delays a process for seconds.
+const TIMEOUT: Duration = Duration::from_secs(10);
+/// The same if the daemon's process is stopped or absent.
+const STOPPED_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Joins a station's bus as a client.
 pub(crate) fn join(station: &str, role: &str) -> anyhow::Result<Bus> {
@@ -28,7 +31,8 @@ pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow
     }
     command.subject[..subject.len()].copy_from_slice(subject.as_bytes());
     let bus = join(station, "client")?;
-    let reply = ask(&bus, &bus.command_client()?, &command)?;
+    let is_late = |reply: &Reply| parse_text(&reply.text) == PLATE_SILENT;
+    let reply = ask_while_late(&bus, &bus.command_client()?, &command, is_late)?;
     let text = parse_text(&reply.text);
     if reply.refused != 0 {
         bail!("refused: {text}");
@@ -36,24 +40,33 @@ pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow
     Ok(text)
 }
 
-/// Requests a plan of a handover from a running daemon. A daemon that has no fresh state is asked again for a second: on a
-/// busy machine its loop stands still for 100 ms now and then.
+/// Requests a plan of a handover from a running daemon.
 pub(crate) fn plan_handover(station: &str, request: &HandoverRequest) -> anyhow::Result<HandoverPlan> {
     let bus = join(station, "plan")?;
-    let client = bus.handover_client()?;
+    let is_late = |plan: &HandoverPlan| plan.refused == HandoverRefusal::Stale as u32;
+    ask_while_late(&bus, &bus.handover_client()?, request, is_late)
+}
+
+/// Repeats a request for a second while the response reports late data: on a busy machine the loop and the sensors stand
+/// still for 100 ms now and then.
+fn ask_while_late<Q: Request>(
+    bus: &Bus,
+    client: &RequestClient<Q>,
+    request: &Q,
+    is_late: impl Fn(&Q::Response) -> bool,
+) -> anyhow::Result<Q::Response> {
     let started = Instant::now();
     loop {
-        let plan = ask(&bus, &client, request)?;
-        let is_stale = plan.refused == HandoverRefusal::Stale as u32;
-        if !is_stale || started.elapsed() > Duration::from_secs(1) {
-            return Ok(plan);
+        let response = ask(bus, client, request)?;
+        if !is_late(&response) || started.elapsed() > Duration::from_secs(1) {
+            return Ok(response);
         }
         std::thread::sleep(Duration::from_millis(20));
     }
 }
 
 fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow::Result<Q::Response> {
-    client.ask(request, TIMEOUT).map_err(|error| match stopped_daemon(bus) {
+    client.ask_until(request, timeout_of(bus)).map_err(|error| match stopped_daemon(bus) {
         Some(stopped) => anyhow!(stopped),
         None => error.into(),
     })
@@ -62,8 +75,8 @@ fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow:
 /// The newest state of a running daemon.
 pub(crate) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
     let mut states = bus.subscriber::<State>(1)?;
-    let started = Instant::now();
-    while started.elapsed() < TIMEOUT {
+    let (started, is_over) = (Instant::now(), timeout_of(bus));
+    while !is_over(started.elapsed()) {
         if let Some(state) = states.latest()? {
             return Ok(state);
         }
@@ -79,10 +92,20 @@ pub(crate) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
     )
 }
 
+/// Process id of the station's daemon.
+fn daemon_of(bus: &Bus) -> Option<u32> {
+    Some(bus.participants().ok()?.iter().find(|one| one.role == DAEMON_ROLE)?.process_id)
+}
+
+/// Whether the daemon of the station is no longer waited for after a time.
+fn timeout_of(bus: &Bus) -> impl Fn(Duration) -> bool {
+    let daemon = daemon_of(bus);
+    move |waited| waited > TIMEOUT || (waited > STOPPED_TIMEOUT && daemon.is_none_or(is_stopped))
+}
+
 /// Description of a daemon whose process exists but does not respond; `None` if there is none.
 fn stopped_daemon(bus: &Bus) -> Option<String> {
-    let participants = bus.participants().ok()?;
-    let daemon = participants.iter().find(|one| one.role == DAEMON_ROLE)?.process_id;
+    let daemon = daemon_of(bus)?;
     let station = bus.station();
     Some(if is_stopped(daemon) {
         format!(

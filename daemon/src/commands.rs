@@ -15,6 +15,9 @@ use crate::active_configuration::SharedConfiguration;
 use crate::rings::CommandEnds;
 use crate::subjects::Subjects;
 
+/// Refusal of a tare without current data of the plate.
+pub const PLATE_SILENT: &str = "the plate is silent or faulty; nothing to tare";
+
 /// Polling interval for commands.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
@@ -156,7 +159,7 @@ fn describe_stop(latest: Option<&State>, settings: &Settings) -> String {
 fn tare(ends: &mut CommandEnds, latest: Option<&State>, empty_ns: u64) -> Answer {
     let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::INVALIDATES_GROUND_FORCE))
     else {
-        return Err("the plate is silent or faulty; nothing to tare".to_owned());
+        return Err(PLATE_SILENT.to_owned());
     };
     if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
         return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));

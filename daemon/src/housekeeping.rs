@@ -160,15 +160,19 @@ impl Housekeeping {
     fn publish_incidents(&mut self, due: bool) {
         let changes = self.board.changes();
         let changed = changes != self.published_changes;
+        let message = self.board.message();
+        if changed {
+            // The file first: a subscriber may read it as soon as the message arrives.
+            self.status.set_incidents(self.board.messages());
+            self.write_status();
+        }
         if changed || due {
             self.published_changes = changes;
             // A failed bus is reported by its other users.
-            let _ = self.incidents.send(&self.board.message());
+            let _ = self.incidents.send(&message);
         }
         if changed {
             let _ = self.events.notify(Event::IncidentsChanged);
-            self.status.set_incidents(self.board.messages());
-            self.write_status();
         }
     }
 

@@ -184,10 +184,11 @@ impl IncidentBoard {
     fn raise(&self, kind: Incident, what: &str) {
         self.begun[kind as usize].fetch_add(1, Ordering::Relaxed);
         self.last_begun_ns[kind as usize].store(now_ns(), Ordering::Relaxed);
-        self.changes.fetch_add(1, Ordering::Relaxed);
         if let Some(repeated) = self.with_journal(kind, |journal| journal.due_or_counted(now_ns(), what)) {
             warn!(incident = kind.name(), "{what}{repeated}");
         }
+        // After the journal's line, because this change publishes the incident.
+        self.changes.fetch_add(1, Ordering::Relaxed);
     }
 }
 

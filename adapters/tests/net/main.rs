@@ -10,10 +10,20 @@ mod suit_tcp;
 
 use equipoise_adapters::source::GroundSource;
 use equipoise_core::message::GroundSample;
+use std::panic::{RefUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 /// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(90);
+
+/// Number of runs of a test that a stall of the machine may disturb: a sender that is silent for a second no longer holds
+/// the port. One run must pass; a defect is in each.
+const ATTEMPTS: usize = 3;
+
+fn repeat_after_stall(test: impl Fn() + RefUnwindSafe) {
+    let passes = || catch_unwind(&test).is_ok();
+    assert!((0..ATTEMPTS).any(|_| passes()), "in none of {ATTEMPTS} runs, see above");
+}
 
 /// Runs a source until a condition is met; returns the samples received meanwhile.
 fn until(

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Time-out of all waits in these tests, with a wide margin; not a measurement.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(90);
 const CHILD_ROOT: &str = "EQUIPOISE_BUS_TEST_CHILD";
 
 /// A root directory that removes the bus's shared memory when dropped.

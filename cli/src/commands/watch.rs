@@ -94,10 +94,12 @@ fn lines(station: &str, until: &Until) -> anyhow::Result<()> {
             writeln!(out, "{}{wrong}", live_line(&state, pose.as_deref()))?;
         }
         let printed = Instant::now();
-        while let Some(remaining) = LINE_INTERVAL.checked_sub(printed.elapsed()) {
+        loop {
+            // Before the interval's end, which a delayed process may have passed already.
             if until.is_over() {
                 return Ok(());
             }
+            let Some(remaining) = LINE_INTERVAL.checked_sub(printed.elapsed()) else { break };
             std::thread::sleep(remaining.min(STOP_CHECK_INTERVAL));
         }
     }

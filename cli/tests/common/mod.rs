@@ -143,12 +143,17 @@ impl Station {
     /// Reloads the daemon with another configuration, and waits until it is active.
     pub(crate) fn reload(&self, config: &str) {
         let status = self.directory.path().join("bus").join(format!("equipoise-{NAME}.json"));
-        let before = std::fs::read_to_string(&status).unwrap();
+        // The file's other facts change every second.
+        let active = || {
+            let status = serde_json::from_str::<serde_json::Value>(&std::fs::read_to_string(&status).ok()?);
+            status.ok()?["config_toml"].as_str().map(str::to_owned)
+        };
+        let before = active().unwrap();
         std::fs::write(self.file("config.toml"), config).unwrap();
         let id = rustix::process::Pid::from_child(&self.daemon);
         rustix::process::kill_process(id, rustix::process::Signal::HUP).unwrap();
         let started = Instant::now();
-        while std::fs::read_to_string(&status).unwrap_or_default() == before {
+        while active().is_none_or(|active| active == before) {
             assert!(started.elapsed() < Duration::from_secs(60), "the configuration is not taken up");
             std::thread::sleep(Duration::from_millis(10));
         }

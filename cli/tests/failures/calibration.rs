@@ -3,18 +3,20 @@
 use std::path::Path;
 use std::time::Instant;
 
+use equipoise_core::message::Validity;
+use equipoise_daemon::realtime::now_ns;
 use equipoise_simulator::plate::Plate;
 use equipoise_simulator::ports::free_address;
 use equipoise_simulator::repertoire::LIFTING;
-use equipoise_simulator::settings::{SecondPlateSettings, SimulationSettings};
-use equipoise_simulator::simulation::{OnPlates, Simulation, SimulationHandle};
+use equipoise_simulator::settings::SecondPlateSettings;
+use equipoise_simulator::simulation::OnPlates;
 use equipoise_simulator::walk::Place;
 use serde_json::Value;
 
 use crate::adapters::external;
 use crate::monitor::Monitor;
-use crate::process::{Process, TIMEOUT, wait_for};
-use crate::station::Station;
+use crate::process::{Process, TIMEOUT};
+use crate::station::{Station, simulate};
 
 /// Where the plate really stands.
 const PLATE: Plate = Plate {
@@ -28,10 +30,6 @@ const FRAME: &str = "origin_m = [0.06, -0.04, -0.05]\nyaw_deg = 25.0\nsurface_he
 
 fn configuration(station: &Station, frame: &str) -> String {
     station.configuration().replace("[subject]\n", &format!("[ground.frame]\n{frame}[subject]\n"))
-}
-
-fn person(settings: SimulationSettings) -> SimulationHandle {
-    Simulation::start(settings).expect("a simulated person")
 }
 
 /// Does what a command asks for, line by line, until it has ended; its exit code, and what it printed as JSON.
@@ -88,7 +86,7 @@ internal_and_separate_adapters! {
 fn a_known_mass_is_verified_at_several_positions_and_a_wrong_one_fails(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
-    let person = person(settings);
+    let person = simulate(&settings);
     person.put_on_plates(OnPlates::Nothing);
     let _daemon = station.daemon(&configuration(station, FRAME));
     let mut monitor = Monitor::open(station);
@@ -206,7 +204,7 @@ fn torques_are_verified_with_a_known_mass_in_the_hands_and_a_wrong_one_fails(sta
 fn a_rod_measures_the_height_of_the_surface(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
-    let person = person(settings);
+    let person = simulate(&settings);
     person.put_on_plates(OnPlates::Nothing);
     // The surface was configured without its mat.
     let low = FRAME.replace("surface_height_m = 0.05", "surface_height_m = 0.038");
@@ -230,7 +228,7 @@ fn a_rod_measures_the_height_of_the_surface(station: &Station) {
 fn the_pose_of_a_misplaced_plate_is_estimated_and_corrected(station: &Station) {
     let mut settings = station.sensors();
     settings.plate.plate = PLATE;
-    let person = person(settings);
+    let person = simulate(&settings);
     let wrong = configuration(station, "origin_m = [0.0, 0.0, -0.05] # by eye\nsurface_height_m = 0.05\n");
     let path = station.write("wrong.toml", &wrong).display().to_string();
     let mut daemon = station.daemon_of("wrong.toml", &[]);
@@ -266,10 +264,12 @@ fn the_pose_of_a_misplaced_plate_is_estimated_and_corrected(station: &Station) {
     let written = std::fs::read_to_string(Path::new(&path)).expect("the configuration");
     assert!(written.contains("# by eye") && written.contains("yaw_deg = "), "{written}");
     assert_eq!(daemon.stop(rustix::process::Signal::TERM), Some(0));
+    let stopped_ns = now_ns();
     let _daemon = station.daemon_of("wrong.toml", &[]);
-    monitor
-        .until("both sensors again", |monitor| monitor.both_fresh() && monitor.state.suit_sample_time_ns > 0);
-    let state = monitor.until("a still person", |monitor| monitor.state.static_pose == 1);
+    let state = monitor.until("a static person in the new daemon", |monitor| {
+        let is_measured = monitor.both_fresh() && !monitor.has(Validity::INVALIDATES_COP_MEASURED);
+        monitor.state.time_ns > stopped_ns && is_measured && monitor.state.static_pose == 1
+    });
     let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     // Relative to the feet, since the suit drifts.
     let feet = [17, 21].map(|foot| [0, 1].map(|axis| state.segment_origin_m[foot][axis]));
@@ -286,17 +286,22 @@ fn the_pose_of_a_misplaced_plate_is_estimated_and_corrected(station: &Station) {
 fn stomps_measure_the_delay_of_the_suit(station: &Station) {
     let mut settings = station.sensors();
     settings.suit.latency_s = 0.045;
-    let person = person(settings);
+    let person = simulate(&settings);
     let path = station.write("late.toml", &station.configuration()).display().to_string();
     let _daemon = station.daemon_of("late.toml", &[]);
     let mut monitor = Monitor::open(station);
     monitor.until("both sensors", Monitor::both_fresh);
     station.run(&["stomp", "--for", "2"]).assert_failed(1, &["the plate felt no stomp"]);
-    person.stomp(5);
     let process = station.spawn(&["stomp", "--stomps", "3", "--json", "--write", &path]);
-    let (code, report, message) = execute(process, |_| {});
+    let (code, report, message) = execute(process, |line| {
+        if line.starts_with("stand on the plate") {
+            person.stomp(5);
+        }
+    });
     assert_eq!(code, Some(0), "{message}");
-    assert!(message.contains("stomp 3 of 3"), "{message}");
+    // A delayed command counts several stomps at once.
+    let counted = message.lines().filter_map(|line| line.strip_prefix("stomp ")?.strip_suffix(" of 3"));
+    assert!(counted.filter_map(|count| count.parse::<usize>().ok()).any(|count| count >= 3), "{message}");
     let (later_ms, sigma_ms) = (number(&report, "/suit_later_ms"), number(&report, "/sigma_ms"));
     println!("45 ms later: found {later_ms:.1} ± {sigma_ms:.1} ms");
     assert!(sigma_ms < 12.0 && (later_ms - 45.0).abs() < 3.0 * sigma_ms, "{report}");
@@ -311,7 +316,7 @@ fn two_plates_are_tared_together_and_only_while_empty(station: &Station) {
     let plate = Plate { origin_m: [0.0, -0.2, 0.0], ..Plate::default() };
     settings.second_plate =
         Some(SecondPlateSettings { address: second, rate_hz: 200.0, plate, press_m: [[0.0; 2]; 2] });
-    let person = person(settings);
+    let person = simulate(&settings);
     let both = format!(
         "foot = \"left\"\n[ground.second]\nsource = \"ati-rdt\"\naddress = \"{second}\"\ncounts_per_newton = \
          1e6\ncounts_per_newton_metre = 1e6\nfoot = \"right\"\n[ground.second.frame]\norigin_m = [0.0, -0.2, 0.0]\n[subject]\n"
@@ -320,8 +325,7 @@ fn two_plates_are_tared_together_and_only_while_empty(station: &Station) {
     let mut monitor = Monitor::open(station);
     monitor.until("the person", |monitor| monitor.both_fresh() && monitor.state.ground_force_n[2] > 600.0);
     station.run(&["tare"]).assert_failed(1, &["N stand on the plate; step off"]);
-    let standing_n = monitor.update().ground_force_n[2];
-    assert!(standing_n > 600.0, "{standing_n}");
+    monitor.until("the person as before", |monitor| monitor.state.ground_force_n[2] > 600.0);
 
     // A box of 3 kg stays on the first plate.
     person.put_on_plates(OnPlates::Mass { mass_kg: 3.0, at_m: [0.05, 0.2] });
@@ -332,13 +336,7 @@ fn two_plates_are_tared_together_and_only_while_empty(station: &Station) {
     };
     monitor.until("the box alone", is(3.0 * 9.81));
     // Just after stepping off, the averaging window for the zero still contains the person.
-    let tared = wait_for("a plate that is empty for a while", || {
-        let tared = station.run(&["tare"]);
-        let waits = tared.stderr.contains("a moment ago; ask again");
-        (!waits).then_some(tared)
-    });
-    assert!(tared.assert_done().contains("zero from now on"));
-    monitor.until("zero", is(0.0));
+    monitor.until_tared(station, 2.5);
     person.put_on_plates(OnPlates::Nothing);
     monitor.until("less than zero", is(-3.0 * 9.81));
 }

@@ -41,7 +41,7 @@ fn the_loop_is_unaffected_by_consumers_that_end_or_stop_reading() {
 
     // New consumers find a place, and the stopped ones resume with a daemon that has kept theirs.
     station.run(&["watch", "--for", "1"]).assert_done();
-    assert!(station.run(&["latency", "--for", "1"]).assert_done().contains("cycles"));
+    assert_latency_is_measured(&station);
     stopped.send(Signal::CONT);
     reader.send(Signal::CONT);
     let lines = stopped.stdout().lines().count();
@@ -72,7 +72,7 @@ fn consumers_killed_while_joining_or_leaving_are_removed_once() {
         std::thread::sleep(Duration::from_millis(2500));
         (cleared() == before).then_some(())
     });
-    assert!(station.run(&["latency", "--for", "1"]).assert_done().contains("cycles"));
+    assert_latency_is_measured(&station);
     assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
 }
 
@@ -98,4 +98,12 @@ fn a_closed_pipe_is_no_crash() {
     child.stderr.take().expect("a pipe").read_to_string(&mut message).expect("its end");
     let status = child.wait().expect("its end");
     assert!(!message.contains("panicked"), "{status}: {message}");
+}
+
+/// A busy machine loses cycles: exit code 3.
+#[track_caller]
+fn assert_latency_is_measured(station: &Station) {
+    let latency = station.run(&["latency", "--for", "3"]);
+    assert!(matches!(latency.code, Some(0 | 3)), "{}", latency.stderr);
+    assert!(latency.stdout.contains("cycles"), "{}", latency.stdout);
 }

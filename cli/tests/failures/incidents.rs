@@ -35,7 +35,7 @@ fn silence_is_reported_by_all_interfaces_with_its_remedy_and_ends_with_the_next_
     ] {
         silence(true);
         monitor.until(kind.name(), |monitor| monitor.is_active(kind));
-        assert!(daemon.stderr().contains(&journal(kind)), "{}", daemon.stderr());
+        wait_for("the journal's line", || daemon.stderr().contains(&journal(kind)).then_some(()));
         let text = station.run(&["status"]).assert_done().to_owned();
         assert!(text.contains(&format!("INCIDENT {}", kind.name())), "{text}");
         assert!(text.contains("sends nothing any more: is") && !text.contains("to do:"), "{text}");
@@ -50,10 +50,11 @@ fn silence_is_reported_by_all_interfaces_with_its_remedy_and_ends_with_the_next_
         assert!(active["message"].as_str().is_some_and(|what| what.contains("sends nothing")), "{active}");
         silence(false);
         monitor.until("its end", |monitor| !monitor.is_active(kind));
-        let status = station.status_when("it among the past", |status| {
-            listed(status, "past").is_some() && listed(status, "active").is_none()
+        wait_for("it among the past, with its number of begins", || {
+            monitor.update();
+            let status = station.status().filter(|status| listed(status, "active").is_none())?;
+            (listed(&status, "past")?["count"] == monitor.count(kind)).then_some(())
         });
-        assert_eq!(listed(&status, "past").expect("it was")["count"], monitor.count(kind), "{status}");
     }
     assert!(!daemon.stderr().contains("phase="), "phases are none: {}", daemon.stderr());
 }

@@ -123,7 +123,7 @@ fn a_measurement_without_receipts_reports_the_other_stages() {
     let settings = BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");
     wait_for("both readers", || bus.subscriber::<ConsumerReceipt>(1).is_err().then_some(()));
-    let ended = station.run(&["latency", "--for", "1"]);
+    let ended = station.run(&["latency", "--for", "3"]);
     assert!(matches!(ended.code, Some(0 | 3)), "{}", ended.stderr);
     assert!(ended.stderr.contains("what consumers report is not shown"), "{}", ended.stderr);
     assert!(ended.stdout.contains("self.receipt"), "{}", ended.stdout);

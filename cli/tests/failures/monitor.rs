@@ -9,7 +9,7 @@ use equipoise_bus::{Bus, BusSettings, Subscriber};
 use equipoise_core::message::{AdapterHealth, Incident, Incidents, State, Validity};
 use equipoise_simulator::simulation::SimulationHandle;
 
-use crate::process::TIMEOUT;
+use crate::process::{TIMEOUT, wait_for};
 use crate::station::{NAME, Station};
 
 /// Time for which a pose is held before another is tried.
@@ -132,6 +132,21 @@ impl Monitor {
 
     pub(crate) fn ground_refused(&self, reason: GroundRefusal) -> u64 {
         self.adapters[1].refused[reason.index()]
+    }
+
+    /// Tares until the plate measures less than a force: the loop refuses without a reply if one of its latest readings
+    /// is late or loaded.
+    #[track_caller]
+    pub(crate) fn until_tared(&mut self, station: &Station, below_n: f64) {
+        wait_for("zero after a tare", || {
+            let tare = station.run(&["tare"]);
+            let mut is_zero = false;
+            self.during(Duration::from_secs(1), |monitor| {
+                let is_measured = monitor.both_fresh() && !monitor.has(Validity::INVALIDATES_GROUND_FORCE);
+                is_zero |= is_measured && monitor.state.ground_force_n[2].abs() < below_n;
+            });
+            (is_zero && tare.stdout.contains("zero from now on")).then_some(())
+        });
     }
 
     /// The person goes through the library until this number of poses has been used.

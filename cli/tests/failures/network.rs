@@ -4,10 +4,9 @@ use std::time::Duration;
 
 use equipoise_adapters::suit::SuitRefusal;
 use equipoise_simulator::faults::Faults;
-use equipoise_simulator::simulation::Simulation;
 
 use crate::monitor::Monitor;
-use crate::station::Station;
+use crate::station::{Station, simulate};
 
 #[test]
 fn identification_works_over_networks_that_lose_reorder_repeat_and_damage() {
@@ -16,7 +15,7 @@ fn identification_works_over_networks_that_lose_reorder_repeat_and_damage() {
     let mut settings = station.sensors();
     settings.suit.faults = faults;
     settings.plate.faults = faults;
-    let person = Simulation::start(settings).expect("a simulated person");
+    let person = simulate(&settings);
     let mut daemon = station.daemon(&station.configuration());
     let mut monitor = Monitor::open(&station);
     monitor.until_poses(&person, 2);

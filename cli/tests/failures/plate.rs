@@ -2,6 +2,7 @@
 
 use std::net::UdpSocket;
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 
 use equipoise_adapters::ground::GroundRefusal;
 use equipoise_core::message::Validity;
@@ -9,10 +10,12 @@ use equipoise_core::message::Validity;
 use crate::monitor::Monitor;
 use crate::process::wait_for;
 use crate::station::Station;
-use crate::streams::{self, FakePlate};
+use crate::streams::{self, FakePlate, Stream};
 
 /// Number of repetitions of each bad record.
 const ROUNDS: u64 = 10;
+/// Wait for the counters before all bad records are sent again; all of them take less than a second.
+const REPEAT_AFTER: Duration = Duration::from_secs(15);
 
 #[test]
 fn a_faulty_sensor_has_no_centre_of_pressure_until_it_recovers() {
@@ -52,22 +55,19 @@ fn records_that_are_not_new_are_counted_and_not_used() {
         shared.lock().expect("no thread panics").extend_from_slice(valid);
         Vec::new()
     });
-    for _ in 0..ROUNDS {
-        let replayed = Arc::clone(&old);
-        plate.stream.slip_in(<[u8]>::to_vec);
-        plate.stream.slip_in(move |_| replayed.lock().expect("no thread panics").clone());
-        plate.stream.slip_in(|valid| valid[..35].to_vec());
-        plate.stream.slip_in(|valid| [valid, &valid[..1]].concat());
-        plate.stream.slip_in(|_| b"GET / HTTP/1.1\r\n\r\n".to_vec());
-        plate.stream.slip_in(|_| vec![0xff; 65_500]);
-        plate.stream.slip_in(|_| vec![0xff; 36]);
-    }
+    play_all(&plate.stream, &old);
+    let mut sent = Instant::now();
     let counted = [(GroundRefusal::Duplicate, 1), (GroundRefusal::OutOfOrder, 2), (GroundRefusal::Length, 4)];
     for (reason, faults) in counted {
         monitor.until(reason.name(), |monitor| {
             // A person of 72 kg stands there, whatever the bad records contain.
             let [_, _, vertical_n] = monitor.state.ground_force_n;
             assert!(vertical_n == 0.0 || (vertical_n - 706.0).abs() < 1.0, "{vertical_n} N");
+            // A datagram may be lost also on loopback: a full socket buffer behind a busy core.
+            if sent.elapsed() > REPEAT_AFTER {
+                play_all(&plate.stream, &old);
+                sent = Instant::now();
+            }
             monitor.ground_refused(reason) >= faults * ROUNDS
         });
     }
@@ -89,4 +89,18 @@ fn records_that_are_not_new_are_counted_and_not_used() {
     monitor.until("both sensors", Monitor::both_fresh);
     assert!(daemon.is_running());
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
+}
+
+/// Inserts every kind of bad record [`ROUNDS`] times; `old` is an earlier record.
+fn play_all(plate: &Stream, old: &Arc<Mutex<Vec<u8>>>) {
+    for _ in 0..ROUNDS {
+        let replayed = Arc::clone(old);
+        plate.slip_in(<[u8]>::to_vec);
+        plate.slip_in(move |_| replayed.lock().expect("no thread panics").clone());
+        plate.slip_in(|valid| valid[..35].to_vec());
+        plate.slip_in(|valid| [valid, &valid[..1]].concat());
+        plate.slip_in(|_| b"GET / HTTP/1.1\r\n\r\n".to_vec());
+        plate.slip_in(|_| vec![0xff; 65_500]);
+        plate.slip_in(|_| vec![0xff; 36]);
+    }
 }

@@ -13,17 +13,21 @@ use equipoise_daemon::profile::Profile;
 use equipoise_daemon::realtime::now_ns;
 use equipoise_daemon::station_file::StationFile;
 use equipoise_files::atomic_file::write_atomically;
-use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use equipoise_simulator::simulation::SimulationHandle;
 use rustix::process::Signal;
 
 use crate::monitor::Monitor;
 use crate::process::{Process, wait_for};
-use crate::station::Station;
+use crate::station::{Station, simulate};
 
 /// Maximum loss by a kill, with a disk that writes at once.
 const LOSS: Duration = Duration::from_secs(1);
+/// Pause after each write of [`Disk`].
+const PROBE_INTERVAL: Duration = Duration::from_millis(50);
 /// Files that the daemon may write one after another before the newest state is stored.
 const WRITES: u32 = 3;
+/// Maximum number of additional kills until two poses have been used.
+const EXTRA_KILLS: u64 = 12;
 /// This much of a light body counts as the empty plate's offset, kg.
 const OFFSET_KG: f64 = 5.0;
 const WORKER_KG: f64 = 72.0;
@@ -49,7 +53,7 @@ fn number(name: &str) -> Option<u64> {
 fn person(station: &Station, mass_kg: f64) -> SimulationHandle {
     let mut settings = station.sensors();
     settings.mass_kg = mass_kg;
-    Simulation::start(settings).expect("a simulated person")
+    simulate(&settings)
 }
 
 /// Numbers of poses published for each subject, and when each was first received.
@@ -102,10 +106,11 @@ fn active_subject(station: &Station) -> String {
     status["daemon"]["subject"].as_str().expect("a subject").to_owned()
 }
 
-/// Begin and, once it has ended, end of each write.
+/// Begin and, once the next iteration begins, end of each write.
 type Writes = Arc<Mutex<Vec<(Instant, Option<Instant>)>>>;
 
-/// Writes a small file durably again and again, next to those of the daemon, and keeps the time that each write took.
+/// Writes a small file durably again and again, next to those of the daemon, and keeps the time that each iteration took:
+/// the disk's delay, and that of a thread that waits for a core.
 struct Disk {
     writes: Writes,
     ends: Arc<AtomicBool>,
@@ -122,21 +127,23 @@ impl Disk {
                 if write_atomically(&path, b"probe").is_err() {
                     break;
                 }
+                std::thread::sleep(PROBE_INTERVAL);
                 if let Some((_, end)) = writes.lock().expect("no panic").last_mut() {
                     *end = Some(Instant::now());
                 }
-                std::thread::sleep(Duration::from_millis(50));
             }
         });
         disk
     }
 
-    /// Longest write that was in progress during the `length` before an instant; unfinished ones count until it.
+    /// Longest iteration, less its pause, that was in progress during the `length` before an instant; unfinished ones
+    /// count until it.
     fn slowest(&self, before: Instant, length: Duration) -> Duration {
         let writes = self.writes.lock().expect("no panic");
         let ended = |end: &Option<Instant>| end.map_or(before, |end| end.min(before));
         let recent = writes.iter().filter(|(start, end)| *start < before && ended(end) + length > before);
-        recent.map(|(start, end)| ended(end) - *start).max().unwrap_or_default()
+        let slowest = recent.map(|(start, end)| ended(end) - *start).max().unwrap_or_default();
+        slowest.saturating_sub(PROBE_INTERVAL)
     }
 }
 
@@ -235,8 +242,7 @@ fn tared(station: &Station) -> Process {
     monitor.until("the plate", |monitor| {
         monitor.both_fresh() && monitor.state.ground_force_n[2] > 0.5 * OFFSET_KG * G
     });
-    station.run(&["tare"]).assert_done();
-    monitor.until("the tare", |monitor| monitor.state.ground_force_n[2].abs() < 0.2 * OFFSET_KG * G);
+    monitor.until_tared(station, 0.2 * OFFSET_KG * G);
     light.stop().expect("an orderly end");
     daemon
 }
@@ -268,7 +274,11 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
         posed: Instant::now(),
     };
     let mut poses = 0;
-    for kill in 0..kills {
+    for kill in 0..kills + EXTRA_KILLS {
+        // Masked states on a busy machine interrupt holds, so that a pose needs more work.
+        if kill >= kills && poses >= 2 {
+            break;
+        }
         fixture.work();
         let killed = Instant::now();
         daemon.kill();

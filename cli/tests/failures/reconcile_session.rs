@@ -13,7 +13,7 @@ use crate::process::wait_for;
 use crate::station::{NAME, Station};
 
 /// An evaluation needs 10 s of work in which enough can be used; a busy machine loses samples.
-const POSES_MAX: usize = 20;
+const POSES_MAX: usize = 60;
 const HOLD: Duration = Duration::from_secs(3);
 
 /// Number of evaluations that had too little data.

@@ -101,6 +101,12 @@ fn alterations_of_signed_recordings_are_reported() {
         files(&recordings, ".minisig").len() >= 3 && files(&recordings, ".mcap").len() >= 4
     });
     std::thread::sleep(Duration::from_secs(1));
+    // The name appears before the header.
+    until("the header of the newest file", || {
+        files(&recordings, ".mcap")
+            .last()
+            .is_some_and(|path| fs::metadata(path).is_ok_and(|file| file.len() > 0))
+    });
     service.kill().unwrap();
     service.wait().unwrap();
     let killed = files(&recordings, ".mcap").pop().unwrap();

@@ -54,8 +54,10 @@ fn live_settings_change_others_are_reported_and_invalid_files_change_nothing() {
     station.write("live.toml", &text.replace("rate_hz = 200", "rate_hz = 200\nrate_herz = 1"));
     daemon.send(Signal::HUP);
     monitor.until("the refusal", |monitor| monitor.is_active(Incident::ReloadRefused));
-    let message = daemon.stderr();
-    assert!(message.contains("reload_refused") && message.contains("rate_herz"), "{message}");
+    wait_for("the journal's line", || {
+        let message = daemon.stderr();
+        (message.contains("reload_refused") && message.contains("rate_herz")).then_some(())
+    });
     let line =
         std::iter::repeat_with(&mut receive).find(|line| line.contains("RELOADING=1")).expect("a word");
     let stamp = line.lines().find_map(|line| line.strip_prefix("MONOTONIC_USEC=")).expect("a stamp");

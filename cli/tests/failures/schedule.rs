@@ -81,13 +81,6 @@ fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() 
     let station = Station::new();
     let _person = station.person();
     let mut daemon = station.daemon(&station.configuration());
-    // Counts are published with housekeeping's first round.
-    let status = wait_for("the counts", || {
-        station
-            .status()
-            .filter(|status| status["daemon"]["threads"].as_array().is_some_and(|all| all.len() > 9))
-    });
-    let threads = status["daemon"]["threads"].as_array().expect("a list");
     let names = [
         "main",
         "commands",
@@ -101,19 +94,27 @@ fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() 
         "housekeeping",
         "planner",
     ];
+    // Counts are published with housekeeping's rounds. Every kernel thread of the process is listed, with or without
+    // requested settings.
+    let tasks = || std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("a living daemon").count();
+    let status = station.status_when("every thread with its granted settings", |status| {
+        let threads = status["daemon"]["threads"].as_array().map_or(&[][..], Vec::as_slice);
+        let has_asked = |name: &&str| {
+            threads.iter().any(|thread| thread["thread"] == *name && thread["has_asked"] == true)
+        };
+        names.iter().all(has_asked) && threads.len() == tasks()
+    });
+    let threads = status["daemon"]["threads"].as_array().expect("a list");
     for name in names {
         let thread = threads.iter().find(|thread| thread["thread"] == name);
         let thread = thread.unwrap_or_else(|| panic!("no {name} in {threads:?}"));
-        assert!(thread["has_asked"] == true && thread["policy"] == "other", "{thread}");
+        assert_eq!(thread["policy"], "other", "{thread}");
         assert!(thread["cpus"].as_array().is_some_and(|cores| !cores.is_empty()), "{thread}");
         assert!(thread["timer_slack_ns"].as_u64() <= Some(1), "{thread}");
         let task = format!("/proc/{}/task/{}", daemon.id(), thread["id"]);
         assert!(std::path::Path::new(&task).exists(), "{task}");
         assert!(thread["minor_faults"].as_u64() > Some(0), "{thread}");
     }
-    // Every kernel thread of the process is listed, with or without requested settings.
-    let tasks = std::fs::read_dir(format!("/proc/{}/task", daemon.id())).expect("a living daemon").count();
-    assert_eq!(threads.len(), tasks);
     assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");
     let ended = station.run(&["status", "--all"]);
     assert!(ended.assert_done().contains("asked other, granted other"), "{}", ended.stdout);

@@ -63,7 +63,7 @@ fn a_daemon_runs_without_its_sensor_and_uses_it_once_plugged_in() {
     monitor.until("cycles", |monitor| monitor.state.cycle > 10);
     monitor.until("word of the missing port", |monitor| monitor.is_active(Incident::GroundAdapterDown));
     let message = format!("the serial port {} is not there", port.display());
-    assert!(daemon.stderr().contains(&message), "{}", daemon.stderr());
+    wait_for("the journal's line", || daemon.stderr().contains(&message).then_some(()));
     let status = station.run(&["status"]).assert_done().to_owned();
     assert!(
         status.contains(&message) && status.contains("plug it in, or set ground.serial.port"),
@@ -98,8 +98,10 @@ fn a_wrong_speed_is_reported_by_all_interfaces_without_stopping() {
     let message =
         "none of the last 740 make a frame of a Bota sensor: is the line's speed right? It is 115200 baud";
     wait_for("word of the speed", || daemon.stderr().contains(message).then_some(()));
-    let status = station.run(&["status"]).assert_done().to_owned();
-    assert!(status.contains("usually has 460800 ([ground.serial] baud)"), "{status}");
+    wait_for("the remedy in the status", || {
+        let status = station.run(&["status"]).assert_done().to_owned();
+        status.contains("usually has 460800 ([ground.serial] baud)").then_some(())
+    });
     assert!(daemon.is_running() && monitor.has(Validity::GROUND_STALE));
 }
 
@@ -120,7 +122,7 @@ fn a_port_of_another_program_is_reported_and_used_once_free() {
     let mut monitor = Monitor::open(&station);
     monitor.until("word of the other program", |monitor| monitor.is_active(Incident::GroundAdapterDown));
     let message = format!("cannot be used: process {}", other.0.id());
-    assert!(daemon.stderr().contains(&message), "{}", daemon.stderr());
+    wait_for("the journal's line", || daemon.stderr().contains(&message).then_some(()));
     drop(other);
     monitor.until("the port", |monitor| !monitor.is_active(Incident::GroundAdapterDown));
     monitor.until("samples", |monitor| !monitor.has(Validity::GROUND_STALE));

@@ -221,8 +221,7 @@ poses_min = 1000
 
     /// A simulated person in suit and on plate.
     pub(crate) fn person(&self) -> SimulationHandle {
-        // A process that seeks a free port binds it for an instant.
-        wait_for("a simulated person", || Simulation::start(self.sensors()).ok())
+        simulate(&self.sensors())
     }
 
     /// `equipoise status --json`; `None` while no daemon publishes.
@@ -269,6 +268,11 @@ impl Drop for Station {
             let _ = std::fs::remove_file(path);
         }
     }
+}
+
+/// A simulated person with sensors on these ports; a process that seeks a free port binds them for an instant.
+pub(crate) fn simulate(settings: &SimulationSettings) -> SimulationHandle {
+    wait_for("a simulated person", || Simulation::start(settings.clone()).ok())
 }
 
 /// Waits until a daemon reports that it runs.

@@ -13,6 +13,8 @@ use equipoise_simulator::noise::{Suit, SuitNoise};
 use equipoise_simulator::person::Person;
 use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
 
+use crate::process::wait_for;
+
 /// Samples per second of the suit.
 const SUIT_RATE_HZ: f64 = 60.0;
 /// Body weight on the plate, counts; the plate reports the force on itself.
@@ -125,7 +127,8 @@ pub(crate) struct FakePlate {
 
 impl FakePlate {
     pub(crate) fn start(address: SocketAddr) -> FakePlate {
-        let socket = UdpSocket::bind(address).expect("the plate's port");
+        // A process that seeks a free port binds it for an instant.
+        let socket = wait_for("the plate's port", || UdpSocket::bind(address).ok());
         socket.set_read_timeout(Some(Duration::from_millis(4))).expect("a socket");
         let client = Arc::default();
         let address = Arc::clone(&client);

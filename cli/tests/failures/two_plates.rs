@@ -14,12 +14,13 @@ use equipoise_simulator::devices::running::{Pace, Running};
 use equipoise_simulator::devices::udp::UdpPort;
 use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SecondPlateSettings;
-use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+use equipoise_simulator::simulation::SimulationHandle;
 use equipoise_simulator::wires::moticon::ALL;
 use nalgebra::Vector3;
 
 use crate::monitor::Monitor;
-use crate::station::{NAME, Station};
+use crate::process::wait_for;
+use crate::station::{NAME, Station, simulate};
 
 /// Poses of both plates: origin (m), rotation (degrees), height of the surface above the origin (m).
 const POSITIONS: [([f64; 3], f64, f64); 2] =
@@ -50,7 +51,7 @@ impl TwoPlates {
         let (address, press_m) = (self.second, [[0.0; 2]; 2]);
         settings.second_plate =
             Some(SecondPlateSettings { address, rate_hz: 190.0, plate: plate(1), press_m });
-        Simulation::start(settings).expect("a simulated person")
+        simulate(&settings)
     }
 
     fn configuration(&self) -> String {
@@ -128,12 +129,11 @@ fn two_plates_measure_each_foot_and_improve_leg_torques() {
     assert_eq!(status["ground"]["devices"], serde_json::json!(["plate", "second_plate"]), "{status}");
     assert_eq!(status["ground"]["per_foot"], true, "{status}");
     // The sum over both feet is the person's weight, at the person's centre of pressure.
-    let truth = person.truth_at((monitor.state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
-    assert!(
-        (monitor.state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0,
-        "{:?}",
-        monitor.state.ground_force_n
-    );
+    let state = monitor.until("a measured force", |monitor| {
+        monitor.both_fresh() && !monitor.has(Validity::INVALIDATES_GROUND_FORCE)
+    });
+    let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
+    assert!((state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0, "{:?}", state.ground_force_n);
     let plain = two.station.run(&["status"]);
     assert!(
         plain.assert_done().contains("feet    on plate and second plate, each measured by itself"),
@@ -173,7 +173,8 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
         monitor.both_fresh() && monitor.state.sharing_source == 1
     });
     let state = monitor.until("a still person", |monitor| {
-        monitor.state.sharing_source == 1 && monitor.state.static_pose == 1
+        let is_measured = monitor.both_fresh() && !monitor.has(Validity::INVALIDATES_GROUND_FORCE);
+        is_measured && monitor.state.sharing_source == 1 && monitor.state.static_pose == 1
     });
     let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     assert!(
@@ -183,28 +184,27 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
     );
     let ([left, _], [_, [true_left, _]]) = (state.foot_load_fraction, truth.foot_share);
     assert!((left - true_left).abs() < 0.03, "{left} {true_left}");
-    let status = station.current_status();
     let expected = serde_json::json!({
         "devices": ["plate", "insoles"], "per_foot": true, "foot_frame": "sole", "not_measured": []
     });
-    assert_eq!(status["ground"], expected, "{status}");
+    station.status_when("plate and insoles in the status", |status| status["ground"] == expected);
 
     insoles.silence(true);
     monitor.until("geometry", |monitor| {
         monitor.both_fresh() && monitor.state.sharing_source == 0 && monitor.state.foot_load_fraction[0] > 0.0
     });
     monitor.until("the reason", |monitor| monitor.is_active(Incident::GroundAdapterDown));
-    // A busy machine delays the plate as well now and then.
-    let is_whole = (0..10).any(|_| {
+    // The plate is whole without them. A busy machine delays the plate as well now and then.
+    wait_for("half a second with a centre of pressure", || {
         let mut is_valid = true;
         monitor.during(Duration::from_millis(500), |monitor| {
             is_valid &= !monitor.has(Validity::INVALIDATES_COP_MEASURED);
         });
-        is_valid
+        is_valid.then_some(())
     });
-    assert!(is_whole, "the plate is whole without them: {:?}", monitor.reasons());
-    let status = station.current_status();
-    assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
+    station.status_when("the plate alone in the status", |status| {
+        status["ground"]["devices"] == serde_json::json!(["plate"])
+    });
     insoles.silence(false);
     monitor.until("shares again", |monitor| monitor.both_fresh() && monitor.state.sharing_source == 1);
     monitor.until("the end of the incident", |monitor| !monitor.is_active(Incident::GroundAdapterDown));

@@ -129,8 +129,10 @@ fn what_a_dead_daemon_left_in_the_buffer_is_not_current() {
     let mut consumer =
         Consumer::join_with(ConsumerSettings { stale_after, ..root.settings("late") }).unwrap();
     let station = station(&root);
-    next(&mut consumer);
-    sleep(20 * PERIOD);
+    let first = next(&mut consumer).state.cycle;
+    // More than the queue holds.
+    let mut second = root.consumer("current");
+    until("20 more cycles", || second.next(SHORT).ok().filter(|reading| reading.state.cycle > first + 20));
     drop(station);
     sleep(3 * stale_after);
     // The consumer did not read meanwhile, so the queue is full of old states.
@@ -174,11 +176,11 @@ fn who_asks_seldom_is_given_the_newest() {
     let root = root();
     let _station = station(&root);
     // Long, because the machine may be busy, but shorter than the sleep below.
-    let patient = ConsumerSettings { stale_after: Duration::from_secs(1), ..root.settings("seldom") };
+    let patient = ConsumerSettings { stale_after: Duration::from_secs(5), ..root.settings("seldom") };
     let mut consumer = Consumer::join_with(patient).unwrap();
     next(&mut consumer);
     // Longer than the silence after which a consumer rejoins.
-    sleep(Duration::from_millis(2100));
+    sleep(Duration::from_secs(6));
     let reading = consumer.latest().unwrap();
     assert!(reading.is_new && reading.missed > 0);
 }
@@ -294,16 +296,29 @@ fn an_early_state_is_new_once_and_not_returned_past_its_deadline() {
         let early = EarlyState { time_ns, sample_time_ns: time_ns - 2_000_000, ..EarlyState::zeroed() };
         publisher.send(&early).unwrap();
     };
-    let first_ns = now_ns();
-    send(first_ns);
-    let reading = consumer.early().unwrap();
-    assert!(reading.is_new && reading.early.time_ns == first_ns);
-    assert_eq!(reading.sample_age_ns, reading.age_ns + 2_000_000);
-    let again = consumer.early();
-    assert!(again.as_ref().is_ok_and(|again| !again.is_new && again.early == reading.early), "{again:?}");
-    // Left over from an earlier daemon.
-    send(first_ns - 1);
-    assert!(consumer.early().is_ok_and(|again| !again.is_new && again.early == reading.early));
-    sleep(EarlyState::SERVICE.deadline.unwrap() + SHORT);
+    let deadline = EarlyState::SERVICE.deadline.unwrap();
+    // On a busy machine the deadline may pass between these calls; they are repeated with another state.
+    until("all calls within the deadline", || {
+        let first_ns = now_ns();
+        send(first_ns);
+        let (reading, again) = (consumer.early(), consumer.early());
+        // Left over from an earlier daemon.
+        send(first_ns - 1);
+        let after = consumer.early();
+        if Duration::from_nanos(now_ns() - first_ns) > deadline {
+            return None;
+        }
+        let reading = reading.unwrap();
+        assert!(reading.is_new && reading.early.time_ns == first_ns);
+        assert_eq!(reading.sample_age_ns, reading.age_ns + 2_000_000);
+        for again in [again, after] {
+            assert!(
+                again.as_ref().is_ok_and(|again| !again.is_new && again.early == reading.early),
+                "{again:?}"
+            );
+        }
+        Some(())
+    });
+    sleep(deadline + SHORT);
     assert!(matches!(consumer.early(), Err(NoReading::Stale { .. })));
 }

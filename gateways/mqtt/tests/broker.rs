@@ -14,7 +14,7 @@ use equipoise_gateways::config::MqttConfig;
 use equipoise_gateways::{Gateway, Latest, StationFile};
 use rumqttc::{ConnAck, Connect, ConnectReturnCode, Packet, PubAck, Publish};
 
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(90);
 
 fn config(port: u16, keys: &str) -> MqttConfig {
     let file = tempfile::NamedTempFile::new().unwrap();

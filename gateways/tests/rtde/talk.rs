@@ -15,6 +15,7 @@ use equipoise_gateways::Gateway;
 use equipoise_gateways::config::RtdeConfig;
 use equipoise_gateways::gateway::Latest;
 use equipoise_gateways::rtde::Rtde;
+use equipoise_simulator::ports::free_address;
 
 use crate::controller::{Controller, package, start, text};
 use crate::states::{reading, reasons, state};
@@ -38,15 +39,19 @@ fn send_until_accepted(
         assert!(begun.elapsed() < PATIENCE, "no package arrives: {}", gateway.tally());
         std::thread::sleep(Duration::from_millis(2));
     }
-    // This is the last package sent; wait until it arrives.
-    let sequence = "input_int_register_24";
-    gateway.send(latest);
-    let packages = gateway.tally().sent + gateway.tally().lost;
-    while controller.inputs.lock().unwrap()[sequence] < packages as f64 {
+    // Wait until the last package sent arrives; another follows, since one is dropped if the controller was quiet.
+    loop {
+        gateway.send(latest);
+        let (sent, packages) = (Instant::now(), gateway.tally().sent + gateway.tally().lost);
+        while sent.elapsed() < Duration::from_secs(1) {
+            let inputs = controller.inputs.lock().unwrap().clone();
+            if inputs["input_int_register_24"] >= packages as f64 {
+                return inputs;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
         assert!(begun.elapsed() < PATIENCE, "package {packages} does not arrive: {}", gateway.tally());
-        std::thread::sleep(Duration::from_millis(1));
     }
-    controller.inputs.lock().unwrap().clone()
 }
 
 fn length(vector: [f64; 3]) -> f64 {
@@ -217,9 +222,7 @@ fn refusals_do_no_harm_and_end() {
 
 #[test]
 fn a_controller_that_comes_late_or_leaves_is_found_again() {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    let robot = listener.local_addr().unwrap();
-    drop(listener);
+    let robot = free_address().unwrap();
     let mut gateway = Rtde::new(&config(robot, "")).unwrap();
     for _ in 0..50 {
         gateway.send(&Ok(reading(state())));

@@ -69,7 +69,7 @@ fn page(viewing: Option<&str>, commanding: Option<&str>) -> (Page, Arc<Known>) {
 
 fn connect(page: &Page, request: &str) -> TcpStream {
     let mut stream = TcpStream::connect(page.address()).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+    stream.set_read_timeout(Some(Duration::from_secs(90))).unwrap();
     stream.write_all(request.as_bytes()).unwrap();
     stream
 }

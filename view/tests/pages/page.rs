@@ -11,6 +11,8 @@ use equipoise_view::page::{LiftResult, SimulatedHuman};
 use equipoise_view::{Page, PageError, PageFrame};
 
 const ANY_PORT: ([u8; 4], u16) = ([127, 0, 0, 1], 0);
+/// Long enough for a loaded machine; no test here measures speed.
+const TIMEOUT: Duration = Duration::from_secs(90);
 
 fn state(cycle: u64) -> State {
     let mut state = State::zeroed();
@@ -35,7 +37,7 @@ fn running() -> Page {
 
 fn ask(page: &Page, path: &str, host: &str) -> TcpStream {
     let mut stream = TcpStream::connect(page.address()).unwrap();
-    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
     write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
     stream
 }
@@ -64,7 +66,7 @@ fn events(page: &Page) -> BufReader<TcpStream> {
 }
 
 fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + Duration::from_secs(20);
+    let deadline = Instant::now() + TIMEOUT;
     while !holds() {
         assert!(Instant::now() < deadline, "{what}");
         std::thread::sleep(Duration::from_millis(20));
@@ -92,7 +94,7 @@ fn files_are_compressed_and_sent_once() {
     let page = running();
     let request = |path: &str, header: &str| {
         let mut stream = TcpStream::connect(page.address()).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        stream.set_read_timeout(Some(TIMEOUT)).unwrap();
         write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n{header}\r\n")
             .unwrap();
         let mut bytes = Vec::new();
@@ -121,8 +123,11 @@ fn files_are_compressed_and_sent_once() {
 #[test]
 fn the_newest_state_is_there_for_scripts() {
     let page = running();
-    wait_until("a state", || answer(&page, "/api/state", "localhost").starts_with("HTTP/1.1 200"));
-    let text = answer(&page, "/api/state", "localhost");
+    let mut text = String::new();
+    wait_until("a state", || {
+        text = answer(&page, "/api/state", "localhost");
+        text.starts_with("HTTP/1.1 200")
+    });
     let (_, body) = text.split_once("\r\n\r\n").unwrap();
     let json: serde_json::Value = serde_json::from_str(body).unwrap();
     assert_eq!(json["phase"], "identifying");
@@ -195,7 +200,7 @@ fn a_client_that_stops_reading_misses_frames_instead_of_falling_behind() {
     socket.set_recv_buffer_size(4096).unwrap();
     socket.connect(&page.address().into()).unwrap();
     let mut stream = TcpStream::from(socket);
-    stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
     write!(stream, "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     std::thread::sleep(Duration::from_secs(4));
     let mut slow = BufReader::new(stream);

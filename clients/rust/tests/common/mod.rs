@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 /// Test time-out, far above the expected duration; not a measurement.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+pub(crate) const PATIENCE: Duration = Duration::from_secs(90);
 /// Publishing period of the station's process.
 pub(crate) const PERIOD: Duration = Duration::from_millis(2);
 const STATION: &str = "test";
