@@ -288,8 +288,6 @@ pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
 pub(crate) const OTHER_PRIOR: f64 = 0.03;
 /// The same of anything outside the catalogue. Unit: 1. Origin: judgement.
 pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
-/// Terms outside the catalogue that are compared next to an explanation. Unit: 1. Origin: budget.
-pub(crate) const OUTSIDE_MAX: usize = 2;
 /// From this probability on the residual is called unexplained. Unit: 1. Origin: more probable than not.
 pub(crate) const UNEXPLAINED_PROBABILITY: f64 = 0.5;
 /// Factor on the prior of a plate's axes, height, gains or filter, or a clock, in a part of the work. Unit: 1. Origin:

@@ -197,8 +197,8 @@ pub(crate) struct Outside {
 }
 
 impl Outside {
-    /// A term of the library with its fitted parameters; all `of` terms are equally probable.
-    pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, of: usize) -> Outside {
+    /// The best term of the library with its fitted parameters; `log_mean`: mean evidence of all terms over its own.
+    pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, log_mean: f64) -> Outside {
         let hats = hats(gram.rows, term.model_error, None);
         let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats);
         let contributions = || term.columns_at.iter().map(|columns| columns.times(&padded(&term.value)));
@@ -211,7 +211,7 @@ impl Outside {
         Outside {
             generic: term.generic,
             size,
-            log_prior: (OUTSIDE_PRIOR / (1.0 - OUTSIDE_PRIOR) / of as f64).ln(),
+            log_prior: (OUTSIDE_PRIOR / (1.0 - OUTSIDE_PRIOR)).ln() + log_mean,
             whitened: Rc::new(Whitened::of(term.columns, priors, misfit, term.model_error.0)),
         }
     }

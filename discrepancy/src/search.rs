@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use equipoise_core::effect::Effect;
 
-use crate::constants::{BEAM, CHECKED_MAX, MEMBERS_MAX, OUTSIDE_MAX};
+use crate::constants::{BEAM, CHECKED_MAX, MEMBERS_MAX};
 use crate::explanation::{Explanation, Levels, Member, Outside};
 use crate::generic::Library;
 use crate::gram::Gram;
@@ -86,7 +86,8 @@ fn ranked(mut all: Vec<Explanation>) -> Vec<Explanation> {
     all
 }
 
-/// Adds explanations with a term outside the catalogue: to the most probable ones, and to each prefix of the first.
+/// Adds explanations with a term outside the catalogue: to the most probable ones, and to each prefix of the first. All
+/// terms of the library are one hypothesis: the best one represents it, with the mean evidence of all.
 pub(crate) fn with_outside(
     gram: &Gram<'_>,
     library: &Library,
@@ -96,13 +97,14 @@ pub(crate) fn with_outside(
         .iter()
         .enumerate()
         .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.is_prefix_of(&all[0]))
-        .flat_map(|(_, explanation)| {
+        .filter_map(|(_, explanation)| {
             let (conditioned, terms) = explanation.condition(gram);
             let members = explanation.members_with_columns(gram);
-            let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
-            let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
-            let extended = outside.filter_map(|one| Explanation::of(gram, members.clone(), Some(one)));
-            extended.map(|one| one.without_columns()).collect::<Vec<Explanation>>()
+            // As a part of this explanation, evidence is divided by the number of all parts plus one.
+            let temper = 2.0 + members.len() as f64;
+            let (term, log_mean) = library.best(&conditioned, &terms, temper)?;
+            let extended = Explanation::of(gram, members, Some(Outside::new(gram, term, log_mean)))?;
+            Some(extended.without_columns())
         })
         .collect();
     all.extend(extended);
