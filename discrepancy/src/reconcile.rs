@@ -48,7 +48,8 @@ pub enum ReconcileError {
     /// The work phase has too few blocks.
     #[error(
         "only {found} usable blocks of {block_s:.1} s lie in the work in question ({from_s:.1} s to {to_s:.1} s), and \
-         {needed} are needed; choose a longer span with --work{left_out}"
+         {needed} are needed; choose a longer span with --work{left_out}{}",
+        .left_out.advice()
     )]
     TooLittleWork {
         /// Blocks found.

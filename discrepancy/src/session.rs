@@ -50,35 +50,31 @@ pub struct LeftOut {
     pub impact: usize,
 }
 
+impl LeftOut {
+    /// What to do about them; nothing if the feet are no reason.
+    pub(crate) fn advice(&self) -> &'static str {
+        if self.lifted_foot + self.step == 0 {
+            return "";
+        }
+        "; if both feet stood, a sensor of a leg is displaced: fasten it, and calibrate the suit"
+    }
+}
+
 impl fmt::Display for LeftOut {
-    /// A sentence with the reasons that occur, and what to do; nothing if there are none.
+    /// The reasons that occur; nothing if there are none.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let lifted_cm = 100.0 * LIFTED_M;
+        let lifted = format!("of a lifted foot (ankle {lifted_cm:.0} cm above the other)");
         let reasons = [
-            (
-                self.lifted_foot,
-                format!(
-                    "within {STANCE_MARGIN_S} s of a lifted foot (ankle {lifted_cm:.0} cm above the other)"
-                ),
-            ),
+            (self.lifted_foot, format!("within {STANCE_MARGIN_S} s {lifted}")),
             (self.step, format!("within {STANCE_MARGIN_S} s of a step")),
             (self.no_cop, "without a centre of pressure".to_owned()),
             (self.impact, "with the acceleration of an impact".to_owned()),
         ];
-        let some: Vec<String> = reasons
-            .iter()
-            .filter(|(count, _)| *count > 0)
-            .map(|(count, reason)| format!("{count} {reason}"))
-            .collect();
-        if some.is_empty() {
-            return Ok(());
-        }
-        write!(f, "; left out are {}", some.join(", "))?;
-        if self.lifted_foot + self.step > 0 {
-            write!(
-                f,
-                "; if both feet stood, a sensor of a leg is displaced: fasten it, and calibrate the suit"
-            )?;
+        let mut before = "; left out: ";
+        for (count, reason) in reasons.iter().filter(|(count, _)| *count > 0) {
+            write!(f, "{before}{count} {reason}")?;
+            before = ", ";
         }
         Ok(())
     }

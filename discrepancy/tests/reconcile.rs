@@ -133,7 +133,7 @@ fn too_little_work_is_an_error_that_counts_what_was_left_out_and_why() {
     assert!(error(&session).ends_with("choose a longer span with --work"), "{}", error(&session));
     session.left_out = LeftOut { lifted_foot: 431, impact: 3, ..LeftOut::default() };
     let error = error(&session);
-    let expected = "; left out are 431 within 0.4 s of a lifted foot (ankle 4 cm above the other), 3 with the \
+    let expected = "; left out: 431 within 0.4 s of a lifted foot (ankle 4 cm above the other), 3 with the \
                     acceleration of an impact; if both feet stood, a sensor of a leg is displaced: fasten it, and \
                     calibrate the suit";
     assert!(error.ends_with(expected), "{error}");
