@@ -21,6 +21,16 @@ pub(crate) enum Scope {
     Span([f64; 2]),
 }
 
+impl Scope {
+    /// Whether effects with these scopes act at the same time.
+    pub(crate) fn overlaps(self, other: Scope) -> bool {
+        match (self, other) {
+            (Scope::Span(one_s), Scope::Span(other_s)) => one_s[0] < other_s[1] && other_s[0] < one_s[1],
+            _ => true,
+        }
+    }
+}
+
 /// An effect at a place, with a shape, at a time.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Candidate {

@@ -6,9 +6,10 @@
 //! read files: snapshots are pushed one by one, in any number, and memory stays bounded (one second of snapshots and at
 //! most [`Options::blocks_max`] blocks).
 //!
-//! Layers, lowest first: `worker`, `options` → `window` → `point` → `changes`, `mean` → `store` → this file.
+//! Layers, lowest first: `worker`, `options`, `masks` → `window` → `point` → `changes`, `mean` → `store` → this file.
 
 mod changes;
+mod masks;
 mod mean;
 mod options;
 mod point;
@@ -23,9 +24,11 @@ use std::collections::VecDeque;
 
 use equipoise_core::motion::Snapshot;
 
-use crate::block::Block;
+use crate::block::{Block, Phase};
 use crate::constants::{MASK_KEPT_S, POINTS_KEPT_S};
+use crate::session::LeftOut;
 use changes::Filters;
+use masks::{Masks, Reason};
 use mean::BlockMean;
 pub use options::Options;
 use point::Point;
@@ -43,8 +46,8 @@ pub struct Comparison {
     points: VecDeque<Point>,
     /// Static-pose flag of the loop, by time.
     still: VecDeque<(f64, bool)>,
-    /// Masked intervals: nothing is compared in them.
-    masked_s: VecDeque<[f64; 2]>,
+    masks: Masks,
+    left_out: LeftOut,
     filling: Option<BlockMean>,
     waiting: VecDeque<BlockMean>,
     store: Store,
@@ -68,7 +71,8 @@ impl Comparison {
             filters: Filters::default(),
             points: VecDeque::new(),
             still: VecDeque::new(),
-            masked_s: VecDeque::new(),
+            masks: Masks::default(),
+            left_out: LeftOut::default(),
             filling: None,
             waiting: VecDeque::new(),
             store: Store::new(&options),
@@ -90,16 +94,16 @@ impl Comparison {
             if time_s - last.time_s > self.options.gap_max_s {
                 self.interrupt();
             } else if snapshot.stance != last.stance {
-                self.mask(time_s, self.options.stance_margin_s);
+                self.masks.add(Reason::Step, time_s, self.options.stance_margin_s);
                 self.filters = Filters::default();
             }
         }
         self.last = Some(Last { time_s, stance: snapshot.stance });
-        if snapshot.both_feet_stand != 1 {
-            self.mask(time_s, self.options.stance_margin_s);
+        if !self.worker.stands_on_both_feet(snapshot) {
+            self.masks.add(Reason::LiftedFoot, time_s, self.options.stance_margin_s);
         }
         if !self.window.push(time_s, snapshot, &self.worker) {
-            self.mask(time_s, self.options.half_window_s);
+            self.masks.add(Reason::NoCop, time_s, self.options.half_window_s);
         }
         while let Some(point) = self.window.next(&self.worker, &self.options) {
             self.add_point(point);
@@ -118,17 +122,17 @@ impl Comparison {
         self.shear && !self.shear_missing
     }
 
-    /// All blocks by time, once the last snapshot is pushed.
-    pub fn finish(mut self) -> Vec<Block> {
+    /// All blocks by time, once the last snapshot is pushed, and how many of the work were left out.
+    pub fn finish(mut self) -> (Vec<Block>, LeftOut) {
         self.interrupt();
-        self.store.into_blocks()
+        (self.store.into_blocks(), self.left_out)
     }
 
     fn add_point(&mut self, point: Point) {
         self.shear |= point.slope_is_measured;
         self.shear_missing |= !point.slope_is_measured;
         if !point.is_moderate() {
-            self.mask(point.time_s, self.options.half_window_s);
+            self.masks.add(Reason::Impact, point.time_s, self.options.half_window_s);
         }
         let by_cutoff = self.filters.step(&point);
         let number = (point.time_s / self.options.block_s).floor();
@@ -145,15 +149,6 @@ impl Comparison {
         if full.is_complete(&self.options) {
             full.add_snapshots(&self.window);
             self.waiting.push_back(full);
-        }
-    }
-
-    /// Masks the interval of `margin_s` on both sides of a time.
-    fn mask(&mut self, time_s: f64, margin_s: f64) {
-        let [from_s, to_s] = [time_s - margin_s, time_s + margin_s];
-        match self.masked_s.back_mut() {
-            Some(last) if from_s <= last[1] => *last = [last[0].min(from_s), last[1].max(to_s)],
-            _ => self.masked_s.push_back([from_s, to_s]),
         }
     }
 
@@ -178,15 +173,20 @@ impl Comparison {
         }
         while self.points.pop_front_if(|point| point.time_s < now_s - POINTS_KEPT_S).is_some() {}
         while self.still.pop_front_if(|(time_s, _)| *time_s < now_s - POINTS_KEPT_S).is_some() {}
-        while self.masked_s.pop_front_if(|span_s| span_s[1] < now_s - MASK_KEPT_S).is_some() {}
+        self.masks.drop_before(now_s - MASK_KEPT_S);
     }
 
     /// Keeps a block if no masked interval overlaps its neighbourhood and the predictions cover all lags.
     fn keep_or_drop(&mut self, mean: BlockMean) {
         let [from_s, to_s] = mean.span_s;
-        let overlaps = |span_s: &[f64; 2]| span_s[0] < to_s && span_s[1] > from_s;
         let Some(phase) = self.options.phase_of(mean.span_s) else { return };
-        if self.masked_s.iter().any(overlaps) || !self.store.accepts(phase) {
+        if let Some(reason) = self.masks.reason(mean.span_s) {
+            if phase == Phase::Work {
+                self.left_out.add(reason);
+            }
+            return;
+        }
+        if !self.store.accepts(phase) {
             return;
         }
         let Some(timing) = changes::timing(&self.points, mean.span_s) else { return };

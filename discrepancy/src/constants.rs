@@ -44,6 +44,8 @@ pub(crate) const BLOCK_S: f64 = 0.2;
 pub(crate) const HALF_WINDOW_S: f64 = 0.1;
 /// Nothing is compared within this time of a foot's lift-off or contact. Unit: s. Origin: bench.
 pub(crate) const STANCE_MARGIN_S: f64 = 0.4;
+/// Farther outside its outline, a foot alone does not bear the load. Unit: m. Origin: that of the loop.
+pub(crate) const SUPPORT_MARGIN_M: f64 = 0.02;
 /// Snapshots farther apart are a gap. Unit: s. Origin: bench.
 pub(crate) const SNAPSHOT_GAP_S: f64 = 0.12;
 /// Snapshots are kept for a block, half a window on each side of it, and this time. Unit: s. Origin: derived, above the
@@ -288,8 +290,6 @@ pub(crate) const EFFECT_PRIOR: [(f64, &[Effect]); 4] = [
 pub(crate) const OTHER_PRIOR: f64 = 0.03;
 /// The same of anything outside the catalogue. Unit: 1. Origin: judgement.
 pub(crate) const OUTSIDE_PRIOR: f64 = 0.1;
-/// Terms outside the catalogue that are compared next to an explanation. Unit: 1. Origin: budget.
-pub(crate) const OUTSIDE_MAX: usize = 2;
 /// From this probability on the residual is called unexplained. Unit: 1. Origin: more probable than not.
 pub(crate) const UNEXPLAINED_PROBABILITY: f64 = 0.5;
 /// Factor on the prior of a plate's axes, height, gains or filter, or a clock, in a part of the work. Unit: 1. Origin:

@@ -18,7 +18,7 @@ use crate::evidence::{checked_log_odds, log_sum_exp};
 use crate::finding::Generic;
 use crate::floor::root_mean;
 use crate::generic::FittedEntry;
-use crate::gram::{Gram, whiten_each};
+use crate::gram::{Gram, Term, whiten_each};
 use crate::linear::{dot, inner};
 use crate::plausibility::is_negligible;
 use crate::posterior::OUTSIDE;
@@ -197,8 +197,8 @@ pub(crate) struct Outside {
 }
 
 impl Outside {
-    /// A term of the library with its fitted parameters; all `of` terms are equally probable.
-    pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, of: usize) -> Outside {
+    /// The best term of the library with its fitted parameters; `log_mean`: mean evidence of all terms over its own.
+    pub(crate) fn new(gram: &Gram<'_>, term: FittedEntry<'_>, log_mean: f64) -> Outside {
         let hats = hats(gram.rows, term.model_error, None);
         let misfit = misfit(gram, term.columns_at, [term.sigma, &term.value], &hats);
         let contributions = || term.columns_at.iter().map(|columns| columns.times(&padded(&term.value)));
@@ -211,7 +211,7 @@ impl Outside {
         Outside {
             generic: term.generic,
             size,
-            log_prior: (OUTSIDE_PRIOR / (1.0 - OUTSIDE_PRIOR) / of as f64).ln(),
+            log_prior: (OUTSIDE_PRIOR / (1.0 - OUTSIDE_PRIOR)).ln() + log_mean,
             whitened: Rc::new(Whitened::of(term.columns, priors, misfit, term.model_error.0)),
         }
     }
@@ -279,7 +279,8 @@ impl Explanation {
         self.members.len() + usize::from(self.outside.is_some())
     }
 
-    /// The Gram matrix with its effects as terms and their misfit marginalised, and these terms.
+    /// The Gram matrix with its effects and what is outside the catalogue as terms, the effects' misfit marginalised, and
+    /// these terms.
     pub(crate) fn condition<'a>(&self, gram: &Gram<'a>) -> (Gram<'a>, Vec<usize>) {
         let mut conditioned = gram.clone();
         let mut terms = Vec::new();
@@ -287,6 +288,11 @@ impl Explanation {
             let term = conditioned.add_candidate(member.candidate.clone());
             terms.push(term);
             marginalise_misfit(&mut conditioned, &terms, term, self.misfit_scale);
+        }
+        if let Some(outside) = &self.outside {
+            let Whitened { columns, mean, sigma, .. } = &*outside.whitened;
+            let term = Term::generic(mean.clone(), sigma.clone());
+            terms.push(conditioned.add(term, columns[..mean.len()].to_vec()));
         }
         (conditioned, terms)
     }
@@ -299,10 +305,15 @@ impl Explanation {
         self.members.iter().map(again).collect()
     }
 
-    /// The same without columns, for the posterior: they occupy megabytes.
+    /// The same without columns, for the posterior: they occupy megabytes. What is outside the catalogue keeps its own.
     pub(crate) fn without_columns(&self) -> Explanation {
         let bare = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
-        let outside = self.outside.as_ref().map(|one| Outside { whitened: Rc::default(), ..one.clone() });
+        let outside = self.outside.as_ref().map(|one| {
+            let Whitened { columns, mean, sigma, .. } = &*one.whitened;
+            let columns = columns[..mean.len()].to_vec();
+            let own = Whitened { columns, mean: mean.clone(), sigma: sigma.clone(), ..Whitened::default() };
+            Outside { whitened: Rc::new(own), ..one.clone() }
+        });
         Explanation { members: self.members.iter().map(bare).collect(), outside, ..*self }
     }
 

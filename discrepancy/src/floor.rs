@@ -20,51 +20,12 @@ impl Floor {
     /// Expectation and σ of all work rows, given the stance offsets; `None` if the terms cannot be estimated.
     pub(crate) fn of(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2]]) -> Option<Floor> {
         let value = if accepted.is_empty() { Vec::new() } else { gram.estimate(accepted)?.value };
-        let before = Floor::expected(gram, stances_m, |_| [0.0; 3]);
         let explained = |block: usize| {
             gram.predictions(accepted, &value, block)
                 .fold([0.0; 3], |sum, predicted| [0, 1, 2].map(|signal| sum[signal] + predicted[signal]))
         };
-        let after = Floor::expected(gram, stances_m, explained);
-        let [mean, sigma] = before;
-        Some(Floor { mean: [mean, after.into_iter().next()?], sigma })
-    }
-
-    /// Expectation and 1-σ of the residual minus its `explained` part, m, m, N. The clean rows come first, so the
-    /// factor already contains both results: with `L = [A 0; B C]`, the mean is `B` times the whitened clean rows, the
-    /// covariance `C Cᵀ`.
-    fn expected(
-        gram: &Gram<'_>,
-        stances_m: &[[f64; 2]],
-        explained: impl Fn(usize) -> [f64; 3],
-    ) -> [Vec<[f64; 3]>; 2] {
-        let rows = gram.rows;
-        let (work, from) = (rows.len() - rows.work_from, rows.work_from);
-        let without = &gram.noise.cop_without_stances;
-        let mut residual_m = cop_columns(rows, 1, |block, _| {
-            let (residual_m, explained) = (rows.cop_residual_m(block), explained(block));
-            [0, 1].map(|axis| residual_m[axis] - stances_m[block][axis] - explained[axis])
-        });
-        without.whiten_from(0, &mut residual_m);
-        let vertical = gram.noise.force.first().map(|factor| {
-            let residual_n = |block, _| rows.force_residual_n(block, 2) - explained(block)[2];
-            let mut residual_n = Mat::from_fn(rows.len(), 1, residual_n);
-            factor.whiten_from(0, &mut residual_n);
-            (factor, residual_n)
-        });
-        let (mut mean, mut sigma) = (vec![[0.0; 3]; work], vec![[0.0; 3]; work]);
-        for block in 0..work {
-            for axis in 0..2 {
-                let row = 2 * (from + block) + axis;
-                (mean[block][axis], sigma[block][axis]) =
-                    predicted(without, row, 2 * from, residual_m.col_as_slice(0));
-            }
-            if let Some((factor, residual_n)) = &vertical {
-                (mean[block][2], sigma[block][2]) =
-                    predicted(factor, from + block, from, residual_n.col_as_slice(0));
-            }
-        }
-        [mean, sigma]
+        let before = mean(gram, stances_m, |_| [0.0; 3]);
+        Some(Floor { mean: [before, mean(gram, stances_m, explained)], sigma: sigma(gram) })
     }
 
     /// Root mean square deviation of noise alone on one axis from the expectation conditioned on the clean rows, over
@@ -85,11 +46,48 @@ pub(crate) fn stances_m(gram: &Gram<'_>, after: &[f64]) -> Vec<[f64; 2]> {
     (0..gram.rows.len()).map(|block| [offset_m[(2 * block, 0)], offset_m[(2 * block + 1, 0)]]).collect()
 }
 
-fn predicted(factor: &Factor, row: usize, clean: usize, whitened: &[f64]) -> (f64, f64) {
-    let lower = factor.lower();
-    let mean = (0..clean).map(|column| lower[(row, column)] * whitened[column]).sum();
-    let square: f64 = (clean..=row).map(|column| lower[(row, column)].powi(2)).sum();
-    (mean, square.sqrt())
+// The clean rows come first, so the factor `L = [A 0; B C]` of all rows already contains expectation and covariance given
+// the clean rows: `B` times the whitened clean rows, and `C Cᵀ`.
+
+/// Expectation of the residual minus its `explained` part in the work, m, m, N.
+fn mean(gram: &Gram<'_>, stances_m: &[[f64; 2]], explained: impl Fn(usize) -> [f64; 3]) -> Vec<[f64; 3]> {
+    let (rows, from) = (gram.rows, gram.rows.work_from);
+    let cop = &gram.noise.cop_without_stances;
+    let mut residual_m = cop_columns(rows, 1, |block, _| {
+        let (residual_m, explained) = (rows.cop_residual_m(block), explained(block));
+        [0, 1].map(|axis| residual_m[axis] - stances_m[block][axis] - explained[axis])
+    });
+    cop.whiten_from(0, &mut residual_m);
+    let vertical = gram.noise.force.first().map(|factor| {
+        let residual_n = |block, _| rows.force_residual_n(block, 2) - explained(block)[2];
+        let mut residual_n = Mat::from_fn(rows.len(), 1, residual_n);
+        factor.whiten_from(0, &mut residual_n);
+        (factor, residual_n)
+    });
+    let given_clean = |factor: &Factor, row: usize, clean: usize, whitened: &Mat<f64>| -> f64 {
+        (0..clean).map(|column| factor.lower()[(row, column)] * whitened[(column, 0)]).sum()
+    };
+    let of_block = |block: usize| {
+        let of_axis = |axis: usize| given_clean(cop, 2 * block + axis, 2 * from, &residual_m);
+        let of_vertical =
+            |(factor, residual_n): &(&Factor, Mat<f64>)| given_clean(factor, block, from, residual_n);
+        [of_axis(0), of_axis(1), vertical.as_ref().map_or(0.0, of_vertical)]
+    };
+    (from..rows.len()).map(of_block).collect()
+}
+
+/// 1-σ of the residual in the work around any such expectation, m, m, N.
+fn sigma(gram: &Gram<'_>) -> Vec<[f64; 3]> {
+    let from = gram.rows.work_from;
+    let given_clean = |factor: &Factor, row: usize, clean: usize| {
+        (clean..=row).map(|column| factor.lower()[(row, column)].powi(2)).sum::<f64>().sqrt()
+    };
+    let of_block = |block: usize| {
+        let of_axis = |axis: usize| given_clean(&gram.noise.cop_without_stances, 2 * block + axis, 2 * from);
+        let vertical = gram.noise.force.first();
+        [of_axis(0), of_axis(1), vertical.map_or(0.0, |factor| given_clean(factor, block, from))]
+    };
+    (from..gram.rows.len()).map(of_block).collect()
 }
 
 /// Square root of the mean; 0 for an empty input.
@@ -101,4 +99,58 @@ pub(crate) fn root_mean(squares: impl Iterator<Item = f64>) -> f64 {
 /// The blocks of one phase, by row.
 pub(crate) fn of_phase(gram: &Gram<'_>, phase: Phase) -> Vec<usize> {
     (0..gram.rows.len()).filter(|&block| gram.rows.blocks[block].phase == phase).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::effect::{Effect, Place};
+
+    use super::*;
+    use crate::candidate::{Candidate, Scope};
+    use crate::linear::outer;
+    use crate::noise::Noise;
+    use crate::rows::Rows;
+    use crate::support::{END_S, REFERENCE_S, clean, hide};
+
+    #[test]
+    fn mean_and_sigma_are_those_of_the_noise_given_the_clean_rows() {
+        let mut session = clean(5);
+        hide(&mut session, Effect::PlateOffset, Place::Whole, &[0.03, 0.0], [REFERENCE_S, END_S]);
+        let all = Rows::of(&session);
+        let rows = all.subset(&(0..all.len()).step_by(5).collect::<Vec<usize>>());
+        let noise = Noise::fit(&rows).unwrap();
+        let mut gram = Gram::of(&rows, &noise, Vec::new());
+        let term = gram.add_candidate(Candidate::new(Effect::PlateOffset, Place::Whole, 0.0, Scope::Work));
+        let stances_m = vec![[0.0; 2]; rows.len()];
+        let floor = Floor::of(&gram, &[term], &stances_m).unwrap();
+        let factor = noise.cop_without_stances.lower();
+        let covariance = outer(factor, factor);
+        let (from, work) = (rows.work_from, rows.len() - rows.work_from);
+        let clean_rows = 2 * from;
+        let inverse =
+            Factor::inverse(&covariance.submatrix(0, 0, clean_rows, clean_rows).to_owned()).unwrap();
+        for block in [0, work / 2, work - 1] {
+            let row = 2 * (from + block);
+            let with_clean = Mat::from_fn(1, clean_rows, |_, column| covariance[(row, column)]);
+            let gain = &with_clean * &inverse;
+            let residual_m =
+                Mat::from_fn(clean_rows, 1, |other, _| rows.cop_residual_m(other / 2)[other % 2]);
+            let mean_m = (&gain * &residual_m)[(0, 0)];
+            let variance_m2 = covariance[(row, row)] - (&gain * with_clean.transpose())[(0, 0)];
+            let sigma_m = floor.sigma[block][0];
+            assert!(
+                (sigma_m - variance_m2.sqrt()).abs() < 1e-9,
+                "{sigma_m} instead of {}",
+                variance_m2.sqrt()
+            );
+            // The effect acts in the work only, so the clean rows expect the same with and without it.
+            for of_model in &floor.mean {
+                assert!(
+                    (of_model[block][0] - mean_m).abs() < 1e-9,
+                    "{} instead of {mean_m}",
+                    of_model[block][0]
+                );
+            }
+        }
+    }
 }

@@ -45,6 +45,12 @@ impl Term {
         }
     }
 
+    /// A term without candidate, whose columns are not placed yet.
+    pub(crate) fn generic(mean: Vec<f64>, sigma: Vec<f64>) -> Term {
+        let count = mean.len();
+        Term { candidate: None, first: 0, count, mean, sigma, log_prior: 0.0, is_derived: true }
+    }
+
     /// The range of its columns.
     pub(crate) fn columns(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.count

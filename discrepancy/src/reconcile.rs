@@ -18,7 +18,7 @@ use crate::posterior::same_columns;
 use crate::refine::scale_moment_priors;
 use crate::rows::Rows;
 use crate::select::select;
-use crate::session::Session;
+use crate::session::{LeftOut, Session};
 use crate::trials::chance_level;
 use crate::verdict::Remainder;
 use crate::windows::Windows;
@@ -48,7 +48,8 @@ pub enum ReconcileError {
     /// The work phase has too few blocks.
     #[error(
         "only {found} usable blocks of {block_s:.1} s lie in the work in question ({from_s:.1} s to {to_s:.1} s), and \
-         {needed} are needed; choose a longer span with --work"
+         {needed} are needed; choose a longer span with --work{left_out}{}",
+        .left_out.advice()
     )]
     TooLittleWork {
         /// Blocks found.
@@ -61,6 +62,8 @@ pub enum ReconcileError {
         from_s: f64,
         /// Its end, s.
         to_s: f64,
+        /// Blocks left out.
+        left_out: LeftOut,
     },
     /// The recording has too few blocks outside the work.
     #[error(
@@ -163,6 +166,7 @@ fn check(session: &Session) -> Result<(), ReconcileError> {
             block_s,
             from_s,
             to_s,
+            left_out: session.left_out,
         });
     }
     if clean < CLEAN_BLOCKS_MIN {

@@ -4,8 +4,10 @@
 
 use std::collections::BTreeSet;
 
-use crate::constants::{BEAM, CHECKED_MAX, MEMBERS_MAX, OUTSIDE_MAX};
-use crate::explanation::{Explanation, Levels, Outside};
+use equipoise_core::effect::Effect;
+
+use crate::constants::{BEAM, CHECKED_MAX, MEMBERS_MAX};
+use crate::explanation::{Explanation, Levels, Member, Outside};
 use crate::generic::Library;
 use crate::gram::Gram;
 use crate::plausibility::impossibility;
@@ -84,7 +86,8 @@ fn ranked(mut all: Vec<Explanation>) -> Vec<Explanation> {
     all
 }
 
-/// Adds explanations with a term outside the catalogue: to the most probable ones, and to each prefix of the first.
+/// Adds explanations with a term outside the catalogue: to the most probable ones, and to each prefix of the first. All
+/// terms of the library are one hypothesis: the best one represents it, with the mean evidence of all.
 pub(crate) fn with_outside(
     gram: &Gram<'_>,
     library: &Library,
@@ -94,13 +97,14 @@ pub(crate) fn with_outside(
         .iter()
         .enumerate()
         .filter(|(rank, explanation)| *rank < CHECKED_MAX || explanation.is_prefix_of(&all[0]))
-        .flat_map(|(_, explanation)| {
+        .filter_map(|(_, explanation)| {
             let (conditioned, terms) = explanation.condition(gram);
             let members = explanation.members_with_columns(gram);
-            let best = library.best(&conditioned, &terms, OUTSIDE_MAX);
-            let outside = best.into_iter().map(|term| Outside::new(gram, term, library.len()));
-            let extended = outside.filter_map(|one| Explanation::of(gram, members.clone(), Some(one)));
-            extended.map(|one| one.without_columns()).collect::<Vec<Explanation>>()
+            // As a part of this explanation, evidence is divided by the number of all parts plus one.
+            let temper = 2.0 + members.len() as f64;
+            let (term, log_mean) = library.best(&conditioned, &terms, temper)?;
+            let extended = Explanation::of(gram, members, Some(Outside::new(gram, term, log_mean)))?;
+            Some(extended.without_columns())
         })
         .collect();
     all.extend(extended);
@@ -126,20 +130,41 @@ pub(crate) fn reduced(
             .iter()
             .map(|member| member.refitted(values.by_ref().take(member.candidate.count()).collect()))
             .collect();
-        let is_possible = members.iter().all(|one| impossibility(&one.candidate, &one.value).is_none());
-        if is_possible { Explanation::of(gram, members, None) } else { None }
+        if cannot_act_together(&members).is_none() { Explanation::of(gram, members, None) } else { None }
     };
     (0..explanation.members.len()).filter_map(without).collect()
 }
 
+/// Why some effects with their parameters cannot act together, if they cannot; independent of their order.
+pub(crate) fn cannot_act_together(members: &[Member]) -> Option<&'static str> {
+    let alone = members.iter().find_map(|member| impossibility(&member.candidate, &member.value));
+    alone
+        .or_else(|| cancels_another(members).then_some("would cancel another effect of the same explanation"))
+}
+
+/// Whether a weight is negative while another one acts: removing a load that was just added is implausible. A contact may
+/// have any direction.
+fn cancels_another(members: &[Member]) -> bool {
+    let acts_as_weight = |member: &&Member| {
+        let effect = member.candidate.effect;
+        matches!(effect, Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain)
+    };
+    let is_negative =
+        |member: &Member| member.candidate.effect != Effect::HandContact && member.value[0] < 0.0;
+    let weights: Vec<&Member> = members.iter().filter(acts_as_weight).collect();
+    weights.iter().enumerate().any(|(index, one)| {
+        let mut others = weights.iter().enumerate().filter(|(other, _)| *other != index);
+        is_negative(one) && others.any(|(_, other)| one.candidate.scope.overlaps(other.candidate.scope))
+    })
+}
+
 #[cfg(test)]
 mod tests {
-    use equipoise_core::body::Segment;
-    use equipoise_core::effect::{Effect, Place};
+    use equipoise_core::body::{Segment, Side};
+    use equipoise_core::effect::Place;
 
     use super::*;
     use crate::candidate::{Candidate, Scope};
-    use crate::explanation::Member;
 
     const EFFECTS: [(Effect, Place); 3] = [
         (Effect::WornMass, Place::Segment(Segment::T8)),
@@ -207,5 +232,35 @@ mod tests {
         // Half the evidence of one effect, and a third of what two add to the best of one.
         assert!((levels.log_posterior(&all[1]) - (500.0 - 3.0)).abs() < 1e-12);
         assert!((one - (500.0 + 460.0 / 3.0 - 6.0)).abs() < 1e-12, "{one}");
+    }
+
+    #[test]
+    fn a_weight_that_cancels_another_is_impossible_in_any_order() {
+        let member = |effect: Effect, place: Place, scope: Scope, value: f64| {
+            let candidate = Candidate::new(effect, place, 0.0, scope);
+            let mut all = vec![0.0; candidate.count()];
+            all[0] = value;
+            Member::without_columns(candidate).refitted(all)
+        };
+        let (t8, right) = (Place::Segment(Segment::T8), Place::Hand(Side::Right));
+        let worn = |value: f64| member(Effect::WornMass, t8, Scope::Work, value);
+        let load = || member(Effect::HandLoad, right, Scope::Work, 2.0);
+        let push = || member(Effect::HandContact, right, Scope::Work, -20.0);
+        let yaw = || member(Effect::PlateYaw, Place::Whole, Scope::Work, -0.1);
+        let gain = |span_s, value: f64| member(Effect::ForceGain, Place::Whole, Scope::Span(span_s), value);
+        let is_possible = |pair: [Member; 2]| {
+            let [one, other] = pair.clone();
+            let both = [cannot_act_together(&pair), cannot_act_together(&[other, one])];
+            assert_eq!(both[0], both[1]);
+            both[0].is_none()
+        };
+        assert!(!is_possible([worn(-1.5), load()]));
+        assert!(!is_possible([worn(-1.5), push()]));
+        assert!(!is_possible([gain([0.0, 20.0], -0.01), load()]));
+        assert!(is_possible([worn(1.5), load()]));
+        assert!(is_possible([load(), push()]));
+        assert!(is_possible([worn(-1.5), yaw()]));
+        // One after the other: a change of sign.
+        assert!(is_possible([gain([0.0, 20.0], 0.01), gain([20.0, 40.0], -0.01)]));
     }
 }

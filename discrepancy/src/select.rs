@@ -11,10 +11,9 @@ use crate::explanation::{Explanation, Member, marginalise_misfit};
 use crate::finding::{Candidate as Considered, Generic, SetAside};
 use crate::generic::Library;
 use crate::gram::Gram;
-use crate::plausibility::impossibility;
 use crate::posterior::Posterior;
 use crate::refine;
-use crate::search::{reduced, search, with_outside};
+use crate::search::{cannot_act_together, reduced, search, with_outside};
 use crate::trials::{Trial, trials};
 use crate::windows::{self, Windows};
 
@@ -204,12 +203,8 @@ fn members(
         let rest = values.split_off(member.candidate.count());
         members.push(member.refitted(std::mem::replace(&mut values, rest)));
     }
-    if cancels_member(gram, terms, candidate, &newest) {
-        return Err("would cancel another effect of the same explanation");
-    }
     members.push(Member::new(gram, candidate.clone(), newest, log_odds));
-    let impossible = members.iter().find_map(|member| impossibility(&member.candidate, &member.value));
-    impossible.map_or(Ok(members), Err)
+    cannot_act_together(&members).map_or(Ok(members), Err)
 }
 
 /// All hypotheses, best first: the whole work, or a part of it where the gain suffices.
@@ -263,11 +258,7 @@ fn overlap(one: &Candidate, other: &Candidate) -> bool {
     };
     let are_alike =
         one.name() == other.name() || (rotates(one) && rotates(other) && one.place == other.place);
-    are_alike
-        && match (one.scope, other.scope) {
-            (Scope::Span(one_s), Scope::Span(other_s)) => one_s[0] < other_s[1] && other_s[0] < one_s[1],
-            _ => true,
-        }
+    are_alike && one.scope.overlaps(other.scope)
 }
 
 /// The effect in the longer part of its time in which another one does not act, if both are the same and such a part is
@@ -297,19 +288,6 @@ fn considered(hypotheses: &[Hypothesis]) -> Vec<Considered> {
             probability: 0.0,
         })
         .collect()
-}
-
-/// Whether an effect acts like a weight.
-fn acts_as_weight(candidate: &Candidate) -> bool {
-    matches!(candidate.effect, Effect::WornMass | Effect::HandLoad | Effect::HandContact | Effect::ForceGain)
-}
-
-/// Whether a weight is negative next to a named one: removing a load that was just added is implausible. A contact may
-/// have any direction.
-fn cancels_member(gram: &Gram<'_>, accepted: &[usize], candidate: &Candidate, value: &[f64]) -> bool {
-    let mut others = accepted.iter().filter_map(|&term| gram.terms[term].candidate.as_ref());
-    let is_negative = acts_as_weight(candidate) && candidate.effect != Effect::HandContact && value[0] < 0.0;
-    is_negative && others.any(acts_as_weight)
 }
 
 /// Parameters of one term, fitted together with the accepted ones.

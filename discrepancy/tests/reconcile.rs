@@ -6,7 +6,7 @@ mod support;
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{Effect, Place};
 use equipoise_discrepancy::finding::Verdict;
-use equipoise_discrepancy::session::Session;
+use equipoise_discrepancy::session::{LeftOut, Session};
 use equipoise_discrepancy::{Options, Outcome, reconcile};
 use support::{END_S, REFERENCE_S, clean, hide};
 
@@ -122,4 +122,19 @@ fn a_trifle_is_not_named_and_nothing_in_its_place() {
     let finding = answer(&session).finding;
     assert_eq!(finding.verdict, Verdict::None, "{finding:#?}");
     assert!(!finding.set_aside.is_empty(), "{finding:#?}");
+}
+
+#[test]
+fn too_little_work_is_an_error_that_counts_what_was_left_out_and_why() {
+    let mut session = clean(5);
+    session.blocks.retain(|block| block.observation.time_s < REFERENCE_S + 4.0);
+    let error =
+        |session: &Session| reconcile(session, &Options::default(), &mut |_| {}).unwrap_err().to_string();
+    assert!(error(&session).ends_with("choose a longer span with --work"), "{}", error(&session));
+    session.left_out = LeftOut { lifted_foot: 431, impact: 3, ..LeftOut::default() };
+    let error = error(&session);
+    let expected = "; left out: 431 within 0.4 s of a lifted foot (ankle 4 cm above the other), 3 with the \
+                    acceleration of an impact; if both feet stood, a sensor of a leg is displaced: fasten it, and \
+                    calibrate the suit";
+    assert!(error.ends_with(expected), "{error}");
 }

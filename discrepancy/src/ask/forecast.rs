@@ -4,10 +4,11 @@ use faer::Mat;
 
 use crate::candidate::{Candidate, Scope};
 use crate::constants::OPEN_END_BLOCKS;
-use crate::explanation::{Explanation, model_error};
+use crate::explanation::{Explanation, Outside, model_error};
 use crate::gram::Gram;
 use crate::linear::{Factor, dot, inner, product};
 use crate::noise::Continuation;
+use crate::noise::cop::pose_correlation;
 use crate::picture::Signal;
 use crate::rows::Rows;
 
@@ -72,6 +73,9 @@ impl<'a> Forecast<'a> {
         sum += product(product(own.as_ref(), covariance.as_ref()).as_ref(), own.transpose());
         for row in 0..size {
             sum[(row, row)] += effects.variance[row];
+        }
+        if let Some(outside) = &explanation.outside {
+            sum += self.outside_covariance(outside);
         }
         let mean = (0..size).map(|row| effects.mean[row] + continued[(row, 0)]).collect();
         Some(Prediction { mean, covariance: sum })
@@ -139,14 +143,23 @@ impl<'a> Forecast<'a> {
             }
             first += candidate.count();
         }
-        let outside = explanation.outside.as_ref().map_or([0.0; SIGNALS], |outside| outside.size);
-        sum.variance.iter_mut().enumerate().for_each(|(row, sum)| *sum += outside[row % SIGNALS].powi(2));
         sum
+    }
+
+    /// Covariance of what is outside the catalogue: each signal is an unknown function of the pose, as large as in the work.
+    fn outside_covariance(&self, outside: &Outside) -> Mat<f64> {
+        let [before, further] = self.counts();
+        let alike = pose_correlation(&self.all.blocks[before..]);
+        Mat::from_fn(SIGNALS * further, SIGNALS * further, |i, j| {
+            let is_same = i % SIGNALS == j % SIGNALS;
+            let size = outside.size[i % SIGNALS];
+            if is_same { size * size * alike[(i / SIGNALS, j / SIGNALS)] } else { 0.0 }
+        })
     }
 }
 
-/// Contribution of effects to some signals: mean, per unit of each parameter, and variance of each signal by misfit and by
-/// what is outside the catalogue, which is as large as in the work, in an unknown direction.
+/// Contribution of effects to some signals: mean, per unit of each parameter (0 of a term outside the catalogue), and
+/// variance of each signal by misfit.
 struct Contribution {
     mean: Vec<f64>,
     columns: Mat<f64>,
@@ -196,7 +209,7 @@ mod tests {
     use crate::ask::experiment::Choice;
     use crate::block::LAGS_S;
     use crate::constants::STANCE_M;
-    use crate::explanation::{Member, Outside};
+    use crate::explanation::Member;
     use crate::noise::Noise;
     use crate::session::Session;
     use crate::support::{END_S, REFERENCE_S, clean, hide};
@@ -298,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn something_outside_the_catalogue_is_as_large_as_in_the_work() {
+    fn something_outside_the_catalogue_is_as_large_as_in_the_work_and_alike_in_like_poses() {
         let session = clean(5);
         let rows = some(&session);
         let (noise, choice) = (Noise::fit(&rows).unwrap(), Choice::after(&rows).unwrap());
@@ -310,11 +323,32 @@ mod tests {
         let outside = Explanation { outside: Some(spring), ..Explanation::NONE };
         let [with, without] =
             [&outside, &Explanation::NONE].map(|one| forecast.prediction(one).unwrap().covariance);
-        for (signal, size) in [0.2, 0.0, 3.0].into_iter().enumerate() {
-            let more = with[(signal, signal)] - without[(signal, signal)];
-            assert!((more - size * size).abs() < 1e-9, "{signal}: {more}");
-            let apart = (signal, signal + SIGNALS);
-            assert!((with[apart] - without[apart]).abs() < 1e-12);
+        let more = |one: usize, other: usize| with[(one, other)] - without[(one, other)];
+        // Two measurements of straight standing, and one of another pose.
+        let last = choice.blocks.len() - 1;
+        for (signal, size) in [0.2, 0.0, 3.0_f64].into_iter().enumerate() {
+            let [own, same, other] = [0, 1, last].map(|block| more(signal, signal + SIGNALS * block));
+            assert!((own - size * size).abs() < 1e-9 && (same - own).abs() < 1e-9, "{signal}: {own} {same}");
+            assert!(size == 0.0 || (0.1 * own < other && other < 0.99 * own), "{signal}: {other}");
         }
+        assert!(more(0, 2).abs() < 1e-12 && more(2, SIGNALS).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_is_outside_the_catalogue_is_not_continued_as_noise() {
+        let hand = Place::Hand(Side::Right);
+        let mut session = clean(5);
+        hide(&mut session, Effect::HandContact, hand, &[0.0, 0.0, 40.0], [REFERENCE_S, END_S]);
+        let rows = some(&session);
+        let (noise, choice) = (Noise::fit(&rows).unwrap(), Choice::after(&rows).unwrap());
+        let gram = Gram::of(&rows, &noise, Vec::new());
+        let all = Rows::from_blocks(&session, rows.blocks.iter().copied().chain(&choice.blocks).collect());
+        let forecast = Forecast::of(&gram, &all);
+        let library = crate::generic::library(&gram);
+        let (force, log_mean) = library.best(&gram, &[], 2.0).unwrap();
+        let force = Explanation::of(&gram, Vec::new(), Some(Outside::new(&gram, force, log_mean))).unwrap();
+        let [with, without] = [&force.without_columns(), &Explanation::NONE]
+            .map(|one| forecast.prediction(one).unwrap().mean[2].abs());
+        assert!(without > 2.0 && with < 0.3 * without, "{with} N, {without} N without the term");
     }
 }

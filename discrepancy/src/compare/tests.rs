@@ -1,5 +1,5 @@
 use bytemuck::Zeroable;
-use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton, gyration_m2};
+use equipoise_core::body::{Anthropometry, SEGMENTS, Segment, Sex, Side, Skeleton, gyration_m2};
 use equipoise_core::frame::{Pose, SuitWorld};
 use equipoise_core::message::GroundSample;
 use equipoise_core::sesc::Phi;
@@ -21,6 +21,7 @@ fn worker() -> Worker {
     let body = Anthropometry::de_leva(&skeleton(), 1.77, Sex::Male);
     Worker {
         mass_kg: MASS_KG,
+        height_m: 1.77,
         phi: Phi::of(&skeleton(), &body),
         feet_hold: true,
         offset_m: [0.0; 2],
@@ -72,7 +73,7 @@ fn blocks(options: Options, rate_hz: f64, for_s: f64, change: impl Fn(f64, &mut 
         change(time_s, &mut snapshot);
         comparison.push(&snapshot);
     }
-    comparison.finish()
+    comparison.finish().0
 }
 
 /// Moves the body, and the chain's centre with it.
@@ -251,6 +252,31 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
 }
 
 #[test]
+fn a_foot_that_seems_lifted_stands_while_the_other_alone_cannot_bear_the_load() {
+    let [left, right] = Side::BOTH.map(|side| skeleton().t_pose_m()[side.foot().index()]);
+    let raised_for = |cop_y_m: f64| {
+        let mut comparison = Comparison::new(worker(), options(1.0, 10.0));
+        for number in 0..600 {
+            let mut snapshot = standing(f64::from(number) / 60.0);
+            snapshot.both_feet_stand = 0;
+            for segment in [Side::Left.foot(), Side::Left.toe()] {
+                snapshot.origin_m[segment.index()][2] += 0.05;
+            }
+            let vertical_n = snapshot.ground.force_n[2];
+            snapshot.ground.moment_nm = [cop_y_m * vertical_n, -0.05 * vertical_n, 0.0];
+            comparison.push(&snapshot);
+        }
+        let (blocks, left_out) = comparison.finish();
+        (blocks.len(), left_out)
+    };
+    let (between, none) = raised_for(0.5 * (left[1] + right[1]));
+    assert!(between > 40 && none == LeftOut::default(), "{between} {none:?}");
+    let (on_the_right, left_out) = raised_for(right[1]);
+    assert!(on_the_right == 0 && left_out.lifted_foot > 35, "{on_the_right} {left_out:?}");
+    assert_eq!(LeftOut { lifted_foot: 0, ..left_out }, LeftOut::default());
+}
+
+#[test]
 fn a_long_stream_is_thinned_evenly_and_the_poses_are_kept() {
     let (end_s, most) = (1200.0, 200);
     let options = Options { blocks_max: most, ..options(8.0, end_s) };
@@ -260,9 +286,9 @@ fn a_long_stream_is_thinned_evenly_and_the_poses_are_kept() {
         comparison.push(&standing(time_s));
         comparison.hold(standing(time_s).time_ns, true);
         let held = comparison.points.len() + comparison.still.len() + comparison.waiting.len();
-        assert!(held < 120 && comparison.masked_s.len() < 10, "{held}");
+        assert!(held < 120 && comparison.masks.len() < 10, "{held}");
     }
-    let blocks = comparison.finish();
+    let (blocks, _) = comparison.finish();
     assert!(blocks.len() <= most, "{}", blocks.len());
     let poses = blocks.iter().filter(|block| block.phase == Phase::Identify).count();
     assert!(poses >= 36, "{poses}");

@@ -1,10 +1,13 @@
 //! The identified subject, in the form that the comparison requires.
 
+use equipoise_core::anchor::LIFTED_M;
 use equipoise_core::body::{Anthropometry, SEGMENTS, Side, gyration_m2};
-use equipoise_core::cycle::{Identification, Settings};
+use equipoise_core::cycle::support::bearing_feet;
+use equipoise_core::cycle::{Identification, Settings, foot_outline};
+use equipoise_core::motion::Snapshot;
 use equipoise_core::sesc::{Phi, ReductionKind};
 
-use crate::constants::CHAIN_ERROR_M;
+use crate::constants::{CHAIN_ERROR_M, SUPPORT_MARGIN_M};
 use crate::session::PARAMETERS;
 
 /// An identified subject.
@@ -12,6 +15,8 @@ use crate::session::PARAMETERS;
 pub struct Worker {
     /// Body mass, kg.
     pub mass_kg: f64,
+    /// Stature, m.
+    pub height_m: f64,
     /// The chain's parameters.
     pub phi: Phi,
     /// Whether the anchor holds the body at its standing feet, because the suit's position drifts.
@@ -32,11 +37,28 @@ impl Worker {
         let offset_m = [0, 1].map(|axis| learnt.filter.theta_m()[count + axis]);
         (learnt.has_body() && learnt.mass_kg > 0.0).then(|| Worker {
             mass_kg: learnt.mass_kg,
+            height_m: settings.height_m,
             phi: learnt.phi(),
             feet_hold: settings.suit_drifts,
             offset_m,
             body: *learnt.anthropometry(),
             gyration_m2: gyration_m2(&learnt.skeleton(), settings.height_m),
+        })
+    }
+
+    /// Whether both feet stand. An error of a leg's sensor raises an ankle like a lifted foot, but does not move the CoP
+    /// below the other foot: the higher foot stands if the lower one alone cannot bear the load.
+    pub(super) fn stands_on_both_feet(&self, snapshot: &Snapshot) -> bool {
+        if snapshot.both_feet_stand == 1 {
+            return true;
+        }
+        let pose = snapshot.pose();
+        let [left_m, right_m] = Side::BOTH.map(|side| pose.origin_of(side.foot()).z);
+        let cop_m = snapshot.ground().and_then(|ground| ground.cop_m().ok());
+        cop_m.filter(|_| (left_m - right_m).abs() > LIFTED_M).is_some_and(|cop_m| {
+            let relative_m = [0, 1].map(|axis| cop_m[axis] - self.offset_m[axis]);
+            let outlines = foot_outline::both(&pose, None, self.height_m);
+            bearing_feet(&pose, relative_m, &outlines, SUPPORT_MARGIN_M) == [true; 2]
         })
     }
 

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::library::Entry;
 use crate::constants::{CLEAR_LEAD, DRAWS, SEEDS};
-use crate::evidence::{estimate, log_odds};
+use crate::evidence::{estimate, log_odds, log_sum_exp};
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
 use crate::linear::{dot, inner};
@@ -123,32 +123,34 @@ impl Library {
         })
     }
 
-    /// The best terms next to some accepted ones, at most `max`, fitted.
-    pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize], max: usize) -> Vec<FittedEntry<'_>> {
+    /// The best term next to some accepted ones, fitted, and the mean evidence of all terms over its own, as a logarithm.
+    /// Each is equally probable, and log evidence is divided by `temper`. A term without evidence counts as zero.
+    pub(crate) fn best(
+        &self,
+        gram: &Gram<'_>,
+        accepted: &[usize],
+        temper: f64,
+    ) -> Option<(FittedEntry<'_>, f64)> {
         let (directions, residual) = gram.directions_given(accepted);
         let projected = self.projected(&directions, &residual);
-        let supported = self.supported(gram, &projected, (&directions, &residual), 0.0);
-        let best = supported.take(max).filter_map(|(log_odds, index)| {
-            let (entry, first) = (&self.entries[index], self.first[index]);
-            let (sigma, products) = (&entry.sigma, &projected.products[index]);
-            let fitted = estimate(
-                &|i, j| products[i * sigma.len() + j],
-                &|i| projected.with_residual[first + i],
-                &vec![0.0; sigma.len()],
-                sigma,
-            )?;
-            let columns =
-                (first..first + sigma.len()).map(|k| self.columns.col_as_slice(k).to_vec()).collect();
-            let generic = Generic { what: entry.what.clone(), log_odds };
-            let (columns_at, model_error) = (&*entry.columns, entry.model_error);
-            Some(FittedEntry { generic, columns_at, columns, sigma, value: fitted.value, model_error })
-        });
-        best.collect()
-    }
-
-    /// Number of terms.
-    pub(crate) fn len(&self) -> usize {
-        self.entries.len()
+        let supported: Vec<(f64, usize)> =
+            self.supported(gram, &projected, (&directions, &residual), 0.0).collect();
+        let &(best, index) = supported.first()?;
+        let relative: Vec<f64> = supported.iter().map(|(log_odds, _)| (log_odds - best) / temper).collect();
+        let log_mean = log_sum_exp(&relative) - (self.entries.len() as f64).ln();
+        let (entry, first) = (&self.entries[index], self.first[index]);
+        let (sigma, products) = (&entry.sigma, &projected.products[index]);
+        let fitted = estimate(
+            &|i, j| products[i * sigma.len() + j],
+            &|i| projected.with_residual[first + i],
+            &vec![0.0; sigma.len()],
+            sigma,
+        )?;
+        let columns = (first..first + sigma.len()).map(|k| self.columns.col_as_slice(k).to_vec()).collect();
+        let generic = Generic { what: entry.what.clone(), log_odds: best };
+        let (columns_at, model_error) = (&*entry.columns, entry.model_error);
+        let fitted = FittedEntry { generic, columns_at, columns, sigma, value: fitted.value, model_error };
+        Some((fitted, log_mean))
     }
 
     fn score(&self, projected: &Projected, entry: usize) -> f64 {
@@ -233,4 +235,39 @@ fn whitened(gram: &Gram<'_>, entries: &[Entry], count: usize) -> Mat<f64> {
         all.as_mut().submatrix_mut(first, 0, work, count).copy_from(&force);
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::Side;
+    use equipoise_core::effect::{Effect, Place};
+
+    use super::*;
+    use crate::generic::library;
+    use crate::noise::Noise;
+    use crate::rows::Rows;
+    use crate::support::{END_S, REFERENCE_S, clean, hide};
+
+    #[test]
+    fn duplicates_of_the_terms_share_their_prior() {
+        let mut session = clean(5);
+        let push_n = [10.0, 0.0, 25.0];
+        hide(&mut session, Effect::HandContact, Place::Hand(Side::Right), &push_n, [REFERENCE_S, END_S]);
+        let all = Rows::of(&session);
+        let rows = all.subset(&(0..all.len()).step_by(5).collect::<Vec<usize>>());
+        let noise = Noise::fit(&rows).unwrap();
+        let gram = Gram::of(&rows, &noise, Vec::new());
+        let entries = library::all(&rows);
+        let of = |entries: Vec<Entry>| {
+            let library = Library::of(&gram, entries);
+            let (best, log_mean) = library.best(&gram, &[], 2.0).unwrap();
+            (best.generic.log_odds, log_mean)
+        };
+        let (log_odds, log_mean) = of(entries.clone());
+        let tripled = of([entries.clone(), entries.clone(), entries.clone()].concat());
+        assert!(log_odds > 20.0, "{log_odds}");
+        assert!((tripled.0 - log_odds).abs() < 1e-9 && (tripled.1 - log_mean).abs() < 1e-9, "{tripled:?}");
+        // Between the best term alone and all terms as good as it.
+        assert!(-(entries.len() as f64).ln() <= log_mean && log_mean < 0.0, "{log_mean}");
+    }
 }

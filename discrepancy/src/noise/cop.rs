@@ -5,7 +5,7 @@ use equipoise_core::body::{SEGMENTS, Segment};
 use faer::Mat;
 
 use super::likelihood::{ChannelLikelihood, SizePrior, blocks_of_fit};
-use crate::block::Phase;
+use crate::block::{Block, Phase};
 use crate::constants::{
     COP_SIZE_BOUNDS, COP_SIZES, COP_SIZES_SIGMA, HEADING_S, INERTIA_ERROR, MISALIGNMENT_RAD,
     MOTION_PER_ACCELERATION_S, MOTION_S, ORIENTATION_S, PLATE_NOISE, POSE_KERNEL, ROOM_S,
@@ -217,17 +217,24 @@ fn motion(rows: &Rows<'_>) -> Mat<f64> {
 
 /// An unknown smooth function of the pose that rotates with the feet (Kennedy and O'Hagan's model inadequacy).
 fn pose(rows: &Rows<'_>) -> Mat<f64> {
-    let joints = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
-        rows.blocks[block].joint_rad[column / 3][column % 3]
+    let alike = pose_correlation(&rows.blocks);
+    by_pairs(rows.len(), |i, j| {
+        let (sin, cos) = feet_rotation(rows, i, j);
+        let (c, s) = (alike[(i, j)] * cos, alike[(i, j)] * sin);
+        [[c, s], [-s, c]]
+    })
+}
+
+/// Correlation of an unknown smooth function of the pose between blocks.
+pub(crate) fn pose_correlation(blocks: &[&Block]) -> Mat<f64> {
+    let joints = Mat::from_fn(blocks.len(), 3 * SEGMENTS, |block, column| {
+        blocks[block].joint_rad[column / 3][column % 3]
     });
     let inner = outer(joints.as_ref(), joints.as_ref());
     let (constant, [(wide, wide_rad2), (narrow, narrow_rad2)]) = POSE_KERNEL;
-    by_pairs(rows.len(), |i, j| {
+    Mat::from_fn(blocks.len(), blocks.len(), |i, j| {
         let apart_rad2 = (inner[(i, i)] + inner[(j, j)] - 2.0 * inner[(i, j)]).max(0.0);
-        let alike =
-            constant + wide * (-apart_rad2 / wide_rad2).exp() + narrow * (-apart_rad2 / narrow_rad2).exp();
-        let (sin, cos) = feet_rotation(rows, i, j);
-        [[alike * cos, alike * sin], [-alike * sin, alike * cos]]
+        constant + wide * (-apart_rad2 / wide_rad2).exp() + narrow * (-apart_rad2 / narrow_rad2).exp()
     })
 }
 

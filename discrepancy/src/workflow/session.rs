@@ -53,16 +53,19 @@ pub(super) fn compare(
         }
         Ok(())
     })?;
+    let has_shear = comparison.has_shear();
+    let (blocks, left_out) = comparison.finish();
     let mut session = Session {
         mass_kg: worker.mass_kg,
         prior_covariance_m2: prior_covariance_m2(&identified.worker, &settings),
-        has_shear: comparison.has_shear(),
+        has_shear,
         has_inertia,
         suit_drifts: settings.suit_drifts,
         block_s: options.block_s,
         spans_s: found.spans_s,
         length_s,
-        blocks: comparison.finish(),
+        blocks,
+        left_out,
     };
     cutoff::subtract(&mut session.blocks, &settings.model);
     Ok((session, samples.skipped()))

@@ -25,12 +25,13 @@ impl fmt::Display for Summary<'_> {
         writeln!(
             f,
             "worker: {:.1} kg, identified from {} static poses and {} motion samples; compared: {} blocks of {} s, \
-             {still} of them static",
+             {still} of them static{}",
             session.mass_kg,
             identified.poses,
             identified.motion_samples,
             session.blocks.len(),
-            session.block_s
+            session.block_s,
+            session.left_out
         )?;
         let finding = self.finding;
         writeln!(f, "{}", verdict(finding))?;

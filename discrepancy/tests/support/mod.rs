@@ -5,7 +5,7 @@ use equipoise_core::effect::{Effect, Observation, PARAMETERS_MAX, Place, Term};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::sesc::Phi;
 use equipoise_discrepancy::block::{Block, CUTOFFS_HZ, Change, LAGS_S, Phase};
-use equipoise_discrepancy::session::{PARAMETERS, Session, Spans};
+use equipoise_discrepancy::session::{LeftOut, PARAMETERS, Session, Spans};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Length of a block, s.
@@ -62,6 +62,7 @@ pub(crate) fn clean(seed: u64) -> Session {
             found: false,
         },
         length_s: END_S,
+        left_out: LeftOut::default(),
     }
 }
 

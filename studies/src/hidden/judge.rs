@@ -226,23 +226,21 @@ impl Judged {
         self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
     }
 
-    /// Whether a name is one of what is hidden; effects with the same columns count as one name.
+    /// Whether a name is one of what is hidden, or declared for what is hidden outside the catalogue; effects with the same
+    /// columns count as one name.
     pub fn is_right(&self, name: &str) -> bool {
         match self.class {
             Class::Single | Class::Pair => {
                 self.hidden.iter().any(|hidden| same_columns(hidden) == same_columns(name))
             }
-            Class::Outside => name == OUTSIDE,
+            Class::Outside => name == OUTSIDE || is_declared_for(&self.kind, name),
             Class::Clean => false,
         }
     }
 
     /// The finding against the truth.
     pub fn outcome(&self) -> Outcome {
-        let is_right = match self.class {
-            Class::Outside => self.named.iter().all(|name| is_declared_for(&self.kind, name)),
-            _ => self.named.iter().all(|name| self.is_right(name)),
-        };
+        let is_right = self.named.iter().all(|name| self.is_right(name));
         match (self.class, self.verdict.as_str()) {
             (Class::Clean, "none") | (Class::Outside, "unexplained") => Outcome::Right,
             (_, "named") if is_right => Outcome::Right,
@@ -409,6 +407,20 @@ pub(super) mod tests {
         let candidates = [("segment_misalignment T8", 0.8), ("unbalanced_parameters T8", 0.0)];
         let judged = judge(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
         assert_eq!(judged.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
+    }
+
+    #[test]
+    fn a_declared_substitute_is_right_in_the_outcome_and_in_its_stated_probability() {
+        let mut hidden = truth(&[("outside", None, ("mm", 20.0))]);
+        hidden.kind = "outside spine_shape".into();
+        let of = |segment: &str| {
+            let answer =
+                finding("named", &[("segment_misalignment", json!({"segment": segment}), json!({}))], &[]);
+            let judged = judge(&hidden, Ok(&answer), None, 1.0);
+            (judged.outcome(), judged.statements().collect::<Vec<_>>())
+        };
+        assert_eq!(of("T8"), (Outcome::Right, vec![(0.98, true)]));
+        assert_eq!(of("Pelvis"), (Outcome::Wrong, vec![(0.98, false)]));
     }
 
     #[test]
