@@ -555,9 +555,92 @@ def script(path):
     print("cobot: the robot's program moves, holds, retreats, and holds without a heartbeat")
 
 
+def rtde_client(host, port):
+    """Sends `hold` each 8 ms by the client of the Python controller, as .ci/cobot-rtde.cpp does."""
+    import handover
+    import handover_controller
+    cobot = handover_controller.Cobot((host, int(port)))
+    while True:
+        cobot.poll()
+        cobot.send(handover.Output(handover.Command.HOLD, (0.0, 0.0, 0.0)))
+        time.sleep(0.008)
+
+
+class Peer:
+    """A robot that accepts one connection of a client."""
+
+    def __init__(self, command):
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.listener.settimeout(10)
+        address = [str(value) for value in self.listener.getsockname()]
+        self.client = subprocess.Popen([*command, *address], stderr=subprocess.DEVNULL)
+        self.socket, self.received = self.listener.accept()[0], b""
+        self.accepted_s = time.monotonic()
+
+    def send(self, kind, payload):
+        self.socket.sendall(struct.pack(">HB", len(payload) + 3, ord(kind)) + payload)
+
+    def package(self, within_s):
+        """The next package, None after this time."""
+        end_s = time.monotonic() + within_s
+        while len(self.received) < 3 or len(self.received) < int.from_bytes(self.received[:2], "big"):
+            self.socket.settimeout(max(end_s - time.monotonic(), 1e-3))
+            try:
+                received = self.socket.recv(4096)
+            except TimeoutError:
+                return None
+            assert received, "it closed the connection without a reset: queued commands would arrive later"
+            self.received += received
+        size = int.from_bytes(self.received[:2], "big")
+        kind, self.received = chr(self.received[2]), self.received[size:]
+        return kind
+
+    def close(self):
+        self.client.kill()
+        self.client.wait()
+        self.socket.close()
+        self.listener.close()
+
+
+def rtde(*cpp):
+    """The RTDE clients of both controllers with a robot that is silent, and one that never ends the handshake."""
+    output = struct.pack(">BiidddiI", 1, 0, 0, 0.0, 0.0, 0.0, 1, 2)
+    for name, command in [("python", [sys.executable, __file__, "rtde-client"]), ("cpp", cpp)]:
+        peer = Peer(command)
+        for answer in (b"\x01", b"\x01", b"\x01", b"\x01"):
+            kind = peer.package(5)
+            peer.send(kind, answer)
+        sent = 0
+        for _ in range(125):
+            peer.send("U", output)
+            sent += peer.package(0.004) == "U"
+        silent_s = last_s = time.monotonic()
+        assert sent > 25, f"{name}: {sent} commands in 0.5 s"
+        try:
+            while time.monotonic() < silent_s + 2:
+                if peer.package(0.01):
+                    last_s = time.monotonic()
+            raise AssertionError(f"{name}: it keeps the connection to a silent robot")
+        except ConnectionResetError:
+            left_s = time.monotonic() - silent_s
+        assert last_s - silent_s < 0.2, f"{name}: it sends {last_s - silent_s:.3f} s after the last output"
+        assert 0.2 < left_s < 0.6, f"{name}: it closes the connection after {left_s:.3f} s of silence"
+        peer.close()
+
+        peer = Peer(command)
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+            while time.monotonic() < peer.accepted_s + 5:
+                peer.send("M", b"text")
+                time.sleep(0.02)
+        left_s = time.monotonic() - peer.accepted_s
+        assert left_s < 1.2, f"{name}: a handshake without an end lasts {left_s:.1f} s"
+        peer.close()
+    print("cobot: both RTDE clients leave a silent robot, and a handshake without an end")
+
+
 def main():
     what, *rest = sys.argv[1:]
-    script(*rest) if what == "script" else loop(*rest)
+    {"script": script, "loop": loop, "rtde": rtde, "rtde-client": rtde_client}[what](*rest)
 
 
 if __name__ == "__main__":

@@ -115,9 +115,10 @@ private:
 };
 
 // What the decision needs of a reading.
-Input input_of(const Reading &reading, const std::optional<Position> &part_m, const std::optional<Plan> &plan) {
+Input input_of(const Reading &reading, const Cobot &cobot, double at_s, const std::optional<Plan> &plan) {
     Input input;
-    input.part_m = part_m;
+    input.part_m = cobot.part_m(at_s);
+    input.is_held = cobot.is_held();
     input.plan = plan;
     if (!reading) {
         return input;
@@ -126,13 +127,16 @@ Input input_of(const Reading &reading, const std::optional<Position> &part_m, co
     input.reasons = reading->reasons();
     input.age_s = std::chrono::duration<double>(reading->age()).count();
     input.restarted = reading->restarted();
+    bool is_undecided = true;
     if (const auto worst = reading->worst_joint()) {
+        is_undecided = reading->level(*worst) == equipoise::Level::undecided;
         const auto torque_nm = reading->torque_magnitude_nm(*worst);
         const auto limit_nm = reading->torque_limit_nm(*worst);
         input.share = torque_nm->value / *limit_nm;
         input.sigma = torque_nm->sigma / *limit_nm;
     }
-    if (const auto along = reading->advice_direction()) {
+    const auto along = reading->advice_direction();
+    if (along && !is_undecided) {
         input.advice = Position{along->x, along->y, along->z};
     }
     return input;
@@ -178,7 +182,7 @@ void run(const std::string &station, const std::string &name, Cobot &cobot, Plan
         const double at_s = now_s();
         cobot.poll(at_s);
         plans.poll(at_s);
-        const Output output = decision.decide(at_s, input_of(reading, cobot.part_m(at_s), plans.newest));
+        const Output output = decision.decide(at_s, input_of(reading, cobot, at_s, plans.newest));
         if (output.command != last || at_s >= send_at_s) {
             cobot.send(now_s(), output);
             send_at_s = at_s + SEND_EVERY_S;

@@ -1,6 +1,7 @@
 // Runs the decision of handover.hpp on readings from standard input, for tests and for the study of recorded situations.
 // One line per reading: time state reasons age restarted share sigma advice(3) part(3) generation plan(3) plan_share
-// plan_sigma; numbers in s and m, `nan` for a missing value, `reset` for a new decision. Prints the command and its target.
+// plan_sigma plan_slope held; numbers in s, m and rad, `nan` for a missing value, `reset` for a new decision. Prints the
+// command, its target and slope.
 #include "handover.hpp"
 
 #include <cstdlib>
@@ -31,15 +32,16 @@ Input input_of(const std::vector<double> &values) {
     input.advice = position(&values[7]);
     input.part_m = position(&values[10]);
     if (const auto at_m = position(&values[14])) {
-        input.plan = Plan{static_cast<std::uint64_t>(values[13]), *at_m, values[17], values[18]};
+        input.plan = Plan{static_cast<std::uint64_t>(values[13]), *at_m, values[17], values[18], values[19]};
     }
+    input.is_held = values[20] != 0.0;
     return input;
 }
 
 } // namespace
 
 int main() {
-    constexpr std::size_t NUMBERS = 19;
+    constexpr std::size_t NUMBERS = 21;
     Decision decision;
     std::string line;
     std::cout << std::fixed << std::setprecision(9);
@@ -59,7 +61,7 @@ int main() {
         }
         const Output output = decision.decide(values[0], input_of(values));
         std::cout << static_cast<int>(output.command) << " " << output.target_m.x << " " << output.target_m.y << " "
-                  << output.target_m.z << std::endl;
+                  << output.target_m.z << " " << output.slope_rad << std::endl;
     }
     return 0;
 }

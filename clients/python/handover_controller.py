@@ -23,15 +23,21 @@ import time
 from typing import Dict, Iterable, List, Optional, Protocol, Tuple
 
 import equipoise
-from equipoise import BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, NoReading, NoStateReason, Reading
+from equipoise import (
+    BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, Level, NoReading, NoStateReason, Reading,
+)
 from handover import MODEL_CHANGED, Command, Decision, Input, Output, Plan, Position
 
 TIMEOUT_S = 0.025
 SEND_EVERY_S = 0.008
 CONNECT_EVERY_S = 1.0
-CONNECT_WITHIN_S = 0.5
-# An older position of the cobot is not used.
+# From connecting to the end of the handshake: less than the gap between two states that discards the target (STATE_GAP_MAX_S).
+START_WITHIN_S = 0.6
+# After this silence of the cobot its position is not used and nothing is sent: queued commands would arrive late.
 COBOT_SILENT_S = 0.1
+# After this time in which it sends or acknowledges nothing the connection is closed, as in gateways/src/rtde/link.rs.
+LEAVE_AFTER_S = 0.3
+READ_BYTES_MAX = 1 << 16
 PLAN_EVERY_S = 0.2
 PRINT_EVERY_S = 1.0
 # Pause while the bus cannot be read: the consumer returns at once.
@@ -49,7 +55,7 @@ INPUT_NAMES = (
 )
 INPUTS = struct.Struct(">Biidddd")
 OUTPUT_HZ = 250.0
-NORMAL, PLAYING, OUTSIDE, PROTECTIVE = 1, 2, 3, 5
+NORMAL, PLAYING, OUTSIDE, NO_HEARTBEAT, PROTECTIVE = 1, 2, 3, 4, 5
 
 
 class Cobot:
@@ -59,7 +65,7 @@ class Cobot:
         self._address = address
         self._socket: Optional[socket.socket] = None
         self._received = b""
-        self._try_at_s = 0.0
+        self._try_at_s = self._end_s = 0.0
         self._recipe = 0
         self._at_s = -1.0
         self._position_m: Position = (0.0, 0.0, 0.0)
@@ -80,6 +86,11 @@ class Cobot:
         """Whether its target is within its workspace."""
         return self.activity != OUTSIDE
 
+    @property
+    def is_held(self) -> bool:
+        """Whether the cobot does not follow the commands."""
+        return self.activity in (OUTSIDE, NO_HEARTBEAT)
+
     def poll(self) -> None:
         """Connects if necessary, and takes what the cobot has sent."""
         try:
@@ -89,12 +100,14 @@ class Cobot:
                 self._try_at_s = time.monotonic() + CONNECT_EVERY_S
                 self._connect()
             self._read()
+            if time.monotonic() - self._at_s > LEAVE_AFTER_S:
+                raise OSError("it sends no more packages")
         except OSError as error:
             self._lose(error)
 
     def send(self, output: Output) -> None:
-        """Writes the registers; never waits."""
-        if self._socket is None:
+        """Writes the registers, unless the cobot is silent; never waits."""
+        if self._socket is None or time.monotonic() - self._at_s > COBOT_SILENT_S:
             return
         self.sequence = self.sequence % 0x7FFFFFFF + 1
         data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m, output.slope_rad)
@@ -110,8 +123,13 @@ class Cobot:
             self._sent_at_s.clear()
 
     def _connect(self) -> None:
-        self._socket = socket.create_connection(self._address, timeout=CONNECT_WITHIN_S)
+        self._end_s = time.monotonic() + START_WITHIN_S
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # Commands that are undelivered when the connection closes must never arrive: reset it.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self._limit_wait()
+        self._socket.connect(self._address)
         self._received = b""
         if self._ask("V", struct.pack(">H", 2)) != b"\x01":
             raise OSError("it does not support version 2 of RTDE")
@@ -123,14 +141,28 @@ class Cobot:
         self._recipe = answer[0]
         if self._ask("S", b"") != b"\x01":
             raise OSError("it does not start the exchange")
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1e3 * LEAVE_AFTER_S))
         self._socket.setblocking(False)
+        # Its first output follows.
+        self._is_ready, self._at_s = False, time.monotonic()
+
+    def _limit_wait(self) -> None:
+        """Limits the next call of the socket to the deadline of the handshake."""
+        assert self._socket is not None
+        left_s = self._end_s - time.monotonic()
+        if left_s <= 0.0:
+            raise OSError(f"it did not answer within {START_WITHIN_S} s")
+        self._socket.settimeout(left_s)
 
     def _ask(self, kind: str, payload: bytes) -> bytes:
         assert self._socket is not None
+        self._limit_wait()
         self._socket.sendall(package(kind, payload))
         while True:
+            self._limit_wait()
             found = self._next()
             while found is None:
+                self._limit_wait()
                 bytes_ = self._socket.recv(4096)
                 if not bytes_:
                     raise OSError("it closed the connection")
@@ -155,7 +187,8 @@ class Cobot:
     def _read(self) -> None:
         assert self._socket is not None
         try:
-            while True:
+            # Limited: a peer may send faster than this reads.
+            for _ in range(READ_BYTES_MAX // 4096):
                 bytes_ = self._socket.recv(4096)
                 if not bytes_:
                     raise OSError("it closed the connection")
@@ -323,10 +356,12 @@ def is_outdated(plan: HandoverPlan) -> bool:
     return ratio - plan.limit_ratio > math.hypot(sigma, plan.limit_ratio_sigma)
 
 
-def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan]) -> Input:
+def input_of(
+    reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan], is_held: bool = False
+) -> Input:
     """What the decision needs of a reading."""
     if isinstance(reading, NoReading):
-        return Input(part_m=part_m, plan=plan)
+        return Input(part_m=part_m, plan=plan, is_held=is_held)
     state = reading.state
     share = sigma = advice = None
     if not reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
@@ -334,9 +369,9 @@ def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Opt
         x, y, z = state.torque_nm[3 * at : 3 * at + 3]
         limit_nm = state.torque_limit_nm[at]
         share, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
-        if any(state.advice_direction):
+        if any(state.advice_direction) and state.joint_level[at] != Level.UNDECIDED:
             advice = (state.advice_direction[0], state.advice_direction[1], state.advice_direction[2])
-    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan)
+    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan, is_held)
 
 
 def percentiles(name: str, values_s: List[float]) -> str:
@@ -383,7 +418,7 @@ def control(
                 plans.poll(now_s)
             elif isinstance(reading, Reading):
                 has_changed = plans.ingest(reading, decision.target)
-            given = input_of(reading, cobot.part_m(), plans.newest)
+            given = input_of(reading, cobot.part_m(), plans.newest, cobot.is_held)
             if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.share):
                 given = given._replace(part_m=None)
             # The decision holds and discards all plans so far, as after a restart.
