@@ -477,12 +477,16 @@ def pose_inv(pose):
     return [-sum(turn[i][k] * pose[k] for k in range(3)) for i in range(3)] + vector(turn)
 
 
+class Halted(Exception):
+    """The robot's program has halted."""
+
+
 class Robot:
-    """The robot's program as Python, on a TCP that follows its velocity exactly."""
+    """The robot's program as Python, on a TCP that follows its velocity exactly; `settings` replace those of the script."""
 
     STEP_S = 0.002
 
-    def __init__(self, path):
+    def __init__(self, path, **settings_of_test):
         self.inputs, self.outputs = {}, {}
         self.base = [1.15, 0.0, 0.75]
         self.tcp = [-0.35 - 0.3, 0.0, 0.35, -1.2092, -1.2092, 1.2092]
@@ -497,6 +501,8 @@ class Robot:
             "norm": lambda values: sum(value * value for value in values) ** 0.5,
             "pose_inv": pose_inv,
             "pose_trans": pose_trans,
+            "popup": lambda *_, **__: None,
+            "Halted": Halted,
         }
         lines = [line for line in textwrap.dedent(pathlib.Path(path).read_text()).split("\n") if line.strip() != "end"]
         body = textwrap.dedent("\n".join(lines[lines.index("def equipoise_handover():") + 1:]))
@@ -506,6 +512,8 @@ class Robot:
         functions = functions.replace("thread ", "def ").replace("sync()", "yield").replace("local ", "")
         names = ", ".join(re.findall(r"^(handover_\w+) =", settings, flags=re.MULTILINE))
         functions = re.sub(r"^(def .*:)$", rf"\1\n  global {names}", functions, flags=re.MULTILINE)
+        functions = re.sub(r"^( *)halt$", r"\1raise Halted()", functions, flags=re.MULTILINE)
+        settings += "".join(f"{name} = {value}\n" for name, value in settings_of_test.items())
         exec(settings + functions, self.world)  # pylint: disable=exec-used
         self.watch = self.world["handover_watch"]()
 
@@ -536,7 +544,7 @@ def script(path):
     robot.inputs["double", 39] = slope = 0.5
     level = matrix(robot.tcp[3:])
     assert robot.run(1, False) == 4 and robot.speed() == 0, "a command from before the start moves it"
-    assert robot.run(0.19, True) == 4 and robot.speed() == 0, "it moves before the sequence has settled"
+    assert robot.run(0.39, True) == 4 and robot.speed() == 0, "it moves before the sequence has settled"
     assert robot.run(0.5, True) == 1 and robot.speed() > 0.1, "it does not move"
     assert robot.run(0.05, False) == 1, "one late package stops it"
     assert robot.run(0.02, False) == 4 and robot.speed() == 0, "it moves without a heartbeat"
@@ -546,12 +554,30 @@ def script(path):
     assert robot.outputs["int", 37] == robot.inputs["int", 37]
     turned = vector(product(matrix(robot.tcp[3:]), list(zip(*level))))
     assert all(abs(a - b) < 1e-3 for a, b in zip(turned, [0.0, slope, 0.0])), f"turned by {turned}, not {slope}"
-    robot.inputs["double", 36] = 0.0
-    assert robot.run(0.1, True) == 3 and robot.speed() == 0, "it moves to a target outside the workspace"
+    robot.inputs["double", 36] = 0.45 + 0.1
+    for wrong in (1.21, -1.21, math.nan):
+        robot.inputs["double", 39] = wrong
+        assert robot.run(0.1, True) == 3 and not any(robot.velocity), f"it moves with a slope of {wrong}"
+    robot.inputs["double", 39] = -1.2
+    assert robot.run(0.1, True) == 1 and robot.speed() > 0.05, "it does not move with the smallest slope"
+    for wrong in (0.0, math.nan):
+        robot.inputs["double", 36] = wrong
+        assert robot.run(0.1, True) == 3 and not any(robot.velocity), "it moves to a target outside the workspace"
+    robot.inputs["double", 39] = math.nan
     robot.inputs["int", 36] = 2
     assert robot.run(0.1, True) == 2 and robot.speed() > 0.1, "it does not retreat"
     robot.inputs["int", 36] = 0
     assert robot.run(0.1, True) == 0 and robot.speed() == 0, "it does not hold"
+    try:
+        Robot(path, HANDOVER_RETREAT_M=[0.7, -0.174, 1.5])
+        raise AssertionError("it starts with a retreat position outside the workspace")
+    except Halted:
+        pass
+    retreat, robot.world["HANDOVER_RETREAT_M"] = robot.world["HANDOVER_RETREAT_M"], [0.7, -0.174, 1.5]
+    robot.inputs["int", 36] = 2
+    assert robot.run(0.1, True) == 3 and not any(robot.velocity), "it retreats to a position outside the workspace"
+    robot.world["HANDOVER_RETREAT_M"] = retreat
+    assert robot.run(0.1, True) == 2, "it does not retreat"
     print("cobot: the robot's program moves, holds, retreats, and holds without a heartbeat")
 
 
