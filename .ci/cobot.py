@@ -273,17 +273,22 @@ def plan_of_both(rig):
 
 
 def plans_before_a_change_are_discarded():
-    """Responses to requests before the change of the worker, plans of another subject, and for feet that have moved."""
+    """Responses before the change of the worker, plans of another subject, for feet that have moved, and missing plans."""
     import equipoise
     import handover
     import handover_controller
 
     stderr = io.StringIO()  # There is no daemon.
 
+    worse = (equipoise.CurrentStatus.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)
     status, target = equipoise.CurrentStatus, handover.Plan(1, (0.4, 0.0, 1.0), 0.5, 0.1)
 
     def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None)):
-        for subject, sample_time_ns in responses:
+        for response in responses:
+            if isinstance(response, equipoise.HandoverRefusal):
+                plans._responses.put((target.at_m, equipoise.NoPlan(response, "", "d", equipoise.Reason(0))))
+                continue
+            subject, sample_time_ns = response
             plan = equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
                                           equipoise.Joint.L5S1, 0.5, 0.1, *at_target, slope_rad=0.0)
             plans._responses.put((target.at_m, plan))
@@ -298,16 +303,72 @@ def plans_before_a_change_are_discarded():
             ingest(50, ("b", 35)), ingest(60, ("c", 55)), ingest(70, ("c", 65)), ingest(80, ("c", 75), restarted=True),
             ingest(90, ("d", 85)),
             ingest(100, ("d", 95), at_target=(status.PREDICTED, equipoise.Joint.L5S1, 0.6, 0.1)),
-            ingest(110, ("d", 105), at_target=(status.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)), ingest(120, ("d", 115)),
-            ingest(130, ("d", 125), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(140, ("d", 135)),
+            ingest(110, ("d", 105), at_target=worse), ingest(120, ("d", 115)), ingest(130, ("d", 125), at_target=worse),
+            ingest(140, ("d", 135), at_target=worse), ingest(150, ("d", 145)),
+            ingest(160, ("d", 155), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(170, ("d", 165)),
+            ingest(180, equipoise.HandoverRefusal.INVALID), ingest(190, equipoise.HandoverRefusal.INFEASIBLE),
+            ingest(200), ingest(210, ("d", 205)),
+            # A gap between two states: this response is of a request before.
+            ingest(10**9, ("d", 10**9 - 1)), ingest(10**9 + 10, ("e", 10**9 + 5)),
+            *(ingest(10**9 + k * 10**8) for k in (1, 1800)), ingest(181 * 10**9 + 5), ingest(181 * 10**9 + 6),
         ]
         plans.close()
     assert stderr.getvalue().count("no daemon runs") == 1, stderr.getvalue()
     assert found == [
         (False, None), (False, (1, 15)), (False, (1, 15)), (False, (1, 15)), (False, (2, 35)),
-        (True, (2, 35)), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
-        (False, (5, 95)), (True, (5, 95)), (False, (6, 115)), (True, (6, 115)), (False, (7, 135)),
+        (True, None), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
+        (False, (5, 95)), (False, (6, 105)), (False, (7, 115)), (False, (8, 125)), (True, None), (False, (9, 145)),
+        (True, None), (False, (10, 165)), (False, (10, 165)), (True, None), (False, None), (False, (11, 205)),
+        (False, (11, 205)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)),
+        (True, None), (False, None),
     ], found
+
+
+def requests_continue_after_an_error():
+    """An exception in a request is reported, and the thread continues."""
+    import equipoise
+    import handover_controller
+
+    class Planner:
+        def __init__(self, station):
+            self.requests = 0
+
+        def plan(self, **settings):
+            self.requests += 1
+            if self.requests < 3:
+                raise RuntimeError("a fault")
+            return equipoise.NoPlan(equipoise.HandoverRefusal.INVALID, "refused", "a", equipoise.Reason(0))
+
+        def close(self):
+            pass
+
+    before, handover_controller.HandoverPlanner = handover_controller.HandoverPlanner, Planner
+    stderr = io.StringIO()
+    with contextlib.redirect_stderr(stderr):
+        plans = handover_controller.DaemonPlans("without-a-daemon", 6.0, 0.35, 0.01)
+        until("a request after an error", lambda: not plans._responses.empty(), 5)
+        plans.close()
+    handover_controller.HandoverPlanner = before
+    assert stderr.getvalue() == "no plan: RuntimeError: a fault\nno plan: refused\n", stderr.getvalue()
+
+
+def no_advice_while_undecided():
+    """The advice of a joint whose level is undecided is not followed."""
+    import equipoise
+    import handover_controller
+    for level in equipoise.Level:
+        state = equipoise.State(worst_joint=3)
+        state.advice_direction[0], state.torque_limit_nm[3], state.joint_level[3] = 1.0, 50.0, level
+        given = handover_controller.input_of(equipoise.Reading(state, 1, 0, None, 0, False, True), None, None)
+        assert (given.advice is None) == (level is equipoise.Level.UNDECIDED), (level, given)
+
+
+def controller():
+    """The Python controller without a daemon and a cobot."""
+    plans_before_a_change_are_discarded()
+    requests_continue_after_an_error()
+    no_advice_while_undecided()
+    print("cobot: plans without a daemon, and advice")
 
 
 def of_the_daemons_plans(rig):
@@ -411,7 +472,7 @@ def loop(equipoise, scratch, host, suit, plate, stops):
         rig.start("cobot", equipoise, "simulate", "--cobot", f"{host}:{RTDE_PORT}")
         observer = until("the cobot serves", lambda: connected(host))
         read_by_ur_rtde(host)
-        plans_before_a_change_are_discarded()
+        controller()
         refused("no daemon runs on this station", plan)
         person, daemon = rig.person("poses"), rig.daemon()
         plan_before_identification()
@@ -666,7 +727,7 @@ def rtde(*cpp):
 
 def main():
     what, *rest = sys.argv[1:]
-    {"script": script, "loop": loop, "rtde": rtde, "rtde-client": rtde_client}[what](*rest)
+    {"script": script, "loop": loop, "rtde": rtde, "rtde-client": rtde_client, "controller": controller}[what](*rest)
 
 
 if __name__ == "__main__":

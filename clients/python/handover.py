@@ -12,7 +12,7 @@ from __future__ import annotations
 import enum
 import math
 import sys
-from typing import List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 AGE_MAX_S = 0.05
 """Greatest age of a state, s."""
@@ -258,11 +258,35 @@ def input_of(values: List[float]) -> Input:
     return Input(has_state != 0, int(reasons), age_s, restarted != 0, share, sigma, advice, part_m, plan, is_held)
 
 
+def answer_of(line: str, plans: Dict[str, Any]) -> Optional[str]:
+    """The answer to a line that is not a reading."""
+    import handover_plans  # It imports this file.
+
+    what, _, rest = line.rstrip("\n").partition(" ")
+    values: Optional[Sequence[float]] = None
+    if what == "target":
+        values = handover_plans.target_of(rest)
+    elif what == "file":
+        plan = handover_plans.plan_of(rest, 1)
+        values = (*plan.at_m, plan.share, plan.sigma, plan.slope_rad) if plan else None
+    elif what == "poll":
+        file = plans.setdefault(rest, handover_plans.Plans(None, rest))
+        file.poll(math.inf)
+        return str(file.newest.generation if file.newest else 0)
+    else:
+        return None
+    return " ".join(f"{value:.9f}" for value in values) if values else "invalid"
+
+
 def main() -> None:
-    decision = Decision()
+    decision, plans = Decision(), dict[str, Any]()
     for line in sys.stdin:
         if line.strip() == "reset":
             decision = Decision()
+            continue
+        answer = answer_of(line, plans)
+        if answer is not None:
+            print(answer, flush=True)
             continue
         values = [float(word) for word in line.split()]
         command, (x, y, z), slope_rad = decision.decide(values[0], input_of(values))

@@ -102,10 +102,15 @@ impl Replay {
         writeln!(self.child.stdin.as_mut().unwrap(), "reset").unwrap();
     }
 
-    fn decide(&mut self, reading: &Reading) -> Decided {
-        writeln!(self.child.stdin.as_mut().unwrap(), "{}", reading.line()).unwrap();
+    fn answer(&mut self, line: &str) -> String {
+        writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
         let mut answer = String::new();
         self.answers.read_line(&mut answer).unwrap();
+        answer
+    }
+
+    fn decide(&mut self, reading: &Reading) -> Decided {
+        let answer = self.answer(&reading.line());
         let numbers: Vec<f64> = answer.split_whitespace().map(|word| word.parse().unwrap()).collect();
         let [command, target_m @ .., slope_rad] = &numbers[..] else {
             panic!("{} answers {answer:?}", self.name)
@@ -175,7 +180,8 @@ fn line_of(line: &str) -> Line {
             ("advice", value) => reading.advice = numbers(value),
             ("part", value) => reading.part_m = numbers(value),
             ("plan", value) => {
-                let value = if value.matches(':').count() == 3 { format!("{value}:0") } else { value.to_owned() };
+                let value =
+                    if value.matches(':').count() == 3 { format!("{value}:0") } else { value.to_owned() };
                 let [generation, x, y, z, share, sigma, slope_rad] = numbers(&value);
                 reading.generation = generation as u64;
                 (reading.plan_m, reading.plan_share) = ([x, y, z], [share, sigma]);
@@ -187,7 +193,8 @@ fn line_of(line: &str) -> Line {
     let words: Vec<&str> = expected.split_whitespace().collect();
     let value = |name| words.iter().position(|word| *word == name).map(|at| words[at + 1]);
     let command = ["hold", "move", "retreat"].iter().position(|name| *name == words[0]).unwrap() as i32;
-    let (target_m, slope_rad) = (value("at").map(numbers), value("slope").map(|value| value.parse().unwrap()));
+    let (target_m, slope_rad) =
+        (value("at").map(numbers), value("slope").map(|value| value.parse().unwrap()));
     let count = ((to_s - from_s) / step_s).round() as u32;
     let readings =
         (0..=count).map(|step| Reading { time_s: from_s + step_s * f64::from(step), ..reading }).collect();
@@ -204,6 +211,18 @@ fn both_decisions_match_the_test_vectors() {
             if let Some(name) = line.strip_prefix("case ") {
                 (case, cases) = (name, cases + 1);
                 replay.reset();
+                continue;
+            }
+            if line.starts_with("target ") || line.starts_with("file ") {
+                let (given, expected) = line.split_once(" => ").unwrap();
+                let answer = replay.answer(given);
+                let values = |text: &str| -> Option<Vec<f64>> {
+                    text.split([',', ' ', '\n'])
+                        .filter(|word| !word.is_empty())
+                        .map(|word| word.parse().ok())
+                        .collect()
+                };
+                assert_eq!(values(&answer), values(expected), "{}: {answer} to {line}", replay.name);
                 continue;
             }
             let Line { readings, follows, command, target_m, slope_rad } = line_of(line);
@@ -224,6 +243,40 @@ fn both_decisions_match_the_test_vectors() {
             assert!(apart_rad < 1e-9, "{}, {case}: {last:?} after {line}", replay.name);
         }
         assert!(cases >= 21, "only {cases} cases");
+    }
+}
+
+#[test]
+fn a_plan_file_is_new_only_with_another_text() {
+    let scratch = tempfile::tempdir().unwrap();
+    let path = scratch.path().join("plan.json");
+    let plan = |ratio| {
+        format!(
+            r#"{{"position_m": [0.5, 0.1, 1.1], "worst_limit_ratio": {ratio}, "worst_limit_ratio_sigma": 0.05}}"#
+        )
+    };
+    for mut replay in [cpp(scratch.path()), python()].into_iter().flatten() {
+        let name = replay.name;
+        let mut poll = |text: Option<String>, at_s: u64| -> u64 {
+            if let Some(text) = text {
+                std::fs::write(&path, text).unwrap();
+                let changed = std::time::UNIX_EPOCH + std::time::Duration::from_secs(at_s);
+                std::fs::File::options().append(true).open(&path).unwrap().set_modified(changed).unwrap();
+            }
+            replay.answer(&format!("poll {}", path.display())).trim().parse().unwrap()
+        };
+        assert_eq!(poll(None, 0), 0, "{name}: no file");
+        let found = [
+            poll(Some(plan(0.4)), 1),
+            poll(None, 0),
+            poll(Some(plan(0.4)), 2),
+            poll(Some(plan(0.5)), 3),
+            poll(Some("{".to_owned()), 4),
+            poll(Some(plan(0.5)), 5),
+            poll(Some(plan(0.4)), 6),
+        ];
+        assert_eq!(found, [1, 1, 1, 2, 2, 2, 3], "{name}");
+        std::fs::remove_file(&path).unwrap();
     }
 }
 
@@ -276,7 +329,8 @@ fn both_decisions_are_equal_on_random_readings() {
         assert!((decided.slope_rad - other.slope_rad).abs() < EQUAL_M, "{decided:?} {other:?} {reading:?}");
         commands[decided.command as usize] += 1;
         // The part follows, except while the cobot stands.
-        reading.part_m = if decided.command == 1 && time_s % 10.0 < 9.0 { decided.target_m } else { ready_at_m };
+        reading.part_m =
+            if decided.command == 1 && time_s % 10.0 < 9.0 { decided.target_m } else { ready_at_m };
     }
     assert!(commands.iter().all(|count| *count > 500), "{commands:?}");
 }
