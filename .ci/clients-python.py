@@ -301,15 +301,16 @@ def plans_are_requested(root):
     requests = []
 
     def plan(request):
-        requests.append((request.mass_kg, request.width_m, list(request.current_m), request.current_frame))
+        current = (request.current_frame, request.current_is_sloped, request.current_slope_rad)
+        requests.append((request.mass_kg, request.width_m, list(request.current_m), *current))
         answer = _messages.HandoverPlan(cycle=7, sample_time_ns=8, handovers=2, worst_joint=Joint.L5S1, limit_ratio=0.4)
         answer.subject[:3] = b"a-1"
         answer.position_m[:], answer.place_m[:] = (2.0, 0.5, 1.1), (0.5, 0.1, 1.1)
         answer.current_status, answer.current_limit_ratio = CurrentStatus.PREDICTED, 0.6
         return answer
 
-    got = planned(root, plan, current_m=(0.5, 0.0, 0.8), frame=CurrentFrame.FEET)
-    assert requests == [(6.0, 0.35, [0.5, 0.0, 0.8], 2)], requests
+    got = planned(root, plan, current_m=(0.5, 0.0, 0.8), frame=CurrentFrame.FEET, current_slope_rad=0.5)
+    assert requests == [(6.0, 0.35, [0.5, 0.0, 0.8], 2, 1, 0.5)], requests
     assert got and (got.subject, got.cycle, got.sample_time_ns, got.handovers) == ("a-1", 7, 8, 2), got
     assert (got.position_m, got.place_m, got.worst_joint) == ((2.0, 0.5, 1.1), (0.5, 0.1, 1.1), Joint.L5S1), got
     assert (got.limit_ratio, got.current_limit_ratio, got.current_worst_joint) == (0.4, 0.6, Joint(0)), got

@@ -273,17 +273,22 @@ def plan_of_both(rig):
 
 
 def plans_before_a_change_are_discarded():
-    """Responses to requests before the change of the worker, plans of another subject, and for feet that have moved."""
+    """Responses before the change of the worker, plans of another subject, for feet that have moved, and missing plans."""
     import equipoise
     import handover
     import handover_controller
 
     stderr = io.StringIO()  # There is no daemon.
 
+    worse = (equipoise.CurrentStatus.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)
     status, target = equipoise.CurrentStatus, handover.Plan(1, (0.4, 0.0, 1.0), 0.5, 0.1)
 
     def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None)):
-        for subject, sample_time_ns in responses:
+        for response in responses:
+            if isinstance(response, equipoise.HandoverRefusal):
+                plans._responses.put((target.at_m, equipoise.NoPlan(response, "", "d", equipoise.Reason(0))))
+                continue
+            subject, sample_time_ns = response
             plan = equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
                                           equipoise.Joint.L5S1, 0.5, 0.1, *at_target, slope_rad=0.0)
             plans._responses.put((target.at_m, plan))
@@ -298,16 +303,72 @@ def plans_before_a_change_are_discarded():
             ingest(50, ("b", 35)), ingest(60, ("c", 55)), ingest(70, ("c", 65)), ingest(80, ("c", 75), restarted=True),
             ingest(90, ("d", 85)),
             ingest(100, ("d", 95), at_target=(status.PREDICTED, equipoise.Joint.L5S1, 0.6, 0.1)),
-            ingest(110, ("d", 105), at_target=(status.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)), ingest(120, ("d", 115)),
-            ingest(130, ("d", 125), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(140, ("d", 135)),
+            ingest(110, ("d", 105), at_target=worse), ingest(120, ("d", 115)), ingest(130, ("d", 125), at_target=worse),
+            ingest(140, ("d", 135), at_target=worse), ingest(150, ("d", 145)),
+            ingest(160, ("d", 155), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(170, ("d", 165)),
+            ingest(180, equipoise.HandoverRefusal.INVALID), ingest(190, equipoise.HandoverRefusal.INFEASIBLE),
+            ingest(200), ingest(210, ("d", 205)),
+            # A gap between two states: this response is of a request before.
+            ingest(10**9, ("d", 10**9 - 1)), ingest(10**9 + 10, ("e", 10**9 + 5)),
+            *(ingest(10**9 + k * 10**8) for k in (1, 1800)), ingest(181 * 10**9 + 5), ingest(181 * 10**9 + 6),
         ]
         plans.close()
     assert stderr.getvalue().count("no daemon runs") == 1, stderr.getvalue()
     assert found == [
         (False, None), (False, (1, 15)), (False, (1, 15)), (False, (1, 15)), (False, (2, 35)),
-        (True, (2, 35)), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
-        (False, (5, 95)), (True, (5, 95)), (False, (6, 115)), (True, (6, 115)), (False, (7, 135)),
+        (True, None), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
+        (False, (5, 95)), (False, (6, 105)), (False, (7, 115)), (False, (8, 125)), (True, None), (False, (9, 145)),
+        (True, None), (False, (10, 165)), (False, (10, 165)), (True, None), (False, None), (False, (11, 205)),
+        (False, (11, 205)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)),
+        (True, None), (False, None),
     ], found
+
+
+def requests_continue_after_an_error():
+    """An exception in a request is reported, and the thread continues."""
+    import equipoise
+    import handover_controller
+
+    class Planner:
+        def __init__(self, station):
+            self.requests = 0
+
+        def plan(self, **settings):
+            self.requests += 1
+            if self.requests < 3:
+                raise RuntimeError("a fault")
+            return equipoise.NoPlan(equipoise.HandoverRefusal.INVALID, "refused", "a", equipoise.Reason(0))
+
+        def close(self):
+            pass
+
+    before, handover_controller.HandoverPlanner = handover_controller.HandoverPlanner, Planner
+    stderr = io.StringIO()
+    with contextlib.redirect_stderr(stderr):
+        plans = handover_controller.DaemonPlans("without-a-daemon", 6.0, 0.35, 0.01)
+        until("a request after an error", lambda: not plans._responses.empty(), 5)
+        plans.close()
+    handover_controller.HandoverPlanner = before
+    assert stderr.getvalue() == "no plan: RuntimeError: a fault\nno plan: refused\n", stderr.getvalue()
+
+
+def no_advice_while_undecided():
+    """The advice of a joint whose level is undecided is not followed."""
+    import equipoise
+    import handover_controller
+    for level in equipoise.Level:
+        state = equipoise.State(worst_joint=3)
+        state.advice_direction[0], state.torque_limit_nm[3], state.joint_level[3] = 1.0, 50.0, level
+        given = handover_controller.input_of(equipoise.Reading(state, 1, 0, None, 0, False, True), None, None)
+        assert (given.advice is None) == (level is equipoise.Level.UNDECIDED), (level, given)
+
+
+def controller():
+    """The Python controller without a daemon and a cobot."""
+    plans_before_a_change_are_discarded()
+    requests_continue_after_an_error()
+    no_advice_while_undecided()
+    print("cobot: plans without a daemon, and advice")
 
 
 def of_the_daemons_plans(rig):
@@ -411,7 +472,7 @@ def loop(equipoise, scratch, host, suit, plate, stops):
         rig.start("cobot", equipoise, "simulate", "--cobot", f"{host}:{RTDE_PORT}")
         observer = until("the cobot serves", lambda: connected(host))
         read_by_ur_rtde(host)
-        plans_before_a_change_are_discarded()
+        controller()
         refused("no daemon runs on this station", plan)
         person, daemon = rig.person("poses"), rig.daemon()
         plan_before_identification()
@@ -477,12 +538,16 @@ def pose_inv(pose):
     return [-sum(turn[i][k] * pose[k] for k in range(3)) for i in range(3)] + vector(turn)
 
 
+class Halted(Exception):
+    """The robot's program has halted."""
+
+
 class Robot:
-    """The robot's program as Python, on a TCP that follows its velocity exactly."""
+    """The robot's program as Python, on a TCP that follows its velocity exactly; `settings` replace those of the script."""
 
     STEP_S = 0.002
 
-    def __init__(self, path):
+    def __init__(self, path, **settings_of_test):
         self.inputs, self.outputs = {}, {}
         self.base = [1.15, 0.0, 0.75]
         self.tcp = [-0.35 - 0.3, 0.0, 0.35, -1.2092, -1.2092, 1.2092]
@@ -497,6 +562,8 @@ class Robot:
             "norm": lambda values: sum(value * value for value in values) ** 0.5,
             "pose_inv": pose_inv,
             "pose_trans": pose_trans,
+            "popup": lambda *_, **__: None,
+            "Halted": Halted,
         }
         lines = [line for line in textwrap.dedent(pathlib.Path(path).read_text()).split("\n") if line.strip() != "end"]
         body = textwrap.dedent("\n".join(lines[lines.index("def equipoise_handover():") + 1:]))
@@ -506,6 +573,8 @@ class Robot:
         functions = functions.replace("thread ", "def ").replace("sync()", "yield").replace("local ", "")
         names = ", ".join(re.findall(r"^(handover_\w+) =", settings, flags=re.MULTILINE))
         functions = re.sub(r"^(def .*:)$", rf"\1\n  global {names}", functions, flags=re.MULTILINE)
+        functions = re.sub(r"^( *)halt$", r"\1raise Halted()", functions, flags=re.MULTILINE)
+        settings += "".join(f"{name} = {value}\n" for name, value in settings_of_test.items())
         exec(settings + functions, self.world)  # pylint: disable=exec-used
         self.watch = self.world["handover_watch"]()
 
@@ -536,7 +605,7 @@ def script(path):
     robot.inputs["double", 39] = slope = 0.5
     level = matrix(robot.tcp[3:])
     assert robot.run(1, False) == 4 and robot.speed() == 0, "a command from before the start moves it"
-    assert robot.run(0.19, True) == 4 and robot.speed() == 0, "it moves before the sequence has settled"
+    assert robot.run(0.39, True) == 4 and robot.speed() == 0, "it moves before the sequence has settled"
     assert robot.run(0.5, True) == 1 and robot.speed() > 0.1, "it does not move"
     assert robot.run(0.05, False) == 1, "one late package stops it"
     assert robot.run(0.02, False) == 4 and robot.speed() == 0, "it moves without a heartbeat"
@@ -546,18 +615,119 @@ def script(path):
     assert robot.outputs["int", 37] == robot.inputs["int", 37]
     turned = vector(product(matrix(robot.tcp[3:]), list(zip(*level))))
     assert all(abs(a - b) < 1e-3 for a, b in zip(turned, [0.0, slope, 0.0])), f"turned by {turned}, not {slope}"
-    robot.inputs["double", 36] = 0.0
-    assert robot.run(0.1, True) == 3 and robot.speed() == 0, "it moves to a target outside the workspace"
+    robot.inputs["double", 36] = 0.45 + 0.1
+    for wrong in (1.21, -1.21, math.nan):
+        robot.inputs["double", 39] = wrong
+        assert robot.run(0.1, True) == 3 and not any(robot.velocity), f"it moves with a slope of {wrong}"
+    robot.inputs["double", 39] = -1.2
+    assert robot.run(0.1, True) == 1 and robot.speed() > 0.05, "it does not move with the smallest slope"
+    for wrong in (0.0, math.nan):
+        robot.inputs["double", 36] = wrong
+        assert robot.run(0.1, True) == 3 and not any(robot.velocity), "it moves to a target outside the workspace"
+    robot.inputs["double", 39] = math.nan
     robot.inputs["int", 36] = 2
     assert robot.run(0.1, True) == 2 and robot.speed() > 0.1, "it does not retreat"
     robot.inputs["int", 36] = 0
     assert robot.run(0.1, True) == 0 and robot.speed() == 0, "it does not hold"
+    try:
+        Robot(path, HANDOVER_RETREAT_M=[0.7, -0.174, 1.5])
+        raise AssertionError("it starts with a retreat position outside the workspace")
+    except Halted:
+        pass
+    retreat, robot.world["HANDOVER_RETREAT_M"] = robot.world["HANDOVER_RETREAT_M"], [0.7, -0.174, 1.5]
+    robot.inputs["int", 36] = 2
+    assert robot.run(0.1, True) == 3 and not any(robot.velocity), "it retreats to a position outside the workspace"
+    robot.world["HANDOVER_RETREAT_M"] = retreat
+    assert robot.run(0.1, True) == 2, "it does not retreat"
     print("cobot: the robot's program moves, holds, retreats, and holds without a heartbeat")
+
+
+def rtde_client(host, port):
+    """Sends `hold` each 8 ms by the client of the Python controller, as .ci/cobot-rtde.cpp does."""
+    import handover
+    import handover_controller
+    cobot = handover_controller.Cobot((host, int(port)))
+    while True:
+        cobot.poll()
+        cobot.send(handover.Output(handover.Command.HOLD, (0.0, 0.0, 0.0)))
+        time.sleep(0.008)
+
+
+class Peer:
+    """A robot that accepts one connection of a client."""
+
+    def __init__(self, command):
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.listener.settimeout(10)
+        address = [str(value) for value in self.listener.getsockname()]
+        self.client = subprocess.Popen([*command, *address], stderr=subprocess.DEVNULL)
+        self.socket, self.received = self.listener.accept()[0], b""
+        self.accepted_s = time.monotonic()
+
+    def send(self, kind, payload):
+        self.socket.sendall(struct.pack(">HB", len(payload) + 3, ord(kind)) + payload)
+
+    def package(self, within_s):
+        """The next package, None after this time."""
+        end_s = time.monotonic() + within_s
+        while len(self.received) < 3 or len(self.received) < int.from_bytes(self.received[:2], "big"):
+            self.socket.settimeout(max(end_s - time.monotonic(), 1e-3))
+            try:
+                received = self.socket.recv(4096)
+            except TimeoutError:
+                return None
+            assert received, "it closed the connection without a reset: queued commands would arrive later"
+            self.received += received
+        size = int.from_bytes(self.received[:2], "big")
+        kind, self.received = chr(self.received[2]), self.received[size:]
+        return kind
+
+    def close(self):
+        self.client.kill()
+        self.client.wait()
+        self.socket.close()
+        self.listener.close()
+
+
+def rtde(*cpp):
+    """The RTDE clients of both controllers with a robot that is silent, and one that never ends the handshake."""
+    output = struct.pack(">BiidddiI", 1, 0, 0, 0.0, 0.0, 0.0, 1, 2)
+    for name, command in [("python", [sys.executable, __file__, "rtde-client"]), ("cpp", cpp)]:
+        peer = Peer(command)
+        for answer in (b"\x01", b"\x01", b"\x01", b"\x01"):
+            kind = peer.package(5)
+            peer.send(kind, answer)
+        sent = 0
+        for _ in range(125):
+            peer.send("U", output)
+            sent += peer.package(0.004) == "U"
+        silent_s = last_s = time.monotonic()
+        assert sent > 25, f"{name}: {sent} commands in 0.5 s"
+        try:
+            while time.monotonic() < silent_s + 2:
+                if peer.package(0.01):
+                    last_s = time.monotonic()
+            raise AssertionError(f"{name}: it keeps the connection to a silent robot")
+        except ConnectionResetError:
+            left_s = time.monotonic() - silent_s
+        assert last_s - silent_s < 0.2, f"{name}: it sends {last_s - silent_s:.3f} s after the last output"
+        assert 0.2 < left_s < 0.6, f"{name}: it closes the connection after {left_s:.3f} s of silence"
+        peer.close()
+
+        peer = Peer(command)
+        with contextlib.suppress(ConnectionResetError, BrokenPipeError):
+            while time.monotonic() < peer.accepted_s + 5:
+                peer.send("M", b"text")
+                time.sleep(0.02)
+        left_s = time.monotonic() - peer.accepted_s
+        assert left_s < 1.2, f"{name}: a handshake without an end lasts {left_s:.1f} s"
+        peer.close()
+    print("cobot: both RTDE clients leave a silent robot, and a handshake without an end")
 
 
 def main():
     what, *rest = sys.argv[1:]
-    script(*rest) if what == "script" else loop(*rest)
+    {"script": script, "loop": loop, "rtde": rtde, "rtde-client": rtde_client, "controller": controller}[what](*rest)
 
 
 if __name__ == "__main__":

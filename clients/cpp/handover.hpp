@@ -19,13 +19,17 @@ inline constexpr double AGE_MAX_S = 0.05;
 inline constexpr double GAP_MAX_S = 0.05;
 // Motion begins after uninterrupted valid readings of this duration, s.
 inline constexpr double RESUME_AFTER_S = 0.5;
-// The cobot retreats after this time without a valid reading, s.
+// `model_changed` lasts 1 s: after a gap of this duration between two states the worker may have changed, s.
+inline constexpr double STATE_GAP_MAX_S = 0.9;
+// The cobot retreats after this time without a valid reading, if it has been ready for as long, s.
 inline constexpr double RETREAT_AFTER_S = 2.0;
 // A better target must stay better for this time, s.
 inline constexpr double BETTER_FOR_S = 1.0;
 // Speed of the commanded position, m/s, and the longest time step that it is computed for, s.
 inline constexpr double TARGET_M_PER_S = 0.1;
 inline constexpr double TIME_STEP_MAX_S = 0.02;
+// A commanded position farther from the part restarts from the part, m.
+inline constexpr double LAG_MAX_M = 0.05;
 // Without a plan the part is moved along the relieving direction while the worst joint's limit ratio is above this,
 // by this distance, m.
 inline constexpr double ADVICE_ABOVE = 0.6;
@@ -62,6 +66,8 @@ struct Input {
     std::optional<Position> advice;
     // Position of the part; nullopt while the cobot is not connected or not ready.
     std::optional<Position> part_m;
+    // The cobot does not follow the commands: outside the workspace, or no heartbeat.
+    bool is_held = false;
     std::optional<Plan> plan;
 };
 
@@ -85,7 +91,14 @@ public:
         if (input.plan && input.plan->generation > generation_) {
             generation_ = input.plan->generation;
         }
-        if (input.has_state && (input.restarted || (input.reasons & EQUIPOISE_REASON_MODEL_CHANGED) != 0)) {
+        bool may_have_changed = false;
+        if (input.has_state) {
+            const double state_s = now_s - input.age_s;
+            may_have_changed = input.restarted || (input.reasons & EQUIPOISE_REASON_MODEL_CHANGED) != 0 ||
+                               (state_s_ && state_s - *state_s_ >= STATE_GAP_MAX_S);
+            state_s_ = state_s;
+        }
+        if (may_have_changed) {
             // The plan and the target were for another worker, or for another model of this one.
             discarded_ = generation_;
             target_.reset();
@@ -103,16 +116,23 @@ public:
         if (valid && input.part_m && !valid_since_s_) {
             valid_since_s_ = now_s;
         }
+        if (!input.part_m || interrupted) {
+            ready_since_s_.reset();
+        }
+        if (input.part_m && !ready_since_s_) {
+            ready_since_s_ = now_s;
+        }
         if (valid_since_s_ && now_s - *valid_since_s_ >= RESUME_AFTER_S) {
             choose(now_s, input);
             if (target_) {
-                advance(step_s, *input.part_m);
+                advance(step_s, *input.part_m, input.is_held);
                 slope_rad_ = target_->slope_rad;
                 return {Command::move, sent_m_, slope_rad_};
             }
         }
         is_moving_ = false;
-        const bool retreats = has_moved_ && input.part_m && now_s - valid_s_ >= RETREAT_AFTER_S;
+        const bool retreats = has_moved_ && ready_since_s_ && now_s - *ready_since_s_ >= RETREAT_AFTER_S &&
+                              now_s - valid_s_ >= RETREAT_AFTER_S;
         return {retreats ? Command::retreat : Command::hold, sent_m_};
     }
 
@@ -165,13 +185,13 @@ private:
     }
 
     // Moves the commanded position toward the target.
-    void advance(double step_s, const Position &part_m) {
-        if (!is_moving_) {
+    void advance(double step_s, const Position &part_m, bool is_held) {
+        if (!is_moving_ || is_held || distance_m(part_m, sent_m_) > LAG_MAX_M) {
             sent_m_ = part_m;
         }
         is_moving_ = has_moved_ = true;
         const double x = target_->at_m.x - sent_m_.x, y = target_->at_m.y - sent_m_.y, z = target_->at_m.z - sent_m_.z;
-        const double way_m = std::sqrt(x * x + y * y + z * z);
+        const double way_m = distance_m(target_->at_m, sent_m_);
         const double most_m = TARGET_M_PER_S * (step_s < TIME_STEP_MAX_S ? step_s : TIME_STEP_MAX_S);
         if (way_m <= most_m) {
             sent_m_ = target_->at_m;
@@ -181,10 +201,16 @@ private:
         }
     }
 
+    static double distance_m(const Position &a, const Position &b) {
+        const double x = a.x - b.x, y = a.y - b.y, z = a.z - b.z;
+        return std::sqrt(x * x + y * y + z * z);
+    }
+
     bool decided_ = false, is_moving_ = false, has_moved_ = false;
     double decided_s_ = 0.0, valid_s_ = 0.0;
     std::uint64_t generation_ = 0, discarded_ = 0;
-    std::optional<double> valid_since_s_, better_since_s_;
+    // Of the last state; since when readings are valid, the cobot is ready, another target is better.
+    std::optional<double> state_s_, valid_since_s_, ready_since_s_, better_since_s_;
     std::optional<Target> target_;
     Position sent_m_{0.0, 0.0, 0.0};
     double slope_rad_ = 0.0; // Of the handles in the last `move`.

@@ -6,17 +6,15 @@
 //     mv a.out handover_controller
 //     LD_LIBRARY_PATH=target/release ./handover_controller station-1 192.0.2.20:30004 --plan plan.json
 #include "equipoise.hpp"
+#include "handover_plans.hpp"
 #include "rtde.hpp"
 
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <iostream>
-#include <sstream>
 #include <string>
-#include <sys/stat.h>
 #include <thread>
 #include <time.h>
 #include <vector>
@@ -29,7 +27,7 @@ using equipoise::Reading;
 namespace {
 
 constexpr auto TIMEOUT = 25ms, BUS_PAUSE = 10ms;
-constexpr double SEND_EVERY_S = 0.008, PLAN_EVERY_S = 0.2, PRINT_EVERY_S = 1.0;
+constexpr double SEND_EVERY_S = 0.008, PRINT_EVERY_S = 1.0;
 constexpr std::size_t SAMPLES_MAX = 1 << 16;
 
 volatile std::sig_atomic_t stop = 0;
@@ -42,82 +40,11 @@ std::uint64_t now_ns() {
 
 double now_s() { return 1e-9 * static_cast<double>(now_ns()); }
 
-// Numbers after "KEY": in a JSON text, without its brackets and commas; as many as `count`.
-std::optional<std::vector<double>> numbers_of(const std::string &text, const std::string &key, std::size_t count) {
-    const auto at = text.find('"' + key + '"');
-    const auto colon = at == std::string::npos ? at : text.find(':', at);
-    if (colon == std::string::npos) {
-        return std::nullopt;
-    }
-    std::string rest = text.substr(colon + 1, 1000);
-    std::replace_if(rest.begin(), rest.end(), [](char c) { return c == '[' || c == ',' || c == ']' || c == '}'; }, ' ');
-    std::istringstream words(rest);
-    std::vector<double> numbers(count);
-    for (double &number : numbers) {
-        if (!(words >> number) || !std::isfinite(number)) {
-            return std::nullopt;
-        }
-    }
-    return numbers;
-}
-
-// The newest plan: a position from the command line, or a file, read again when it changes.
-class Plans {
-public:
-    bool set_target(const std::string &words) {
-        const auto at = numbers_of("\"target\": " + words, "target", 3);
-        if (at) {
-            newest = Plan{1, {(*at)[0], (*at)[1], (*at)[2]}, 0.0, 0.0};
-        }
-        return at.has_value();
-    }
-    void set_path(const std::string &path) { path_ = path; }
-
-    // One that cannot be read leaves the plan as it is.
-    void poll(double now_s) {
-        struct stat found {};
-        if (path_.empty() || now_s < due_s_) {
-            return;
-        }
-        due_s_ = now_s + PLAN_EVERY_S;
-        if (stat(path_.c_str(), &found) != 0 || is_same(found.st_mtim, changed_)) {
-            return;
-        }
-        std::ifstream file(path_);
-        std::stringstream text;
-        text << file.rdbuf();
-        const auto at = numbers_of(text.str(), "position_m", 3);
-        const auto share = numbers_of(text.str(), "worst_limit_ratio", 1), sigma = numbers_of(text.str(), "worst_limit_ratio_sigma", 1);
-        if (!at || !share || !sigma) {
-            // Read again at the next poll: it may be incomplete. One message for each version.
-            if (!is_same(found.st_mtim, reported_)) {
-                std::cerr << path_ << ": no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma; `equipoise plan handover --out "
-                          << path_ << "` writes it" << std::endl;
-            }
-            reported_ = found.st_mtim;
-            return;
-        }
-        changed_ = found.st_mtim;
-        const std::uint64_t generation = newest ? newest->generation + 1 : 1;
-        // Absent in plans of earlier versions.
-        const auto slope = numbers_of(text.str(), "slope_rad", 1);
-        newest = Plan{generation, {(*at)[0], (*at)[1], (*at)[2]}, (*share)[0], (*sigma)[0], slope ? (*slope)[0] : 0.0};
-    }
-
-    std::optional<Plan> newest;
-
-private:
-    static bool is_same(const timespec &a, const timespec &b) { return a.tv_sec == b.tv_sec && a.tv_nsec == b.tv_nsec; }
-
-    std::string path_;
-    double due_s_ = 0.0;
-    timespec changed_{}, reported_{};
-};
-
 // What the decision needs of a reading.
-Input input_of(const Reading &reading, const std::optional<Position> &part_m, const std::optional<Plan> &plan) {
+Input input_of(const Reading &reading, const Cobot &cobot, double at_s, const std::optional<Plan> &plan) {
     Input input;
-    input.part_m = part_m;
+    input.part_m = cobot.part_m(at_s);
+    input.is_held = cobot.is_held();
     input.plan = plan;
     if (!reading) {
         return input;
@@ -126,13 +53,16 @@ Input input_of(const Reading &reading, const std::optional<Position> &part_m, co
     input.reasons = reading->reasons();
     input.age_s = std::chrono::duration<double>(reading->age()).count();
     input.restarted = reading->restarted();
+    bool is_undecided = true;
     if (const auto worst = reading->worst_joint()) {
+        is_undecided = reading->level(*worst) == equipoise::Level::undecided;
         const auto torque_nm = reading->torque_magnitude_nm(*worst);
         const auto limit_nm = reading->torque_limit_nm(*worst);
         input.share = torque_nm->value / *limit_nm;
         input.sigma = torque_nm->sigma / *limit_nm;
     }
-    if (const auto along = reading->advice_direction()) {
+    const auto along = reading->advice_direction();
+    if (along && !is_undecided) {
         input.advice = Position{along->x, along->y, along->z};
     }
     return input;
@@ -178,7 +108,7 @@ void run(const std::string &station, const std::string &name, Cobot &cobot, Plan
         const double at_s = now_s();
         cobot.poll(at_s);
         plans.poll(at_s);
-        const Output output = decision.decide(at_s, input_of(reading, cobot.part_m(at_s), plans.newest));
+        const Output output = decision.decide(at_s, input_of(reading, cobot, at_s, plans.newest));
         if (output.command != last || at_s >= send_at_s) {
             cobot.send(now_s(), output);
             send_at_s = at_s + SEND_EVERY_S;

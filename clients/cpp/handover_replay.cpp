@@ -1,7 +1,9 @@
 // Runs the decision of handover.hpp on readings from standard input, for tests and for the study of recorded situations.
 // One line per reading: time state reasons age restarted share sigma advice(3) part(3) generation plan(3) plan_share
-// plan_sigma; numbers in s and m, `nan` for a missing value, `reset` for a new decision. Prints the command and its target.
-#include "handover.hpp"
+// plan_sigma plan_slope held; numbers in s, m and rad, `nan` for a missing value, `reset` for a new decision. Prints the
+// command, its target and slope. `target WORDS` and `file TEXT` print the position or plan, or `invalid`; `poll PATH` prints
+// the generation of the newest plan of this file.
+#include "handover_plans.hpp"
 
 #include <cstdlib>
 #include <iomanip>
@@ -31,21 +33,52 @@ Input input_of(const std::vector<double> &values) {
     input.advice = position(&values[7]);
     input.part_m = position(&values[10]);
     if (const auto at_m = position(&values[14])) {
-        input.plan = Plan{static_cast<std::uint64_t>(values[13]), *at_m, values[17], values[18]};
+        input.plan = Plan{static_cast<std::uint64_t>(values[13]), *at_m, values[17], values[18], values[19]};
     }
+    input.is_held = values[20] != 0.0;
     return input;
+}
+
+void print(const Position &at_m) { std::cout << at_m.x << " " << at_m.y << " " << at_m.z; }
+
+// Answers a line that is not a reading.
+bool answer(const std::string &line, Plans &plans) {
+    static double polled_s = 0.0;
+    const std::string what = line.substr(0, line.find(' ')), rest = line.substr(std::min(what.size() + 1, line.size()));
+    if (what == "target") {
+        const auto at_m = target_of(rest);
+        at_m ? print(*at_m) : void(std::cout << "invalid");
+    } else if (what == "file") {
+        const auto plan = plan_of(rest, 1);
+        plan ? print(plan->at_m) : void(std::cout << "invalid");
+        if (plan) {
+            std::cout << " " << plan->share << " " << plan->sigma << " " << plan->slope_rad;
+        }
+    } else if (what == "poll") {
+        plans.set_path(rest);
+        plans.poll(polled_s += 1.0);
+        std::cout << (plans.newest ? plans.newest->generation : 0);
+    } else {
+        return false;
+    }
+    std::cout << std::endl;
+    return true;
 }
 
 } // namespace
 
 int main() {
-    constexpr std::size_t NUMBERS = 19;
+    constexpr std::size_t NUMBERS = 21;
     Decision decision;
+    Plans plans;
     std::string line;
     std::cout << std::fixed << std::setprecision(9);
     while (std::getline(std::cin, line)) {
         if (line == "reset") {
             decision = Decision();
+            continue;
+        }
+        if (answer(line, plans)) {
             continue;
         }
         std::vector<double> values;
@@ -59,7 +92,7 @@ int main() {
         }
         const Output output = decision.decide(values[0], input_of(values));
         std::cout << static_cast<int>(output.command) << " " << output.target_m.x << " " << output.target_m.y << " "
-                  << output.target_m.z << std::endl;
+                  << output.target_m.z << " " << output.slope_rad << std::endl;
     }
     return 0;
 }

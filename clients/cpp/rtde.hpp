@@ -1,14 +1,16 @@
 // RTDE client (Universal Robots, protocol version 2) for the registers of clients/ur/handover.script; POSIX sockets.
-// Reconnects by itself. Only `poll` waits, and only while it connects: up to 0.5 s for the connection and for each
-// package of the handshake.
+// Reconnects by itself. Only `poll` waits, and only while it connects: up to 0.6 s, less than the gap between two states
+// that discards the target (STATE_GAP_MAX_S).
 #ifndef EQUIPOISE_RTDE_HPP
 #define EQUIPOISE_RTDE_HPP
 
 #include "handover.hpp"
 
+#include <algorithm>
 #include <arpa/inet.h>
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
 #include <cstring>
 #include <fcntl.h>
@@ -38,6 +40,8 @@ public:
     // The address is an IPv4 address.
     bool is_valid() const { return is_valid_; }
     int activity() const { return activity_; }
+    // The cobot does not follow the commands.
+    bool is_held() const { return activity_ == OUTSIDE || activity_ == NO_HEARTBEAT; }
     // Times from sending a command to its sequence in the cobot's output, s.
     const std::vector<double> &answer_s() const { return answer_s_; }
 
@@ -72,12 +76,14 @@ public:
         }
         if (is_malformed()) {
             lose("it sent a package shorter than its header");
+        } else if (now_s - at_s_ > LEAVE_AFTER_S) {
+            lose("it sends no more packages");
         }
     }
 
-    // Writes the registers.
+    // Writes the registers, unless the cobot is silent: queued commands would arrive late.
     void send(double now_s, const Output &output) {
-        if (socket_ < 0) {
+        if (socket_ < 0 || now_s - at_s_ > SILENT_S) {
             return;
         }
         sequence_ = sequence_ == INT32_MAX ? 1 : sequence_ + 1;
@@ -101,10 +107,15 @@ public:
     }
 
 private:
-    static constexpr double SILENT_S = 0.1, CONNECT_EVERY_S = 1.0;
-    static constexpr int CONNECT_WITHIN_MS = 500, NORMAL = 1, PLAYING = 2, PROTECTIVE = 5;
+    // Limits as in gateways/src/rtde/link.rs, except the one of the connection and its handshake.
+    static constexpr double SILENT_S = 0.1, LEAVE_AFTER_S = 0.3, CONNECT_EVERY_S = 1.0, START_WITHIN_S = 0.6;
+    static constexpr int NORMAL = 1, PLAYING = 2, OUTSIDE = 3, NO_HEARTBEAT = 4, PROTECTIVE = 5;
     static constexpr std::size_t OUTPUT_BYTES = 1 + 4 + 4 + 3 * 8 + 4 + 4, SAMPLES_MAX = 1 << 16,
-                                 HEADER_BYTES = 3;
+                                 HEADER_BYTES = 3, READ_BYTES_MAX = 1 << 16;
+
+    static double clock_s() {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+    }
 
     static void append(std::string &bytes, std::uint64_t value, int size) {
         for (int shift = 8 * (size - 1); shift >= 0; shift -= 8) {
@@ -126,6 +137,7 @@ private:
     }
 
     const char *connect() {
+        end_s_ = clock_s() + START_WITHIN_S;
         socket_ = socket(AF_INET, SOCK_STREAM, 0);
         if (socket_ < 0) {
             return "no socket";
@@ -133,13 +145,16 @@ private:
         fcntl(socket_, F_SETFL, O_NONBLOCK);
         const int yes = 1;
         setsockopt(socket_, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+        // Commands that are undelivered when the connection closes must never arrive: reset it.
+        const linger reset{1, 0};
+        setsockopt(socket_, SOL_SOCKET, SO_LINGER, &reset, sizeof reset);
         if (::connect(socket_, reinterpret_cast<const sockaddr *>(&address_), sizeof address_) != 0 && errno != EINPROGRESS) {
             return std::strerror(errno);
         }
         pollfd ready{socket_, POLLOUT, 0};
         int error = 0;
         socklen_t size = sizeof error;
-        if (::poll(&ready, 1, CONNECT_WITHIN_MS) != 1 || getsockopt(socket_, SOL_SOCKET, SO_ERROR, &error, &size) != 0 ||
+        if (::poll(&ready, 1, left_ms()) != 1 || getsockopt(socket_, SOL_SOCKET, SO_ERROR, &error, &size) != 0 ||
             error != 0) {
             return error != 0 ? std::strerror(error) : "it does not answer";
         }
@@ -158,8 +173,19 @@ private:
             return "it does not accept the inputs: another client may have them";
         }
         recipe_ = static_cast<unsigned char>(answer[0]);
-        return ask('S', "", answer) && answer == "\1" ? nullptr : "it does not start the exchange";
+        if (!ask('S', "", answer) || answer != "\1") {
+            return "it does not start the exchange";
+        }
+        const unsigned int leave_after_ms = std::lround(1e3 * LEAVE_AFTER_S);
+        setsockopt(socket_, IPPROTO_TCP, TCP_USER_TIMEOUT, &leave_after_ms, sizeof leave_after_ms);
+        // Its first output follows.
+        is_ready_ = false;
+        at_s_ = clock_s();
+        return nullptr;
     }
+
+    // Time until the deadline of the handshake.
+    int left_ms() const { return static_cast<int>(std::lround(1e3 * std::max(end_s_ - clock_s(), 0.0))); }
 
     static std::string registers(const std::string &way) {
         const std::string ints = way + "_int_register_", doubles = way + "_double_register_";
@@ -170,18 +196,20 @@ private:
         if (!write(kind, payload)) {
             return false;
         }
-        for (int packages = 0; packages < 100;) {
+        for (;;) {
             char found = 0;
+            const int within_ms = left_ms();
+            if (within_ms == 0) {
+                return false;
+            }
             if (next(found, answer)) {
                 if (found == kind) {
                     return true;
                 }
-                packages++;
-            } else if (!receive(CONNECT_WITHIN_MS)) {
+            } else if (!receive(within_ms)) {
                 return false;
             }
         }
-        return false;
     }
 
     bool write(char kind, const std::string &payload) {
@@ -198,13 +226,16 @@ private:
             return false;
         }
         std::array<char, 4096> bytes;
-        for (;;) {
+        // Limited: a peer may send faster than this reads.
+        for (std::size_t total = 0; total < READ_BYTES_MAX;) {
             const ssize_t count = recv(socket_, bytes.data(), bytes.size(), 0);
             if (count <= 0) {
                 return count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
             }
             received_.append(bytes.data(), static_cast<std::size_t>(count));
+            total += static_cast<std::size_t>(count);
         }
+        return true;
     }
 
     // The next package claims fewer bytes than its header has: where the one after it begins is unknown.
@@ -255,7 +286,7 @@ private:
     sockaddr_in address_{};
     bool is_valid_ = false, is_ready_ = false;
     int socket_ = -1, recipe_ = 0, activity_ = -1;
-    double try_at_s_ = 0.0, at_s_ = -1.0;
+    double try_at_s_ = 0.0, at_s_ = -1.0, end_s_ = 0.0;
     std::int32_t sequence_ = 0;
     Position position_{0.0, 0.0, 0.0};
     std::string received_;

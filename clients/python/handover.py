@@ -12,7 +12,7 @@ from __future__ import annotations
 import enum
 import math
 import sys
-from typing import List, NamedTuple, Optional, Tuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 AGE_MAX_S = 0.05
 """Greatest age of a state, s."""
@@ -20,8 +20,10 @@ GAP_MAX_S = 0.05
 """A longer time between two decisions interrupts the valid readings, s."""
 RESUME_AFTER_S = 0.5
 """Motion begins after uninterrupted valid readings of this duration, s."""
+STATE_GAP_MAX_S = 0.9
+"""`model_changed` lasts 1 s: after a gap of this duration between two states the worker may have changed, s."""
 RETREAT_AFTER_S = 2.0
-"""The cobot retreats after this time without a valid reading, s."""
+"""The cobot retreats after this time without a valid reading, if it has been ready for as long, s."""
 BETTER_FOR_S = 1.0
 """A better target must stay better for this time, s."""
 TARGET_M_PER_S = 0.1
@@ -30,6 +32,8 @@ TURN_RAD_PER_S = 0.3
 """Speed at which clients/ur/handover.script turns the handles, rad/s."""
 TIME_STEP_MAX_S = 0.02
 """Longest time step that the commanded position is computed for, s."""
+LAG_MAX_M = 0.05
+"""A commanded position farther from the part restarts from the part, m."""
 ARRIVED_M = 0.03
 """Distance from the target at which the part has arrived, m; the plans of one worker vary by more."""
 ADVICE_ABOVE = 0.6
@@ -79,6 +83,8 @@ class Input(NamedTuple):
     part_m: Optional[Position] = None
     """Position of the part; None while the cobot is not connected or not ready."""
     plan: Optional[Plan] = None
+    is_held: bool = False
+    """The cobot does not follow the commands: outside the workspace, or no heartbeat."""
 
 
 class Command(enum.IntEnum):
@@ -103,7 +109,10 @@ class Decision:
     def __init__(self) -> None:
         self._decided_s: Optional[float] = None
         self._valid_s = 0.0
+        # Time of the last state; since when readings are valid, the cobot is ready, another target is better.
+        self._state_s: Optional[float] = None
         self._valid_since_s: Optional[float] = None
+        self._ready_since_s: Optional[float] = None
         self._better_since_s: Optional[float] = None
         self._generation = self._discarded = 0
         # The target's plan has generation 0 if it comes from the advice.
@@ -120,7 +129,13 @@ class Decision:
         self._decided_s = now_s
         if given.plan and given.plan.generation > self._generation:
             self._generation = given.plan.generation
-        if given.has_state and (given.restarted or given.reasons & MODEL_CHANGED):
+        may_have_changed = False
+        if given.has_state:
+            state_s = now_s - given.age_s
+            is_gap = self._state_s is not None and state_s - self._state_s >= STATE_GAP_MAX_S
+            may_have_changed = given.restarted or bool(given.reasons & MODEL_CHANGED) or is_gap
+            self._state_s = state_s
+        if may_have_changed:
             # The plan and the target were for another worker, or for another model of this one.
             self._discarded = self._generation
             self._target = self._better_since_s = None
@@ -133,14 +148,19 @@ class Decision:
             self._valid_since_s = self._better_since_s = None
         if valid and given.part_m is not None and self._valid_since_s is None:
             self._valid_since_s = now_s
+        if given.part_m is None or interrupted:
+            self._ready_since_s = None
+        if given.part_m is not None and self._ready_since_s is None:
+            self._ready_since_s = now_s
         if self._valid_since_s is not None and given.part_m and now_s - self._valid_since_s >= RESUME_AFTER_S:
             self._choose(now_s, given, given.part_m)
             if self._target is not None:
-                self._advance(step_s, self._target.at_m, given.part_m)
+                self._advance(step_s, self._target.at_m, given.part_m, given.is_held)
                 self._slope_rad = self._target.slope_rad
                 return Output(Command.MOVE, self._sent_m, self._slope_rad)
         self._is_moving = False
-        retreats = self._has_moved and given.part_m is not None and now_s - self._valid_s >= RETREAT_AFTER_S
+        is_ready = self._ready_since_s is not None and now_s - self._ready_since_s >= RETREAT_AFTER_S
+        retreats = self._has_moved and is_ready and now_s - self._valid_s >= RETREAT_AFTER_S
         return Output(Command.RETREAT if retreats else Command.HOLD, self._sent_m)
 
     def _choose(self, now_s: float, given: Input, part_m: Position) -> None:
@@ -200,9 +220,9 @@ class Decision:
         self._target, self._better_since_s = target, None
         self._turns_for_s = abs(target.slope_rad - self._slope_rad) / TURN_RAD_PER_S
 
-    def _advance(self, step_s: float, target_m: Position, part_m: Position) -> None:
+    def _advance(self, step_s: float, target_m: Position, part_m: Position, is_held: bool) -> None:
         """Moves the commanded position toward the target."""
-        if not self._is_moving:
+        if not self._is_moving or is_held or math.dist(part_m, self._sent_m) > LAG_MAX_M:
             self._sent_m = part_m
         self._is_moving = self._has_moved = True
         self._turns_for_s -= min(step_s, TIME_STEP_MAX_S)
@@ -231,21 +251,46 @@ def input_of(values: List[float]) -> Input:
         return None if math.isnan(values[at]) else (values[at], values[at + 1], values[at + 2])
 
     at_m = position(14)
-    plan = Plan(int(values[13]), at_m, values[17], values[18]) if at_m else None
+    plan = Plan(int(values[13]), at_m, values[17], values[18], values[19]) if at_m else None
     has_state, reasons, age_s, restarted = values[1:5]
     share, sigma = number(values[5]), number(values[6])
-    return Input(has_state != 0, int(reasons), age_s, restarted != 0, share, sigma, position(7), position(10), plan)
+    advice, part_m, is_held = position(7), position(10), values[20] != 0
+    return Input(has_state != 0, int(reasons), age_s, restarted != 0, share, sigma, advice, part_m, plan, is_held)
+
+
+def answer_of(line: str, plans: Dict[str, Any]) -> Optional[str]:
+    """The answer to a line that is not a reading."""
+    import handover_plans  # It imports this file.
+
+    what, _, rest = line.rstrip("\n").partition(" ")
+    values: Optional[Sequence[float]] = None
+    if what == "target":
+        values = handover_plans.target_of(rest)
+    elif what == "file":
+        plan = handover_plans.plan_of(rest, 1)
+        values = (*plan.at_m, plan.share, plan.sigma, plan.slope_rad) if plan else None
+    elif what == "poll":
+        file = plans.setdefault(rest, handover_plans.Plans(None, rest))
+        file.poll(math.inf)
+        return str(file.newest.generation if file.newest else 0)
+    else:
+        return None
+    return " ".join(f"{value:.9f}" for value in values) if values else "invalid"
 
 
 def main() -> None:
-    decision = Decision()
+    decision, plans = Decision(), dict[str, Any]()
     for line in sys.stdin:
         if line.strip() == "reset":
             decision = Decision()
             continue
+        answer = answer_of(line, plans)
+        if answer is not None:
+            print(answer, flush=True)
+            continue
         values = [float(word) for word in line.split()]
-        command, (x, y, z), _ = decision.decide(values[0], input_of(values))
-        print(f"{int(command)} {x:.9f} {y:.9f} {z:.9f}", flush=True)
+        command, (x, y, z), slope_rad = decision.decide(values[0], input_of(values))
+        print(f"{int(command)} {x:.9f} {y:.9f} {z:.9f} {slope_rad:.9f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -10,9 +10,7 @@ The daemon plans for a part of 6 kg; `--plan FILE` reads plans from a file inste
 from __future__ import annotations
 
 import argparse
-import json
 import math
-import os
 import queue
 import signal
 import socket
@@ -20,19 +18,28 @@ import struct
 import sys
 import threading
 import time
-from typing import Dict, Iterable, List, Optional, Protocol, Tuple
+from typing import Dict, List, Optional, Protocol, Tuple
 
 import equipoise
-from equipoise import BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, NoReading, NoStateReason, Reading
-from handover import MODEL_CHANGED, Command, Decision, Input, Output, Plan, Position
+from equipoise import (
+    BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, HandoverRefusal, Level, NoPlan, NoReading,
+    NoStateReason, Reading,
+)
+from handover import MODEL_CHANGED, STATE_GAP_MAX_S, Command, Decision, Input, Output, Plan, Position
+from handover_plans import Plans
 
 TIMEOUT_S = 0.025
 SEND_EVERY_S = 0.008
 CONNECT_EVERY_S = 1.0
-CONNECT_WITHIN_S = 0.5
-# An older position of the cobot is not used.
+# From connecting to the end of the handshake: less than the gap between two states that discards the target (STATE_GAP_MAX_S).
+START_WITHIN_S = 0.6
+# After this silence of the cobot its position is not used and nothing is sent: queued commands would arrive late.
 COBOT_SILENT_S = 0.1
-PLAN_EVERY_S = 0.2
+# After this time in which it sends or acknowledges nothing the connection is closed, as in gateways/src/rtde/link.rs.
+LEAVE_AFTER_S = 0.3
+READ_BYTES_MAX = 1 << 16
+# A plan of the daemon is valid for so many intervals of the requests, each of a second at least.
+PLAN_INTERVALS_MAX = 3
 PRINT_EVERY_S = 1.0
 # Pause while the bus cannot be read: the consumer returns at once.
 BUS_PAUSE_S = 0.01
@@ -49,7 +56,7 @@ INPUT_NAMES = (
 )
 INPUTS = struct.Struct(">Biidddd")
 OUTPUT_HZ = 250.0
-NORMAL, PLAYING, OUTSIDE, PROTECTIVE = 1, 2, 3, 5
+NORMAL, PLAYING, OUTSIDE, NO_HEARTBEAT, PROTECTIVE = 1, 2, 3, 4, 5
 
 
 class Cobot:
@@ -59,7 +66,7 @@ class Cobot:
         self._address = address
         self._socket: Optional[socket.socket] = None
         self._received = b""
-        self._try_at_s = 0.0
+        self._try_at_s = self._end_s = 0.0
         self._recipe = 0
         self._at_s = -1.0
         self._position_m: Position = (0.0, 0.0, 0.0)
@@ -80,6 +87,11 @@ class Cobot:
         """Whether its target is within its workspace."""
         return self.activity != OUTSIDE
 
+    @property
+    def is_held(self) -> bool:
+        """Whether the cobot does not follow the commands."""
+        return self.activity in (OUTSIDE, NO_HEARTBEAT)
+
     def poll(self) -> None:
         """Connects if necessary, and takes what the cobot has sent."""
         try:
@@ -89,12 +101,14 @@ class Cobot:
                 self._try_at_s = time.monotonic() + CONNECT_EVERY_S
                 self._connect()
             self._read()
+            if time.monotonic() - self._at_s > LEAVE_AFTER_S:
+                raise OSError("it sends no more packages")
         except OSError as error:
             self._lose(error)
 
     def send(self, output: Output) -> None:
-        """Writes the registers; never waits."""
-        if self._socket is None:
+        """Writes the registers, unless the cobot is silent; never waits."""
+        if self._socket is None or time.monotonic() - self._at_s > COBOT_SILENT_S:
             return
         self.sequence = self.sequence % 0x7FFFFFFF + 1
         data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m, output.slope_rad)
@@ -110,8 +124,13 @@ class Cobot:
             self._sent_at_s.clear()
 
     def _connect(self) -> None:
-        self._socket = socket.create_connection(self._address, timeout=CONNECT_WITHIN_S)
+        self._end_s = time.monotonic() + START_WITHIN_S
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # Commands that are undelivered when the connection closes must never arrive: reset it.
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self._limit_wait()
+        self._socket.connect(self._address)
         self._received = b""
         if self._ask("V", struct.pack(">H", 2)) != b"\x01":
             raise OSError("it does not support version 2 of RTDE")
@@ -123,14 +142,28 @@ class Cobot:
         self._recipe = answer[0]
         if self._ask("S", b"") != b"\x01":
             raise OSError("it does not start the exchange")
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1e3 * LEAVE_AFTER_S))
         self._socket.setblocking(False)
+        # Its first output follows.
+        self._is_ready, self._at_s = False, time.monotonic()
+
+    def _limit_wait(self) -> None:
+        """Limits the next call of the socket to the deadline of the handshake."""
+        assert self._socket is not None
+        left_s = self._end_s - time.monotonic()
+        if left_s <= 0.0:
+            raise OSError(f"it did not answer within {START_WITHIN_S} s")
+        self._socket.settimeout(left_s)
 
     def _ask(self, kind: str, payload: bytes) -> bytes:
         assert self._socket is not None
+        self._limit_wait()
         self._socket.sendall(package(kind, payload))
         while True:
+            self._limit_wait()
             found = self._next()
             while found is None:
+                self._limit_wait()
                 bytes_ = self._socket.recv(4096)
                 if not bytes_:
                     raise OSError("it closed the connection")
@@ -155,7 +188,8 @@ class Cobot:
     def _read(self) -> None:
         assert self._socket is not None
         try:
-            while True:
+            # Limited: a peer may send faster than this reads.
+            for _ in range(READ_BYTES_MAX // 4096):
                 bytes_ = self._socket.recv(4096)
                 if not bytes_:
                     raise OSError("it closed the connection")
@@ -184,99 +218,62 @@ def package(kind: str, payload: bytes) -> bytes:
     return struct.pack(">HB", len(payload) + 3, ord(kind)) + payload
 
 
-def finite(values: Iterable[str | float], count: int) -> List[float]:
-    """These values as `count` finite numbers."""
-    numbers = [float(value) for value in values]
-    if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise ValueError(f"not {count} finite numbers")
-    return numbers
-
-
-class Plans:
-    """The newest plan: a position from the command line, or a file, read again when it changes."""
-
-    def __init__(self, target: Optional[str], path: Optional[str]) -> None:
-        self._path = path
-        self._changed_ns = 0
-        self._due_s = 0.0
-        self._reported = ""
-        self.newest: Optional[Plan] = None
-        if target is not None:
-            x, y, z = finite(target.split(","), 3)
-            self.newest = Plan(1, (x, y, z), 0.0, 0.0)
-
-    def poll(self, now_s: float) -> None:
-        """Reads the file if it has changed. One that cannot be read leaves the plan as it is."""
-        if self._path is None or now_s < self._due_s:
-            return
-        self._due_s = now_s + PLAN_EVERY_S
-        try:
-            changed_ns = os.stat(self._path).st_mtime_ns
-            if changed_ns == self._changed_ns:
-                return
-            with open(self._path, encoding="utf-8") as file:
-                plan = json.load(file)
-            x, y, z = finite(plan["position_m"], 3)
-            ratio, sigma = finite([plan["worst_limit_ratio"], plan["worst_limit_ratio_sigma"]], 2)
-            # Absent in plans of earlier versions.
-            (slope_rad,) = finite([plan.get("slope_rad", 0.0)], 1)
-        except OSError as error:
-            self._report(f"cannot be read: {error.strerror}")
-            return
-        except (ValueError, KeyError, TypeError):
-            self._report("no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma")
-            return
-        self._changed_ns = changed_ns
-        self._reported = ""
-        self.newest = Plan(self.newest.generation + 1 if self.newest else 1, (x, y, z), ratio, sigma, slope_rad)
-
-    def _report(self, why: str) -> None:
-        """Reports an unusable file once."""
-        if why != self._reported:
-            print(f"{self._path}: {why}; `equipoise plan handover --out {self._path}` writes it", file=sys.stderr)
-            self._reported = why
-
-
 class DaemonPlans:
     """The newest plan of the daemon, requested at an interval by a thread: a response takes longer than a decision may."""
 
     def __init__(self, station: str, mass_kg: float, width_m: float, interval_s: float) -> None:
         self._station, self._mass_kg, self._width_m, self._interval_s = station, mass_kg, width_m, interval_s
         # With each response the target of its request.
-        self._responses: queue.SimpleQueue[Tuple[Optional[Position], HandoverPlan]] = queue.SimpleQueue()
+        self._responses: queue.SimpleQueue[Tuple[Optional[Position], HandoverPlan | NoPlan]] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._request, daemon=True)
         self._subject: Optional[str] = None
-        self._changed_ns = 0
+        self._changed_ns = self._generation = 0
+        self._state_ns: Optional[int] = None
+        self._sample_ns = 0
+        self._is_outdated = False
         self._target: Optional[Plan] = None
         self.newest: Optional[Plan] = None
         self._thread.start()
 
     def ingest(self, reading: Reading, target: Optional[Plan] = None) -> bool:
-        """Takes the responses; returns whether earlier plans must be discarded: the worker has changed or walked away.
+        """Takes the responses; returns whether earlier plans must be discarded.
 
-        `target` is the plan that is the target now.
+        They must if the worker has changed or walked away, no place is feasible, or plans are missing. `target` is the
+        plan that is the target now.
         """
         self._target = target
-        if reading.restarted or reading.state.valid & MODEL_CHANGED:
-            self._changed_ns, self._subject = reading.state.time_ns, None
-        has_changed = False
+        state_ns = reading.state.time_ns
+        is_gap = self._state_ns is not None and state_ns - self._state_ns >= 1e9 * STATE_GAP_MAX_S
+        self._state_ns = state_ns
+        if reading.restarted or reading.state.valid & MODEL_CHANGED or is_gap:
+            self._changed_ns, self._subject, self._is_outdated = state_ns, None, False
+        must_discard = False
         while not self._responses.empty():
             requested_m, plan = self._responses.get()
+            if isinstance(plan, NoPlan):
+                must_discard |= plan.reason is HandoverRefusal.INFEASIBLE
+                continue
             if plan.sample_time_ns <= self._changed_ns:
                 continue  # Requested before the change.
-            target_m = self._target.at_m if self._target else None
-            has_moved = requested_m is not None and requested_m == target_m and is_outdated(plan)
+            is_of_target = target is not None and requested_m == target.at_m
+            # Two successive responses: one may be a noisy measurement of the feet.
+            was_outdated, self._is_outdated = self._is_outdated, is_of_target and is_outdated(plan)
+            has_moved = is_of_target and (is_out_of_reach(plan) or (was_outdated and self._is_outdated))
             if has_moved or self._subject not in (None, plan.subject):
                 # The worker walked away, or the state with the change was missed. The next plan is used.
-                self._changed_ns, has_changed = plan.sample_time_ns, True
+                self._changed_ns, must_discard = plan.sample_time_ns, True
             else:
-                generation = self.newest.generation + 1 if self.newest else 1
+                self._generation += 1
+                self._sample_ns = plan.sample_time_ns
                 self.newest = Plan(
-                    generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad
+                    self._generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad
                 )
             self._subject = plan.subject
-        return has_changed
+        age_max_ns = 1e9 * PLAN_INTERVALS_MAX * max(self._interval_s, 1.0)
+        if must_discard or (self.newest and state_ns - self._sample_ns >= age_max_ns):
+            self.newest, self._is_outdated, must_discard = None, False, True
+        return must_discard
 
     def close(self) -> None:
         """Ends the thread."""
@@ -299,13 +296,12 @@ class DaemonPlans:
                     frame=CurrentFrame.STATION if target else None,
                     current_slope_rad=target.slope_rad if target else None,
                 )
-                if isinstance(plan, HandoverPlan):
-                    self._responses.put((target_m, plan))
-                    text = ""
-                else:
-                    text = plan.text
+                self._responses.put((target_m, plan))
+                text = plan.text if isinstance(plan, NoPlan) else ""
             except BusError as error:
                 text = f"{error}"
+            except Exception as error:  # The thread must not end.
+                text = f"{type(error).__name__}: {error}"
             if text not in ("", reported):
                 print(f"no plan: {text}", file=sys.stderr)
             reported = text
@@ -315,18 +311,25 @@ class DaemonPlans:
             planner.close()
 
 
+def is_out_of_reach(plan: HandoverPlan) -> bool:
+    """Whether the requested place has no prediction for the present feet."""
+    return plan.current_status not in (CurrentStatus.NONE, CurrentStatus.PREDICTED)
+
+
 def is_outdated(plan: HandoverPlan) -> bool:
-    """Whether the requested place is, for the present feet, worse than the planned one by more than 1 σ, or out of reach."""
+    """Whether the requested place is, for the present feet, worse than the planned one by more than 1 σ."""
     ratio, sigma = plan.current_limit_ratio, plan.current_limit_ratio_sigma
     if ratio is None or sigma is None:
-        return plan.current_status is not CurrentStatus.NONE
+        return False
     return ratio - plan.limit_ratio > math.hypot(sigma, plan.limit_ratio_sigma)
 
 
-def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan]) -> Input:
+def input_of(
+    reading: Reading | NoReading, part_m: Optional[Position], plan: Optional[Plan], is_held: bool = False
+) -> Input:
     """What the decision needs of a reading."""
     if isinstance(reading, NoReading):
-        return Input(part_m=part_m, plan=plan)
+        return Input(part_m=part_m, plan=plan, is_held=is_held)
     state = reading.state
     share = sigma = advice = None
     if not reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
@@ -334,9 +337,9 @@ def input_of(reading: Reading | NoReading, part_m: Optional[Position], plan: Opt
         x, y, z = state.torque_nm[3 * at : 3 * at + 3]
         limit_nm = state.torque_limit_nm[at]
         share, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
-        if any(state.advice_direction):
+        if any(state.advice_direction) and state.joint_level[at] != Level.UNDECIDED:
             advice = (state.advice_direction[0], state.advice_direction[1], state.advice_direction[2])
-    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan)
+    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan, is_held)
 
 
 def percentiles(name: str, values_s: List[float]) -> str:
@@ -378,16 +381,16 @@ def control(
         for reading in consumer:
             cobot.poll()
             now_s = time.monotonic()
-            has_changed = False
+            must_discard = False
             if isinstance(plans, Plans):
                 plans.poll(now_s)
             elif isinstance(reading, Reading):
-                has_changed = plans.ingest(reading, decision.target)
-            given = input_of(reading, cobot.part_m(), plans.newest)
+                must_discard = plans.ingest(reading, decision.target)
+            given = input_of(reading, cobot.part_m(), plans.newest, cobot.is_held)
             if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.share):
                 given = given._replace(part_m=None)
             # The decision holds and discards all plans so far, as after a restart.
-            output = decision.decide(now_s, given._replace(restarted=given.restarted or has_changed))
+            output = decision.decide(now_s, given._replace(restarted=given.restarted or must_discard))
             if output.command != last or now_s >= send_at_s:
                 cobot.send(output)
                 send_at_s = now_s + SEND_EVERY_S

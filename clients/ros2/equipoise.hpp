@@ -13,10 +13,24 @@ using State = equipoise_msgs::msg::State;
 class Equipoise
 {
 public:
-  // Stations whose names differ only in characters that ROS 2 does not allow share the topic.
+  // Topic of a station's states. Stations whose names differ only in characters that ROS 2 does not allow share it.
+  static std::string topic(const std::string & station)
+  {
+    std::string name;
+    for (const char letter : station) {
+      const bool is_digit = letter >= '0' && letter <= '9';
+      const bool is_letter = (letter >= 'a' && letter <= 'z') || (letter >= 'A' && letter <= 'Z');
+      // A character of several bytes becomes one _.
+      const bool is_inside = (static_cast<unsigned char>(letter) & 0xc0) == 0x80;
+      if (name.empty() && is_digit) {name += '_';}
+      if (!is_inside) {name += is_digit || is_letter ? letter : '_';}
+    }
+    return "/equipoise/" + name + "/state";
+  }
+
   explicit Equipoise(rclcpp::Node & node, const std::string & station = "station-1")
   : subscription_(node.create_subscription<State>(
-        "/equipoise/station_1/state", rclcpp::QoS(1).best_effort(),
+        topic(station), rclcpp::QoS(1).best_effort(),
         [this, station](State::ConstSharedPtr state) {
           if (state->station == station) {last_ = state; came_ = steady_.now();}
         }))

@@ -33,6 +33,8 @@ struct Reading {
     generation: u64,
     plan_m: [f64; 3],
     plan_share: [f64; 2],
+    plan_slope_rad: f64,
+    held: bool,
 }
 
 impl Reading {
@@ -50,6 +52,8 @@ impl Reading {
             generation: 0,
             plan_m: [f64::NAN; 3],
             plan_share: [f64::NAN; 2],
+            plan_slope_rad: 0.0,
+            held: false,
         }
     }
 
@@ -63,7 +67,8 @@ impl Reading {
         ];
         let numbers = head.iter().chain(&self.share).chain(&self.advice).chain(&self.part_m);
         let generation = [self.generation as f64];
-        let numbers = numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_share);
+        let tail = [self.plan_slope_rad, f64::from(u8::from(self.held))];
+        let numbers = numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_share).chain(&tail);
         numbers
             .map(|number| if number.is_nan() { "nan".to_owned() } else { number.to_string() })
             .collect::<Vec<_>>()
@@ -71,11 +76,12 @@ impl Reading {
     }
 }
 
-/// Command and commanded position.
+/// Command, commanded position and slope.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Decided {
     command: i32,
     target_m: [f64; 3],
+    slope_rad: f64,
 }
 
 /// A replay program that answers line by line.
@@ -96,13 +102,20 @@ impl Replay {
         writeln!(self.child.stdin.as_mut().unwrap(), "reset").unwrap();
     }
 
-    fn decide(&mut self, reading: &Reading) -> Decided {
-        writeln!(self.child.stdin.as_mut().unwrap(), "{}", reading.line()).unwrap();
+    fn answer(&mut self, line: &str) -> String {
+        writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
         let mut answer = String::new();
         self.answers.read_line(&mut answer).unwrap();
+        answer
+    }
+
+    fn decide(&mut self, reading: &Reading) -> Decided {
+        let answer = self.answer(&reading.line());
         let numbers: Vec<f64> = answer.split_whitespace().map(|word| word.parse().unwrap()).collect();
-        let [command, target_m @ ..] = &numbers[..] else { panic!("{} answers {answer:?}", self.name) };
-        Decided { command: *command as i32, target_m: target_m.try_into().unwrap() }
+        let [command, target_m @ .., slope_rad] = &numbers[..] else {
+            panic!("{} answers {answer:?}", self.name)
+        };
+        Decided { command: *command as i32, target_m: target_m.try_into().unwrap(), slope_rad: *slope_rad }
     }
 }
 
@@ -138,15 +151,28 @@ fn numbers<const COUNT: usize>(text: &str) -> [f64; COUNT] {
     numbers.try_into().unwrap()
 }
 
-/// A line of the table: its readings, the expected command, and the expected position after the last one.
-fn readings_of(line: &str) -> (Vec<Reading>, i32, Option<[f64; 3]>) {
+/// A line of the table.
+struct Line {
+    readings: Vec<Reading>,
+    /// The part is at the commanded position of the reading before.
+    follows: bool,
+    command: i32,
+    /// After the last reading.
+    target_m: Option<[f64; 3]>,
+    slope_rad: Option<f64>,
+}
+
+fn line_of(line: &str) -> Line {
     let (given, expected) = line.split_once(" => ").unwrap_or_else(|| panic!("no => in {line}"));
     let words: Vec<&str> = given.split_whitespace().collect();
+    let mut follows = false;
     let [from_s, to_s, step_s] = [0, 1, 2].map(|at| words[at].parse::<f64>().unwrap());
     let mut reading = Reading::at(from_s);
     for word in &words[3..] {
         match word.split_once('=').unwrap_or((word, "")) {
             ("none", _) => reading.state = false,
+            ("held", _) => reading.held = true,
+            ("follows", _) => follows = true,
             ("restarted", _) => reading.restarted = true,
             ("reasons", value) => reading.reasons = value.parse().unwrap(),
             ("age", value) => reading.age_s = value.parse().unwrap(),
@@ -154,20 +180,25 @@ fn readings_of(line: &str) -> (Vec<Reading>, i32, Option<[f64; 3]>) {
             ("advice", value) => reading.advice = numbers(value),
             ("part", value) => reading.part_m = numbers(value),
             ("plan", value) => {
-                let [generation, x, y, z, share, sigma] = numbers(value);
+                let value =
+                    if value.matches(':').count() == 3 { format!("{value}:0") } else { value.to_owned() };
+                let [generation, x, y, z, share, sigma, slope_rad] = numbers(&value);
                 reading.generation = generation as u64;
                 (reading.plan_m, reading.plan_share) = ([x, y, z], [share, sigma]);
+                reading.plan_slope_rad = slope_rad;
             }
             _ => panic!("{word} in {line}"),
         }
     }
-    let (command, at) =
-        expected.split_once(" at ").map_or((expected, None), |(command, at)| (command, Some(at)));
-    let command = ["hold", "move", "retreat"].iter().position(|name| *name == command).unwrap() as i32;
+    let words: Vec<&str> = expected.split_whitespace().collect();
+    let value = |name| words.iter().position(|word| *word == name).map(|at| words[at + 1]);
+    let command = ["hold", "move", "retreat"].iter().position(|name| *name == words[0]).unwrap() as i32;
+    let (target_m, slope_rad) =
+        (value("at").map(numbers), value("slope").map(|value| value.parse().unwrap()));
     let count = ((to_s - from_s) / step_s).round() as u32;
     let readings =
         (0..=count).map(|step| Reading { time_s: from_s + step_s * f64::from(step), ..reading }).collect();
-    (readings, command, at.map(numbers))
+    Line { readings, follows, command, target_m, slope_rad }
 }
 
 #[test]
@@ -182,20 +213,70 @@ fn both_decisions_match_the_test_vectors() {
                 replay.reset();
                 continue;
             }
-            let (readings, command, at) = readings_of(line);
-            let mut last = None;
-            for reading in &readings {
-                let decided = replay.decide(reading);
+            if line.starts_with("target ") || line.starts_with("file ") {
+                let (given, expected) = line.split_once(" => ").unwrap();
+                let answer = replay.answer(given);
+                let values = |text: &str| -> Option<Vec<f64>> {
+                    text.split([',', ' ', '\n'])
+                        .filter(|word| !word.is_empty())
+                        .map(|word| word.parse().ok())
+                        .collect()
+                };
+                assert_eq!(values(&answer), values(expected), "{}: {answer} to {line}", replay.name);
+                continue;
+            }
+            let Line { readings, follows, command, target_m, slope_rad } = line_of(line);
+            let mut last: Option<Decided> = None;
+            for mut reading in readings {
+                if let Some(last) = last.filter(|last| follows && last.command == 1) {
+                    reading.part_m = last.target_m;
+                }
+                let decided = replay.decide(&reading);
                 let name = replay.name;
                 assert_eq!(decided.command, command, "{name}, {case}: {} of {line}", reading.time_s);
-                last = Some(decided.target_m);
+                last = Some(decided);
             }
-            if let (Some(at), Some(last)) = (at, last) {
-                let apart_m = distance_m(at, last);
-                assert!(apart_m < 0.0025, "{}, {case}: {last:?} after {line}", replay.name);
-            }
+            let last = last.unwrap();
+            let apart_m = target_m.map_or(0.0, |at| distance_m(at, last.target_m));
+            assert!(apart_m < 0.0025, "{}, {case}: {last:?} after {line}", replay.name);
+            let apart_rad = slope_rad.map_or(0.0, |slope_rad: f64| (slope_rad - last.slope_rad).abs());
+            assert!(apart_rad < 1e-9, "{}, {case}: {last:?} after {line}", replay.name);
         }
-        assert!(cases >= 16, "only {cases} cases");
+        assert!(cases >= 21, "only {cases} cases");
+    }
+}
+
+#[test]
+fn a_plan_file_is_new_only_with_another_text() {
+    let scratch = tempfile::tempdir().unwrap();
+    let path = scratch.path().join("plan.json");
+    let plan = |ratio| {
+        format!(
+            r#"{{"position_m": [0.5, 0.1, 1.1], "worst_limit_ratio": {ratio}, "worst_limit_ratio_sigma": 0.05}}"#
+        )
+    };
+    for mut replay in [cpp(scratch.path()), python()].into_iter().flatten() {
+        let name = replay.name;
+        let mut poll = |text: Option<String>, at_s: u64| -> u64 {
+            if let Some(text) = text {
+                std::fs::write(&path, text).unwrap();
+                let changed = std::time::UNIX_EPOCH + std::time::Duration::from_secs(at_s);
+                std::fs::File::options().append(true).open(&path).unwrap().set_modified(changed).unwrap();
+            }
+            replay.answer(&format!("poll {}", path.display())).trim().parse().unwrap()
+        };
+        assert_eq!(poll(None, 0), 0, "{name}: no file");
+        let found = [
+            poll(Some(plan(0.4)), 1),
+            poll(None, 0),
+            poll(Some(plan(0.4)), 2),
+            poll(Some(plan(0.5)), 3),
+            poll(Some("{".to_owned()), 4),
+            poll(Some(plan(0.5)), 5),
+            poll(Some(plan(0.4)), 6),
+        ];
+        assert_eq!(found, [1, 1, 1, 2, 2, 2, 3], "{name}");
+        std::fs::remove_file(&path).unwrap();
     }
 }
 
@@ -228,19 +309,28 @@ fn both_decisions_are_equal_on_random_readings() {
             reading.generation = generation;
             reading.plan_m = [0, 1, 2].map(|_| random.between(0.3, 1.2));
             reading.plan_share = [random.between(0.2, 0.9), random.between(0.0, 0.2)];
+            reading.plan_slope_rad = random.between(-1.0, 1.0);
         }
         if random.happens(0.01) {
             reading.share = [random.between(0.2, 1.5), 0.1];
             reading.advice = [0.0, 0.6, -0.8];
         }
+        if random.happens(0.01) {
+            reading.held = random.happens(0.1);
+        }
+        let ready_at_m = reading.part_m;
+        if random.happens(0.002) {
+            reading.part_m = [f64::NAN; 3];
+        }
         let decided = cpp.decide(&reading);
         let other = python.decide(&reading);
         assert_eq!(decided.command, other.command, "{reading:?}");
         assert!(distance_m(decided.target_m, other.target_m) < EQUAL_M, "{decided:?} {other:?} {reading:?}");
+        assert!((decided.slope_rad - other.slope_rad).abs() < EQUAL_M, "{decided:?} {other:?} {reading:?}");
         commands[decided.command as usize] += 1;
-        if decided.command == 1 {
-            reading.part_m = decided.target_m;
-        }
+        // The part follows, except while the cobot stands.
+        reading.part_m =
+            if decided.command == 1 && time_s % 10.0 < 9.0 { decided.target_m } else { ready_at_m };
     }
     assert!(commands.iter().all(|count| *count > 500), "{commands:?}");
 }
@@ -355,7 +445,7 @@ fn the_cobot_stops_within_100_ms_of_each_of_1000_random_losses() {
         reading: Reading::at(0.0),
         received_s: 0.0,
         sent_s: 0.0,
-        last: Decided { command: 0, target_m: [0.0; 3] },
+        last: Decided { command: 0, target_m: [0.0; 3], slope_rad: 0.0 },
         network: Vec::new(),
         inputs: Inputs::default(),
     };

@@ -281,6 +281,7 @@ def plan_handover(
     width_m: float = 0.35,
     current_m: Optional[Sequence[float]] = None,
     frame: Optional[CurrentFrame] = None,
+    current_slope_rad: Optional[float] = None,
     name: Optional[str] = None,
     root: Optional[str] = None,
     timeout_s: float = TIMEOUT_S,
@@ -288,5 +289,6 @@ def plan_handover(
     """Joins, requests one plan, and leaves; see `HandoverPlanner.plan`. For repeated requests keep a `HandoverPlanner`."""
     with HandoverPlanner(station, name=name, root=root, timeout_s=timeout_s) as planner:
         return planner.plan(
-            mass_kg=mass_kg, mass_sigma_kg=mass_sigma_kg, width_m=width_m, current_m=current_m, frame=frame
+            mass_kg=mass_kg, mass_sigma_kg=mass_sigma_kg, width_m=width_m, current_m=current_m, frame=frame,
+            current_slope_rad=current_slope_rad,
         )
