@@ -103,7 +103,7 @@ const SILENCE_MAX: Duration = Duration::from_secs(3);
 pub(crate) struct StreamTimeout {
     what: &'static str,
     station: String,
-    at: std::time::Instant,
+    at: Instant,
 }
 
 impl StreamTimeout {

@@ -303,7 +303,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_is_displayed_while_it_is_young_and_of_this_clock() {
+    fn a_state_is_displayed_only_while_it_is_current() {
         let state = State { time_ns: 5 * NS_PER_S, suggested_pose: u32::MAX, ..State::zeroed() };
         let newest = Arc::new(Newest::new(Some(state)));
         let feed = FrameFeed {

@@ -89,7 +89,7 @@ public:
         const auto at = numbers_of(text.str(), "position_m", 3);
         const auto share = numbers_of(text.str(), "worst_limit_ratio", 1), sigma = numbers_of(text.str(), "worst_limit_ratio_sigma", 1);
         if (!at || !share || !sigma) {
-            // Read again at the next poll: it may be incomplete. One message for each version.
+            // The file may be incomplete: read it again at the next poll, and report each version once.
             if (!is_same(found.st_mtim, reported_)) {
                 std::cerr << path_ << ": no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma; `equipoise plan handover --out "
                           << path_ << "` writes it" << std::endl;

@@ -141,7 +141,8 @@ fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f64]) -> Vec<
     misfit(gram, &columns_at, [&candidate.sigma, value], &hats(rows, model_error(candidate.effect), edges_s))
 }
 
-/// The same of columns at every block of the work, with the prior's 1-σ and the values of the parameters.
+/// As [`misfit_columns`], from the effect's columns at every block of the work and the 1-σ of the priors and the values
+/// of its parameters; `hats`: peak, s, half width, s, and 1-σ as a fraction, of each hat function.
 fn misfit(
     gram: &Gram<'_>,
     columns_at: &[Columns],

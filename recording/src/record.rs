@@ -77,7 +77,7 @@ pub fn record(
         tap.leak();
         let replaced = format!(
             "the directory of the bus was removed or replaced, so this process receives nothing from station {station} \
-             any more: recording ends"
+             any more: the recording ends"
         );
         return match recorded {
             Ok(_) => {

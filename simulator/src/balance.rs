@@ -199,9 +199,9 @@ impl Upper {
             foot: [0, 1].map(|k: usize| {
                 let [foot, toe] = [Side::BOTH[k].foot(), Side::BOTH[k].toe()].map(Segment::index);
                 let (mass_kg, com_m) = (&person.segment_mass_kg, standing.com_m);
-                let together_kg = mass_kg[foot] + mass_kg[toe];
+                let total_kg = mass_kg[foot] + mass_kg[toe];
                 let moment = com_m[foot] * mass_kg[foot] + (person.offset_m[toe] + com_m[toe]) * mass_kg[toe];
-                (together_kg, standing.stance.world_from_foot[k] * (moment / together_kg))
+                (total_kg, standing.stance.world_from_foot[k] * (moment / total_kg))
             }),
         }
     }

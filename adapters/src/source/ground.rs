@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_line_of_a_new_file_is_used_and_the_rest_of_a_line_is_not() {
+    fn a_new_file_is_read_from_its_first_line_and_a_partial_line_is_skipped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("export.txt");
         std::fs::write(&path, "Fz\n-600\n-6").unwrap();
@@ -265,7 +265,7 @@ mod tests {
         let mut source = GroundSource::open(line, force_lines(Framing::Joined), settings).unwrap();
         let mut file = std::fs::File::options().append(true).open(&path).unwrap();
         file.write_all(b"01\nFz\n-602\n").unwrap();
-        assert_eq!(forces_n(&mut source, 1), [602.0], "the first line is the end of one");
+        assert_eq!(forces_n(&mut source, 1), [602.0], "a partial first line is skipped");
         std::fs::remove_file(&path).unwrap();
         std::fs::write(&path, "Fz\n-701\n-702\n").unwrap();
         assert_eq!(forces_n(&mut source, 2), [701.0, 702.0]);

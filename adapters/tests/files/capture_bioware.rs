@@ -175,7 +175,7 @@ fn what_is_no_export_is_refused_and_what_is_no_row_is_counted() {
     assert_eq!(BioWareCapture::new(endless.as_bytes(), kistler()).unwrap().count(), 2);
 }
 
-/// A disk that fails after the text.
+/// A reader that fails after the text.
 #[derive(Debug)]
 struct Failing<'a>(&'a [u8]);
 
@@ -205,7 +205,7 @@ fn a_file_that_cannot_be_read_to_its_end_has_a_fault() {
 }
 
 #[test]
-fn a_first_row_in_quotation_marks_is_no_line_of_units() {
+fn a_first_row_in_quotation_marks_is_not_a_unit_line() {
     let text = "\"time (s)\",\"Fx (N)\",\"Fy (N)\",\"Fz (N)\",\"Mx (N.m)\",\"My (N.m)\",\"Mz (N.m)\"\n\
         \"0.0\",\"1\",\"2\",\"700\",\"1\",\"2\",\"3\"\n\"0.1\",\"1\",\"2\",\"710\",\"1\",\"2\",\"3\"\n";
     let vertical_n: Vec<f64> = read(text, kistler()).iter().map(|sample| sample.force_n[2]).collect();

@@ -231,7 +231,6 @@ fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
     assert!(!summary.is_complete());
 }
 
-/// A table or a page of states that a replay computed from an incomplete recording.
 #[test]
 fn an_export_and_a_report_of_an_inexact_replay_have_exit_code_3() {
     let directory = tempfile::tempdir().unwrap();
@@ -303,7 +302,7 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
 #[test]
 fn a_replay_stops_at_a_restart_of_the_daemon_whose_configuration_is_unknown() {
     let mut live = live(&[101, 901], &[]);
-    // From cycle 901 on another daemon, which numbers its cycles from 1.
+    // Cycles from 901 on belong to another daemon, which numbers its cycles from 1.
     let renumbered = |cycle: u64| if cycle > 900 { cycle - 900 } else { cycle };
     live.cycles.iter_mut().for_each(|record| record.cycle = renumbered(record.cycle));
     live.states.iter_mut().for_each(|state| state.cycle = renumbered(state.cycle));

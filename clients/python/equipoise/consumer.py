@@ -67,7 +67,7 @@ class Consumer:
         self._suit_sample_time_ns = 0
         self._last: Optional[Reading] = None
         self._last_early: Optional[EarlyReading] = None
-        # Why the newest state was not returned, if so.
+        # Result for a refused newest state; None if it was accepted.
         self._refused: Optional[NoReading] = None
         self._missed = self._withheld = 0
         self._restarted = False
@@ -133,7 +133,7 @@ class Consumer:
         try:
             newest = self._receive_early()
             if newest is None:
-                # A rejoin would discard the queued states; if there are any, the bus is the current one.
+                # A rejoin would discard queued states; if there are any, the joined bus is still in use.
                 if self._must_rejoin() and self._receive() is not None:
                     self._heard_ns = time.monotonic_ns()
                 self._keep_up()

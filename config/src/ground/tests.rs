@@ -111,7 +111,7 @@ fn keys_of_other_connections_are_refused() {
         let message = refusal(text, from, to);
         assert!(message.starts_with(named), "{message}, not {named}");
     }
-    // Another process reads the device by this file.
+    // Another process reads the device with this file.
     let external = tcp.replace("source = \"text\"", "source = \"external\"");
     assert!(Config::parse(&external, "c.toml").is_ok());
 }

@@ -121,11 +121,11 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
-    /// Disturbances of the ground.
+    /// Disturbances of the ground reaction.
     pub(in crate::cycle) disturbance: Disturbance,
 }
 
-/// Disturbances of the ground; by default none.
+/// Disturbances of the ground reaction; by default none.
 #[derive(Clone, Copy, Default)]
 pub(in crate::cycle) struct Disturbance {
     /// Constant shear, N.
@@ -144,13 +144,13 @@ impl Disturbance {
     fn of(self, ground: GroundSample) -> GroundSample {
         let Disturbance { shear_n, push_n, outside, devices, time_sigma_ns } = self;
         let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
-        // The foot on the plate is to the left.
-        let aside_nm = 0.2 * outside * on_plate * fz;
+        // Only the left foot is on the plate, which shifts the reaction to the left.
+        let lateral_nm = 0.2 * outside * on_plate * fz;
         let unlike = 1.0 + 1e-12 * (ground.sequence % 2) as f64;
         GroundSample {
-            // No sensor repeats a value to the last bit, except zero.
+            // Exactly repeated values other than zero count as implausible.
             force_n: [fx + shear_n[0] * unlike - push_n, fy + shear_n[1] * unlike, on_plate * fz],
-            moment_nm: [on_plate * mx + aside_nm, on_plate * my - 1.2 * push_n, mz],
+            moment_nm: [on_plate * mx + lateral_nm, on_plate * my - 1.2 * push_n, mz],
             devices,
             sample_time_sigma_ns: time_sigma_ns,
             ..ground

@@ -59,7 +59,7 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
 #[test]
 fn a_load_in_one_hand_loads_that_arm() {
     let (person, mut bench) = identified();
-    // At rest: without measured shear, the error of a quick motion is that of the suit's acceleration.
+    // Start at rest: without measured shear, σ after a quick motion includes that of the suit's acceleration.
     bench.hold(&person, &carrying(), None, 1000);
     bench.hold(&person, &carrying(), Some((12.0, grips(&person)[1])), 600);
     let magnitude =
