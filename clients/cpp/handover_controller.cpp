@@ -87,8 +87,8 @@ public:
         std::stringstream text;
         text << file.rdbuf();
         const auto at = numbers_of(text.str(), "position_m", 3);
-        const auto share = numbers_of(text.str(), "worst_limit_ratio", 1), sigma = numbers_of(text.str(), "worst_limit_ratio_sigma", 1);
-        if (!at || !share || !sigma) {
+        const auto limit_ratio = numbers_of(text.str(), "worst_limit_ratio", 1), sigma = numbers_of(text.str(), "worst_limit_ratio_sigma", 1);
+        if (!at || !limit_ratio || !sigma) {
             // The file may be incomplete: read it again at the next poll, and report each version once.
             if (!is_same(found.st_mtim, reported_)) {
                 std::cerr << path_ << ": no valid position_m, worst_limit_ratio and worst_limit_ratio_sigma; `equipoise plan handover --out "
@@ -101,7 +101,7 @@ public:
         const std::uint64_t generation = newest ? newest->generation + 1 : 1;
         // Absent in plans of earlier versions.
         const auto slope = numbers_of(text.str(), "slope_rad", 1);
-        newest = Plan{generation, {(*at)[0], (*at)[1], (*at)[2]}, (*share)[0], (*sigma)[0], slope ? (*slope)[0] : 0.0};
+        newest = Plan{generation, {(*at)[0], (*at)[1], (*at)[2]}, (*limit_ratio)[0], (*sigma)[0], slope ? (*slope)[0] : 0.0};
     }
 
     std::optional<Plan> newest;
@@ -129,7 +129,7 @@ Input input_of(const Reading &reading, const std::optional<Position> &part_m, co
     if (const auto worst = reading->worst_joint()) {
         const auto torque_nm = reading->torque_magnitude_nm(*worst);
         const auto limit_nm = reading->torque_limit_nm(*worst);
-        input.share = torque_nm->value / *limit_nm;
+        input.limit_ratio = torque_nm->value / *limit_nm;
         input.sigma = torque_nm->sigma / *limit_nm;
     }
     if (const auto along = reading->advice_direction()) {
@@ -157,12 +157,12 @@ void print(double at_s, const Output &output, int activity, const Reading &readi
 std::string percentiles(const char *name, std::vector<double> values_s) {
     std::sort(values_s.begin(), values_s.end());
     std::string text = std::string(name) + "_us=";
-    for (const double share : {0.5, 0.99, 0.999, 1.0}) {
+    for (const double probability : {0.5, 0.99, 0.999, 1.0}) {
         if (values_s.empty()) {
             return text + "none";
         }
-        const auto at = static_cast<std::size_t>(share * static_cast<double>(values_s.size() - 1));
-        text += (share == 0.5 ? "" : "/") + std::to_string(std::lround(1e6 * values_s[at]));
+        const auto at = static_cast<std::size_t>(probability * static_cast<double>(values_s.size() - 1));
+        text += (probability == 0.5 ? "" : "/") + std::to_string(std::lround(1e6 * values_s[at]));
     }
     return text;
 }

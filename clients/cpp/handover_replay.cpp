@@ -1,5 +1,5 @@
 // Runs the decision of handover.hpp on readings from standard input, for tests and for the study of recorded situations.
-// One line per reading: time state reasons age restarted share sigma advice(3) part(3) generation plan(3) plan_share
+// One line per reading: time state reasons age restarted limit_ratio sigma advice(3) part(3) generation plan(3) plan_limit_ratio
 // plan_sigma; numbers in s and m, `nan` for a missing value, `reset` for a new decision. Prints the command and its target.
 #include "handover.hpp"
 
@@ -26,7 +26,7 @@ Input input_of(const std::vector<double> &values) {
     input.reasons = static_cast<std::uint64_t>(values[2]);
     input.age_s = values[3];
     input.restarted = values[4] != 0.0;
-    input.share = number(values[5]);
+    input.limit_ratio = number(values[5]);
     input.sigma = number(values[6]);
     input.advice = position(&values[7]);
     input.part_m = position(&values[10]);

@@ -28,29 +28,29 @@ class Turns:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         # By station that requests a turn: time of its last request, s, and the limit ratio of its worker's worst joint.
-        self._wishes: Dict[str, Tuple[float, float]] = {}
+        self._requests: Dict[str, Tuple[float, float]] = {}
         self._holder: Optional[str] = None
         self._holder_at_s = self._holder_since_s = 0.0
         # The station whose turn ended at TURN_MAX_S, until another station has had a turn.
         self._last: Optional[str] = None
 
-    def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
-        """Whether this station's cobot may move now; called with each reading. `share`: limit ratio of the worst joint."""
+    def may_move(self, station: str, now_s: float, wants: bool, limit_ratio: Optional[float]) -> bool:
+        """Whether this station's cobot may move now; called with each reading. `limit_ratio`: limit ratio of the worst joint."""
         with self._lock:
             if wants:
                 # Without a load in the hands there is no limit ratio: such a worker is served after the others.
-                self._wishes[station] = (now_s, share or 0.0)
+                self._requests[station] = (now_s, limit_ratio or 0.0)
             else:
-                self._wishes.pop(station, None)
-            self._wishes = {at: wish for at, wish in self._wishes.items() if now_s - wish[0] < TURN_LOST_S}
+                self._requests.pop(station, None)
+            self._requests = {at: request for at, request in self._requests.items() if now_s - request[0] < TURN_LOST_S}
             if self._holder == station and wants:
                 self._holder_at_s = now_s
             if self._holder == station and not wants or now_s - self._holder_at_s > TURN_LOST_S:
                 self._holder = None
             if self._holder is not None and now_s - self._holder_since_s > TURN_MAX_S:
                 self._last, self._holder = self._holder, None
-            if self._holder is None and self._wishes:
-                self._holder = max(self._wishes, key=lambda at: (at != self._last, self._wishes[at][1]))
+            if self._holder is None and self._requests:
+                self._holder = max(self._requests, key=lambda at: (at != self._last, self._requests[at][1]))
                 self._holder_at_s = self._holder_since_s = now_s
                 if self._holder != self._last:
                     self._last = None

@@ -92,13 +92,13 @@ impl Exposure {
     /// The data to be stored. Excludes a lift in progress: it continues, and counts, once the load is detected again.
     pub fn shift(&self) -> Shift {
         let Dose { damage, lifts, ended, latest, .. } = self.dose;
-        Shift { fatigue: self.fatigue.share, damage, lifts, ended, latest }
+        Shift { fatigue: self.fatigue.by_joint, damage, lifts, ended, latest }
     }
 
     /// Continues a shift after a gap without data, for which neither fatigue nor rest is assumed.
     pub fn resume(&mut self, shift: &Shift) {
         self.start();
-        self.fatigue.share = shift.fatigue;
+        self.fatigue.by_joint = shift.fatigue;
         let &Shift { damage, lifts, ended, latest, .. } = shift;
         self.dose = Dose::restored(damage, lifts, ended, latest);
     }
@@ -153,7 +153,7 @@ mod tests {
             exposure.advance(NS_PER_S + sample * 10_000_000, &carrying(30.0), &limits);
         }
         let (tired, lifts) = (exposure.fatigue, exposure.dose.lifts);
-        assert!(tired.share[0] > 0.0 && lifts == 0);
+        assert!(tired.by_joint[0] > 0.0 && lifts == 0);
         exposure.advance(5 * NS_PER_S, &carrying(30.0), &limits);
         assert_eq!(bytemuck::bytes_of(&exposure.fatigue), bytemuck::bytes_of(&tired));
         assert_eq!(exposure.dose.lifts, 1);

@@ -302,9 +302,9 @@ impl Explanation {
 
     /// The same without columns, for the posterior: they occupy megabytes.
     pub(crate) fn without_columns(&self) -> Explanation {
-        let bare = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
+        let without_whitened = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
         let outside = self.outside.as_ref().map(|one| Outside { whitened: Rc::default(), ..one.clone() });
-        Explanation { members: self.members.iter().map(bare).collect(), outside, ..*self }
+        Explanation { members: self.members.iter().map(without_whitened).collect(), outside, ..*self }
     }
 
     /// Whether another one begins with the names of its effects.

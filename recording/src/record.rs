@@ -239,7 +239,7 @@ fn read_profile(facts: &Status) -> String {
 
 /// The daemon's configuration for recordings, without an identity if the subject in use was deleted.
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
-    let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
+    let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.for_recording();
     if facts.subject.is_empty() {
         config.subject.id = equipoise_station::ANONYMOUS.to_owned();
     }

@@ -42,7 +42,7 @@ const POSES_MAX: u32 = 30;
 /// Natural work without a load, and with each box, s.
 const UNLOADED_S: f64 = 20.0;
 const LOADED_S: f64 = 15.0;
-/// From this fraction of its mass on the hands a box counts as lifted.
+/// From this published_percent of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
 /// Times ahead of the early state's sample, s.
 const AHEAD_S: [f64; 4] = [0.0, 0.05, 0.1, 0.2];
@@ -254,11 +254,11 @@ pub fn findings(subject: &Subject, suit: SuitData) -> Findings {
     findings
 }
 
-fn quantile_ms(values_s: &[f64], share: f64) -> Option<f64> {
+fn quantile_ms(values_s: &[f64], probability: f64) -> Option<f64> {
     let mut values = values_s.to_vec();
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    Some(1e3 * values[(share * last as f64).round() as usize])
+    Some(1e3 * values[(probability * last as f64).round() as usize])
 }
 
 /// The tables.
@@ -310,16 +310,16 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         for one in ask_all(&crowd, |subject| findings(subject, suit)) {
             sum.merge(&one);
         }
-        let age = |which: usize, share: f64| quantile_ms(&sum.ages_s[which], share).into();
-        let share = |which: usize| percent(sum.published[which], sum.published[2]).into();
+        let age = |which: usize, probability: f64| quantile_ms(&sum.ages_s[which], probability).into();
+        let published_percent = |which: usize| percent(sum.published[which], sum.published[2]).into();
         ages.push(vec![
             name.into(),
             age(0, 0.5),
             age(0, 0.99),
             age(1, 0.5),
             age(1, 0.99),
-            share(0),
-            share(1),
+            published_percent(0),
+            published_percent(1),
         ]);
         let stale = &sum.ahead[0][0];
         for (group, (joints, _)) in GROUPS.iter().enumerate() {

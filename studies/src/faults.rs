@@ -6,7 +6,7 @@ use equipoise_core::message::Validity;
 use equipoise_simulator::random::Random;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use crate::lifting::Telling;
+use crate::lifting::PublicationTally;
 use crate::natural::Movements;
 use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
@@ -40,7 +40,7 @@ pub struct Outcome {
     /// Number of faults.
     pub times: u64,
     /// Output during the fault and right after it.
-    pub telling: Telling,
+    pub tally: PublicationTally,
     /// States with a wrong value reported as valid: mass, a joint's torque, centre of pressure.
     pub wrong: [u64; 3],
     /// From the start of the fault to the first state that withheld a value because of it, s.
@@ -55,7 +55,7 @@ impl Outcome {
     fn add(&mut self, moment: &Moment) {
         let (state, truth) = (moment.state, moment.truth());
         let valid = state.validity();
-        self.telling.add(state);
+        self.tally.add(state);
         if !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
             let off_kg = (state.lifted_mass_kg - moment.worker.sample(moment.time_s).load_kg).abs();
             self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
@@ -80,7 +80,7 @@ impl Outcome {
 
     fn merge(&mut self, other: &Outcome) {
         self.times += other.times;
-        self.telling.merge(&other.telling);
+        self.tally.merge(&other.tally);
         self.noticed_s.extend(&other.noticed_s);
         self.back_s.extend(&other.back_s);
         self.lifts_too_many += other.lifts_too_many;
@@ -160,7 +160,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         all.iter().for_each(|outcomes| sum.merge(&outcomes[index].1));
         let slowest = |seconds: &[f64]| seconds.iter().copied().reduce(f64::max);
         let median = |seconds: &[f64]| quartiles(seconds.to_vec()).map(|[_, median, _]| median);
-        let (samples, published) = (sum.telling.samples, sum.telling.published);
+        let (samples, published) = (sum.tally.samples, sum.tally.published);
         let row: Vec<Cell> = vec![
             fault.name().into(),
             sum.times.into(),
@@ -168,7 +168,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             median(&sum.noticed_s).into(),
             slowest(&sum.noticed_s).into(),
             percent(samples - published, samples).into(),
-            sum.telling.reasons().as_str().into(),
+            sum.tally.reasons().as_str().into(),
             sum.wrong[0].into(),
             sum.wrong[1].into(),
             sum.wrong[2].into(),
@@ -205,7 +205,7 @@ mod tests {
         ];
         for seed in [3, 4] {
             for (fault, outcome) in faults(&Subject::somebody(seed), &wanted) {
-                let Outcome { wrong, noticed_s, back_s, telling, .. } = &outcome;
+                let Outcome { wrong, noticed_s, back_s, tally, .. } = &outcome;
                 assert_eq!(wrong[0], 0, "{seed} {fault:?}: {outcome:?}");
                 assert_eq!(back_s.len(), 1, "{seed} {fault:?}: {outcome:?}");
                 let is_noticed = noticed_s.iter().any(|after_s| *after_s < 3.0);
@@ -214,7 +214,7 @@ mod tests {
                     is_noticed != (fault == Fault::None) || fault == Fault::Saturated,
                     "{seed} {fault:?}: {outcome:?}"
                 );
-                assert!(telling.samples > 30, "{seed} {fault:?}: {outcome:?}");
+                assert!(tally.samples > 30, "{seed} {fault:?}: {outcome:?}");
             }
         }
     }

@@ -8,7 +8,7 @@ use equipoise_simulator::intention::{Arm, Intention};
 use equipoise_simulator::random::Random;
 
 use crate::clocks::{self, Reading};
-use crate::lifting::Telling;
+use crate::lifting::PublicationTally;
 use crate::sensors::Rig;
 use crate::session::{Moment, Session};
 use crate::subject::{Crowd, Subject, ask_all};
@@ -52,8 +52,8 @@ pub struct Shift {
     predicted_cop_sigma_m: f64,
     held_out: CopErrors,
     coverage: [Coverage; 2],
-    unloaded: Telling,
-    carry: Telling,
+    unloaded: PublicationTally,
+    carry: PublicationTally,
     /// Estimated minus true mass of the box, kg, over samples that publish it.
     box_error_kg: Sums,
     /// From the release of the box until motion samples update the filter again, s.
@@ -321,7 +321,7 @@ impl Together {
     }
 }
 
-fn withheld_percent(carry: &Telling) -> Option<f64> {
+fn withheld_percent(carry: &PublicationTally) -> Option<f64> {
     percent(carry.samples - carry.published, carry.samples)
 }
 

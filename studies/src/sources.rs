@@ -91,9 +91,9 @@ pub fn findings(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Fi
         unloaded(moment, &mut findings.march, &mut findings.force_n[1], &mut findings.published_unloaded);
     });
     session.stand(2.0);
-    let mut telling = crate::lifting::Telling::default();
-    session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut findings.torques, &mut telling));
-    findings.published = [telling.published, telling.samples];
+    let mut tally = crate::lifting::PublicationTally::default();
+    session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut findings.torques, &mut tally));
+    findings.published = [tally.published, tally.samples];
     findings
 }
 
@@ -243,8 +243,8 @@ mod tests {
                 "{name}: {by_insoles} N m, by plates {by_plates} N m"
             );
         }
-        let share = |[published, of]: [u64; 2]| published as f64 / of as f64;
-        assert!(share(insoles.published) > 0.6, "{}", share(insoles.published));
-        assert!(share(insoles.published_unloaded) < 0.1, "{}", share(insoles.published_unloaded));
+        let fraction = |[published, of]: [u64; 2]| published as f64 / of as f64;
+        assert!(fraction(insoles.published) > 0.6, "{}", fraction(insoles.published));
+        assert!(fraction(insoles.published_unloaded) < 0.1, "{}", fraction(insoles.published_unloaded));
     }
 }

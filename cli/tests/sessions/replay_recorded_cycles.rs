@@ -337,16 +337,16 @@ fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
     let directory = tempfile::tempdir().unwrap();
     let path = live(&[101], &[]).record(directory.path());
     let whole = std::fs::read(&path).unwrap();
-    for share in 1..12 {
+    for twelfths in 1..12 {
         let cut = directory.path().join("cut.mcap");
-        std::fs::write(&cut, &whole[..whole.len() * share / 12]).unwrap();
+        std::fs::write(&cut, &whole[..whole.len() * twelfths / 12]).unwrap();
         // An error message or a summary that reports it; never a panic, never a false difference.
         if let Ok((summary, _)) = replay(&cut) {
             assert!(!summary.is_complete(), "{summary}");
             assert_eq!(summary.fidelity.map_or(0, |fidelity| fidelity.states_differing), 0);
         }
         let mut damaged = whole.clone();
-        let at = damaged.len() * share / 12;
+        let at = damaged.len() * twelfths / 12;
         damaged[at..at + 3].fill(0xa5);
         std::fs::write(&cut, &damaged).unwrap();
         let _ = replay(&cut);

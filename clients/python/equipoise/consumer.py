@@ -61,8 +61,8 @@ class Consumer:
         self._ports: Optional[_Ports] = _Ports(*self._where, PATIENCE_S)
         self._reporting = Reporting(name, report)
         self._reporting.open(self._ports.bus)
-        # When it was tried last to join; and when a state came last, handed out or not, or it was joined first.
-        self._joined_ns = self._heard_ns = time.monotonic_ns()
+        # Time of the last attempt to join; time of receipt of the last state, returned or not, or of the first joining.
+        self._joined_ns = self._last_received_ns = time.monotonic_ns()
         self._order: Optional[_Last] = None
         self._suit_sample_time_ns = 0
         self._last: Optional[Reading] = None
@@ -135,13 +135,13 @@ class Consumer:
             if newest is None:
                 # A rejoin would discard queued states; if there are any, the joined bus is still in use.
                 if self._must_rejoin() and self._receive() is not None:
-                    self._heard_ns = time.monotonic_ns()
+                    self._last_received_ns = time.monotonic_ns()
                 self._keep_up()
         except BusError as error:
             return self._lose_ports(error)
         now_ns, last = time.monotonic_ns(), self._last_early
         if newest is not None:
-            self._heard_ns = now_ns
+            self._last_received_ns = now_ns
             if newest.time_ns > now_ns:
                 return self._ahead(newest.time_ns - now_ns)
             if last is None or newest.time_ns > last.early.time_ns:
@@ -229,11 +229,11 @@ class Consumer:
             raise BusError(f"cannot receive states: {cause}; the consumer rejoins") from cause
 
     def _check_age(self, state: State, writer: int) -> Union[Reading, NoReading, None]:
-        """Stamps and counts a state; None if it is no news."""
+        """Stamps and counts a state; None if it is old."""
         now_ns = time.monotonic_ns()
         if state.time_ns > now_ns:
-            # Before anything else is remembered of it: all later states would be old.
-            self._heard_ns = now_ns
+            # Before the sequence check: otherwise all correct states would count as old until this state's time.
+            self._last_received_ns = now_ns
             self._refused = self._ahead(state.time_ns - now_ns)
             return self._refused
         cycle, time_ns, last = state.cycle, state.time_ns, self._order
@@ -243,7 +243,7 @@ class Consumer:
                 return None
             restarted = writer != last.writer or cycle <= last.cycle
             missed = max(cycle - 1, 0) if restarted else cycle - last.cycle - 1
-        self._order, self._heard_ns = _Last(cycle, time_ns, writer), now_ns
+        self._order, self._last_received_ns = _Last(cycle, time_ns, writer), now_ns
         self._reporting.enter(now_ns, state, missed, self._new_suit_sample(state))
         self._missed = missed if restarted else self._missed + self._withheld + missed
         self._restarted = self._restarted or restarted
@@ -284,11 +284,11 @@ class Consumer:
 
     def _why_none(self) -> NoReading:
         """Silent, unless a state was refused recently: calls between two states then repeat its reason."""
-        silent_ns = time.monotonic_ns() - self._heard_ns
+        silent_ns = time.monotonic_ns() - self._last_received_ns
         return self._silent() if self._refused is None or silent_ns > self._stale_after_ns else self._refused
 
     def _silent(self) -> NoReading:
-        silent_ms = (time.monotonic_ns() - self._heard_ns) // 1_000_000
+        silent_ms = (time.monotonic_ns() - self._last_received_ns) // 1_000_000
         return NoReading(NoStateReason.SILENT, f"silent: no state for {silent_ms} ms; is the daemon running?")
 
     def _keep_up(self) -> None:
@@ -303,7 +303,7 @@ class Consumer:
 
     def _must_rejoin(self) -> bool:
         """Whether nothing was received for so long that the bus may have been recreated."""
-        return time.monotonic_ns() - max(self._heard_ns, self._joined_ns) >= REJOIN_AFTER_NS
+        return time.monotonic_ns() - max(self._last_received_ns, self._joined_ns) >= REJOIN_AFTER_NS
 
     def _report(self) -> None:
         """Publishes the report if it is due."""

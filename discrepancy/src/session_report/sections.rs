@@ -110,7 +110,7 @@ fn workers(facts: &Facts) -> Table {
             format!("{to_s:.1}").into(),
             length(period.exposure.valid_s).into(),
             or_none(worst, |joint| words::joint(joint).to_owned()),
-            or_none(peak, |peak| format!("{:.0} %", 100.0 * peak.share)),
+            or_none(peak, |peak| format!("{:.0} %", 100.0 * peak.limit_ratio)),
             length(period.high_s()).into(),
             period.lifts.lifts.len().to_string().into(),
             or_none(period.back.peak, |[peak_n, sigma_n, _]| format!("{peak_n:.0} ± {sigma_n:.0}")),
@@ -274,7 +274,7 @@ fn levels(facts: &Facts) -> Table {
         .into_iter()
         .filter_map(|joint| Some((joint, facts.exposure.joints[joint.index()].peak?)))
         .collect();
-    joints.sort_by(|(_, a), (_, b)| b.share.total_cmp(&a.share));
+    joints.sort_by(|(_, a), (_, b)| b.limit_ratio.total_cmp(&a.limit_ratio));
     for (joint, peak) in joints {
         let exposure = &facts.exposure.joints[joint.index()];
         let minutes = |level: Level| Text::from(format!("{:.3}", exposure.at(level) / 60.0));
@@ -286,7 +286,7 @@ fn levels(facts: &Facts) -> Table {
             minutes(Level::AboveMax),
             minutes(Level::Undecided),
             format!("{:.1} ± {:.1}", peak.torque_nm, peak.sigma_nm).into(),
-            format!("{:.0} %", 100.0 * peak.share).into(),
+            format!("{:.0} %", 100.0 * peak.limit_ratio).into(),
             format!("{:.1}", peak.time_s).into(),
             format!("{:.1} %", 100.0 * exposure.fatigue).into(),
         ]);

@@ -32,8 +32,8 @@ function shownOf({ url, connection, station, state, incidents, error }, language
   }
   if (!joint) return { ...shown, reason: `reason.${state.valid.find((name) => name !== "not_identified") ?? state.valid[0] ?? "connecting"}` };
   const torque = Math.hypot(...joint.torque_nm);
-  const share = joint.limit_nm ? `, ${(100 * torque / joint.limit_nm).toFixed(0)}\u00a0%` : "";
-  return { ...shown, level: joint.level, joint: `joint.${state.worst_joint}`, torque: `${withSigma([torque, joint.sigma_nm], 1, "N\u00a0m", language)}${share}` };
+  const limitPercent = joint.limit_nm ? `, ${(100 * torque / joint.limit_nm).toFixed(0)}\u00a0%` : "";
+  return { ...shown, level: joint.level, joint: `joint.${state.worst_joint}`, torque: `${withSigma([torque, joint.sigma_nm], 1, "N\u00a0m", language)}${limitPercent}` };
 }
 
 // Stations that need attention first: lost or silent, then with active incidents; the given order otherwise.

@@ -133,7 +133,7 @@ impl GroundDevice for AtiRdt {
             taken.refuse(GroundRefusal::Length);
             return;
         };
-        self.asking.heard(arrival_ns);
+        self.asking.register_arrival(arrival_ns);
         let Ok(scale) = self.scale else {
             taken.refuse(GroundRefusal::UnknownKind);
             return;

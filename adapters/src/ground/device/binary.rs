@@ -154,7 +154,7 @@ impl Binary {
                 Look::Frame(frame) => {
                     (self.passed, self.unframed) = (0, 0);
                     self.reader.frame(frame, arrival_ns, taken);
-                    self.asking.iter_mut().for_each(|asking| asking.heard(arrival_ns));
+                    self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                     frame.len()
                 }
                 Look::Other(frame) => {
@@ -201,7 +201,7 @@ impl Binary {
                         taken.lost(u32::try_from(frames * self.reader.scans()).unwrap_or(u32::MAX));
                     }
                     self.reader.frame(frame, arrival_ns, taken);
-                    self.asking.iter_mut().for_each(|asking| asking.heard(arrival_ns));
+                    self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                 }
                 Found::Other => {
                     (self.passed, self.unframed) = (0, 0);
@@ -223,14 +223,14 @@ impl GroundDevice for Binary {
     fn opened(&mut self, _now_ns: u64) {
         self.frames.clear();
         self.asking.iter_mut().for_each(Asking::opened);
-        self.reader.order.forget();
+        self.reader.order.reset();
         (self.passed, self.framed_ns) = (0, None);
         self.unframed = 0;
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
         if self.reader.counts_nothing() {
-            self.reader.order.heard(arrival_ns, taken);
+            self.reader.order.register_arrival(arrival_ns, taken);
         }
         if self.reader.settings.datagrams {
             self.datagram(bytes, arrival_ns, taken);

@@ -171,13 +171,13 @@ impl<J: Judge> GroundDevice for Text<J> {
     fn opened_at_start(&mut self, _now_ns: u64) {
         self.lines = self.settings.lines(false);
         self.reader.header_left = self.settings.header_lines;
-        self.reader.order.forget();
+        self.reader.order.reset();
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
         let Text { settings, lines, reader } = self;
         if settings.counts_nothing() {
-            reader.order.heard(arrival_ns, taken);
+            reader.order.register_arrival(arrival_ns, taken);
         }
         let mut each = |line: Result<&[u8], _>| match line {
             Ok(line) => reader.line(settings, line, arrival_ns, taken),

@@ -60,7 +60,7 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
             }
         }
         // A leap of the force would be rejected.
-        let share = (step as f64 / 100.0).min(1.0);
+        let fraction = (step as f64 / 100.0).min(1.0);
         // No plate repeats a value to the last bit.
         let weight_n = MASS_KG * GRAVITY_M_PER_S2 + 1e-9 * (bench.cycle % 2) as f64;
         let push_n = if shear { [10.0 * sine, -6.0 * cosine, weight_n] } else { [0.0, 0.0, weight_n] };
@@ -69,8 +69,8 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
             sequence: bench.cycle,
             force_n: push_n,
             moment_nm: [
-                from_x_nm + share * (0.03 * weight_n - from_x_nm),
-                from_y_nm - share * (0.05 * weight_n + from_y_nm),
+                from_x_nm + fraction * (0.03 * weight_n - from_x_nm),
+                from_y_nm - fraction * (0.05 * weight_n + from_y_nm),
                 0.0,
             ],
             ..Zeroable::zeroed()
@@ -273,8 +273,8 @@ fn a_low_pass_term_delays_and_attenuates_the_prediction() {
         last.clone().fold(f64::MIN, f64::max) - last.fold(f64::MAX, f64::min)
     };
     // The swing is at the cutoff: a first-order filter outputs 1/√2 of it.
-    let share = swing(&with) / swing(&plain);
-    assert!((0.66..0.75).contains(&share), "{share}");
+    let ratio = swing(&with) / swing(&plain);
+    assert!((0.66..0.75).contains(&ratio), "{ratio}");
 }
 
 #[test]

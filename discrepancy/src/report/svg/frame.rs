@@ -24,11 +24,11 @@ impl Frame {
     const DOTS: usize = 500;
 
     fn px(&self, x: f64) -> f64 {
-        LEFT + self.x.share(x) * (self.width - LEFT - RIGHT)
+        LEFT + self.x.fraction(x) * (self.width - LEFT - RIGHT)
     }
 
     fn py(&self, y: f64) -> f64 {
-        self.bottom - self.y.share(y) * (self.bottom - self.top)
+        self.bottom - self.y.fraction(y) * (self.bottom - self.top)
     }
 
     fn path(&self, points: &[[f64; 2]]) -> String {

@@ -141,7 +141,7 @@ impl Rows {
 }
 
 fn px(scale: Scale, value: f64) -> f64 {
-    NAMES + scale.share(value) * (WIDTH - RIGHT - VALUES - NAMES)
+    NAMES + scale.fraction(value) * (WIDTH - RIGHT - VALUES - NAMES)
 }
 
 fn shortened(name: &str) -> String {

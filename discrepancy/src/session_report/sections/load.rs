@@ -96,7 +96,7 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     let mut table = Table::new(&["joint", ">largest fatigue", ">at the end"]);
     for joint in &tired {
         let exposure = &facts.exposure.joints[joint.index()];
-        let percent = |share: f64| Text::from(format!("{:.2} %", 100.0 * share));
+        let percent = |fraction: f64| Text::from(format!("{:.2} %", 100.0 * fraction));
         table.rows.push(vec![
             words::joint(*joint).into(),
             percent(exposure.fatigue_max),

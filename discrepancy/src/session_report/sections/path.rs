@@ -7,7 +7,7 @@ use equipoise_view::words;
 
 use crate::report::document::{Section, Table, Text, code};
 
-use super::super::document::share_percent;
+use super::super::document::fraction_percent;
 use super::{Facts, length};
 
 /// Percentiles of every stage.
@@ -45,7 +45,7 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
     let found = &facts.quality;
     section.say(format!(
         "All values were valid for {} of the time.",
-        share_percent(found.all_valid_s, found.observed_s)
+        fraction_percent(found.all_valid_s, found.observed_s)
     ));
     section.head("Invalid reasons");
     let mut table = Table::new(&["reason", ">time", ">share", "meaning"]);
@@ -53,7 +53,7 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
         table.rows.push(vec![
             code(name),
             length(raised_s).into(),
-            share_percent(raised_s, found.observed_s).into(),
+            fraction_percent(raised_s, found.observed_s).into(),
             words::reason(name).text.into(),
         ]);
     }
@@ -65,7 +65,7 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
         table.rows.push(vec![
             code(name),
             length(*phase_s).into(),
-            share_percent(*phase_s, found.observed_s).into(),
+            fraction_percent(*phase_s, found.observed_s).into(),
         ]);
     }
     section.table(table);
