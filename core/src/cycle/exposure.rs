@@ -29,8 +29,10 @@ struct Input<'a> {
 }
 
 /// Exposure at one instant.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct InstantExposure {
+#[derive(Clone, Copy)]
+pub(super) struct InstantExposure<'a> {
+    /// Exposure accumulated over the shift, this instant included.
+    pub(super) shift: &'a Exposure,
     /// τ_max of each joint in the direction of its torque, N m.
     pub(super) torque_limit_nm: [f64; JOINTS],
     /// Low back; `None` where it is unavailable.
@@ -52,13 +54,13 @@ pub(super) struct Handling {
 }
 
 /// Advances the exposure to the instant.
-pub(super) fn update_exposure(
+pub(super) fn update_exposure<'a>(
     settings: &Settings,
-    exposure: &mut Exposure,
+    exposure: &'a mut Exposure,
     outputs: &Outputs<'_>,
     subject: Identified<'_>,
     model_changed_ns: u64,
-) -> InstantExposure {
+) -> InstantExposure<'a> {
     let time_ns = outputs.instant.snapshot.time_ns;
     let load = outputs.overload.and_then(|overload| overload.load.as_ref());
     let is_changed = model_changed_ns > 0 && time_ns.saturating_sub(model_changed_ns) < MODEL_CHANGED_NS;
@@ -69,7 +71,13 @@ pub(super) fn update_exposure(
     exposure.advance(time_ns, &input.acting(settings, &magnitude_nm), &torque_limit_nm);
 
     let invalid = outputs.withheld.reasons();
-    let mut values = InstantExposure { torque_limit_nm, back: None, lifted_mass_kg: None, handling: None };
+    let mut values = InstantExposure {
+        shift: exposure,
+        torque_limit_nm,
+        back: None,
+        lifted_mass_kg: None,
+        handling: None,
+    };
     if !subject.has_body() || invalid.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED)) {
         return values;
     }

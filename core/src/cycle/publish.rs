@@ -131,7 +131,7 @@ impl Publication {
     pub(super) fn hold(
         &mut self,
         outputs: &Outputs<'_>,
-        exposure: &InstantExposure,
+        exposure: &InstantExposure<'_>,
         pose_mismatch_rad: f64,
         newest_suit_ns: u64,
     ) {
@@ -161,6 +161,7 @@ impl Publication {
             hold_load(state, load);
         }
         hold_exposure(state, exposure);
+        self.hold_shift(exposure.shift);
         self.invalid = outputs.withheld.reasons().0;
     }
 
@@ -269,7 +270,7 @@ fn hold_load(state: &mut State, load: &CarriedLoad) {
     }
 }
 
-fn hold_exposure(state: &mut State, exposure: &InstantExposure) {
+fn hold_exposure(state: &mut State, exposure: &InstantExposure<'_>) {
     state.torque_limit_nm = exposure.torque_limit_nm;
     mask_mass(state);
     mask_advice(state);
