@@ -49,26 +49,26 @@ fn exchanged_stages_do_not_compile() {
 /// Copies the core into a workspace of its own, with the same versions of its dependencies.
 fn copy_core(copy: &Path) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).unwrap();
-    let mut manifest: toml::Table = manifest.parse().unwrap();
-    let workspace = manifest["workspace"].as_table_mut().unwrap();
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).expect("cannot read Cargo.toml");
+    let mut manifest: toml::Table = manifest.parse().expect("Cargo.toml is invalid");
+    let workspace = manifest["workspace"].as_table_mut().expect("no workspace");
     workspace.insert("members".to_owned(), vec!["core"].into());
     workspace.remove("default-members");
     let _ = std::fs::remove_dir_all(copy.join("core"));
-    std::fs::create_dir_all(copy).unwrap();
-    std::fs::write(copy.join("Cargo.toml"), manifest.to_string()).unwrap();
-    std::fs::copy(root.join("Cargo.lock"), copy.join("Cargo.lock")).unwrap();
+    std::fs::create_dir_all(copy).expect("cannot create the copy");
+    std::fs::write(copy.join("Cargo.toml"), manifest.to_string()).expect("cannot write Cargo.toml");
+    std::fs::copy(root.join("Cargo.lock"), copy.join("Cargo.lock")).expect("cannot copy Cargo.lock");
     copy_directory(&root.join("core"), &copy.join("core"));
 }
 
 fn copy_directory(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+    std::fs::create_dir_all(to).expect("cannot create a directory");
+    for entry in std::fs::read_dir(from).expect("cannot list a directory").flatten() {
         let target = to.join(entry.file_name());
-        if entry.file_type().unwrap().is_dir() {
+        if entry.file_type().expect("cannot read a file type").is_dir() {
             copy_directory(&entry.path(), &target);
         } else {
-            std::fs::copy(entry.path(), target).unwrap();
+            std::fs::copy(entry.path(), target).expect("cannot copy a file");
         }
     }
 }
@@ -76,9 +76,9 @@ fn copy_directory(from: &Path, to: &Path) {
 /// Appends one copy of `process` per pair of adjacent statements.
 fn append_exchanged(source: &mut String) -> Vec<Exchanged> {
     let start = source.find("fn process(").expect("cycle.rs has no function `process`");
-    let length = source[start..].find("\n}\n").unwrap();
+    let length = source[start..].find("\n}\n").expect("`process` has no end");
     let function = source[start..start + length].to_owned();
-    let (head, body) = function.split_once(") {\n").unwrap();
+    let (head, body) = function.split_once(") {\n").expect("`process` has no body");
     let statements = statements(body);
     (1..statements.len())
         .map(|second| {
@@ -114,7 +114,7 @@ fn called(statement: &str) -> String {
     let name = |text: &str| text.rsplit([' ', '\n', '!']).next().unwrap_or(text).to_owned();
     statement
         .split_once('(')
-        .map_or_else(|| name(statement.split(" = ").next().unwrap()), |(head, _)| name(head))
+        .map_or_else(|| name(statement.split(" = ").next().unwrap_or_default()), |(head, _)| name(head))
 }
 
 /// Lines of `cycle.rs` with compiler errors.
@@ -124,9 +124,9 @@ fn error_lines(copy: &Path) -> BTreeSet<u64> {
         .env("CARGO_TARGET_DIR", copy.join("target"))
         .current_dir(copy)
         .output()
-        .unwrap();
-    let stdout = String::from_utf8(output.stdout).unwrap();
-    let messages = stdout.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+        .expect("cannot start cargo");
+    let stdout = String::from_utf8_lossy(&output.stdout);
+    let messages = stdout.lines().map(|line| serde_json::from_str::<Value>(line).unwrap_or_default());
     let errors = messages.filter(|message| message["message"]["level"] == "error");
     let lines: BTreeSet<u64> = errors
         .flat_map(|error| error["message"]["spans"].as_array().cloned().unwrap_or_default())

@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 
 use crate::lifting::PublicationTally;
 use crate::natural::Movements;
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
@@ -52,18 +52,18 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    fn add(&mut self, moment: &Moment) {
-        let (state, truth) = (moment.state, moment.truth());
+    fn add(&mut self, snapshot: &Snapshot) {
+        let (state, truth) = (snapshot.state, snapshot.truth());
         let valid = state.validity();
         self.tally.add(state);
         if !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
-            let off_kg = (state.lifted_mass_kg - moment.worker.sample(moment.time_s).load_kg).abs();
+            let off_kg = (state.lifted_mass_kg - snapshot.worker.sample(snapshot.time_s).load_kg).abs();
             self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
         }
         if publishes_torques(state) {
             let is_wrong = (0..state.torque_nm.len()).any(|joint| {
                 let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
-                let [xx, xy, yy] = moment.state.torque_covariance_nm2[joint];
+                let [xx, xy, yy] = snapshot.state.torque_covariance_nm2[joint];
                 let deviation = Matrix2::new(xx, xy, xy, yy)
                     .try_inverse()
                     .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());
@@ -117,15 +117,15 @@ fn one(session: &mut Session, movements: &mut Movements, fault: Fault, random: &
     movements.work(session, begins_s - session.now_s(), |_| false);
     let mut outcome = Outcome { times: 1, ..Outcome::default() };
     session.notice(REASONS);
-    movements.work(session, ends_s + AFTER_S - session.now_s(), |moment| {
-        outcome.add(moment);
+    movements.work(session, ends_s + AFTER_S - session.now_s(), |snapshot| {
+        outcome.add(snapshot);
         false
     });
     outcome.noticed_s.extend(session.noticed_s().map(|noticed_s| noticed_s - begins_s));
     if carrying {
         session.order(equipoise_simulator::motion::Worker::put_down);
     }
-    if movements.work(session, PATIENCE_S, |moment| !moment.state.validity().any_of(REASONS)) {
+    if movements.work(session, PATIENCE_S, |snapshot| !snapshot.state.validity().any_of(REASONS)) {
         outcome.back_s.push(session.now_s() - ends_s - AFTER_S);
     }
     movements.work(session, 2.0, |_| false);

@@ -5,7 +5,7 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 
 use crate::sensors::{Ground, Rig};
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
@@ -90,29 +90,34 @@ pub fn findings(subject: &Subject, motion: Motion, ground: Ground) -> Findings {
     session.identify(POSES_MAX);
     session.stand(2.0);
     let mut findings = Findings::default();
-    let see = |moment: &Moment, (cop, tally): &mut (CopErrors, PublicationTally)| {
-        cop.add(moment);
-        tally.add(moment.state);
+    let see = |snapshot: &Snapshot, (cop, tally): &mut (CopErrors, PublicationTally)| {
+        cop.add(snapshot);
+        tally.add(snapshot.state);
     };
-    session.work_unloaded(|moment| see(moment, &mut findings.work));
+    session.work_unloaded(|snapshot| see(snapshot, &mut findings.work));
     session.stand(2.0);
-    session.march(STEPS, |moment| see(moment, &mut findings.march));
+    session.march(STEPS, |snapshot| see(snapshot, &mut findings.march));
     for (mass_kg, (torques, tally)) in BOXES_KG.into_iter().zip(&mut findings.lifting) {
         session.stand(2.0);
-        session.lift_at_work(mass_kg, |moment| see_lifted(moment, mass_kg, torques, tally));
+        session.lift_at_work(mass_kg, |snapshot| see_lifted(snapshot, mass_kg, torques, tally));
     }
     findings
 }
 
 /// Adds a state if the hands carry the whole box at its time.
-pub(crate) fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, tally: &mut PublicationTally) {
-    if moment.worker.sample(moment.time_s).load_kg < LIFTED * mass_kg {
+pub(crate) fn see_lifted(
+    snapshot: &Snapshot,
+    mass_kg: f64,
+    torques: &mut ByGroup,
+    tally: &mut PublicationTally,
+) {
+    if snapshot.worker.sample(snapshot.time_s).load_kg < LIFTED * mass_kg {
         return;
     }
-    tally.add(moment.state);
-    if publishes_torques(moment.state) {
-        let truth = moment.truth();
-        torques.add(&moment.state.torque_nm, &moment.state.torque_sigma_nm, &truth.overload_in_motion_nm);
+    tally.add(snapshot.state);
+    if publishes_torques(snapshot.state) {
+        let truth = snapshot.truth();
+        torques.add(&snapshot.state.torque_nm, &snapshot.state.torque_sigma_nm, &truth.overload_in_motion_nm);
     }
 }
 

@@ -28,7 +28,7 @@ enum DeviceMessage {
     /// Samples, oldest first.
     Samples(Vec<GroundSample>),
     /// State of the device.
-    Status { counts: Box<Counts>, block_latency_ns: u64, trouble: Option<String>, note: Option<String> },
+    Status { counts: Box<Counts>, block_latency_ns: u64, diagnostic: Option<String>, note: Option<String> },
     /// The thread has failed.
     Failed(SourceError),
 }
@@ -41,7 +41,7 @@ struct Device {
     last_arrival_ns: u64,
     counts: Counts,
     block_latency_ns: u64,
-    trouble: Option<String>,
+    diagnostic: Option<String>,
     note: Option<String>,
     thread: Option<JoinHandle<()>>,
 }
@@ -75,13 +75,13 @@ impl FusedSource {
                 .map_err(|error| SourceError::Unusable(format!("{name}: no thread to read it: {error}")))?;
             let (counts, block_latency_ns) = (Counts::default(), 0);
             let thread = Some(thread);
-            let (trouble, note) = (None, None);
+            let (diagnostic, note) = (None, None);
             devices.push(Device {
                 name,
                 last_arrival_ns: now_ns,
                 counts,
                 block_latency_ns,
-                trouble,
+                diagnostic,
                 note,
                 thread,
             });
@@ -122,10 +122,10 @@ impl FusedSource {
                     self.fusion.push(index, sample, now_ns);
                 }
             }
-            DeviceMessage::Status { counts, block_latency_ns, trouble, note } => {
+            DeviceMessage::Status { counts, block_latency_ns, diagnostic, note } => {
                 let device = &mut self.devices[index];
                 (device.counts, device.block_latency_ns) = (*counts, block_latency_ns);
-                (device.trouble, device.note) = (trouble, note);
+                (device.diagnostic, device.note) = (diagnostic, note);
             }
             DeviceMessage::Failed(error) => return Err(error),
         }
@@ -133,11 +133,11 @@ impl FusedSource {
     }
 
     /// The current fault of either device and its remedy, in a sentence; `None` without a fault.
-    pub fn trouble(&self) -> Option<String> {
+    pub fn diagnostic(&self) -> Option<String> {
         let now_ns = now_monotonic_ns();
-        let troubles: Vec<String> =
-            self.devices.iter().filter_map(|device| device.trouble_at(now_ns)).collect();
-        (!troubles.is_empty()).then(|| troubles.join("; "))
+        let diagnostics: Vec<String> =
+            self.devices.iter().filter_map(|device| device.diagnostic_at(now_ns)).collect();
+        (!diagnostics.is_empty()).then(|| diagnostics.join("; "))
     }
 
     /// Properties that the devices report, in a sentence; `None` if there are none.
@@ -169,9 +169,9 @@ impl FusedSource {
 }
 
 impl Device {
-    fn trouble_at(&self, now_ns: u64) -> Option<String> {
-        if let Some(trouble) = &self.trouble {
-            return Some(format!("{}: {trouble}", self.name));
+    fn diagnostic_at(&self, now_ns: u64) -> Option<String> {
+        if let Some(diagnostic) = &self.diagnostic {
+            return Some(format!("{}: {diagnostic}", self.name));
         }
         let silent = now_ns.saturating_sub(self.last_arrival_ns) > SILENT_NS;
         silent.then(|| format!("{} sends nothing; is it on, and is its cable in?", self.name))
@@ -221,8 +221,9 @@ impl Reader {
                 let count = samples.len() as u64;
                 self.missed += if self.try_send(DeviceMessage::Samples(samples))? { 0 } else { count };
             }
-            let (trouble, now_ns) = (self.source.trouble(), now_monotonic_ns());
-            if now_ns.saturating_sub(reported_ns) >= STATUS_INTERVAL_NS || reported.as_ref() != Some(&trouble)
+            let (diagnostic, now_ns) = (self.source.diagnostic(), now_monotonic_ns());
+            if now_ns.saturating_sub(reported_ns) >= STATUS_INTERVAL_NS
+                || reported.as_ref() != Some(&diagnostic)
             {
                 let mut counts = Box::new(*self.source.counts());
                 counts.lost += self.missed;
@@ -232,10 +233,10 @@ impl Reader {
                 if self.try_send(DeviceMessage::Status {
                     counts,
                     block_latency_ns,
-                    trouble: trouble.clone(),
+                    diagnostic: diagnostic.clone(),
                     note,
                 })? {
-                    (reported, reported_ns) = (Some(trouble), now_ns);
+                    (reported, reported_ns) = (Some(diagnostic), now_ns);
                 }
             }
         }

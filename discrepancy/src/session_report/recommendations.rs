@@ -18,7 +18,7 @@ pub(super) fn recommendations(facts: &Facts) -> Section {
     // Low-back values and dose are also valid without a load, torques are not.
     let has_torques = facts.exposure.valid_s >= STATEMENT_TIME_MIN_S;
     if !has_torques {
-        section.say(format!(
+        section.paragraph(format!(
             "Torques were reported for {}, too short for a recommendation on joints. See data quality for the reasons.",
             length(facts.exposure.valid_s)
         ));
@@ -27,7 +27,7 @@ pub(super) fn recommendations(facts: &Facts) -> Section {
     let all: Vec<Text> =
         joints.into_iter().chain(lifts(facts)).chain(compression(facts)).chain(risk(facts)).collect();
     if all.is_empty() && has_torques {
-        section.say("No joint, lift or low-back load exceeded the limits below.");
+        section.paragraph("No joint, lift or low-back load exceeded the limits below.");
     }
     section.list(all);
     section.note(

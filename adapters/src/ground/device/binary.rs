@@ -84,7 +84,7 @@ pub struct BinarySettings {
     /// Bytes that start the stream, repeated while the device is silent.
     pub request: Option<Vec<u8>>,
     /// Bytes sent before the connection is closed.
-    pub farewell: Option<Vec<u8>>,
+    pub close_command: Option<Vec<u8>>,
 }
 
 /// A device with configured binary frames.
@@ -243,11 +243,11 @@ impl GroundDevice for Binary {
         self.asking.as_mut().map_or(Want::Nothing, |asking| asking.wants(now_ns))
     }
 
-    fn farewell(&mut self) -> Option<Vec<u8>> {
-        self.reader.settings.farewell.clone()
+    fn close_command(&mut self) -> Option<Vec<u8>> {
+        self.reader.settings.close_command.clone()
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         let limit = (TROUBLE_FRAMES * self.frames.form().least()).max(TROUBLE_BYTES);
         (self.unframed >= limit).then(|| {
             let unframed = self.unframed;

@@ -73,7 +73,7 @@ pub(super) trait Judge: Send {
     }
 
     /// The current fault and its remedy, in a sentence; `None` without a fault.
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         None
     }
 }
@@ -189,7 +189,7 @@ impl<J: Judge> GroundDevice for Text<J> {
         }
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         if self.reader.untimely >= TROUBLE {
             return Some(format!(
                 "lines come, but the times in the last {} of them stand still, or do not run as time does: is the unit of the \
@@ -198,7 +198,7 @@ impl<J: Judge> GroundDevice for Text<J> {
             ));
         }
         let Some(fault) = self.reader.fault.filter(|_| self.reader.wrong >= TROUBLE) else {
-            return self.reader.judge.trouble();
+            return self.reader.judge.diagnostic();
         };
         let noise = match self.settings.framing {
             Framing::Joined => {

@@ -90,7 +90,7 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
         status,
         trigger: tag_of("trigger", &config.trigger)?,
         request: message(&config.send_on_open),
-        farewell: message(&config.send_on_close),
+        close_command: message(&config.send_on_close),
         form,
     })
 }

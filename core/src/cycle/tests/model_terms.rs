@@ -41,7 +41,7 @@ fn bench_with(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
 }
 
 /// The trunk swings with the arms; the plate reads constant values, with shear if requested.
-fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
+fn swing(bench: &mut Bench, shear: bool, mut inspect: impl FnMut(&Bench)) {
     let person = Person::real();
     let [from_x_nm, from_y_nm, _] =
         bench.memory.align.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
@@ -88,7 +88,7 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
         };
         let tick = Tick { cycle: bench.cycle, due_ns: bench.now_ns };
         step_of(bench, tick, inputs);
-        look(bench);
+        inspect(bench);
     }
 }
 
@@ -98,7 +98,7 @@ fn step_of(bench: &mut Bench, tick: Tick, inputs: Inputs<'_>) {
 
 /// Every state of a run: its snapshot's time, estimated CoP and external force.
 fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
-    // Of the external force, without the offset that was subtracted: it depends on the forces before.
+    // The external force before the subtraction of the force offset, which depends on earlier forces.
     let (mut all, mut offset_n): (Vec<(u64, [f64; 2], f64)>, f64) = (Vec::new(), 0.0);
     swing(bench, shear, |bench| {
         let estimate = &bench.memory.publication.estimate;

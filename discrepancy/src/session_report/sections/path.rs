@@ -14,10 +14,10 @@ use super::{Facts, length};
 pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
     let mut section = Section::new("Latency");
     let Some(report) = &facts.path else {
-        section.say("The recording has no cycle records, so latencies are unavailable.");
+        section.paragraph("The recording has no cycle records, so latencies are unavailable.");
         return section;
     };
-    section.say(format!(
+    section.paragraph(format!(
         "{} cycles; {} deadlines missed, {} periods skipped, {} records lost.",
         report.cycles, report.deadlines_missed, report.slots_skipped, report.cycles_lost
     ));
@@ -43,7 +43,7 @@ pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
 pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
     let found = &facts.quality;
-    section.say(format!(
+    section.paragraph(format!(
         "All values were valid for {} of the time.",
         fraction_percent(found.all_valid_s, found.observed_s)
     ));
@@ -77,7 +77,8 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
 fn adapters(facts: &Facts, section: &mut Section) {
     section.head("Sensors");
     if facts.quality.adapters.is_empty() {
-        section.say("The recording has no counts of the adapters: losses and refusals are unavailable.");
+        section
+            .paragraph("The recording has no counts of the adapters: losses and refusals are unavailable.");
         return;
     }
     let mut table = Table::new(&["stream", ">received", ">published", ">lost", "refused"]);
