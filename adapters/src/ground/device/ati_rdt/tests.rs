@@ -85,14 +85,14 @@ fn the_page_gives_the_scale_of_counts_in_every_unit() {
 fn what_the_page_does_not_say_is_not_guessed() {
     let nothing = settings(None, None);
     let refused = |xml: &str| with_page(nothing, Ok(xml)).unwrap_err();
-    assert!(refused(&XML.replace(">N<", ">oz<")).contains("a unit that is not known, \"oz\" (scfgfu"));
+    assert!(refused(&XML.replace(">N<", ">oz<")).contains("an unsupported unit, \"oz\" (scfgfu"));
     assert!(refused(&XML.replace("scfgtu", "other")).contains("lacks cfgcpt or scfgtu"));
     assert!(
         refused(&XML.replace("Enabled", "Disabled"))
             .contains("RDT is switched off in the ATI device: on its web")
     );
     assert!(refused("<html>it works</html>").contains("is ground.address an ATI Net F/T or Axia?"));
-    assert!(with_page(nothing, Err("not there")).unwrap_err().contains("are not both given"));
+    assert!(with_page(nothing, Err("not there")).unwrap_err().contains("are not both set"));
     assert_eq!(with_page(settings(None, Some(5e5)), Ok(&XML.replace("scfgtu", "other"))), Ok([0.5, 2.0]));
 }
 
@@ -100,7 +100,7 @@ fn what_the_page_does_not_say_is_not_guessed() {
 fn counts_that_contradict_the_page_are_refused_and_without_a_page_they_are_taken() {
     let said = with_page(settings(Some(1e6), None), Ok(XML)).unwrap_err();
     let want = "ground.counts_per_newton = 1000000 contradicts the device: its settings page contains 2000000 (cfgcpf = 2000000 \
-                per N); take the key out, or correct it";
+                per N); remove the key, or correct it";
     assert_eq!(said, want);
     assert!(
         with_page(settings(None, Some(1e6)), Ok(XML))
