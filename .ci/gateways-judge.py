@@ -298,19 +298,19 @@ def judge(equipoise, folder, scratch, seconds, ports):
     print(f"gateways: {', '.join(sorted(house.kinds))}; {ROUNDS} rounds of {seconds} s in each phase")
     print("| phase | cycles | slots skipped | deadlines missed | loop.wake p50 (ms) | p99 | max |")
     print("|---|---|---|---|---|---|---|")
-    share = {}
+    late_fraction = {}
     for phase, all_ in sums.items():
         wakes = all_["wakes"]
         worst = [sorted(wake[key] for wake in wakes)[len(wakes) // 2] for key in ("p50_ns", "p99_ns")]
         print(f"| {phase} | {all_['cycles']} | {all_['slots_skipped']} | {all_['deadlines_missed']} | "
               f"{ms(worst[0])} | {ms(worst[1])} | {ms(max(wake['max_ns'] for wake in wakes))} |")
         # The median of the rounds: on a shared machine neighbours disturb one of them.
-        share[phase] = sorted(all_["late"])[len(all_["late"]) // 2]
+        late_fraction[phase] = sorted(all_["late"])[len(all_["late"]) // 2]
     print_consumers(shown)
     for phase in ("reading", "hanging"):
-        if share[phase] > 2 * share["alone"] + 0.002:
-            fail(f"{100 * share[phase]:.2f} % of the slots were late with gateways ({phase}), "
-                 f"{100 * share['alone']:.2f} % without")
+        if late_fraction[phase] > 2 * late_fraction["alone"] + 0.002:
+            fail(f"{100 * late_fraction[phase]:.2f} % of the slots were late with gateways ({phase}), "
+                 f"{100 * late_fraction['alone']:.2f} % without")
     after = house.asked("status")["daemon"]["loop_faults"]
     if after != faults:
         fail(f"page faults of the loop: {faults} before, {after} after")

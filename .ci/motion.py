@@ -43,12 +43,12 @@ class Validator:
             after = min(max(int(numpy.searchsorted(self.times, time)), 1), len(self.times) - 1)
             before = after - 1
             gap = self.times[after] - self.times[before]
-            share = (time - self.times[before]) / gap
-            expected = column[before] + share * (column[after] - column[before])
-            if math.isnan(value) or not -1e-6 <= share <= 1 + 1e-6:
+            fraction = (time - self.times[before]) / gap
+            expected = column[before] + fraction * (column[after] - column[before])
+            if math.isnan(value) or not -1e-6 <= fraction <= 1 + 1e-6:
                 continue
             # At an instant itself the other one need not be valid.
-            nearest = before if share < 0.5 else after
+            nearest = before if fraction < 0.5 else after
             if abs(time - self.times[nearest]) < 2e-6:
                 expected = column[nearest]
             assert abs(value - expected) <= within, f"{what} {name} at {time}: {value}, state {expected}"

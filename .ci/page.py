@@ -219,8 +219,8 @@ def identification(browser, server, url):
     report(f"three languages: {', '.join(languages(browser).values())}")
     begun = (cpu_s(server), time.monotonic())
     time.sleep(5)
-    share = (cpu_s(server) - begun[0]) / (time.monotonic() - begun[1])
-    report(f"one worker's page at 60 Hz costs its server {100 * share:.1f} % of a core")
+    core_fraction = (cpu_s(server) - begun[0]) / (time.monotonic() - begun[1])
+    report(f"one worker's page at 60 Hz costs its server {100 * core_fraction:.1f} % of a core")
     for name, language in (("worker-identifying", "en"), ("worker-identifying-de", "de")):
         restart_identification(url)
         browser.open(url, POSING)

@@ -106,12 +106,12 @@ def script(path):
     assert robot.after(0.1) == 0, "a station that is silent is accepted"
     assert robot.after(0.1, "bursts") == 0, "packages that waited in the network are accepted"
     assert robot.after(0.5, "moves") == 1
-    for change, share in [(("int", 28, 2), 0.6), (("int", 28, 3), 0.25), (("int", 28, 5), 0.25), (("int", 27, 255), 0.25),
+    for change, speed_factor in [(("int", 28, 2), 0.6), (("int", 28, 3), 0.25), (("int", 28, 5), 0.25), (("int", 27, 255), 0.25),
                           (("int", 25, 2), 0), (("double", 24, -1.0), 0), (("double", 24, 0.2), 0)]:
         robot.registers.update(green)
         kind, number, value = change
         robot.registers[kind, number] = value
-        assert robot.after(1, "moves") == share, f"{change}: {robot.after(0.01, 'moves')}, not {share}"
+        assert robot.after(1, "moves") == speed_factor, f"{change}: {robot.after(0.01, 'moves')}, not {speed_factor}"
     robot.registers.update(green)
     robot.registers.update({("int", 26): 32, ("int", 27): 0, ("int", 28): 0})
     assert robot.after(1, "moves") == 1, "nothing in the hands is knowledge"

@@ -82,8 +82,9 @@ impl Case {
 
     fn loading(&self, reference: &Reference) -> Loading {
         let delta_f_n = self.load_kg * reference.gravity;
-        let of =
-            |shares: &BTreeMap<String, f64>| Side::BOTH.map(|side| *shares.get(name(side)).unwrap_or(&0.0));
+        let of = |fractions: &BTreeMap<String, f64>| {
+            Side::BOTH.map(|side| *fractions.get(name(side)).unwrap_or(&0.0))
+        };
         Loading {
             cop_measured_m: self.cop_wt_m,
             cop_estimated_m: self.cop_wo_m,

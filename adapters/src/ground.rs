@@ -4,7 +4,6 @@
 //! pose, the sample time and the sequence number. [`channels`] defines the meaning of plain numbers, and [`fusion`]
 //! combines two devices.
 
-pub mod brain;
 pub mod channels;
 pub mod device;
 pub mod frame;
@@ -12,15 +11,16 @@ pub mod fusion;
 mod lead;
 mod order;
 pub mod plan;
+pub mod protocol;
 pub mod reading;
 pub mod receiver;
 pub mod refusal;
 
-pub use brain::GroundBrain;
 pub use channels::{ChannelFault, Channels};
 pub use device::{GroundDevice, Want};
 pub use frame::{GroundFrame, Measures, SensorAxes, Wrench};
 pub use fusion::{Fusion, FusionKind, FusionSettings};
+pub use protocol::GroundProtocol;
 pub use reading::{FootLoad, Load, Reading, Taken, Tick};
 pub use receiver::{GroundReceiver, GroundSettings};
 pub use refusal::GroundRefusal;

@@ -65,7 +65,7 @@ impl Sequence {
     }
 
     /// The next sample is the first, as the stream was restarted on request.
-    pub fn forget(&mut self) {
+    pub fn reset(&mut self) {
         self.newest = None;
         self.suspect = None;
     }
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn a_restart_is_believed_at_the_second_step_forward() {
+    fn a_restart_is_accepted_at_the_second_step_forward() {
         assert_eq!(
             places(&[(5000, 0), (0, 4), (0, 5), (1, 8), (2, 12), (3, 16)]),
             [First, Old, Old, Old, NewSession, Next { gap: 1 }]

@@ -63,10 +63,10 @@ fn print(turns: &[Turn]) {
 }
 
 fn line(name: &str, times_us: &[f64], ratio: f64) {
-    let [p50, p99, p999, max] = [0.5, 0.99, 0.999, 1.0].map(|share| quantile(times_us, share));
-    let share = 100.0 * p999 / PERIOD_US;
+    let [p50, p99, p999, max] = [0.5, 0.99, 0.999, 1.0].map(|probability| quantile(times_us, probability));
+    let budget_percent = 100.0 * p999 / PERIOD_US;
     println!(
-        "{name:<48} {:>7} {p50:>8.2} {p99:>8.2} {p999:>8.2} {max:>9.2} {share:>9.2} % {ratio:>6.2}",
+        "{name:<48} {:>7} {p50:>8.2} {p99:>8.2} {p999:>8.2} {max:>9.2} {budget_percent:>9.2} % {ratio:>6.2}",
         times_us.len()
     );
 }

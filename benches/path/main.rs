@@ -138,8 +138,10 @@ fn report(name: &str, rounds: &[[Times; 3]]) -> Vec<Figure> {
     let mut figures = Vec::new();
     for (index, carrier) in Carrier::ALL.into_iter().enumerate() {
         let over = |of: &dyn Fn(&[Times; 3]) -> f64| median(rounds.iter().map(of).collect());
-        let at = |share: f64, of: fn(&Times) -> &Vec<f64>| over(&|round| at(share, of(&round[index])));
-        let sum = |share: f64, index: usize| move |round: &[Times; 3]| sum_at(share, &round[index]);
+        let at =
+            |probability: f64, of: fn(&Times) -> &Vec<f64>| over(&|round| at(probability, of(&round[index])));
+        let sum =
+            |probability: f64, index: usize| move |round: &[Times; 3]| sum_at(probability, &round[index]);
         let ratio = |other: usize| over(&|round| sum(0.5, index)(round) / sum(0.5, other)(round));
         let (sent, arrived) = rounds.iter().fold((0, 0), |(sent, arrived), round| {
             (sent + round[index].sent, arrived + round[index].arrived)
@@ -167,12 +169,12 @@ fn report(name: &str, rounds: &[[Times; 3]]) -> Vec<Figure> {
     figures
 }
 
-fn sum_at(share: f64, times: &Times) -> f64 {
-    at(share, &times.ingress_us) + at(share, &times.egress_us)
+fn sum_at(probability: f64, times: &Times) -> f64 {
+    at(probability, &times.ingress_us) + at(probability, &times.egress_us)
 }
 
-fn at(share: f64, values: &[f64]) -> f64 {
+fn at(probability: f64, values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
-    quantile(&sorted, share)
+    quantile(&sorted, probability)
 }

@@ -50,12 +50,12 @@ struct Scale {
 
 impl Scale {
     fn y(&self, value: f64) -> f64 {
-        let share = if self.logarithmic {
+        let fraction = if self.logarithmic {
             (value.max(self.from) / self.from).log10() / (self.to / self.from).log10()
         } else {
             (value - self.from) / (self.to - self.from)
         };
-        HEIGHT - BOTTOM - share * (HEIGHT - BOTTOM - TOP)
+        HEIGHT - BOTTOM - fraction * (HEIGHT - BOTTOM - TOP)
     }
 
     fn ticks(&self) -> Vec<f64> {

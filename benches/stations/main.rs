@@ -21,7 +21,7 @@ const COUNTS: [usize; 6] = [1, 2, 4, 8, 16, 32];
 const RATES_HZ: [u32; 3] = [1000, 250, 100];
 /// Limit of the daemons' total load of all cores. Beyond it real-time loops starve everything else on the machine, this
 /// bench included, so more stations are not tried. The simulated people need about as much again.
-const SHARE_MAX: f64 = 0.45;
+const CORE_FRACTION_MAX: f64 = 0.45;
 
 fn main() -> ExitCode {
     if let Some((_, arguments)) = peer::role() {
@@ -48,7 +48,7 @@ fn measure(options: &Options) {
                 let figures = turn(rate_hz, count, options.turn_s);
                 let wanted = counts.get(index + 1).map_or(0.0, |next| *next as f64 * figures[0] * 1e-2);
                 rounds[index].push(figures);
-                if wanted > SHARE_MAX * cores {
+                if wanted > CORE_FRACTION_MAX * cores {
                     full = full.min(index + 1);
                     break;
                 }
@@ -71,8 +71,11 @@ fn measure(options: &Options) {
             figures_of(&mut all, figure, values);
         }
         if full < counts.len() {
-            let share = 100.0 * SHARE_MAX;
-            println!("more than {} were not tried: they would want {share} % of all cores", counts[full - 1]);
+            let percent = 100.0 * CORE_FRACTION_MAX;
+            println!(
+                "more than {} were not tried: they would want {percent} % of all cores",
+                counts[full - 1]
+            );
         }
     }
     figures::write("stations", options, &all);

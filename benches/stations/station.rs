@@ -65,8 +65,9 @@ pub(crate) fn run(arguments: &[String]) {
     let summary = pipeline.stop().expect("the daemon ends well");
     assert!(summary.cycles.adds_up, "the schedule must add up");
     person.stop().expect("the simulated person ends well");
-    let at =
-        |stage: Stage, share: f64| histograms.stage(stage).times_ns.value_at_quantile(share) as f64 * 1e-3;
+    let at = |stage: Stage, probability: f64| {
+        histograms.stage(stage).times_ns.value_at_quantile(probability) as f64 * 1e-3
+    };
     let counts = histograms.counts();
     let late = (counts.deadlines_missed + counts.slots_skipped) as f64;
     let due = (counts.cycles + counts.slots_skipped).max(1) as f64;

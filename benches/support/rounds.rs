@@ -70,10 +70,10 @@ pub fn compare(criterion: &mut Criterion, question: &str, contenders: &mut [Cont
     times_us.into_iter().map(median).collect()
 }
 
-/// The value at `share` of a sorted list, in [0, 1]; NaN for an empty one.
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+/// The value at `probability` of a sorted list, in [0, 1]; NaN for an empty one.
+pub fn quantile(sorted: &[f64], probability: f64) -> f64 {
     let last = sorted.len().saturating_sub(1);
-    sorted.get((share * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
+    sorted.get((probability * last as f64).round() as usize).copied().unwrap_or(f64::NAN)
 }
 
 /// Median of the finite values of a list: a round without a value is ignored. NaN if there is none.

@@ -37,7 +37,7 @@ impl Worker {
             body.mass_fraction[segment.index()] *= 1.1;
         }
         let sum: f64 = body.mass_fraction.iter().sum();
-        body.mass_fraction = body.mass_fraction.map(|share| share / sum);
+        body.mass_fraction = body.mass_fraction.map(|fraction| fraction / sum);
         Worker { phi: Phi::of(&skeleton, &body), skeleton, body }
     }
 

@@ -71,11 +71,13 @@ fn compare(options: &Options, name: &str, policy: Policy, loaded: bool) -> Vec<F
     for (contender, rounds) in Contender::ALL.into_iter().zip(&rounds) {
         let mut figure = Figure::of([("condition", name), ("contender", contender.name())]);
         print!("{:<17}", contender.name());
-        for (name, share) in QUANTILES {
+        for (name, probability) in QUANTILES {
             let over = |of: &dyn Fn(&Round) -> f64| median(rounds.iter().map(of).collect());
-            let ours = over(&|round| quantile(&round.ours_us, share));
-            let theirs = over(&|round| quantile(&round.theirs_us, share));
-            let ratio = over(&|round| quantile(&round.ours_us, share) / quantile(&round.theirs_us, share));
+            let ours = over(&|round| quantile(&round.ours_us, probability));
+            let theirs = over(&|round| quantile(&round.theirs_us, probability));
+            let ratio = over(&|round| {
+                quantile(&round.ours_us, probability) / quantile(&round.theirs_us, probability)
+            });
             print!(" {ours:>9.0} {ratio:>6.2}");
             figure = figure
                 .with(&format!("{name}_us"), ours)

@@ -117,7 +117,9 @@ impl Feed {
         if self.ports.is_none() && self.joined.elapsed() >= REJOIN_INTERVAL {
             self.joined = Instant::now();
             let ports = Ports::open(&self.settings);
-            self.ports = ports.inspect_err(|error| warn!("the metrics have no data: {error}")).ok();
+            self.ports = ports
+                .inspect_err(|error| warn!("metrics: cannot rejoin the bus, retrying every second: {error}"))
+                .ok();
         }
     }
 

@@ -1,7 +1,7 @@
 //! Feeds the page as a consumer of the bus that receives only the newest state: it is independent of the daemon, waits
 //! while none runs, and continues with the next one.
 
-mod active;
+mod frame_configuration;
 mod history;
 mod station;
 
@@ -26,6 +26,7 @@ use equipoise_view::page::{Engineer, LiftResult, Page, PageFrame, SimulatedCobot
 use equipoise_view::suggested_pose::SuggestedPose;
 use tracing::warn;
 
+use self::frame_configuration::FrameConfiguration;
 use crate::page_tokens::PageTokens;
 use crate::receipt::ReceiptBuilder;
 
@@ -43,7 +44,7 @@ const FRESH_NS: u64 = NS_PER_S / 4;
 const REPORT_INTERVAL: Duration = Duration::from_secs(1);
 
 type Newest = Mutex<Option<State>>;
-type Active = Mutex<active::Parts>;
+type SharedFrameConfiguration = Mutex<FrameConfiguration>;
 type Simulated = Mutex<(Option<SimulatedHuman>, Option<SimulatedCobot>)>;
 type Receipts = Mutex<ReceiptBuilder>;
 
@@ -72,10 +73,10 @@ impl ServedPage {
         let requests = Arc::new(AtomicU64::new(0));
         let receipts = Arc::new(Receipts::new(ReceiptBuilder::new(CONSUMER_NAME, now_ns())));
         let simulated = Arc::new(Simulated::default());
-        let active = Arc::new(Active::new(active::Parts::of(config)));
+        let frame_configuration = Arc::new(SharedFrameConfiguration::new(FrameConfiguration::of(config)));
         let feed = FrameFeed {
             newest: Arc::downgrade(&newest),
-            active: Arc::clone(&active),
+            frame_configuration: Arc::clone(&frame_configuration),
             receipts: Arc::clone(&receipts),
             requests: Arc::clone(&requests),
             simulated: Arc::clone(&simulated),
@@ -83,7 +84,8 @@ impl ServedPage {
         let frames = move || feed.frame(now_ns());
         let page = Page::start_with(page.listen, token, frames, Some(engineer)).context("page.listen")?;
         let feed = start_feed(&config.station, Arc::downgrade(&newest), receipts)?;
-        let collecting = station::start_collecting(station_data, Arc::downgrade(&newest), active)?;
+        let collecting =
+            station::start_collecting(station_data, Arc::downgrade(&newest), frame_configuration)?;
         let file = PageFile::new(&config.station, page.url(), token.is_some());
         // Without the file only `equipoise status` is affected: it does not list the page.
         if let Err(error) = file.write() {
@@ -266,7 +268,7 @@ impl BusWatch {
 /// The source of the frames that the page requests.
 struct FrameFeed {
     newest: Weak<Newest>,
-    active: Arc<Active>,
+    frame_configuration: Arc<SharedFrameConfiguration>,
     receipts: Arc<Receipts>,
     requests: Arc<AtomicU64>,
     simulated: Arc<Simulated>,
@@ -281,16 +283,16 @@ impl FrameFeed {
         if let Ok(mut receipts) = self.receipts.lock() {
             receipts.record_once(&state, now_ns);
         }
-        let active = self.active.lock().unwrap_or_else(PoisonError::into_inner);
+        let frame_configuration = self.frame_configuration.lock().unwrap_or_else(PoisonError::into_inner);
         let suggested = LIBRARY.get(state.suggested_pose as usize).map(|posture| {
             let pose = SuggestedPose::on_the_spot(posture, &state.segment_origin_m);
-            let name = suggestion(&state, active.ask.as_ref()).unwrap_or(pose.name.clone());
+            let name = suggestion(&state, frame_configuration.ask.as_ref()).unwrap_or(pose.name.clone());
             SuggestedPose { name, ..pose }
         });
         let mut frame = PageFrame::new(state);
         frame.suggested = suggested;
-        frame.cop_sigma_target_m = active.target_m;
-        frame.plate_corners_m = active.plate_corners_m;
+        frame.cop_sigma_target_m = frame_configuration.target_m;
+        frame.plate_corners_m = frame_configuration.plate_corners_m;
         (frame.simulated, frame.cobot) = *self.simulated.lock().unwrap_or_else(PoisonError::into_inner);
         Some(frame)
     }
@@ -303,12 +305,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_state_is_displayed_while_it_is_young_and_of_this_clock() {
+    fn a_state_is_displayed_only_while_it_is_current() {
         let state = State { time_ns: 5 * NS_PER_S, suggested_pose: u32::MAX, ..State::zeroed() };
         let newest = Arc::new(Newest::new(Some(state)));
         let feed = FrameFeed {
             newest: Arc::downgrade(&newest),
-            active: Arc::default(),
+            frame_configuration: Arc::default(),
             receipts: Arc::new(Receipts::new(ReceiptBuilder::new(CONSUMER_NAME, 0))),
             requests: Arc::default(),
             simulated: Arc::default(),

@@ -355,7 +355,7 @@ typedef struct equipoise_state {
     double advice_direction[3];
     /* Reduction of the worst joint's torque by a motion in that direction, N m per cm. */
     double advice_gain_nm_per_cm;
-    /* Segment origins (proximal joint centres) in MVN order, world, m; with position_unknown, their place and
+    /* Segment origins (proximal joint centres) in MVN order, world, m; with position_unknown, their position and
        heading on the floor are not those of the station. */
     double segment_origin_m[EQUIPOISE_SEGMENTS][3];
     /* Overload torque of each joint (Eq. 15), world axes, N m. */

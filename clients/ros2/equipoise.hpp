@@ -32,7 +32,7 @@ public:
   : subscription_(node.create_subscription<State>(
         topic(station), rclcpp::QoS(1).best_effort(),
         [this, station](State::ConstSharedPtr state) {
-          if (state->station == station) {last_ = state; came_ = steady_.now();}
+          if (state->station == station) {last_ = state; received_ = steady_.now();}
         }))
   {
   }
@@ -41,7 +41,7 @@ public:
   const equipoise_msgs::msg::Overload * overload()
   {
     if (!last_ || !last_->current || last_->age_ns.empty()) {return nullptr;}         // see last_->no_state_reason
-    const auto waited = (steady_.now() - came_).nanoseconds();    // since the callback, not since the arrival
+    const auto waited = (steady_.now() - received_).nanoseconds();    // since the callback, not since the arrival
     if (static_cast<int64_t>(last_->age_ns[0]) + waited > 100'000'000) {return nullptr;}
     const auto old = (wall_.now() - rclcpp::Time(last_->header.stamp, RCL_SYSTEM_TIME)).nanoseconds();
     if (std::abs(old) > 100'000'000) {return nullptr;}            // only with synchronised clocks
@@ -50,7 +50,7 @@ public:
 
 private:
   rclcpp::Clock steady_{RCL_STEADY_TIME}, wall_{RCL_SYSTEM_TIME};
-  rclcpp::Time came_{0, 0, RCL_STEADY_TIME};
+  rclcpp::Time received_{0, 0, RCL_STEADY_TIME};
   State::ConstSharedPtr last_;
   rclcpp::Subscription<State>::SharedPtr subscription_;
 };

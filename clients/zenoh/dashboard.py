@@ -25,20 +25,20 @@ WORST = ["none", "green", "orange", "red", "undecided", "above_max"]
 
 
 class Station:
-    """What was last heard of one."""
+    """Last message of a station, with counts."""
 
     def __init__(self):
-        self.message, self.came_s, self.lost, self.got = None, 0.0, 0, 0
+        self.message, self.received_s, self.lost, self.got = None, 0.0, 0, 0
 
     def take(self, message, now_s):
-        before, self.message, self.came_s = self.message, message, now_s
+        before, self.message, self.received_s = self.message, message, now_s
         self.got += 1
         if before and before["session"] == message["session"]:
             self.lost += max(0, message["sequence"] - before["sequence"] - 1)
 
     def line(self, name, now_s, stale_s):
         """Text and colour."""
-        silent_s = now_s - self.came_s
+        silent_s = now_s - self.received_s
         count = f"{self.got} came, {self.lost} lost"
         if silent_s > stale_s:
             return f"{name:16} nothing for {silent_s:.1f} s; {count}", GREY

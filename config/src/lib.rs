@@ -302,7 +302,7 @@ impl Config {
 
     /// For recordings: without page, metrics and gateways, which a replay does not use and whose addresses may
     /// contain names of hosts, and without the folders of files and ports, which may contain names of persons.
-    pub fn without_paths(mut self) -> Config {
+    pub fn for_recording(mut self) -> Config {
         let name_of = |path: &Path| path.file_name().map_or_else(PathBuf::new, PathBuf::from);
         (self.page, self.metrics, self.gateways) = (None, None, GatewaysConfig::default());
         if let Some(model) = &mut self.model {

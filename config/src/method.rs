@@ -308,7 +308,7 @@ impl StaticPoseConfig {
         settings.static_pose.joint_rad = self.joint_deg.to_radians();
         settings.static_pose.cop_m = self.cop_mm * 1e-3;
         settings.static_pose.leave_rad = self.new_pose_deg.to_radians();
-        settings.static_pose.weight_share = self.weight_percent * 1e-2;
+        settings.static_pose.weight_fraction = self.weight_percent * 1e-2;
     }
 }
 

@@ -101,6 +101,6 @@ impl OverloadConfig {
             AccelerationsConfig::Suit => Accelerations::Suit,
             AccelerationsConfig::Blend => Accelerations::Blend,
         };
-        settings.level_margin_share = self.level_margin_percent * 1e-2;
+        settings.level_margin_fraction = self.level_margin_percent * 1e-2;
     }
 }

@@ -252,7 +252,7 @@ host = "plc.hall-3.example"
 connect = ["tcp/192.0.2.12:7447"]
 "#;
     let config = Config::parse(text, "c.toml").unwrap();
-    let recorded = config.clone().without_paths();
+    let recorded = config.clone().for_recording();
     let written = recorded.to_toml();
     for private in ["jane", "srv", "192.0.2", "example", "127.0.0.1:4840", "127.0.0.1:9187"] {
         assert!(config.to_toml().contains(private), "{private}");

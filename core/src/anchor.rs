@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_is_a_new_stance_at_the_place_where_the_foot_came_down() {
+    fn a_step_begins_a_stance_at_the_landing_point_of_the_foot() {
         let mut anchor: Anchor = Zeroable::zeroed();
         let pelvis = Vector3::new(0.0, 0.0, 0.96);
         let before = anchor.hold(&standing(pelvis));

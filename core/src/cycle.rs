@@ -146,7 +146,7 @@ pub fn step<'m>(settings: &Settings, memory: &'m mut Memory, tick: Tick, inputs:
 }
 
 /// Processes one instant. Each stage has its own state and needs the outputs of the stages before it as arguments, so
-/// that another order does not compile.
+/// that another order does not compile: `tests/stage_order.rs` exchanges each two adjacent statements.
 fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Streams) {
     let ground = measure_ground(settings, &mut m.ground, instant, &m.identification, streams);
     let stillness = detect_static(settings, &mut m.window, instant, &ground, streams);
@@ -192,7 +192,6 @@ fn process(settings: &Settings, m: &mut Memory, instant: &Instant, streams: &Str
     m.early.ingest(&outputs, subject);
     let residual = residual(settings, &mut m.load, &outputs, subject);
     m.publication.hold(&outputs, &exposure, pose_mismatch_rad, m.placement.suit_time_ns);
-    m.publication.hold_shift(&m.exposure);
     if let Some(residual) = residual {
         update_models(settings, m, &outputs, &residual);
     }

@@ -133,7 +133,7 @@ pub struct Observation {
     /// Centres of mass of the segments by the table, segment axes, m.
     pub centre_m: [[f64; 3]; SEGMENTS],
     /// Fraction of the body mass in each segment by the table; all zero if the model omits the rotation of the body.
-    pub mass_share: [f64; SEGMENTS],
+    pub mass_fraction: [f64; SEGMENTS],
     /// CoM by the chain, m.
     pub com_m: [f64; 3],
     /// Its acceleration by the suit, m/s².

@@ -92,13 +92,13 @@ impl Exposure {
     /// The data to be stored. Excludes a lift in progress: it continues, and counts, once the load is detected again.
     pub fn shift(&self) -> Shift {
         let Dose { damage, lifts, ended, latest, .. } = self.dose;
-        Shift { fatigue: self.fatigue.share, damage, lifts, ended, latest }
+        Shift { fatigue: self.fatigue.by_joint, damage, lifts, ended, latest }
     }
 
     /// Continues a shift after a gap without data, for which neither fatigue nor rest is assumed.
     pub fn resume(&mut self, shift: &Shift) {
         self.start();
-        self.fatigue.share = shift.fatigue;
+        self.fatigue.by_joint = shift.fatigue;
         let &Shift { damage, lifts, ended, latest, .. } = shift;
         self.dose = Dose::restored(damage, lifts, ended, latest);
     }
@@ -152,7 +152,7 @@ mod tests {
             exposure.advance(NS_PER_S + sample * 10_000_000, &carrying(30.0), &limits);
         }
         let before = exposure;
-        assert!(before.fatigue.share[0] > 0.0 && before.dose.lifts == 0);
+        assert!(before.fatigue.by_joint[0] > 0.0 && before.dose.lifts == 0);
         // Over 3 s without data, as with a suit out of radio range, and when time does not advance.
         for time_ns in [5 * NS_PER_S, 5 * NS_PER_S, 4 * NS_PER_S] {
             exposure.advance(time_ns, &carrying(30.0), &limits);

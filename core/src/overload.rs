@@ -141,10 +141,10 @@ const ENDS: [Ends; JOINTS] = {
 /// hands' term then grows by Σ η_h δ ΔF and the feet's by Σ ζ_k δ ΔF, independently of the joint's position.
 pub fn leverage(joint: Joint, zeta: [f64; 2], eta: [f64; 2]) -> f64 {
     let ends = ENDS[joint.index()];
-    let share = |hang: [bool; 2], share: [f64; 2]| -> f64 {
-        (0..2).filter(|side| hang[*side]).map(|side| share[side]).sum()
+    let sum = |hang: [bool; 2], fraction: [f64; 2]| -> f64 {
+        (0..2).filter(|side| hang[*side]).map(|side| fraction[side]).sum()
     };
-    share(ends.hands, eta) - share(ends.feet, zeta)
+    sum(ends.hands, eta) - sum(ends.feet, zeta)
 }
 
 /// Horizontal covariance (xx, xy, yy) of the point of action on a hand, from its 1-σ along the hand's axes, m².

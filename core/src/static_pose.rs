@@ -23,7 +23,7 @@ pub(crate) const SPAN_NS: u64 = 300_800_000;
 const SPACING_NS: u64 = SPAN_NS / (WINDOW as u64 - 1);
 /// Maximum acceleration in a static pose as a fraction of gravity: the same fraction of shear over weight counts as a
 /// contact.
-const ACCELERATION_SHARE_MAX: f64 = 0.02;
+const ACCELERATION_RATIO_MAX: f64 = 0.02;
 
 /// Thresholds of a static pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +35,7 @@ pub struct Thresholds {
     /// A pose is new if some joint differs from the last used pose by more than this, rad.
     pub leave_rad: f64,
     /// Maximum difference between vertical force and body weight, as a fraction of the weight.
-    pub weight_share: f64,
+    pub weight_fraction: f64,
 }
 
 impl Default for Thresholds {
@@ -44,7 +44,7 @@ impl Default for Thresholds {
             joint_rad: 1f64.to_radians(),
             cop_m: 0.004,
             leave_rad: 7f64.to_radians(),
-            weight_share: 0.04,
+            weight_fraction: 0.04,
         }
     }
 }
@@ -229,7 +229,7 @@ impl PoseStatistics {
     pub fn is_within(&self, thresholds: &Thresholds, factor: f64) -> bool {
         self.joint_rad < factor * thresholds.joint_rad
             && self.cop_sigma_m.iter().all(|sigma| *sigma < factor * thresholds.cop_m)
-            && self.acceleration_m_per_s2 < factor * ACCELERATION_SHARE_MAX * GRAVITY_M_PER_S2
+            && self.acceleration_m_per_s2 < factor * ACCELERATION_RATIO_MAX * GRAVITY_M_PER_S2
     }
 }
 

@@ -43,15 +43,15 @@ const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
         reason: Validity::GROUND_IMPLAUSIBLE,
         incident: Incident::GroundImplausible,
         after: Duration::ZERO,
-        message: "what the plate shows leaps, repeats or pulls as under no person; it is believed again once it shows the \
-                   worker's weight alone, or after the worker has stepped off",
+        message: "the plate's values jump, repeat or pull upwards as under no person; they are used again once they show \
+                   the worker's weight alone, or after the worker has stepped off",
     },
     ValidityIncident {
         reason: Validity::SUIT_IMPLAUSIBLE,
         incident: Incident::SuitImplausible,
         after: Duration::ZERO,
-        message: "poses of the suit repeat, jump or separate at the joints, and are not used; another worker than the \
-                   profile in use has other bones: `equipoise subject load`",
+        message: "poses of the suit repeat, jump or separate at the joints, and are not used; if the profile in use \
+                   is another worker's, load the right one with `equipoise subject load`",
     },
     ValidityIncident {
         reason: Validity::WEIGHT_MISSING,

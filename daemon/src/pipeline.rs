@@ -124,7 +124,7 @@ impl Pipeline {
 
         // The command server exists once per station, so its owner is the station's daemon. Ports are bound to their
         // thread, so that thread opens it, and this thread waits for the result.
-        let (share, shared) = bounded::<Shared>(1);
+        let (shared_sender, shared) = bounded::<Shared>(1);
         let (commands, ()) = start_thread("commands", ORDINARY, &thread_registry, move |ready| {
             let bus = Bus::join(&BusSettings::new(&station, DAEMON_ROLE))?;
             // Removes nodes left by a previous daemon, for example.
@@ -149,7 +149,7 @@ impl Pipeline {
         let restored = Restored::find(&mut active, &subjects);
         let active_configuration = Arc::new(SharedConfiguration::new(active, settings_sender));
         // Threads are running from here on: a failure must end them and wait until they have left the bus.
-        let mut running = Running::with_commands(commands, share);
+        let mut running = Running::with_commands(commands, shared_sender);
         let board = Arc::new(IncidentBoard::default());
         let start = Start {
             config,

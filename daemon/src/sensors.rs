@@ -213,8 +213,8 @@ impl Ground {
     /// Current fault of the device, or of either device.
     pub fn fault(&self) -> Option<String> {
         match self {
-            Ground::One(source) => source.trouble(),
-            Ground::Two(source) => source.trouble(),
+            Ground::One(source) => source.diagnostic(),
+            Ground::Two(source) => source.diagnostic(),
         }
     }
 

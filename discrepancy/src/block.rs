@@ -57,7 +57,7 @@ pub struct Block {
     /// Rotation vector of each segment relative to its parent (pelvis: relative to the feet's heading), rad.
     pub joint_rad: [[f64; 3]; SEGMENTS],
     /// Second derivative of each component of `joint_rad` times the segment's rotation matrix, rad/s².
-    pub bent_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
+    pub joint_weighted_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
     /// Heading of the standing feet, rad.
     pub heading_rad: f64,
     /// Change by each of [`LAGS_S`].

@@ -177,7 +177,7 @@ fn surprise(gram: &Gram<'_>, answer: &Answer) -> Vec<SurpriseBin> {
         (0..3).flat_map(|axis| whitened(gram, rows, axis)).map(|value| value * value).collect()
     };
     let (before, after) = (squares(&answer.rest.before), squares(&answer.rest.after));
-    let share = |list: &[f64], from: f64, to: f64| {
+    let fraction = |list: &[f64], from: f64, to: f64| {
         list.iter().filter(|&&value| value >= from && value < to).count() as f64 / list.len().max(1) as f64
     };
     INNOVATION_BINS
@@ -188,8 +188,8 @@ fn surprise(gram: &Gram<'_>, answer: &Answer) -> Vec<SurpriseBin> {
             SurpriseBin {
                 from,
                 to,
-                before: share(&before, from, to),
-                after: share(&after, from, to),
+                before: fraction(&before, from, to),
+                after: fraction(&after, from, to),
                 expected,
             }
         })

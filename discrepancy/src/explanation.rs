@@ -141,7 +141,8 @@ fn misfit_columns(gram: &Gram<'_>, candidate: &Candidate, value: &[f64]) -> Vec<
     misfit(gram, &columns_at, [&candidate.sigma, value], &hats(rows, model_error(candidate.effect), edges_s))
 }
 
-/// The same of columns at every block of the work, with the prior's 1-σ and the values of the parameters.
+/// As [`misfit_columns`], from the effect's columns at every block of the work and the 1-σ of the priors and the values
+/// of its parameters; `hats`: peak, s, half width, s, and 1-σ as a fraction, of each hat function.
 fn misfit(
     gram: &Gram<'_>,
     columns_at: &[Columns],
@@ -307,14 +308,14 @@ impl Explanation {
 
     /// The same without columns, for the posterior: they occupy megabytes. What is outside the catalogue keeps its own.
     pub(crate) fn without_columns(&self) -> Explanation {
-        let bare = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
+        let without_whitened = |member: &Member| Member { whitened: Rc::default(), ..member.clone() };
         let outside = self.outside.as_ref().map(|one| {
             let Whitened { columns, mean, sigma, .. } = &*one.whitened;
             let columns = columns[..mean.len()].to_vec();
             let own = Whitened { columns, mean: mean.clone(), sigma: sigma.clone(), ..Whitened::default() };
             Outside { whitened: Rc::new(own), ..one.clone() }
         });
-        Explanation { members: self.members.iter().map(bare).collect(), outside, ..*self }
+        Explanation { members: self.members.iter().map(without_whitened).collect(), outside, ..*self }
     }
 
     /// Whether another one begins with the names of its effects.

@@ -71,7 +71,7 @@ impl Posterior {
             let mut names: Vec<String> = explanation.names().iter().map(|name| class(name)).collect();
             names.sort();
             names.dedup();
-            match sets.iter_mut().find(|(known, ..)| *known == names) {
+            match sets.iter_mut().find(|(set, ..)| *set == names) {
                 Some((_, sum, _)) => *sum += probability,
                 None => sets.push((names, probability, explanation)),
             }

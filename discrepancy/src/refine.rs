@@ -38,7 +38,7 @@ fn add_wide(gram: &mut Gram<'_>, mut candidate: Candidate, accepted: &[usize]) -
     let all: Vec<usize> = accepted.iter().copied().chain([term]).collect();
     let columns = gram.columns_of(&all);
     let (mean, sigma) = gram.priors(&all);
-    // The prior of a mass's first moment follows the mass already.
+    // The prior of a mass's first moment is already scaled by the mass.
     let widened = if candidate.effect.arm_sigma_m(candidate.place).is_some() { 1 } else { candidate.count() };
     let first = sigma.len() - candidate.count();
     let score = |(factor, weight): (f64, f64)| {
@@ -144,7 +144,7 @@ pub(crate) fn shape_sigma(gram: &Gram<'_>, candidate: &Candidate, others: &[usiz
     if curvature > 0.0 { 1.0 / curvature.sqrt() } else { candidate.shape.abs() }
 }
 
-/// Refits a mass's first moment with a prior consistent with the mass: the length of an arm, not a metre.
+/// Sets the prior 1-σ of each mass's first moment, kg m, to the mass, kg, times the prior 1-σ of its arm, m.
 pub(crate) fn scale_moment_priors(gram: &mut Gram<'_>) {
     for index in 0..gram.terms.len() {
         let term = &gram.terms[index];

@@ -135,7 +135,7 @@ fn soft_tissue(block: &Block) -> [[Columns; 3]; SEGMENTS] {
         [0, 1, 2].map(|joint| {
             let bent =
                 block.observation.rotation[index].map(|row| row.map(|e| block.joint_rad[index][joint] * e));
-            let acceleration = &block.bent_rotation_acceleration[index][joint];
+            let acceleration = &block.joint_weighted_rotation_acceleration[index][joint];
             misaligned_by_factor(segment, &bent, acceleration, &block.observation)
         })
     })

@@ -32,7 +32,7 @@ pub struct Progress {
     /// Current step.
     pub doing: &'static str,
     /// Completed fraction, in [0, 1].
-    pub share: f64,
+    pub fraction: f64,
 }
 
 /// Input of a reconciliation.

@@ -124,8 +124,8 @@ fn hostile_names_stay_text() {
         if name.ends_with(".md") {
             let text = without_code(text);
             assert!(!text.contains("\n# c"), "a name's second line is a heading");
-            let bare = text.match_indices("<script").filter(|(at, _)| !text[..*at].ends_with('\\'));
-            assert_eq!(bare.count(), 0, "{text}");
+            let unescaped = text.match_indices("<script").filter(|(at, _)| !text[..*at].ends_with('\\'));
+            assert_eq!(unescaped.count(), 0, "{text}");
         } else {
             assert!(!text.contains("<script"), "{name}");
             well_formed(text.trim_start_matches("<!doctype html>\n"))

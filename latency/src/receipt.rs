@@ -59,7 +59,7 @@ impl ConsumerReceipts {
     }
 
     /// Adds one report. Ignores reports from before the start, which may refer to an earlier time.
-    pub fn see(&mut self, report: &ConsumerReceipt) {
+    pub fn ingest(&mut self, report: &ConsumerReceipt) {
         if report.time_ns < self.since_ns {
             return;
         }

@@ -129,7 +129,7 @@ fn write(
     let header = RecordingHeader {
         software_version: env!("CARGO_PKG_VERSION").to_owned(),
         started_monotonic_ns,
-        config_toml: chosen.config.clone().without_paths().to_toml(),
+        config_toml: chosen.config.clone().for_recording().to_toml(),
         model_toml: chosen.config.model_toml(),
         ..RecordingHeader::default()
     };

@@ -77,7 +77,7 @@ pub fn record(
         tap.leak();
         let replaced = format!(
             "the directory of the bus was removed or replaced, so this process receives nothing from station {station} \
-             any more: recording ends"
+             any more: the recording ends"
         );
         return match recorded {
             Ok(_) => {
@@ -239,7 +239,7 @@ fn read_profile(facts: &Status) -> String {
 
 /// The daemon's configuration for recordings, without an identity if the subject in use was deleted.
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
-    let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.without_paths();
+    let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.for_recording();
     if facts.subject.is_empty() {
         config.subject.id = equipoise_station::ANONYMOUS.to_owned();
     }

@@ -128,7 +128,7 @@ impl Replay<'_> {
         RecordingHeader {
             software_version: env!("CARGO_PKG_VERSION").to_owned(),
             started_monotonic_ns: self.input.started_ns(),
-            config_toml: self.config.clone().without_paths().to_toml(),
+            config_toml: self.config.clone().for_recording().to_toml(),
             model_toml: self.config.model_toml(),
             ..base
         }

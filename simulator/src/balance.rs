@@ -37,7 +37,7 @@ pub struct Standing<'a> {
 #[derive(Debug, Clone, Copy)]
 pub struct Start {
     /// Offset of the pelvis from its position for massless legs, m.
-    by_legs_m: Vector2<f64>,
+    pelvis_offset_m: Vector2<f64>,
     /// Inverse Jacobian: shift of the pelvis per error of the centre of mass, m/m.
     shift_from_error: Matrix2<f64>,
 }
@@ -45,7 +45,7 @@ pub struct Start {
 impl Default for Start {
     fn default() -> Start {
         // Most of the mass moves with the pelvis, some stays with the feet.
-        Start { by_legs_m: Vector2::zeros(), shift_from_error: Matrix2::identity() * 1.2 }
+        Start { pelvis_offset_m: Vector2::zeros(), shift_from_error: Matrix2::identity() * 1.2 }
     }
 }
 
@@ -75,9 +75,9 @@ impl Standing<'_> {
     /// As [`Self::balance`], from given initial values, which are replaced by the result.
     pub fn balance_near(&self, pose: &Pose, target_m: Vector2<f64>, start: &mut Start) -> Balanced {
         let upper = Upper::new(self, pose);
-        let Start { by_legs_m, mut shift_from_error } = *start;
-        let without_legs_m = target_m - upper.centre_from_pelvis.xy();
-        let mut pelvis_xy = without_legs_m + by_legs_m;
+        let Start { pelvis_offset_m, mut shift_from_error } = *start;
+        let massless_legs_pelvis_m = target_m - upper.centre_from_pelvis.xy();
+        let mut pelvis_xy = massless_legs_pelvis_m + pelvis_offset_m;
         let mut legs = self.legs(pose, &upper, pelvis_xy);
         let mut error = upper.centre(self, &legs).xy() - target_m;
         for _ in 0..MAX_ITERATIONS {
@@ -96,7 +96,7 @@ impl Standing<'_> {
             }
             error = now;
         }
-        *start = Start { by_legs_m: pelvis_xy - without_legs_m, shift_from_error };
+        *start = Start { pelvis_offset_m: pelvis_xy - massless_legs_pelvis_m, shift_from_error };
         self.assemble(&upper, &legs)
     }
 
@@ -199,9 +199,9 @@ impl Upper {
             foot: [0, 1].map(|k: usize| {
                 let [foot, toe] = [Side::BOTH[k].foot(), Side::BOTH[k].toe()].map(Segment::index);
                 let (mass_kg, com_m) = (&person.segment_mass_kg, standing.com_m);
-                let together_kg = mass_kg[foot] + mass_kg[toe];
+                let total_kg = mass_kg[foot] + mass_kg[toe];
                 let moment = com_m[foot] * mass_kg[foot] + (person.offset_m[toe] + com_m[toe]) * mass_kg[toe];
-                (together_kg, standing.stance.world_from_foot[k] * (moment / together_kg))
+                (total_kg, standing.stance.world_from_foot[k] * (moment / total_kg))
             }),
         }
     }
@@ -211,7 +211,7 @@ impl Upper {
         let person = standing.person;
         let mut mass = self.mass_kg;
         let mut moment = (legs.pelvis_m + self.centre_from_pelvis) * self.mass_kg;
-        let mut carry = |mass_kg: f64, point_m: Vector3<f64>| {
+        let mut add_mass = |mass_kg: f64, point_m: Vector3<f64>| {
             mass += mass_kg;
             moment += point_m * mass_kg;
         };
@@ -221,10 +221,10 @@ impl Upper {
             let hip_m = legs.pelvis_m + self.hip_from_pelvis[k];
             let knee_m = hip_m + world_from_upper * person.offset_m[shank];
             let ankle_m = knee_m + world_from_lower * person.offset_m[foot];
-            carry(person.segment_mass_kg[thigh], hip_m + world_from_upper * standing.com_m[thigh]);
-            carry(person.segment_mass_kg[shank], knee_m + world_from_lower * standing.com_m[shank]);
+            add_mass(person.segment_mass_kg[thigh], hip_m + world_from_upper * standing.com_m[thigh]);
+            add_mass(person.segment_mass_kg[shank], knee_m + world_from_lower * standing.com_m[shank]);
             let (foot_kg, foot_from_ankle_m) = self.foot[k];
-            carry(foot_kg, ankle_m + foot_from_ankle_m);
+            add_mass(foot_kg, ankle_m + foot_from_ankle_m);
         }
         moment / mass
     }

@@ -1,4 +1,4 @@
-//! Deviations of the simulated physics from the bare body and the box: worn masses, external forces on the body,
+//! Deviations of the simulated physics from the unmodified body and the box: worn masses, external forces on the body,
 //! changed body parameters, a degree of freedom that the suit does not measure. Each may be limited in time.
 
 use equipoise_core::body::{SEGMENTS, Segment};
@@ -30,7 +30,7 @@ impl Span {
     pub const ALWAYS: Span = Span { from_s: f64::NEG_INFINITY, to_s: f64::INFINITY, flips_at_s: None };
 
     /// Activation at a time, in [−1, 1]; onset, flip and end are short ramps.
-    pub fn share(&self, time_s: f64) -> f64 {
+    pub fn activation(&self, time_s: f64) -> f64 {
         let since = |start_s: f64| minimum_jerk((time_s - start_s) / RAMP_S);
         let sign = self.flips_at_s.map_or(1.0, |flips_at_s| 1.0 - 2.0 * since(flips_at_s));
         since(self.from_s) * minimum_jerk((self.to_s - time_s) / RAMP_S) * sign
@@ -104,16 +104,16 @@ pub enum BodyChange {
 
 impl BodyChange {
     /// Applies a fraction of the change to the body.
-    pub fn on(&self, body: &mut BodyState, share: f64) {
+    pub fn on(&self, body: &mut BodyState, activation: f64) {
         match *self {
             BodyChange::Centre(segment, by_m) => {
                 let i = segment.index();
-                body.com_m[i] += body.world_from_segment[i] * by_m * share;
+                body.com_m[i] += body.world_from_segment[i] * by_m * activation;
             }
             BodyChange::Breath(segment, by_m, hertz) => {
                 let i = segment.index();
                 let phase = (core::f64::consts::TAU * hertz * body.time_s).sin();
-                body.com_m[i] += body.world_from_segment[i] * by_m * (share * phase);
+                body.com_m[i] += body.world_from_segment[i] * by_m * (activation * phase);
             }
             BodyChange::ShoulderBlades(by_m) => {
                 for (upper, side) in [(Segment::LeftUpperArm, 1.0), (Segment::RightUpperArm, -1.0)] {
@@ -121,7 +121,7 @@ impl BodyChange {
                     // A hanging arm points down the trunk; in the T-pose its length is the Y axis.
                     let along = body.world_from_segment[upper.index()] * Vector3::new(0.0, side, 0.0);
                     let raised = 1.0 + (trunk.inverse() * along).z;
-                    let by_m = trunk * Vector3::new(by_m.x, side * by_m.y, by_m.z) * (share * raised);
+                    let by_m = trunk * Vector3::new(by_m.x, side * by_m.y, by_m.z) * (activation * raised);
                     shift(body, upper.index()..upper.index() + 3, by_m);
                 }
             }
@@ -131,7 +131,7 @@ impl BodyChange {
                         [Segment::Pelvis, Segment::T8].map(|s| body.world_from_segment[s.index()]);
                     (pelvis.inverse() * trunk).scaled_axis()
                 };
-                let by_m = body.world_from_segment[0] * by_m * (share * bend_rad.y);
+                let by_m = body.world_from_segment[0] * by_m * (activation * bend_rad.y);
                 shift(body, Segment::T12.index()..Segment::RightUpperLeg.index(), by_m);
             }
         }
@@ -171,7 +171,7 @@ impl SuitFault {
         &self,
         seen: &mut [nalgebra::UnitQuaternion<f64>; SEGMENTS],
         body: &BodyState,
-        share: f64,
+        activation: f64,
         since_s: f64,
     ) {
         let turned = |radians: f64| nalgebra::UnitQuaternion::from_scaled_axis(Vector3::z() * radians);
@@ -183,20 +183,20 @@ impl SuitFault {
             }
             SuitFault::Heading(segment, radians) => {
                 let rotation = &mut seen[segment.index()];
-                *rotation = turned(radians * share) * *rotation;
+                *rotation = turned(radians * activation) * *rotation;
             }
             SuitFault::Misalignment(segment, radians) => {
                 let rotation = &mut seen[segment.index()];
-                *rotation *= nalgebra::UnitQuaternion::from_scaled_axis(radians * share);
+                *rotation *= nalgebra::UnitQuaternion::from_scaled_axis(radians * activation);
             }
             SuitFault::MagneticRegion(segment, radians, centre_m, reach_m) => {
                 let i = segment.index();
                 let away = (body.origin_m[i] - centre_m).norm() / reach_m;
-                seen[i] = turned(radians * share * (-0.5 * away * away).exp()) * seen[i];
+                seen[i] = turned(radians * activation * (-0.5 * away * away).exp()) * seen[i];
             }
             SuitFault::Slip(segment, rate) => {
                 let i = segment.index();
-                let slip = joint_rad(body)[i] * (rate * share);
+                let slip = joint_rad(body)[i] * (rate * activation);
                 seen[i] *= nalgebra::UnitQuaternion::from_scaled_axis(slip);
             }
         }
@@ -313,9 +313,9 @@ mod tests {
     #[test]
     fn a_span_comes_turns_over_and_goes() {
         let span = Span { from_s: 10.0, to_s: 30.0, flips_at_s: Some(20.0) };
-        for (time_s, share) in [(9.9, 0.0), (15.0, 1.0), (25.0, -1.0), (30.1, 0.0)] {
-            assert!((span.share(time_s) - share).abs() < 1e-12, "{time_s}");
+        for (time_s, activation) in [(9.9, 0.0), (15.0, 1.0), (25.0, -1.0), (30.1, 0.0)] {
+            assert!((span.activation(time_s) - activation).abs() < 1e-12, "{time_s}");
         }
-        assert!((Span::ALWAYS.share(0.0) - 1.0).abs() < 1e-12);
+        assert!((Span::ALWAYS.activation(0.0) - 1.0).abs() < 1e-12);
     }
 }

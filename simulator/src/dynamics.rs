@@ -50,7 +50,7 @@ pub(crate) fn external_wrench(
     wanted: impl Fn(Segment) -> bool,
 ) -> Wrench {
     let mut wrench = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
-    let mut carry = |mass_kg: f64, past: Vector3<f64>, here: Vector3<f64>, next: Vector3<f64>| {
+    let mut add_mass = |mass_kg: f64, past: Vector3<f64>, here: Vector3<f64>, next: Vector3<f64>| {
         let acceleration = (next - here * 2.0 + past) / (step_s * step_s);
         let force = mass_kg * (acceleration + Vector3::z() * GRAVITY_M_PER_S2);
         wrench.force_n += force;
@@ -58,9 +58,9 @@ pub(crate) fn external_wrench(
     };
     let wanted: Vec<usize> = Segment::ALL.into_iter().filter(|s| wanted(*s)).map(Segment::index).collect();
     for &i in &wanted {
-        carry(person.segment_mass_kg[i], before.com_m[i], now.com_m[i], after.com_m[i]);
+        add_mass(person.segment_mass_kg[i], before.com_m[i], now.com_m[i], after.com_m[i]);
     }
-    carry(now.load_kg, before.load_m(), now.load_m(), after.load_m());
+    add_mass(now.load_kg, before.load_m(), now.load_m(), after.load_m());
     for i in wanted {
         let spin = |from: &BodyState, to: &BodyState| spin_nms(person, i, from, to, step_s);
         wrench.moment_nm += (spin(now, after) - spin(before, now)) / step_s;
@@ -99,7 +99,7 @@ mod tests {
             com_m: move_there(com),
             grip_m: [fall; 2],
             load_kg: 0.0,
-            right_hand_share: 0.5,
+            right_hand_fraction: 0.5,
             load_ahead_m: Vector3::zeros(),
             squeeze_n: Vector3::zeros(),
             foot_press_m: [Vector2::zeros(); 2],

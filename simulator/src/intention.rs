@@ -84,17 +84,19 @@ impl Intention {
     /// The resulting pose.
     pub fn pose(&self) -> Pose {
         // World X is the axis of a lean to the right, Y of a tilt forward, Z of a rotation to the left.
-        let turn = |[forward, right, left]: [f64; 3], share: f64| {
-            UnitQuaternion::from_scaled_axis(Vector3::new(right, forward, left).map(f64::to_radians) * share)
+        let turn = |[forward, right, left]: [f64; 3], fraction: f64| {
+            UnitQuaternion::from_scaled_axis(
+                Vector3::new(right, forward, left).map(f64::to_radians) * fraction,
+            )
         };
         let mut rotation = [UnitQuaternion::identity(); SEGMENTS];
         rotation[0] = turn(self.pelvis_deg, 1.0);
         let trunk = [self.trunk_flex_deg, self.trunk_side_deg, self.trunk_twist_deg];
-        for (segment, share) in SPINE {
-            rotation[segment.index()] = turn(trunk, share);
+        for (segment, fraction) in SPINE {
+            rotation[segment.index()] = turn(trunk, fraction);
         }
-        for (segment, share) in NECK {
-            rotation[segment.index()] = turn(self.head_deg, share);
+        for (segment, fraction) in NECK {
+            rotation[segment.index()] = turn(self.head_deg, fraction);
         }
         for (start, arm, side) in
             [(Segment::LeftShoulder, self.left_arm, 1.0), (Segment::RightShoulder, self.right_arm, -1.0)]

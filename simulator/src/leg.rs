@@ -12,13 +12,14 @@ pub struct Leg {
     pub world_from_upper: Rotation3<f64>,
     /// `world_from_lower_leg`.
     pub world_from_lower: Rotation3<f64>,
-    cos_inside_knee: f64,
+    /// Cosine of the angle between thigh and shank at the knee (π rad: straight).
+    cos_knee_angle: f64,
 }
 
 impl Leg {
     /// Flexion of the knee, rad; 0 is straight.
     pub fn knee_flexion_rad(&self) -> f64 {
-        core::f64::consts::PI - self.cos_inside_knee.acos()
+        core::f64::consts::PI - self.cos_knee_angle.acos()
     }
 }
 
@@ -48,7 +49,7 @@ pub fn solve(
     Leg {
         world_from_upper: along(hip_m, knee_m),
         world_from_lower: along(knee_m, ankle_m),
-        cos_inside_knee: (thigh * thigh + shank * shank - distance * distance) / (2.0 * thigh * shank),
+        cos_knee_angle: (thigh * thigh + shank * shank - distance * distance) / (2.0 * thigh * shank),
     }
 }
 

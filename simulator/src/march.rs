@@ -64,16 +64,16 @@ impl March {
         let swing = SWING.iter().zip(self.amplitude_m);
         let swing_m: f64 =
             swing.map(|((frequency, _), amplitude_m)| amplitude_m * (frequency * stride_rad).sin()).sum();
-        self.share(time_s) * swing_m
+        self.activation(time_s) * swing_m
     }
 
     /// Lowering of the pelvis at a time, as a fraction of its height.
     pub fn sink(&self, time_s: f64) -> f64 {
-        SINK * self.share(time_s)
+        SINK * self.activation(time_s)
     }
 
     /// Activation: 0 at both ends, 1 while the feet are raised.
-    fn share(&self, time_s: f64) -> f64 {
+    fn activation(&self, time_s: f64) -> f64 {
         let ramp_s = RAMP_STEPS * STEP_S;
         minimum_jerk((time_s - self.start_s) / ramp_s) * minimum_jerk((self.end_s() - time_s) / ramp_s)
     }

@@ -51,7 +51,7 @@ pub struct Habits {
     /// Standard deviation of the chosen balance point, per pose, m.
     pub balance_error_m: f64,
     /// Fraction of a box carried by the right hand, in [0, 1].
-    pub right_hand_share: f64,
+    pub right_hand_fraction: f64,
     /// Standard deviation of each foot's pressure point from the line common to both, forward and sideways in the
     /// foot's axes, m. It changes slowly, and independently under both feet.
     pub foot_press_m: [f64; 2],
@@ -60,7 +60,7 @@ pub struct Habits {
     /// Horizontal distance of a box's centre beyond the line between the grips, away from the body, m.
     pub load_ahead_m: f64,
     /// Squeezing force of each hand on a box between both, as a fraction of its weight.
-    pub squeeze_share: f64,
+    pub squeeze_ratio: f64,
 }
 
 impl Habits {
@@ -72,11 +72,11 @@ impl Habits {
         sway_rad: 0.003,
         pose_error_rad: 0.05,
         balance_error_m: 0.008,
-        right_hand_share: 0.5,
+        right_hand_fraction: 0.5,
         foot_press_m: [0.0; 2],
         grip_off_m: [[0.0; 3]; 2],
         load_ahead_m: 0.0,
-        squeeze_share: 0.0,
+        squeeze_ratio: 0.0,
     };
     /// A statue that takes poses exactly.
     pub const NONE: Habits = Habits {
@@ -106,7 +106,7 @@ pub struct BodyState {
     /// Load on the hands, kg; increases from zero while a box is grasped.
     pub load_kg: f64,
     /// Fraction of it on the right hand, in [0, 1].
-    pub right_hand_share: f64,
+    pub right_hand_fraction: f64,
     /// From the line between the grips to the box's centre, m.
     pub load_ahead_m: Vector3<f64>,
     /// Squeezing force of the box on the left hand, N; its opposite acts on the right hand.
@@ -119,13 +119,13 @@ pub struct BodyState {
 
 impl BodyState {
     /// Fraction of the box on each hand, left and right.
-    pub fn hand_share(&self) -> [f64; 2] {
-        [1.0 - self.right_hand_share, self.right_hand_share]
+    pub fn hand_load_fraction(&self) -> [f64; 2] {
+        [1.0 - self.right_hand_fraction, self.right_hand_fraction]
     }
 
     /// The box's centre, m: ahead of the line between the grips, nearer to the hand that carries more.
     pub fn load_m(&self) -> Vector3<f64> {
-        let [left, right] = self.hand_share();
+        let [left, right] = self.hand_load_fraction();
         self.grip_m[0] * left + self.grip_m[1] * right + self.load_ahead_m
     }
 
@@ -371,7 +371,7 @@ impl Worker {
         // above the other, which would cause large inertial forces of the box.
         let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
         let ahead = leftwards.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
-        let squeeze_n = self.habits.squeeze_share * load_kg * GRAVITY_M_PER_S2;
+        let squeeze_n = self.habits.squeeze_ratio * load_kg * GRAVITY_M_PER_S2;
         let foot_press_m = std::array::from_fn(|k| {
             let [forward, aside] = [0, 1].map(|axis: usize| self.foot_press[k][axis].at(time_s));
             (stance.world_from_foot[k] * Vector3::new(forward, aside, 0.0)).xy()
@@ -383,7 +383,7 @@ impl Worker {
             com_m: body.com_m,
             grip_m,
             load_kg,
-            right_hand_share: self.habits.right_hand_share,
+            right_hand_fraction: self.habits.right_hand_fraction,
             load_ahead_m: inclined(ahead, aim.load_down_rad) * self.habits.load_ahead_m,
             squeeze_n: apart.try_normalize(1e-6).unwrap_or_else(Vector3::zeros) * squeeze_n,
             foot_press_m,
@@ -415,7 +415,7 @@ impl Worker {
     fn turn_towards(&self, aim: &mut Aim, time_s: f64) {
         let heading = UnitQuaternion::from_scaled_axis(Vector3::z() * self.walk.heading_rad(time_s));
         // On one foot the range of possible balance points is small.
-        let room = 1.0 - 0.8 * self.walk.share(time_s);
+        let room = 1.0 - 0.8 * self.walk.activation(time_s);
         let chosen_m = (aim.balance_m - usual_balance_m(&self.person, &self.stance)) * room;
         aim.balance_m = self.walk.balance_m(time_s) + self.in_heading(chosen_m, time_s);
         aim.pose.parent_from_segment[0] = heading * aim.pose.parent_from_segment[0];
@@ -437,8 +437,8 @@ impl Worker {
     fn breathing_coms_m(&self, time_s: f64) -> [Vector3<f64>; SEGMENTS] {
         let mut com_m = self.person.com_m;
         let breath = self.habits.breathing_m * (TAU * self.habits.breathing_hz * time_s).sin();
-        for (segment, share) in [(Segment::T8, 1.0), (Segment::T12, 0.8), (Segment::L3, 0.5)] {
-            com_m[segment.index()].x += share * breath;
+        for (segment, fraction) in [(Segment::T8, 1.0), (Segment::T12, 0.8), (Segment::L3, 0.5)] {
+            com_m[segment.index()].x += fraction * breath;
         }
         com_m
     }

@@ -109,7 +109,8 @@ impl Person {
         };
         for row in &AVERAGE {
             let mass_kg = row.mass * mass_kg;
-            let [across, along] = row.gyration.map(|share| mass_kg * (share * row.length * height_m).powi(2));
+            let [across, along] =
+                row.gyration.map(|fraction| mass_kg * (fraction * row.length * height_m).powi(2));
             let inertia = match long_axis(row.com) {
                 0 => [along, across, across],
                 1 => [across, along, across],

@@ -54,17 +54,18 @@ impl FaultyPlate {
         let mut felt = wrench;
         for index in 0..self.faults.len() {
             let (fault, span) = self.faults[index];
-            let share = span.share(time_s);
+            let activation = span.activation(time_s);
             felt = match fault {
-                PlateFault::LowPass(hertz) if share > 0.0 => self.low_passed(felt, hertz, step_s),
-                PlateFault::Hysteresis(play_m) => self.late(felt, play_m * share),
-                PlateFault::Drift(m_per_s) if share > 0.0 => {
-                    moved(felt, m_per_s * (share * (time_s - span.from_s).max(0.0)))
+                PlateFault::LowPass(hertz) if activation > 0.0 => self.low_passed(felt, hertz, step_s),
+                PlateFault::Hysteresis(play_m) => self.late(felt, play_m * activation),
+                PlateFault::Drift(m_per_s) if activation > 0.0 => {
+                    moved(felt, m_per_s * (activation * (time_s - span.from_s).max(0.0)))
                 }
-                PlateFault::SettlingDrift(bound_m, tau_s) if share > 0.0 => {
-                    moved(felt, bound_m * (share * (1.0 - (-(time_s - span.from_s).max(0.0) / tau_s).exp())))
-                }
-                _ => at_once(fault, felt, share),
+                PlateFault::SettlingDrift(bound_m, tau_s) if activation > 0.0 => moved(
+                    felt,
+                    bound_m * (activation * (1.0 - (-(time_s - span.from_s).max(0.0) / tau_s).exp())),
+                ),
+                _ => at_once(fault, felt, activation),
             };
         }
         felt
@@ -99,28 +100,29 @@ fn moved(wrench: Wrench, by_m: Vector2<f64>) -> Wrench {
 }
 
 /// A fault without state.
-fn at_once(fault: PlateFault, wrench: Wrench, share: f64) -> Wrench {
+fn at_once(fault: PlateFault, wrench: Wrench, activation: f64) -> Wrench {
     let Wrench { force_n, moment_nm } = wrench;
     let moments = |x_nm: f64, y_nm: f64| Wrench { moment_nm: Vector3::new(x_nm, y_nm, moment_nm.z), force_n };
     match fault {
-        PlateFault::Offset(by_m) => moved(wrench, by_m * share),
+        PlateFault::Offset(by_m) => moved(wrench, by_m * activation),
         PlateFault::Yaw(radians) => {
-            let plate_from_world = UnitQuaternion::from_scaled_axis(Vector3::z() * (-radians * share));
+            let plate_from_world = UnitQuaternion::from_scaled_axis(Vector3::z() * (-radians * activation));
             Wrench { force_n: plate_from_world * force_n, moment_nm: plate_from_world * moment_nm }
         }
         // The moment about Y determines the position along X.
         PlateFault::Gain(more) => {
-            moments(moment_nm.x * (1.0 + more.y * share), moment_nm.y * (1.0 + more.x * share))
+            moments(moment_nm.x * (1.0 + more.y * activation), moment_nm.y * (1.0 + more.x * activation))
         }
-        PlateFault::Crosstalk(seen) => {
-            moments(moment_nm.x - seen * share * moment_nm.y, moment_nm.y - seen * share * moment_nm.x)
-        }
+        PlateFault::Crosstalk(seen) => moments(
+            moment_nm.x - seen * activation * moment_nm.y,
+            moment_nm.y - seen * activation * moment_nm.x,
+        ),
         PlateFault::Height(up_m) => {
-            let up = Vector3::z() * (up_m * share);
+            let up = Vector3::z() * (up_m * activation);
             Wrench { moment_nm: moment_nm + up.cross(&force_n), force_n }
         }
         PlateFault::ForceGain(more) => {
-            let gain = 1.0 + more * share;
+            let gain = 1.0 + more * activation;
             Wrench {
                 force_n: Vector3::new(force_n.x, force_n.y, force_n.z * gain),
                 moment_nm: Vector3::new(moment_nm.x * gain, moment_nm.y * gain, moment_nm.z),
@@ -129,7 +131,7 @@ fn at_once(fault: PlateFault, wrench: Wrench, share: f64) -> Wrench {
         PlateFault::LoadCell(more, cell_m) => {
             let at = wrench.cop_m().component_div(&cell_m);
             let cell_n = 0.25 * force_n.z * (1.0 + at.x) * (1.0 + at.y);
-            let extra = Wrench::at(cell_m.push(0.0), Vector3::z() * (more * share * cell_n));
+            let extra = Wrench::at(cell_m.push(0.0), Vector3::z() * (more * activation * cell_n));
             Wrench { force_n: force_n + extra.force_n, moment_nm: moment_nm + extra.moment_nm }
         }
         PlateFault::Drift(_)
@@ -199,8 +201,8 @@ mod tests {
         for millisecond in 2..160 {
             after = filter.feel(step, 0.001 * f64::from(millisecond));
         }
-        let share = (after.cop_m().x - 0.06) / 0.04;
-        assert!((share - (1.0 - (-1.0_f64).exp())).abs() < 0.01, "{share}");
+        let activation = (after.cop_m().x - 0.06) / 0.04;
+        assert!((activation - (1.0 - (-1.0_f64).exp())).abs() < 0.01, "{activation}");
         assert!((play.feel(step, 0.001).cop_m().x - 0.096).abs() < 1e-12);
         assert!((play.feel(rest, 0.002).cop_m().x - 0.064).abs() < 1e-12);
     }

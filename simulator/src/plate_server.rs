@@ -11,7 +11,7 @@ const BUFFERED_RECORDS: usize = 10;
 
 /// Client requests other than records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wish {
+pub enum Request {
     /// Take the present load as zero.
     SetBias,
 }
@@ -101,8 +101,8 @@ impl PlateServer {
     }
 
     /// Processes all received requests; a later client takes the stream from an earlier one.
-    pub fn poll(&mut self) -> Option<Wish> {
-        let mut wish = None;
+    pub fn poll(&mut self) -> Option<Request> {
+        let mut requested = None;
         let mut bytes = [0; 64];
         // An error is either "no data" or an echo of a departed client: no action in both cases.
         while let Some(Ok((length, address))) =
@@ -114,11 +114,11 @@ impl PlateServer {
                 Command::Stop => self.client = None,
                 Command::StreamBlocks => self.start(address, count, BUFFERED_RECORDS),
                 Command::Stream => self.start(address, count, 1),
-                Command::Bias => wish = Some(Wish::SetBias),
+                Command::Bias => requested = Some(Request::SetBias),
                 Command::ResetLatch => {}
             }
         }
-        wish
+        requested
     }
 
     fn start(&mut self, address: SocketAddr, sample_count: u32, records_per_datagram: usize) {

@@ -63,8 +63,8 @@ impl Wander {
         let mut sines = [(0.0, 0.0, 0.0); Wander::SINES];
         let mut power = 0.0;
         for (index, sine) in sines.iter_mut().enumerate() {
-            let share = (index as f64 + random.unit()) / Wander::SINES as f64;
-            let hertz = slowest_hz * (fastest_hz / slowest_hz).powf(share);
+            let fraction = (index as f64 + random.unit()) / Wander::SINES as f64;
+            let hertz = slowest_hz * (fastest_hz / slowest_hz).powf(fraction);
             // Lower frequencies have larger amplitudes, as in a person's sway.
             let amplitude = (slowest_hz / hertz).sqrt();
             power += 0.5 * amplitude * amplitude;

@@ -56,7 +56,7 @@ const COMFORTABLE_BELOW: f64 = 0.75;
 /// The most that arms are extended if the trunk does not suffice, as a fraction of their length.
 const EXTENSION_MAX: f64 = 0.98;
 /// Fraction of the angle to a part at the side of the person by which the trunk twists, and its largest twist, degrees.
-const TWIST_SHARE: f64 = 0.5;
+const TWIST_FRACTION: f64 = 0.5;
 const TWIST_MAX_DEG: f64 = 35.0;
 /// Pelvis and arms move each other, so both are computed again until the hands are this close, m.
 const TOLERANCE_M: f64 = 1e-4;
@@ -150,7 +150,7 @@ impl Reaching<'_> {
         let ahead = Vector3::new(aside.y, -aside.x, 0.0);
         let from_feet = middle_m - above.push(0.0);
         let aim_deg = from_feet.dot(&aside).atan2(from_feet.dot(&ahead).max(0.2)).to_degrees();
-        let twist_deg = (TWIST_SHARE * aim_deg).clamp(-TWIST_MAX_DEG, TWIST_MAX_DEG);
+        let twist_deg = (TWIST_FRACTION * aim_deg).clamp(-TWIST_MAX_DEG, TWIST_MAX_DEG);
         let spine_deg = inclination_deg * self.habits.by_spine;
         let intention = Intention {
             pelvis_drop: drop,
@@ -262,7 +262,7 @@ pub fn at_rest(standing: &Standing<'_>, body: &Balanced) -> BodyState {
         com_m: body.com_m,
         grip_m: grips_m(standing.person, &body.origin_m, &body.world_from_segment),
         load_kg: standing.load_kg,
-        right_hand_share: 0.5,
+        right_hand_fraction: 0.5,
         load_ahead_m: Vector3::zeros(),
         squeeze_n: Vector3::zeros(),
         foot_press_m: [Vector2::zeros(); 2],

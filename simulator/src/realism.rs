@@ -115,7 +115,7 @@ impl Realism {
     /// Habits of the person with this seed: [`Habits::ORDINARY`] with the contact phenomena.
     pub fn habits(&self, seed: u64) -> Habits {
         let mut random = Random::new(seed, "hands");
-        let right_hand_share = 0.5 + self.hands.factor().min(1.0) * (random.between(0.0, 1.0) - 0.5);
+        let right_hand_fraction = 0.5 + self.hands.factor().min(1.0) * (random.between(0.0, 1.0) - 0.5);
         let mut random = Random::new(seed, "grips");
         let grip_off_m = std::array::from_fn(|_| {
             [random.between(-0.012, 0.012), random.between(-0.021, 0.021), random.between(-0.025, -0.005)]
@@ -124,11 +124,11 @@ impl Realism {
         let mut random = Random::new(seed, "load place");
         let load_ahead_m = self.load_place.factor() * random.between(0.022, 0.042);
         Habits {
-            right_hand_share,
+            right_hand_fraction,
             foot_press_m: [0.020, 0.007].map(|sigma_m| self.feet.factor() * sigma_m),
             grip_off_m,
             load_ahead_m,
-            squeeze_share: 0.5 * self.squeeze.factor(),
+            squeeze_ratio: 0.5 * self.squeeze.factor(),
             ..Habits::ORDINARY
         }
     }
@@ -211,8 +211,8 @@ mod tests {
         let mut apart = [f64::MAX, f64::MIN];
         for seed in 0..100 {
             let habits = Realism::REALISTIC.habits(seed);
-            assert!((0.022..0.042).contains(&habits.load_ahead_m) && habits.squeeze_share == 0.0);
-            apart = [apart[0].min(habits.right_hand_share), apart[1].max(habits.right_hand_share)];
+            assert!((0.022..0.042).contains(&habits.load_ahead_m) && habits.squeeze_ratio == 0.0);
+            apart = [apart[0].min(habits.right_hand_fraction), apart[1].max(habits.right_hand_fraction)];
             for [across_m, along_m, palmar_m] in habits.grip_off_m {
                 assert!(across_m.abs() <= 0.012 && along_m.abs() <= 0.021, "{habits:?}");
                 assert!((-0.025..=-0.005).contains(&palmar_m), "{habits:?}");

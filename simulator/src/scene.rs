@@ -47,7 +47,7 @@ impl Scene {
     fn changed(&self, mut body: BodyState) -> BodyState {
         let time_s = body.time_s;
         for (change, span) in &self.hidden.changes {
-            change.on(&mut body, span.share(time_s));
+            change.on(&mut body, span.activation(time_s));
         }
         body
     }
@@ -57,11 +57,11 @@ impl Scene {
         let around = self.worker.around(time_s).map(|body| self.changed(body));
         let mut wrench = ground_reaction(self.worker.person(), &around, DIFFERENCE_S);
         for (burden, span) in &self.hidden.burdens {
-            let share = span.share(time_s);
-            if share != 0.0 {
+            let activation = span.activation(time_s);
+            if activation != 0.0 {
                 let more = burden.ground_reaction(&around, DIFFERENCE_S);
-                wrench.force_n += more.force_n * share;
-                wrench.moment_nm += more.moment_nm * share;
+                wrench.force_n += more.force_n * activation;
+                wrench.moment_nm += more.moment_nm * activation;
             }
         }
         wrench
@@ -69,14 +69,15 @@ impl Scene {
 
     /// Segment origins (m) and rotations as the suit reports them for a time.
     pub fn seen(&self, time_s: f64) -> ([Vector3<f64>; SEGMENTS], Rotations) {
-        let late_s: f64 = self.hidden.suit_lag_s.iter().map(|(lag_s, span)| lag_s * span.share(time_s)).sum();
+        let late_s: f64 =
+            self.hidden.suit_lag_s.iter().map(|(lag_s, span)| lag_s * span.activation(time_s)).sum();
         let body = self.body(time_s - late_s);
         let (origin_m, mut rotation) = self.suit.see(self.worker.person(), &body);
         if self.hidden.suit.is_empty() {
             return (origin_m, rotation);
         }
         for (fault, span) in &self.hidden.suit {
-            fault.on(&mut rotation, &body, span.share(time_s), time_s - span.from_s);
+            fault.on(&mut rotation, &body, span.activation(time_s), time_s - span.from_s);
         }
         self.suit.place(self.worker.person(), &body, rotation)
     }

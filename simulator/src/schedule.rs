@@ -27,7 +27,7 @@ impl<T: Clone> Schedule<T> {
         self.steps.push(Step { start_s, over_s, value });
     }
 
-    /// The value at a time; `between(from, to, share)` interpolates.
+    /// The value at a time; `between(from, to, fraction)` interpolates.
     pub fn at(&self, time_s: f64, between: impl Fn(&T, &T, f64) -> T) -> T {
         // A completed transition supersedes all that started before it.
         let settled = self.steps.iter().rposition(|step| step.start_s + step.over_s <= time_s);
@@ -43,8 +43,8 @@ impl<T: Clone> Schedule<T> {
 }
 
 /// Minimum-jerk movement of Flash and Hogan: 0 to 1 with neither velocity nor acceleration at the ends.
-pub fn minimum_jerk(share: f64) -> f64 {
-    let s = share.clamp(0.0, 1.0);
+pub fn minimum_jerk(fraction: f64) -> f64 {
+    let s = fraction.clamp(0.0, 1.0);
     s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 }
 

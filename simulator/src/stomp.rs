@@ -62,15 +62,15 @@ impl Stomps {
 
     /// Displacement of the centre of mass to the left at a time, m.
     pub fn aside_m(&self, time_s: f64) -> f64 {
-        self.aside_m * self.share(time_s)
+        self.aside_m * self.activation(time_s)
     }
 
     /// Lowering of the pelvis at a time, as a fraction of its height.
     pub fn sink(&self, time_s: f64) -> f64 {
-        SINK * self.share(time_s)
+        SINK * self.activation(time_s)
     }
 
-    fn share(&self, time_s: f64) -> f64 {
+    fn activation(&self, time_s: f64) -> f64 {
         minimum_jerk((time_s - self.start_s) / SHIFT_S) * minimum_jerk((self.end_s() - time_s) / SHIFT_S)
     }
 

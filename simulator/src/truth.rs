@@ -59,7 +59,7 @@ pub struct Truth {
     /// The box's centre, m.
     pub load_m: Vector3<f64>,
     /// Load fraction of the left and right foot without and with the load.
-    pub foot_share: [[f64; 2]; 2],
+    pub foot_load_fraction: [[f64; 2]; 2],
     /// Force and moment of the pelvis on everything above L5/S1, the box included.
     pub back: BackLoad,
     /// Static overload torque per joint, world axes, N m; the ground acts under each foot.
@@ -107,7 +107,7 @@ impl Truth {
             cop_with_load_m: with_load_m,
             load_force_n: down * load_n,
             load_m,
-            foot_share: [(without, body_n), (with, body_n + load_n)]
+            foot_load_fraction: [(without, body_n), (with, body_n + load_n)]
                 .map(|(feet, vertical_n)| feet.map(|foot| foot.force_n.z / vertical_n)),
             back,
             overload_nm: static_overload_nm(person, &body),
@@ -129,11 +129,11 @@ pub fn static_overload_nm(person: &Person, body: &BodyState) -> [Vector3<f64>; J
 
 /// Forces of a load on the hands: its weight (with its inertia), and its squeezing force.
 fn on_hands(body: &BodyState, weight_n: Vector3<f64>) -> Vec<Force> {
-    let (carried, hand_share) = (body.load_on_hand_m(), body.hand_share());
+    let (carried, hand_load_fraction) = (body.load_on_hand_m(), body.hand_load_fraction());
     (0..2)
         .flat_map(|k| {
             let squeeze_n = if k == 0 { body.squeeze_n } else { -body.squeeze_n };
-            [(carried[k], weight_n * hand_share[k]), (body.grip_m[k], squeeze_n)]
+            [(carried[k], weight_n * hand_load_fraction[k]), (body.grip_m[k], squeeze_n)]
                 .map(|(at_m, force_n)| Force { on: Side::BOTH[k].hand(), at_m, force_n })
         })
         .collect()
@@ -174,24 +174,24 @@ pub fn foot_forces(
         let ankle_m = body.origin_m[Side::BOTH[k].foot().index()].xy();
         ankle_m + body.foot_press_m[k] + press_m[k]
     });
-    let (share, at_m) = match body.foot_stands {
+    let (load_fraction, at_m) = match body.foot_stands {
         [true, false] => ([1.0, 0.0], [cop_m, at_m[1]]),
         [false, true] => ([0.0, 1.0], [at_m[0], cop_m]),
         _ => {
-            let share = share_between(at_m, cop_m);
-            let off_the_line = cop_m - (at_m[0] * share[0] + at_m[1] * share[1]);
-            (share, at_m.map(|at_m| at_m + off_the_line))
+            let load_fraction = load_fractions(at_m, cop_m);
+            let off_the_line = cop_m - (at_m[0] * load_fraction[0] + at_m[1] * load_fraction[1]);
+            (load_fraction, at_m.map(|at_m| at_m + off_the_line))
         }
     };
     std::array::from_fn(|k| Force {
         on: Side::BOTH[k].foot(),
         at_m: at_m[k].push(0.0),
-        force_n: Vector3::z() * (share[k] * vertical_n),
+        force_n: Vector3::z() * (load_fraction[k] * vertical_n),
     })
 }
 
-fn share_between([left, right]: [Vector2<f64>; 2], cop_m: Vector2<f64>) -> [f64; 2] {
+fn load_fractions([left, right]: [Vector2<f64>; 2], cop_m: Vector2<f64>) -> [f64; 2] {
     let line = left - right;
-    let left_share = ((cop_m - right).dot(&line) / line.norm_squared()).clamp(0.0, 1.0);
-    [left_share, 1.0 - left_share]
+    let left_fraction = ((cop_m - right).dot(&line) / line.norm_squared()).clamp(0.0, 1.0);
+    [left_fraction, 1.0 - left_fraction]
 }

@@ -21,11 +21,13 @@ use crate::truth::foot_forces;
 pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> [Wrench; 2] {
     let whole = worker.ground_reaction(time_s);
     let feet = foot_forces(&worker.sample(time_s), press_m, whole.cop_m(), whole.force_n.z);
-    let shares = feet.map(|foot| foot.force_n.z / whole.force_n.z);
-    let parts = [0, 1].map(|k| Wrench::at(feet[k].at_m, whole.force_n * shares[k]));
+    let fractions = feet.map(|foot| foot.force_n.z / whole.force_n.z);
+    let parts = [0, 1].map(|k| Wrench::at(feet[k].at_m, whole.force_n * fractions[k]));
     let turning = whole.moment_nm.z - parts[0].moment_nm.z - parts[1].moment_nm.z;
-    [0, 1]
-        .map(|k| Wrench { moment_nm: parts[k].moment_nm + Vector3::z() * (turning * shares[k]), ..parts[k] })
+    [0, 1].map(|k| Wrench {
+        moment_nm: parts[k].moment_nm + Vector3::z() * (turning * fractions[k]),
+        ..parts[k]
+    })
 }
 
 /// The sample of two adjacent plates on the floor (`z = 0`): the sum, and each foot separately. Times, counters and

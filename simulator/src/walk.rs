@@ -122,10 +122,10 @@ impl Walk {
             self.pairs.last().map_or(start_s, |pair| start_s.max(pair.start_s + Pair::LENGTH_S));
         let mut here = from;
         for pace in 1..=paces as u32 {
-            let share = f64::from(pace) / paces;
+            let fraction = f64::from(pace) / paces;
             let next = Place {
-                middle_m: from.middle_m + way_m * share,
-                heading_rad: from.heading_rad + turn_rad * share,
+                middle_m: from.middle_m + way_m * fraction,
+                heading_rad: from.heading_rad + turn_rad * fraction,
             };
             self.step(start_s, here, next);
             here = next;
@@ -153,18 +153,18 @@ impl Walk {
     /// The person's heading at a time, rad: it changes while the feet move.
     pub fn heading_rad(&self, time_s: f64) -> f64 {
         self.pairs.iter().fold(0.0, |heading, pair| {
-            let share = (time_s - pair.start_s - SHIFT_S) / (Pair::LENGTH_S - 2.0 * SHIFT_S);
-            heading + (pair.to.heading_rad - pair.from.heading_rad) * minimum_jerk(share)
+            let fraction = (time_s - pair.start_s - SHIFT_S) / (Pair::LENGTH_S - 2.0 * SHIFT_S);
+            heading + (pair.to.heading_rad - pair.from.heading_rad) * minimum_jerk(fraction)
         })
     }
 
     /// Lowering of the pelvis at a time, as a fraction of its height.
     pub fn sink(&self, time_s: f64) -> f64 {
-        SINK * self.share(time_s)
+        SINK * self.activation(time_s)
     }
 
     /// Activation of a walk at a time: 0 at its ends, 1 while the feet are raised.
-    pub fn share(&self, time_s: f64) -> f64 {
+    pub fn activation(&self, time_s: f64) -> f64 {
         let Some((first, last)) = self.bout(time_s) else { return 0.0 };
         let ramp_s = 2.0 * SHIFT_S;
         let (start_s, end_s) = (first.start_s - SHIFT_S, last.start_s + Pair::LENGTH_S + SHIFT_S);
@@ -232,14 +232,14 @@ impl Walk {
             let place = self.pairs.first().map_or(Place::HOME, |pair| pair.from);
             return (place.foot(&self.home, k), 0.0);
         };
-        let share = (time_s - pair.swing_start_s(k)) / SWING_S;
+        let fraction = (time_s - pair.swing_start_s(k)) / SWING_S;
         let (from, to) = (pair.from.foot(&self.home, k), pair.to.foot(&self.home, k));
-        if share >= 1.0 {
+        if fraction >= 1.0 {
             return (to, 0.0);
         }
-        let s = minimum_jerk(share);
+        let s = minimum_jerk(fraction);
         // Up and down, at rest at both ends.
-        let lift_m = LIFT_M * minimum_jerk(1.0 - (2.0 * share - 1.0).abs());
+        let lift_m = LIFT_M * minimum_jerk(1.0 - (2.0 * fraction - 1.0).abs());
         let turn = (to.world_from_foot * from.world_from_foot.inverse()).scaled_axis();
         let foot = Foot {
             ankle_m: from.ankle_m + (to.ankle_m - from.ankle_m) * s,

@@ -10,7 +10,7 @@ use equipoise_simulator::random::Random;
 use equipoise_simulator::truth::back::BackLoad;
 use nalgebra::Vector3;
 
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::Table;
 use crate::tally::{Coverage, Sums, percent};
@@ -45,13 +45,13 @@ pub struct BackErrors {
 }
 
 impl BackErrors {
-    fn add(&mut self, moment: &Moment, offset_m: Vector3<f64>) {
+    fn add(&mut self, snapshot: &Snapshot, offset_m: Vector3<f64>) {
         self.samples += 1;
-        let state = moment.state;
+        let state = snapshot.state;
         if state.validity().any_of(Validity::INVALIDATES_LOW_BACK) {
             return;
         }
-        let truth = BackLoad::of(moment.worker, moment.time_s, offset_m);
+        let truth = BackLoad::of(snapshot.worker, snapshot.time_s, offset_m);
         let true_nm = truth.moment_nm.xy().norm();
         let error_nm = state.l5s1_moment_nm - true_nm;
         self.error_nm.add(error_nm);
@@ -110,8 +110,8 @@ impl DoseErrors {
 }
 
 /// Horizontal distance from the middle of the hip joints to the box, m, as a measuring tape would show it.
-fn tape_m(moment: &Moment) -> f64 {
-    let body = moment.worker.sample(moment.time_s);
+fn tape_m(snapshot: &Snapshot) -> f64 {
+    let body = snapshot.worker.sample(snapshot.time_s);
     let [left, right] = [Segment::LeftUpperLeg, Segment::RightUpperLeg].map(|leg| body.origin_m[leg.index()]);
     (body.load_m() - 0.5 * (left + right)).xy().norm()
 }
@@ -147,9 +147,9 @@ pub fn subject(subject: &Subject) -> Findings {
     let mut random = Random::new(subject.seed, "place of L5/S1");
     let off_m = Vector3::from_fn(|_, _| JOINT_OFF_M * random.normal());
     let mut by_task = ByTask::default();
-    let mut see = |moment: &Moment, task: usize| {
+    let mut see = |snapshot: &Snapshot, task: usize| {
         for (by_task, offset_m) in by_task.iter_mut().zip([Vector3::zeros(), off_m]) {
-            by_task[task].add(moment, offset_m);
+            by_task[task].add(snapshot, offset_m);
         }
     };
     let script = bends_and_squats();
@@ -166,13 +166,13 @@ pub fn subject(subject: &Subject) -> Findings {
         });
     };
     perform(&mut session, None);
-    session.run(seconds, |moment| see(moment, usize::from(moment.state.static_pose == 0)));
-    session.hold_unknown(6, |moment| see(moment, 0));
+    session.run(seconds, |snapshot| see(snapshot, usize::from(snapshot.state.static_pose == 0)));
+    session.hold_unknown(6, |snapshot| see(snapshot, 0));
     session.stand(2.0);
     perform(&mut session, Some(BOX_KG));
-    session.run(seconds, |moment| {
-        if moment.worker.sample(moment.time_s).load_kg >= LIFTED * BOX_KG {
-            see(moment, 2);
+    session.run(seconds, |snapshot| {
+        if snapshot.worker.sample(snapshot.time_s).load_kg >= LIFTED * BOX_KG {
+            see(snapshot, 2);
         }
     });
     let mut dose = [DoseErrors::default(); DOSE_BOXES_KG.len()];
@@ -180,9 +180,9 @@ pub fn subject(subject: &Subject) -> Findings {
         session.stand(2.0);
         let (lifts, damage) = (session.state().lifts, session.state().dose_damage);
         let mut greatest_m = 0.0_f64;
-        session.lift_at_work(box_kg, |moment| {
-            if moment.worker.sample(moment.time_s).load_kg >= LIFTED * box_kg {
-                greatest_m = greatest_m.max(tape_m(moment));
+        session.lift_at_work(box_kg, |snapshot| {
+            if snapshot.worker.sample(snapshot.time_s).load_kg >= LIFTED * box_kg {
+                greatest_m = greatest_m.max(tape_m(snapshot));
             }
         });
         session.stand(2.0);

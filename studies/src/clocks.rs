@@ -5,7 +5,7 @@ use equipoise_core::message::Validity;
 use equipoise_simulator::intention::{Arm, Intention};
 
 use crate::sensors::Rig;
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tasks::{CopErrors, publishes_cop};
@@ -67,7 +67,7 @@ struct Sums {
 
 /// Squat lifts and bends at a natural pace, about 11 s; `with_box`: a box is picked up in the first squat and put down
 /// in the second. `see` receives every new state, and the lag in use, s.
-pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: impl FnMut(&Moment, f64)) {
+pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: impl FnMut(&Snapshot, f64)) {
     let arm =
         |elevation_deg, elbow_deg| Arm { elevation_deg, forward_deg: 85.0, outward_deg: 40.0, elbow_deg };
     let stand = Intention::STAND.arms(arm(20.0, 70.0));
@@ -91,7 +91,7 @@ pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: 
     let end_s = session.now_s() + after_s;
     while session.now_s() < end_s {
         let lag_s = session.memory().skew().lag_s();
-        session.run(SLICE_S, |moment| see(moment, lag_s));
+        session.run(SLICE_S, |snapshot| see(snapshot, lag_s));
     }
 }
 
@@ -115,20 +115,23 @@ fn work(subject: &Subject, (_, ground_late_s, ground_drift_ppm, step): Case, ali
     let mut sums = Sums::default();
     session.run(2.0, |_| {});
     for index in 0.. {
-        lift_round(&mut session, index % 2 == 1, 0.4 + 0.3 * f64::from(index % 3), |moment, lag_s| {
-            let state = moment.state;
+        lift_round(&mut session, index % 2 == 1, 0.4 + 0.3 * f64::from(index % 3), |snapshot, lag_s| {
+            let state = snapshot.state;
             let is_masked = state.validity().any_of(Validity::CLOCK_UNSYNCHRONISED);
-            let is_after = step.is_some_and(|(at_s, _)| moment.time_s > at_s);
-            let is_wrong = (lag_s - rig.skew_at_s(moment.time_s)).abs() > WRONG_S;
+            let is_after = step.is_some_and(|(at_s, _)| snapshot.time_s > at_s);
+            let is_wrong = (lag_s - rig.skew_at_s(snapshot.time_s)).abs() > WRONG_S;
             let [samples, masked, wrong] = &mut sums.samples[usize::from(is_after)];
             *samples += 1;
             *masked += u64::from(is_masked);
             *wrong += u64::from(is_wrong && !is_masked && publishes_cop(state));
             if state.suit_skew_sigma_s > 0.0 {
-                sums.sure_s = sums.sure_s.or(Some(moment.time_s));
+                sums.sure_s = sums.sure_s.or(Some(snapshot.time_s));
             }
-            if moment.time_s > READ_S[1] && !is_masked && moment.worker.sample(moment.time_s).load_kg == 0.0 {
-                sums.cop.add(moment);
+            if snapshot.time_s > READ_S[1]
+                && !is_masked
+                && snapshot.worker.sample(snapshot.time_s).load_kg == 0.0
+            {
+                sums.cop.add(snapshot);
             }
         });
         let reading = read(&session, &rig);

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::Table;
 use crate::tally::{Coverage, GROUPS, PlanarCoverage, joints_of};
@@ -29,8 +29,8 @@ pub struct Deviations {
 }
 
 impl Deviations {
-    fn add(&mut self, moment: &Moment, carries: bool) {
-        let (state, truth) = (moment.state, moment.truth());
+    fn add(&mut self, snapshot: &Snapshot, carries: bool) {
+        let (state, truth) = (snapshot.state, snapshot.truth());
         if publishes_cop(state) {
             for axis in 0..2 {
                 let error_m = state.cop_estimated_m[axis] - truth.cop_without_load_in_motion_m[axis];
@@ -48,7 +48,7 @@ impl Deviations {
                     let error_nm = magnitude_error_nm(deviations, truth.overload_in_motion_nm[joint]);
                     coverage.add(error_nm, state.torque_sigma_nm[joint]);
                     let off = deviations - truth.overload_in_motion_nm[joint];
-                    self.planar[group].add([off.x, off.y], moment.state.torque_covariance_nm2[joint]);
+                    self.planar[group].add([off.x, off.y], snapshot.state.torque_covariance_nm2[joint]);
                 }
             }
         }
@@ -80,18 +80,18 @@ pub fn deviations(subject: &Subject) -> [Deviations; 2] {
     let mut session = Session::new(subject, subject.settings());
     session.identify(POSES_MAX);
     let mut both = [Deviations::default(); 2];
-    session.hold_unknown(CHECK_POSES, |moment| both[0].add(moment, false));
+    session.hold_unknown(CHECK_POSES, |snapshot| both[0].add(snapshot, false));
     session.stand(2.0);
-    let sort = |moment: &Moment, both: &mut [Deviations; 2], mass_kg: f64| {
-        let carries = moment.worker.sample(moment.time_s).load_kg >= LIFTED * mass_kg;
-        let condition = usize::from(moment.state.static_pose == 0);
-        both[condition].add(moment, carries);
+    let sort = |snapshot: &Snapshot, both: &mut [Deviations; 2], mass_kg: f64| {
+        let carries = snapshot.worker.sample(snapshot.time_s).load_kg >= LIFTED * mass_kg;
+        let condition = usize::from(snapshot.state.static_pose == 0);
+        both[condition].add(snapshot, carries);
     };
-    session.work_unloaded(|moment| sort(moment, &mut both, f64::INFINITY));
+    session.work_unloaded(|snapshot| sort(snapshot, &mut both, f64::INFINITY));
     for mass_kg in BOXES_KG {
         session.stand(2.0);
-        session.lift(mass_kg, |moment| sort(moment, &mut both, mass_kg));
-        session.lift_at_work(mass_kg, |moment| sort(moment, &mut both, mass_kg));
+        session.lift(mass_kg, |snapshot| sort(snapshot, &mut both, mass_kg));
+        session.lift_at_work(mass_kg, |snapshot| sort(snapshot, &mut both, mass_kg));
     }
     both
 }

@@ -12,7 +12,7 @@ pub use errors::{Errors, Scalar};
 
 use crate::natural::Movements;
 use crate::sensors::{AccelerationNoise, Rig};
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{GROUPS, Sums, joints_of, percent};
@@ -42,7 +42,7 @@ const POSES_MAX: u32 = 30;
 /// Natural work without a load, and with each box, s.
 const UNLOADED_S: f64 = 20.0;
 const LOADED_S: f64 = 15.0;
-/// From this fraction of its mass on the hands a box counts as lifted.
+/// From this published_percent of its mass on the hands a box counts as lifted.
 const LIFTED: f64 = 0.999;
 /// Times ahead of the early state's sample, s.
 const AHEAD_S: [f64; 4] = [0.0, 0.05, 0.1, 0.2];
@@ -90,15 +90,15 @@ struct Pending(VecDeque<Prediction>, Recent);
 type Recent = VecDeque<(f64, [[f64; 3]; JOINTS])>;
 
 impl Findings {
-    fn add_carry(&mut self, moment: &Moment, box_kg: f64, recent: &mut Recent, pending: &mut Pending) {
-        let carries = |time_s: f64| moment.worker.sample(time_s).load_kg >= LIFTED * box_kg;
-        self.add_ahead(moment, carries, pending);
-        let (state, early) = (moment.state, moment.early);
+    fn add_carry(&mut self, snapshot: &Snapshot, box_kg: f64, recent: &mut Recent, pending: &mut Pending) {
+        let carries = |time_s: f64| snapshot.worker.sample(time_s).load_kg >= LIFTED * box_kg;
+        self.add_ahead(snapshot, carries, pending);
+        let (state, early) = (snapshot.state, snapshot.early);
         let has_early = early.cycle == state.cycle && !early.validity().any_of(Validity::INVALIDATES_TORQUES);
         if !has_early {
             recent.clear();
         }
-        if !carries(moment.time_s) || !carries(moment.early_time_s) {
+        if !carries(snapshot.time_s) || !carries(snapshot.early_time_s) {
             return;
         }
         self.published[2] += 1;
@@ -108,7 +108,7 @@ impl Findings {
             return;
         }
         if let Some((_, early_nm)) =
-            pending.1.iter().find(|(time_s, _)| (time_s - moment.time_s).abs() < 1e-6)
+            pending.1.iter().find(|(time_s, _)| (time_s - snapshot.time_s).abs() < 1e-6)
         {
             for (group, sums) in self.difference_nm.iter_mut().enumerate() {
                 for joint in joints_of(group) {
@@ -117,7 +117,7 @@ impl Findings {
                 }
             }
         }
-        let truth = moment.truth();
+        let truth = snapshot.truth();
         self.state.add(&state.torque_nm, &state.torque_sigma_nm, &truth);
         self.state.add_force(state.delta_f_n[2], state.delta_f_sigma_n, &truth);
         self.ages_s[0].push(1e-9 * (state.time_ns - state.suit_sample_time_ns) as f64);
@@ -125,7 +125,7 @@ impl Findings {
             return;
         }
         self.ages_s[1].push(1e-9 * early.sample_age_ns as f64);
-        let now_s = moment.early_time_s;
+        let now_s = snapshot.early_time_s;
         recent.push_back((now_s, early.torque_nm));
         pending.1.push_back((now_s, early.torque_nm));
         if pending.1.len() > 30 {
@@ -134,7 +134,7 @@ impl Findings {
         while recent.front().is_some_and(|(time_s, _)| *time_s < now_s - SLOPE_S - 1e-3) {
             recent.pop_front();
         }
-        let truth = Truth::of(moment.worker, now_s);
+        let truth = Truth::of(snapshot.worker, now_s);
         self.early.add(&early.torque_nm, &early.torque_sigma_nm, &truth);
         self.early.add_force(early.delta_f_n[2], early.delta_f_sigma_n, &truth);
         for (index, ahead_s) in AHEAD_S.into_iter().enumerate() {
@@ -157,10 +157,10 @@ impl Findings {
     }
 
     /// Compares predictions with the truth once their time has come: until then the worker's orders may change.
-    fn add_ahead(&mut self, moment: &Moment, carries: impl Fn(f64) -> bool, pending: &mut Pending) {
-        let due = |ahead: &Prediction| ahead.at_s <= moment.early_time_s + 1e-6;
+    fn add_ahead(&mut self, snapshot: &Snapshot, carries: impl Fn(f64) -> bool, pending: &mut Pending) {
+        let due = |ahead: &Prediction| ahead.at_s <= snapshot.early_time_s + 1e-6;
         for ahead in pending.0.iter().filter(|ahead| due(ahead) && carries(ahead.at_s)) {
-            let truth = Truth::of(moment.worker, ahead.at_s);
+            let truth = Truth::of(snapshot.worker, ahead.at_s);
             for (errors, torque_nm) in self.ahead[ahead.index].iter_mut().zip(&ahead.torque_nm) {
                 errors.add(torque_nm, &[0.0; JOINTS], &truth);
             }
@@ -173,16 +173,16 @@ impl Findings {
         pending.0.retain(|ahead| !due(ahead));
     }
 
-    fn add_unloaded(&mut self, moment: &Moment) {
-        let (state, early) = (moment.state, moment.early);
+    fn add_unloaded(&mut self, snapshot: &Snapshot) {
+        let (state, early) = (snapshot.state, snapshot.early);
         let unusable = Validity::INVALIDATES_DELTA_F.and(Validity::INVALIDATES_COP_ESTIMATED);
         if !state.validity().any_of(unusable) {
-            let truth = moment.truth();
+            let truth = snapshot.truth();
             self.unloaded[0].add_force(state.delta_f_n[2], state.delta_f_sigma_n, &truth);
             self.unloaded[0].add_cop(state.cop_estimated_m, state.cop_sigma_m, &truth);
         }
         if !early.validity().any_of(unusable) {
-            let truth = Truth::of(moment.worker, moment.early_time_s);
+            let truth = Truth::of(snapshot.worker, snapshot.early_time_s);
             self.unloaded[1].add_force(early.delta_f_n[2], early.delta_f_sigma_n, &truth);
             self.unloaded[1].add_cop(early.cop_estimated_m, early.cop_sigma_m, &truth);
         }
@@ -237,15 +237,15 @@ pub fn findings(subject: &Subject, suit: SuitData) -> Findings {
     session.stand(1.0);
     session.run_at_1_khz();
     let mut movements = Movements::of(subject);
-    movements.work(&mut session, UNLOADED_S, |moment| {
-        findings.add_unloaded(moment);
+    movements.work(&mut session, UNLOADED_S, |snapshot| {
+        findings.add_unloaded(snapshot);
         false
     });
     for box_kg in BOXES_KG {
         session.order(|worker, at_s| worker.lift(box_kg, at_s));
         let (mut recent, mut pending) = (Recent::new(), Pending::default());
-        movements.work(&mut session, LOADED_S, |moment| {
-            findings.add_carry(moment, box_kg, &mut recent, &mut pending);
+        movements.work(&mut session, LOADED_S, |snapshot| {
+            findings.add_carry(snapshot, box_kg, &mut recent, &mut pending);
             false
         });
         session.order(equipoise_simulator::motion::Worker::put_down);
@@ -254,11 +254,11 @@ pub fn findings(subject: &Subject, suit: SuitData) -> Findings {
     findings
 }
 
-fn quantile_ms(values_s: &[f64], share: f64) -> Option<f64> {
+fn quantile_ms(values_s: &[f64], probability: f64) -> Option<f64> {
     let mut values = values_s.to_vec();
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    Some(1e3 * values[(share * last as f64).round() as usize])
+    Some(1e3 * values[(probability * last as f64).round() as usize])
 }
 
 /// The tables.
@@ -310,16 +310,16 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         for one in ask_all(&crowd, |subject| findings(subject, suit)) {
             sum.merge(&one);
         }
-        let age = |which: usize, share: f64| quantile_ms(&sum.ages_s[which], share).into();
-        let share = |which: usize| percent(sum.published[which], sum.published[2]).into();
+        let age = |which: usize, probability: f64| quantile_ms(&sum.ages_s[which], probability).into();
+        let published_percent = |which: usize| percent(sum.published[which], sum.published[2]).into();
         ages.push(vec![
             name.into(),
             age(0, 0.5),
             age(0, 0.99),
             age(1, 0.5),
             age(1, 0.99),
-            share(0),
-            share(1),
+            published_percent(0),
+            published_percent(1),
         ]);
         let stale = &sum.ahead[0][0];
         for (group, (joints, _)) in GROUPS.iter().enumerate() {

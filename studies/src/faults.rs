@@ -6,9 +6,9 @@ use equipoise_core::message::Validity;
 use equipoise_simulator::random::Random;
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use crate::lifting::Telling;
+use crate::lifting::PublicationTally;
 use crate::natural::Movements;
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
@@ -40,7 +40,7 @@ pub struct Outcome {
     /// Number of faults.
     pub times: u64,
     /// Output during the fault and right after it.
-    pub telling: Telling,
+    pub tally: PublicationTally,
     /// States with a wrong value reported as valid: mass, a joint's torque, centre of pressure.
     pub wrong: [u64; 3],
     /// From the start of the fault to the first state that withheld a value because of it, s.
@@ -52,18 +52,18 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    fn add(&mut self, moment: &Moment) {
-        let (state, truth) = (moment.state, moment.truth());
+    fn add(&mut self, snapshot: &Snapshot) {
+        let (state, truth) = (snapshot.state, snapshot.truth());
         let valid = state.validity();
-        self.telling.add(state);
+        self.tally.add(state);
         if !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
-            let off_kg = (state.lifted_mass_kg - moment.worker.sample(moment.time_s).load_kg).abs();
+            let off_kg = (state.lifted_mass_kg - snapshot.worker.sample(snapshot.time_s).load_kg).abs();
             self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
         }
         if publishes_torques(state) {
             let is_wrong = (0..state.torque_nm.len()).any(|joint| {
                 let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
-                let [xx, xy, yy] = moment.state.torque_covariance_nm2[joint];
+                let [xx, xy, yy] = snapshot.state.torque_covariance_nm2[joint];
                 let deviation = Matrix2::new(xx, xy, xy, yy)
                     .try_inverse()
                     .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());
@@ -80,7 +80,7 @@ impl Outcome {
 
     fn merge(&mut self, other: &Outcome) {
         self.times += other.times;
-        self.telling.merge(&other.telling);
+        self.tally.merge(&other.tally);
         self.noticed_s.extend(&other.noticed_s);
         self.back_s.extend(&other.back_s);
         self.lifts_too_many += other.lifts_too_many;
@@ -117,15 +117,15 @@ fn one(session: &mut Session, movements: &mut Movements, fault: Fault, random: &
     movements.work(session, begins_s - session.now_s(), |_| false);
     let mut outcome = Outcome { times: 1, ..Outcome::default() };
     session.notice(REASONS);
-    movements.work(session, ends_s + AFTER_S - session.now_s(), |moment| {
-        outcome.add(moment);
+    movements.work(session, ends_s + AFTER_S - session.now_s(), |snapshot| {
+        outcome.add(snapshot);
         false
     });
     outcome.noticed_s.extend(session.noticed_s().map(|noticed_s| noticed_s - begins_s));
     if carrying {
         session.order(equipoise_simulator::motion::Worker::put_down);
     }
-    if movements.work(session, PATIENCE_S, |moment| !moment.state.validity().any_of(REASONS)) {
+    if movements.work(session, PATIENCE_S, |snapshot| !snapshot.state.validity().any_of(REASONS)) {
         outcome.back_s.push(session.now_s() - ends_s - AFTER_S);
     }
     movements.work(session, 2.0, |_| false);
@@ -160,7 +160,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         all.iter().for_each(|outcomes| sum.merge(&outcomes[index].1));
         let slowest = |seconds: &[f64]| seconds.iter().copied().reduce(f64::max);
         let median = |seconds: &[f64]| quartiles(seconds.to_vec()).map(|[_, median, _]| median);
-        let (samples, published) = (sum.telling.samples, sum.telling.published);
+        let (samples, published) = (sum.tally.samples, sum.tally.published);
         let row: Vec<Cell> = vec![
             fault.name().into(),
             sum.times.into(),
@@ -168,7 +168,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             median(&sum.noticed_s).into(),
             slowest(&sum.noticed_s).into(),
             percent(samples - published, samples).into(),
-            sum.telling.reasons().as_str().into(),
+            sum.tally.reasons().as_str().into(),
             sum.wrong[0].into(),
             sum.wrong[1].into(),
             sum.wrong[2].into(),
@@ -205,7 +205,7 @@ mod tests {
         ];
         for seed in [3, 4] {
             for (fault, outcome) in faults(&Subject::somebody(seed), &wanted) {
-                let Outcome { wrong, noticed_s, back_s, telling, .. } = &outcome;
+                let Outcome { wrong, noticed_s, back_s, tally, .. } = &outcome;
                 assert_eq!(wrong[0], 0, "{seed} {fault:?}: {outcome:?}");
                 assert_eq!(back_s.len(), 1, "{seed} {fault:?}: {outcome:?}");
                 let is_noticed = noticed_s.iter().any(|after_s| *after_s < 3.0);
@@ -214,7 +214,7 @@ mod tests {
                     is_noticed != (fault == Fault::None) || fault == Fault::Saturated,
                     "{seed} {fault:?}: {outcome:?}"
                 );
-                assert!(telling.samples > 30, "{seed} {fault:?}: {outcome:?}");
+                assert!(tally.samples > 30, "{seed} {fault:?}: {outcome:?}");
             }
         }
     }

@@ -5,7 +5,7 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 
 use crate::sensors::{Ground, Rig};
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
@@ -26,7 +26,7 @@ const _: () = assert!(Validity::NAMES.len() <= REASONS);
 
 /// How often torques were reported, and the reasons if not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Telling {
+pub struct PublicationTally {
     /// New states.
     pub samples: u64,
     /// Those with torques.
@@ -37,7 +37,7 @@ pub struct Telling {
     withheld: [u64; REASONS],
 }
 
-impl Telling {
+impl PublicationTally {
     /// Adds a state.
     pub fn add(&mut self, state: &State) {
         self.samples += 1;
@@ -52,7 +52,7 @@ impl Telling {
         }
     }
 
-    pub(crate) fn merge(&mut self, other: &Telling) {
+    pub(crate) fn merge(&mut self, other: &PublicationTally) {
         self.samples += other.samples;
         self.published += other.published;
         self.coloured += other.coloured;
@@ -77,9 +77,9 @@ impl Telling {
 /// Results of one subject.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Findings {
-    lifting: [(ByGroup, Telling); BOXES_KG.len()],
-    work: (CopErrors, Telling),
-    march: (CopErrors, Telling),
+    lifting: [(ByGroup, PublicationTally); BOXES_KG.len()],
+    work: (CopErrors, PublicationTally),
+    march: (CopErrors, PublicationTally),
 }
 
 /// Identification, work without a load, marching, and lifts of every box.
@@ -90,29 +90,34 @@ pub fn findings(subject: &Subject, motion: Motion, ground: Ground) -> Findings {
     session.identify(POSES_MAX);
     session.stand(2.0);
     let mut findings = Findings::default();
-    let see = |moment: &Moment, (cop, telling): &mut (CopErrors, Telling)| {
-        cop.add(moment);
-        telling.add(moment.state);
+    let see = |snapshot: &Snapshot, (cop, tally): &mut (CopErrors, PublicationTally)| {
+        cop.add(snapshot);
+        tally.add(snapshot.state);
     };
-    session.work_unloaded(|moment| see(moment, &mut findings.work));
+    session.work_unloaded(|snapshot| see(snapshot, &mut findings.work));
     session.stand(2.0);
-    session.march(STEPS, |moment| see(moment, &mut findings.march));
-    for (mass_kg, (torques, telling)) in BOXES_KG.into_iter().zip(&mut findings.lifting) {
+    session.march(STEPS, |snapshot| see(snapshot, &mut findings.march));
+    for (mass_kg, (torques, tally)) in BOXES_KG.into_iter().zip(&mut findings.lifting) {
         session.stand(2.0);
-        session.lift_at_work(mass_kg, |moment| see_lifted(moment, mass_kg, torques, telling));
+        session.lift_at_work(mass_kg, |snapshot| see_lifted(snapshot, mass_kg, torques, tally));
     }
     findings
 }
 
 /// Adds a state if the hands carry the whole box at its time.
-pub(crate) fn see_lifted(moment: &Moment, mass_kg: f64, torques: &mut ByGroup, telling: &mut Telling) {
-    if moment.worker.sample(moment.time_s).load_kg < LIFTED * mass_kg {
+pub(crate) fn see_lifted(
+    snapshot: &Snapshot,
+    mass_kg: f64,
+    torques: &mut ByGroup,
+    tally: &mut PublicationTally,
+) {
+    if snapshot.worker.sample(snapshot.time_s).load_kg < LIFTED * mass_kg {
         return;
     }
-    telling.add(moment.state);
-    if publishes_torques(moment.state) {
-        let truth = moment.truth();
-        torques.add(&moment.state.torque_nm, &moment.state.torque_sigma_nm, &truth.overload_in_motion_nm);
+    tally.add(snapshot.state);
+    if publishes_torques(snapshot.state) {
+        let truth = snapshot.truth();
+        torques.add(&snapshot.state.torque_nm, &snapshot.state.torque_sigma_nm, &truth.overload_in_motion_nm);
     }
 }
 
@@ -138,7 +143,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "12 kg sigma",
         ],
     );
-    let mut telling = Table::new(
+    let mut tally = Table::new(
         format!("Published in motion ({count} subjects)"),
         &[
             "motion",
@@ -185,7 +190,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         let lifting = ["4 kg", "8 kg", "12 kg"].into_iter().zip(&sum.lifting);
         let lifting = lifting.map(|(task, (_, published))| (task, None, published));
         for (task, cop_mm, published) in unloaded.into_iter().chain(lifting) {
-            telling.push(vec![
+            tally.push(vec![
                 name.into(),
                 task.into(),
                 cop_mm.into(),
@@ -200,8 +205,8 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     torques.note("error: RMS length of published minus true torque, left and right together, over samples with torques and the whole box in the hands");
     torques.note("%: of the RMS of the true overload: inverse dynamics of the motion with the box minus without it, forces under each foot and at each hand");
     torques.note("sigma: mean of the published 1-sigma of the magnitude");
-    telling.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
-    telling.note("published: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
-    telling.note("above green without a load: false positives");
-    vec![torques, telling]
+    tally.note("CoP error: RMS distance of the estimated from the measured centre of pressure, all samples without a load");
+    tally.note("published: samples with torques; above green: samples with torques where some joint is orange, red or above its maximum; both of all samples of the task");
+    tally.note("above green without a load: false positives");
+    vec![torques, tally]
 }

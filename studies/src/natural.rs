@@ -8,9 +8,9 @@ use equipoise_simulator::intention::{Arm, Intention};
 use equipoise_simulator::random::Random;
 
 use crate::clocks::{self, Reading};
-use crate::lifting::Telling;
+use crate::lifting::PublicationTally;
 use crate::sensors::Rig;
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{Coverage, Sums, percent, quartiles};
@@ -52,8 +52,8 @@ pub struct Shift {
     predicted_cop_sigma_m: f64,
     held_out: CopErrors,
     coverage: [Coverage; 2],
-    unloaded: Telling,
-    carry: Telling,
+    unloaded: PublicationTally,
+    carry: PublicationTally,
     /// Estimated minus true mass of the box, kg, over samples that publish it.
     box_error_kg: Sums,
     /// From the release of the box until motion samples update the filter again, s.
@@ -79,7 +79,12 @@ impl Movements {
     }
 
     /// Works for this duration, s, or until `done` returns true. Returns whether it did.
-    pub fn work(&mut self, session: &mut Session, for_s: f64, mut done: impl FnMut(&Moment) -> bool) -> bool {
+    pub fn work(
+        &mut self,
+        session: &mut Session,
+        for_s: f64,
+        mut done: impl FnMut(&Snapshot) -> bool,
+    ) -> bool {
         let end_s = session.now_s() + for_s;
         while session.now_s() < end_s {
             // A movement cut short in its middle would be an impact, not work.
@@ -173,7 +178,7 @@ pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shi
     while session.now_s() < LEARNING_MAX_S && shift.identified_s.is_none() {
         let intention = movements.next(index);
         let phase_s = movements.begin(&mut session, &intention);
-        if session.run_until(phase_s, |moment| moment.state.converged == 1) {
+        if session.run_until(phase_s, |snapshot| snapshot.state.converged == 1) {
             shift.identified_s = Some(session.now_s());
         }
         index += 1;
@@ -191,14 +196,14 @@ pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shi
     while session.now_s() < held_out_until_s {
         let intention = movements.next(index);
         let phase_s = movements.begin(&mut session, &intention);
-        session.run(phase_s, |moment| {
-            shift.held_out.add(moment);
-            shift.unloaded.add(moment.state);
-            if crate::tasks::publishes_cop(moment.state) {
+        session.run(phase_s, |snapshot| {
+            shift.held_out.add(snapshot);
+            shift.unloaded.add(snapshot.state);
+            if crate::tasks::publishes_cop(snapshot.state) {
                 for axis in 0..2 {
-                    let measured_m = moment.truth().cop_without_load_in_motion_m[axis];
-                    let error_m = moment.state.cop_estimated_m[axis] - measured_m;
-                    shift.coverage[axis].add(error_m, moment.state.cop_sigma_m[axis]);
+                    let measured_m = snapshot.truth().cop_without_load_in_motion_m[axis];
+                    let error_m = snapshot.state.cop_estimated_m[axis] - measured_m;
+                    shift.coverage[axis].add(error_m, snapshot.state.cop_sigma_m[axis]);
                 }
             }
         });
@@ -237,13 +242,13 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
     for step in 0..8 {
         let intention = if step == 7 { movements.squat() } else { movements.upright() };
         phase_s = movements.begin(session, &intention);
-        session.run(phase_s, |moment| {
-            if moment.worker.sample(moment.time_s).load_kg < LIFTED * BOX_KG {
+        session.run(phase_s, |snapshot| {
+            if snapshot.worker.sample(snapshot.time_s).load_kg < LIFTED * BOX_KG {
                 return;
             }
-            shift.carry.add(moment.state);
-            if !moment.state.validity().any_of(Validity::INVALIDATES_LIFTED_MASS) {
-                shift.box_error_kg.add(moment.state.lifted_mass_kg - BOX_KG);
+            shift.carry.add(snapshot.state);
+            if !snapshot.state.validity().any_of(Validity::INVALIDATES_LIFTED_MASS) {
+                shift.box_error_kg.add(snapshot.state.lifted_mass_kg - BOX_KG);
             }
         });
     }
@@ -256,10 +261,10 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
         let used = session.state().motion_samples_used;
         let intention = movements.next(1 + step);
         phase_s = movements.begin(session, &intention);
-        let resumed = session.run_until(phase_s, |moment| {
-            let more = moment.state.motion_samples_used > used;
+        let resumed = session.run_until(phase_s, |snapshot| {
+            let more = snapshot.state.motion_samples_used > used;
             if more && resumed_s.is_none() {
-                resumed_s = Some(moment.time_s - let_go_s);
+                resumed_s = Some(snapshot.time_s - let_go_s);
             }
             more
         });
@@ -321,7 +326,7 @@ impl Together {
     }
 }
 
-fn withheld_percent(carry: &Telling) -> Option<f64> {
+fn withheld_percent(carry: &PublicationTally) -> Option<f64> {
     percent(carry.samples - carry.published, carry.samples)
 }
 

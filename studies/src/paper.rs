@@ -36,20 +36,24 @@ pub fn trial(subject: &Subject, settings: Settings) -> Trial {
     // The torques of a changed model are withheld for a second.
     session.run(1.2, |_| {});
     let (mut cop, mut before, mut lifting) = (CopErrors::default(), ByGroup::default(), ByGroup::default());
-    session.hold_unknown(CHECK_POSES, |moment| {
-        cop.add(moment);
-        if publishes_torques(moment.state) {
-            let truth = moment.truth();
-            before.add(&moment.state.torque_nm, &moment.state.torque_sigma_nm, &truth.overload_in_motion_nm);
+    session.hold_unknown(CHECK_POSES, |snapshot| {
+        cop.add(snapshot);
+        if publishes_torques(snapshot.state) {
+            let truth = snapshot.truth();
+            before.add(
+                &snapshot.state.torque_nm,
+                &snapshot.state.torque_sigma_nm,
+                &truth.overload_in_motion_nm,
+            );
         }
     });
-    session.lift(BOX_KG, |moment| {
-        if publishes_torques(moment.state) {
-            let truth = moment.truth();
+    session.lift(BOX_KG, |snapshot| {
+        if publishes_torques(snapshot.state) {
+            let truth = snapshot.truth();
             if truth.body.load_kg >= LIFTED * BOX_KG {
                 lifting.add(
-                    &moment.state.torque_nm,
-                    &moment.state.torque_sigma_nm,
+                    &snapshot.state.torque_nm,
+                    &snapshot.state.torque_sigma_nm,
                     &truth.overload_in_motion_nm,
                 );
             }

@@ -55,7 +55,7 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
     };
     belief.put_into(&mut settings);
     let mut session = Session::new(subject, settings);
-    session.run_until(2.0, |moment| moment.state.suggested_pose != u32::MAX);
+    session.run_until(2.0, |snapshot| snapshot.state.suggested_pose != u32::MAX);
     let model = |session: &Session| Box::new(session.memory().identification);
     let mut models = vec![model(&session)];
     session.identify_in_steps(POSES_MAX, true, |session| models.push(model(session)));

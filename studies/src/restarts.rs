@@ -9,7 +9,7 @@ use equipoise_simulator::suit_sender::SuitWorld;
 use nalgebra::Vector2;
 
 use crate::natural::Movements;
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
@@ -79,16 +79,16 @@ pub struct Errors {
 
 impl Errors {
     /// Whether a centre of pressure is reported.
-    fn are_of(moment: &Moment) -> bool {
-        !moment.state.validity().any_of(Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
+    fn are_of(snapshot: &Snapshot) -> bool {
+        !snapshot.state.validity().any_of(Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED))
     }
 
-    fn add(&mut self, moment: &Moment) {
-        let state = moment.state;
-        if !Errors::are_of(moment) {
+    fn add(&mut self, snapshot: &Snapshot) {
+        let state = snapshot.state;
+        if !Errors::are_of(snapshot) {
             return;
         }
-        let truth = moment.truth();
+        let truth = snapshot.truth();
         let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
         let [x, y, _] = state.segment_origin_m[0];
         let pelvis = truth.body.origin_m[0];
@@ -161,28 +161,28 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
     let is_device = matches!(restart, Restart::Suit | Restart::Ground);
     let back_s = session.now_s() + if is_device { away_s } else { 0.0 };
     let mut found_s = None;
-    let mut judge = |moment: &Moment| {
-        errors.add(moment);
+    let mut judge = |snapshot: &Snapshot| {
+        errors.add(snapshot);
         // States pending for later samples at a restart are still published afterwards.
-        if found_s.is_none() && moment.time_s > back_s && Errors::are_of(moment) {
-            found_s = Some(moment.time_s - back_s);
+        if found_s.is_none() && snapshot.time_s > back_s && Errors::are_of(snapshot) {
+            found_s = Some(snapshot.time_s - back_s);
         }
         found_s.is_some()
     };
-    movements.work(session, AWAY_S[1], |moment| {
-        judge(moment);
+    movements.work(session, AWAY_S[1], |snapshot| {
+        judge(snapshot);
         false
     });
     if carrying {
         session.order(equipoise_simulator::motion::Worker::put_down);
     }
     movements.work(session, PATIENCE_S, &mut judge);
-    movements.work(session, JUDGED_S, |moment| {
-        errors.add(moment);
+    movements.work(session, JUDGED_S, |snapshot| {
+        errors.add(snapshot);
         false
     });
     session.order(|worker, at_s| worker.lift(BOX_KG, at_s));
-    let is_published = |moment: &Moment| !moment.state.validity().any_of(Validity::INVALIDATES_TORQUES);
+    let is_published = |snapshot: &Snapshot| !snapshot.state.validity().any_of(Validity::INVALIDATES_TORQUES);
     let publishes_torques = movements.work(session, LIFTING_S, is_published);
     session.order(equipoise_simulator::motion::Worker::put_down);
     Outcome { restart, carrying, found_s, publishes_torques, errors }

@@ -22,9 +22,9 @@ const GROUND_GLIMPSE_S: f64 = 0.05;
 /// Delay between a command and its effect, so that no sample has been taken yet from the time from which it applies, s.
 const REACTION_S: f64 = 0.02;
 
-/// One new state at its own time.
+/// One new state of the estimator, with the simulated times of its data.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment<'a> {
+pub struct Snapshot<'a> {
     /// Output of the estimator.
     pub state: &'a State,
     /// The worker it refers to.
@@ -37,7 +37,7 @@ pub struct Moment<'a> {
     pub early_time_s: f64,
 }
 
-impl Moment<'_> {
+impl Snapshot<'_> {
     /// The truth at the state's own time.
     pub fn truth(&self) -> Truth {
         Truth::of(self.worker, self.time_s)
@@ -207,19 +207,19 @@ impl Session {
     }
 
     /// Advances time; `see` receives every new state once.
-    pub fn run(&mut self, for_s: f64, mut see: impl FnMut(&Moment)) {
-        self.run_until(for_s, |moment| {
-            see(moment);
+    pub fn run(&mut self, for_s: f64, mut see: impl FnMut(&Snapshot)) {
+        self.run_until(for_s, |snapshot| {
+            see(snapshot);
             false
         });
     }
 
     /// The same until `done` returns true or `for_s` is over. Returns whether it did.
-    pub fn run_until(&mut self, for_s: f64, mut done: impl FnMut(&Moment) -> bool) -> bool {
+    pub fn run_until(&mut self, for_s: f64, mut done: impl FnMut(&Snapshot) -> bool) -> bool {
         let end_ns = self.now_ns + (for_s * 1e9) as u64;
         while self.now_ns < end_ns {
             self.tick(None);
-            if self.take_new().is_some_and(|moment| done(&moment)) {
+            if self.take_new().is_some_and(|snapshot| done(&snapshot)) {
                 return true;
             }
         }
@@ -297,7 +297,7 @@ impl Session {
     }
 
     /// The state if its suit sample differs from the previous one.
-    fn take_new(&mut self) -> Option<Moment<'_>> {
+    fn take_new(&mut self) -> Option<Snapshot<'_>> {
         let published_ns = self.memory.state.suit_sample_time_ns;
         if published_ns == self.seen_ns {
             return None;
@@ -305,7 +305,7 @@ impl Session {
         self.seen_ns = published_ns;
         let time_of = |stamp_ns: u64| simulated_s(stamp_ns.saturating_sub(self.rig.suit_late_ns));
         let early = self.memory.early();
-        Some(Moment {
+        Some(Snapshot {
             state: &self.memory.state,
             worker: &self.worker,
             time_s: time_of(published_ns),
@@ -336,20 +336,20 @@ mod tests {
     #[test]
     fn a_state_is_compared_with_the_truth_of_its_own_time() {
         let (mut seen, mut sample_later_m) = (0, 0.0_f64);
-        perfect().run(1.0, |moment| {
+        perfect().run(1.0, |snapshot| {
             let hand = Segment::LeftHand.index();
-            let truth = moment.truth();
+            let truth = snapshot.truth();
             for segment in 0..SEGMENTS {
-                let published = Vector3::from(moment.state.segment_origin_m[segment]);
+                let published = Vector3::from(snapshot.state.segment_origin_m[segment]);
                 assert!(
                     (published - truth.body.origin_m[segment]).norm() < 1e-6,
                     "{segment} at {} s",
-                    moment.time_s
+                    snapshot.time_s
                 );
             }
-            let measured = Vector2::from(moment.state.cop_measured_m);
+            let measured = Vector2::from(snapshot.state.cop_measured_m);
             assert!((measured - truth.cop_m).norm() < 2e-4, "{measured} {}", truth.cop_m);
-            let later = moment.worker.sample(moment.time_s + 1.0 / 60.0).origin_m[hand];
+            let later = snapshot.worker.sample(snapshot.time_s + 1.0 / 60.0).origin_m[hand];
             sample_later_m = sample_later_m.max((later - truth.body.origin_m[hand]).norm());
             seen += 1;
         });
@@ -381,9 +381,9 @@ mod tests {
         assert!((session.now_s() - before_s - 3.0).abs() < 1e-9);
         // Samples pending at the leap are published after it.
         let (mut seen, mut last_s) = (0, before_s - 0.1);
-        session.run(0.5, |moment| {
-            assert!(moment.time_s > last_s);
-            last_s = moment.time_s;
+        session.run(0.5, |snapshot| {
+            assert!(snapshot.time_s > last_s);
+            last_s = snapshot.time_s;
             seen += 1;
         });
         assert!(seen >= 25, "{seen}");

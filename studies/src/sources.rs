@@ -5,7 +5,7 @@ use equipoise_core::message::Validity;
 
 use crate::lifting::see_lifted;
 use crate::sensors::{AccelerationNoise, Ground, Rig};
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, percent};
@@ -74,26 +74,29 @@ pub fn findings(subject: &Subject, accelerations: Accelerations, rig: Rig) -> Fi
     let mut findings = Findings::default();
     findings.poses.add(f64::from(session.identify(POSES_MAX).poses));
     session.stand(2.0);
-    session.run(2.0, |moment| findings.still.add(moment));
-    let unloaded = |moment: &Moment, cop: &mut CopErrors, force_n: &mut Sums, published: &mut [u64; 2]| {
-        cop.add(moment);
-        if publishes_cop(moment.state) && !moment.state.validity().any_of(Validity::INVALIDATES_DELTA_F) {
-            force_n.add(moment.state.delta_f_n[2]);
+    session.run(2.0, |snapshot| findings.still.add(snapshot));
+    let unloaded = |snapshot: &Snapshot,
+                    cop: &mut CopErrors,
+                    force_n: &mut Sums,
+                    published: &mut [u64; 2]| {
+        cop.add(snapshot);
+        if publishes_cop(snapshot.state) && !snapshot.state.validity().any_of(Validity::INVALIDATES_DELTA_F) {
+            force_n.add(snapshot.state.delta_f_n[2]);
         }
-        published[0] += u64::from(!moment.state.validity().any_of(Validity::INVALIDATES_TORQUES));
+        published[0] += u64::from(!snapshot.state.validity().any_of(Validity::INVALIDATES_TORQUES));
         published[1] += 1;
     };
-    session.work_unloaded(|moment| {
-        unloaded(moment, &mut findings.work, &mut findings.force_n[0], &mut findings.published_unloaded);
+    session.work_unloaded(|snapshot| {
+        unloaded(snapshot, &mut findings.work, &mut findings.force_n[0], &mut findings.published_unloaded);
     });
     session.stand(2.0);
-    session.march(STEPS, |moment| {
-        unloaded(moment, &mut findings.march, &mut findings.force_n[1], &mut findings.published_unloaded);
+    session.march(STEPS, |snapshot| {
+        unloaded(snapshot, &mut findings.march, &mut findings.force_n[1], &mut findings.published_unloaded);
     });
     session.stand(2.0);
-    let mut telling = crate::lifting::Telling::default();
-    session.lift_at_work(BOX_KG, |moment| see_lifted(moment, BOX_KG, &mut findings.torques, &mut telling));
-    findings.published = [telling.published, telling.samples];
+    let mut tally = crate::lifting::PublicationTally::default();
+    session.lift_at_work(BOX_KG, |snapshot| see_lifted(snapshot, BOX_KG, &mut findings.torques, &mut tally));
+    findings.published = [tally.published, tally.samples];
     findings
 }
 
@@ -196,9 +199,9 @@ mod tests {
         session.run(1.0, |_| {});
         session.order(|worker, at_s| worker.intend(&equipoise_simulator::repertoire::LIFTING[3], at_s, 0.8));
         let mut published = Vec::new();
-        session.run(1.5, |moment| {
-            if publishes_cop(moment.state) {
-                published.push((moment.time_s, moment.state.cop_measured_m));
+        session.run(1.5, |snapshot| {
+            if publishes_cop(snapshot.state) {
+                published.push((snapshot.time_s, snapshot.state.cop_measured_m));
             }
         });
         published
@@ -243,8 +246,8 @@ mod tests {
                 "{name}: {by_insoles} N m, by plates {by_plates} N m"
             );
         }
-        let share = |[published, of]: [u64; 2]| published as f64 / of as f64;
-        assert!(share(insoles.published) > 0.6, "{}", share(insoles.published));
-        assert!(share(insoles.published_unloaded) < 0.1, "{}", share(insoles.published_unloaded));
+        let fraction = |[published, of]: [u64; 2]| published as f64 / of as f64;
+        assert!(fraction(insoles.published) > 0.6, "{}", fraction(insoles.published));
+        assert!(fraction(insoles.published_unloaded) < 0.1, "{}", fraction(insoles.published_unloaded));
     }
 }

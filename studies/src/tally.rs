@@ -210,7 +210,7 @@ pub fn percent(part: u64, whole: u64) -> Option<f64> {
 pub fn quartiles(mut values: Vec<f64>) -> Option<[f64; 3]> {
     values.sort_by(f64::total_cmp);
     let last = values.len().checked_sub(1)?;
-    Some([0.25, 0.5, 0.75].map(|share| values[(share * last as f64).round() as usize]))
+    Some([0.25, 0.5, 0.75].map(|probability| values[(probability * last as f64).round() as usize]))
 }
 
 #[cfg(test)]

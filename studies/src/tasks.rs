@@ -8,7 +8,7 @@ use equipoise_simulator::motion::Worker;
 use equipoise_simulator::repertoire::LIFTING;
 
 use crate::mixtures::mixtures;
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 
 /// Time that a worker takes to take a pose, s.
 pub const POSE_S: f64 = 1.8;
@@ -66,7 +66,7 @@ impl Session {
     ) -> Identified {
         let start_s = self.now_s();
         // Segment lengths first, while standing; then a pose can be suggested.
-        self.run_until(PATIENCE_S, |moment| moment.state.suggested_pose != u32::MAX);
+        self.run_until(PATIENCE_S, |snapshot| snapshot.state.suggested_pose != u32::MAX);
         let mut refused = 0;
         while self.state().converged == 0 && self.state().poses_used < max_poses && refused < 50 {
             let library = self.settings().library;
@@ -104,22 +104,22 @@ impl Session {
         } else {
             PATIENCE_S
         };
-        self.run_until(hold_s, |moment| moment.state.poses_used > used)
+        self.run_until(hold_s, |snapshot| snapshot.state.poses_used > used)
     }
 
     /// Takes a pose as commanded, skipping the motion to it; `see` receives every state of the static worker.
-    pub fn hold(&mut self, order: impl FnOnce(&mut Worker, f64), mut see: impl FnMut(&Moment)) {
+    pub fn hold(&mut self, order: impl FnOnce(&mut Worker, f64), mut see: impl FnMut(&Snapshot)) {
         self.order(order);
         self.leap(POSE_S + 0.1);
-        self.run(WINDOW_S, |moment| {
-            if moment.state.static_pose == 1 {
-                see(moment);
+        self.run(WINDOW_S, |snapshot| {
+            if snapshot.state.static_pose == 1 {
+                see(snapshot);
             }
         });
     }
 
     /// Holds `count` poses outside the library: mixtures by the subject's seed.
-    pub fn hold_unknown(&mut self, count: usize, mut see: impl FnMut(&Moment)) {
+    pub fn hold_unknown(&mut self, count: usize, mut see: impl FnMut(&Snapshot)) {
         for mixture in mixtures(self.worker(), self.subject().seed, count) {
             self.hold(|worker, at_s| worker.intend(&mixture, at_s, POSE_S), &mut see);
         }
@@ -128,18 +128,18 @@ impl Session {
     /// Centre of pressure in `count` poses outside the library.
     pub fn hold_out(&mut self, count: usize) -> CopErrors {
         let mut errors = CopErrors::default();
-        self.hold_unknown(count, |moment| errors.add(moment));
+        self.hold_unknown(count, |snapshot| errors.add(snapshot));
         errors
     }
 
     /// The worker picks up a box, moves it and puts it down, as the demonstration does.
-    pub fn lift(&mut self, mass_kg: f64, see: impl FnMut(&Moment)) {
+    pub fn lift(&mut self, mass_kg: f64, see: impl FnMut(&Snapshot)) {
         self.order(|worker, at_s| worker.lift_and_show(mass_kg, at_s));
         self.run(16.5, see);
     }
 
     /// The worker lifts a box from a table, carries it and puts it back, at natural speed, without a rest.
-    pub fn lift_at_work(&mut self, mass_kg: f64, see: impl FnMut(&Moment)) {
+    pub fn lift_at_work(&mut self, mass_kg: f64, see: impl FnMut(&Snapshot)) {
         let [reach, close, stretched, raised, _] = LIFTING;
         let turned = |twist_deg: f64| Intention {
             pelvis_deg: [0.0, 0.0, 0.3 * twist_deg],
@@ -156,7 +156,7 @@ impl Session {
     }
 
     /// Bends, reaches and squats at natural speed without a load.
-    pub fn work_unloaded(&mut self, see: impl FnMut(&Moment)) {
+    pub fn work_unloaded(&mut self, see: impl FnMut(&Snapshot)) {
         let stand = Intention::STAND;
         let arm = |elevation_deg, forward_deg| Arm {
             elevation_deg,
@@ -183,7 +183,7 @@ impl Session {
     }
 
     /// The worker marches on the spot.
-    pub fn march(&mut self, steps: u32, see: impl FnMut(&Moment)) {
+    pub fn march(&mut self, steps: u32, see: impl FnMut(&Snapshot)) {
         let mut end_s = 0.0;
         self.order(|worker, at_s| end_s = worker.march_on_the_spot(at_s, steps));
         self.run(end_s - self.now_s(), see);
@@ -212,8 +212,8 @@ pub struct CopErrors {
 
 impl CopErrors {
     /// Adds a state if it reports both.
-    pub fn add(&mut self, moment: &Moment) {
-        let state = moment.state;
+    pub fn add(&mut self, snapshot: &Snapshot) {
+        let state = snapshot.state;
         if !publishes_cop(state) {
             return;
         }
@@ -270,12 +270,12 @@ mod tests {
         let mut session = Session::new(&subject, subject.settings());
         session.run(1.0, |_| {});
         let (mut perfect, mut off) = (CopErrors::default(), CopErrors::default());
-        session.hold_unknown(2, |moment| {
-            let mut state = *moment.state;
+        session.hold_unknown(2, |snapshot| {
+            let mut state = *snapshot.state;
             state.cop_estimated_m = state.cop_measured_m;
-            perfect.add(&Moment { state: &state, ..*moment });
+            perfect.add(&Snapshot { state: &state, ..*snapshot });
             state.cop_estimated_m[1] += 0.003;
-            off.add(&Moment { state: &state, ..*moment });
+            off.add(&Snapshot { state: &state, ..*snapshot });
         });
         assert!(perfect.samples >= 20, "{}", perfect.samples);
         assert_eq!(perfect.distance_rms_m(), 0.0);
@@ -288,13 +288,13 @@ mod tests {
         let mut session = Session::new(&subject, subject.settings());
         session.run(0.5, |_| {});
         let (mut lifted, mut all) = (0, 0);
-        session.lift_at_work(6.0, |moment| {
-            let truth = moment.truth();
+        session.lift_at_work(6.0, |snapshot| {
+            let truth = snapshot.truth();
             all += 1;
             lifted += u64::from(truth.body.load_kg == 6.0 && truth.overload_in_motion_nm[0].norm() > 1.0);
         });
         assert!(lifted * 2 > all, "{lifted} of {all}");
         session.stand(0.5);
-        session.work_unloaded(|moment| assert_eq!(moment.worker.sample(moment.time_s).load_kg, 0.0));
+        session.work_unloaded(|snapshot| assert_eq!(snapshot.worker.sample(snapshot.time_s).load_kg, 0.0));
     }
 }

@@ -89,7 +89,7 @@ pub fn wrong_deviation_m(settings: &Settings) -> [f64; PARAMETERS] {
         }
     }
     let sum: f64 = wrong.mass_fraction.iter().sum();
-    wrong.mass_fraction = wrong.mass_fraction.map(|share| share / sum);
+    wrong.mass_fraction = wrong.mass_fraction.map(|fraction| fraction / sum);
     let (true_to_table, off) = (Phi::of(&skeleton, &table), Phi::of(&skeleton, &wrong));
     let mut deviation_m = [0.0; PARAMETERS];
     for segment in 0..SEGMENTS {

@@ -43,10 +43,10 @@ fn a_late_plate_with_another_clock_is_found_in_a_minute_of_lifting_and_a_changed
     let round = |session: &mut Session, index: u32| {
         // While the delay is 300 ms off: samples masked as unsynchronised, and unmasked ones.
         let mut samples = [0_u32; 2];
-        lift_round(session, index % 2 == 1, 0.5, |moment, lag_s| {
-            let is_wrong = (lag_s - rig.skew_at_s(moment.time_s)).abs() > 0.2;
-            let is_masked = moment.state.validity().any_of(Validity::CLOCK_UNSYNCHRONISED);
-            samples[usize::from(is_masked)] += u32::from(is_wrong && moment.time_s > CHANGE.0);
+        lift_round(session, index % 2 == 1, 0.5, |snapshot, lag_s| {
+            let is_wrong = (lag_s - rig.skew_at_s(snapshot.time_s)).abs() > 0.2;
+            let is_masked = snapshot.state.validity().any_of(Validity::CLOCK_UNSYNCHRONISED);
+            samples[usize::from(is_masked)] += u32::from(is_wrong && snapshot.time_s > CHANGE.0);
         });
         samples
     };

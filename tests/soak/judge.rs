@@ -54,7 +54,7 @@ const VALUES: [&str; 10] = [
 ];
 const JUDGED_ONE_IN: u64 = 5;
 /// Fraction of the bound from which the report includes the other published values.
-const WORTH_TELLING: f64 = 0.8;
+const CONTEXT_ABOVE: f64 = 0.8;
 /// At most one of this many states may be missed by the test's subscriber.
 const MISSED_ONE_IN: u64 = 50;
 
@@ -82,7 +82,7 @@ pub(crate) struct Wrong {
 
 /// The largest ratio of a value's error to its bound.
 struct Worst {
-    share: f64,
+    bound_ratio: f64,
     during: &'static str,
     /// As for a wrong value, if the ratio is large enough.
     context: String,
@@ -260,15 +260,15 @@ impl Judge {
             });
         }
         if published(Validity::INVALIDATES_TORQUES, BOTH) {
-            let share = |truth: &Truth, j: usize| {
+            let bound_ratio = |truth: &Truth, j: usize| {
                 let error_nm = (Vector3::from(state.torque_nm[j]) - truth.overload_in_motion_nm[j]).norm();
                 error_nm / (torque_floor_nm(Joint::ALL[j]) + SIGMAS * state.torque_sigma_nm[j])
             };
             let now = &self.truths.1[0];
-            let worst = (0..JOINTS).max_by(|a, b| share(now, *a).total_cmp(&share(now, *b)));
+            let worst = (0..JOINTS).max_by(|a, b| bound_ratio(now, *a).total_cmp(&bound_ratio(now, *b)));
             self.worst_joint = worst.unwrap_or(JOINTS);
             self.compare("torques", person, 1.0, |truth| {
-                (0..JOINTS).map(|j| share(truth, j)).fold(0.0, f64::max)
+                (0..JOINTS).map(|j| bound_ratio(truth, j)).fold(0.0, f64::max)
             });
         }
         self.worst_joint = JOINTS;
@@ -309,12 +309,12 @@ impl Judge {
     }
 
     fn hold(&mut self, what: &'static str, error: f64, bound: f64) {
-        let share = error / bound;
-        if self.worst.get(what).is_none_or(|worst| share > worst.share) {
-            let context = if share > WORTH_TELLING { self.context() } else { String::new() };
-            self.worst.insert(what, Worst { share, during: self.during, context });
+        let bound_ratio = error / bound;
+        if self.worst.get(what).is_none_or(|worst| bound_ratio > worst.bound_ratio) {
+            let context = if bound_ratio > CONTEXT_ABOVE { self.context() } else { String::new() };
+            self.worst.insert(what, Worst { bound_ratio, during: self.during, context });
         }
-        if share > 1.0 {
+        if bound_ratio > 1.0 {
             let (during, cycle, context) = (self.during, self.state.cycle, self.context());
             self.wrong.push(Wrong { what, during, cycle, error, bound, context });
         }
@@ -366,11 +366,11 @@ impl Judge {
     }
 
     pub(crate) fn worst(&self) -> String {
-        let line = |(what, Worst { share, during, context }): (&&str, &Worst)| {
+        let line = |(what, Worst { bound_ratio, during, context }): (&&str, &Worst)| {
             let published = self.published.get(what).copied().unwrap_or(self.states);
             format!(
                 "  {what:<16} published {published:>8} times, at worst {:>3.0} % of its bound ({during}) {context}",
-                100.0 * share
+                100.0 * bound_ratio
             )
         };
         self.worst.iter().map(line).collect::<Vec<_>>().join("\n")

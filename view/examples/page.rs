@@ -94,8 +94,8 @@ fn carrying(t: f64, load_kg: f64) -> PageFrame {
     for joint in Joint::ALL {
         let index = joint.index();
         let arm_m = hands - state.segment_origin_m[joint.segment().index()][0];
-        let share = if joint == Joint::ALL[0] { 1.0 } else { 0.5 };
-        let torque = share * 9.81 * load_kg * arm_m;
+        let factor = if joint == Joint::ALL[0] { 1.0 } else { 0.5 };
+        let torque = factor * 9.81 * load_kg * arm_m;
         state.torque_nm[index] = [0.0, torque, 0.3];
         state.torque_sigma_nm[index] = 0.6 + 0.05 * torque.abs();
         state.joint_level[index] =

@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn before_a_pose_came_the_ghost_is_somebody_at_the_origin() {
+    fn without_a_pose_of_the_worker_the_suggested_pose_is_at_the_origin() {
         let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &[[0.0; 3]; SEGMENTS]);
         assert!(ghost.segment_origin_m.as_flattened().iter().all(|metres| metres.abs() < 2.0));
     }

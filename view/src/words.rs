@@ -70,7 +70,7 @@ pub fn body(state: &State) -> String {
             "; its null pose is refused: its bones are not those of the poses, which are kept to"
         }
         Some(BodyRejection::ContradictsWorker) => {
-            "; its null pose has other bones than what was learnt of this worker: is it the right subject?"
+            "; its null pose has other segment lengths than the identification of this worker: is it the right subject?"
         }
         Some(BodyRejection::None) | None => "",
     };
@@ -355,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn no_load_is_called_low_while_a_joint_is_undecided() {
+    fn the_headline_is_not_green_while_a_joint_is_undecided() {
         let [knee, elbow, hip] =
             ["RightKnee", "LeftElbow", "LeftHip"].map(|name| Joint::named(name).unwrap());
         let mut state = State { phase: Phase::Monitoring as u32, ..State::zeroed() };

@@ -25,19 +25,25 @@ pub fn average(values: &[f64]) -> Average {
         return Average::default();
     }
     let mean = values.iter().sum::<f64>() / count;
-    let off: Vec<f64> = values.iter().map(|value| value - mean).collect();
-    let square: f64 = off.iter().map(|off| off * off).sum();
-    let neighbours: f64 = off.windows(2).map(|pair| pair[0] * pair[1]).sum();
-    let scatter = if values.len() > 1 { (square / (count - 1.0)).sqrt() } else { 0.0 };
-    let correlation = if square > 0.0 { (neighbours / square).clamp(0.0, CORRELATION_MAX) } else { 0.0 };
+    let deviations: Vec<f64> = values.iter().map(|value| value - mean).collect();
+    let square_sum: f64 = deviations.iter().map(|deviation| deviation * deviation).sum();
+    let lag_one_sum: f64 = deviations.windows(2).map(|pair| pair[0] * pair[1]).sum();
+    let scatter = if values.len() > 1 { (square_sum / (count - 1.0)).sqrt() } else { 0.0 };
+    let correlation =
+        if square_sum > 0.0 { (lag_one_sum / square_sum).clamp(0.0, CORRELATION_MAX) } else { 0.0 };
     let middle = 0.5 * (count - 1.0);
-    let moment: f64 = off.iter().enumerate().map(|(index, off)| (index as f64 - middle) * off).sum();
-    let lever: f64 = (0..values.len()).map(|index| (index as f64 - middle).powi(2)).sum();
+    let index_product_sum: f64 =
+        deviations.iter().enumerate().map(|(index, deviation)| (index as f64 - middle) * deviation).sum();
+    let index_square_sum: f64 = (0..values.len()).map(|index| (index as f64 - middle).powi(2)).sum();
     Average {
         mean,
         sigma: scatter / count.sqrt() * ((1.0 + correlation) / (1.0 - correlation)).sqrt(),
         scatter,
-        drift: if lever > 0.0 { moment / lever * (count - 1.0) } else { 0.0 },
+        drift: if index_square_sum > 0.0 {
+            index_product_sum / index_square_sum * (count - 1.0)
+        } else {
+            0.0
+        },
     }
 }
 
@@ -55,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn values_that_come_in_fours_are_a_quarter_as_many() {
+    fn fourfold_repeated_values_double_sigma() {
         // A deterministic sequence that resembles noise: the logistic map.
         let mut x = 0.3;
         let mut next = || {

@@ -77,9 +77,9 @@ impl Blocks {
     /// Adds a sample; returns a block once it is full.
     pub fn take(&mut self, sample: &GroundSample) -> Option<Block> {
         let full = self.count > 0.0 && sample.sample_time_ns.saturating_sub(self.since_ns) >= BLOCK_NS;
-        let share = |sum: [f64; 3]| sum.map(|sum| sum / self.count);
+        let mean = |sum: [f64; 3]| sum.map(|sum| sum / self.count);
         let done =
-            full.then(|| Block { force_n: share(self.sum.force_n), moment_nm: share(self.sum.moment_nm) });
+            full.then(|| Block { force_n: mean(self.sum.force_n), moment_nm: mean(self.sum.moment_nm) });
         if self.count == 0.0 || full || sample.sample_time_ns < self.since_ns {
             *self = Blocks { since_ns: sample.sample_time_ns, ..Blocks::default() };
         }

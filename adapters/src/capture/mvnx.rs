@@ -60,7 +60,7 @@ pub enum MvnxError {
     MissingSegments { line: u64, names: String },
     /// A duplicate segment name.
     #[error("line {line}: a second segment {label}; one file holds one body")]
-    TwiceTheSegment { line: u64, label: String },
+    DuplicateSegment { line: u64, label: String },
     /// A limit that no real file reaches.
     #[error("line {line}: more than {most} {what}")]
     TooMany { line: u64, what: &'static str, most: usize },

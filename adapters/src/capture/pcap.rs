@@ -202,7 +202,7 @@ impl Iterator for PcapCapture {
                     continue;
                 }
                 Item::Unusable(reason) => Err(reason),
-                Item::Packet(packet) if !packet.whole => Err("cut_short"),
+                Item::Packet(packet) if !packet.is_complete => Err("cut_short"),
                 Item::Packet(packet) => {
                     self.assembler.take(packet.time_ns, packet.link_type, packet.interface, packet.bytes)
                 }

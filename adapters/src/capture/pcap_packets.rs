@@ -15,7 +15,7 @@ pub(super) struct Packet<'a> {
     pub(super) link_type: i32,
     pub(super) interface: u32,
     /// Whether the capture contains all of its bytes.
-    pub(super) whole: bool,
+    pub(super) is_complete: bool,
     pub(super) bytes: &'a [u8],
 }
 
@@ -73,7 +73,7 @@ impl Format {
                 Ok((Item::Packet(pcap_packet(header, &block)), bytes.len() - rest.len()))
             }
             Format::PcapNg { big_endian, interfaces } => {
-                if let Some(used) = passed_over(*big_endian, bytes)? {
+                if let Some(used) = skipped_block_length(*big_endian, bytes)? {
                     return Ok((Item::Nothing, used));
                 }
                 // A section header parses the same in both byte orders, and defines the order of the following blocks.
@@ -91,7 +91,7 @@ impl Format {
 
 /// The length of a block without packets. It is skipped here, as its contents (names, secrets, statistics, logs) are
 /// irrelevant and the parser trusts their lengths. `None` for other blocks.
-fn passed_over(big_endian: bool, bytes: &[u8]) -> Result<Option<usize>, Fault> {
+fn skipped_block_length(big_endian: bool, bytes: &[u8]) -> Result<Option<usize>, Fault> {
     const SECTION: u32 = 0x0a0d_0d0a;
     const INTERFACE: u32 = 1;
     const SIMPLE_PACKET: u32 = 3;
@@ -123,7 +123,7 @@ fn pcap_packet<'a>(header: &PcapHeader, block: &LegacyPcapBlock<'a>) -> Packet<'
         // The upper bits contain the length of a frame check sequence.
         link_type: header.network.0 & 0xffff,
         interface: 0,
-        whole: block.caplen >= block.origlen,
+        is_complete: block.caplen >= block.origlen,
         bytes: block.data,
     }
 }
@@ -152,7 +152,7 @@ fn pcapng_item<'a>(big_endian: &mut bool, interfaces: &mut Vec<Interface>, block
                 time_ns,
                 link_type: interface.link_type,
                 interface: packet.if_id,
-                whole: packet.caplen >= packet.origlen,
+                is_complete: packet.caplen >= packet.origlen,
                 bytes,
             })
         }

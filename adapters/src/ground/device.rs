@@ -38,12 +38,12 @@ pub trait GroundDevice: Send {
     }
 
     /// A last message before an orderly close of the connection.
-    fn farewell(&mut self) -> Option<Vec<u8>> {
+    fn close_command(&mut self) -> Option<Vec<u8>> {
         None
     }
 
     /// The current fault of the data and its remedy, in a sentence; `None` without a fault.
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         None
     }
 

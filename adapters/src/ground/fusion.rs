@@ -134,7 +134,10 @@ impl Fusion {
     /// wait would only delay each sample.
     fn is_awaited(&self, now_ns: u64) -> bool {
         self.settings.kind != FusionKind::PlateAndInsoles
-            || self.partners.came_ns().is_some_and(|came_ns| now_ns.saturating_sub(came_ns) < SILENT_NS)
+            || self
+                .partners
+                .last_arrival_ns()
+                .is_some_and(|last_arrival_ns| now_ns.saturating_sub(last_arrival_ns) < SILENT_NS)
     }
 
     /// Whether a plate's partner is a sample of faulty insoles.
@@ -209,10 +212,10 @@ fn shared_by_insoles(both: GroundSample, insoles: &GroundSample) -> GroundSample
     if insoles.per_foot != 1 || (sum_n < COP_MIN_VERTICAL_N && both.force_n[2] >= COP_MIN_VERTICAL_N) {
         return GroundSample { devices: both.devices & !insoles.devices, ..both };
     }
-    let share = if sum_n > 0.0 { felt_n.map(|newtons| newtons / sum_n) } else { [0.5; 2] };
+    let fraction = if sum_n > 0.0 { felt_n.map(|newtons| newtons / sum_n) } else { [0.5; 2] };
     GroundSample {
         per_foot: 1,
-        foot_vertical_n: share.map(|share| share * both.force_n[2]),
+        foot_vertical_n: fraction.map(|fraction| fraction * both.force_n[2]),
         foot_cop_m: insoles.foot_cop_m,
         foot_frame: insoles.foot_frame,
         ..both

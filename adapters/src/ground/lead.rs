@@ -8,7 +8,7 @@ const SLACK_NS: i64 = 1_000_000_000;
 /// A clock whose readings arrive in order. Delayed readings lag; none can be ahead of the fastest.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Lead {
-    heard_ns: u64,
+    last_arrival_ns: u64,
     /// Lead of the last reading relative to the first.
     ahead_ns: i64,
     most_ns: i64,
@@ -17,14 +17,14 @@ pub(super) struct Lead {
 impl Lead {
     /// Starts with the first reading.
     pub(super) fn begin(&mut self, arrival_ns: u64) {
-        *self = Lead { heard_ns: arrival_ns, ahead_ns: 0, most_ns: 0 };
+        *self = Lead { last_arrival_ns: arrival_ns, ahead_ns: 0, most_ns: 0 };
     }
 
     /// Processes a forward step of the device's clock; returns whether the host's elapsed time can contain it.
     pub(super) fn allows(&mut self, step_ns: u64, arrival_ns: u64) -> bool {
         let signed = |ns: u64| i64::try_from(ns).unwrap_or(i64::MAX);
-        let since_ns = signed(arrival_ns.saturating_sub(self.heard_ns));
-        self.heard_ns = arrival_ns;
+        let since_ns = signed(arrival_ns.saturating_sub(self.last_arrival_ns));
+        self.last_arrival_ns = arrival_ns;
         self.ahead_ns = self.ahead_ns.saturating_add(signed(step_ns)).saturating_sub(since_ns);
         let credible = self.ahead_ns <= self.most_ns.saturating_add(SLACK_NS);
         self.most_ns = self.most_ns.max(self.ahead_ns);

@@ -70,7 +70,7 @@ pub(super) struct Order {
     time: Unwrapped,
     trust: Trust,
     timeline: Timeline,
-    heard_ns: Option<u64>,
+    last_arrival_ns: Option<u64>,
 }
 
 impl Order {
@@ -82,7 +82,7 @@ impl Order {
             time: Unwrapped::new(1 << 64),
             trust: Trust::Doubtful,
             timeline: Timeline::new(Trust::Doubtful),
-            heard_ns: None,
+            last_arrival_ns: None,
         }
     }
 
@@ -97,15 +97,15 @@ impl Order {
     }
 
     /// The next reading is the first. The device's own counts and time continue.
-    pub(super) fn forget(&mut self) {
+    pub(super) fn reset(&mut self) {
         self.sequence.newest = None;
         self.timeline = Timeline::new(self.trust);
-        self.heard_ns = None;
+        self.last_arrival_ns = None;
     }
 
     /// Registers data of a device without a counter: after a silence its readings begin a new sequence.
-    pub(super) fn heard(&mut self, arrival_ns: u64, taken: &mut Taken) {
-        let before_ns = self.heard_ns.replace(arrival_ns);
+    pub(super) fn register_arrival(&mut self, arrival_ns: u64, taken: &mut Taken) {
+        let before_ns = self.last_arrival_ns.replace(arrival_ns);
         if before_ns.is_some_and(|before_ns| arrival_ns.saturating_sub(before_ns) > SILENCE_NS) {
             taken.restarted();
         }
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wild_stamp_does_no_harm_and_a_restart_is_believed_at_the_second_step() {
+    fn one_outlier_is_rejected_and_a_restart_is_accepted_at_the_second_step() {
         let got = timeline(&[70, 80, 90, 100, 110, 99_999_120, 130, 140]);
         assert_eq!(got[5..], [Err(GroundRefusal::OutOfOrder), Ok(Gap::Lost(1)), NONE]);
         let got = timeline(&[70_000, 70_010, 0, 10, 20, 30]);

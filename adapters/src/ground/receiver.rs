@@ -123,7 +123,7 @@ impl GroundReceiver {
     /// Begins a new stream. A device's own clock continues across it; where readings are merely counted, the new count
     /// is unrelated to the old one.
     pub(super) fn restart(&mut self) {
-        self.sequence.forget();
+        self.sequence.reset();
         if let Some((Tick::Uncounted, _)) = self.newest {
             self.begin_clock();
         }

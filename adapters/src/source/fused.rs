@@ -14,21 +14,21 @@ use crate::ground::fusion::{Fusion, FusionSettings};
 
 /// Capacity of the queue between a device's thread and the fusion: more than a second of the fastest device. Messages
 /// that do not fit are dropped and counted.
-const WORDS_MAX: usize = 8192;
+const MESSAGES_MAX: usize = 8192;
 /// Timeout of one receive call: short, as the wait of a sample for its partner may end meanwhile.
 const WAIT: Duration = Duration::from_millis(10);
 /// A device without data for this long is reported as silent, ns.
 const SILENT_NS: u64 = 500_000_000;
 
 /// Interval at which a device's thread reports its state, ns; shorter in case of a fault.
-const FARES_EVERY_NS: u64 = 100_000_000;
+const STATUS_INTERVAL_NS: u64 = 100_000_000;
 
 /// Message of a device's thread.
-enum Word {
+enum DeviceMessage {
     /// Samples, oldest first.
     Samples(Vec<GroundSample>),
     /// State of the device.
-    Fares { counts: Box<Counts>, block_latency_ns: u64, trouble: Option<String>, note: Option<String> },
+    Status { counts: Box<Counts>, block_latency_ns: u64, diagnostic: Option<String>, note: Option<String> },
     /// The thread has failed.
     Failed(SourceError),
 }
@@ -38,10 +38,10 @@ enum Word {
 struct Device {
     /// Name in the configuration.
     name: String,
-    heard_ns: u64,
+    last_arrival_ns: u64,
     counts: Counts,
     block_latency_ns: u64,
-    trouble: Option<String>,
+    diagnostic: Option<String>,
     note: Option<String>,
     thread: Option<JoinHandle<()>>,
 }
@@ -50,7 +50,7 @@ struct Device {
 #[derive(Debug)]
 pub struct FusedSource {
     fusion: Fusion,
-    words: Receiver<(usize, Word)>,
+    messages: Receiver<(usize, DeviceMessage)>,
     devices: [Device; 2],
     health: HealthReporter,
 }
@@ -64,7 +64,7 @@ impl FusedSource {
         sources: [(String, GroundSource); 2],
         settings: FusionSettings,
     ) -> Result<FusedSource, SourceError> {
-        let (sender, words) = bounded(WORDS_MAX);
+        let (sender, messages) = bounded(MESSAGES_MAX);
         let now_ns = now_monotonic_ns();
         let mut devices = Vec::with_capacity(2);
         for (index, (name, source)) in sources.into_iter().enumerate() {
@@ -75,14 +75,22 @@ impl FusedSource {
                 .map_err(|error| SourceError::Unusable(format!("{name}: no thread to read it: {error}")))?;
             let (counts, block_latency_ns) = (Counts::default(), 0);
             let thread = Some(thread);
-            let (trouble, note) = (None, None);
-            devices.push(Device { name, heard_ns: now_ns, counts, block_latency_ns, trouble, note, thread });
+            let (diagnostic, note) = (None, None);
+            devices.push(Device {
+                name,
+                last_arrival_ns: now_ns,
+                counts,
+                block_latency_ns,
+                diagnostic,
+                note,
+                thread,
+            });
         }
         let Ok(devices) = devices.try_into() else {
             return Err(SourceError::Unusable("two devices are fused, no fewer and no more".to_owned()));
         };
         let (fusion, health) = (Fusion::new(settings), HealthReporter::new(Stream::Ground, now_ns));
-        Ok(FusedSource { fusion, words, devices, health })
+        Ok(FusedSource { fusion, messages, devices, health })
     }
 
     /// Waits briefly and appends the complete samples to `samples`; returns their count.
@@ -91,45 +99,45 @@ impl FusedSource {
     /// A fault of either device that requires intervention.
     pub fn receive(&mut self, samples: &mut Vec<GroundSample>) -> Result<usize, SourceError> {
         let before = samples.len();
-        match self.words.recv_timeout(WAIT) {
-            Ok((index, word)) => self.take_in(index, word)?,
+        match self.messages.recv_timeout(WAIT) {
+            Ok((index, message)) => self.process(index, message)?,
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(SourceError::Unusable("the threads that read both devices are gone".to_owned()));
             }
         }
-        while let Ok((index, word)) = self.words.try_recv() {
-            self.take_in(index, word)?;
+        while let Ok((index, message)) = self.messages.try_recv() {
+            self.process(index, message)?;
         }
         self.fusion.fused(now_monotonic_ns(), samples);
         Ok(samples.len() - before)
     }
 
-    fn take_in(&mut self, index: usize, word: Word) -> Result<(), SourceError> {
+    fn process(&mut self, index: usize, message: DeviceMessage) -> Result<(), SourceError> {
         let now_ns = now_monotonic_ns();
-        match word {
-            Word::Samples(samples) => {
-                self.devices[index].heard_ns = now_ns;
+        match message {
+            DeviceMessage::Samples(samples) => {
+                self.devices[index].last_arrival_ns = now_ns;
                 for sample in samples {
                     self.fusion.push(index, sample, now_ns);
                 }
             }
-            Word::Fares { counts, block_latency_ns, trouble, note } => {
+            DeviceMessage::Status { counts, block_latency_ns, diagnostic, note } => {
                 let device = &mut self.devices[index];
                 (device.counts, device.block_latency_ns) = (*counts, block_latency_ns);
-                (device.trouble, device.note) = (trouble, note);
+                (device.diagnostic, device.note) = (diagnostic, note);
             }
-            Word::Failed(error) => return Err(error),
+            DeviceMessage::Failed(error) => return Err(error),
         }
         Ok(())
     }
 
     /// The current fault of either device and its remedy, in a sentence; `None` without a fault.
-    pub fn trouble(&self) -> Option<String> {
+    pub fn diagnostic(&self) -> Option<String> {
         let now_ns = now_monotonic_ns();
-        let troubles: Vec<String> =
-            self.devices.iter().filter_map(|device| device.trouble_at(now_ns)).collect();
-        (!troubles.is_empty()).then(|| troubles.join("; "))
+        let diagnostics: Vec<String> =
+            self.devices.iter().filter_map(|device| device.diagnostic_at(now_ns)).collect();
+        (!diagnostics.is_empty()).then(|| diagnostics.join("; "))
     }
 
     /// Properties that the devices report, in a sentence; `None` if there are none.
@@ -161,11 +169,11 @@ impl FusedSource {
 }
 
 impl Device {
-    fn trouble_at(&self, now_ns: u64) -> Option<String> {
-        if let Some(trouble) = &self.trouble {
-            return Some(format!("{}: {trouble}", self.name));
+    fn diagnostic_at(&self, now_ns: u64) -> Option<String> {
+        if let Some(diagnostic) = &self.diagnostic {
+            return Some(format!("{}: {diagnostic}", self.name));
         }
-        let silent = now_ns.saturating_sub(self.heard_ns) > SILENT_NS;
+        let silent = now_ns.saturating_sub(self.last_arrival_ns) > SILENT_NS;
         silent.then(|| format!("{} sends nothing; is it on, and is its cable in?", self.name))
     }
 }
@@ -173,7 +181,7 @@ impl Device {
 impl Drop for FusedSource {
     fn drop(&mut self) {
         // Without a receiver, both threads end at their next message: within the interval of their reports.
-        self.words = never();
+        self.messages = never();
         for thread in self.devices.iter_mut().filter_map(|device| device.thread.take()) {
             // A reader that panicked has no further messages.
             let _panicked = thread.join();
@@ -185,7 +193,7 @@ impl Drop for FusedSource {
 struct Reader {
     index: usize,
     source: GroundSource,
-    sender: Sender<(usize, Word)>,
+    sender: Sender<(usize, DeviceMessage)>,
     /// Samples dropped because the queue was full.
     missed: u64,
 }
@@ -197,7 +205,7 @@ impl Reader {
     fn run(mut self) {
         if let Ok(error) = self.read() {
             // Unlike the others, this message must not be dropped, so it waits for room.
-            let _ = self.sender.send((self.index, Word::Failed(error)));
+            let _ = self.sender.send((self.index, DeviceMessage::Failed(error)));
         }
     }
 
@@ -211,25 +219,32 @@ impl Reader {
             }
             if !samples.is_empty() {
                 let count = samples.len() as u64;
-                self.missed += if self.say(Word::Samples(samples))? { 0 } else { count };
+                self.missed += if self.try_send(DeviceMessage::Samples(samples))? { 0 } else { count };
             }
-            let (trouble, now_ns) = (self.source.trouble(), now_monotonic_ns());
-            if now_ns.saturating_sub(reported_ns) >= FARES_EVERY_NS || reported.as_ref() != Some(&trouble) {
+            let (diagnostic, now_ns) = (self.source.diagnostic(), now_monotonic_ns());
+            if now_ns.saturating_sub(reported_ns) >= STATUS_INTERVAL_NS
+                || reported.as_ref() != Some(&diagnostic)
+            {
                 let mut counts = Box::new(*self.source.counts());
                 counts.lost += self.missed;
                 let block_latency_ns = self.source.block_latency_ns();
                 // If the queue is full, the report is repeated later.
                 let note = self.source.note();
-                if self.say(Word::Fares { counts, block_latency_ns, trouble: trouble.clone(), note })? {
-                    (reported, reported_ns) = (Some(trouble), now_ns);
+                if self.try_send(DeviceMessage::Status {
+                    counts,
+                    block_latency_ns,
+                    diagnostic: diagnostic.clone(),
+                    note,
+                })? {
+                    (reported, reported_ns) = (Some(diagnostic), now_ns);
                 }
             }
         }
     }
 
     /// Whether there was room for the message.
-    fn say(&self, word: Word) -> Result<bool, Disconnected> {
-        match self.sender.try_send((self.index, word)) {
+    fn try_send(&self, message: DeviceMessage) -> Result<bool, Disconnected> {
+        match self.sender.try_send((self.index, message)) {
             Ok(()) => Ok(true),
             Err(TrySendError::Full(_)) => Ok(false),
             Err(TrySendError::Disconnected(_)) => Err(Disconnected),
@@ -261,7 +276,7 @@ mod tests {
         }
     }
 
-    fn reader(sender: Sender<(usize, Word)>) -> Reader {
+    fn reader(sender: Sender<(usize, DeviceMessage)>) -> Reader {
         let device = Box::new(Bota::new(BotaSettings { baud: 460_800, sinc: None }));
         let source = GroundSource::open(Box::new(Broken), device, GroundSettings::default()).unwrap();
         Reader { index: 1, source, sender, missed: 0 }
@@ -269,8 +284,8 @@ mod tests {
 
     #[test]
     fn a_reader_ends_with_an_unread_report_once_the_fusion_is_gone() {
-        let (sender, words) = bounded(1);
-        sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
+        let (sender, messages) = bounded(1);
+        sender.try_send((0, DeviceMessage::Samples(Vec::new()))).unwrap();
         let reader = reader(sender);
         let (ended, has_ended) = bounded::<()>(0);
         let thread = std::thread::spawn(move || {
@@ -279,20 +294,20 @@ mod tests {
         });
         let waits = has_ended.recv_timeout(10 * WAIT);
         assert_eq!(waits, Err(RecvTimeoutError::Timeout), "why it failed is not said yet");
-        drop(words);
+        drop(messages);
         assert_eq!(has_ended.recv_timeout(Duration::from_secs(10)), Err(RecvTimeoutError::Disconnected));
         thread.join().unwrap();
     }
 
     #[test]
     fn the_last_word_comes_once_there_is_room() {
-        let (sender, words) = bounded(1);
-        sender.try_send((0, Word::Samples(Vec::new()))).unwrap();
+        let (sender, messages) = bounded(1);
+        sender.try_send((0, DeviceMessage::Samples(Vec::new()))).unwrap();
         let reader = reader(sender);
         let thread = std::thread::spawn(move || reader.run());
-        assert!(matches!(words.recv(), Ok((0, Word::Samples(_)))));
-        let last = words.recv_timeout(Duration::from_secs(10));
-        assert!(matches!(last, Ok((1, Word::Failed(SourceError::Unusable(_))))));
+        assert!(matches!(messages.recv(), Ok((0, DeviceMessage::Samples(_)))));
+        let last = messages.recv_timeout(Duration::from_secs(10));
+        assert!(matches!(last, Ok((1, DeviceMessage::Failed(SourceError::Unusable(_))))));
         thread.join().unwrap();
     }
 }

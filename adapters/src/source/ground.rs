@@ -5,7 +5,7 @@ use super::error::SourceError;
 use super::transport::Transport;
 use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
-use crate::ground::{GroundBrain, GroundDevice, GroundRefusal, GroundSettings, Want};
+use crate::ground::{GroundDevice, GroundProtocol, GroundRefusal, GroundSettings, Want};
 use equipoise_core::message::{AdapterHealth, GroundSample, Printable};
 use std::time::Duration;
 
@@ -27,26 +27,26 @@ fn printable(sentence: String) -> String {
 /// A ground device that streams.
 pub struct GroundSource {
     transport: Box<dyn Transport>,
-    brain: GroundBrain,
+    protocol: GroundProtocol,
     health: HealthReporter,
     open: bool,
     opened_at_ns: u64,
-    trouble: Option<String>,
+    diagnostic: Option<String>,
 }
 
 impl core::fmt::Debug for GroundSource {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        let GroundSource { brain, open, trouble, .. } = self;
+        let GroundSource { protocol, open, diagnostic, .. } = self;
         f.debug_struct("GroundSource")
-            .field("brain", brain)
+            .field("protocol", protocol)
             .field("open", open)
-            .field("trouble", trouble)
+            .field("diagnostic", diagnostic)
             .finish_non_exhaustive()
     }
 }
 
 impl GroundSource {
-    /// Opens the connection to a device. An absent device is no error: connecting is retried, and [`Self::trouble`]
+    /// Opens the connection to a device. An absent device is no error: connecting is retried, and [`Self::diagnostic`]
     /// reports it.
     ///
     /// # Errors
@@ -58,11 +58,11 @@ impl GroundSource {
     ) -> Result<GroundSource, SourceError> {
         let mut source = GroundSource {
             transport,
-            brain: GroundBrain::new(device, settings),
+            protocol: GroundProtocol::new(device, settings),
             health: HealthReporter::new(Stream::Ground, now_monotonic_ns()),
             open: false,
             opened_at_ns: 0,
-            trouble: None,
+            diagnostic: None,
         };
         source.reopen(now_monotonic_ns())?;
         if source.open {
@@ -90,9 +90,9 @@ impl GroundSource {
         let before = samples.len();
         match self.transport.receive() {
             Ok(None) => {}
-            Ok(Some(incoming)) if !incoming.admitted => self.brain.refuse(GroundRefusal::ForeignSender),
+            Ok(Some(incoming)) if !incoming.admitted => self.protocol.refuse(GroundRefusal::ForeignSender),
             Ok(Some(incoming)) => {
-                self.brain.receive(incoming.bytes, incoming.arrival_ns, samples);
+                self.protocol.receive(incoming.bytes, incoming.arrival_ns, samples);
                 if samples.len() > before {
                     self.transport.accepted();
                 }
@@ -103,41 +103,41 @@ impl GroundSource {
     }
 
     /// The current fault and its remedy, in a sentence; `None` without a fault.
-    pub fn trouble(&self) -> Option<String> {
-        let trouble = if self.open { self.brain.trouble() } else { self.trouble.clone() };
-        trouble.map(printable)
+    pub fn diagnostic(&self) -> Option<String> {
+        let diagnostic = if self.open { self.protocol.diagnostic() } else { self.diagnostic.clone() };
+        diagnostic.map(printable)
     }
 
     /// A property that the device reports, in a sentence; `None` if there is none.
     pub fn note(&self) -> Option<String> {
-        self.brain.note().map(printable)
+        self.protocol.note().map(printable)
     }
 
     /// Counts since the start.
     pub fn counts(&self) -> &Counts {
-        self.brain.counts()
+        self.protocol.counts()
     }
 
     /// Duration of the blocks in which the device collects readings, ns; 0 if it sends each by itself.
     pub fn block_latency_ns(&self) -> u64 {
-        self.brain.block_latency_ns()
+        self.protocol.block_latency_ns()
     }
 
     /// The counts as a message, with the rate since the last call. Reasons in the order of [`GroundRefusal`].
     pub fn health(&mut self) -> AdapterHealth {
-        let health = self.health.report(self.brain.counts(), now_monotonic_ns());
-        AdapterHealth { block_latency_ns: self.brain.block_latency_ns(), ..health }
+        let health = self.health.report(self.protocol.counts(), now_monotonic_ns());
+        AdapterHealth { block_latency_ns: self.protocol.block_latency_ns(), ..health }
     }
 
     fn reopen(&mut self, now_ns: u64) -> Result<(), SourceError> {
         self.opened_at_ns = now_ns;
         match self.transport.open() {
             Ok(()) => {
-                (self.open, self.trouble) = (true, None);
+                (self.open, self.diagnostic) = (true, None);
                 match (self.transport.goes_on(), self.transport.begins_at_start()) {
                     (true, _) => {}
-                    (false, true) => self.brain.opened_at_start(now_ns),
-                    (false, false) => self.brain.opened(now_ns),
+                    (false, true) => self.protocol.opened_at_start(now_ns),
+                    (false, false) => self.protocol.opened(now_ns),
                 }
                 Ok(())
             }
@@ -148,12 +148,12 @@ impl GroundSource {
     /// Executes the actions that the device requests.
     fn serve(&mut self, now_ns: u64) -> Result<(), SourceError> {
         for _ in 0..WANTS_MAX {
-            let done = match self.brain.wants(now_ns) {
+            let done = match self.protocol.wants(now_ns) {
                 Want::Nothing => break,
                 Want::Send(bytes) => self.transport.send(&bytes),
                 Want::Speed(baud) => self.transport.set_speed(baud),
                 Want::Reopen(reason) => {
-                    (self.open, self.trouble) = (false, Some(reason));
+                    (self.open, self.diagnostic) = (false, Some(reason));
                     break;
                 }
             };
@@ -170,16 +170,16 @@ impl GroundSource {
         if !error.may_recover() {
             return Err(error);
         }
-        (self.open, self.trouble) = (false, Some(error.to_string()));
+        (self.open, self.diagnostic) = (false, Some(error.to_string()));
         Ok(())
     }
 }
 
 impl Drop for GroundSource {
     fn drop(&mut self) {
-        if let (true, Some(farewell)) = (self.open, self.brain.farewell()) {
+        if let (true, Some(close_command)) = (self.open, self.protocol.close_command()) {
             // If the device is unreachable, it detects the closed connection by itself.
-            let _unreachable = self.transport.send(&farewell);
+            let _unreachable = self.transport.send(&close_command);
         }
     }
 }
@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_line_of_a_new_file_is_used_and_the_rest_of_a_line_is_not() {
+    fn a_new_file_is_read_from_its_first_line_and_a_partial_line_is_skipped() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("export.txt");
         std::fs::write(&path, "Fz\n-600\n-6").unwrap();
@@ -265,7 +265,7 @@ mod tests {
         let mut source = GroundSource::open(line, force_lines(Framing::Joined), settings).unwrap();
         let mut file = std::fs::File::options().append(true).open(&path).unwrap();
         file.write_all(b"01\nFz\n-602\n").unwrap();
-        assert_eq!(forces_n(&mut source, 1), [602.0], "the first line is the end of one");
+        assert_eq!(forces_n(&mut source, 1), [602.0], "a partial first line is skipped");
         std::fs::remove_file(&path).unwrap();
         std::fs::write(&path, "Fz\n-701\n-702\n").unwrap();
         assert_eq!(forces_n(&mut source, 2), [701.0, 702.0]);
@@ -285,7 +285,7 @@ mod tests {
         assert_eq!(forces_n(&mut source, 1), [701.0]);
         fail.send(()).unwrap();
         source.receive(&mut Vec::new()).unwrap();
-        let said = source.trouble().expect("it is not there");
+        let said = source.diagnostic().expect("it is not there");
         assert!(said.contains("the share is not there") && !said.contains(['\u{1b}', '\n']), "{said}");
         assert!(said.len() < 10 * SENTENCE_CHARS_MAX, "{}", said.len());
         file.write_all(b"02\n-703\n").unwrap();

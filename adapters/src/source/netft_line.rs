@@ -56,7 +56,7 @@ impl NetFtLine {
         match text {
             Ok(text) => Ok(Page::to_bytes(Ok(&text))),
             Err(error) if page_needed => Err(SourceError::Absent {
-                what: format!("the ATI device's page of settings, {url},"),
+                what: format!("the ATI device's settings page, {url},"),
                 error,
                 remedy: format!(
                     "is it on, is the cable in, and is {} right? With counts_per_newton and counts_per_newton_metre \
@@ -65,7 +65,7 @@ impl NetFtLine {
                 ),
             }),
             Err(error) => Ok(Page::to_bytes(Err(&format!(
-                "the ATI device's page of settings, {url}, cannot be read: {error}"
+                "the ATI device's settings page, {url}, cannot be read: {error}"
             )))),
         }
     }

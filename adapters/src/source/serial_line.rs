@@ -211,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_that_others_follow_came_earlier_and_arrivals_never_step_back() {
+    fn arrival_times_account_for_later_bytes_and_do_not_decrease() {
         let settings =
             LineSettings { port: PathBuf::new(), baud: 100_000, flow: Flow::Free, key: "ground.serial.port" };
         let mut line = SerialLine::new(settings);

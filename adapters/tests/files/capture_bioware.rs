@@ -110,15 +110,15 @@ fn the_eight_channels_of_a_real_plate_give_the_rows_that_were_computed_elsewhere
 
 #[test]
 fn units_are_never_guessed() {
-    let bare = "abs time\tFx\tFy\tFz\tMx\tMy\tMz\n0\t1\t2\t700\t1\t2\t3\n";
-    let BioWareError::NoUnit { line: 1, column, .. } = refusal(bare, kistler()) else { panic!() };
+    let without_units = "abs time\tFx\tFy\tFz\tMx\tMy\tMz\n0\t1\t2\t700\t1\t2\t3\n";
+    let BioWareError::NoUnit { line: 1, column, .. } = refusal(without_units, kistler()) else { panic!() };
     assert_eq!(column, "abs time");
     let units = Units::parse("s, kN, N.mm").unwrap();
-    let bare = bare.replace("700", "0.7");
-    let sample = read(&bare, BioWareSettings { units, ..kistler() })[0];
+    let without_units = without_units.replace("700", "0.7");
+    let sample = read(&without_units, BioWareSettings { units, ..kistler() })[0];
     assert_eq!(sample.force_n, [-1e3, 2e3, 700.0], "declared");
     // Units in the file take precedence over declared ones.
-    let pounds = bare.replace("Fz", "Fz (lbf)");
+    let pounds = without_units.replace("Fz", "Fz (lbf)");
     let sample = read(&pounds, BioWareSettings { units: Units::parse("s,N,N.m").unwrap(), ..kistler() })[0];
     assert!((sample.force_n[2] - 0.7 * 4.448_221_615).abs() < 1e-5, "{sample:?}");
     let odd = EXPORT.replace("s\tN\tN\tN\t", "s\tN\tN\tstone\t");
@@ -175,7 +175,7 @@ fn what_is_no_export_is_refused_and_what_is_no_row_is_counted() {
     assert_eq!(BioWareCapture::new(endless.as_bytes(), kistler()).unwrap().count(), 2);
 }
 
-/// A disk that fails after the text.
+/// A reader that fails after the text.
 #[derive(Debug)]
 struct Failing<'a>(&'a [u8]);
 
@@ -205,7 +205,7 @@ fn a_file_that_cannot_be_read_to_its_end_has_a_fault() {
 }
 
 #[test]
-fn a_first_row_in_quotation_marks_is_no_line_of_units() {
+fn a_first_row_in_quotation_marks_is_not_a_unit_line() {
     let text = "\"time (s)\",\"Fx (N)\",\"Fy (N)\",\"Fz (N)\",\"Mx (N.m)\",\"My (N.m)\",\"Mz (N.m)\"\n\
         \"0.0\",\"1\",\"2\",\"700\",\"1\",\"2\",\"3\"\n\"0.1\",\"1\",\"2\",\"710\",\"1\",\"2\",\"3\"\n";
     let vertical_n: Vec<f64> = read(text, kistler()).iter().map(|sample| sample.force_n[2]).collect();

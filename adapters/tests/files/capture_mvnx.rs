@@ -327,7 +327,7 @@ fn a_file_that_means_nothing_is_refused_with_line_and_advice() {
     let no_knee = text.replace("\"RightLowerLeg\"", "\"Lamp\"");
     assert!(refusal(&no_knee).to_string().contains("missing: RightLowerLeg;"));
     let twice = text.replace("\"RightLowerLeg\"", "\"LeftLowerLeg\"");
-    assert!(matches!(refusal(&twice), MvnxError::TwiceTheSegment { .. }));
+    assert!(matches!(refusal(&twice), MvnxError::DuplicateSegment { .. }));
     let no_null = text.replace("\"identity\"", "\"something\"");
     assert!(refusal(&no_null).to_string().contains("no frame of type \"identity\""));
     let no_frames = file(V4, 0);

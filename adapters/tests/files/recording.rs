@@ -78,7 +78,7 @@ fn recorded(cycles: u64) -> Vec<u8> {
 }
 
 #[test]
-fn what_came_into_force_later_is_found_under_its_number() {
+fn a_reloaded_configuration_is_found_by_its_cycle_number() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("a.mcap");
     let mut recorder = Recorder::create(&path, &header()).unwrap();

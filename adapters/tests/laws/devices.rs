@@ -13,7 +13,7 @@ use equipoise_adapters::ground::device::qtm::{Qtm, QtmSettings};
 use equipoise_adapters::ground::device::tec_gihan::{TecGihan, TecGihanSettings};
 use equipoise_adapters::ground::device::text::{Column, Framing, Numbered, Text, TextSettings};
 use equipoise_adapters::ground::plan::Plan;
-use equipoise_adapters::ground::{Channels, GroundBrain, GroundDevice, GroundSettings, Want};
+use equipoise_adapters::ground::{Channels, GroundDevice, GroundProtocol, GroundSettings, Want};
 use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_adapters::wire::{amti, bota, labamp, lsl, tec_gihan};
 use equipoise_simulator::wires;
@@ -29,21 +29,21 @@ struct Other<'a> {
 
 /// A dialogue in which the other end sends correct, damaged, arbitrary or no data.
 fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8]) {
-    let mut brain = GroundBrain::new(device, GroundSettings::default());
+    let mut protocol = GroundProtocol::new(device, GroundSettings::default());
     let mut choices = Choices::new(bytes);
     let (mut now_ns, mut samples, mut pending, mut steps) =
         (1_000_000_000_u64, Vec::new(), VecDeque::new(), 0);
-    brain.opened(now_ns);
+    protocol.opened(now_ns);
     while !choices.is_empty() && steps < 3000 {
         steps += 1;
         now_ns += 3_000_000;
         for _ in 0..16 {
-            match brain.wants(now_ns) {
+            match protocol.wants(now_ns) {
                 Want::Nothing => break,
                 Want::Send(said) => pending.extend(said.into_iter().flat_map(&mut other.hears)),
                 Want::Reopen(_) => {
                     pending.clear();
-                    brain.opened(now_ns);
+                    protocol.opened(now_ns);
                 }
                 _ => {}
             }
@@ -71,11 +71,11 @@ fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8
                 Vec::new()
             }
         };
-        brain.receive(&said, now_ns, &mut samples);
+        protocol.receive(&said, now_ns, &mut samples);
         samples.drain(..).for_each(|sample| sound(&sample));
-        let _ = brain.trouble();
+        let _ = protocol.diagnostic();
     }
-    let _ = brain.farewell();
+    let _ = protocol.close_command();
 }
 
 /// A plate with a matrix that gives finite loads for any counts.

@@ -133,7 +133,7 @@ pub(crate) fn binary(bytes: &[u8]) {
         status: None,
         trigger: None,
         request: None,
-        farewell: None,
+        close_command: None,
     };
     let device = |datagrams| {
         let settings = BinarySettings { datagrams, ..settings.clone() };

@@ -1,7 +1,7 @@
 //! Ground samples are valid for any input; parsed records can be written back.
 
 use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
-use equipoise_adapters::ground::{GroundBrain, GroundDevice, GroundSettings};
+use equipoise_adapters::ground::{GroundDevice, GroundProtocol, GroundSettings};
 use equipoise_adapters::wire::ati_rdt::{Record, Records, Request};
 use equipoise_core::message::GroundSample;
 
@@ -29,24 +29,24 @@ pub(crate) fn rdt(bytes: &[u8]) {
 
 /// Any sequence of datagrams to a device: two bytes of length and one of time precede each.
 pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]) {
-    let mut brain = GroundBrain::new(device(), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(device(), GroundSettings::default());
     let mut choices = Choices::new(bytes);
     let (mut arrival_ns, mut samples, mut reported) = (1_000_000_000_u64, Vec::new(), 0);
-    brain.opened(arrival_ns);
+    protocol.opened(arrival_ns);
     while !choices.is_empty() {
         let length = usize::from(choices.small() % 2000);
         arrival_ns += u64::from(choices.byte()) * 100_000;
         samples.clear();
-        brain.receive(choices.take(length), arrival_ns, &mut samples);
+        protocol.receive(choices.take(length), arrival_ns, &mut samples);
         for sample in &samples {
             sound(sample);
             reported += 1;
             assert_eq!(sample.sequence, reported);
             assert!(sample.arrival_ns == arrival_ns);
         }
-        let _ = (brain.trouble(), brain.wants(arrival_ns));
+        let _ = (protocol.diagnostic(), protocol.wants(arrival_ns));
     }
-    assert_eq!(brain.counts().published, reported);
+    assert_eq!(protocol.counts().published, reported);
 }
 
 /// A byte stream gives the same samples for any division into pieces; the first eight bytes select the pieces.
@@ -64,17 +64,17 @@ fn samples_of<'a>(
     pieces: impl Iterator<Item = &'a [u8]>,
 ) -> (Vec<GroundSample>, Option<[u64; equipoise_core::message::health::REASONS]>) {
     const NOW_NS: u64 = 1_000_000_000;
-    let mut brain = GroundBrain::new(device, GroundSettings::default());
-    brain.opened(NOW_NS);
+    let mut protocol = GroundProtocol::new(device, GroundSettings::default());
+    protocol.opened(NOW_NS);
     let mut samples = Vec::new();
     for piece in pieces {
-        brain.receive(piece, NOW_NS, &mut samples);
+        protocol.receive(piece, NOW_NS, &mut samples);
     }
     samples.iter().for_each(sound);
     // The clock fit depends on the ends of pieces, so times are not compared.
     for sample in &mut samples {
         (sample.sample_time_ns, sample.sample_time_sigma_ns) = (0, 0);
     }
-    let counted = brain.trouble().is_none().then_some(brain.counts().refused);
+    let counted = protocol.diagnostic().is_none().then_some(protocol.counts().refused);
     (samples, counted)
 }

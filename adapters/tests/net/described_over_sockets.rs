@@ -57,7 +57,7 @@ fn until(source: &mut GroundSource, count: usize, samples: &mut Vec<GroundSample
     while samples.len() < count && begun.elapsed() < PATIENCE {
         source.receive(samples).unwrap();
     }
-    assert_eq!(samples.len(), count, "{:?} {:?}", source.counts(), source.trouble());
+    assert_eq!(samples.len(), count, "{:?} {:?}", source.counts(), source.diagnostic());
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn a_described_device_gets_its_start_and_stop_commands() {
         status: None,
         trigger: None,
         request: Some(b"begin".to_vec()),
-        farewell: Some(b"end".to_vec()),
+        close_command: Some(b"end".to_vec()),
     };
     let mut source = open(UdpLine::to(device.local_addr().unwrap(), "ground.address"), Binary::new(settings));
     let mut buffer = [0; 100];

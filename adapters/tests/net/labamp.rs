@@ -124,7 +124,7 @@ fn a_stream_is_asked_for_read_and_asked_for_again_when_somebody_stops_it() {
     let plan = Plan::Direct { force: [None, None, Some("Fz".to_owned())], moment: [None, None, None] };
     let device = LabAmp::new(LabAmpSettings { plan, decimate: Some(16) });
     let mut source = GroundSource::open(Box::new(line), Box::new(device), GroundSettings::default()).unwrap();
-    assert!(source.trouble().unwrap().contains("too many clients"), "{:?}", source.trouble());
+    assert!(source.diagnostic().unwrap().contains("too many clients"), "{:?}", source.diagnostic());
     // Two streams of three frames of 32 means each.
     let samples = until(&mut source, |_, samples| samples.len() >= 192);
     assert_eq!((samples.len(), source.counts().lost), (192, 0));
@@ -166,7 +166,7 @@ fn a_device_that_is_off_or_another_one_is_said() {
         client.write_all(b"HTTP/1.1 404 Not Found\r\nContent-Length: 14\r\n\r\n<html>?</html>").unwrap();
         std::thread::sleep(Duration::from_millis(1));
     });
-    assert!(open().trouble().unwrap().contains("another device's web page"));
+    assert!(open().diagnostic().unwrap().contains("another device's web page"));
     printer.join().unwrap();
-    assert!(open().trouble().unwrap().contains("is ground.address right?"));
+    assert!(open().diagnostic().unwrap().contains("is ground.address right?"));
 }

@@ -101,7 +101,7 @@ fn several_streams_of_one_name_and_none_are_said() {
     let answered = answer_all(discovery, streams, 2);
     let open =
         |line| GroundSource::open(Box::new(line), Box::new(plan("Fz")), GroundSettings::default()).unwrap();
-    let why = open(line).trouble().unwrap();
+    let why = open(line).diagnostic().unwrap();
     assert!(
         why.contains("there are 2") && why.contains("plate-2") && why.contains("ground.lsl.source_id"),
         "{why}"
@@ -109,7 +109,7 @@ fn several_streams_of_one_name_and_none_are_said() {
     answered.join().unwrap();
 
     let silent = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let why = open(named(silent.local_addr().unwrap())).trouble().unwrap();
+    let why = open(named(silent.local_addr().unwrap())).diagnostic().unwrap();
     assert!(why.contains("a stream with name \"Plate\"") && why.contains("no answer"), "{why}");
 }
 
@@ -126,7 +126,7 @@ fn another_stream_at_the_address_is_said() {
         LslLineSettings { address, source_id: Some("plate-2".to_owned()), ..LslLineSettings::default() };
     let line = Box::new(LslLine::new(settings));
     let source = GroundSource::open(line, Box::new(plan("Fz")), GroundSettings::default()).unwrap();
-    let why = source.trouble().unwrap();
+    let why = source.diagnostic().unwrap();
     assert!(why.contains("source \"plate-1\"") && why.contains("[ground.lsl]"), "{why}");
     played.join().unwrap();
 }
@@ -182,6 +182,6 @@ fn an_outlet_of_liblsl_itself_is_found_and_read_in_every_format() {
         println!("{format}: {} samples, sigma {} ns", samples.len(), last.sample_time_sigma_ns);
         // The outlet disappears, and returns as another outlet of the same device.
         drop(outlet);
-        until(&mut source, |source, _| source.trouble().is_some());
+        until(&mut source, |source, _| source.diagnostic().is_some());
     }
 }

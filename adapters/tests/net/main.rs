@@ -32,7 +32,7 @@ fn until(
 ) -> Vec<GroundSample> {
     let (began, mut samples) = (Instant::now(), Vec::new());
     while !so(source, &samples) {
-        assert!(began.elapsed() < PATIENCE, "{:?} {:?}", source.counts(), source.trouble());
+        assert!(began.elapsed() < PATIENCE, "{:?} {:?}", source.counts(), source.diagnostic());
         source.receive(&mut samples).unwrap();
     }
     samples

@@ -78,9 +78,11 @@ fn frames_become_samples_and_a_track_manager_that_was_closed_is_found_again() {
         assert!(sample.sample_time_ns <= sample.arrival_ns);
     }
     assert_eq!(source.health().block_latency_ns, 10_000_000);
-    until(&mut source, |source, _| source.trouble().is_some_and(|why| why.contains("closed the connection")));
+    until(&mut source, |source, _| {
+        source.diagnostic().is_some_and(|why| why.contains("closed the connection"))
+    });
     let samples = until(&mut source, |_, samples| samples.len() >= 300);
-    assert_eq!((samples.last().unwrap().session, source.trouble()), (1, None), "its time restarted");
+    assert_eq!((samples.last().unwrap().session, source.diagnostic()), (1, None), "its time restarted");
     drop(source);
     let (first, second) = played.join().unwrap();
     assert_eq!(first, ["Version 1.25", "StreamFrames AllFrames Force"]);
@@ -94,6 +96,6 @@ fn an_address_without_a_device_is_reported_and_tried_again() {
     drop(listener);
     let device = Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 }));
     let mut source = GroundSource::open(Box::new(line), device, GroundSettings::default()).unwrap();
-    assert!(source.trouble().unwrap().contains("correct ground.address"));
+    assert!(source.diagnostic().unwrap().contains("correct ground.address"));
     assert_eq!(source.receive(&mut Vec::new()).unwrap(), 0);
 }

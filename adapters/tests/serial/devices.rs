@@ -41,14 +41,14 @@ fn until(
         assert!(
             begun.elapsed() < PATIENCE,
             "waited in vain for {what}: {:?} {:?}",
-            source.trouble(),
+            source.diagnostic(),
             source.counts()
         );
     }
 }
 
 fn said(source: &GroundSource, words: &str) -> bool {
-    source.trouble().is_some_and(|trouble| trouble.contains(words))
+    source.diagnostic().is_some_and(|diagnostic| diagnostic.contains(words))
 }
 
 #[test]
@@ -56,11 +56,11 @@ fn a_plate_is_started_at_its_speed_and_found_again_after_it_was_pulled_out() {
     let socket = Socket::new();
     // The port does not exist at the start.
     let mut source = open(&socket, 57_600, amti(Rate::Hz200));
-    assert!(said(&source, "is not there"), "{:?}", source.trouble());
+    assert!(said(&source, "is not there"), "{:?}", source.diagnostic());
     for _ in 0..2 {
         let plate = Plate::plug(&socket, Box::new(|_| FRAME.to_vec()));
         let samples = until(&mut source, "samples", |_, samples| samples.len() > 50);
-        assert_eq!(source.trouble(), None);
+        assert_eq!(source.diagnostic(), None);
         // -0.5 per count; the force on the person has the opposite sign.
         assert_eq!(samples[7].force_n, [0.0, 5.0, 10.0]);
         assert!(samples.windows(2).all(|pair| pair[0].sample_time_ns <= pair[1].sample_time_ns));
@@ -108,7 +108,7 @@ fn frames_come_through_pieces_noise_and_damage() {
     // The plate has no counter: the loss follows from the elapsed time, and a simulated plate that was not scheduled
     // for some time did lose samples.
     assert!(garbage.abs_diff(3 * tens) <= 3 && counts.lost + 2 >= 2 * tens, "{counts:?}");
-    assert_eq!(source.trouble(), None);
+    assert_eq!(source.diagnostic(), None);
 }
 
 const BOTA: [u8; 37] = [
@@ -133,5 +133,5 @@ fn a_sensor_at_another_speed_is_named_until_its_frames_come() {
     device.say(&BOTA);
     let samples = until(&mut source, "a sample", |_, samples| !samples.is_empty());
     assert_eq!(samples[0].force_n, [-1.5, 2.5, -700.25]);
-    assert_eq!((samples[0].device_counter, source.trouble()), (123_456_789, None));
+    assert_eq!((samples[0].device_counter, source.diagnostic()), (123_456_789, None));
 }

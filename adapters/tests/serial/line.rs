@@ -43,7 +43,7 @@ fn every_byte_comes_through_both_ways_as_it_was_sent() {
 }
 
 #[test]
-fn the_speed_is_set_and_changed_and_what_came_before_is_gone() {
+fn a_change_of_the_baud_rate_discards_the_received_bytes() {
     let socket = Socket::new();
     let (device, mut line) = open(&socket);
     assert_eq!(device.speed(), 57_600);

@@ -1,7 +1,7 @@
 //! A real plate's calibration sheet, if it is next to the workspace: it may be read, but not redistributed.
 
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, METRE_PER_INCH, NEWTON_PER_LBF, Rate};
-use equipoise_adapters::ground::{GroundBrain, GroundFrame, GroundSettings, SensorAxes, Want};
+use equipoise_adapters::ground::{GroundFrame, GroundProtocol, GroundSettings, SensorAxes, Want};
 use equipoise_adapters::wire::amti::{CHANNELS, Frame};
 use std::path::PathBuf;
 
@@ -30,18 +30,18 @@ fn pressed(matrix: [[f64; CHANNELS]; 6], vertical: [i16; 4]) -> (f64, [f64; 2]) 
         auto_zero: false,
     };
     let frame = GroundFrame { axes: SensorAxes::ZDown, ..GroundFrame::default() };
-    let mut brain = GroundBrain::new(
+    let mut protocol = GroundProtocol::new(
         Box::new(Amti::new(settings)),
         GroundSettings { frame, ..GroundSettings::default() },
     );
     let mut samples = Vec::new();
     let mut now_ns = 1_000_000_000;
-    brain.opened(now_ns);
+    protocol.opened(now_ns);
     loop {
         now_ns += 20_000_000;
-        if let Want::Send(said) = brain.wants(now_ns) {
+        if let Want::Send(said) = protocol.wants(now_ns) {
             let starts = said == [0x51];
-            brain.receive(if starts { &[0x55] } else { &said }, now_ns, &mut samples);
+            protocol.receive(if starts { &[0x55] } else { &said }, now_ns, &mut samples);
             if starts {
                 break;
             }
@@ -52,7 +52,7 @@ fn pressed(matrix: [[f64; CHANNELS]; 6], vertical: [i16; 4]) -> (f64, [f64; 2]) 
     for (corner, counted) in vertical.into_iter().enumerate() {
         counts[3 * corner + 2] = counted;
     }
-    brain.receive(&Frame { counts, trigger: false }.to_bytes(), now_ns, &mut samples);
+    protocol.receive(&Frame { counts, trigger: false }.to_bytes(), now_ns, &mut samples);
     let sample = samples[0];
     let [x, y, z] = sample.force_n;
     let cop = [-sample.moment_nm[1] / z, sample.moment_nm[0] / z];

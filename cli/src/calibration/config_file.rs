@@ -147,8 +147,8 @@ height_m = 1.7
 
     #[test]
     fn a_missing_table_is_created() {
-        let bare = FILE.replace("[ground.frame]\nyaw_deg = 3.0         # by eye\n", "");
-        let after = apply(&bare, &[change("ground.frame.yaw_deg", number(5.0, 2))]).unwrap();
+        let without_table = FILE.replace("[ground.frame]\nyaw_deg = 3.0         # by eye\n", "");
+        let after = apply(&without_table, &[change("ground.frame.yaw_deg", number(5.0, 2))]).unwrap();
         assert_eq!(Config::parse(&after, "after").unwrap().ground.frame.yaw_deg, 5.0);
     }
 

@@ -17,7 +17,7 @@ const SETTLE_S: f64 = 2.0;
 /// A longer gap between two states restarts the interval, s.
 const GAP_S: f64 = 0.2;
 /// A lifted mass below this fraction of the mass does not count as the mass.
-const LIFTED_SHARE: f64 = 0.5;
+const LIFTED_RATIO: f64 = 0.5;
 
 /// Joints that carry the load together.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,7 +191,7 @@ impl LoadCheck {
             }
             Phase::Held { for_s } => {
                 let is_held = !valid.any_of(Validity::INVALIDATES_TORQUES)
-                    && state.lifted_mass_kg > LIFTED_SHARE * self.settings.mass_kg
+                    && state.lifted_mass_kg > LIFTED_RATIO * self.settings.mass_kg
                     && !is_gap;
                 if !is_held {
                     self.phase = Phase::Held { for_s: 0.0 };

@@ -14,15 +14,15 @@ use crate::progress_bar::Bar;
 /// Turn a capture (.csv, .mvnx, .pcap, .pcapng), or a suit's and a plate's together, into a recording
 ///
 /// CSV: one row per instant with t_s, each segment's origin and quaternion in MVN's names, and the ground reaction.
-/// pcap, pcapng: the datagrams of suit and plate as Wireshark or tcpdump captured them; the configuration says on
-/// which ports, with which scale, and where the plate stands. mvnx: motion as MVN exports it, versions 3 and 4. With
+/// pcap, pcapng: the datagrams of suit and plate as Wireshark or tcpdump captured them; the configuration defines
+/// their ports, the scale, and the position of the plate. mvnx: motion as MVN exports it, versions 3 and 4. With
 /// --with the suit's samples come from FILE and the ground's from the other: a plate's text export (BioWare and
 /// alike: .txt, .tsv, .csv), a capture (.pcap, .pcapng) or a recording; --join selects how their clocks are aligned.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  equipoise import morning.pcapng -o morning.mcap --config equipoise.toml\n  equipoise \
                   import take.mvnx --with plate.txt --join stomp -o take.mcap --config lab.toml\n\nA file is never \
-                  overwritten. Exit code 3: part of the captures was rejected; the summary says what."
+                  overwritten. Exit code 3: part of the captures was rejected; the summary lists the reasons."
 )]
 pub(super) struct Arguments {
     /// Capture to read
@@ -36,14 +36,14 @@ pub(super) struct Arguments {
     /// The plate's file, in addition to the suit's
     #[arg(long, value_name = "PLATE", requires = "join")]
     with: Option<PathBuf>,
-    /// How the clocks of both files are joined: clock (both say when they were), stomp (the foot stops when the plate is
-    /// hit), offset=SECONDS (what is added to the suit's times to get the plate's, both from their first sample on)
+    /// How the clocks of both files are aligned: clock (both contain the time of day), stomp (by stomps of a foot in
+    /// both), offset=SECONDS (plate time minus suit time, each counted from its first sample)
     #[arg(long, requires = "with")]
     join: Option<Join>,
-    /// Stomps are looked for within so many seconds between the clocks; a day without it
+    /// Search range of the stomp's clock difference, s; by default one day
     #[arg(long, value_name = "S", value_parser = seconds, requires = "with")]
     within: Option<f64>,
-    /// Units of the plate's file where it states none, such as s,N,N.m,m
+    /// Units of the plate's file where it contains none, such as s,N,N.m,m
     #[arg(long, value_name = "UNITS", value_parser = Units::parse, requires = "with")]
     with_units: Option<Units>,
     /// Which of the plates in the plate's file, from 1

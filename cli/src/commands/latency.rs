@@ -143,7 +143,7 @@ impl Subscriptions {
             }
         }
         if let Some(reports) = &mut self.reports {
-            while reports.receive_with(|report| self.others.see(report))?.is_some() {}
+            while reports.receive_with(|report| self.others.ingest(report))?.is_some() {}
         }
         Ok(())
     }

@@ -207,7 +207,7 @@ fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
         exposure.resume(&shift);
     }
     Ok(Stored {
-        body: worker.handover_body(&settings, exposure.fatigue.share),
+        body: worker.handover_body(&settings, exposure.fatigue.by_joint),
         height_m: config.subject.height_m,
         experience: profile.experience(),
     })

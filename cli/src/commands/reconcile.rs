@@ -121,11 +121,11 @@ fn evaluate(arguments: &Arguments, file: &Path) -> anyhow::Result<Evaluated> {
     let config = chosen.config;
     let reconcile = Reconcile { input: &input, config: &config, given: arguments.given()? };
     let bar = Bar::new(arguments.json);
-    let compared = reconcile.compare(&mut |progress| bar.update(progress.doing, progress.share))?;
+    let compared = reconcile.compare(&mut |progress| bar.update(progress.doing, progress.fraction))?;
     let rejected = config.loaded_model.iter().flat_map(|model| model.file().rejected());
     let options = Options { excluded: rejected.map(Fitted::name).collect(), ..Options::default() };
-    let outcome = equipoise_discrepancy::reconcile(&compared.session, &options, &mut |share| {
-        bar.update("testing effects", share);
+    let outcome = equipoise_discrepancy::reconcile(&compared.session, &options, &mut |fraction| {
+        bar.update("testing effects", fraction);
     })?;
     bar.clear();
     Ok(Evaluated { input, config, head, compared, outcome })

@@ -140,8 +140,8 @@ fn weigh(arguments: &Arguments, mass_kg: f64) -> anyhow::Result<Outcome> {
         places,
     };
     // Read before the measurement, because a later error would discard its result.
-    let with_places = !arguments.at.is_empty();
-    let frame = with_places.then(|| results::frame_of(&arguments.station.station)).transpose()?;
+    let has_positions = !arguments.at.is_empty();
+    let frame = has_positions.then(|| results::frame_of(&arguments.station.station)).transpose()?;
     let mut verification = Verification::new(settings);
     let (mut zero_n, mut zero_drift_n) = (0.0, None);
     eprintln!("leave the plate empty …");

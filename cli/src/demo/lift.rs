@@ -95,7 +95,7 @@ pub(super) struct Peak {
 }
 
 impl Peak {
-    fn limit_share(&self) -> f64 {
+    fn limit_ratio(&self) -> f64 {
         self.torque_nm / self.limit_nm
     }
 }
@@ -177,7 +177,7 @@ impl LiftSums {
             limit_nm: state.torque_limit_nm[index],
         };
         let is_decided = !matches!(level, Level::None | Level::Undecided);
-        if is_decided && self.peak.is_none_or(|highest| peak.limit_share() > highest.limit_share()) {
+        if is_decided && self.peak.is_none_or(|highest| peak.limit_ratio() > highest.limit_ratio()) {
             self.peak = Some(peak);
         }
     }

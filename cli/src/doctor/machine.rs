@@ -12,7 +12,7 @@ const GOOD_SOURCES: [&str; 5] =
 const ORDINARY_FROM: u32 = 1000;
 /// If real-time threads may use less than this fraction of each period, the kernel may throttle the loop after a single
 /// late cycle.
-const RT_SHARE_MIN: f64 = 0.5;
+const RT_FRACTION_MIN: f64 = 0.5;
 
 pub(super) fn user(facts: &Facts) -> Check {
     const NAME: &str = "user";
@@ -58,13 +58,16 @@ pub(super) fn throttling(facts: &Facts) -> Check {
     if runtime_us < 0 {
         return Check::ok(NAME, "off: a real-time thread that spins holds its core for ever");
     }
-    let share = runtime_us as f64 / period_us.max(1) as f64;
-    let found =
-        format!("real-time threads may use {:.0} % of each {:.1} s", 100.0 * share, period_us as f64 * 1e-6);
+    let fraction = runtime_us as f64 / period_us.max(1) as f64;
+    let found = format!(
+        "real-time threads may use {:.0} % of each {:.1} s",
+        100.0 * fraction,
+        period_us as f64 * 1e-6
+    );
     const FIX: &str = "sysctl -w kernel.sched_rt_runtime_us=950000 (and a file in /etc/sysctl.d/)";
-    match share {
-        share if share <= 0.0 => Check::fail(NAME, found, FIX),
-        share if share < RT_SHARE_MIN => Check::warn(NAME, found, FIX),
+    match fraction {
+        fraction if fraction <= 0.0 => Check::fail(NAME, found, FIX),
+        fraction if fraction < RT_FRACTION_MIN => Check::warn(NAME, found, FIX),
         _ => Check::ok(NAME, format!("{found}; the loop needs a few")),
     }
 }

@@ -24,7 +24,7 @@ use crate::provenance::Provenance;
 /// Observation time, long enough for a message of both adapters, which arrive once a second.
 const LISTEN_TIME: Duration = Duration::from_millis(2500);
 /// A reason is reported if it affects at least this fraction of all datagrams; every start causes a few.
-const REFUSED_SHARE_MIN: f64 = 0.01;
+const REFUSED_FRACTION_MIN: f64 = 0.01;
 
 /// The condition of the station, as far as it could be observed.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -133,7 +133,7 @@ impl StationFacts {
             (SuitBlocks::AngularKinematics, "angular kinematics (22)"),
             (SuitBlocks::CentreOfMass, "centre of mass (24)"),
         ];
-        let is_significant = |count: u64| count as f64 > REFUSED_SHARE_MIN * adapter.received as f64;
+        let is_significant = |count: u64| count as f64 > REFUSED_FRACTION_MIN * adapter.received as f64;
         let refused = SuitRefusal::NAMES.iter().zip(adapter.refused);
         self.streamed = Some(Streamed {
             rate_hz: adapter.rate_hz,

@@ -19,9 +19,9 @@ use super::suit_facts::{SuitFacts, SuitObservation};
 /// Computing accelerations of a working person requires this sampling rate.
 const RATE_MIN_HZ: f64 = 55.0;
 /// A higher loss leaves gaps that disturb the accelerations.
-const LOST_SHARE_MAX: f64 = 0.01;
+const LOST_FRACTION_MAX: f64 = 0.01;
 /// A reason is reported if it affects at least this fraction of all datagrams; every start causes a few.
-const REFUSED_SHARE_MIN: f64 = 0.01;
+const REFUSED_FRACTION_MIN: f64 = 0.01;
 
 /// Diagnoses of a suit, in the order in which to fix them.
 pub fn evaluate_suit(config: &Config, facts: &SuitFacts) -> Vec<Check> {
@@ -166,7 +166,7 @@ fn unreadable(survey: &Survey) -> Option<Check> {
         return Some(Check::fail(NAME, format!("nothing that came is MVN's: {reasons}"), fix));
     }
     let bad: u64 = survey.unreadable.values().sum();
-    let is_significant = bad as f64 > REFUSED_SHARE_MIN * datagrams as f64;
+    let is_significant = bad as f64 > REFUSED_FRACTION_MIN * datagrams as f64;
     is_significant.then(|| {
         let fix = "does something else send to this port, or does the network cut datagrams (length)?";
         Check::warn(
@@ -242,7 +242,7 @@ fn samples(character: &Character) -> Option<Check> {
             "MVN is paused and \"Send Paused\" is on: go on with the suit or the recording. What is repeated is not used",
         ));
     }
-    if stream.lost as f64 > LOST_SHARE_MAX * (stream.samples + stream.lost) as f64 {
+    if stream.lost as f64 > LOST_FRACTION_MAX * (stream.samples + stream.lost) as f64 {
         return Some(Check::warn(
             NAME,
             found,
@@ -305,7 +305,7 @@ fn refusals<'a>(refused: impl Iterator<Item = (&'a str, u64)>, total: u64) -> Op
     let reported_elsewhere = [SuitRefusal::OtherAvatar.name(), SuitRefusal::Duplicate.name()];
     let significant: Vec<(&str, u64)> = refused
         .filter(|(reason, count)| {
-            *count as f64 > REFUSED_SHARE_MIN * total as f64 && !reported_elsewhere.contains(reason)
+            *count as f64 > REFUSED_FRACTION_MIN * total as f64 && !reported_elsewhere.contains(reason)
         })
         .collect();
     let advice = |reason: &str| match reason {

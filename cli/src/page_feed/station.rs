@@ -24,8 +24,9 @@ use equipoise_station::status;
 use equipoise_view::page::{PageCommand, Station};
 use serde_json::{Value, json};
 
+use super::frame_configuration::ConfigurationWatch;
 use super::history::{History, Parameters};
-use super::{Active, BusWatch, FRESH_NS, Newest, PAGE_ROLE, active, is_current};
+use super::{BusWatch, FRESH_NS, Newest, PAGE_ROLE, SharedFrameConfiguration, is_current};
 use crate::client;
 
 /// Data are gathered for this long after the last request.
@@ -166,20 +167,20 @@ fn adapter(health: &AdapterHealth) -> Value {
 pub(super) fn start_collecting(
     station_data: Arc<StationData>,
     newest: Weak<Newest>,
-    active: Arc<Active>,
+    frame_configuration: Arc<SharedFrameConfiguration>,
 ) -> std::io::Result<JoinHandle<()>> {
     std::thread::Builder::new().name("page-station".into()).spawn(move || {
         let mut subscriptions: Option<Subscriptions> = None;
         let mut point_time = Instant::now();
-        let (mut published, mut status_read) = (active::Active::default(), None::<Instant>);
+        let (mut watch, mut status_read) = (ConfigurationWatch::default(), None::<Instant>);
         while let Some(newest) = newest.upgrade() {
             let state = newest.lock().ok().and_then(|newest| *newest);
             let state = state.filter(|state| is_current(state.time_ns, now_ns(), FRESH_NS));
             drop(newest);
             if status_read.is_none_or(|status_read| status_read.elapsed() >= STATUS_INTERVAL) {
                 status_read = Some(Instant::now());
-                if let Some(parts) = published.changed(&station_data.station) {
-                    *active.lock().unwrap_or_else(PoisonError::into_inner) = parts;
+                if let Some(changed) = watch.changed(&station_data.station) {
+                    *frame_configuration.lock().unwrap_or_else(PoisonError::into_inner) = changed;
                 }
             }
             if point_time.elapsed() >= POINT_INTERVAL {

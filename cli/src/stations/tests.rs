@@ -95,7 +95,7 @@ fn a_tile_is_live_silent_or_lost() {
 }
 
 #[test]
-fn a_file_with_another_form_is_refused_with_a_remedy() {
+fn an_invalid_stations_file_is_refused_with_a_remedy() {
     let page = "[page]\nlisten = \"127.0.0.1:0\"\n";
     for (text, expected) in [
         (page.to_owned() + "station = []", "unknown field"),
@@ -136,7 +136,7 @@ fn the_address_of_a_page_has_a_host_and_may_have_a_port() {
 }
 
 #[test]
-fn a_failed_request_withholds_the_state_at_once() {
+fn a_failed_request_withholds_the_state_immediately() {
     let answered = Some(Instant::now());
     let state = Some(json!({ "phase": "monitoring" }));
     let tile =

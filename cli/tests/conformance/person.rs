@@ -56,11 +56,11 @@ impl Person {
     /// Load on the feet at a time.
     pub(crate) fn on_feet(&self, time_s: f64) -> OnFeet {
         let place = Person::folded_s(time_s) * INSTANTS_HZ;
-        let (index, share) = ((place as usize).min(self.on_feet.len() - 2), place.fract());
+        let (index, fraction) = ((place as usize).min(self.on_feet.len() - 2), place.fract());
         let (a, b) = (&self.on_feet[index], &self.on_feet[index + 1]);
         let mix = |k: usize| Wrench {
-            force_n: a.wrench[k].force_n.lerp(&b.wrench[k].force_n, share),
-            moment_nm: a.wrench[k].moment_nm.lerp(&b.wrench[k].moment_nm, share),
+            force_n: a.wrench[k].force_n.lerp(&b.wrench[k].force_n, fraction),
+            moment_nm: a.wrench[k].moment_nm.lerp(&b.wrench[k].moment_nm, fraction),
         };
         // The soles change too little within a fiftieth of a second to require interpolation.
         OnFeet { wrench: [mix(0), mix(1)], soles: a.soles }

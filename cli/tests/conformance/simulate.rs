@@ -98,7 +98,7 @@ fn every_device_can_be_simulated_from_the_command_line() {
         let (arguments, weight_n) = spawned.join().unwrap();
         let weight_n = weight_n.unwrap_or_else(|error| panic!("{arguments}: {error}"));
         // The human moves between poses; on average the ground carries the weight.
-        let share = weight_n / (MASS_KG * GRAVITY_M_PER_S2);
-        assert!((0.9..1.1).contains(&share), "{arguments}: {weight_n} N");
+        let weight_ratio = weight_n / (MASS_KG * GRAVITY_M_PER_S2);
+        assert!((0.9..1.1).contains(&weight_ratio), "{arguments}: {weight_n} N");
     }
 }

@@ -172,11 +172,11 @@ fn a_live_daemon_with_the_model_reduces_the_residual() {
     });
     println!("{} and {} moments", without.len(), with.len());
     assert!(without.len() > 200 && with.len() > 200);
-    for (what, signal, share) in [("CoP", 0, 0.6), ("vertical force", 1, 0.3)] {
+    for (what, signal, ratio_max) in [("CoP", 0, 0.6), ("vertical force", 1, 0.3)] {
         let [without, with] =
             [&without, &with].map(|all| median(all.iter().map(|one| one[signal]).collect()));
         println!("{what}: median {without:.4} without the model, {with:.4} with it");
-        assert!(with < share * without, "{what}: {without} {with}");
+        assert!(with < ratio_max * without, "{what}: {without} {with}");
     }
 }
 
@@ -187,7 +187,7 @@ const UNDETECTED_KG: f64 = 0.7;
 fn a_live_daemon_reports_that_its_model_no_longer_fits() {
     let mut script = Script { carried_kg: UNDETECTED_KG, work_s: 62.0, varied: true, ..Script::ordinary() };
     script.rig.plate_hz = 200;
-    script.habits = Habits { right_hand_share: 1.0, ..script.habits };
+    script.habits = Habits { right_hand_fraction: 1.0, ..script.habits };
     let clean = Script { carried_kg: 0.0, ..script };
     let (samples, clean_samples) = (script.samples(), clean.samples());
     let worker = identified(&clean, &clean_samples);

@@ -171,7 +171,7 @@ impl Monitor {
 fn numbers(state: &State) -> impl Iterator<Item = f64> {
     let plane = state.cop_measured_m.into_iter().chain(state.cop_estimated_m).chain(state.cop_sigma_m);
     let space = state.com_m.into_iter().chain(state.ground_force_n).chain(state.delta_f_n);
-    let shares = state.foot_load_fraction.into_iter().chain(state.hand_load_fraction);
+    let fractions = state.foot_load_fraction.into_iter().chain(state.hand_load_fraction);
     let single = [
         state.mass_kg,
         state.load_hand_distance_m,
@@ -189,5 +189,5 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
     ];
     let joints = state.torque_nm.into_iter().flatten().chain(state.torque_sigma_nm).chain(state.fatigue);
     let segments = state.segment_origin_m.into_iter().flatten();
-    plane.chain(space).chain(shares).chain(single).chain(joints).chain(segments)
+    plane.chain(space).chain(fractions).chain(single).chain(joints).chain(segments)
 }

@@ -76,11 +76,11 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     let printed = plan(&["--now", "0.55,0,0.9", "--json", "--csv", &csv_path, "--picture", &picture_path]);
     let text = printed.assert_done().to_owned();
     let printed: Value = serde_json::from_str(&text).expect("JSON");
-    let share = |spot: &Value| spot["limit_ratio"].as_f64();
+    let limit_ratio = |spot: &Value| spot["limit_ratio"].as_f64();
     let map = printed["map"].as_array().expect("a map");
-    let least = map.iter().filter_map(share).fold(f64::INFINITY, f64::min);
+    let least = map.iter().filter_map(limit_ratio).fold(f64::INFINITY, f64::min);
     assert_eq!(printed["worst_limit_ratio"].as_f64(), Some(least));
-    assert!(share(&printed["now"]) > Some(least), "{}", printed["now"]);
+    assert!(limit_ratio(&printed["now"]) > Some(least), "{}", printed["now"]);
     let lines = std::fs::read_to_string(csv).expect("the map");
     assert_eq!(lines.lines().count(), map.len() + 1);
     // A controller reads only the best place, by its keys.

@@ -119,7 +119,7 @@ fn a_file_deleted_in_progress_is_closed_and_the_next_one_starts() {
     recorded.end();
 }
 
-/// Numbers of the states in the readable part of a file.
+/// Cycle numbers of the states in the readable part of a file.
 fn state_numbers(path: &Path) -> Vec<u64> {
     let recording = Recording::open(path).unwrap();
     let number = |entry: Entry| match entry {

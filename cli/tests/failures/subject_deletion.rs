@@ -137,12 +137,12 @@ fn a_subject_is_found_in_the_daemon_s_state_directory() {
     let recorded = equipoise_adapters::recording::Recording::open(&recording).expect("a recording");
     assert!(recorded.header().subject_toml.contains("anon-1"), "the profile of the daemon is in it");
 
-    // Data in the environment's directory are deleted as well, and flight records where the subject was.
+    // Data in the environment's directory are deleted as well, and flight records next to data of the subject.
     std::fs::create_dir_all(own.join("flight")).expect("a folder");
     std::fs::create_dir_all(service.join("flight")).expect("a folder");
     std::fs::write(own.join("flight/other-cycle-7.mcap"), "x").expect("a record");
     std::fs::write(service.join("flight/bench-cycle-7.mcap"), "x").expect("a record");
-    // The daemon of the same station does not write the file of another directory.
+    // The daemon writes only the file in its own state directory, so the deletion clears this one.
     let former = own.join("stations").join(format!("{NAME}.toml"));
     std::fs::create_dir_all(own.join("stations")).expect("a folder");
     let text = format!(

@@ -182,7 +182,7 @@ fn insoles_on_a_plate_share_its_force_and_it_continues_without_them() {
         "the plate's: {:?}",
         state.ground_force_n
     );
-    let ([left, _], [_, [true_left, _]]) = (state.foot_load_fraction, truth.foot_share);
+    let ([left, _], [_, [true_left, _]]) = (state.foot_load_fraction, truth.foot_load_fraction);
     assert!((left - true_left).abs() < 0.03, "{left} {true_left}");
     let expected = serde_json::json!({
         "devices": ["plate", "insoles"], "per_foot": true, "foot_frame": "sole", "not_measured": []

@@ -245,7 +245,7 @@ pub(crate) fn session() -> &'static Session {
     SESSION.get_or_init(|| {
         let mut script = Script { carried_kg: HIDDEN_KG, work_s: 60.0, varied: true, ..Script::ordinary() };
         script.rig.plate_hz = 200;
-        script.habits = Habits { right_hand_share: 1.0, ..script.habits };
+        script.habits = Habits { right_hand_fraction: 1.0, ..script.habits };
         let directory = tempfile::tempdir().unwrap();
         let (recording, out) = (directory.path().join("shift.mcap"), directory.path().join("out"));
         script.samples().write(&recording, &script.config());

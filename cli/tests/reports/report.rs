@@ -51,10 +51,11 @@ fn minutes_and_peaks_of_every_joint_are_those_of_the_states() {
             let cycles = states().filter(|state| state["level"] == level).count();
             near(cell(column), cycles as f64 / RATE_HZ / 60.0, 0.00051);
         }
-        let share = |state: &Value| magnitude(&state["torque_nm"]) / state["limit_nm"].as_f64().unwrap();
-        let peak = states().max_by(|a, b| share(a).total_cmp(&share(b))).unwrap();
+        let limit_ratio =
+            |state: &Value| magnitude(&state["torque_nm"]) / state["limit_nm"].as_f64().unwrap();
+        let peak = states().max_by(|a, b| limit_ratio(a).total_cmp(&limit_ratio(b))).unwrap();
         near(cell("peak, N m"), magnitude(&peak["torque_nm"]), 0.051);
-        near(cell("of the limit"), 100.0 * share(peak), 0.51);
+        near(cell("of the limit"), 100.0 * limit_ratio(peak), 0.51);
     }
     let worst = |name: &str| session.values_of("worst_joint").filter(|(_, worst)| *worst == name).count();
     let most = Joint::ALL.into_iter().max_by_key(|joint| worst(joint.name())).unwrap();

@@ -93,7 +93,7 @@ fn a_change_of_worker_is_reported_and_adds_no_lifts() {
 
 #[test]
 fn a_restart_that_begins_a_new_shift_keeps_the_lifts_before() {
-    // Three lifts, then a restart: another cycle number, no lift. One lift fewer would be the same shift.
+    // Three lifts, then a restart with a lower cycle number and no lifts; one lift fewer would continue the same shift.
     let states: Vec<State> = (1..600)
         .map(|number| State {
             cycle: if number < 400 { number } else { number - 399 },

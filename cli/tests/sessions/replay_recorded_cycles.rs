@@ -231,7 +231,6 @@ fn missing_cycles_are_reported_and_a_later_checkpoint_restores_exactness() {
     assert!(!summary.is_complete());
 }
 
-/// A table or a page of states that a replay computed from an incomplete recording.
 #[test]
 fn an_export_and_a_report_of_an_inexact_replay_have_exit_code_3() {
     let directory = tempfile::tempdir().unwrap();
@@ -303,7 +302,7 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
 #[test]
 fn a_replay_stops_at_a_restart_of_the_daemon_whose_configuration_is_unknown() {
     let mut live = live(&[101, 901], &[]);
-    // From cycle 901 on another daemon, which numbers its cycles from 1.
+    // Cycles from 901 on belong to another daemon, which numbers its cycles from 1.
     let renumbered = |cycle: u64| if cycle > 900 { cycle - 900 } else { cycle };
     live.cycles.iter_mut().for_each(|record| record.cycle = renumbered(record.cycle));
     live.states.iter_mut().for_each(|state| state.cycle = renumbered(state.cycle));
@@ -338,16 +337,16 @@ fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
     let directory = tempfile::tempdir().unwrap();
     let path = live(&[101], &[]).record(directory.path());
     let whole = std::fs::read(&path).unwrap();
-    for share in 1..12 {
+    for twelfths in 1..12 {
         let cut = directory.path().join("cut.mcap");
-        std::fs::write(&cut, &whole[..whole.len() * share / 12]).unwrap();
+        std::fs::write(&cut, &whole[..whole.len() * twelfths / 12]).unwrap();
         // An error message or a summary that reports it; never a panic, never a false difference.
         if let Ok((summary, _)) = replay(&cut) {
             assert!(!summary.is_complete(), "{summary}");
             assert_eq!(summary.fidelity.map_or(0, |fidelity| fidelity.states_differing), 0);
         }
         let mut damaged = whole.clone();
-        let at = damaged.len() * share / 12;
+        let at = damaged.len() * twelfths / 12;
         damaged[at..at + 3].fill(0xa5);
         std::fs::write(&cut, &damaged).unwrap();
         let _ = replay(&cut);

@@ -51,7 +51,7 @@ pub struct Consumer {
     /// Time of the last attempt to join.
     joined_ns: u64,
     /// Time of receipt of the last state, returned or not; before the first, the time of joining.
-    heard_ns: u64,
+    last_received_ns: u64,
     sequence: Sequence,
     reporting: Reporting,
     last: Option<Reading>,
@@ -107,7 +107,7 @@ impl Consumer {
             settings,
             ports: Some(ports),
             joined_ns: now_ns(),
-            heard_ns: now_ns(),
+            last_received_ns: now_ns(),
             sequence: Sequence::default(),
             reporting,
             last: None,
@@ -183,7 +183,7 @@ impl Consumer {
         let newest = self.receive_early().map_err(|error| self.lose_ports(error))?;
         let now_ns = now_ns();
         if let Some(early) = newest {
-            self.heard_ns = now_ns;
+            self.last_received_ns = now_ns;
             let reading = EarlyReading::at(early, now_ns, true, now_ns);
             if matches!(reading, Err(NoReading::OtherClock { .. })) {
                 return reading;
@@ -196,14 +196,14 @@ impl Consumer {
         }
         // A rejoin would discard queued states; if there are any, the joined bus is still in use.
         if self.must_rejoin() && self.receive(Subscriber::latest)?.is_some() {
-            self.heard_ns = now_ns;
+            self.last_received_ns = now_ns;
         }
         self.keep_up()?;
         match self.last_early {
             Some((early, received_ns)) => EarlyReading::at(early, received_ns, false, now_ns),
-            None => {
-                Err(NoReading::Silent { silent: Duration::from_nanos(now_ns.saturating_sub(self.heard_ns)) })
-            }
+            None => Err(NoReading::Silent {
+                silent: Duration::from_nanos(now_ns.saturating_sub(self.last_received_ns)),
+            }),
         }
     }
 
@@ -249,7 +249,7 @@ impl Consumer {
         if let Some(ahead_ns) = state.time_ns.checked_sub(now_ns).filter(|ahead_ns| *ahead_ns > 0) {
             // Before the sequence check: otherwise all correct states would count as old until this state's time is
             // reached.
-            self.heard_ns = now_ns;
+            self.last_received_ns = now_ns;
             let reason = NoReading::OtherClock { ahead: Duration::from_nanos(ahead_ns) };
             self.refused = Some(reason.clone());
             return Some(Err(reason));
@@ -257,7 +257,7 @@ impl Consumer {
         let Place::New { missed, restarted, suit_sample_time_ns } = self.sequence.take(&state, writer) else {
             return None;
         };
-        self.heard_ns = now_ns;
+        self.last_received_ns = now_ns;
         self.reporting.enter(now_ns, &state, missed, suit_sample_time_ns);
         // After a restart only the new daemon's missed states count: losses of the previous one cannot be determined,
         // and its withheld states no longer matter.
@@ -275,7 +275,7 @@ impl Consumer {
             daemon_life: self.daemon_life,
             is_new: true,
         };
-        let outcome = self.judge(reading.at(now_ns));
+        let outcome = self.check_freshness(reading.at(now_ns));
         self.refused = outcome.as_ref().err().cloned();
         match outcome {
             Ok(reading) => (self.last, self.missed, self.restarted) = (Some(reading), 0, false),
@@ -284,7 +284,7 @@ impl Consumer {
         Some(outcome)
     }
 
-    fn judge(&self, reading: Reading) -> Result<Reading, NoReading> {
+    fn check_freshness(&self, reading: Reading) -> Result<Reading, NoReading> {
         if !self.is_fresh(reading.age_ns) {
             let stale_after = self.settings.stale_after;
             return Err(NoReading::Stale { age: Duration::from_nanos(reading.age_ns), stale_after });
@@ -298,7 +298,7 @@ impl Consumer {
 
     /// `Silent`, unless a state was refused recently: calls between two states then repeat its reason.
     fn why_none(&self) -> NoReading {
-        let silent = Duration::from_nanos(now_ns().saturating_sub(self.heard_ns));
+        let silent = Duration::from_nanos(now_ns().saturating_sub(self.last_received_ns));
         let refused = self.refused.clone().filter(|_| silent <= self.settings.stale_after);
         refused.unwrap_or(NoReading::Silent { silent })
     }
@@ -314,7 +314,7 @@ impl Consumer {
 
     /// Whether nothing was received for so long that the bus may have been recreated.
     fn must_rejoin(&self) -> bool {
-        let since_ns = self.heard_ns.max(self.joined_ns);
+        let since_ns = self.last_received_ns.max(self.joined_ns);
         Duration::from_nanos(now_ns().saturating_sub(since_ns)) >= REJOIN_AFTER
     }
 

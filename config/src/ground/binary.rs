@@ -216,7 +216,7 @@ pub struct TimeConfig {
 fn section(ground: &GroundConfig) -> Result<&BinaryConfig, DescriptionError> {
     ground.binary.as_ref().ok_or_else(|| {
         let what =
-            "must be given: [ground.binary] with transport, endian, length and fields says what frames look like";
+            "must be given: [ground.binary] with transport, endian, length and fields describes the frames";
         DescriptionError::new("ground.binary", what)
     })
 }

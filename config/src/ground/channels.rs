@@ -139,7 +139,7 @@ pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<C
     let Some(config) = &ground.channels else {
         return Err(DescriptionError::new(
             SECTION,
-            "must be given: [ground.channels.wrench], .matrix, .kistler, .cells, .centre or .insoles says what the numbers mean",
+            "must be given: [ground.channels.wrench], .matrix, .kistler, .cells, .centre or .insoles defines what the numbers measure",
         ));
     };
     match config {

@@ -63,8 +63,8 @@ fn connections(ground: &GroundConfig) -> [Key; 5] {
         .as_ref()
         .filter(|_| ground.source == GroundSourceKind::Binary)
         .map(|binary| binary.transport);
-    let over = of_lines.or(of_frames);
-    let is = |transport: TransportKind| over == Some(transport);
+    let transport = of_lines.or(of_frames);
+    let is = |kind: TransportKind| transport == Some(kind);
     let source = ground.source;
     let serial = is(TransportKind::Serial) || matches!(source, AmtiSerial | BotaSerial | TecGihan);
     let address = is(TransportKind::Udp)

@@ -46,7 +46,7 @@ fn examples_are_read_written_and_read_again() {
         let all: Vec<String> = example.lines().map(switched_on).collect();
         assert!(Config::parse(&all.join("\n"), "all").is_ok());
         assert!(config.ground.device().unwrap().is_some() && config.ground.transport().unwrap().is_some());
-        assert!(Config::parse(&config.clone().without_paths().to_toml(), "kept").is_ok());
+        assert!(Config::parse(&config.clone().for_recording().to_toml(), "kept").is_ok());
     }
     assert_eq!(Config::parse(MOTICON, "c").unwrap().ground.settings().device, DeviceKind::Insoles);
     assert_eq!(Config::parse(KISTLER, "c").unwrap().ground.settings().device, DeviceKind::Plate);
@@ -111,7 +111,7 @@ fn keys_of_other_connections_are_refused() {
         let message = refusal(text, from, to);
         assert!(message.starts_with(named), "{message}, not {named}");
     }
-    // Another process reads the device by this file.
+    // Another process reads the device with this file.
     let external = tcp.replace("source = \"text\"", "source = \"external\"");
     assert!(Config::parse(&external, "c.toml").is_ok());
 }

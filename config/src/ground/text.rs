@@ -104,8 +104,7 @@ const NOT_READ: &str = "-";
 
 fn section(ground: &GroundConfig) -> Result<&TextConfig, DescriptionError> {
     ground.text.as_ref().ok_or_else(|| {
-        let what =
-            "must be given: [ground.text] with transport, delimiter and columns says what lines look like";
+        let what = "must be given: [ground.text] with transport, delimiter and columns describes the lines";
         DescriptionError::new("ground.text", what)
     })
 }

@@ -71,11 +71,11 @@ const CERVICALE_OVER_NECK: f64 = 1.066;
 /// Neck joint to C1 joint, over stature, for a skeleton in which they coincide.
 const NECK_LENGTH: f64 = 0.055;
 /// Fraction of the mass of de Leva's head (which includes the neck) below MVN's C1 joint.
-const NECK_MASS_SHARE: f64 = 0.20;
+const NECK_MASS_FRACTION: f64 = 0.20;
 /// Fraction of the upper trunk's mass that moves with each shoulder segment.
-const SHOULDER_MASS_SHARE: f64 = 0.03;
+const SHOULDER_MASS_FRACTION: f64 = 0.03;
 /// Fraction of the foot's mass in front of the ball.
-const TOE_MASS_SHARE: f64 = 0.12;
+const TOE_MASS_FRACTION: f64 = 0.12;
 /// The trunk's slices lie in front of the line from mid-hip to neck, over stature.
 const TRUNK_FORWARD: f64 = 0.006;
 /// The head's centre lies in front of the C1 joint, over stature.
@@ -165,9 +165,9 @@ impl Anthropometry {
                 let length = part.length_m * stretch;
                 let (low, high) = (f64::max(from, floor), f64::min(to, floor + length));
                 if high > low {
-                    let share = part.mass * (high - low) / length;
-                    mass += share;
-                    moment += share * 0.5 * (low + high);
+                    let mass_within = part.mass * (high - low) / length;
+                    mass += mass_within;
+                    moment += mass_within * 0.5 * (low + high);
                 }
                 floor += length;
             }
@@ -177,7 +177,7 @@ impl Anthropometry {
                 let forward = hip[0] + (neck[0] - hip[0]) * height / rise + TRUNK_FORWARD * height_m;
                 let here = origin[segment.index()];
                 let shoulders =
-                    if segment == Segment::T8 { 2.0 * SHOULDER_MASS_SHARE * parts[2].mass } else { 0.0 };
+                    if segment == Segment::T8 { 2.0 * SHOULDER_MASS_FRACTION * parts[2].mass } else { 0.0 };
                 self.set(segment, mass - shoulders, [forward - here[0], 0.0, hip[2] + height - here[2]]);
             }
             from = to;
@@ -190,15 +190,15 @@ impl Anthropometry {
         let nominal = NECK_LENGTH * height_m;
         let neck_centre = 0.5 * nominal;
         let whole_centre = whole.length_m * (1.0 - whole.centre);
-        let head_centre = (whole_centre - NECK_MASS_SHARE * neck_centre) / (1.0 - NECK_MASS_SHARE);
-        self.set(Segment::Neck, NECK_MASS_SHARE * whole.mass, [0.0, 0.0, neck_centre]);
+        let head_centre = (whole_centre - NECK_MASS_FRACTION * neck_centre) / (1.0 - NECK_MASS_FRACTION);
+        self.set(Segment::Neck, NECK_MASS_FRACTION * whole.mass, [0.0, 0.0, neck_centre]);
         let com = [HEAD_FORWARD * height_m, 0.0, head_centre - neck_length];
-        self.set(Segment::Head, (1.0 - NECK_MASS_SHARE) * whole.mass, com);
+        self.set(Segment::Head, (1.0 - NECK_MASS_FRACTION) * whole.mass, com);
     }
 
     fn set_arm(&mut self, skeleton: &Skeleton, upper_trunk_mass: f64, [upper_arm, forearm, hand]: [Part; 3]) {
-        let along = |next: Segment, share: f64| skeleton.offset_m[next.index()].map(|d| share * d);
-        let shoulder_mass = SHOULDER_MASS_SHARE * upper_trunk_mass;
+        let along = |next: Segment, fraction: f64| skeleton.offset_m[next.index()].map(|d| fraction * d);
+        let shoulder_mass = SHOULDER_MASS_FRACTION * upper_trunk_mass;
         self.set(Segment::LeftShoulder, shoulder_mass, along(Segment::LeftUpperArm, 0.5));
         self.set(Segment::LeftUpperArm, upper_arm.mass, along(Segment::LeftForearm, upper_arm.centre));
         self.set(Segment::LeftForearm, forearm.mass, along(Segment::LeftHand, forearm.centre));
@@ -206,7 +206,7 @@ impl Anthropometry {
     }
 
     fn set_leg(&mut self, skeleton: &Skeleton, [thigh, shank, foot]: [Part; 3], height_m: f64) {
-        let along = |next: Segment, share: f64| skeleton.offset_m[next.index()].map(|d| share * d);
+        let along = |next: Segment, fraction: f64| skeleton.offset_m[next.index()].map(|d| fraction * d);
         self.set(Segment::LeftUpperLeg, thigh.mass, along(Segment::LeftLowerLeg, thigh.centre));
         self.set(Segment::LeftLowerLeg, shank.mass, along(Segment::LeftFoot, shank.centre));
         // De Leva measures the foot's centre from the heel; the toes' fraction is subtracted from the whole. In a
@@ -214,12 +214,12 @@ impl Anthropometry {
         let ball = BALL_FORWARD * height_m;
         let toe_centre = ball + 0.4 * (foot.length_m - HEEL_BACK * height_m - ball);
         let whole = foot.centre * foot.length_m - HEEL_BACK * height_m;
-        let rear = (whole - TOE_MASS_SHARE * toe_centre) / (1.0 - TOE_MASS_SHARE);
+        let rear = (whole - TOE_MASS_FRACTION * toe_centre) / (1.0 - TOE_MASS_FRACTION);
         let height = -0.55 * ANKLE_HEIGHT * height_m;
-        self.set(Segment::LeftFoot, (1.0 - TOE_MASS_SHARE) * foot.mass, [rear, 0.0, height]);
+        self.set(Segment::LeftFoot, (1.0 - TOE_MASS_FRACTION) * foot.mass, [rear, 0.0, height]);
         let toe_origin = skeleton.offset_m[Segment::LeftToe.index()];
         let toe_com = [toe_centre - toe_origin[0], 0.0, -0.8 * ANKLE_HEIGHT * height_m - toe_origin[2]];
-        self.set(Segment::LeftToe, TOE_MASS_SHARE * foot.mass, toe_com);
+        self.set(Segment::LeftToe, TOE_MASS_FRACTION * foot.mass, toe_com);
     }
 
     /// Whether every number is finite; a stored table is checked before use.
@@ -284,8 +284,8 @@ mod tests {
             .iter()
             .sum();
         let hip_height = 1.77 * (0.245 + 0.246 + ANKLE_HEIGHT);
-        let share = (hip_height + centre) / 1.77;
-        assert!((0.55..0.62).contains(&share), "{share}");
+        let height_ratio = (hip_height + centre) / 1.77;
+        assert!((0.55..0.62).contains(&height_ratio), "{height_ratio}");
     }
 
     #[test]

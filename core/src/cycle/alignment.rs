@@ -207,8 +207,8 @@ impl Alignment {
     /// missing or measure different components.
     pub(super) fn ground_around(&self, time_ns: u64, half_ns: u64) -> Option<GroundSample> {
         self.ground_mean(time_ns, [half_ns; 2], |offset_ns| {
-            let share = offset_ns as f64 / half_ns as f64;
-            (1.0 - share * share) * (1.0 - share * share)
+            let fraction = offset_ns as f64 / half_ns as f64;
+            (1.0 - fraction * fraction) * (1.0 - fraction * fraction)
         })
     }
 
@@ -263,8 +263,8 @@ impl Alignment {
             return (later.sample_time_ns == time_ns).then_some(*later);
         }
         let span = later.sample_time_ns - earlier.sample_time_ns;
-        let share = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
-        let between = GroundSample { sample_time_ns: time_ns, ..earlier.between(later, share) };
+        let fraction = if span == 0 { 0.0 } else { (time_ns - earlier.sample_time_ns) as f64 / span as f64 };
+        let between = GroundSample { sample_time_ns: time_ns, ..earlier.between(later, fraction) };
         Some(between.mask_unmeasured())
     }
 }

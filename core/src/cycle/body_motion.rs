@@ -265,9 +265,9 @@ impl BodyMotion {
 /// Updates an exponential mean with the time constant `over_s`, s, by a value that lasted `step_s`, s.
 fn update_mean(mean: &mut [f64; 2], value: [f64; 2], step_s: f64, over_s: f64) {
     let step_s = step_s.max(0.0);
-    let share = (step_s / (over_s + step_s)).min(1.0);
+    let gain = (step_s / (over_s + step_s)).min(1.0);
     for (mean, value) in mean.iter_mut().zip(value) {
-        *mean += share * (value - *mean);
+        *mean += gain * (value - *mean);
     }
 }
 

@@ -29,8 +29,10 @@ struct Input<'a> {
 }
 
 /// Exposure at one instant.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct InstantExposure {
+#[derive(Clone, Copy)]
+pub(super) struct InstantExposure<'a> {
+    /// Exposure accumulated over the shift, this instant included.
+    pub(super) shift: &'a Exposure,
     /// τ_max of each joint in the direction of its torque, N m.
     pub(super) torque_limit_nm: [f64; JOINTS],
     /// Low back; `None` where it is unavailable.
@@ -52,13 +54,13 @@ pub(super) struct Handling {
 }
 
 /// Advances the exposure to the instant.
-pub(super) fn update_exposure(
+pub(super) fn update_exposure<'a>(
     settings: &Settings,
-    exposure: &mut Exposure,
+    exposure: &'a mut Exposure,
     outputs: &Outputs<'_>,
     subject: Identified<'_>,
     model_changed_ns: u64,
-) -> InstantExposure {
+) -> InstantExposure<'a> {
     let time_ns = outputs.instant.snapshot.time_ns;
     let load = outputs.overload.and_then(|overload| overload.load.as_ref());
     let is_changed = model_changed_ns > 0 && time_ns.saturating_sub(model_changed_ns) < MODEL_CHANGED_NS;
@@ -69,7 +71,13 @@ pub(super) fn update_exposure(
     exposure.advance(time_ns, &input.acting(settings, &magnitude_nm), &torque_limit_nm);
 
     let invalid = outputs.withheld.reasons();
-    let mut values = InstantExposure { torque_limit_nm, back: None, lifted_mass_kg: None, handling: None };
+    let mut values = InstantExposure {
+        shift: exposure,
+        torque_limit_nm,
+        back: None,
+        lifted_mass_kg: None,
+        handling: None,
+    };
     if !subject.has_body() || invalid.any_of(Validity::FEET_OFF_PLATE.and(Validity::COP_NOT_MEASURED)) {
         return values;
     }
@@ -115,11 +123,11 @@ impl Input<'_> {
     fn back(&self, settings: &Settings) -> Back {
         let (subject, motion) = (self.subject, &self.outputs.prediction.body);
         let (mass_kg, weight_n) = (subject.mass_kg, subject.mass_kg * GRAVITY_M_PER_S2);
-        let share = distal_mass(&subject.anthropometry().mass_fraction)[L5S1.segment().index()];
-        let up_n = Vector3::new(0.0, 0.0, share * weight_n);
+        let fraction = distal_mass(&subject.anthropometry().mass_fraction)[L5S1.segment().index()];
+        let up_n = Vector3::new(0.0, 0.0, fraction * weight_n);
         let mut arms = self.arms(settings);
         if self.load.is_none() {
-            arms = self.arms_given_cop(arms, share);
+            arms = self.arms_given_cop(arms, fraction);
         }
         // r × W ẑ = (r_y W, −r_x W, 0): the X component results from the arm along Y.
         let [x, y] = arms;
@@ -168,15 +176,15 @@ impl Input<'_> {
     }
 
     /// Arms of the body above L5/S1 (world x and y), conditional on the measured CoP: without a load, its distance from
-    /// the estimated CoP is the error of the body model, of which the error above the joint is a part. `share` is the
-    /// fraction of the model error above the joint.
-    fn arms_given_cop(&self, arms: [Arm; 2], share: f64) -> [Arm; 2] {
+    /// the estimated CoP is the error of the body model, of which the error above the joint is a part. `fraction` is that
+    /// of the model error above the joint.
+    fn arms_given_cop(&self, arms: [Arm; 2], fraction: f64) -> [Arm; 2] {
         let misfit_m2 = self.subject.misfit_variance_m2();
         core::array::from_fn(|axis| {
             let residual_m = self.outputs.ground.reading.cop_m[axis] - self.outputs.estimate.cop_m[axis];
             let [estimated_m, measured_m] =
                 [self.outputs.estimate.cop_sigma_m[axis], self.outputs.ground.sigma.cop_m];
-            let arm = Arm { variance_m2: arms[axis].variance_m2 + share * misfit_m2[axis], ..arms[axis] };
+            let arm = Arm { variance_m2: arms[axis].variance_m2 + fraction * misfit_m2[axis], ..arms[axis] };
             let common_m2 = arm.variance_m2.min(estimated_m * estimated_m);
             arm.conditional(residual_m, estimated_m * estimated_m + measured_m * measured_m, common_m2)
         })

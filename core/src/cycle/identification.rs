@@ -77,6 +77,7 @@ impl BodySource {
 pub struct Identification {
     /// Sum (while counting) or mean of the bone offsets, parent axes, m.
     skeleton_m: [[f64; 3]; SEGMENTS],
+    /// Poses in that sum, up to [`SKELETON_SAMPLES`].
     skeleton_samples: u64,
     /// A [`BodySource`].
     bones_from: u64,
@@ -90,8 +91,11 @@ pub struct Identification {
     pub filter: Filter,
     /// Stance of the filter's offset.
     stance: u64,
+    /// Static poses that updated the filter, as coordinates.
     performed: Performed,
+    /// Selects the suggested poses.
     planner: Planner,
+    /// Test of the filter by its normalised innovations.
     consistency: Consistency,
     /// Static poses that updated the filter.
     pub poses_used: u64,
@@ -99,6 +103,7 @@ pub struct Identification {
     pub identifying: u64,
     /// 1 once the stop rule is met, or identification was stopped by command.
     pub identified: u64,
+    /// Joint rotations of the last pose that updated the filter.
     last_pose_wxyz: [[f64; 4]; JOINTS],
     /// Index of the suggested pose, or [`NO_POSE`].
     pub suggested: u64,
@@ -109,8 +114,11 @@ pub struct Identification {
     /// Predicted 1-σ of the CoP over the library in this stance, including the model error, m; 0 before it is
     /// available.
     pub predicted_cop_sigma_m: f64,
+    /// Model error: variance of the innovations beyond P and R.
     misfit: Misfit,
+    /// Estimate of the body mass.
     weighing: Weighing,
+    /// Decrease of the predicted CoP σ, for the stop rule.
     progress: Progress,
 }
 

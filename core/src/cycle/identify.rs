@@ -29,7 +29,7 @@ use crate::sesc::reduction::Rows;
 use crate::static_pose::{PoseStatistics, Window};
 
 /// Maximum shear of a static body, as a fraction of its weight; more means an external horizontal force.
-const SHEAR_SHARE_MAX: f64 = 0.02;
+const SHEAR_RATIO_MAX: f64 = 0.02;
 /// Exceeded with a probability of 0.001 for two degrees of freedom.
 const NIS_OUTLIER: f64 = 13.8;
 
@@ -154,15 +154,15 @@ fn update_from_window(
     let weight_n = ground.unloaded_force_n(subject, GRAVITY_M_PER_S2);
     // The paper has no load threshold.
     let tolerance_n = match settings.motion {
-        Motion::Paper => settings.static_pose.weight_share * weight_n,
+        Motion::Paper => settings.static_pose.weight_fraction * weight_n,
         Motion::Compensated { .. } => {
-            (settings.static_pose.weight_share * weight_n).min(settings.load_threshold_n)
+            (settings.static_pose.weight_fraction * weight_n).min(settings.load_threshold_n)
         }
     };
     let [x, y] = [0, 1].map(|axis| sample.force_n[axis] - prediction.terms_force_n[axis]);
     // Only shear reveals an external horizontal force; without shear it stays undetected.
     let has_external_force = sample.measures(Component::Shear)
-        && (math::hypot([x, y]) > SHEAR_SHARE_MAX * weight_n || prediction.sigma.has_external_force);
+        && (math::hypot([x, y]) > SHEAR_RATIO_MAX * weight_n || prediction.sigma.has_external_force);
     let unloaded = (statistics.vertical_n - weight_n).abs() < tolerance_n && !has_external_force;
     let wanted = subject.has_body() && subject.identifying == 1 && !subject.has_used(window, settings);
     if wanted && unloaded {

@@ -68,8 +68,8 @@ pub(super) fn to_world(
     }
     let pressing_n = ground.foot_vertical_n.map(|newtons| newtons.max(0.0));
     let sum_n = pressing_n[0] + pressing_n[1];
-    let share = |foot: usize| if sum_n > 0.0 { pressing_n[foot] / sum_n } else { 0.0 };
-    let [x, y] = [0, 1].map(|axis| share(0) * foot_cop_m[0][axis] + share(1) * foot_cop_m[1][axis]);
+    let fraction = |foot: usize| if sum_n > 0.0 { pressing_n[foot] / sum_n } else { 0.0 };
+    let [x, y] = [0, 1].map(|axis| fraction(0) * foot_cop_m[0][axis] + fraction(1) * foot_cop_m[1][axis]);
     // Moments about the world's origin, the inverse of the equation for the CoP. Unmeasured shear is zero in the
     // message and not used elsewhere: at the surface it does not affect the CoP.
     let ([fx, fy, fz], z) = (ground.force_n, ground.surface_z_m);

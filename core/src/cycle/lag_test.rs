@@ -79,8 +79,8 @@ impl Sample {
 
     fn between(&self, later: &Sample, time_ns: u64) -> Sample {
         let span_ns = later.time_ns.saturating_sub(self.time_ns).max(1);
-        let share = time_ns.saturating_sub(self.time_ns) as f64 / span_ns as f64;
-        let mix = |from: f64, to: f64| from + share * (to - from);
+        let fraction = time_ns.saturating_sub(self.time_ns) as f64 / span_ns as f64;
+        let mix = |from: f64, to: f64| from + fraction * (to - from);
         Sample {
             time_ns,
             force_n: mix(self.force_n, later.force_n),
@@ -348,8 +348,8 @@ mod tests {
             for phase in 0..40 {
                 let begins_s = 4.0 + 0.1 * f64::from(phase);
                 let part = |time_s: f64| ((time_s - begins_s) / over_s).clamp(0.0, 1.0);
-                let carry = |time_s: f64| 15.0 * (part(time_s) - part(time_s - 5.0));
-                let (first_s, rejected) = work(15.0, 1.0, |_| 0.0, carry);
+                let load_kg = |time_s: f64| 15.0 * (part(time_s) - part(time_s - 5.0));
+                let (first_s, rejected) = work(15.0, 1.0, |_| 0.0, load_kg);
                 rejections += u32::from(first_s.is_some());
                 assert!(rejected < 2.0 / 15.0, "{over_s} s from {begins_s} s: {rejected}");
             }

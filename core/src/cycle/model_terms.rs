@@ -173,7 +173,7 @@ impl ModelTerms {
             phi_m: subject.phi().0,
             grip_m: Side::BOTH.map(|side| table.grip_m(side.hand())),
             centre_m: table.com_m,
-            mass_share: if moderate.is_some() { table.mass_fraction } else { [0.0; SEGMENTS] },
+            mass_fraction: if moderate.is_some() { table.mass_fraction } else { [0.0; SEGMENTS] },
             com_m: crate::sesc::centre_of_mass(pose, &subject.phi()).into(),
             com_acceleration_m_per_s2: inertia.acceleration_m_per_s2,
             turning_m: inertia.turning_shift_m(specific),

@@ -121,7 +121,7 @@ impl Publication {
 
     /// Holds the exposure accumulated over the subject's shift.
     pub(super) fn hold_shift(&mut self, exposure: &Exposure) {
-        self.estimate.fatigue = exposure.fatigue.share;
+        self.estimate.fatigue = exposure.fatigue.by_joint;
         self.estimate.dose_damage = exposure.dose.damage;
         self.estimate.dose_probability = dose::probability(exposure.dose.damage);
         self.estimate.lifts = exposure.dose.lifts.min(u64::from(u32::MAX)) as u32;
@@ -131,7 +131,7 @@ impl Publication {
     pub(super) fn hold(
         &mut self,
         outputs: &Outputs<'_>,
-        exposure: &InstantExposure,
+        exposure: &InstantExposure<'_>,
         pose_mismatch_rad: f64,
         newest_suit_ns: u64,
     ) {
@@ -161,6 +161,7 @@ impl Publication {
             hold_load(state, load);
         }
         hold_exposure(state, exposure);
+        self.hold_shift(exposure.shift);
         self.invalid = outputs.withheld.reasons().0;
     }
 
@@ -269,7 +270,7 @@ fn hold_load(state: &mut State, load: &CarriedLoad) {
     }
 }
 
-fn hold_exposure(state: &mut State, exposure: &InstantExposure) {
+fn hold_exposure(state: &mut State, exposure: &InstantExposure<'_>) {
     state.torque_limit_nm = exposure.torque_limit_nm;
     mask_mass(state);
     mask_advice(state);
@@ -373,10 +374,10 @@ fn mask_back(state: &mut State) {
 /// Sets the levels of Table I with hysteresis.
 fn set_levels(state: &mut State, settings: &Settings, levels: &mut Levels) {
     for joint in 0..JOINTS {
-        let (limit_nm, margin_share) = (state.torque_limit_nm[joint], settings.level_margin_share);
+        let (limit_nm, margin_fraction) = (state.torque_limit_nm[joint], settings.level_margin_fraction);
         let magnitude_nm = Vector3::from(state.torque_nm[joint]).norm();
         let sigma_nm = state.torque_sigma_nm[joint];
-        let level = levels.next(joint, magnitude_nm, sigma_nm, limit_nm, margin_share);
+        let level = levels.next(joint, magnitude_nm, sigma_nm, limit_nm, margin_fraction);
         state.joint_level[joint] = level as u32;
     }
 }

@@ -159,7 +159,7 @@ pub struct Settings {
     /// Whether identification starts automatically.
     pub start_identifying: bool,
     /// Hysteresis: a level decreases only when the torque is this far below the level's bound, as a fraction of τ_max.
-    pub level_margin_share: f64,
+    pub level_margin_fraction: f64,
     /// τ_max per joint.
     pub limits: TorqueLimits,
     /// Model terms besides the body: effects that were identified and named.
@@ -230,7 +230,7 @@ impl Settings {
             watch_registration: true,
             suit_drifts: true,
             start_identifying: true,
-            level_margin_share: 0.02,
+            level_margin_fraction: 0.02,
             limits: TorqueLimits::default(),
             model: Model::default(),
             pose_requests: [None; POSE_REQUESTS_MAX],

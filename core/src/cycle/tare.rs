@@ -49,12 +49,12 @@ impl Tare {
         for sample in samples {
             let foot_vertical_n = if feet { sample.foot_vertical_n } else { [0.0; 2] };
             let foot_lever_nm = if feet { levers_nm(sample) } else { [[0.0; 2]; 2] };
-            let share = |value: f64| value / count;
+            let averaged = |value: f64| value / count;
             mean.add(&Tare {
-                force_n: sample.force_n.map(share),
-                moment_nm: sample.moment_nm.map(share),
-                foot_vertical_n: foot_vertical_n.map(share),
-                foot_lever_nm: foot_lever_nm.map(|lever| lever.map(share)),
+                force_n: sample.force_n.map(averaged),
+                moment_nm: sample.moment_nm.map(averaged),
+                foot_vertical_n: foot_vertical_n.map(averaged),
+                foot_lever_nm: foot_lever_nm.map(|lever| lever.map(averaged)),
             });
         }
         mean

@@ -74,11 +74,11 @@ fn a_box_overloads_the_joints_that_carry_it() {
     assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
     assert!((state.delta_f_n[2] - 4.0 * GRAVITY_M_PER_S2).abs() < 1e-6);
     let pose = person.pose(&posture);
-    for (name, share) in [("LeftElbow", 0.5), ("RightShoulder", 0.5)] {
+    for (name, fraction) in [("LeftElbow", 0.5), ("RightShoulder", 0.5)] {
         let joint = Joint::named(name).unwrap();
         let arm = at - pose.origin_of(joint.segment());
         // The true torque about the lateral axis; the load's position along it is determined by the two CoPs.
-        let truth = -arm.x * share * 4.0 * GRAVITY_M_PER_S2;
+        let truth = -arm.x * fraction * 4.0 * GRAVITY_M_PER_S2;
         let published = state.torque_nm[joint.index()][1];
         assert!((published - truth).abs() < 0.15 * truth.abs() + 0.2, "{name}: {published} {truth}");
     }

@@ -127,10 +127,10 @@ impl Observation {
             return arm;
         }
         for side in Side::BOTH {
-            for (bone_end, share) in [(side.lower_leg(), 0.5), (side.foot(), 0.5), (side.toe(), 0.25)] {
+            for (bone_end, fraction) in [(side.lower_leg(), 0.5), (side.foot(), 0.5), (side.toe(), 0.25)] {
                 if bone_end.parent() == Some(segment) {
                     let bone = self.origin(bone_end).plus(self.origin(segment).times(-1.0));
-                    arm = arm.plus(bone.times(-share));
+                    arm = arm.plus(bone.times(-fraction));
                 }
             }
         }

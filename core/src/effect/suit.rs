@@ -125,27 +125,28 @@ fn turning_m(
 ) -> [f64; 2] {
     let centres = Segment::ALL.map(|each| o.point_on(each, o.centre_m[each.index()]));
     let still = Moving { at: [0.0; 3], acceleration: [0.0; 3] };
-    let shares = || o.mass_share.iter().zip(&centres);
-    let middle = shares().fold(still, |middle, (share, centre)| middle.plus(centre.times(*share)));
+    let mass_fractions = || o.mass_fraction.iter().zip(&centres);
+    let middle = mass_fractions()
+        .fold(still, |middle, (mass_fraction, centre)| middle.plus(centre.times(*mass_fraction)));
     let mut rate = [0.0; 3];
     let (mut shift, mut shift_of_all) = (still, still);
     for each in Segment::ALL.into_iter().filter(|each| each.is_distal_to(segment)) {
-        let share = o.mass_share[each.index()];
+        let mass_fraction = o.mass_fraction[each.index()];
         let arm = o.arm_to(segment, each);
         let (own, other) = (moved(arm), all(arm));
         let from_middle = centres[each.index()].plus(middle.times(-1.0));
-        rate = sum(rate, moment(share, own.at, sum(from_middle.acceleration, other.acceleration)));
-        rate = sum(rate, moment(share, from_middle.at, own.acceleration));
-        shift = shift.plus(own.times(share));
-        shift_of_all = shift_of_all.plus(other.times(share));
+        rate = sum(rate, moment(mass_fraction, own.at, sum(from_middle.acceleration, other.acceleration)));
+        rate = sum(rate, moment(mass_fraction, from_middle.at, own.acceleration));
+        shift = shift.plus(own.times(mass_fraction));
+        shift_of_all = shift_of_all.plus(other.times(mass_fraction));
     }
     let [x, y, _] = sum(rate, moment(-1.0, shift.at, shift_of_all.acceleration));
     let specific = o.specific_force_m_per_s2();
     [-y / specific, x / specific]
 }
 
-fn moment(share: f64, at: [f64; 3], acceleration: [f64; 3]) -> [f64; 3] {
-    cross(at, acceleration).map(|part| share * part)
+fn moment(mass_fraction: f64, at: [f64; 3], acceleration: [f64; 3]) -> [f64; 3] {
+    cross(at, acceleration).map(|part| mass_fraction * part)
 }
 
 impl Observation {

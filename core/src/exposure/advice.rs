@@ -38,8 +38,8 @@ impl Advice {
 
 /// The joint whose overload is the largest fraction of its limit.
 pub fn worst_joint(magnitude_nm: &[f64], limit_nm: &[f64]) -> Option<Joint> {
-    let share = |joint: &Joint| magnitude_nm[joint.index()] / limit_nm[joint.index()];
-    Joint::ALL.into_iter().max_by(|a, b| share(a).total_cmp(&share(b)))
+    let limit_ratio = |joint: &Joint| magnitude_nm[joint.index()] / limit_nm[joint.index()];
+    Joint::ALL.into_iter().max_by(|a, b| limit_ratio(a).total_cmp(&limit_ratio(b)))
 }
 
 #[cfg(test)]

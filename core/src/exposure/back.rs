@@ -28,9 +28,9 @@ use crate::overload::sigma_of_length;
 /// Lever of the back's extensors about L5/S1, m.
 pub const EXTENSOR_LEVER_M: f64 = 0.06;
 /// 1-σ of the lever between people, as a fraction.
-const LEVER_SIGMA_SHARE: f64 = 0.10;
+const LEVER_SIGMA_RATIO: f64 = 0.10;
 /// 1-σ of the model error, as a fraction of the compression.
-const MODEL_SIGMA_SHARE: f64 = 0.15;
+const MODEL_SIGMA_RATIO: f64 = 0.15;
 
 /// 1-σ per axis of the joint's position relative to the body above it, m: measured segments change their length with
 /// posture by 3 to 19 mm (soft tissue, shifting sensors), and the null pose places L5/S1 by proportions.
@@ -118,8 +118,8 @@ impl Back {
         let muscle_n = moment_nm / EXTENSOR_LEVER_M;
         // A trunk below the horizontal hangs from the joint: the axial force is then negative and relieves the disc.
         let compression_n = (muscle_n + body.lumbar_axis.dot(&force_n)).max(0.0);
-        let by_lever_n = LEVER_SIGMA_SHARE * muscle_n;
-        let by_model_n = MODEL_SIGMA_SHARE * compression_n;
+        let by_lever_n = LEVER_SIGMA_RATIO * muscle_n;
+        let by_model_n = MODEL_SIGMA_RATIO * compression_n;
         let by_moment_n = moment_sigma_nm / EXTENSOR_LEVER_M;
         let compression_sigma_n = math::hypot([math::hypot([by_lever_n, by_model_n]), by_moment_n]);
         Back { moment_nm, moment_sigma_nm, compression_n, compression_sigma_n }

@@ -198,8 +198,8 @@ mod tests {
     fn the_damage_is_that_of_the_cycles_to_failure() {
         for moment_nm in [0.0, 40.0, 90.0] {
             // S in per cent, and the curve as published.
-            let share = (0.038 * moment_nm + 0.32) / 0.162;
-            let cycles = 902_416.0 * f64::exp(-0.162 * share);
+            let strength_percent = (0.038 * moment_nm + 0.32) / 0.162;
+            let cycles = 902_416.0 * f64::exp(-0.162 * strength_percent);
             assert!((damage_of_lift(moment_nm) * cycles - 1.0).abs() < 1e-12);
         }
         let spared = 1.0 - damage_of_lift(70.0) / damage_of_lift(100.0);

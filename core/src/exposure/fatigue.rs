@@ -30,7 +30,7 @@ use crate::body::JOINTS;
 use crate::math;
 
 /// Fraction of τ_max at which the endurance is matched.
-const MATCHED_SHARE: f64 = 0.3;
+const MATCHED_EFFORT: f64 = 0.3;
 /// Ma's fatigability k, 1/s.
 const FATIGABILITY_PER_S: f64 = 1.0 / 60.0;
 /// 1 − V after the endurance time.
@@ -38,24 +38,24 @@ const LEFT_AT_ENDURANCE: f64 = 1.0 - 0.993;
 /// r, 1/s.
 pub const RECOVERY_PER_S: f64 = 0.00091 * 15.0;
 /// Overloads up to this fraction of τ_max count as rest.
-pub const REST_SHARE: f64 = 0.05;
+pub const REST_EFFORT: f64 = 0.05;
 
 /// The fatigue of every joint.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Fatigue {
     /// V, in [0, 1].
-    pub share: [f64; JOINTS],
+    pub by_joint: [f64; JOINTS],
 }
 
 /// Time for which a fraction of the maximal strength can be held, s (Ma et al. 2009).
-fn endurance_s(share: f64) -> f64 {
-    -math::ln(share) / (share * FATIGABILITY_PER_S)
+fn endurance_s(effort: f64) -> f64 {
+    -math::ln(effort) / (effort * FATIGABILITY_PER_S)
 }
 
 /// C_j over τ_max, s.
 pub fn capacity_s() -> f64 {
-    -MATCHED_SHARE * endurance_s(MATCHED_SHARE) / math::ln(LEFT_AT_ENDURANCE)
+    -MATCHED_EFFORT * endurance_s(MATCHED_EFFORT) / math::ln(LEFT_AT_ENDURANCE)
 }
 
 impl Fatigue {
@@ -64,15 +64,16 @@ impl Fatigue {
         let rested = math::exp(-RECOVERY_PER_S * step_s);
         match load {
             Load::Unknown => {}
-            Load::None => self.share.iter_mut().for_each(|share| *share *= rested),
+            Load::None => self.by_joint.iter_mut().for_each(|fatigue| *fatigue *= rested),
             Load::Known { torque_nm, .. } => {
                 let per_capacity = step_s / capacity_s();
-                for ((share, torque_nm), limit_nm) in self.share.iter_mut().zip(torque_nm).zip(limit_nm) {
+                for ((fatigue, torque_nm), limit_nm) in self.by_joint.iter_mut().zip(torque_nm).zip(limit_nm)
+                {
                     let effort = torque_nm / limit_nm;
-                    *share = if effort <= REST_SHARE {
-                        *share * rested
+                    *fatigue = if effort <= REST_EFFORT {
+                        *fatigue * rested
                     } else {
-                        1.0 - (1.0 - *share) * math::exp(-effort * per_capacity)
+                        1.0 - (1.0 - *fatigue) * math::exp(-effort * per_capacity)
                     };
                 }
             }
@@ -81,7 +82,7 @@ impl Fatigue {
 
     /// Whether every value is in [0, 1].
     pub fn is_sound(&self) -> bool {
-        self.share.iter().all(|share| (0.0..=1.0).contains(share))
+        self.by_joint.iter().all(|fatigue| (0.0..=1.0).contains(fatigue))
     }
 }
 
@@ -98,12 +99,12 @@ mod tests {
     }
 
     fn after(load: Load, from: f64, seconds: f64, steps: u32) -> f64 {
-        let mut fatigue = Fatigue { share: [from; JOINTS] };
+        let mut fatigue = Fatigue { by_joint: [from; JOINTS] };
         for _ in 0..steps {
             fatigue.advance(&load, &LIMIT_NM, seconds / f64::from(steps));
         }
         assert!(fatigue.is_sound());
-        fatigue.share[0]
+        fatigue.by_joint[0]
     }
 
     #[test]

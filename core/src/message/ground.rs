@@ -126,7 +126,7 @@ pub struct Feet {
 
 impl Feet {
     /// Fractions of the left and the right foot; their sum is one.
-    pub fn shares(&self) -> [f64; 2] {
+    pub fn fractions(&self) -> [f64; 2] {
         let [left, right] = self.vertical_n;
         [left / (left + right), right / (left + right)]
     }
@@ -180,10 +180,10 @@ impl GroundSample {
     /// Whether each foot was measured separately and consistently with the total: finite, with the same sum.
     pub fn has_feet(&self) -> bool {
         let [left, right] = self.foot_vertical_n;
-        let (newtons, share) = FEET_SUM_TOLERANCE;
+        let (newtons, fraction) = FEET_SUM_TOLERANCE;
         // The comparison is false for NaN.
         self.per_foot == 1
-            && (left + right - self.force_n[2]).abs() <= newtons.max(share * self.force_n[2].abs())
+            && (left + right - self.force_n[2]).abs() <= newtons.max(fraction * self.force_n[2].abs())
             && self.foot_cop_m.iter().flatten().all(|metres| metres.is_finite())
     }
 
@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(sample.feet().unwrap().cop_m, Some(sample.foot_cop_m));
         let one_foot = GroundSample { foot_vertical_n: [-2.0, 702.0], ..sample };
         assert_eq!(one_foot.feet(), Some(Feet { vertical_n: [0.0, 702.0], cop_m: None }));
-        assert_eq!(one_foot.feet().unwrap().shares(), [0.0, 1.0]);
+        assert_eq!(one_foot.feet().unwrap().fractions(), [0.0, 1.0]);
         let contradicting = [
             GroundSample { per_foot: 0, ..sample },
             GroundSample { foot_vertical_n: [330.0, 400.0], ..sample },

@@ -135,7 +135,7 @@ message! {
         pub advice_direction: [f64; 3],
         /// Reduction of the worst joint's torque by a motion in that direction, N m per cm.
         pub advice_gain_nm_per_cm: f64,
-        /// Segment origins (proximal joint centres) in MVN order, world, m; with `position_unknown`, their place and
+        /// Segment origins (proximal joint centres) in MVN order, world, m; with `position_unknown`, their position and
         /// heading on the floor are not those of the station.
         pub segment_origin_m: [[f64; 3]; SEGMENTS],
         /// Overload torque of each joint (Eq. 15), world axes, N m.

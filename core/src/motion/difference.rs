@@ -40,7 +40,7 @@ impl DifferenceVariance {
         let limit = SIGMAS_MAX * SIGMAS_MAX * self.variance(intensity, prior);
         let square = (difference * difference).min(limit);
         let step_s = step_s.clamp(0.0, 1.0);
-        let [p, q] = shares(intensity);
+        let [p, q] = weights(intensity);
         let y = p * square;
         let kept = 1.0 / (1.0 + step_s / KEPT_S);
         for (sum, value) in self.sums.iter_mut().zip([p * p, p * q, q * q, p * y, q * y]) {
@@ -61,7 +61,7 @@ impl DifferenceVariance {
             (_, true) => [py / pp, 0.0],
             _ => [rest, motion],
         };
-        let [p, q] = shares(intensity);
+        let [p, q] = weights(intensity);
         rest + motion * q / p
     }
 
@@ -71,8 +71,8 @@ impl DifferenceVariance {
     }
 }
 
-/// p and q of an intensity.
-fn shares(intensity: f64) -> [f64; 2] {
+/// Weights p and q of the variance at rest and by motion, at an intensity, m/s².
+fn weights(intensity: f64) -> [f64; 2] {
     let reference = INTENSITY_M_PER_S2 * INTENSITY_M_PER_S2;
     // Limited so that p remains positive.
     let square = (intensity * intensity).min(1e4 * reference);

@@ -98,10 +98,10 @@ impl LoadingSigma {
         let [x, y] = self.load_ahead_m;
         off[12].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
         off[13].delta_f_n += self.delta_f_n;
-        let load_share = loading.delta_f_n / loading.vertical_n;
+        let load_ratio = loading.delta_f_n / loading.vertical_n;
         for axis in 0..2 {
             off[14 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
-            off[16 + axis].cop_measured_m[axis] += self.contradiction_m * load_share;
+            off[16 + axis].cop_measured_m[axis] += self.contradiction_m * load_ratio;
         }
         off
     }

@@ -55,7 +55,7 @@ impl FootLoads {
     /// Both CoPs are shifted equally until their resultant is the common one, which a tare may have shifted; if they
     /// deviate from it by more than 30 mm, only the fractions are used.
     pub fn measured(feet: &crate::message::ground::Feet, cop_measured_m: [f64; 2]) -> FootLoads {
-        let zeta = feet.shares();
+        let zeta = feet.fractions();
         let moved = feet.cop_m.and_then(|cop_m| {
             let off = offset_from_resultant(cop_measured_m, zeta, cop_m);
             (math::hypot(off) <= FEET_OFF_MAX_M)

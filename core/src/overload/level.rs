@@ -6,7 +6,7 @@
 //!
 //! 1. If t − σ and t + σ lie two or more levels apart, the level is [`Level::Undecided`].
 //! 2. H is left upwards as soon as t passes its upper bound. It is left downwards only when t falls below its lower
-//!    bound by the margin, the larger of `margin_share · τ_max` and σ/2.
+//!    bound by the margin, the larger of `margin_fraction · τ_max` and σ/2.
 //! 3. If H was left, or there is no H, the level is that of t in Table I, provided that t − σ and t + σ have the same
 //!    level or that H is the level of one of them; else it is undecided. An undecided joint holds no level.
 //!
@@ -42,12 +42,12 @@ const BOUNDS: [f64; 3] = [0.3, 0.6, 1.0];
 impl Level {
     /// The level of a torque's magnitude against the joint's limit, both N m: Table I.
     pub fn of(torque_nm: f64, limit_nm: f64) -> Level {
-        let share = torque_nm / limit_nm;
-        if share <= BOUNDS[0] {
+        let limit_ratio = torque_nm / limit_nm;
+        if limit_ratio <= BOUNDS[0] {
             Level::Green
-        } else if share <= BOUNDS[1] {
+        } else if limit_ratio <= BOUNDS[1] {
             Level::Orange
-        } else if share <= BOUNDS[2] {
+        } else if limit_ratio <= BOUNDS[2] {
             Level::Red
         } else {
             Level::AboveMax
@@ -66,15 +66,15 @@ impl Level {
     }
 
     /// The level that follows `self` for a torque's magnitude and its σ, given the joint's limit, all N m, by the rule
-    /// above. `margin_share` is a fraction of the limit.
+    /// above. `margin_fraction` is a fraction of the limit.
     #[must_use]
-    pub fn after(self, torque_nm: f64, sigma_nm: f64, limit_nm: f64, margin_share: f64) -> Level {
+    pub fn after(self, torque_nm: f64, sigma_nm: f64, limit_nm: f64, margin_fraction: f64) -> Level {
         let [low, own, high] =
             [torque_nm - sigma_nm, torque_nm, torque_nm + sigma_nm].map(|nm| Level::of(nm, limit_nm));
         if high as u32 - low as u32 > 1 {
             return Level::Undecided;
         }
-        let margin_nm = (margin_share * limit_nm).max(0.5 * sigma_nm);
+        let margin_nm = (margin_fraction * limit_nm).max(0.5 * sigma_nm);
         match self.lower_bound() {
             Some(bound) if own < self && torque_nm > bound * limit_nm - margin_nm => self,
             Some(_) if low <= self && self <= high => own,
@@ -119,10 +119,10 @@ impl Levels {
         torque_nm: f64,
         sigma_nm: f64,
         limit_nm: f64,
-        margin_share: f64,
+        margin_fraction: f64,
     ) -> Level {
         let held = Level::from_number(self.held[joint] as u32).unwrap_or(Level::None);
-        let level = held.after(torque_nm, sigma_nm, limit_nm, margin_share);
+        let level = held.after(torque_nm, sigma_nm, limit_nm, margin_fraction);
         self.held[joint] = level as u64;
         level
     }

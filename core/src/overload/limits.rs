@@ -40,7 +40,7 @@ const LOWER_QUARTILE: f64 = 0.83;
 /// of men's).
 const FRACTION_FOR_LOAD: f64 = 0.7;
 /// τ_max over the mean static strength of the joint, 0.58.
-pub const STRENGTH_SHARE: f64 = LOWER_QUARTILE * FRACTION_FOR_LOAD;
+pub const STRENGTH_FRACTION: f64 = LOWER_QUARTILE * FRACTION_FOR_LOAD;
 
 /// Weight times stature of the people of the table, N m: 62 kg and 1.63 m, 75 kg and 1.76 m.
 const BODY_NM: [f64; 2] = [62.0 * 9.81 * 1.63, 75.0 * 9.81 * 1.76];
@@ -137,7 +137,7 @@ fn without_side(joint: Joint) -> (&'static str, bool) {
 }
 
 impl TorqueLimits {
-    /// Limits by the tables: [`STRENGTH_SHARE`] of the mean strength; the mean of both sexes if unstated.
+    /// Limits by the tables: [`STRENGTH_FRACTION`] of the mean strength; the mean of both sexes if unstated.
     pub fn of(sex: Sex) -> TorqueLimits {
         let of_sex = |[female, male]: [f64; 2]| match sex {
             Sex::Female => female,
@@ -151,16 +151,16 @@ impl TorqueLimits {
             of_sex(row.map_or([STRENGTH_NM[9].1[0]; 2], |(_, strength_nm)| *strength_nm))
         };
         TorqueLimits {
-            nm: Joint::ALL.map(|joint| STRENGTH_SHARE * main_nm(joint)),
+            nm: Joint::ALL.map(|joint| STRENGTH_FRACTION * main_nm(joint)),
             by_direction: Joint::ALL.map(|joint| {
                 let (name, is_right) = without_side(joint);
-                let mut shares = [[1.0; 2]; 3];
+                let mut fractions = [[1.0; 2]; 3];
                 for (_, axis, sign, strength_nm) in OTHER_STRENGTH_NM.iter().filter(|row| row.0 == name) {
                     let is_mirrored = is_right && *axis != Y;
                     let sign = if is_mirrored { 1 - sign } else { *sign };
-                    shares[*axis][sign] = of_sex(*strength_nm) / main_nm(joint);
+                    fractions[*axis][sign] = of_sex(*strength_nm) / main_nm(joint);
                 }
-                shares
+                fractions
             }),
         }
     }
@@ -197,8 +197,8 @@ impl TorqueLimits {
         for (value, [negative, positive]) in weighted.iter_mut().zip(self.by_direction[index]) {
             *value /= if *value < 0.0 { negative } else { positive };
         }
-        let (magnitude, share) = (torque.norm(), weighted.norm());
-        if share > 0.0 { self.nm[index] * magnitude / share } else { self.nm[index] }
+        let (magnitude, weighted_norm) = (torque.norm(), weighted.norm());
+        if weighted_norm > 0.0 { self.nm[index] * magnitude / weighted_norm } else { self.nm[index] }
     }
 }
 
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn the_share_of_the_limits_is_that_of_an_ellipsoid() {
+    fn limits_form_an_ellipsoid() {
         let limits = TorqueLimits::of(Sex::Male);
         let (l5s1, torque) = (joint("L5S1"), Vector3::new(30.0, -60.0, 0.0));
         let of = |part: Vector3<f64>| part.norm() / limits.in_direction_nm(l5s1, part);

@@ -114,15 +114,14 @@ impl Coordinate {
         self.weighted = kept * self.weighted + weight * measured.value;
         self.square = kept * self.square + weight * weight / step_s;
         self.rest = kept * self.rest + weight * rest;
-        let share = weight / self.weight;
+        let gain = weight / self.weight;
         for (mean, own) in self.row.iter_mut().zip(row) {
-            *mean += share * (own - *mean);
+            *mean += gain * (own - *mean);
         }
         // By recursion, because a product with P is most of a step's cost: θ is not updated while a load is carried.
-        let rest_share = 1.0 - share;
-        self.by_model = rest_share * rest_share * self.by_model
-            + 2.0 * rest_share * share * with_mean
-            + share * share * own;
+        let retained = 1.0 - gain;
+        self.by_model =
+            retained * retained * self.by_model + 2.0 * retained * gain * with_mean + gain * gain * own;
         self.by_model = self.by_model.max(0.0);
     }
 
@@ -222,13 +221,13 @@ mod tests {
     }
 
     /// A value of whose variance this share is the body model's, with this sign.
-    fn by_model(value: f64, sigma: f64, share: f64) -> ByModel {
+    fn by_model(value: f64, sigma: f64, fraction: f64) -> ByModel {
         let mut row = [0.0; STATES];
-        row[0] = share.signum() * sigma * share.abs().sqrt();
-        ByModel { measured: Measured { value, sigma: sigma * (1.0 - share.abs()).sqrt() }, row }
+        row[0] = fraction.signum() * sigma * fraction.abs().sqrt();
+        ByModel { measured: Measured { value, sigma: sigma * (1.0 - fraction.abs()).sqrt() }, row }
     }
 
-    fn carry(seconds: f64, error: impl Fn(f64) -> f64, sigma: f64) -> LoadPosition {
+    fn after_carry(seconds: f64, error: impl Fn(f64) -> f64, sigma: f64) -> LoadPosition {
         let mut position = LoadPosition::zeroed();
         for step in 0..(seconds * 60.0) as u32 {
             let time_s = f64::from(step) / 60.0;
@@ -242,7 +241,7 @@ mod tests {
     fn a_long_carry_in_many_postures_lowers_sigma_more_than_a_short_one() {
         // An error that changes every two seconds, as large as its σ.
         let error = |time_s: f64| if ((time_s * 0.5) as u32).is_multiple_of(2) { 0.3 } else { -0.3 };
-        let (short, long) = (carry(0.5, error, 0.3), carry(30.0, error, 0.3));
+        let (short, long) = (after_carry(0.5, error, 0.3), after_carry(30.0, error, 0.3));
         assert!(long.eta_sigma() < 0.8 * short.eta_sigma(), "{} {}", long.eta_sigma(), short.eta_sigma());
         assert!((long.eta()[1] - 0.7).abs() < 2.0 * long.eta_sigma(), "{:?}", long.eta());
         assert!(long.is_sound() && short.is_sound());
@@ -268,10 +267,10 @@ mod tests {
 
     #[test]
     fn the_error_of_the_body_model_averages_out_only_over_varied_postures() {
-        let sigma_after_30_s = |share_at: fn(u32) -> f64| {
+        let sigma_after_30_s = |fraction_at: fn(u32) -> f64| {
             let mut position = LoadPosition::zeroed();
             for step in 0..1800 {
-                let right = by_model(0.7, 0.05, share_at(step));
+                let right = by_model(0.7, 0.05, fraction_at(step));
                 position.update(Some(&right), &by_model(0.04, 0.5, 0.0), 1.0 / 60.0, first_state);
             }
             position.eta_sigma()
@@ -285,9 +284,9 @@ mod tests {
 
     #[test]
     fn a_precise_measurement_moves_the_estimate_and_a_vague_one_keeps_the_prior() {
-        let precise = carry(0.1, |_| 0.0, 0.01);
+        let precise = after_carry(0.1, |_| 0.0, 0.01);
         assert!((precise.eta()[1] - 0.7).abs() < 0.01 && precise.eta_sigma() < 0.02);
-        let vague = carry(0.1, |_| 0.0, 10.0);
+        let vague = after_carry(0.1, |_| 0.0, 10.0);
         assert!((vague.eta()[1] - 0.5).abs() < 0.01 && (vague.eta_sigma() - EVEN_SIGMA).abs() < 0.01);
         let [ahead_m, sigma_m] = vague.ahead_m();
         assert!(
@@ -298,7 +297,7 @@ mod tests {
 
     #[test]
     fn a_load_that_changes_hands_is_tracked() {
-        let mut position = carry(20.0, |_| 0.0, 0.05);
+        let mut position = after_carry(20.0, |_| 0.0, 0.05);
         for _ in 0..30 {
             position.update(
                 Some(&by_model(0.0, 0.05, 0.0)),
@@ -312,7 +311,7 @@ mod tests {
 
     #[test]
     fn non_finite_values_change_nothing_and_a_reset_restores_the_start() {
-        let mut position = carry(1.0, |_| 0.0, 0.1);
+        let mut position = after_carry(1.0, |_| 0.0, 0.1);
         let before = position.eta();
         for value in [f64::NAN, f64::INFINITY] {
             position.update(

@@ -10,13 +10,13 @@ pub const TOO_CLOSE_M: f64 = 0.05;
 pub fn project(point: [f64; 2], [from, to]: [[f64; 2]; 2]) -> (f64, f64) {
     let along = [to[0] - from[0], to[1] - from[1]];
     let square = along[0] * along[0] + along[1] * along[1];
-    let share = if square > TOO_CLOSE_M * TOO_CLOSE_M {
+    let fraction = if square > TOO_CLOSE_M * TOO_CLOSE_M {
         (((point[0] - from[0]) * along[0] + (point[1] - from[1]) * along[1]) / square).clamp(0.0, 1.0)
     } else {
         0.5
     };
-    let off = [point[0] - from[0] - share * along[0], point[1] - from[1] - share * along[1]];
-    (share, math::hypot(off))
+    let off = [point[0] - from[0] - fraction * along[0], point[1] - from[1] - fraction * along[1]];
+    (fraction, math::hypot(off))
 }
 
 #[cfg(test)]
@@ -28,8 +28,8 @@ mod tests {
         let line = [[0.0, 0.2], [0.0, -0.2]];
         assert_eq!(project([0.0, 0.1], line), (0.25, 0.0));
         assert_eq!(project([0.3, 0.0], line), (0.5, 0.3));
-        let (share, distance) = project([0.0, -0.5], line);
-        assert!((share - 1.0).abs() < 1e-15 && (distance - 0.3).abs() < 1e-12);
+        let (fraction, distance) = project([0.0, -0.5], line);
+        assert!((fraction - 1.0).abs() < 1e-15 && (distance - 0.3).abs() < 1e-12);
     }
 
     #[test]

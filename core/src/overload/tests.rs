@@ -308,9 +308,9 @@ fn sigma_of_a_length_is_the_spread_of_many_lengths() {
 }
 
 /// By bisection of the distribution function, which is integrated in steps of 0.001.
-fn normal_quantile(share: f64) -> f64 {
+fn normal_quantile(probability: f64) -> f64 {
     let (mut value, mut below) = (-6.0_f64, 0.0);
-    while below < share {
+    while below < probability {
         below += 1e-3 * (-0.5 * value * value).exp() / math::sqrt(core::f64::consts::TAU);
         value += 1e-3;
     }

@@ -56,16 +56,16 @@ impl Planner {
 
     /// Adds the rows of one more pose of a library of `size` to W.
     pub fn add_pose(&mut self, rows: &Rows, size: usize) {
-        let share = 1.0 / (2.0 * size.clamp(1, LIBRARY_MAX) as f64);
+        let weight = 1.0 / (2.0 * size.clamp(1, LIBRARY_MAX) as f64);
         for (h, mean) in rows.h.iter().zip(&mut self.mean_row) {
             for (mean, value) in mean.iter_mut().zip(h) {
-                *mean += share * value;
+                *mean += weight * value;
             }
             for (row, own) in self.weight.iter_mut().zip(h) {
                 // Rows are mostly zero beyond the parameters in use.
                 if *own != 0.0 {
                     for (entry, other) in row.iter_mut().zip(h) {
-                        *entry += share * own * other;
+                        *entry += weight * own * other;
                     }
                 }
             }

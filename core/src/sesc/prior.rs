@@ -83,8 +83,8 @@ impl Prior {
                 let mut sum = [0.0; PARAMETERS];
                 for &segment in segments {
                     let segment = if mirrored { segment.mirrored() } else { segment };
-                    let share = SPREAD_FACTOR * spread * body.mass_fraction[segment.index()];
-                    add(&mut sum, share, &mass_direction(segment, skeleton, body, &phi));
+                    let weight = SPREAD_FACTOR * spread * body.mass_fraction[segment.index()];
+                    add(&mut sum, weight, &mass_direction(segment, skeleton, body, &phi));
                 }
                 sum
             };
@@ -149,12 +149,12 @@ impl Prior {
         self.add_square(reduction, other, 1.0 - SIDE_CORRELATION);
     }
 
-    /// Adds `share · v vᵀ` with `v = T⁺ raw`.
-    fn add_square(&mut self, reduction: &Reduction, raw: &[f64; PARAMETERS], share: f64) {
+    /// Adds `weight · v vᵀ` with `v = T⁺ raw`.
+    fn add_square(&mut self, reduction: &Reduction, raw: &[f64; PARAMETERS], weight: f64) {
         let direction = reduction.pseudo_inverse(raw);
         for row in 0..reduction.count() {
             for column in 0..reduction.count() {
-                self.covariance_m2[row][column] += share * (direction[row] * direction[column]);
+                self.covariance_m2[row][column] += weight * (direction[row] * direction[column]);
             }
         }
     }
@@ -220,9 +220,9 @@ pub fn soft_constraints(
             let (row, known_m) = reduction.raw_row(one, axis);
             let (other_row, other_known_m) = reduction.raw_row(one.mirrored(), axis);
             // Sides with a common parameter are symmetric already.
-            let share = row.iter().zip(&other_row).any(|(a, b)| *a != 0.0 && *b != 0.0);
+            let has_common_parameter = row.iter().zip(&other_row).any(|(a, b)| *a != 0.0 && *b != 0.0);
             let sign = if axis == 1 { -1.0 } else { 1.0 };
-            (!share).then(|| SoftConstraint {
+            (!has_common_parameter).then(|| SoftConstraint {
                 h: core::array::from_fn(|index| row[index] - sign * other_row[index]),
                 value_m: sign * other_known_m - known_m,
                 sigma_m: symmetry_sigma_m,

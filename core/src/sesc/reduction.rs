@@ -129,11 +129,11 @@ impl Reduction {
             for &axis in group.axes {
                 for segment in group.segments {
                     let even = 1.0 / group.segments.len() as f64;
-                    let share = if sum > 0.0 { size(segment) / sum } else { even };
-                    self.tie(3 * segment.index() + axis, share);
+                    let fraction = if sum > 0.0 { size(segment) / sum } else { even };
+                    self.tie(3 * segment.index() + axis, fraction);
                     if group.mirrored {
                         let sign = if axis == Y { -1.0 } else { 1.0 };
-                        self.tie(3 * segment.mirrored().index() + axis, sign * share);
+                        self.tie(3 * segment.mirrored().index() + axis, sign * fraction);
                     }
                 }
                 self.count += 1;

@@ -27,10 +27,10 @@ pub fn effective_vectors(phi: &Phi, skeleton: &Skeleton, tied_to_feet: bool) -> 
     let mut psi = phi.0;
     if tied_to_feet {
         for side in Side::BOTH {
-            for (bone_end, share) in [(side.lower_leg(), 0.5), (side.foot(), 0.5), (side.toe(), 0.25)] {
+            for (bone_end, fraction) in [(side.lower_leg(), 0.5), (side.foot(), 0.5), (side.toe(), 0.25)] {
                 let Some(bone) = bone_end.parent() else { continue };
                 for (psi, along) in psi[bone.index()].iter_mut().zip(skeleton.offset_m[bone_end.index()]) {
-                    *psi -= share * along;
+                    *psi -= fraction * along;
                 }
             }
         }

@@ -326,14 +326,14 @@ impl SkewEstimator {
         if curvature <= 0.0 || here < before || here < after {
             return None;
         }
-        let share = 0.5 * (after - before) / curvature;
-        let unexplained = (1.0 - here - 0.25 * (after - before) * share).max(UNEXPLAINED_MIN);
+        let vertex_offset = 0.5 * (after - before) / curvature;
+        let unexplained = (1.0 - here - 0.25 * (after - before) * vertex_offset).max(UNEXPLAINED_MIN);
         if independent * math::ln((1.0 - second) / unexplained) < EVIDENCE {
             return None;
         }
         Some(Window {
             time_ns: self.next.saturating_sub(BLOCK * blocks as u64 / 2) * CELL_NS,
-            lag_s: (best as f64 - LAG_MAX as f64 + share) * CELL_S,
+            lag_s: (best as f64 - LAG_MAX as f64 + vertex_offset) * CELL_S,
             variance_s2: CELL_S * CELL_S * unexplained / (independent * 0.5 * curvature),
         })
     }

@@ -9,7 +9,7 @@ use crate::rings::Outcome;
 /// Minimum pause after a record: a loop that misses every deadline must not fill the disk.
 pub const PAUSE_NS: u64 = 10 * NS_PER_S;
 /// Ratio of the cycles before a missed deadline to those after it.
-const AFTER_SHARE: usize = 4;
+const AFTER_DIVISOR: usize = 4;
 /// Merged windows are cut at this many window lengths.
 const WINDOWS_MAX: usize = 4;
 
@@ -45,7 +45,7 @@ struct Open {
 impl FlightRecorder {
     /// Stores `before` cycles before each missed deadline, and a quarter as many after it.
     pub fn new(before: usize) -> FlightRecorder {
-        let after = (before / AFTER_SHARE).max(1);
+        let after = (before / AFTER_DIVISOR).max(1);
         let cycles_max = WINDOWS_MAX * (before + 1 + after);
         let outcomes = VecDeque::with_capacity(cycles_max + 1);
         FlightRecorder { before, after, cycles_max, outcomes, open: None, emitted_ns: None, skipped: 0 }

@@ -28,7 +28,7 @@ impl FlightFiles {
     /// The records of the configuration's station; the directory is created when needed.
     pub fn new(directory: &Path, config: &Config) -> FlightFiles {
         // Latencies do not depend on the subject: omit the pseudonym, so that none remains when a subject is deleted.
-        let mut settled = config.clone().without_paths();
+        let mut settled = config.clone().for_recording();
         equipoise_station::ANONYMOUS.clone_into(&mut settled.subject.id);
         FlightFiles {
             directory: directory.to_owned(),

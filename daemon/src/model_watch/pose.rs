@@ -6,7 +6,7 @@ use equipoise_core::body::Segment;
 use nalgebra::{Matrix3, Vector3};
 
 /// Minimum fraction of the variance that a limb's pose must explain.
-const SHARE_MIN: f64 = 0.5;
+const EXPLAINED_MIN: f64 = 0.5;
 /// A limb that moves less than this is ignored, m.
 const MOVED_MIN_M: f64 = 0.03;
 
@@ -57,16 +57,16 @@ pub(super) fn features(origin_m: impl Fn(Segment) -> [f64; 3]) -> Features {
 /// The limb whose pose explains most of the variance of `residual` in a linear model; `None` if none explains half of
 /// it.
 pub(super) fn correlated_limb(residual: &[f64], poses: &[Features]) -> Option<Limb> {
-    let shares = Limb::ALL.into_iter().enumerate().filter_map(|(index, limb)| {
+    let explained = Limb::ALL.into_iter().enumerate().filter_map(|(index, limb)| {
         let pose: Vec<[f64; 3]> = poses.iter().map(|pose| pose[index]).collect();
-        Some((limb, share(residual, &pose)?))
+        Some((limb, explained_fraction(residual, &pose)?))
     });
-    let (limb, share) = shares.max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-    (share >= SHARE_MIN).then_some(limb)
+    let (limb, explained_fraction) = explained.max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    (explained_fraction >= EXPLAINED_MIN).then_some(limb)
 }
 
 /// Fraction of the variance of `residual` explained by three coordinates (adjusted R²).
-fn share(residual: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
+fn explained_fraction(residual: &[f64], pose: &[[f64; 3]]) -> Option<f64> {
     let count = residual.len() as f64;
     if residual.len() < 8 {
         return None;

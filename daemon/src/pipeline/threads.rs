@@ -26,7 +26,7 @@ pub(super) type Shared = (Arc<SharedConfiguration>, Arc<Subjects>);
 pub(super) struct Running {
     commands: JoinHandle<anyhow::Result<()>>,
     /// The command thread owns the station while this sender exists.
-    share: Sender<Shared>,
+    shared_sender: Sender<Shared>,
     pub(super) loop_thread: Option<JoinHandle<anyhow::Result<LoopSummary>>>,
     /// A failure costs latency figures only, so the other threads continue.
     pub(super) latency_log: Option<JoinHandle<anyhow::Result<Report>>>,
@@ -37,10 +37,13 @@ pub(super) struct Running {
 
 impl Running {
     /// With the command thread only.
-    pub(super) fn with_commands(commands: JoinHandle<anyhow::Result<()>>, share: Sender<Shared>) -> Running {
+    pub(super) fn with_commands(
+        commands: JoinHandle<anyhow::Result<()>>,
+        shared_sender: Sender<Shared>,
+    ) -> Running {
         Running {
             commands,
-            share,
+            shared_sender,
             loop_thread: None,
             latency_log: None,
             threads: Vec::new(),
@@ -50,7 +53,7 @@ impl Running {
 
     /// Lets the command thread answer.
     pub(super) fn answer_commands(&self, shared: Shared) {
-        let _ = self.share.send(shared);
+        let _ = self.shared_sender.send(shared);
     }
 
     pub(super) fn is_running(&self) -> bool {
@@ -80,7 +83,7 @@ impl Running {
             }
         }
         last();
-        drop(self.share);
+        drop(self.shared_sender);
         join_thread("commands", self.commands)?;
         threads.into_iter().collect::<anyhow::Result<()>>()?;
         match (cycles, latency) {
@@ -134,14 +137,14 @@ mod tests {
             let order = Arc::clone(&order);
             move || order.lock().unwrap().push(what)
         };
-        let (share, shared) = bounded::<Shared>(1);
+        let (shared_sender, shared) = bounded::<Shared>(1);
         let (free, saved) = (mark("free"), mark("saved"));
         let commands = std::thread::spawn(move || {
             let _ = shared.recv();
             free();
             Ok(())
         });
-        let mut running = Running::with_commands(commands, share);
+        let mut running = Running::with_commands(commands, shared_sender);
         let saving = std::thread::spawn(move || {
             // Simulates a slow disk.
             std::thread::sleep(Duration::from_millis(100));

@@ -146,22 +146,22 @@ impl HandoverPart {
 }
 
 /// Rounds fatigue to the stored resolution.
-pub(crate) fn recovered_fatigue(share: f64) -> f64 {
-    (share * FATIGUE_STEPS).round() / FATIGUE_STEPS
+pub(crate) fn recovered_fatigue(fatigue: f64) -> f64 {
+    (fatigue * FATIGUE_STEPS).round() / FATIGUE_STEPS
 }
 
 impl ShiftPart {
     pub(super) fn of(shift: &Shift, saved_unix_s: u64) -> ShiftPart {
         let tired =
             Joint::ALL.iter().map(|joint| (joint.name(), recovered_fatigue(shift.fatigue[joint.index()])));
-        let tired = tired.filter(|(_, share)| *share > 0.0);
+        let tired = tired.filter(|(_, fatigue)| *fatigue > 0.0);
         ShiftPart {
             saved_unix_s,
             damage: shift.damage,
             lifts: shift.lifts,
             ended: shift.ended,
             lift: shift.latest.iter().filter(|lift| lift.number > 0).map(LiftPart::of).collect(),
-            fatigue: tired.map(|(name, share)| (name.to_owned(), share)).collect(),
+            fatigue: tired.map(|(name, fatigue)| (name.to_owned(), fatigue)).collect(),
         }
     }
 
@@ -177,9 +177,9 @@ impl ShiftPart {
             return Err(format!("the last one ended {:.1} h ago", pause_s as f64 / 3600.0));
         }
         let mut fatigue = [0.0; JOINTS];
-        for (name, share) in &self.fatigue {
+        for (name, value) in &self.fatigue {
             let joint = Joint::named(name).ok_or_else(|| format!("there is no joint {name}"))?;
-            fatigue[joint.index()] = *share;
+            fatigue[joint.index()] = *value;
         }
         let mut latest = [Lift::zeroed(); LATEST_LIFTS];
         for part in &self.lift {
@@ -193,7 +193,7 @@ impl ShiftPart {
         }
         let is_plausible = self.damage.is_finite()
             && self.damage >= 0.0
-            && fatigue.iter().all(|share| (0.0..=1.0).contains(share));
+            && fatigue.iter().all(|fatigue| (0.0..=1.0).contains(fatigue));
         is_plausible
             .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest })
             .ok_or_else(|| "a number of it is out of range".to_owned())

@@ -158,9 +158,9 @@ impl ClockMonitor {
             ));
         }
         (self.unsynchronised_ns >= UNSYNCHRONISED_AFTER_NS).then(|| {
-            "the times of suit and plate have been uncertain for ten seconds. If the plate is later or earlier than the \
-             suit by another latency than before: move without a load, and set latency_ms as `equipoise status` prints \
-             it. If a device's counter jumps or its rate drifts: restart the device's stream"
+            "the times of suit and plate have been uncertain for ten seconds. If the latency between them \
+             has changed: move without a load, and set latency_ms as `equipoise status` prints it. \
+             If a device's counter jumps or its rate drifts: restart the device's stream"
                 .to_owned()
         })
     }

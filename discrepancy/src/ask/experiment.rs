@@ -164,7 +164,7 @@ fn standing(
         com_velocity_m_per_s: [0.0; 3],
         turning_by_group_m: [[0.0; 2]; 4],
         joint_rad: joint_rad(&rotation, heading_rad),
-        bent_rotation_acceleration: [[[[0.0; 3]; 3]; 3]; SEGMENTS],
+        joint_weighted_rotation_acceleration: [[[[0.0; 3]; 3]; 3]; SEGMENTS],
         heading_rad,
         by_lag: [Change::NONE; LAGS_S.len()],
         by_cutoff: [Change::NONE; CUTOFFS_HZ.len()],

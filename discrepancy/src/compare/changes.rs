@@ -42,19 +42,19 @@ pub(super) fn timing(points: &VecDeque<Point>, [from_s, to_s]: [f64; 2]) -> Opti
     if first == last {
         return None;
     }
-    let share = 1.0 / (last - first) as f64;
+    let weight = 1.0 / (last - first) as f64;
     for now in points.range(first..last) {
         let [measured, predicted] = [now.measured_motion(), now.predicted_motion()];
         for (sum, lag_s) in timing.by_lag.iter_mut().zip(LAGS_S) {
             let [earlier, later] = [-lag_s, lag_s].map(|shift_s| around(points, now.time_s + shift_s));
-            sum.add(0.5 * share, &measured);
-            add_mean(sum, -0.5 * share, earlier?, Point::measured_motion);
-            add_mean(sum, 0.5 * share, later?, Point::predicted_motion);
-            sum.add(-0.5 * share, &predicted);
+            sum.add(0.5 * weight, &measured);
+            add_mean(sum, -0.5 * weight, earlier?, Point::measured_motion);
+            add_mean(sum, 0.5 * weight, later?, Point::predicted_motion);
+            sum.add(-0.5 * weight, &predicted);
         }
         for step_s in [-RATE_STEP_S, RATE_STEP_S] {
             let then = around(points, now.time_s + step_s)?;
-            add_mean(&mut timing.rate, 0.5 * share / step_s, then, Point::measured_motion);
+            add_mean(&mut timing.rate, 0.5 * weight / step_s, then, Point::measured_motion);
         }
     }
     Some(timing)

@@ -57,7 +57,7 @@ struct Bodies {
     origin_acceleration_m_per_s2: [[f64; 3]; SEGMENTS],
     rotation: [[[f64; 3]; 3]; SEGMENTS],
     rotation_acceleration_per_s2: [[[f64; 3]; 3]; SEGMENTS],
-    bent_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
+    joint_weighted_rotation_acceleration: [[[[f64; 3]; 3]; 3]; SEGMENTS],
     quaternion: [[f64; 4]; SEGMENTS],
 }
 
@@ -80,7 +80,7 @@ impl BlockMean {
                 origin_acceleration_m_per_s2: [[0.0; 3]; SEGMENTS],
                 rotation: [[[0.0; 3]; 3]; SEGMENTS],
                 rotation_acceleration_per_s2: [[[0.0; 3]; 3]; SEGMENTS],
-                bent_rotation_acceleration: [[[[0.0; 3]; 3]; 3]; SEGMENTS],
+                joint_weighted_rotation_acceleration: [[[[0.0; 3]; 3]; 3]; SEGMENTS],
                 quaternion: [[0.0; 4]; SEGMENTS],
             }),
         }
@@ -152,7 +152,7 @@ impl BlockMean {
                 for (row, entries) in matrix(&sample.snapshot, segment).iter().enumerate() {
                     add_scaled(&mut bodies.rotation[segment][row], value, entries);
                     add_scaled(&mut bodies.rotation_acceleration_per_s2[segment][row], second, entries);
-                    let bent = bodies.bent_rotation_acceleration[segment].iter_mut();
+                    let bent = bodies.joint_weighted_rotation_acceleration[segment].iter_mut();
                     for (bent, joint_rad) in bent.zip(sample.joint_rad[segment]) {
                         add_scaled(&mut bent[row], second * joint_rad, entries);
                     }
@@ -182,7 +182,7 @@ impl BlockMean {
             phi_m: worker.phi.0,
             grip_m: worker.grip_m(),
             centre_m: worker.body.com_m,
-            mass_share: if self.has_inertia { worker.body.mass_fraction } else { [0.0; SEGMENTS] },
+            mass_fraction: if self.has_inertia { worker.body.mass_fraction } else { [0.0; SEGMENTS] },
             com_m: mean(sum.com_m, count),
             com_acceleration_m_per_s2: mean(sum.com_acceleration_m_per_s2, count),
             turning_m: [0, 1].map(|axis| turning_by_group_m.iter().map(|group| group[axis]).sum()),
@@ -201,7 +201,7 @@ impl BlockMean {
             com_velocity_m_per_s: mean(sum.com_velocity_m_per_s, count),
             turning_by_group_m,
             joint_rad: joint_rad(&rotation, heading_rad),
-            bent_rotation_acceleration: bodies.bent_rotation_acceleration,
+            joint_weighted_rotation_acceleration: bodies.joint_weighted_rotation_acceleration,
             heading_rad,
             by_lag: timing.by_lag,
             by_cutoff: std::array::from_fn(|k| timing.by_cutoff(k, &self.by_cutoff[k], count)),

@@ -150,7 +150,7 @@ fn soft_tissue_accelerates_with_the_joint_and_not_only_with_the_segment() {
         let (time_s, step_s) = (block.observation.time_s, 1e-3);
         let expected =
             (bent(time_s + step_s) + bent(time_s - step_s) - bent(time_s) * 2.0) / (step_s * step_s);
-        let [about_x, about_y, _] = block.bent_rotation_acceleration[shank];
+        let [about_x, about_y, _] = block.joint_weighted_rotation_acceleration[shank];
         for (row, column) in (0..3).flat_map(|row| [0, 1, 2].map(|column| (row, column))) {
             assert!(about_x[row][column].abs() < 1e-9);
             assert!((about_y[row][column] - expected[(row, column)]).abs() < 0.15, "{about_y:?} {expected}");
@@ -202,7 +202,7 @@ fn between_samples_a_lag_does_not_flatten_motion() {
 }
 
 #[test]
-fn measured_shear_is_believed_and_held_by_lags() {
+fn measured_shear_is_used_and_delayed_by_lags() {
     let blocks = blocks(options(0.0, 6.0), 60.0, 6.0, |time_s, snapshot| {
         let shear_n = 20.0 * time_s;
         *snapshot = made(time_s, [0.0, 0.0, 0.95], [shear_n, -shear_n, MASS_KG * GRAVITY_M_PER_S2]);

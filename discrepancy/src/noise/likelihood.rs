@@ -136,15 +136,16 @@ fn search<const N: usize>(
 ) -> Option<Point<N>> {
     let longest = direction.iter().fold(0.0_f64, |longest, step| longest.max(step.abs()));
     let ((step_max, shortening), (_, tries)) = (MINIMISER_STEP, MINIMISER_STEPS);
-    let mut share = if longest > step_max { step_max / longest } else { 1.0 };
+    let mut step_fraction = if longest > step_max { step_max / longest } else { 1.0 };
     for _ in 0..tries {
-        let next: [f64; N] = std::array::from_fn(|i| (at[i] + share * direction[i]).clamp(min[i], max[i]));
+        let next: [f64; N] =
+            std::array::from_fn(|i| (at[i] + step_fraction * direction[i]).clamp(min[i], max[i]));
         if let Some((next_value, slope)) = of(&next)
             && next_value < value
         {
             return Some((next, next_value, slope));
         }
-        share *= shortening;
+        step_fraction *= shortening;
     }
     None
 }

@@ -33,7 +33,7 @@ impl Section {
     }
 
     /// Adds a paragraph.
-    pub fn say(&mut self, text: impl Into<Text>) {
+    pub fn paragraph(&mut self, text: impl Into<Text>) {
         self.pieces.push(Piece::Paragraph(text.into()));
     }
 

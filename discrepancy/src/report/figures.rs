@@ -3,7 +3,7 @@
 use super::document::{Figure, Text};
 use super::svg;
 use super::svg::Scale;
-use super::svg::{Axis, Key, Look, Mark, Plot, thin};
+use super::svg::{Axis, LegendKey, Mark, Plot, Style, thin};
 use super::words;
 use crate::constants::{DRAWN_POSES, TREND};
 use crate::finding::Suspicion;
@@ -17,10 +17,10 @@ pub(super) enum When {
 }
 
 impl When {
-    const fn look(self) -> Look {
+    const fn style(self) -> Style {
         match self {
-            When::Before => Look::Before,
-            When::After => Look::After,
+            When::Before => Style::Before,
+            When::After => Style::After,
         }
     }
 
@@ -40,7 +40,7 @@ impl When {
 }
 
 /// The step that shows before and after.
-pub(super) const AGAIN: &str = "again";
+pub(super) const HELD_OUT: &str = "again";
 
 /// Display name of a signal.
 pub(super) fn signal(signal: Signal) -> &'static str {
@@ -101,21 +101,21 @@ pub(super) fn over_time(
         }));
     let held = held_poses(of, picture.block_s, second);
     let mut legend = vec![
-        (Key::Line, when.look(), "measured − predicted".to_owned()),
-        (Key::Area, Look::Noise, "noise (2 σ)".to_owned()),
+        (LegendKey::Line, when.style(), "measured − predicted".to_owned()),
+        (LegendKey::Area, Style::Noise, "noise (2 σ)".to_owned()),
     ];
     if !spans.is_empty() {
-        legend.push((Key::Area, Look::Suspect, "beyond noise".to_owned()));
+        legend.push((LegendKey::Area, Style::Suspect, "beyond noise".to_owned()));
     }
     if !held.is_empty() {
-        legend.push((Key::Area, Look::Still, "static pose".to_owned()));
+        legend.push((LegendKey::Area, Style::Still, "static pose".to_owned()));
     }
     let mut marks: Vec<Mark> = spans
         .iter()
         .enumerate()
         .filter(|(_, span)| span.to_s >= from && span.from_s <= to)
-        .map(|(n, span)| Mark::Stretch {
-            look: Look::Suspect,
+        .map(|(n, span)| Mark::Interval {
+            style: Style::Suspect,
             from: span.from_s / second,
             to: span.to_s / second,
             letter: letter(n),
@@ -163,15 +163,15 @@ fn residual_marks(
         When::Before => |point| point.before,
         When::After => |point| point.after,
     });
-    let band = Mark::Band { look: Look::Noise, points: series(|point| 2.0 * point.noise_sigma), gap };
-    let strip = (!held.is_empty()).then_some(Mark::Strip { look: Look::Still, stretches: held });
-    let line = Mark::Line { look: when.look(), points: residual, gap };
+    let band = Mark::Band { style: Style::Noise, points: series(|point| 2.0 * point.noise_sigma), gap };
+    let strip = (!held.is_empty()).then_some(Mark::Strip { style: Style::Still, intervals: held });
+    let line = Mark::Line { style: when.style(), points: residual, gap };
     [Some(band), strip, Some(line)].into_iter().flatten()
 }
 
 /// Only the step that shows both figures requires a suffix to distinguish them.
 fn suffix(section: &str, when: &str) -> String {
-    if section == AGAIN { format!(": {when}") } else { String::new() }
+    if section == HELD_OUT { format!(": {when}") } else { String::new() }
 }
 
 /// Intervals of static poses, adjacent ones merged; none in a recording too long to resolve them.
@@ -193,7 +193,7 @@ fn held_poses(of: &TimePlot, block_s: f64, second: f64) -> Vec<[f64; 2]> {
             _ => held.push([from, to]),
         }
     }
-    held.iter().map(|stretch| stretch.map(|time_s| time_s / second)).collect()
+    held.iter().map(|interval| interval.map(|time_s| time_s / second)).collect()
 }
 
 /// The residual of one signal over a feature of the pose.
@@ -227,13 +227,13 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
         y: Axis::new(residual(of.signal), y),
         marks: vec![
             level_band(x, of.noise_sigma),
-            Mark::Dots { look: when.look(), points: shown },
-            Mark::Line { look: Look::Expected, points: mean, gap: f64::INFINITY },
+            Mark::Dots { style: when.style(), points: shown },
+            Mark::Line { style: Style::Expected, points: mean, gap: f64::INFINITY },
         ],
         legend: vec![
-            (Key::Dot, when.look(), "block".to_owned()),
-            (Key::Line, Look::Expected, "mean".to_owned()),
-            (Key::Area, Look::Noise, "noise (2 σ)".to_owned()),
+            (LegendKey::Dot, when.style(), "block".to_owned()),
+            (LegendKey::Line, Style::Expected, "mean".to_owned()),
+            (LegendKey::Area, Style::Noise, "noise (2 σ)".to_owned()),
         ],
     };
     Figure { drawing: plot.draw(), caption: Text::default() }
@@ -241,7 +241,7 @@ pub(super) fn over_pose(section: &str, number: usize, of: &PosePlot, when: When)
 
 fn level_band(x: Scale, sigma: f64) -> Mark {
     let points = vec![[x.from, 2.0 * sigma], [x.to, 2.0 * sigma]];
-    Mark::Band { look: Look::Noise, points, gap: f64::INFINITY }
+    Mark::Band { style: Style::Noise, points, gap: f64::INFINITY }
 }
 
 /// The residual over the prediction of one effect.
@@ -251,7 +251,7 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
     let y = Scale::covering(points.iter().map(|point| point[1]).chain([x.from, x.to]));
     let around = |way: f64| {
         let points = [x.from, x.to].map(|at| [at, at + way * 2.0 * of.noise_sigma]).to_vec();
-        Mark::Line { look: Look::Noise, points: clipped(points, y), gap: f64::INFINITY }
+        Mark::Line { style: Style::Noise, points: clipped(points, y), gap: f64::INFINITY }
     };
     let (unit, words) = (of.signal.unit(), words::candidate(&of.effect));
     let plot = Plot {
@@ -264,19 +264,19 @@ pub(super) fn over_predictor(number: usize, of: &PredictorPlot) -> Figure {
         x: Axis::new(format!("predicted by the effect, {unit}"), x),
         y: Axis::new(residual(of.signal), y),
         marks: vec![
-            Mark::Dots { look: Look::Before, points },
+            Mark::Dots { style: Style::Before, points },
             around(1.0),
             around(-1.0),
             Mark::Line {
-                look: Look::Expected,
+                style: Style::Expected,
                 points: vec![[x.from, x.from], [x.to, x.to]],
                 gap: f64::INFINITY,
             },
         ],
         legend: vec![
-            (Key::Dot, Look::Before, "block".to_owned()),
-            (Key::Line, Look::Expected, "measured = predicted".to_owned()),
-            (Key::Line, Look::Noise, "noise (2 σ)".to_owned()),
+            (LegendKey::Dot, Style::Before, "block".to_owned()),
+            (LegendKey::Line, Style::Expected, "measured = predicted".to_owned()),
+            (LegendKey::Line, Style::Noise, "noise (2 σ)".to_owned()),
         ],
     };
     let caption = format!("{}. Parameters are fitted on other blocks.", sentence(signal(of.signal)));

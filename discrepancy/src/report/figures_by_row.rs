@@ -1,7 +1,7 @@
 //! Drawings with one row per name: the gap relative to noise, and the evidence of the candidates.
 
 use super::document::{Figure, Text};
-use super::svg::{Key, Look};
+use super::svg::{LegendKey, Style};
 use super::svg::{Row, Rows};
 use super::words;
 use crate::constants::SHOWN_MAX;
@@ -44,10 +44,10 @@ pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
         .filter(|(_, axis)| axis.noise_floor > 0.0)
         .map(|(name, gap)| {
             let (before, rest) = (gap.before / gap.noise_floor, gap.after / gap.noise_floor);
-            let mut values = vec![(Look::Before, before)];
+            let mut values = vec![(Style::Before, before)];
             let mut caption = format!("{before:.1}");
             if after {
-                values.push((Look::After, rest));
+                values.push((Style::After, rest));
                 caption = format!("{before:.1} → {rest:.1}");
             }
             Row { name: axis(name), values, caption }
@@ -56,9 +56,9 @@ pub(super) fn gap(section: &str, gap: &Gap, after: bool) -> Option<Figure> {
     if rows.is_empty() {
         return None;
     }
-    let mut legend = vec![(Key::Dot, Look::Before, if after { "before" } else { "gap" }.to_owned())];
+    let mut legend = vec![(LegendKey::Dot, Style::Before, if after { "before" } else { "gap" }.to_owned())];
     if after {
-        legend.push((Key::Dot, Look::After, "after, on held-out data".to_owned()));
+        legend.push((LegendKey::Dot, Style::After, "after, on held-out data".to_owned()));
     }
     let drawing = Rows {
         name: format!("{section}-gap"),
@@ -87,17 +87,17 @@ pub(super) fn evidence(finding: &Finding, threshold: f64) -> Option<Figure> {
         })
         .take(candidates_max)
         .map(|(candidate, log_odds)| {
-            let look = if named.contains(&candidate.name) { Look::After } else { Look::Noise };
+            let style = if named.contains(&candidate.name) { Style::After } else { Style::Noise };
             let caption = words::odds(log_odds);
-            Row { name: candidate.name.clone(), values: vec![(look, log_odds)], caption }
+            Row { name: candidate.name.clone(), values: vec![(style, log_odds)], caption }
         })
         .collect();
     if rows.is_empty() {
         return None;
     }
-    let mut legend = vec![(Key::Area, Look::Noise, "not named".to_owned())];
+    let mut legend = vec![(LegendKey::Area, Style::Noise, "not named".to_owned())];
     if !named.is_empty() {
-        legend.insert(0, (Key::Area, Look::After, "named".to_owned()));
+        legend.insert(0, (LegendKey::Area, Style::After, "named".to_owned()));
     }
     let drawing = Rows {
         name: "evidence".to_owned(),

@@ -3,7 +3,7 @@
 use super::document::{Figure, Text};
 use super::figures::{sentence, signal};
 use super::svg::Scale;
-use super::svg::{Axis, Key, Look, Mark, Plot};
+use super::svg::{Axis, LegendKey, Mark, Plot, Style};
 use crate::constants::AUTOCORRELATION_LAGS;
 use crate::picture::{SurpriseBin, Whiteness};
 
@@ -24,16 +24,16 @@ pub(super) fn whiteness(of: &Whiteness, block_s: f64, changed: bool) -> Figure {
     let y = Scale::covering(of.before.iter().chain(&of.after).copied().chain([of.bound, -of.bound]));
     let band = vec![[x.from, of.bound], [x.to, of.bound]];
     let mut marks = vec![
-        Mark::Band { look: Look::Noise, points: band, gap: f64::INFINITY },
-        Mark::Columns { look: Look::After, columns },
+        Mark::Band { style: Style::Noise, points: band, gap: f64::INFINITY },
+        Mark::Columns { style: Style::After, columns },
     ];
     let mut legend = vec![
-        (Key::Area, Look::After, if changed { "after" } else { "residual" }.to_owned()),
-        (Key::Area, Look::Noise, "white noise (95 %)".to_owned()),
+        (LegendKey::Area, Style::After, if changed { "after" } else { "residual" }.to_owned()),
+        (LegendKey::Area, Style::Noise, "white noise (95 %)".to_owned()),
     ];
     if changed {
-        marks.push(Mark::Line { look: Look::Before, points: before, gap: f64::INFINITY });
-        legend.insert(0, (Key::Line, Look::Before, "before".to_owned()));
+        marks.push(Mark::Line { style: Style::Before, points: before, gap: f64::INFINITY });
+        legend.insert(0, (LegendKey::Line, Style::Before, "before".to_owned()));
     }
     let plot = Plot {
         name: format!("whiteness-{}", of.signal.name()),
@@ -61,16 +61,16 @@ pub(super) fn surprise(bins: &[SurpriseBin], changed: bool) -> Option<Figure> {
     let steps = steps.iter().flat_map(|&[from, to, value]| [[from, value], [to, value]]).collect();
     let (left, right) = ([0.1, 0.49], if changed { [0.51, 0.9] } else { [0.2, 0.8] });
     let mut marks = vec![
-        Mark::Columns { look: Look::After, columns: columns(right, |bin| bin.after) },
-        Mark::Line { look: Look::Expected, points: steps, gap: f64::INFINITY },
+        Mark::Columns { style: Style::After, columns: columns(right, |bin| bin.after) },
+        Mark::Line { style: Style::Expected, points: steps, gap: f64::INFINITY },
     ];
     let mut legend = vec![
-        (Key::Area, Look::After, if changed { "after" } else { "residual" }.to_owned()),
-        (Key::Line, Look::Expected, "noise alone".to_owned()),
+        (LegendKey::Area, Style::After, if changed { "after" } else { "residual" }.to_owned()),
+        (LegendKey::Line, Style::Expected, "noise alone".to_owned()),
     ];
     if changed {
-        marks.insert(0, Mark::Columns { look: Look::Before, columns: columns(left, |bin| bin.before) });
-        legend.insert(0, (Key::Area, Look::Before, "before".to_owned()));
+        marks.insert(0, Mark::Columns { style: Style::Before, columns: columns(left, |bin| bin.before) });
+        legend.insert(0, (LegendKey::Area, Style::Before, "before".to_owned()));
     }
     let name = |bin: &SurpriseBin| match bin.to {
         to if to.is_finite() => format!("{} to {to}", bin.from),

@@ -163,7 +163,7 @@ fn origin(report: &Report) -> Section {
     row("work in question", span("--work", spans.work));
     row("blocks", format!("means over {:.2} s", report.picture.block_s).into());
     section.table(table);
-    section.say("Command:");
+    section.paragraph("Command:");
     section.code("sh", origin.command.as_str());
     section
 }

@@ -80,7 +80,7 @@ impl Drawing {
 
 /// Meaning of a mark; its name is its class in the style sheet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Look {
+pub enum Style {
     /// The first of two.
     Before,
     /// The second of two, or the only one.
@@ -95,15 +95,15 @@ pub enum Look {
     Still,
 }
 
-impl Look {
+impl Style {
     pub(super) const fn class(self) -> &'static str {
         match self {
-            Look::Before => "before",
-            Look::After => "after",
-            Look::Noise => "noise",
-            Look::Expected => "expected",
-            Look::Suspect => "suspect",
-            Look::Still => "still",
+            Style::Before => "before",
+            Style::After => "after",
+            Style::Noise => "noise",
+            Style::Expected => "expected",
+            Style::Suspect => "suspect",
+            Style::Still => "still",
         }
     }
 }
@@ -114,7 +114,7 @@ pub enum Mark {
     /// From `−half` to `half`: x and half. Interrupted at gaps longer than `gap`.
     Band {
         /// Style.
-        look: Look,
+        style: Style,
         /// x and y.
         points: Vec<[f64; 2]>,
         /// Longest distance in x that is bridged.
@@ -124,7 +124,7 @@ pub enum Mark {
     /// line of their means within their range.
     Line {
         /// Style.
-        look: Look,
+        style: Style,
         /// x and y.
         points: Vec<[f64; 2]>,
         /// Longest distance in x that is bridged.
@@ -133,21 +133,21 @@ pub enum Mark {
     /// A scatter plot.
     Dots {
         /// Style.
-        look: Look,
+        style: Style,
         /// x and y.
         points: Vec<[f64; 2]>,
     },
     /// Columns from zero: start, end, value.
     Columns {
         /// Style.
-        look: Look,
+        style: Style,
         /// Start, end, value.
         columns: Vec<[f64; 3]>,
     },
     /// An interval of x with a letter.
-    Stretch {
+    Interval {
         /// Style.
-        look: Look,
+        style: Style,
         /// Start.
         from: f64,
         /// End.
@@ -158,9 +158,9 @@ pub enum Mark {
     /// Intervals of x along the bottom of the plot.
     Strip {
         /// Style.
-        look: Look,
+        style: Style,
         /// Start and end of each.
-        stretches: Vec<[f64; 2]>,
+        intervals: Vec<[f64; 2]>,
     },
 }
 
@@ -171,7 +171,7 @@ pub(super) const fn is_dense(points: usize) -> bool {
 
 /// Symbol of a legend entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Key {
+pub enum LegendKey {
     /// A line.
     Line,
     /// A dot.
@@ -223,7 +223,7 @@ pub struct Plot {
     /// Elements.
     pub marks: Vec<Mark>,
     /// Legend entries.
-    pub legend: Vec<(Key, Look, String)>,
+    pub legend: Vec<(LegendKey, Style, String)>,
 }
 
 impl Plot {
@@ -265,26 +265,26 @@ impl Plot {
 impl Mark {
     /// Whether it is drawn beneath the grid.
     fn is_behind(&self) -> bool {
-        matches!(self, Mark::Band { .. } | Mark::Stretch { .. } | Mark::Strip { .. })
+        matches!(self, Mark::Band { .. } | Mark::Interval { .. } | Mark::Strip { .. })
     }
 }
 
 /// Lays out entries in rows; returns the number of rows.
-pub(super) fn legend(entries: &[(Key, Look, String)], first_y: f64) -> (String, usize) {
+pub(super) fn legend(entries: &[(LegendKey, Style, String)], first_y: f64) -> (String, usize) {
     /// Average advance of a letter in the legend's font.
     const LETTER: f64 = 5.8;
     let (mut out, mut x, mut row) = (String::new(), LEFT, 0);
-    for (key, look, text) in entries {
+    for (key, style, text) in entries {
         let width = 35.0 + LETTER * text.chars().count() as f64;
         if x > LEFT && x + width > WIDTH - RIGHT {
             (x, row) = (LEFT, row + 1);
         }
-        let (class, y) = (look.class(), first_y + 17.0 * row as f64);
+        let (class, y) = (style.class(), first_y + 17.0 * row as f64);
         let (left, middle) = (at(x), at(y - 4.0));
         let _ = match key {
-            Key::Line => write!(out, "<path class=\"line {class}\" d=\"M{left} {middle}h18\"/>"),
-            Key::Dot => write!(out, "<path class=\"dots {class}\" d=\"M{} {middle}h0\"/>", at(x + 9.0)),
-            Key::Area => {
+            LegendKey::Line => write!(out, "<path class=\"line {class}\" d=\"M{left} {middle}h18\"/>"),
+            LegendKey::Dot => write!(out, "<path class=\"dots {class}\" d=\"M{} {middle}h0\"/>", at(x + 9.0)),
+            LegendKey::Area => {
                 write!(out, "<path class=\"area {class}\" d=\"M{left} {}h18v10h-18z\"/>", at(y - 9.0))
             }
         };

@@ -62,7 +62,7 @@ fn numbers(facts: &Facts) -> Vec<[String; 3]> {
     let number =
         |what: &str, value: String, explanation: &str| [what.to_owned(), value, explanation.to_owned()];
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
-    let valid_percent = share_percent(facts.exposure.valid_s, facts.quality.observed_s);
+    let valid_percent = fraction_percent(facts.exposure.valid_s, facts.quality.observed_s);
     let mut numbers = vec![
         number("Duration", length(to_s - from_s), "from the first to the last state"),
         number("Lifts", facts.lifts.lifts.len().to_string(), "completed in the recording"),
@@ -88,6 +88,6 @@ pub(super) fn length(seconds: f64) -> String {
     if seconds < 120.0 { format!("{seconds:.1} s") } else { format!("{:.1} min", seconds / 60.0) }
 }
 
-pub(super) fn share_percent(part: f64, whole: f64) -> String {
+pub(super) fn fraction_percent(part: f64, whole: f64) -> String {
     if whole > 0.0 { format!("{:.1} %", 100.0 * part / whole) } else { "-".to_owned() }
 }

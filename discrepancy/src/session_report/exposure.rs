@@ -20,7 +20,7 @@ pub struct Peak {
     /// Its 1-σ, N m.
     pub sigma_nm: f64,
     /// Torque divided by the joint's limit.
-    pub share: f64,
+    pub limit_ratio: f64,
     /// Mass and reach of the load at that time, kg and m; `None` if the mass was invalid.
     pub load: Option<[f64; 2]>,
 }
@@ -95,7 +95,7 @@ impl Exposure {
     pub fn worst(&self) -> Option<Joint> {
         let by = |joint: &Joint| {
             let exposure = &self.joints[joint.index()];
-            (exposure.worst_s, exposure.peak.map_or(0.0, |peak| peak.share))
+            (exposure.worst_s, exposure.peak.map_or(0.0, |peak| peak.limit_ratio))
         };
         Joint::ALL
             .into_iter()
@@ -111,13 +111,13 @@ impl JointExposure {
             return;
         }
         let torque_nm = words::torque_nm(state, joint);
-        let share = torque_nm / limit_nm;
-        if self.peak.is_none_or(|peak| share > peak.share) {
+        let limit_ratio = torque_nm / limit_nm;
+        if self.peak.is_none_or(|peak| limit_ratio > peak.limit_ratio) {
             let sigma_nm = state.torque_sigma_nm[joint.index()];
             let load = state
                 .unless(Validity::INVALIDATES_LIFTED_MASS, [state.lifted_mass_kg, state.reach_m])
                 .filter(|[mass_kg, _]| *mass_kg > 0.0);
-            self.peak = Some(Peak { time_s, torque_nm, sigma_nm, share, load });
+            self.peak = Some(Peak { time_s, torque_nm, sigma_nm, limit_ratio, load });
         }
     }
 
@@ -158,7 +158,7 @@ mod tests {
         exposure.ingest(&state, 1.3, 0.01);
         let joint = &exposure.joints[3];
         assert_eq!((joint.at(Level::Green), joint.at(Level::Red), joint.at(Level::None)), (0.01, 0.01, 0.0));
-        assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.share)), Some((50.0, 0.5)));
+        assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.limit_ratio)), Some((50.0, 0.5)));
         assert_eq!((exposure.valid_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
         assert_eq!(exposure.columns.len(), 1, "no valid torque in the second after");
         assert_eq!(exposure.columns[0].1[3], Some(Level::Red));

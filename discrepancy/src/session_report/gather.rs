@@ -188,7 +188,7 @@ impl Facts {
         self.cycles += 1;
         let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
         self.span_s = Some([from_s, time_s]);
-        if self.is_another_worker(state) {
+        if self.begins_period(state) {
             self.changes_s.push(time_s);
             self.periods.push(Period::on(self.surface_z_m));
             self.identification = Identification::default();
@@ -220,7 +220,7 @@ impl Facts {
     /// change in the number of lifts that is impossible within one shift of one subject, where it can only decrease one
     /// by one (`subject undo-lift`) and increases at a limited rate. A restart of the daemon restores the last saved
     /// number, which may be lower by one, or begins a new shift at 0.
-    fn is_another_worker(&self, state: &State) -> bool {
+    fn begins_period(&self, state: &State) -> bool {
         let Some(last) = self.last else { return false };
         if self.records.has_load(last.time_ns, state.time_ns) {
             return true;

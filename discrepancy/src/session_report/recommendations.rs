@@ -18,7 +18,7 @@ pub(super) fn recommendations(facts: &Facts) -> Section {
     // Low-back values and dose are also valid without a load, torques are not.
     let has_torques = facts.exposure.valid_s >= STATEMENT_TIME_MIN_S;
     if !has_torques {
-        section.say(format!(
+        section.paragraph(format!(
             "Torques were reported for {}, too short for a recommendation on joints. See data quality for the reasons.",
             length(facts.exposure.valid_s)
         ));
@@ -27,7 +27,7 @@ pub(super) fn recommendations(facts: &Facts) -> Section {
     let all: Vec<Text> =
         joints.into_iter().chain(lifts(facts)).chain(compression(facts)).chain(risk(facts)).collect();
     if all.is_empty() && has_torques {
-        section.say("No joint, lift or low-back load exceeded the limits below.");
+        section.paragraph("No joint, lift or low-back load exceeded the limits below.");
     }
     section.list(all);
     section.note(
@@ -49,21 +49,21 @@ fn joints(facts: &Facts) -> Vec<Text> {
             Some((joint, exposure.peak?, high_s)).filter(|_| high_s >= 0.5)
         })
         .collect();
-    high.sort_by(|(_, a, _), (_, b, _)| b.share.total_cmp(&a.share));
+    high.sort_by(|(_, a, _), (_, b, _)| b.limit_ratio.total_cmp(&a.limit_ratio));
     high.truncate(3);
     high.into_iter()
         .map(|(joint, peak, high_s)| {
             let text = strong(capital(words::joint(joint))).plain(format!(
                 ": high or overloaded for {}, at most {:.0} % ± {:.0} % of its limit",
                 length(high_s),
-                100.0 * peak.share,
-                100.0 * peak.share * peak.sigma_nm / peak.torque_nm
+                100.0 * peak.limit_ratio,
+                100.0 * peak.limit_ratio * peak.sigma_nm / peak.torque_nm
             ));
             match peak.load {
                 Some([mass_kg, reach_m]) => text.plain(format!(
                     ", with {mass_kg:.1} kg at {reach_m:.2} m. Reduce the load to {:.1} kg in the same motion, or bring it \
                      closer.",
-                    mass_kg * 0.6 / peak.share
+                    mass_kg * 0.6 / peak.limit_ratio
                 )),
                 None => text.plain(". Reduce the load, or bring it closer."),
             }

@@ -13,7 +13,7 @@ use jiff::Timestamp;
 
 use crate::constants::MINUTES_FROM_S;
 use crate::report::document::{Figure, Section, Table, Text, code};
-use crate::report::svg::{Axis, Key, Look, Mark, Plot, Scale};
+use crate::report::svg::{Axis, LegendKey, Mark, Plot, Scale, Style};
 
 use super::document::{length, subject};
 use super::exposure::Peak;
@@ -57,13 +57,13 @@ pub(super) fn session(facts: &Facts) -> Section {
     row("body mass at the end", mass.into());
     section.table(table);
     if facts.source == Source::Replayed {
-        section.say(
+        section.paragraph(
             "The states were computed from the samples by a replay through the same cycle, because the recording has no \
              states or another configuration was given.",
         );
     }
     if let Some(note) = several(facts) {
-        section.say(note);
+        section.paragraph(note);
         section.head("Workers");
         section.table(workers(facts));
     }
@@ -110,7 +110,7 @@ fn workers(facts: &Facts) -> Table {
             format!("{to_s:.1}").into(),
             length(period.exposure.valid_s).into(),
             or_none(worst, |joint| words::joint(joint).to_owned()),
-            or_none(peak, |peak| format!("{:.0} %", 100.0 * peak.share)),
+            or_none(peak, |peak| format!("{:.0} %", 100.0 * peak.limit_ratio)),
             length(period.high_s()).into(),
             period.lifts.lifts.len().to_string().into(),
             or_none(period.back.peak, |[peak_n, sigma_n, _]| format!("{peak_n:.0} ± {sigma_n:.0}")),
@@ -129,11 +129,11 @@ pub(super) fn identification(facts: &Facts) -> Section {
     let mut section = Section::new("Identification");
     let found = &facts.identification;
     if let Some(changed_s) = facts.changes_s.last() {
-        section.say(format!(
+        section.paragraph(format!(
             "The worker changed last at t = {changed_s:.1} s; what follows is of the one since then."
         ));
     }
-    section.say(match (found.identified_before, found.converged_s) {
+    section.paragraph(match (found.identified_before, found.converged_s) {
         (true, _) if !facts.changes_s.is_empty() => "The worker was identified when loaded.".to_owned(),
         (true, _) => "The worker was identified when the recording began.".to_owned(),
         (false, Some(time_s)) if found.stopped => {
@@ -145,7 +145,7 @@ pub(super) fn identification(facts: &Facts) -> Section {
         (false, None) => "The stop rule was not met: the worker is not identified.".to_owned(),
     });
     if found.resets > 0 {
-        section.say(format!("It was reset {} times; the table is of the last run.", found.resets));
+        section.paragraph(format!("It was reset {} times; the table is of the last run.", found.resets));
     }
     let mut table = Table::new(&[
         ">poses",
@@ -172,10 +172,10 @@ pub(super) fn identification(facts: &Facts) -> Section {
          in one pose of twenty, if the filter's σ is correct.",
     );
     if found.motion_samples > 0 {
-        section.say(format!("{} motion samples were used as well.", found.motion_samples));
+        section.paragraph(format!("{} motion samples were used as well.", found.motion_samples));
     }
     if let Some(inflation) = found.prior_inflation.filter(|inflation| *inflation > 1.0) {
-        section.say(format!(
+        section.paragraph(format!(
             "The prior did not fit this worker: its covariance was inflated {inflation:.1} times."
         ));
     }
@@ -198,14 +198,14 @@ fn convergence(facts: &Facts) -> Vec<Figure> {
         }
         let (first, last) = (points[0][0], points[points.len() - 1][0]);
         let mut marks = vec![
-            Mark::Line { look: Look::After, points: points.clone(), gap: f64::INFINITY },
-            Mark::Dots { look: Look::After, points: points.clone() },
+            Mark::Line { style: Style::After, points: points.clone(), gap: f64::INFINITY },
+            Mark::Dots { style: Style::After, points: points.clone() },
         ];
         let mut legend = Vec::new();
         if let Some(target) = target {
             let points = vec![[first, target], [last, target]];
-            marks.push(Mark::Line { look: Look::Expected, points, gap: f64::INFINITY });
-            legend.push((Key::Line, Look::Expected, format!("stop rule: {target} mm")));
+            marks.push(Mark::Line { style: Style::Expected, points, gap: f64::INFINITY });
+            legend.push((LegendKey::Line, Style::Expected, format!("stop rule: {target} mm")));
         }
         let values = points.iter().map(|point| point[1]).chain(target).chain([0.0]);
         let y = Axis::new(label, Scale::covering(values));
@@ -226,18 +226,18 @@ pub(super) fn exposure(facts: &Facts) -> Section {
     let mut section = Section::new("Exposure by joint");
     let (found, span_s) = (&facts.exposure, facts.span_s.unwrap_or_default());
     if found.valid_s <= 0.0 {
-        section.say(
+        section.paragraph(
             "No torque was reported. Torques need an identified worker, a load and valid data: see data quality for the \
              reasons.",
         );
         return section;
     }
     if let Some(note) = several(facts) {
-        section.say(note);
+        section.paragraph(note);
     }
     if let Some(worst) = found.worst() {
         let worst_s = found.joints[worst.index()].worst_s;
-        section.say(format!(
+        section.paragraph(format!(
             "Torques were reported for {} in all. The {} was the joint closest to its limit for {}.",
             length(found.valid_s),
             words::joint(worst),
@@ -274,7 +274,7 @@ fn levels(facts: &Facts) -> Table {
         .into_iter()
         .filter_map(|joint| Some((joint, facts.exposure.joints[joint.index()].peak?)))
         .collect();
-    joints.sort_by(|(_, a), (_, b)| b.share.total_cmp(&a.share));
+    joints.sort_by(|(_, a), (_, b)| b.limit_ratio.total_cmp(&a.limit_ratio));
     for (joint, peak) in joints {
         let exposure = &facts.exposure.joints[joint.index()];
         let minutes = |level: Level| Text::from(format!("{:.3}", exposure.at(level) / 60.0));
@@ -286,7 +286,7 @@ fn levels(facts: &Facts) -> Table {
             minutes(Level::AboveMax),
             minutes(Level::Undecided),
             format!("{:.1} ± {:.1}", peak.torque_nm, peak.sigma_nm).into(),
-            format!("{:.0} %", 100.0 * peak.share).into(),
+            format!("{:.0} %", 100.0 * peak.limit_ratio).into(),
             format!("{:.1}", peak.time_s).into(),
             format!("{:.1} %", 100.0 * exposure.fatigue).into(),
         ]);
@@ -319,9 +319,9 @@ fn over_time(facts: &Facts, name: &str, title: &str, label: &str, series: &Serie
         x: Axis::new(format!("time, {unit}"), Scale::exactly(from_s / unit_s, to_s / unit_s)),
         y: Axis::new(label, Scale::covering(points.iter().map(|point| point[1]))),
         marks: vec![
-            Mark::Line { look: Look::After, points: points.clone(), gap: 1.0 / unit_s },
+            Mark::Line { style: Style::After, points: points.clone(), gap: 1.0 / unit_s },
             // An isolated point gives no line, so draw a dot.
-            Mark::Dots { look: Look::After, points: isolated_points(&points, 1.0 / unit_s) },
+            Mark::Dots { style: Style::After, points: isolated_points(&points, 1.0 / unit_s) },
         ],
         legend: Vec::new(),
     };

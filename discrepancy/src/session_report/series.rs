@@ -5,11 +5,11 @@ use crate::constants::SERIES_INTERVAL_S;
 /// Points by time: s, and the quantity's unit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Series {
-    stretches: Vec<Stretch>,
+    intervals: Vec<Interval>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Stretch {
+struct Interval {
     number: i64,
     lowest: [f64; 2],
     highest: [f64; 2],
@@ -22,7 +22,7 @@ impl Series {
             return;
         }
         let (number, point) = ((time_s / SERIES_INTERVAL_S).floor() as i64, [time_s, value]);
-        match self.stretches.last_mut() {
+        match self.intervals.last_mut() {
             Some(last) if last.number == number => {
                 if value < last.lowest[1] {
                     last.lowest = point;
@@ -31,15 +31,15 @@ impl Series {
                     last.highest = point;
                 }
             }
-            _ => self.stretches.push(Stretch { number, lowest: point, highest: point }),
+            _ => self.intervals.push(Interval { number, lowest: point, highest: point }),
         }
     }
 
     /// The reduced points, by time.
     pub fn points(&self) -> Vec<[f64; 2]> {
-        let mut points = Vec::with_capacity(2 * self.stretches.len());
-        for stretch in &self.stretches {
-            let (low, high) = (stretch.lowest, stretch.highest);
+        let mut points = Vec::with_capacity(2 * self.intervals.len());
+        for interval in &self.intervals {
+            let (low, high) = (interval.lowest, interval.highest);
             points.extend(if low[0] <= high[0] { [low, high] } else { [high, low] });
             points.dedup();
         }
@@ -48,12 +48,12 @@ impl Series {
 
     /// Time of the maximum, s, and its value.
     pub fn highest(&self) -> Option<[f64; 2]> {
-        self.stretches.iter().map(|stretch| stretch.highest).max_by(|a, b| a[1].total_cmp(&b[1]))
+        self.intervals.iter().map(|interval| interval.highest).max_by(|a, b| a[1].total_cmp(&b[1]))
     }
 
     /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
-        self.stretches.is_empty()
+        self.intervals.is_empty()
     }
 }
 

@@ -68,11 +68,11 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
     let mut levels: [Option<Level>; COLUMNS] = [None; COLUMNS];
     for (number, column) in &exposure.columns {
         let Some(level) = column[joint.index()] else { continue };
-        let share =
+        let column_at =
             |time_s: f64| ((time_s - span_s[0]) / length_s * COLUMNS as f64).clamp(0.0, COLUMNS as f64);
         let from_s = *number as f64 * COLUMN_S;
-        let first = (share(from_s) as usize).min(COLUMNS - 1);
-        let last = (share(from_s + COLUMN_S).ceil() as usize).clamp(first + 1, COLUMNS);
+        let first = (column_at(from_s) as usize).min(COLUMNS - 1);
+        let last = (column_at(from_s + COLUMN_S).ceil() as usize).clamp(first + 1, COLUMNS);
         for place in &mut levels[first..last] {
             if place.is_none_or(|before| rank(level) > rank(before)) {
                 *place = Some(level);
@@ -80,8 +80,8 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
         }
     }
     let width = (WIDTH - RIGHT - NAMES) / COLUMNS as f64;
-    for (level, share) in HEIGHTS {
-        let height = BAR * share;
+    for (level, fraction) in HEIGHTS {
+        let height = BAR * fraction;
         let mut path = String::new();
         let mut from = 0;
         while from < COLUMNS {
@@ -100,8 +100,8 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
 
 fn legend(out: &mut String) {
     let mut left = 8.0;
-    for (level, share) in HEIGHTS {
-        let (name, height) = (words::level(level as u32), BAR * share);
+    for (level, fraction) in HEIGHTS {
+        let (name, height) = (words::level(level as u32), BAR * fraction);
         let colour = &LevelStyle::of(level).colour;
         let _ = write!(
             out,
@@ -117,9 +117,9 @@ fn legend(out: &mut String) {
 fn axis(span_s: [f64; 2], minutes: bool, bottom: f64, out: &mut String) {
     let (unit_s, name) = if minutes { (60.0, "min") } else { (1.0, "s") };
     for quarter in 0..=4 {
-        let share = f64::from(quarter) / 4.0;
-        let x = NAMES + share * (WIDTH - RIGHT - NAMES);
-        let time = (span_s[0] + share * (span_s[1] - span_s[0])) / unit_s;
+        let fraction = f64::from(quarter) / 4.0;
+        let x = NAMES + fraction * (WIDTH - RIGHT - NAMES);
+        let time = (span_s[0] + fraction * (span_s[1] - span_s[0])) / unit_s;
         let _ = write!(
             out,
             "<path class=\"axis\" d=\"M{x:.1} {bottom:.1}v4\"/>\

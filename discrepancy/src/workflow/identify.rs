@@ -135,7 +135,7 @@ impl<'a> Pass<'a> {
         let mut tares = self.survey.tares_ns.iter().copied().peekable();
         free::run(samples, TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
             let now_s = self.survey.seconds(tick.due_ns);
-            progress(Progress { doing: "identifying the worker", share: now_s / end_s.max(1e-9) });
+            progress(Progress { doing: "identifying the worker", fraction: now_s / end_s.max(1e-9) });
             let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
             if memory.identification.identified == 0 {
                 memory.identification.identifying = u64::from(now_s >= self.span_s[0] + IDENTIFY_DELAY_S);

@@ -39,8 +39,8 @@ pub(super) fn compare(
     let length_s = survey.samples_s()[1];
     let (mut pushed_ns, mut held_ns) = (0, 0);
     free::run(samples.by_ref(), TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
-        let share = survey.seconds(tick.due_ns) / length_s.max(1e-9);
-        progress(Progress { doing: "comparing model and plate", share });
+        let fraction = survey.seconds(tick.due_ns) / length_s.max(1e-9);
+        progress(Progress { doing: "comparing model and plate", fraction });
         let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
         let state = *step(&settings, &mut memory, tick, Inputs { command, ..inputs });
         if state.suit_sample_time_ns != held_ns {

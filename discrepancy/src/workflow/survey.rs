@@ -67,7 +67,7 @@ impl Survey {
     /// # Errors
     /// The input cannot be read.
     pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
-        progress(Progress { doing: "reading the recording", share: 0.0 });
+        progress(Progress { doing: "reading the recording", fraction: 0.0 });
         let mut survey = Survey {
             begin_ns: input.started_ns(),
             suit: Stream::default(),

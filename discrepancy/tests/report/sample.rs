@@ -105,11 +105,11 @@ fn autocorrelation(values: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// A load in the right hand from a third of the work on; the change removes the fraction `share` of it.
-fn picture(work_s: f64, share: f64) -> Picture {
+/// A load in the right hand from a third of the work on; the change removes `fraction` of it.
+fn picture(work_s: f64, fraction: f64) -> Picture {
     let moments = moments(work_s);
     let before = |m: &Moment, axis: usize| m.effect[axis] + m.noise[axis];
-    let after = |m: &Moment, axis: usize| (1.0 - share) * m.effect[axis] + m.noise[axis];
+    let after = |m: &Moment, axis: usize| (1.0 - fraction) * m.effect[axis] + m.noise[axis];
     let each = |axis: usize| Signal::ALL[axis];
     let time = (0..3).map(|axis| {
         let point = |m: &Moment| TimePoint {
@@ -138,7 +138,7 @@ fn picture(work_s: f64, share: f64) -> Picture {
     });
     let point = |m: &Moment| PredictorPoint { predicted: m.effect[0], residual: before(m, 0) };
     let carried = moments.iter().filter(|m| m.effect[0] != 0.0);
-    let predictors = if share > 0.0 {
+    let predictors = if fraction > 0.0 {
         vec![PredictorPlot {
             effect: "hand_load right".to_owned(),
             signal: Signal::CopX,
@@ -157,7 +157,7 @@ fn picture(work_s: f64, share: f64) -> Picture {
         Whiteness {
             signal: each(axis),
             before: autocorrelation(&white(1.0)),
-            after: autocorrelation(&white(1.0 - share)),
+            after: autocorrelation(&white(1.0 - fraction)),
             bound: 1.96 / (moments.len() as f64).sqrt(),
         }
     });
@@ -175,7 +175,7 @@ fn picture(work_s: f64, share: f64) -> Picture {
         pose: pose.collect(),
         predictors,
         whiteness: whiteness.collect(),
-        surprise: surprise(&moments, share),
+        surprise: surprise(&moments, fraction),
         windows: vec![
             Window {
                 from_s: 301.0,
@@ -217,12 +217,12 @@ fn picture(work_s: f64, share: f64) -> Picture {
     }
 }
 
-fn surprise(moments: &[Moment], share: f64) -> Vec<SurpriseBin> {
-    let squares = |share: f64| -> Vec<f64> {
-        let values = moments.iter().map(|m| ((1.0 - share) * m.effect[0] + m.noise[0]) / SIGMA[0]);
+fn surprise(moments: &[Moment], fraction: f64) -> Vec<SurpriseBin> {
+    let squares = |fraction: f64| -> Vec<f64> {
+        let values = moments.iter().map(|m| ((1.0 - fraction) * m.effect[0] + m.noise[0]) / SIGMA[0]);
         values.map(|value| value * value).collect()
     };
-    let (before, after) = (squares(0.0), squares(share));
+    let (before, after) = (squares(0.0), squares(fraction));
     let part = |values: &[f64], from: f64, to: f64| {
         values.iter().filter(|value| (from..to).contains(*value)).count() as f64 / values.len().max(1) as f64
     };

@@ -130,12 +130,12 @@ impl Walk {
         let period_s = HELD_S + MOVED_S;
         let number = (time_s / period_s).floor();
         let moved = ((time_s - number * period_s - HELD_S) / MOVED_S).clamp(0.0, 1.0);
-        let share = moved * moved * moved * (10.0 - 15.0 * moved + 6.0 * moved * moved);
+        let fraction = moved * moved * moved * (10.0 - 15.0 * moved + 6.0 * moved * moved);
         let (from, to) = (self.pose(number as u64), self.pose(number as u64 + 1));
         let mut world = [UnitQuaternion::identity(); SEGMENTS];
         for segment in Segment::ALL {
             let index = segment.index();
-            let own = from[index].slerp(&to[index], share);
+            let own = from[index].slerp(&to[index], fraction);
             world[index] = segment.parent().map_or(own, |parent| world[parent.index()] * own);
         }
         world
@@ -199,7 +199,7 @@ impl Walk {
             grip_m: Side::BOTH.map(|side| [0.0, if side == Side::Left { 0.08 } else { -0.08 }, 0.0]),
             centre_m: body.com_m,
             // This model omits the body's rotation.
-            mass_share: [0.0; SEGMENTS],
+            mass_fraction: [0.0; SEGMENTS],
             com_m: centre.into(),
             com_acceleration_m_per_s2: acceleration.into(),
             turning_m: [0.0; 2],
@@ -231,7 +231,9 @@ impl Walk {
             com_velocity_m_per_s: ((com(2) - com(0)) / (2.0 * STEP_S)).into(),
             turning_by_group_m: [[0.0; 2]; 4],
             joint_rad: joint_rad[1],
-            bent_rotation_acceleration: std::array::from_fn(|s| [0, 1, 2].map(|joint| bent(s, joint))),
+            joint_weighted_rotation_acceleration: std::array::from_fn(|s| {
+                [0, 1, 2].map(|joint| bent(s, joint))
+            }),
             heading_rad: 0.0,
             by_lag: [none; LAGS_S.len()],
             by_cutoff: [none; CUTOFFS_HZ.len()],

@@ -67,16 +67,16 @@ impl Frame {
 
     /// The frame at `time_ns` on the line between two others; a value that is invalid in either is invalid.
     pub(super) fn between(&self, later: &Frame, time_ns: u64) -> Frame {
-        let share = (time_ns - self.time_ns) as f64 / (later.time_ns - self.time_ns).max(1) as f64;
+        let fraction = (time_ns - self.time_ns) as f64 / (later.time_ns - self.time_ns).max(1) as f64;
         Frame {
             time_ns,
-            origin_m: std::array::from_fn(|i| blend(self.origin_m[i], later.origin_m[i], share)),
-            com_m: blend(self.com_m, later.com_m, share),
-            cop_m: blend(self.cop_m, later.cop_m, share),
-            force_n: blend(self.force_n, later.force_n, share),
-            free_moment_nm: blend([self.free_moment_nm], [later.free_moment_nm], share)[0],
-            torque_nm: std::array::from_fn(|i| blend(self.torque_nm[i], later.torque_nm[i], share)),
-            torque_sigma_nm: blend(self.torque_sigma_nm, later.torque_sigma_nm, share),
+            origin_m: std::array::from_fn(|i| blend(self.origin_m[i], later.origin_m[i], fraction)),
+            com_m: blend(self.com_m, later.com_m, fraction),
+            cop_m: blend(self.cop_m, later.cop_m, fraction),
+            force_n: blend(self.force_n, later.force_n, fraction),
+            free_moment_nm: blend([self.free_moment_nm], [later.free_moment_nm], fraction)[0],
+            torque_nm: std::array::from_fn(|i| blend(self.torque_nm[i], later.torque_nm[i], fraction)),
+            torque_sigma_nm: blend(self.torque_sigma_nm, later.torque_sigma_nm, fraction),
         }
     }
 
@@ -101,8 +101,8 @@ fn masked<const N: usize>(is_valid: bool, values: [f64; N]) -> [f64; N] {
     if is_valid { values } else { [f64::NAN; N] }
 }
 
-fn blend<const N: usize>(from: [f64; N], to: [f64; N], share: f64) -> [f64; N] {
-    std::array::from_fn(|index| from[index] + share * (to[index] - from[index]))
+fn blend<const N: usize>(from: [f64; N], to: [f64; N], fraction: f64) -> [f64; N] {
+    std::array::from_fn(|index| from[index] + fraction * (to[index] - from[index]))
 }
 
 #[cfg(test)]

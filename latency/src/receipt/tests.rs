@@ -1,3 +1,5 @@
+//! Tests of the consumer receipts: quantiles against raw times, restarts, invalid reports, and output.
+
 use bytemuck::Zeroable;
 use equipoise_core::message::State;
 
@@ -37,10 +39,10 @@ fn within_a_bucket(quantile_ns: u64, true_ns: u64) -> bool {
 fn percentiles_are_those_of_the_raw_times_to_a_bucket() {
     for (count, seed) in [(1, 1), (2, 2), (17, 3), (1000, 4), (50_000, 5)] {
         let mut raw = times(count, seed);
-        let mut quantile_ns = report("a", 1, 1);
-        enter(&mut quantile_ns, &raw);
+        let mut consumer = report("a", 1, 1);
+        enter(&mut consumer, &raw);
         raw.sort_unstable();
-        let histogram = &since_its_start(&quantile_ns).times_ns[0];
+        let histogram = &since_its_start(&consumer).times_ns[0];
         assert_eq!(histogram.len(), count as u64);
         for quantile in [0.0, 0.01, 0.25, 0.5, 0.9, 0.99, 0.999, 0.9999, 1.0] {
             let rank = ((quantile * count as f64).ceil() as usize).clamp(1, count) - 1;
@@ -55,19 +57,19 @@ fn percentiles_are_those_of_the_raw_times_to_a_bucket() {
 
 #[test]
 fn only_times_since_the_start_are_reported() {
-    let mut quantile_ns = report("a", 1, 5 * S);
-    enter(&mut quantile_ns, &[4 * S; 100]);
-    quantile_ns.states_missed = 7;
+    let mut consumer = report("a", 1, 5 * S);
+    enter(&mut consumer, &[4 * S; 100]);
+    consumer.states_missed = 7;
     let mut receipts = ConsumerReceipts::new(100 * S);
     // The last report before the start, which a late subscriber receives from the history.
-    quantile_ns.time_ns = 100 * S - 1;
-    receipts.see(&quantile_ns);
+    consumer.time_ns = 100 * S - 1;
+    receipts.ingest(&consumer);
     assert!(receipts.reports.is_empty());
     for second in 100..110 {
-        quantile_ns.time_ns = second * S;
-        receipts.see(&quantile_ns);
-        enter(&mut quantile_ns, &[1_000, 2_000]);
-        quantile_ns.states_missed += 1;
+        consumer.time_ns = second * S;
+        receipts.ingest(&consumer);
+        enter(&mut consumer, &[1_000, 2_000]);
+        consumer.states_missed += 1;
     }
     let consumers = receipts.consumers();
     let [consumer] = &consumers[..] else { panic!("{consumers:?}") };
@@ -84,50 +86,50 @@ fn a_restarted_consumer_begins_with_empty_statistics() {
     let mut first = report("a", 1, 5 * S);
     enter(&mut first, &[50; 10]);
     first.time_ns = 101 * S;
-    receipts.see(&first);
+    receipts.ingest(&first);
     enter(&mut first, &[50; 10]);
     first.time_ns = 102 * S;
-    receipts.see(&first);
+    receipts.ingest(&first);
     // Restarted: fewer states than before, all within the interval.
     let mut second = report("a", 2, 103 * S);
     enter(&mut second, &[70; 3]);
     second.time_ns = 104 * S;
-    receipts.see(&second);
-    let quantile_ns: Vec<_> = receipts.consumers().iter().map(|one| (one.name.clone(), one.states)).collect();
-    assert_eq!(quantile_ns, [("a-1".to_owned(), 10), ("a-2".to_owned(), 3)]);
+    receipts.ingest(&second);
+    let states: Vec<_> = receipts.consumers().iter().map(|one| (one.name.clone(), one.states)).collect();
+    assert_eq!(states, [("a-1".to_owned(), 10), ("a-2".to_owned(), 3)]);
 }
 
 #[test]
-fn what_shrinks_or_has_a_strange_name_does_no_harm() {
+fn decreasing_counts_are_ignored_and_names_are_sanitised() {
     let mut receipts = ConsumerReceipts::new(1);
     let mut strange = report("a,b c\n", 9, 2);
     enter(&mut strange, &[40; 4]);
     strange.time_ns = 10;
-    receipts.see(&strange);
+    receipts.ingest(&strange);
     let mut shrunk = strange;
     shrunk.published_to_consumer = [0; BUCKETS];
     shrunk.time_ns = 11;
-    receipts.see(&shrunk);
+    receipts.ingest(&shrunk);
     let consumers = receipts.consumers();
     assert_eq!((consumers[0].name.as_str(), consumers[0].times_ns[0].len()), ("abc", 4));
     assert_eq!(name_of(&[0xff; 32]), "unnamed");
 }
 
 #[test]
-fn a_time_beyond_the_last_bucket_stays_there() {
-    let mut quantile_ns = report("a", 1, 1);
-    enter(&mut quantile_ns, &[40 * S, 18 * S]);
-    let histogram = &since_its_start(&quantile_ns).times_ns[0];
+fn a_time_beyond_the_last_bucket_is_counted_in_the_last_bucket() {
+    let mut consumer = report("a", 1, 1);
+    enter(&mut consumer, &[40 * S, 18 * S]);
+    let histogram = &since_its_start(&consumer).times_ns[0];
     assert_eq!(histogram.len(), 2);
     assert!(histogram.max() >= HIGHEST_NS && histogram.min() > HIGHEST_NS / 1000 * 999);
 }
 
 #[test]
-fn consumers_stand_in_report_and_log_under_their_own_names() {
-    let mut quantile_ns = report("controller-1", 7, 1);
-    enter(&mut quantile_ns, &[1_000; 100]);
-    quantile_ns.states_missed = 3;
-    let consumers = [since_its_start(&quantile_ns)];
+fn report_and_log_contain_consumers_by_name() {
+    let mut consumer = report("controller-1", 7, 1);
+    enter(&mut consumer, &[1_000; 100]);
+    consumer.states_missed = 3;
+    let consumers = [since_its_start(&consumer)];
     let report = crate::Report::of(&crate::PathHistograms::new()).with_consumers(&consumers);
     let rows = &report.consumers[0].stages;
     assert_eq!((rows[0].stage.as_ref(), rows[0].count), ("controller-1.receipt", 100));

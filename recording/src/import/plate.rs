@@ -103,7 +103,9 @@ impl PlateSamples<'_> {
                 let rejected = capture.rejected();
                 let rows = (!rejected.is_empty()).then(|| format!("rows of the plate left out: {rejected}"));
                 let fault = capture.fault().map(|(line, cause)| {
-                    format!("the plate's file cannot be read from line {line} on, which ends it: {cause}")
+                    format!(
+                        "the plate's file cannot be read from line {line} on, later rows are missing: {cause}"
+                    )
                 });
                 SkippedData { rejected: rows.into_iter().chain(fault).collect(), ignored: Vec::new() }
             }

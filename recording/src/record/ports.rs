@@ -139,8 +139,8 @@ impl<M: Topic> CyclePort<M> {
             }
             let received = subscriber.receive_with(|message| {
                 let number = number(message);
-                let falls = last.replace(number).is_some_and(|last| number <= last);
-                if falls && daemons == Daemons::One {
+                let is_restarted = last.replace(number).is_some_and(|last| number <= last);
+                if is_restarted && daemons == Daemons::One {
                     *held = Some(boxed(message));
                     return Ok(());
                 }

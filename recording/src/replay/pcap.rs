@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::capture::{PcapCapture, UdpDatagram};
 use equipoise_adapters::counts::Counts;
-use equipoise_adapters::ground::{GroundBrain, GroundRefusal};
+use equipoise_adapters::ground::{GroundProtocol, GroundRefusal};
 use equipoise_adapters::source::OneSender;
 use equipoise_adapters::suit::{BodyCadence, SuitAssembler, SuitRefusal};
 use equipoise_adapters::wire::ati_rdt::Request;
@@ -32,7 +32,7 @@ pub(super) struct PcapSamples {
 
 /// A ground device that sends datagrams.
 struct Ground {
-    protocol: GroundBrain,
+    protocol: GroundProtocol,
     direction: Direction,
     sender: OneSender,
 }
@@ -75,7 +75,7 @@ impl Ground {
             return Ok(None);
         };
         Ok(Some(Ground {
-            protocol: GroundBrain::new(device, config.settings()),
+            protocol: GroundProtocol::new(device, config.settings()),
             direction,
             sender: OneSender::default(),
         }))

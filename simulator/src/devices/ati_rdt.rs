@@ -8,7 +8,7 @@ use super::http::HttpPort;
 use super::port::Port as _;
 use super::{Asked, Device, Suffered};
 use crate::faults::Faults;
-use crate::plate_server::{PlateServer, Wish};
+use crate::plate_server::{PlateServer, Request};
 use crate::wires::ati_rdt::{Family, Page};
 
 /// Newtons per pound-force.
@@ -75,8 +75,8 @@ impl Device for AtiRdt {
                 _ => self.page.answer("404 Not Found", "text/plain", "")?,
             }
         }
-        let wish = self.server.poll();
-        Ok(Asked { zero: wish == Some(Wish::SetBias) })
+        let request = self.server.poll();
+        Ok(Asked { zero: request == Some(Request::SetBias) })
     }
 
     fn rate_hz(&self) -> f64 {

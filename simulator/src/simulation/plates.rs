@@ -11,7 +11,7 @@ use super::Shared;
 use crate::GRAVITY_M_PER_S2;
 use crate::dynamics::Wrench;
 use crate::plate::Plate;
-use crate::plate_server::{PlateServer, Wish};
+use crate::plate_server::{PlateServer, Request};
 use crate::random::Random;
 use crate::two_plates::ground_reaction_per_foot;
 
@@ -81,8 +81,8 @@ impl Shared {
             }
             before = trouble;
             number = number.wrapping_add(1);
-            let wish = server.poll();
-            if !server.has_client() && wish.is_none() {
+            let request = server.poll();
+            if !server.has_client() && request.is_none() {
                 return Ok(rate_hz);
             }
             let time_s = clock.time_s();
@@ -90,7 +90,7 @@ impl Shared {
             // Each sample has independent noise, whether or not those before it were requested.
             let mut random = Random::numbered(self.settings.seed, NOISE[which], number - 1);
             let mut felt = settings.noise.on(felt, &mut random);
-            if wish == Some(Wish::SetBias) {
+            if request == Some(Request::SetBias) {
                 (bias, reset_s) = (felt, time_s);
             }
             let drift = settings.zero.at(time_s - reset_s);

@@ -55,9 +55,9 @@ impl Difference<'_> {
         let free_nm = ground.moment_nm - cop_m.push(0.0).cross(&ground.force_n);
         let vertical_n = ground.force_n.z;
         foot_forces(self.body, [Vector2::zeros(); 2], cop_m, vertical_n).map(|foot| {
-            let share = foot.force_n.z / vertical_n;
-            let force = Force { force_n: ground.force_n * share, ..foot };
-            Contact { force, couple_nm: free_nm * share }
+            let load_fraction = foot.force_n.z / vertical_n;
+            let force = Force { force_n: ground.force_n * load_fraction, ..foot };
+            Contact { force, couple_nm: free_nm * load_fraction }
         })
     }
 }

@@ -92,7 +92,7 @@ fn body_state(person: &Person, case: &Value, state: &Value) -> BodyState {
         com_m: coms_m(&person.com_m, &origin_m, &world_from_segment),
         grip_m: [origin_m[hand] + world_from_segment[hand] * point(&case["grip_m"]), Vector3::zeros()],
         load_kg: case["load_kg"].as_f64().unwrap(),
-        right_hand_share: 0.0,
+        right_hand_fraction: 0.0,
         load_ahead_m: Vector3::zeros(),
         squeeze_n: Vector3::zeros(),
         foot_press_m: [Vector2::zeros(); 2],

@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 use super::held::{HoldResult, HoldSums};
 use super::planner::{Planner, Presentation};
-use crate::session::{Moment, Session};
+use crate::session::{Session, Snapshot};
 use crate::subject::Subject;
 
 /// Maximum number of poses of the identification.
@@ -81,7 +81,7 @@ impl Station {
 
     /// Advances worker and estimator by the interval between two decisions, and then the arm, toward a target or at
     /// rest.
-    fn advance(&mut self, target: Option<Target>, see: impl FnMut(&Moment)) {
+    fn advance(&mut self, target: Option<Target>, see: impl FnMut(&Snapshot)) {
         self.session.run(DECISION_S, see);
         let is_valid = !self.session.state().validity().any_of(STOPS);
         let inputs = self.controller.decide(is_valid, target, self.part_m(), DECISION_S);
@@ -117,10 +117,10 @@ impl Station {
         let seconds = span_s.map_or(PATIENCE_S, |[_, end_s]| end_s + AFTERWARDS_S - self.session.now_s());
         let mut sums = HoldSums::default();
         for _ in 0..(seconds / DECISION_S) as u32 {
-            self.advance(None, |moment| {
-                if span_s.is_some_and(|[start_s, end_s]| (start_s..end_s).contains(&moment.time_s)) {
-                    let body = moment.worker.sample(moment.time_s);
-                    sums.add(moment.state, &limits, moment.worker.person(), &body);
+            self.advance(None, |snapshot| {
+                if span_s.is_some_and(|[start_s, end_s]| (start_s..end_s).contains(&snapshot.time_s)) {
+                    let body = snapshot.worker.sample(snapshot.time_s);
+                    sums.add(snapshot.state, &limits, snapshot.worker.person(), &body);
                 }
             });
         }

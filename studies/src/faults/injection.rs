@@ -10,7 +10,7 @@ const LASTS_S: f64 = 3.0;
 /// Delay of a late plate, s.
 const LATE_S: f64 = 0.3;
 /// Rail of a saturated channel, as a fraction of the vertical force at the fault's start.
-const RAIL_SHARE: f64 = 1.02;
+const RAIL_RATIO: f64 = 1.02;
 
 /// A sensor fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -180,8 +180,8 @@ impl Fault {
             Fault::Flipped => scale(sample, -1.0),
             Fault::DeadPlate => scale(sample, 0.0),
             Fault::Spike if is_first => scale(sample, 5.0),
-            Fault::Saturated => sample.force_n[2] = sample.force_n[2].min(RAIL_SHARE * first.force_n[2]),
-            Fault::AtTheRail => sample.force_n[2] = RAIL_SHARE * first.force_n[2],
+            Fault::Saturated => sample.force_n[2] = sample.force_n[2].min(RAIL_RATIO * first.force_n[2]),
+            Fault::AtTheRail => sample.force_n[2] = RAIL_RATIO * first.force_n[2],
             Fault::MomentsFlipped => sample.moment_nm = sample.moment_nm.map(|moment_nm| -moment_nm),
             Fault::OneMomentFlipped => sample.moment_nm[1] *= -1.0,
             Fault::MomentsSwapped => sample.moment_nm.swap(0, 1),

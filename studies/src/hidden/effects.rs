@@ -257,12 +257,12 @@ fn in_the_suit(
             let segment = if trunk { Segment::T8 } else { of_side(side, limb) };
             // A rotation about a limb's own axis has little effect; of the trunk, rotations about the vertical have the
             // least. An upper arm has less effect than a thigh.
-            let (axis, share) = match segment {
+            let (axis, factor) = match segment {
                 Segment::LeftUpperArm | Segment::RightUpperArm => (Vector3::new(1.0, 0.2, 1.0), 1.5),
                 _ => (Vector3::new(1.0, 1.0, 0.2), 1.0),
             };
             let axis = axis.map(|weight| weight * random.normal()).normalize();
-            let radians = axis * (share * amount.to_radians());
+            let radians = axis * (factor * amount.to_radians());
             drawn_truth.on(segment);
             drawn_truth.parameters.extend([
                 ("rx_rad", radians.x),
@@ -284,13 +284,13 @@ fn of_the_body(
     drawn: &mut Drawn,
     drawn_truth: &mut Truth,
 ) {
-    let share = |segment: Segment| at.person.segment_mass_kg[segment.index()] / at.person.mass_kg;
+    let mass_fraction = |segment: Segment| at.person.segment_mass_kg[segment.index()] / at.person.mass_kg;
     if kind == "periodic_sway" {
         let hertz = random.between(0.21, 0.33);
         let amplitude_m = 1e-3 * nominal(kind) * size;
         // For a mass at chest height, inertia adds `ω² z/g` to the effect of its weight.
         let inertia = (TAU * hertz).powi(2) * 0.72 * at.person.height_m / 9.81;
-        let moves_m = amplitude_m / (share(Segment::T8) * (1.0 + inertia));
+        let moves_m = amplitude_m / (mass_fraction(Segment::T8) * (1.0 + inertia));
         let breath = BodyChange::Breath(Segment::T8, Vector3::x() * moves_m, hertz);
         drawn.hidden.changes.push((breath, span));
         drawn_truth.parameters.extend([("hz", hertz), ("amplitude_m", amplitude_m)]);
@@ -300,7 +300,7 @@ fn of_the_body(
         pick(random, &[Segment::Pelvis, Segment::T8, Segment::LeftUpperLeg, Segment::RightUpperLeg]);
     let along = Vector3::from_fn(|_, _| random.normal()).normalize();
     let phi_m = along * (1e-3 * nominal(kind) * size);
-    drawn.hidden.changes.push((BodyChange::Centre(segment, phi_m / share(segment)), span));
+    drawn.hidden.changes.push((BodyChange::Centre(segment, phi_m / mass_fraction(segment)), span));
     drawn_truth.on(segment);
     drawn_truth.parameters.extend([("dx_m", phi_m.x), ("dy_m", phi_m.y), ("dz_m", phi_m.z)]);
 }

@@ -111,7 +111,7 @@ impl Long {
 
     /// Poses, clean work, and the same work with a load in the right hand, all at one place.
     fn script(&self, subject: &Subject) -> Script {
-        let habits = Habits { right_hand_share: 1.0, ..subject.habits() };
+        let habits = Habits { right_hand_fraction: 1.0, ..subject.habits() };
         let mut worker = Worker::with_habits(subject.person(), subject.seed, habits);
         for index in 0..POSES {
             let at_s = 2.0 + index as f64 * POSE_S;

@@ -217,7 +217,8 @@ impl Player {
         let (start_s, end_s) = (self.now_s, self.now_s + for_s);
         let mut steps = steps.iter().peekable();
         while self.now_s < end_s {
-            if let Some((_, place)) = steps.next_if(|(share, _)| self.now_s >= start_s + share * for_s) {
+            if let Some((_, place)) = steps.next_if(|(fraction, _)| self.now_s >= start_s + fraction * for_s)
+            {
                 self.go(*place);
                 continue;
             }

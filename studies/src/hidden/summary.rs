@@ -28,7 +28,7 @@ pub fn tables(judged: &[Judged]) -> Vec<Table> {
     tables
 }
 
-fn share(part: usize, whole: usize) -> Cell {
+fn percentage(part: usize, whole: usize) -> Cell {
     if whole == 0 { Cell::Nothing } else { Cell::Number(100.0 * part as f64 / whole as f64) }
 }
 
@@ -85,7 +85,7 @@ fn overview(judged: &[Judged]) -> Table {
     let mut table =
         Table::new(format!("Blind bench: {} sessions", judged.len()), &["criterion", "count", "of", "%"]);
     let mut add = |what: String, right: usize, of: usize| {
-        table.push(vec![Cell::Text(what), (right as u64).into(), (of as u64).into(), share(right, of)]);
+        table.push(vec![Cell::Text(what), (right as u64).into(), (of as u64).into(), percentage(right, of)]);
     };
     for size in RUNGS {
         let at: Vec<&Judged> = singles(judged).filter(|one| one.sizes == [size]).collect();
@@ -189,8 +189,8 @@ fn by_size(judged: &[Judged]) -> Table {
                 Cell::Text(format!("{exact}/{family}/{}", at.len()))
             });
         }
-        row.push(share(of_kind.iter().filter(|one| one.exact).count(), of_kind.len()));
-        row.push(share(of_kind.iter().filter(|one| one.family).count(), of_kind.len()));
+        row.push(percentage(of_kind.iter().filter(|one| one.exact).count(), of_kind.len()));
+        row.push(percentage(of_kind.iter().filter(|one| one.family).count(), of_kind.len()));
         table.push(row);
     }
     table

@@ -117,7 +117,7 @@ fn what_a_reason_spoils_is_taken_away_and_the_reason_is_written() {
 }
 
 #[test]
-fn no_motion_of_the_load_is_advised_at_an_undecided_level() {
+fn advice_is_drawn_only_at_orange_and_red() {
     for level in [Level::Green, Level::AboveMax, Level::Undecided] {
         let mut state = standing();
         state.joint_level[state.worst_joint as usize] = level as u32;

@@ -320,8 +320,8 @@ mod tests {
         assert!(text.contains("level=\"red\"} 6\n"), "{text}");
         assert!(!text.contains("stream=\"ground\""), "nothing is known of it: {text}");
 
-        // Counts stay, values do not.
-        let sees = |now_ns: u64, values: &[(&str, bool)]| {
+        // Counters are served for old messages, values are not.
+        let check = |now_ns: u64, values: &[(&str, bool)]| {
             let text = open_metrics(&Snapshot { now_ns, ..known.clone() }).unwrap();
             assert!(text.contains("equipoise_publishing{station=\"bench\"} 0"), "{text}");
             assert!(text.contains("cycles_total") && text.contains("incidents_total"), "{text}");
@@ -331,9 +331,9 @@ mod tests {
         };
         let values = ["sample_age", "cycle_period", "incident_active", "block_latency", "adapter_rate"];
         let served = |served: [bool; 5]| std::array::from_fn::<_, 5, _>(|i| (values[i], served[i]));
-        sees(due_ns + 2 * NS_PER_S, &served([false, false, true, true, true]));
-        sees(due_ns + 3 * NS_PER_S, &served([false; 5]));
+        check(due_ns + 2 * NS_PER_S, &served([false, false, true, true, true]));
+        check(due_ns + 3 * NS_PER_S, &served([false; 5]));
         // The clock of another time namespace.
-        sees(due_ns - 1, &served([false; 5]));
+        check(due_ns - 1, &served([false; 5]));
     }
 }

@@ -40,7 +40,7 @@ pub(crate) async fn serve<T>(
     listener: TcpListener,
     routes: Router,
     stopped: impl Future<Output = T>,
-    farewell: impl FnOnce(T),
+    on_stop: impl FnOnce(T),
 ) {
     // Fails only without a reactor; this function runs inside one.
     let Ok(listener) = tokio::net::TcpListener::from_std(listener) else { return };
@@ -50,7 +50,7 @@ pub(crate) async fn serve<T>(
     taking.abort();
     // The task may hold a watcher until it has ended.
     let _ = taking.await;
-    farewell(last);
+    on_stop(last);
     if let Some(open) = Arc::into_inner(open) {
         let _ = timeout(FAREWELL, open.shutdown()).await;
     }

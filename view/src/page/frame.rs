@@ -58,7 +58,7 @@ impl PageFrame {
                 joint: joint.name(),
                 text: words::joint(joint),
                 level: level_name(state.joint_level[joint.index()]),
-                fatigue: Some(state.fatigue[joint.index()]).filter(|share| share.is_finite()),
+                fatigue: Some(state.fatigue[joint.index()]).filter(|fatigue| fatigue.is_finite()),
             }),
             advice: words::advice(state),
             advice_name: words::advice_name(state),

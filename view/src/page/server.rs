@@ -39,9 +39,9 @@ pub(super) async fn serve<F>(
     let (newest, watched) = watch::channel(Newest::Silent);
     let mut readers = JoinSet::new();
     readers.spawn(follow(feed, newest.clone()));
-    let (more, telling) = engineer.map(engineer::routes).unzip();
-    if let Some(telling) = telling {
-        readers.spawn(telling);
+    let (more, facts_reader) = engineer.map(engineer::routes).unzip();
+    if let Some(facts_reader) = facts_reader {
+        readers.spawn(facts_reader);
     }
     let routes = pages(Watched { newest: watched, streams })
         .merge(more.unwrap_or_default())
@@ -56,14 +56,14 @@ pub(super) async fn serve<F>(
         (last, readers)
     };
     // Aborting the readers and dropping the senders ends the event streams, after their last event.
-    let farewell = |(last, mut readers): (Option<Arc<str>>, JoinSet<()>)| {
+    let on_stop = |(last, mut readers): (Option<Arc<str>>, JoinSet<()>)| {
         readers.abort_all();
         if let Some(last) = last {
             newest.send_replace(Newest::Ended(last));
         }
         drop(newest);
     };
-    connections::serve(listener, routes, ended, farewell).await;
+    connections::serve(listener, routes, ended, on_stop).await;
 }
 
 /// What the routes read.

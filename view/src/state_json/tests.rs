@@ -1,6 +1,6 @@
 //! Tests of the exact JSON text, and of keys that are left out.
 
-use super::schema::{KEYS, Key, There};
+use super::schema::{KEYS, Key, Presence};
 use super::*;
 use crate::schema_check::misfits;
 use bytemuck::Zeroable;
@@ -230,8 +230,8 @@ fn what_is_always_there_is_there_when_everything_is_withheld() {
     let json = parsed(&nothing);
     assert_eq!(misfits(&schema::state(), &json), [""; 0]);
     let added_up = ["dose_damage", "dose_probability"];
-    for Key(name, _, there, _) in KEYS.iter().filter(|Key(name, ..)| !added_up.contains(name)) {
-        assert_eq!(json.get(name).is_some(), *there == There::Always, "{name}");
+    for Key(name, _, presence, _) in KEYS.iter().filter(|Key(name, ..)| !added_up.contains(name)) {
+        assert_eq!(json.get(name).is_some(), *presence == Presence::Always, "{name}");
     }
 }
 

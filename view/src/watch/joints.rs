@@ -31,14 +31,14 @@ pub(super) fn draw(frame: &mut Frame<'_>, state: &State, area: Rect) {
 }
 
 /// A joint's torque divided by its limit; `None` if the limit is unavailable.
-fn share(state: &State, joint: Joint) -> Option<f64> {
+fn limit_ratio(state: &State, joint: Joint) -> Option<f64> {
     let limit_nm = state.torque_limit_nm[joint.index()];
     (limit_nm > 0.0).then(|| words::torque_nm(state, joint) / limit_nm)
 }
 
 /// All joints, sorted by their torque relative to the limit, those without a limit last.
 fn worst_first(state: &State) -> Vec<(Joint, Option<f64>)> {
-    let mut joints: Vec<_> = Joint::ALL.into_iter().map(|joint| (joint, share(state, joint))).collect();
+    let mut joints: Vec<_> = Joint::ALL.into_iter().map(|joint| (joint, limit_ratio(state, joint))).collect();
     joints.sort_by(|(_, a), (_, b)| b.unwrap_or(-1.0).total_cmp(&a.unwrap_or(-1.0)));
     joints
 }
@@ -48,13 +48,14 @@ fn overload(state: &State, width: usize) -> Vec<Line<'static>> {
     let name_width = if wide { NAME_WIDTH } else { 14 };
     let figures_width = if wide { FIGURES_WIDTH } else { 24 };
     let bar_width = width.saturating_sub(name_width + figures_width + 3).min(BAR_MAX);
-    let row = |(joint, share): (Joint, Option<f64>)| {
+    let row = |(joint, limit_ratio): (Joint, Option<f64>)| {
         let index = joint.index();
         let level = state.joint_level[index];
         let style = LevelStyle::of(Level::from_number(level).unwrap_or(Level::None));
         let (torque_nm, sigma_nm) = (words::torque_nm(state, joint), state.torque_sigma_nm[index]);
-        let bar =
-            share.filter(|_| bar_width >= BAR_MIN).map_or_else(String::new, |share| bar(share, bar_width));
+        let bar = limit_ratio
+            .filter(|_| bar_width >= BAR_MIN)
+            .map_or_else(String::new, |limit_ratio| bar(limit_ratio, bar_width));
         let figures = if wide {
             let tired = 100.0 * state.fatigue[index];
             format!(
@@ -82,12 +83,12 @@ fn fatigue(state: &State, width: usize) -> Vec<Line<'static>> {
     joints.sort_by(|a, b| state.fatigue[b.index()].total_cmp(&state.fatigue[a.index()]));
     let bar_width = width.saturating_sub(NAME_WIDTH + 14).min(BAR_MAX);
     let rows = joints.into_iter().filter(|joint| state.fatigue[joint.index()] > 0.0).map(|joint| {
-        let share = state.fatigue[joint.index()];
+        let fatigue = state.fatigue[joint.index()];
         Line::raw(format!(
             " {:<NAME_WIDTH$} {:<bar_width$} {:.0} % tired",
             words::joint(joint),
-            bar(share, bar_width),
-            100.0 * share
+            bar(fatigue, bar_width),
+            100.0 * fatigue
         ))
     });
     let why = words::reasons(state).first().map_or("no reason given", |reason| reason.text);
@@ -100,9 +101,9 @@ fn fatigue(state: &State, width: usize) -> Vec<Line<'static>> {
 }
 
 /// A bar with a resolution of an eighth of a column; a share above 1 fills it.
-fn bar(share: f64, width: usize) -> String {
+fn bar(fraction: f64, width: usize) -> String {
     const EIGHTHS: [&str; 8] = ["", "▏", "▎", "▍", "▌", "▋", "▊", "▉"];
-    let eighths = (share.clamp(0.0, 1.0) * 8.0 * width as f64).round() as usize;
+    let eighths = (fraction.clamp(0.0, 1.0) * 8.0 * width as f64).round() as usize;
     format!("{}{}", "█".repeat(eighths / 8), EIGHTHS[eighths % 8])
 }
 

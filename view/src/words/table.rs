@@ -39,25 +39,25 @@ mod tests {
     }
 
     /// Placeholders in braces.
-    fn places(sentence: &str) -> BTreeSet<&str> {
+    fn placeholders(sentence: &str) -> BTreeSet<&str> {
         sentence.split('{').skip(1).filter_map(|rest| rest.split_once('}')).map(|(place, _)| place).collect()
     }
 
     #[test]
-    fn every_language_has_every_sentence_with_the_same_places() {
+    fn every_language_has_every_text_with_the_same_placeholders() {
         let tables = tables();
         let (_, english) = &tables[0];
         for (code, table) in &tables {
             assert!(table.keys().eq(english.keys()), "{code} has other keys than en");
             for (key, sentence) in table {
                 assert!(!sentence.trim().is_empty(), "{code} {key}");
-                assert_eq!(places(sentence), places(&english[key]), "{code} {key}");
+                assert_eq!(placeholders(sentence), placeholders(&english[key]), "{code} {key}");
             }
         }
     }
 
     #[test]
-    fn every_reason_says_what_is_wrong_and_after_a_colon_what_to_do() {
+    fn every_reason_has_the_cause_and_after_a_colon_the_remedy() {
         for (code, table) in tables() {
             for (key, sentence) in table.iter().filter(|(key, _)| key.starts_with("reason.")) {
                 let (what, to_do) = sentence.split_once(": ").unwrap_or_else(|| panic!("{code} {key}"));
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn everything_that_a_state_can_say_has_a_sentence() {
+    fn every_name_in_a_state_has_a_text() {
         let english = &tables()[0].1;
         let reasons = Validity::NAMES.iter().map(|(_, name)| format!("reason.{name}"));
         let joints = Joint::ALL.map(|joint| format!("joint.{}", joint.name()));

@@ -18,7 +18,7 @@ const COMMANDING: &str = "commanding-0123456789abcdefghijk";
 struct Known {
     asked_for_facts: AtomicU32,
     commands: Mutex<Vec<PageCommand>>,
-    /// Reports being read now, and the most at once.
+    /// Current and maximum number of concurrent reads of the report.
     reading: AtomicU32,
     reading_max: AtomicU32,
     /// Why the profiles cannot be listed.
@@ -216,7 +216,7 @@ fn the_page_its_history_and_the_report_are_served_under_rules_that_run_nothing()
 }
 
 #[test]
-fn the_report_is_read_once_at_a_time() {
+fn reads_of_the_report_are_not_concurrent() {
     let (page, known) = page(None, None);
     std::thread::scope(|scope| {
         let requests: Vec<_> =

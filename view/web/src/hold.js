@@ -13,18 +13,18 @@ export class Hold {
     this.poses = null;
   }
 
-  // Seconds that remain at `now` (ms), the filled share of the ring in [0, 1], and whether a pose was just recorded.
+  // Seconds that remain at `now` (ms), the filled fraction of the ring in [0, 1], and whether a pose was just recorded.
   update(now, { origins, reached, isStatic, poses }) {
     if (this.poses !== null && poses === this.poses + 1) this.doneAt = now;
     this.poses = poses;
     const done = now - this.doneAt < DONE_SHOWN_MS;
     if (!origins || !reached) {
       this.reference = null;
-      return { remainingS: HOLD_S, share: 0, done };
+      return { remainingS: HOLD_S, fraction: 0, done };
     }
     const moved = !this.reference || origins.some((origin, i) => norm(sub(origin, this.reference[i])) > MOTION_M);
     if (moved) [this.reference, this.since] = [origins, now];
     const remainingS = isStatic ? 0 : Math.max(REMAINING_MIN_S, HOLD_S - (now - this.since) / 1000);
-    return { remainingS, share: 1 - remainingS / HOLD_S, done };
+    return { remainingS, fraction: 1 - remainingS / HOLD_S, done };
   }
 }

@@ -8,7 +8,7 @@ import { capitalised, language, t } from "./words.js";
 
 // The bars end at 125 % of the limit.
 const SCALE_MAX = 1.25;
-const percent = (share) => `${(100 * Math.min(1, Math.max(0, share / SCALE_MAX))).toFixed(1)}%`;
+const percent = (limitRatio) => `${(100 * Math.min(1, Math.max(0, limitRatio / SCALE_MAX))).toFixed(1)}%`;
 
 function make(kind, className, ...children) {
   const element = document.createElement(kind);
@@ -41,12 +41,12 @@ export class JointTable {
       setLevel(badge, joint.level);
       badge.setAttribute("aria-label", t(`level.${joint.level}`));
       badge.title = t(`level.${joint.level}`);
-      const { share = 0, shareSigma = 0 } = joint;
-      fill.style.width = percent(share);
+      const { limitRatio = 0, limitRatioSigma = 0 } = joint;
+      fill.style.width = percent(limitRatio);
       fill.style.background = (LEVELS[joint.level] ?? LEVELS.none).colour;
-      whisker.hidden = !shareSigma;
-      whisker.style.left = percent(share - shareSigma);
-      whisker.style.right = `calc(100% - ${percent(share + shareSigma)})`;
+      whisker.hidden = !limitRatioSigma;
+      whisker.style.left = percent(limitRatio - limitRatioSigma);
+      whisker.style.right = `calc(100% - ${percent(limitRatio + limitRatioSigma)})`;
       const texts = [
         joint.torque === undefined ? MISSING : withSigma([joint.torque, joint.sigma], 1, "", language()),
         joint.limit === undefined ? MISSING : number(joint.limit, 0, language()),

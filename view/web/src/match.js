@@ -33,7 +33,7 @@ export function worstLimb(deviations) {
 }
 
 // Agreement with the pose: 1 if the daemon's criterion is met, 0 at a right angle beyond it.
-export function share(mismatchRad, reachedRad) {
+export function agreement(mismatchRad, reachedRad) {
   if (mismatchRad <= reachedRad) return 1;
   return Math.max(0, Math.min(0.95, 1 - (mismatchRad - reachedRad) / (Math.PI / 2)));
 }

@@ -4,7 +4,7 @@ import { colour } from "./theme.js";
 
 const SHOWN_MIN_M = 0.62;
 
-// Ankle and ball of each foot; none while the place of the body in the station is not valid.
+// Ankle and ball of each foot; none while the position of the body in the station is invalid.
 export function feetOf({ segment_origin_m: origins, withheld }) {
   return origins && !withheld?.com ? FEET.map((foot) => foot.map((segment) => origins[segment])) : [];
 }

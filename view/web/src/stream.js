@@ -2,15 +2,15 @@
 
 // The server sends events at least once a second, also without data.
 const LOST_AFTER_MS = 2500;
-// Frames arrive 10 to 60 times a second: for a stream of frames this limit holds while it is live.
+// Frames arrive 10 to 60 times a second, so a live stream of frames has this shorter limit.
 export const FRAMES_LOST_AFTER_MS = 1000;
 const CHECK_EVERY_MS = 100;
-// A check so long after the last one is late because the page was busy, or because the browser slows a hidden page.
+// A longer interval between two checks means that the page was busy, or that the browser throttles a hidden page.
 const CHECK_PAUSED_MS = 500;
 // Browsers detect a vanished peer only after minutes. Reconnect after this time without an event, counted
 // from the start of each attempt.
 const RECONNECT_AFTER_MS = 5000;
-// A connection that the browser has given up is opened again after this time.
+// A connection that the browser has closed is opened again after this time.
 const CLOSED_FOR_MS = 1000;
 
 export class Stream {
@@ -37,7 +37,7 @@ export class Stream {
     setInterval(() => {
       if (this.results) return;
       const now = performance.now();
-      // After a pause of the whole page, events that arrived meanwhile come first.
+      // After a pause of the page, skip one check, so that events that arrived meanwhile are processed first.
       const paused = now - this.checkedAt > CHECK_PAUSED_MS && !this.paused;
       [this.checkedAt, this.paused] = [now, paused];
       if (paused) return;

@@ -1,7 +1,7 @@
 // What a tile of the page of several stations shows: texts by key, the level and the active incidents.
 import { MISSING, withSigma } from "./values.js";
 
-// A lost or silent station has the reason in place of a joint, as has one whose data are not those of a station's page.
+// A lost or silent station shows the reason in place of a joint; a station with invalid data is shown as lost.
 export function tile(station, language) {
   try {
     return shownOf(station, language);
@@ -10,7 +10,7 @@ export function tile(station, language) {
   }
 }
 
-// Also of an address that a browser does not accept.
+// The host of an address; the address itself if the browser cannot parse it.
 function hostOf(url) {
   try {
     return new URL(url).host;
@@ -32,8 +32,8 @@ function shownOf({ url, connection, station, state, incidents, error }, language
   }
   if (!joint) return { ...shown, reason: `reason.${state.valid.find((name) => name !== "not_identified") ?? state.valid[0] ?? "connecting"}` };
   const torque = Math.hypot(...joint.torque_nm);
-  const share = joint.limit_nm ? `, ${(100 * torque / joint.limit_nm).toFixed(0)}\u00a0%` : "";
-  return { ...shown, level: joint.level, joint: `joint.${state.worst_joint}`, torque: `${withSigma([torque, joint.sigma_nm], 1, "N\u00a0m", language)}${share}` };
+  const limitPercent = joint.limit_nm ? `, ${(100 * torque / joint.limit_nm).toFixed(0)}\u00a0%` : "";
+  return { ...shown, level: joint.level, joint: `joint.${state.worst_joint}`, torque: `${withSigma([torque, joint.sigma_nm], 1, "N\u00a0m", language)}${limitPercent}` };
 }
 
 // Stations that need attention first: lost or silent, then with active incidents; the given order otherwise.

@@ -45,17 +45,17 @@ export function quantities(connection, frame, language) {
   });
 }
 
-// Rows of the joints, which exist without values too: magnitude of the torque, σ, limit, shares of the limit, fatigue.
+// Rows of the joints, which exist without values too: magnitude of the torque, σ, limit, limit ratio, fatigue.
 export function jointRows(names, frame) {
   return names.map((name) => {
     const joint = frame?.state.joints?.[name];
     const fatigue = frame?.state.fatigue?.[name];
     if (!joint?.torque_nm.every(Number.isFinite)) return { name, level: "none", fatigue };
     const torque = Math.hypot(...joint.torque_nm);
-    const share = (value) => (joint.limit_nm ? value / joint.limit_nm : undefined);
+    const limitRatio = (value) => (joint.limit_nm ? value / joint.limit_nm : undefined);
     return {
-      name, level: joint.level, fatigue, torque, sigma: joint.sigma_nm, limit: joint.limit_nm, share: share(torque),
-      shareSigma: share(joint.sigma_nm ?? 0), isWorst: frame.state.worst_joint === name,
+      name, level: joint.level, fatigue, torque, sigma: joint.sigma_nm, limit: joint.limit_nm, limitRatio: limitRatio(torque),
+      limitRatioSigma: limitRatio(joint.sigma_nm ?? 0), isWorst: frame.state.worst_joint === name,
     };
   });
 }

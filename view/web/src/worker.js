@@ -6,7 +6,7 @@ import { Figure3d } from "./figure3d.js";
 import { Hold } from "./hold.js";
 import { setLevel } from "./levels.js";
 import { drawMarks } from "./marks.js";
-import { LIMB_REACHED_RAD, limbDeviations, movements, share, worstLimb } from "./match.js";
+import { LIMB_REACHED_RAD, limbDeviations, agreement, movements, worstLimb } from "./match.js";
 import { load, number } from "./numbers.js";
 import { FRAMES_LOST_AFTER_MS, Stream, painter, setText } from "./stream.js";
 import { applyTheme } from "./theme.js";
@@ -150,7 +150,7 @@ function showReasons(reasons) {
 function showHold({ posing, held, figure: { frame } }, now) {
   const state = frame?.state;
   const reached = posing && !held && state.pose_mismatch_rad < frame.pose_reached_rad;
-  const { remainingS, share: filled, done } = hold.update(now, {
+  const { remainingS, fraction: filled, done } = hold.update(now, {
     origins: frame?.segment_origin_m, reached, isStatic: state?.static_pose, poses: state?.poses_used ?? null,
   });
   element("hold").hidden = !done && !reached;
@@ -169,7 +169,7 @@ function fill(bar, part) {
 function showMatch({ posing, held, figure: { frame } }, deviations) {
   element("match-card").hidden = !posing;
   if (!posing) return;
-  const part = held ? 0 : share(frame.state.pose_mismatch_rad, frame.pose_reached_rad);
+  const part = held ? 0 : agreement(frame.state.pose_mismatch_rad, frame.pose_reached_rad);
   setText(element("match-share"), held ? "–" : `${(100 * part).toFixed(0)} %`);
   fill(element("match-bar"), part);
   const limb = !held && part < 1 && worstLimb(deviations);

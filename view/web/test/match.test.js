@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 
 import { PARENT } from "../src/body.js";
-import { LIMBS, isPlaced, limbDeviations, movements, share, worstLimb } from "../src/match.js";
+import { LIMBS, isPlaced, limbDeviations, movements, agreement, worstLimb } from "../src/match.js";
 
 // Every bone straight up, 10 cm long.
 const body = () => {
@@ -35,10 +35,10 @@ test("in the pose no limb is named", () => {
 });
 
 test("agreement is 1 exactly where the daemon accepts the pose", () => {
-  assert.equal(share(0.2, 0.2), 1);
-  assert.ok(share(0.21, 0.2) < 1);
-  assert.ok(share(1.0, 0.2) < share(0.5, 0.2));
-  assert.equal(share(3, 0.2), 0);
+  assert.equal(agreement(0.2, 0.2), 1);
+  assert.ok(agreement(0.21, 0.2) < 1);
+  assert.ok(agreement(1.0, 0.2) < agreement(0.5, 0.2));
+  assert.equal(agreement(3, 0.2), 0);
 });
 
 test("an arrow leads from each deviating limb to its place", () => {

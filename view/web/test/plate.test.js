@@ -8,7 +8,7 @@ test("the hull has the corners in order, without inner points", () => {
   assert.deepEqual(hull([[1, 0.5], ...corners, [1, 0], [0.2, 0.9]]), corners);
 });
 
-test("no foot is drawn while the place of the body is not valid", () => {
+test("no foot is drawn while the position of the body is invalid", () => {
   const segment_origin_m = Array.from({ length: 23 }, (_, i) => [i, 0, 0]);
   assert.equal(feetOf({ segment_origin_m }).length, 2);
   assert.equal(feetOf({ segment_origin_m, withheld: { moving: "moving" } }).length, 2);

@@ -91,7 +91,7 @@ test("frames are lost after a second; without data an event a second keeps the c
   assert.equal(stream.connection, "lost");
 });
 
-test("after a pause of the page one check is left out, so that events come first", (t) => {
+test("after a pause of the page one check is skipped, so that events are processed first", (t) => {
   const { stream, after, busy } = setUp(t, FRAMES_LOST_AFTER_MS);
   FakeEventSource.made[0].emit("frame", "{}");
   for (let i = 0; i < 2; i += 1) {
@@ -122,7 +122,7 @@ test("a demonstration that has ended leaves its results, and is not connected to
 test("every attempt has the same timeout", (t) => {
   const { after } = setUp(t);
   after(60_000);
-  // Each is given up at the first check after 5 s.
+  // Each attempt times out at the first check after 5 s.
   assert.equal(FakeEventSource.made.length, 1 + Math.floor(60 / 5.1));
 });
 

@@ -42,7 +42,7 @@ test("a joint without a torque has no share of its limit, but its fatigue", () =
   const [a, b, c] = jointRows(["L5S1", "LeftHip", "LeftKnee"], {
     state: { joints: { L5S1: joint, LeftKnee: { torque_nm: [0, 0, 1], level: "undecided" } }, fatigue: { LeftHip: 0.25 }, worst_joint: "L5S1" },
   });
-  assert.deepEqual([a.torque, a.share, a.shareSigma, a.isWorst], [5, 0.1, 0.02, true]);
+  assert.deepEqual([a.torque, a.limitRatio, a.limitRatioSigma, a.isWorst], [5, 0.1, 0.02, true]);
   assert.deepEqual(b, { name: "LeftHip", level: "none", fatigue: 0.25 });
-  assert.deepEqual([c.torque, c.share, c.isWorst], [1, undefined, false]);
+  assert.deepEqual([c.torque, c.limitRatio, c.isWorst], [1, undefined, false]);
 });

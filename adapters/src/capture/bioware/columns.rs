@@ -130,13 +130,13 @@ pub(super) struct Columns {
 }
 
 /// A cell without spaces and quotation marks around it.
-fn bare(cell: &str) -> &str {
+fn unquoted(cell: &str) -> &str {
     cell.trim().trim_matches('"').trim()
 }
 
 /// A column's name without its unit, and the unit: `Fx (N)`, `Fx [N]`, `Fx`.
 fn split(cell: &str) -> (String, Option<&str>) {
-    let cell = bare(cell);
+    let cell = unquoted(cell);
     let (name, unit) = match cell.split_once(['(', '[']) {
         Some((name, unit)) => (name, Some(unit.trim_end_matches([')', ']']).trim())),
         None => (cell, None),
@@ -162,7 +162,7 @@ impl Columns {
         below: &[&str],
         settings: &BioWareSettings,
     ) -> Result<Columns, BioWareError> {
-        let is_number = |cell: &&str| bare(cell).replace(',', ".").parse::<f64>().is_ok();
+        let is_number = |cell: &&str| unquoted(cell).replace(',', ".").parse::<f64>().is_ok();
         let has_unit_line = !below.iter().any(is_number);
         let names: Vec<(String, Option<&str>)> = head.iter().map(|cell| split(cell)).collect();
         let plates = names.iter().filter(|(name, _)| name == "fz" || name == "fz1").count();

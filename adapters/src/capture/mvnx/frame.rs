@@ -132,8 +132,8 @@ impl Frame {
             return Err("wrong_count");
         }
         let mut parts = [[0.0; N]; PARTS];
-        for (part, place) in parts.iter_mut().zip(&columns.places) {
-            part.copy_from_slice(&numbers[place * N..(place + 1) * N]);
+        for (part, index) in parts.iter_mut().zip(&columns.indices) {
+            part.copy_from_slice(&numbers[index * N..(index + 1) * N]);
             check(part)?;
         }
         Ok(Some(parts))

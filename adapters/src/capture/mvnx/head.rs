@@ -36,12 +36,12 @@ pub(super) struct Columns<const N: usize> {
     /// Count in the file, props included.
     pub(super) count: usize,
     /// Index of each internal part.
-    pub(super) places: [usize; N],
+    pub(super) indices: [usize; N],
 }
 
 impl<const N: usize> Default for Columns<N> {
     fn default() -> Self {
-        Columns { count: 0, places: [0; N] }
+        Columns { count: 0, indices: [0; N] }
     }
 }
 
@@ -69,10 +69,10 @@ impl Head {
                         .and_then(|rate| rate.trim().parse().ok())
                         .filter(|rate_hz| (1.0..=1000.0).contains(rate_hz))
                         .ok_or(MvnxError::NoFrameRate { line, found: rate })?;
-                    let short =
+                    let attribute =
                         |name| element.attribute(name).map(|text| text.chars().take(NAME_MAX).collect());
-                    head.configuration = short("configuration");
-                    head.subject.name = short("label");
+                    head.configuration = attribute("configuration");
+                    head.subject.name = attribute("label");
                 }
                 Token::Start(element) if depth == 2 => match element.name() {
                     "segments" => segments = Some(read_segments(xml, &mut head.subject)?),
@@ -106,23 +106,23 @@ fn read_segments<R: BufRead>(
     xml: &mut Xml<R>,
     subject: &mut SuitSubject,
 ) -> Result<Columns<SEGMENTS>, MvnxError> {
-    let outside = xml.depth() - 1;
-    let mut places = [usize::MAX; SEGMENTS];
+    let parent_depth = xml.depth() - 1;
+    let mut indices = [usize::MAX; SEGMENTS];
     let (mut count, mut current, mut points) = (0, None, 0_u16);
     let (mut point, mut in_position) = (None, false);
     loop {
         let depth = xml.depth();
         let line = xml.line();
         match xml.next()? {
-            Token::Start(element) if depth == outside + 1 && element.name() == "segment" => {
+            Token::Start(element) if depth == parent_depth + 1 && element.name() == "segment" => {
                 let label: String =
                     element.attribute("label").unwrap_or_default().chars().take(NAME_MAX).collect();
                 current = segment_of(&label);
                 if let Some(segment) = current {
-                    if places[segment.index()] != usize::MAX {
-                        return Err(MvnxError::TwiceTheSegment { line, label });
+                    if indices[segment.index()] != usize::MAX {
+                        return Err(MvnxError::DuplicateSegment { line, label });
                     }
-                    places[segment.index()] = count;
+                    indices[segment.index()] = count;
                 }
                 points = 0;
                 count += 1;
@@ -140,7 +140,8 @@ fn read_segments<R: BufRead>(
             // Version 3 has pos_s, version 4 pos_b: both relative to the segment's origin.
             Token::Start(element) => in_position = matches!(element.name(), "pos_s" | "pos_b"),
             Token::Text(text) if in_position && !text.trim().is_empty() => {
-                if let (Some(segment), Some(label), Some(offset_m)) = (current, point.take(), three(text)) {
+                if let (Some(segment), Some(label), Some(offset_m)) = (current, point.take(), offset_m(text))
+                {
                     // Ids as in the datagram of the null pose: from 1, in the order of the file.
                     let key = (segment.index() as u16 + 1, points);
                     subject.null_pose.points.insert(key, (label, offset_m));
@@ -148,7 +149,7 @@ fn read_segments<R: BufRead>(
             }
             Token::End => {
                 in_position = false;
-                if xml.depth() == outside {
+                if xml.depth() == parent_depth {
                     break;
                 }
             }
@@ -157,18 +158,18 @@ fn read_segments<R: BufRead>(
         }
     }
     let missing: Vec<_> =
-        Segment::ALL.into_iter().filter(|segment| places[segment.index()] == usize::MAX).collect();
+        Segment::ALL.into_iter().filter(|segment| indices[segment.index()] == usize::MAX).collect();
     if !missing.is_empty() {
         let names = missing.iter().map(|segment| segment.name()).collect::<Vec<_>>().join(", ");
         return Err(MvnxError::MissingSegments { line: xml.line(), names });
     }
-    Ok(Columns { count, places })
+    Ok(Columns { count, indices })
 }
 
 /// Maps joints by the segment at which each ends, as versions name the joints differently.
 fn read_joints<R: BufRead>(xml: &mut Xml<R>) -> Result<Option<Columns<JOINTS>>, MvnxError> {
-    let outside = xml.depth() - 1;
-    let mut places = [usize::MAX; JOINTS];
+    let parent_depth = xml.depth() - 1;
+    let mut indices = [usize::MAX; JOINTS];
     let (mut count, mut in_child) = (0_usize, false);
     loop {
         let line = xml.line();
@@ -184,13 +185,13 @@ fn read_joints<R: BufRead>(xml: &mut Xml<R>) -> Result<Option<Columns<JOINTS>>, 
                 let child = text.trim().split('/').next().and_then(segment_of);
                 // Joint j ends at segment j + 1; no joint ends at the pelvis.
                 let joint = child.and_then(|segment| segment.index().checked_sub(1));
-                if let (Some(joint), Some(place)) = (joint, count.checked_sub(1)) {
-                    places[joint] = place;
+                if let (Some(joint), Some(index)) = (joint, count.checked_sub(1)) {
+                    indices[joint] = index;
                 }
             }
             Token::End => {
                 in_child = false;
-                if xml.depth() == outside {
+                if xml.depth() == parent_depth {
                     break;
                 }
             }
@@ -198,13 +199,14 @@ fn read_joints<R: BufRead>(xml: &mut Xml<R>) -> Result<Option<Columns<JOINTS>>, 
             _ => {}
         }
     }
-    Ok(places.iter().all(|place| *place != usize::MAX).then_some(Columns { count, places }))
+    Ok(indices.iter().all(|index| *index != usize::MAX).then_some(Columns { count, indices }))
 }
 
-fn three(text: &str) -> Option<[f64; 3]> {
+/// Three coordinates of a point on a segment, m; `None` unless there are three within ±10 m.
+fn offset_m(text: &str) -> Option<[f64; 3]> {
     let mut numbers = text.split_ascii_whitespace().map(|number| number.parse::<f64>().ok());
-    let three = [numbers.next()??, numbers.next()??, numbers.next()??];
-    (numbers.next().is_none() && three.iter().all(|metres| metres.abs() <= 10.0)).then_some(three)
+    let offset_m = [numbers.next()??, numbers.next()??, numbers.next()??];
+    (numbers.next().is_none() && offset_m.iter().all(|metres| metres.abs() <= 10.0)).then_some(offset_m)
 }
 
 impl From<Fault> for MvnxError {

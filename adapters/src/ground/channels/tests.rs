@@ -126,10 +126,10 @@ proptest! {
         let (a, b) = (0.2, 0.3);
         let corners = [[a, b], [-a, b], [-a, -b], [a, -b]];
         let cells: Vec<Cell> = corners.iter().enumerate().map(|(channel, at_m)| Cell { channel, at_m: *at_m }).collect();
-        let shares: Vec<f64> =
+        let fractions: Vec<f64> =
             corners.iter().map(|[cx, cy]| fz * (1.0 + x * cx.signum() / a) * (1.0 + y * cy.signum() / b) / 4.0).collect();
         let frame = GroundFrame::default();
-        let load = Channels::cells(4, &cells, ForceUnit::Newton).unwrap().load(&shares);
+        let load = Channels::cells(4, &cells, ForceUnit::Newton).unwrap().load(&fractions);
         let person = frame.person_from_sensor(wrench(load), Measures::Reaction);
         prop_assert!((person.force_n[2] - fz).abs() < 1e-9);
         prop_assert!((-person.moment_nm[1] / fz - x).abs() < 1e-9 && (person.moment_nm[0] / fz - y).abs() < 1e-9);

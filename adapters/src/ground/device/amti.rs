@@ -186,12 +186,12 @@ impl GroundDevice for Amti {
         self.dialogue.wants(now_ns)
     }
 
-    fn farewell(&mut self) -> Option<Vec<u8>> {
+    fn close_command(&mut self) -> Option<Vec<u8>> {
         Some(vec![Command::Stop as u8])
     }
 
-    fn trouble(&self) -> Option<String> {
-        self.dialogue.trouble().or_else(|| self.framing.trouble())
+    fn diagnostic(&self) -> Option<String> {
+        self.dialogue.diagnostic().or_else(|| self.framing.diagnostic())
     }
 }
 

@@ -44,7 +44,7 @@ impl Asking {
     }
 
     /// Data arrived: the device streams.
-    pub(super) fn heard(&mut self, arrival_ns: u64) {
+    pub(super) fn register_arrival(&mut self, arrival_ns: u64) {
         self.last_data_ns = Some(arrival_ns);
         self.requests = 0;
     }

@@ -133,7 +133,7 @@ impl GroundDevice for AtiRdt {
             taken.refuse(GroundRefusal::Length);
             return;
         };
-        self.asking.heard(arrival_ns);
+        self.asking.register_arrival(arrival_ns);
         let Ok(scale) = self.scale else {
             taken.refuse(GroundRefusal::UnknownKind);
             return;
@@ -158,11 +158,11 @@ impl GroundDevice for AtiRdt {
         self.asking.wants(now_ns)
     }
 
-    fn farewell(&mut self) -> Option<Vec<u8>> {
+    fn close_command(&mut self) -> Option<Vec<u8>> {
         Some(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec())
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         self.scale.as_ref().err().cloned()
     }
 

@@ -84,7 +84,7 @@ pub struct BinarySettings {
     /// Bytes that start the stream, repeated while the device is silent.
     pub request: Option<Vec<u8>>,
     /// Bytes sent before the connection is closed.
-    pub farewell: Option<Vec<u8>>,
+    pub close_command: Option<Vec<u8>>,
 }
 
 /// A device with configured binary frames.
@@ -154,7 +154,7 @@ impl Binary {
                 Look::Frame(frame) => {
                     (self.passed, self.unframed) = (0, 0);
                     self.reader.frame(frame, arrival_ns, taken);
-                    self.asking.iter_mut().for_each(|asking| asking.heard(arrival_ns));
+                    self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                     frame.len()
                 }
                 Look::Other(frame) => {
@@ -201,7 +201,7 @@ impl Binary {
                         taken.lost(u32::try_from(frames * self.reader.scans()).unwrap_or(u32::MAX));
                     }
                     self.reader.frame(frame, arrival_ns, taken);
-                    self.asking.iter_mut().for_each(|asking| asking.heard(arrival_ns));
+                    self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                 }
                 Found::Other => {
                     (self.passed, self.unframed) = (0, 0);
@@ -223,14 +223,14 @@ impl GroundDevice for Binary {
     fn opened(&mut self, _now_ns: u64) {
         self.frames.clear();
         self.asking.iter_mut().for_each(Asking::opened);
-        self.reader.order.forget();
+        self.reader.order.reset();
         (self.passed, self.framed_ns) = (0, None);
         self.unframed = 0;
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
         if self.reader.counts_nothing() {
-            self.reader.order.heard(arrival_ns, taken);
+            self.reader.order.register_arrival(arrival_ns, taken);
         }
         if self.reader.settings.datagrams {
             self.datagram(bytes, arrival_ns, taken);
@@ -243,11 +243,11 @@ impl GroundDevice for Binary {
         self.asking.as_mut().map_or(Want::Nothing, |asking| asking.wants(now_ns))
     }
 
-    fn farewell(&mut self) -> Option<Vec<u8>> {
-        self.reader.settings.farewell.clone()
+    fn close_command(&mut self) -> Option<Vec<u8>> {
+        self.reader.settings.close_command.clone()
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         let limit = (TROUBLE_FRAMES * self.frames.form().least()).max(TROUBLE_BYTES);
         (self.unframed >= limit).then(|| {
             let unframed = self.unframed;

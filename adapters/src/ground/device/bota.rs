@@ -170,7 +170,7 @@ impl GroundDevice for Bota {
         Want::Send(said.into_bytes())
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         let baud = self.settings.baud;
         if self.due().is_some() && self.unanswered >= UNANSWERED {
             return Some(format!(
@@ -194,7 +194,7 @@ impl GroundDevice for Bota {
             let stands = "the clock of the Bota sensor stands still, so nothing it sends can be dated: switch it off and on";
             return Some(stands.to_owned());
         }
-        self.framing.trouble()
+        self.framing.diagnostic()
     }
 }
 

@@ -62,7 +62,7 @@ impl Framing {
     }
 
     /// The fault as text, with the remedy.
-    pub fn trouble(&self) -> Option<String> {
+    pub fn diagnostic(&self) -> Option<String> {
         let Framing { device, usual, baud, limit, .. } = self;
         self.named.then(|| {
             format!(
@@ -94,16 +94,16 @@ mod tests {
             framing.passed(23);
             framing.frame();
         }
-        assert_eq!(framing.trouble(), None);
+        assert_eq!(framing.diagnostic(), None);
         framing.passed(511);
-        assert_eq!(framing.trouble(), None);
+        assert_eq!(framing.diagnostic(), None);
         framing.passed(1);
-        let said = framing.trouble().unwrap();
+        let said = framing.diagnostic().unwrap();
         assert!(said.contains("none of the last 512 make a frame of a plate"), "{said}");
         assert!(said.contains("It is 9600 baud, a plate usually has 57600"), "{said}");
         framing.hope_again();
-        assert!(framing.trouble().is_some() && !framing.is_hopeless());
+        assert!(framing.diagnostic().is_some() && !framing.is_hopeless());
         framing.frame();
-        assert_eq!(framing.trouble(), None);
+        assert_eq!(framing.diagnostic(), None);
     }
 }

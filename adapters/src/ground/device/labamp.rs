@@ -51,7 +51,7 @@ pub struct LabAmpSettings {
 pub struct LabAmp {
     settings: LabAmpSettings,
     phase: Phase,
-    trouble: Option<String>,
+    diagnostic: Option<String>,
     /// Why the stream has ended.
     over: Option<String>,
     last_ns: u64,
@@ -76,7 +76,7 @@ struct Frames {
 impl LabAmp {
     /// A LabAmp before any data.
     pub fn new(settings: LabAmpSettings) -> LabAmp {
-        LabAmp { settings, phase: Phase::Channels(Vec::new()), trouble: None, over: None, last_ns: 0 }
+        LabAmp { settings, phase: Phase::Channels(Vec::new()), diagnostic: None, over: None, last_ns: 0 }
     }
 
     fn line(&mut self, line: &[u8]) {
@@ -106,10 +106,10 @@ impl LabAmp {
                     rate_hz,
                     sequence: None,
                 }));
-                self.trouble = None;
+                self.diagnostic = None;
             }
             Err(why) => {
-                self.trouble = Some(why.clone());
+                self.diagnostic = Some(why.clone());
                 self.over = Some(why);
             }
         }
@@ -261,8 +261,8 @@ impl GroundDevice for LabAmp {
         Want::Nothing
     }
 
-    fn trouble(&self) -> Option<String> {
-        self.trouble.clone()
+    fn diagnostic(&self) -> Option<String> {
+        self.diagnostic.clone()
     }
 }
 

@@ -44,7 +44,7 @@ pub struct LslSettings {
 pub struct Lsl {
     settings: LslSettings,
     phase: Phase,
-    trouble: Option<String>,
+    diagnostic: Option<String>,
     /// Why the stream has ended.
     over: Option<String>,
     since_ns: u64,
@@ -73,7 +73,7 @@ impl Lsl {
     /// A stream before its description.
     pub fn new(settings: LslSettings) -> Lsl {
         let phase = Phase::Info(Vec::new());
-        Lsl { settings, phase, trouble: None, over: None, since_ns: 0, silent: false }
+        Lsl { settings, phase, diagnostic: None, over: None, since_ns: 0, silent: false }
     }
 
     fn info(&mut self, xml: &[u8]) {
@@ -110,7 +110,7 @@ impl Lsl {
     }
 
     fn end(&mut self, why: String) {
-        self.trouble = Some(why.clone());
+        self.diagnostic = Some(why.clone());
         self.over = Some(why);
     }
 }
@@ -176,7 +176,7 @@ impl GroundDevice for Lsl {
         let mut broken = None;
         while let Some(item) = samples.feed.next_item() {
             match item {
-                Ok(Item::Agreed) => self.trouble = None,
+                Ok(Item::Agreed) => self.diagnostic = None,
                 Ok(Item::Sample { time_s, values }) => {
                     (self.since_ns, self.silent) = (arrival_ns, false);
                     let Some(time_ns) = time_ns(time_s, samples.newest_ns, samples.period_ns) else {
@@ -218,10 +218,10 @@ impl GroundDevice for Lsl {
         }
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         let silent =
             || self.silent.then(|| "the stream is there and sends nothing: is its device on?".to_owned());
-        self.trouble.clone().or_else(silent)
+        self.diagnostic.clone().or_else(silent)
     }
 }
 

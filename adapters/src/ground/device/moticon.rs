@@ -185,8 +185,8 @@ impl GroundDevice for Moticon {
         self.text.wants(now_ns)
     }
 
-    fn trouble(&self) -> Option<String> {
-        self.text.trouble()
+    fn diagnostic(&self) -> Option<String> {
+        self.text.diagnostic()
     }
 }
 
@@ -219,7 +219,7 @@ impl Judge for Insoles {
         Ok(())
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         if self.outside >= TROUBLE {
             let said = "a foot carries force and its centre of pressure lies outside the insole: the fields are not in the order of \
                         ground.moticon.fields; compare it with the channels ticked in Moticon's software";

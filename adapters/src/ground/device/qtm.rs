@@ -45,7 +45,7 @@ pub struct Qtm {
     step: Step,
     pace: Pace,
     /// Cause and remedy while no data arrive: QTM's message or the decoder's own.
-    trouble: Option<String>,
+    diagnostic: Option<String>,
     /// QTM's last error message.
     refusal: Option<String>,
     /// The stream can no longer be decoded.
@@ -75,7 +75,7 @@ impl Qtm {
             deframer: Deframer::default(),
             step: Step::Connected,
             pace: Pace::new(settings.divisor),
-            trouble: None,
+            diagnostic: None,
             refusal: None,
             broken: None,
             contradictions: 0,
@@ -94,7 +94,7 @@ impl Qtm {
     /// Processes an error packet.
     fn refused(&mut self, text: &str) {
         self.refusal = Some(text.to_owned());
-        self.trouble = Some(format!("Qualisys' track manager refuses: {text}"));
+        self.diagnostic = Some(format!("Qualisys' track manager refuses: {text}"));
     }
 
     /// Processes an event: begin or end of a measurement, shutdown of QTM.
@@ -104,14 +104,16 @@ impl Qtm {
                 self.step = Step::VersionAccepted;
             }
             Event::Stopped => self.nothing_measured(),
-            Event::ShuttingDown => self.trouble = Some("Qualisys' track manager is being closed".to_owned()),
+            Event::ShuttingDown => {
+                self.diagnostic = Some("Qualisys' track manager is being closed".to_owned());
+            }
             Event::Started | Event::Other(_) => {}
         }
     }
 
     /// Sets the fault of a QTM that does not measure.
     fn nothing_measured(&mut self) {
-        self.trouble = Some(
+        self.diagnostic = Some(
             "Qualisys' track manager measures nothing: open a preview (Capture > New) or start a capture, with the \
              force plate switched on in Project options"
                 .to_owned(),
@@ -124,7 +126,7 @@ impl Qtm {
         let forces = match frame.plate(self.settings.plate) {
             Ok(Some(forces)) => forces,
             Ok(None) => {
-                self.trouble = Some(self.plate_missing(&frame.plates()));
+                self.diagnostic = Some(self.plate_missing(&frame.plates()));
                 taken.refuse(GroundRefusal::UnknownKind);
                 return;
             }
@@ -133,7 +135,7 @@ impl Qtm {
                 return;
             }
         };
-        self.trouble = None;
+        self.diagnostic = None;
         let first = forces.first.unwrap_or(frame.number);
         let forces: Vec<PlateForce> = forces.forces().collect();
         for force in &forces {
@@ -222,7 +224,7 @@ impl GroundDevice for Qtm {
     fn wants(&mut self, now_ns: u64) -> Want {
         if let Some(broken) = self.broken {
             let why = format!("{broken}; check ground.address");
-            self.trouble = Some(why.clone());
+            self.diagnostic = Some(why.clone());
             return Want::Reopen(why);
         }
         match self.step {
@@ -236,7 +238,7 @@ impl GroundDevice for Qtm {
                     "no agreement on version {VERSION} of Qualisys' protocol: {answer}; is ground.address that of a QTM of \
                      2021 or later?"
                 );
-                self.trouble = Some(why.clone());
+                self.diagnostic = Some(why.clone());
                 Want::Reopen(why)
             }
             Step::VersionAccepted => {
@@ -248,7 +250,7 @@ impl GroundDevice for Qtm {
             }
             Step::Streaming { since_ns } if now_ns.saturating_sub(since_ns) > REQUEST_AGAIN_NS => {
                 self.step = Step::VersionAccepted;
-                if self.trouble.is_none() {
+                if self.diagnostic.is_none() {
                     self.nothing_measured();
                 }
                 self.wants(now_ns)
@@ -257,17 +259,17 @@ impl GroundDevice for Qtm {
         }
     }
 
-    fn farewell(&mut self) -> Option<Vec<u8>> {
+    fn close_command(&mut self) -> Option<Vec<u8>> {
         Some(command("StreamFrames Stop"))
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         let contradicts = (self.contradictions >= CONTRADICTIONS_MIN).then(|| {
             "moment and application point of the plate contradict each other: they are counted from different origins; \
              correct the plate's origin and corners in QTM's Project options"
                 .to_owned()
         });
-        self.trouble.clone().or(contradicts)
+        self.diagnostic.clone().or(contradicts)
     }
 }
 

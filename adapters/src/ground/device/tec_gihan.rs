@@ -38,7 +38,7 @@ pub struct TecGihan {
     /// Refusals found while no bytes arrived; counted with the next bytes.
     owed: Owed,
     surface: Option<String>,
-    trouble: Option<String>,
+    diagnostic: Option<String>,
 }
 
 #[derive(Debug, Clone)]
@@ -76,7 +76,7 @@ impl TecGihan {
             phase: Phase::Talking(Dialogue::new(settings)),
             owed: Owed::default(),
             surface: None,
-            trouble: None,
+            diagnostic: None,
         }
     }
 
@@ -137,7 +137,7 @@ impl TecGihan {
         }
         blocks.block.clear();
         (blocks.due, blocks.since_ns) = (true, arrival_ns);
-        self.trouble = None;
+        self.diagnostic = None;
     }
 
     /// A missing or malformed block ends the measurement: blocks have no marker for resynchronisation.
@@ -175,7 +175,7 @@ impl GroundDevice for TecGihan {
 
     fn wants(&mut self, now_ns: u64) -> Want {
         if let Some((what, partly)) = self.broken(now_ns) {
-            self.trouble = Some(format!(
+            self.diagnostic = Some(format!(
                 "the controller sent {what}: it is stopped and started again; check the cable, and that the line has \
                  RTS/CTS"
             ));
@@ -196,19 +196,19 @@ impl GroundDevice for TecGihan {
                     Want::Send(Line::Start.to_bytes())
                 }
                 Next::GiveUp(why) => {
-                    self.trouble = Some(why.clone());
+                    self.diagnostic = Some(why.clone());
                     Want::Reopen(why)
                 }
             },
         }
     }
 
-    fn farewell(&mut self) -> Option<Vec<u8>> {
+    fn close_command(&mut self) -> Option<Vec<u8>> {
         Some(Line::Stop.to_bytes())
     }
 
-    fn trouble(&self) -> Option<String> {
-        self.trouble.clone().or_else(|| self.surface.clone())
+    fn diagnostic(&self) -> Option<String> {
+        self.diagnostic.clone().or_else(|| self.surface.clone())
     }
 }
 

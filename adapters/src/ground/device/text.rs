@@ -73,7 +73,7 @@ pub(super) trait Judge: Send {
     }
 
     /// The current fault and its remedy, in a sentence; `None` without a fault.
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         None
     }
 }
@@ -171,13 +171,13 @@ impl<J: Judge> GroundDevice for Text<J> {
     fn opened_at_start(&mut self, _now_ns: u64) {
         self.lines = self.settings.lines(false);
         self.reader.header_left = self.settings.header_lines;
-        self.reader.order.forget();
+        self.reader.order.reset();
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
         let Text { settings, lines, reader } = self;
         if settings.counts_nothing() {
-            reader.order.heard(arrival_ns, taken);
+            reader.order.register_arrival(arrival_ns, taken);
         }
         let mut each = |line: Result<&[u8], _>| match line {
             Ok(line) => reader.line(settings, line, arrival_ns, taken),
@@ -189,7 +189,7 @@ impl<J: Judge> GroundDevice for Text<J> {
         }
     }
 
-    fn trouble(&self) -> Option<String> {
+    fn diagnostic(&self) -> Option<String> {
         if self.reader.untimely >= TROUBLE {
             return Some(format!(
                 "lines come, but the times in the last {} of them stand still, or do not run as time does: is the unit of the \
@@ -198,7 +198,7 @@ impl<J: Judge> GroundDevice for Text<J> {
             ));
         }
         let Some(fault) = self.reader.fault.filter(|_| self.reader.wrong >= TROUBLE) else {
-            return self.reader.judge.trouble();
+            return self.reader.judge.diagnostic();
         };
         let noise = match self.settings.framing {
             Framing::Joined => {

@@ -13,7 +13,7 @@ const KEPT_MAX: usize = 20_000;
 #[derive(Debug, Default)]
 pub(super) struct Partners {
     samples: VecDeque<GroundSample>,
-    came_ns: Option<u64>,
+    last_arrival_ns: Option<u64>,
 }
 
 /// Result for the second device at a given time.
@@ -42,13 +42,13 @@ impl Partners {
             self.samples.pop_front();
         }
         self.samples.push_back(sample);
-        self.came_ns = Some(now_ns);
+        self.last_arrival_ns = Some(now_ns);
         true
     }
 
     /// Arrival of the newest sample, ns; `None` before the first.
-    pub(super) fn came_ns(&self) -> Option<u64> {
-        self.came_ns
+    pub(super) fn last_arrival_ns(&self) -> Option<u64> {
+        self.last_arrival_ns
     }
 
     /// The sample at a time. Requested times must not decrease: older samples are discarded.

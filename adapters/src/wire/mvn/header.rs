@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_are_believed_where_they_add_up() {
+    fn counts_are_accepted_if_consistent() {
         let gloves = Header {
             datagram_type: DatagramType::POSE_QUATERNION,
             items: 65,

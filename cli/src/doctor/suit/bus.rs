@@ -9,7 +9,7 @@ use equipoise_core::message::suit::SuitBlocks;
 
 use super::super::Check;
 use super::super::suit_facts::BusObservation;
-use super::{LOST_SHARE_MAX, RATE_MIN_HZ, no_data_check, refusals, title};
+use super::{LOST_FRACTION_MAX, RATE_MIN_HZ, no_data_check, refusals, title};
 
 /// Blocks of a sample that reveal a datagram type.
 const BLOCKS: [(SuitBlocks, DatagramType); 4] = [
@@ -69,7 +69,7 @@ fn samples(config: &Config, observation: &BusObservation, time: Duration) -> Che
             "look at \"refused\", or at MVN: is it paused?",
         );
     }
-    if health.lost as f64 > LOST_SHARE_MAX * (health.published + health.lost) as f64 {
+    if health.lost as f64 > LOST_FRACTION_MAX * (health.published + health.lost) as f64 {
         return Check::warn(NAME, found, "a cable instead of wireless, Protocol TCP, or fewer boxes");
     }
     if health.rate_hz < RATE_MIN_HZ {

@@ -90,7 +90,7 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
         status,
         trigger: tag_of("trigger", &config.trigger)?,
         request: message(&config.send_on_open),
-        farewell: message(&config.send_on_close),
+        close_command: message(&config.send_on_close),
         form,
     })
 }
@@ -140,13 +140,14 @@ fn form(config: &BinaryConfig, datagrams: bool) -> Result<FrameForm, Description
         let tag = tag_named(&key("tags"), entry.get_ref(), config.endian);
         tag.map_err(|error| DescriptionError { span: Some(entry.span()), ..error })
     });
-    let bare = FrameForm { sync: config.sync.to_vec(), length, tags: Vec::new(), kind: None, checksum: None };
+    let untagged =
+        FrameForm { sync: config.sync.to_vec(), length, tags: Vec::new(), kind: None, checksum: None };
     let fault = |name: &str| {
         let key = key(name);
         move |fault: FormFault| DescriptionError::new(key, fault.to_string())
     };
-    bare.check(false).map_err(fault("length"))?;
-    let tagged = FrameForm { tags: tags.collect::<Result<_, _>>()?, ..bare };
+    untagged.check(false).map_err(fault("length"))?;
+    let tagged = FrameForm { tags: tags.collect::<Result<_, _>>()?, ..untagged };
     for (entry, tag) in config.tags.iter().zip(&tagged.tags) {
         tagged
             .check_place(tag.place)

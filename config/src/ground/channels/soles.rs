@@ -34,7 +34,7 @@ pub struct InsolesConfig {
 pub enum CopUnit {
     /// A fraction of length and width, -0.5 to 0.5.
     #[serde(rename = "share")]
-    Share,
+    Fraction,
     /// Metres.
     #[serde(rename = "m")]
     Metre,
@@ -81,13 +81,13 @@ impl From<TowardsY> for Sideways {
 pub(super) fn channels(config: &InsolesConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.insoles";
     let [length_m, width_m] = match (config.cop, config.length_m, config.width_m) {
-        (CopUnit::Share, Some(length_m), Some(width_m)) => {
+        (CopUnit::Fraction, Some(length_m), Some(width_m)) => {
             size("ground.channels.insoles", length_m, width_m)?;
             [length_m, width_m]
         }
         (CopUnit::Metre, None, None) => [1.0; 2],
         (CopUnit::Millimetre, None, None) => [1e-3; 2],
-        (CopUnit::Share, ..) => {
+        (CopUnit::Fraction, ..) => {
             let what = "must be given where the centre of pressure is a share of the insole, and width_m too";
             return Err(DescriptionError::new("ground.channels.insoles.length_m", what));
         }

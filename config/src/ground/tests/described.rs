@@ -5,7 +5,7 @@ use equipoise_adapters::counts::Counts;
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, Rate};
 use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
 use equipoise_adapters::ground::device::bota::{Bota, BotaSettings};
-use equipoise_adapters::ground::{GroundBrain, GroundDevice, Want};
+use equipoise_adapters::ground::{GroundDevice, GroundProtocol, Want};
 use equipoise_adapters::wire::amti::{CHANNELS, Command, Frame as AmtiFrame, STARTED_ONE};
 use equipoise_adapters::wire::ati_rdt::Record;
 use equipoise_adapters::wire::bota::{Frame as BotaFrame, SPEED};
@@ -33,7 +33,7 @@ impl TestRandom {
 
 /// A described device and the built-in driver of the same device.
 struct AdapterPair {
-    protocols: [GroundBrain; 2],
+    protocols: [GroundProtocol; 2],
     samples: [Vec<GroundSample>; 2],
 }
 
@@ -41,7 +41,7 @@ impl AdapterPair {
     fn new(example: &str, own: Box<dyn GroundDevice>) -> AdapterPair {
         let config = Config::parse(example, "c.toml").unwrap().ground;
         let described = config.device().unwrap().unwrap();
-        let mut protocols = [described, own].map(|device| GroundBrain::new(device, config.settings()));
+        let mut protocols = [described, own].map(|device| GroundProtocol::new(device, config.settings()));
         protocols.iter_mut().for_each(|protocol| protocol.opened(0));
         AdapterPair { protocols, samples: [Vec::new(), Vec::new()] }
     }
@@ -148,7 +148,7 @@ fn bota_described_reads_a_restarting_sensor_and_the_reference_frame() {
 }
 
 /// Starts streaming as the built-in driver requires; the described device is assumed to be streaming already.
-fn start(plate: &mut GroundBrain) {
+fn start(plate: &mut GroundProtocol) {
     let mut now_ns = 0;
     while now_ns < 5000 * MS {
         now_ns += 20 * MS;
@@ -259,8 +259,8 @@ fn rdt_described_is_rdt() {
             pair.receive(&datagram, now_ns);
         }
         let (count, counts) = pair.agree();
-        let farewells = pair.protocols.each_mut().map(GroundBrain::farewell);
-        assert!(farewells[0].is_some() && farewells[0] == farewells[1]);
+        let close_commands = pair.protocols.each_mut().map(GroundProtocol::close_command);
+        assert!(close_commands[0].is_some() && close_commands[0] == close_commands[1]);
         samples += count;
         lost += counts.lost;
         refused += counts.refused.iter().sum::<u64>();
@@ -271,7 +271,7 @@ fn rdt_described_is_rdt() {
 #[test]
 fn ten_readings_of_four_cells_in_a_datagram_are_ten_samples() {
     let config = Config::parse(SCANS, "c.toml").unwrap().ground;
-    let mut protocol = GroundBrain::new(config.device().unwrap().unwrap(), config.settings());
+    let mut protocol = GroundProtocol::new(config.device().unwrap().unwrap(), config.settings());
     let frame = |index: u16, plate: u8| {
         let mut inner = vec![0xa5, 0x5a, plate, 1];
         inner.extend(index.to_le_bytes());

@@ -164,11 +164,11 @@ impl JumpDetector {
                 }
             }
         }
-        let share = step_s / LEVEL_OVER_S;
-        self.level.vertical_n += share * (now.vertical_n - self.level.vertical_n);
+        let gain = step_s / LEVEL_OVER_S;
+        self.level.vertical_n += gain * (now.vertical_n - self.level.vertical_n);
         if now.stands + self.level.stands == 2 {
             for axis in 0..2 {
-                self.level.cop_m[axis] += share * (now.cop_m[axis] - self.level.cop_m[axis]);
+                self.level.cop_m[axis] += gain * (now.cop_m[axis] - self.level.cop_m[axis]);
             }
         } else {
             self.level = Reading { vertical_n: self.level.vertical_n, ..now };
@@ -197,10 +197,10 @@ impl JumpDetector {
         }
         let [off_n, off_nm] = level.to(&self.level);
         let is_away = since_ns < LEVEL_EVIDENCE_NS || off_n > 0.5 * by[0] || off_nm > 0.5 * by[1];
-        let came_back = by.iter().all(|by| *by <= f64::MIN_POSITIVE);
+        let has_returned = by.iter().all(|by| *by <= f64::MIN_POSITIVE);
         // Stepping on or off the plate may be a single jump.
         let is_step = from.vertical_n < EMPTY_PLATE_N || now.vertical_n < EMPTY_PLATE_N;
-        if since_ns > JUMP_HOLDS_NS && (came_back || !is_away || is_step) {
+        if since_ns > JUMP_HOLDS_NS && (has_returned || !is_away || is_step) {
             self.jump = Zeroable::zeroed();
             return None;
         }

@@ -84,17 +84,17 @@ impl Person {
     }
 }
 
-fn mix<const N: usize>(from: [f64; N], to: [f64; N], share: f64) -> [f64; N] {
-    core::array::from_fn(|part| from[part] + share * (to[part] - from[part]))
+fn mix<const N: usize>(from: [f64; N], to: [f64; N], fraction: f64) -> [f64; N] {
+    core::array::from_fn(|part| from[part] + fraction * (to[part] - from[part]))
 }
 
 /// Interpolation between two postures, rounded to a degree.
-fn between(from: &Posture, to: &Posture, share: f64) -> Posture {
+fn between(from: &Posture, to: &Posture, fraction: f64) -> Posture {
     let mut posture = *to;
     for (to_deg, from_deg) in
         posture.rotation_deg.iter_mut().flatten().zip(from.rotation_deg.iter().flatten())
     {
-        *to_deg = (f64::from(*from_deg) + share * f64::from(*to_deg - *from_deg)).round() as i16;
+        *to_deg = (f64::from(*from_deg) + fraction * f64::from(*to_deg - *from_deg)).round() as i16;
     }
     posture
 }
@@ -121,11 +121,11 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
-    /// Disturbances of the ground.
+    /// Disturbances of the ground reaction.
     pub(in crate::cycle) disturbance: Disturbance,
 }
 
-/// Disturbances of the ground; by default none.
+/// Disturbances of the ground reaction; by default none.
 #[derive(Clone, Copy, Default)]
 pub(in crate::cycle) struct Disturbance {
     /// Constant shear, N.
@@ -144,13 +144,13 @@ impl Disturbance {
     fn of(self, ground: GroundSample) -> GroundSample {
         let Disturbance { shear_n, push_n, outside, devices, time_sigma_ns } = self;
         let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
-        // The foot on the plate is to the left.
-        let aside_nm = 0.2 * outside * on_plate * fz;
+        // Only the left foot is on the plate, which shifts the reaction to the left.
+        let lateral_nm = 0.2 * outside * on_plate * fz;
         let unlike = 1.0 + 1e-12 * (ground.sequence % 2) as f64;
         GroundSample {
-            // No sensor repeats a value to the last bit, except zero.
+            // Exactly repeated values other than zero count as implausible.
             force_n: [fx + shear_n[0] * unlike - push_n, fy + shear_n[1] * unlike, on_plate * fz],
-            moment_nm: [on_plate * mx + aside_nm, on_plate * my - 1.2 * push_n, mz],
+            moment_nm: [on_plate * mx + lateral_nm, on_plate * my - 1.2 * push_n, mz],
             devices,
             sample_time_sigma_ns: time_sigma_ns,
             ..ground
@@ -190,11 +190,11 @@ impl Bench {
         let (Some([left, right]), Ok(cop_m)) = (self.feet_m, ground.cop_m()) else { return ground };
         let along = [right[0] - left[0], right[1] - left[1]];
         let square = along[0] * along[0] + along[1] * along[1];
-        let share = ((cop_m[0] - left[0]) * along[0] + (cop_m[1] - left[1]) * along[1]) / square;
-        let off = [0, 1].map(|axis| cop_m[axis] - left[axis] - share * along[axis]);
+        let fraction = ((cop_m[0] - left[0]) * along[0] + (cop_m[1] - left[1]) * along[1]) / square;
+        let off = [0, 1].map(|axis| cop_m[axis] - left[axis] - fraction * along[axis]);
         GroundSample {
             per_foot: 1,
-            foot_vertical_n: [(1.0 - share) * ground.force_n[2], share * ground.force_n[2]],
+            foot_vertical_n: [(1.0 - fraction) * ground.force_n[2], fraction * ground.force_n[2]],
             foot_cop_m: [left, right].map(|foot| [foot[0] + off[0], foot[1] + off[1]]),
             ..ground
         }
@@ -236,8 +236,8 @@ impl Bench {
             self.now_ns += TICK_NS;
             self.cycle += 1;
             // A leap of the body or the force would be rejected.
-            let share = (millisecond as f64 / self.takes_ms).min(1.0);
-            let input = (between(&before.0, posture, share), mix(before.1, after.1, share));
+            let fraction = (millisecond as f64 / self.takes_ms).min(1.0);
+            let input = (between(&before.0, posture, fraction), mix(before.1, after.1, fraction));
             self.last_input = Some(input);
             let (posture, [load_n, load_x_nm, load_y_nm, off_m]) = input;
             let pose = person.pose(&posture);

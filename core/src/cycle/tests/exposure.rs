@@ -107,10 +107,10 @@ fn the_worst_joint_is_the_one_closest_to_its_limit() {
     let bench = carrying(&person, 600);
     let state = bench.state();
     let worst = Joint::ALL[state.worst_joint as usize];
-    let share = |joint: Joint| {
+    let limit_ratio = |joint: Joint| {
         Vector3::from(state.torque_nm[joint.index()]).norm() / state.torque_limit_nm[joint.index()]
     };
-    assert!(Joint::ALL.into_iter().all(|joint| share(joint) <= share(worst)));
+    assert!(Joint::ALL.into_iter().all(|joint| limit_ratio(joint) <= limit_ratio(worst)));
     let direction = Vector3::from(state.advice_direction);
     assert!((direction.norm() - 1.0).abs() < 1e-12 && state.advice_gain_nm_per_cm > 0.0);
 }
@@ -121,7 +121,7 @@ fn a_box_that_moves_as_advised_relieves_a_leg_by_the_gain() {
     let joint = Joint::named("LeftAnkle").unwrap();
     let ankle = joint.index();
     // The low limit makes the ankle the worst joint; the box moves with the hands.
-    let carry = |posture: Posture| {
+    let states_carrying = |posture: Posture| {
         let mut bench = Bench::new(|settings| settings.limits.set(joint, 1.0));
         bench.identify(&person);
         let at = lifted_box(&person, &posture);
@@ -129,9 +129,9 @@ fn a_box_that_moves_as_advised_relieves_a_leg_by_the_gain() {
         bench.hold(&person, &posture, Some((KG, at)), 600);
         (*bench.state(), at)
     };
-    let (before, from) = carry(carrying_pose());
+    let (before, from) = states_carrying(carrying_pose());
     assert_eq!(before.worst_joint as usize, ankle);
-    let (after, to) = carry(stand(20, 0, [0, 0, -80], [0, 0, 80], 60));
+    let (after, to) = states_carrying(stand(20, 0, [0, 0, -80], [0, 0, 80], 60));
     let magnitude_nm = |state: &State| Vector3::from(state.torque_nm[ankle]).norm();
     let moved_cm = 100.0 * (to - from).dot(&Vector3::from(before.advice_direction));
     let (fallen_nm, published_nm) =
@@ -258,9 +258,9 @@ fn an_unsound_exposure_is_refused() {
     let bench = carrying(&Person::real(), 100);
     let mut memory = Box::new(*bench.memory);
     assert!(memory.is_sound());
-    memory.exposure.fatigue.share[3] = 1.5;
+    memory.exposure.fatigue.by_joint[3] = 1.5;
     assert!(!memory.is_sound());
-    memory.exposure.fatigue.share[3] = 0.5;
+    memory.exposure.fatigue.by_joint[3] = 0.5;
     memory.exposure.dose.damage = f64::NAN;
     assert!(!memory.is_sound());
 }

@@ -105,7 +105,7 @@ fn values_of_the_previous_subject_are_not_published_after_a_load() {
 }
 
 #[test]
-fn insoles_need_no_place_with_a_load_either_and_a_plate_does() {
+fn insoles_need_no_registration_with_a_load_and_a_plate_does() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.disturbance.devices = GroundDevice::Insoles as u32;
     bench.identify(&person);
@@ -122,6 +122,6 @@ fn insoles_need_no_place_with_a_load_either_and_a_plate_does() {
     bench.hold(&person, &posture(), Some((10.0, at)), 200);
     let state = bench.state();
     assert!(state.validity().any_of(Validity::POSITION_UNKNOWN));
-    assert_eq!((state.suit_com_m(), state.suit_com_m), (None, [0.0; 3]), "in the world of the suit");
-    assert!(state.segment_origin_m().is_some(), "a figure");
+    assert_eq!((state.suit_com_m(), state.suit_com_m), (None, [0.0; 3]), "masked: it is in the suit world");
+    assert!(state.segment_origin_m().is_some(), "the figure is displayed");
 }

@@ -41,7 +41,7 @@ fn bench_with(some: &[Term], change: impl FnOnce(&mut Settings)) -> Bench {
 }
 
 /// The trunk swings with the arms; the plate reads constant values, with shear if requested.
-fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
+fn swing(bench: &mut Bench, shear: bool, mut inspect: impl FnMut(&Bench)) {
     let person = Person::real();
     let [from_x_nm, from_y_nm, _] =
         bench.memory.align.alignment.newest_ground().map_or([0.0; 3], |ground| ground.moment_nm);
@@ -60,7 +60,7 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
             }
         }
         // A leap of the force would be rejected.
-        let share = (step as f64 / 100.0).min(1.0);
+        let fraction = (step as f64 / 100.0).min(1.0);
         // No plate repeats a value to the last bit.
         let weight_n = MASS_KG * GRAVITY_M_PER_S2 + 1e-9 * (bench.cycle % 2) as f64;
         let push_n = if shear { [10.0 * sine, -6.0 * cosine, weight_n] } else { [0.0, 0.0, weight_n] };
@@ -69,8 +69,8 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
             sequence: bench.cycle,
             force_n: push_n,
             moment_nm: [
-                from_x_nm + share * (0.03 * weight_n - from_x_nm),
-                from_y_nm - share * (0.05 * weight_n + from_y_nm),
+                from_x_nm + fraction * (0.03 * weight_n - from_x_nm),
+                from_y_nm - fraction * (0.05 * weight_n + from_y_nm),
                 0.0,
             ],
             ..Zeroable::zeroed()
@@ -88,7 +88,7 @@ fn swing(bench: &mut Bench, shear: bool, mut look: impl FnMut(&Bench)) {
         };
         let tick = Tick { cycle: bench.cycle, due_ns: bench.now_ns };
         step_of(bench, tick, inputs);
-        look(bench);
+        inspect(bench);
     }
 }
 
@@ -98,7 +98,7 @@ fn step_of(bench: &mut Bench, tick: Tick, inputs: Inputs<'_>) {
 
 /// Every state of a run: its snapshot's time, estimated CoP and external force.
 fn states(bench: &mut Bench, shear: bool) -> Vec<(u64, [f64; 2], f64)> {
-    // Of the external force, without the offset that was subtracted: it depends on the forces before.
+    // The external force before the subtraction of the force offset, which depends on earlier forces.
     let (mut all, mut offset_n): (Vec<(u64, [f64; 2], f64)>, f64) = (Vec::new(), 0.0);
     swing(bench, shear, |bench| {
         let estimate = &bench.memory.publication.estimate;
@@ -273,8 +273,8 @@ fn a_low_pass_term_delays_and_attenuates_the_prediction() {
         last.clone().fold(f64::MIN, f64::max) - last.fold(f64::MAX, f64::min)
     };
     // The swing is at the cutoff: a first-order filter outputs 1/√2 of it.
-    let share = swing(&with) / swing(&plain);
-    assert!((0.66..0.75).contains(&share), "{share}");
+    let ratio = swing(&with) / swing(&plain);
+    assert!((0.66..0.75).contains(&ratio), "{ratio}");
 }
 
 #[test]

@@ -40,7 +40,7 @@ fn another_subject_starts_without_a_load_and_without_a_force_offset() {
         bench.memory.ground.force_offset.update(10.0, 0.01, sigma);
     }
     assert!(bench.memory.ground.force_offset.mean_n() > 5.0);
-    // Of the same mass.
+    // The same mass, so that only the command resets the offset.
     let subject = SubjectState { identification: bench.memory.identification, exposure: Zeroable::zeroed() };
     bench.memory.replace_subject(&subject);
     bench.command(CommandKind::SubjectLoad);
@@ -77,13 +77,13 @@ fn a_new_shift_begins_after_a_pause_of_four_hours() {
         bench.hold(&person, &posture, None, 1500);
         let state = *bench.state();
         assert!(
-            state.lifts == 1 && state.dose_damage > 0.0 && state.fatigue.iter().any(|share| *share > 0.0)
+            state.lifts == 1 && state.dose_damage > 0.0 && state.fatigue.iter().any(|value| *value > 0.0)
         );
         bench.now_ns += pause_ns;
         bench.hold(&person, &posture, None, 1500);
         (bench.state().lifts, bench.state().dose_damage, bench.state().fatigue)
     };
     let (lifts, damage, fatigue) = published(3 * 3600 * NS_PER_S + 3000 * NS_PER_S);
-    assert!(lifts == 1 && damage > 0.0 && fatigue.iter().any(|share| *share > 0.0));
+    assert!(lifts == 1 && damage > 0.0 && fatigue.iter().any(|value| *value > 0.0));
     assert_eq!(published(4 * 3600 * NS_PER_S), (0, 0.0, [0.0; 22]));
 }

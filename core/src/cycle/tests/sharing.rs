@@ -35,17 +35,17 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
     let (person, mut bench) = identified();
     let [left, right] = grips(&person);
     let apart_m = (left - right).xy().norm();
-    for right_share in [0.0, 0.25, 0.5, 1.0] {
+    for right_fraction in [0.0, 0.25, 0.5, 1.0] {
         for load_kg in [6.0, 12.0] {
-            let at = left + right_share * (right - left);
+            let at = left + right_fraction * (right - left);
             bench.hold(&person, &carrying(), None, 300);
             bench.hold(&person, &carrying(), Some((load_kg, at)), 600);
             let state = bench.state();
             assert!(!state.validity().any_of(Validity::INVALIDATES_TORQUES), "{:?}", state.validity());
             let sigma = position_sigma_m(state) / apart_m;
             let case =
-                std::format!("{right_share} of {load_kg} kg: {:?} ± {sigma}", state.hand_load_fraction);
-            assert!((state.hand_load_fraction[1] - right_share).abs() <= 2.0 * sigma, "{case}");
+                std::format!("{right_fraction} of {load_kg} kg: {:?} ± {sigma}", state.hand_load_fraction);
+            assert!((state.hand_load_fraction[1] - right_fraction).abs() <= 2.0 * sigma, "{case}");
             assert!(sigma < 0.4, "an informative σ: {case}");
             assert!(
                 state.load_hand_distance_m <= 2.0 * position_sigma_m(state),
@@ -59,7 +59,7 @@ fn a_load_in_one_hand_in_both_or_between_them_is_shared_as_it_is() {
 #[test]
 fn a_load_in_one_hand_loads_that_arm() {
     let (person, mut bench) = identified();
-    // At rest: without measured shear, the error of a quick motion is that of the suit's acceleration.
+    // Start at rest: without measured shear, σ after a quick motion includes that of the suit's acceleration.
     bench.hold(&person, &carrying(), None, 1000);
     bench.hold(&person, &carrying(), Some((12.0, grips(&person)[1])), 600);
     let magnitude =
@@ -150,7 +150,7 @@ fn measured_feet_are_published_and_geometry_returns_without_them() {
     let feet = bench.memory.align.alignment.newest_ground().unwrap().feet().unwrap();
     assert_eq!(measured.sharing_source, SharingSource::Measured as u32);
     assert!(
-        (measured.foot_load_fraction[0] - feet.shares()[0]).abs() < 1e-9,
+        (measured.foot_load_fraction[0] - feet.fractions()[0]).abs() < 1e-9,
         "{:?} {feet:?}",
         measured.foot_load_fraction
     );

@@ -10,7 +10,7 @@ fn posture() -> Posture {
 /// An identified subject who stands; the plate never measures exactly zero.
 fn standing(person: &Person) -> Bench {
     let mut bench = Bench::new(|_| {});
-    // Poses leap on this bench, without the shear of a leap.
+    // The bench changes poses abruptly without the corresponding shear, so shear is added after identification.
     bench.identify(person);
     bench.hold(person, &posture(), None, 1000);
     bench.disturbance.shear_n = [0.5, 0.0];
@@ -18,7 +18,7 @@ fn standing(person: &Person) -> Bench {
     bench
 }
 
-/// Changes the disturbance within half a second: a leap would be rejected.
+/// Changes the disturbance over half a second: an abrupt change would be rejected as implausible.
 fn change(bench: &mut Bench, person: &Person, to: Disturbance) {
     let from = bench.disturbance;
     for step in 1..=50 {
@@ -69,7 +69,7 @@ fn a_push_does_not_shift_the_estimate_after_its_end() {
 fn the_constant_shear_of_a_tilted_plate_is_subtracted() {
     let person = Person::real();
     let mut bench = standing(&person);
-    // 0.9 degrees.
+    // Corresponds to a tilt of 0.9°.
     change(&mut bench, &person, Disturbance { shear_n: [11.0, 0.0], ..Disturbance::default() });
     bench.hold(&person, &posture(), None, 30_000);
     assert!(check_estimates(&mut bench, &person, 1000) > 900);
@@ -79,8 +79,8 @@ fn the_constant_shear_of_a_tilted_plate_is_subtracted() {
 fn the_shear_under_one_foot_is_not_the_acceleration_of_the_body() {
     let person = Person::real();
     let mut bench = standing(&person);
-    let astride = Disturbance { shear_n: [0.5, -22.0], outside: 0.4, ..Disturbance::default() };
-    change(&mut bench, &person, astride);
+    let one_foot = Disturbance { shear_n: [0.5, -22.0], outside: 0.4, ..Disturbance::default() };
+    change(&mut bench, &person, one_foot);
     assert!(check_estimates(&mut bench, &person, 3000) > 2500);
     assert!(bench.state().validity().any_of(Validity::WEIGHT_MISSING));
 }

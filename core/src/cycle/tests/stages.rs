@@ -236,7 +236,7 @@ fn sigma_contains_the_error_of_the_suit_s_acceleration_unless_shear_is_used() {
 }
 
 #[test]
-fn the_distance_of_a_load_from_the_hands_contains_the_error_of_their_place() {
+fn sigma_of_the_distance_of_a_load_from_the_hands_contains_that_of_their_position() {
     let mut rig = Rig::new();
     for _ in 0..20 {
         rig.predicted(Some(WEIGHT_N + 60.0));

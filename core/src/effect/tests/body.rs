@@ -114,13 +114,13 @@ impl Body {
         for segment in Segment::ALL {
             let centre = Vector::from(self.table.com_m[segment.index()]);
             let mass_kg = BODY_KG * self.table.mass_fraction[segment.index()];
-            reaction.carry(mass_kg, &|t| self.point(t, segment, centre), time_s);
+            reaction.add_mass(mass_kg, &|t| self.point(t, segment, centre), time_s);
         }
         for (mass_kg, path) in others {
-            reaction.carry(*mass_kg, path, time_s);
+            reaction.add_mass(*mass_kg, path, time_s);
         }
         if let Some((at, force)) = push {
-            reaction.hold(at, -force);
+            reaction.add_force(at, -force);
         }
         reaction
     }
@@ -174,7 +174,7 @@ impl Body {
             phi_m: phi.0,
             grip_m: Side::BOTH.map(|side| self.table.grip_m(side.hand())),
             centre_m: self.table.com_m,
-            mass_share: self.table.mass_fraction,
+            mass_fraction: self.table.mass_fraction,
             com_m: com.into(),
             com_acceleration_m_per_s2: acceleration.into(),
             turning_m: turning.into(),
@@ -200,8 +200,9 @@ impl Body {
                 (self.table.mass_fraction[segment.index()], path(time_s), second(path, time_s))
             })
             .collect();
-        let middle: Vector = paths.iter().map(|(share, at, _)| *share * at).sum();
-        let rate: Vector = paths.iter().map(|(share, at, pull)| *share * (at - middle).cross(pull)).sum();
+        let middle: Vector = paths.iter().map(|(mass_fraction, at, _)| *mass_fraction * at).sum();
+        let rate: Vector =
+            paths.iter().map(|(mass_fraction, at, pull)| *mass_fraction * (at - middle).cross(pull)).sum();
         nalgebra::Vector2::new(-rate.y, rate.x)
     }
 }
@@ -223,13 +224,13 @@ pub(super) struct Reaction {
 }
 
 impl Reaction {
-    fn carry(&mut self, mass_kg: f64, path: Path, time_s: f64) {
+    fn add_mass(&mut self, mass_kg: f64, path: Path, time_s: f64) {
         let pull = second(path, time_s) + Vector::new(0.0, 0.0, G);
-        self.hold(path(time_s), mass_kg * pull);
+        self.add_force(path(time_s), mass_kg * pull);
     }
 
     /// Adds the ground force that acts on a mass at a position above it.
-    fn hold(&mut self, at: Vector, force: Vector) {
+    fn add_force(&mut self, at: Vector, force: Vector) {
         self.force_n += force;
         for axis in 0..2 {
             self.first_nm[axis] += force.z * at[axis] - force[axis] * (at.z - FLOOR_M);

@@ -167,7 +167,7 @@ fn a_segment_that_is_read_turned_shifts_the_prediction_by_its_columns() {
     }
 }
 
-/// As of a sensor on soft tissue that moves with the joint: the displacement accelerates with the factor, too.
+/// A sensor on soft tissue that moves with the joint: the acceleration of the factor contributes, too.
 #[test]
 fn a_misalignment_that_changes_with_time_shifts_the_prediction_by_its_columns() {
     let body = Body::new();

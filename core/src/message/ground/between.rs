@@ -3,13 +3,13 @@
 use super::GroundSample;
 
 impl GroundSample {
-    /// Interpolates between this sample and a `later` one, at the fraction `share` of the interval. Fields that are
+    /// Interpolates between this sample and a `later` one, at `fraction` of the interval. Fields that are
     /// not measurements, including the time, are those of the later sample.
     #[must_use]
-    pub fn between(&self, later: &GroundSample, share: f64) -> GroundSample {
+    pub fn between(&self, later: &GroundSample, fraction: f64) -> GroundSample {
         let blend =
-            |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + share * (b[axis] - a[axis]));
-        let feet = feet(self, later, share);
+            |a: [f64; 3], b: [f64; 3]| core::array::from_fn(|axis| a[axis] + fraction * (b[axis] - a[axis]));
+        let feet = feet(self, later, fraction);
         GroundSample {
             sample_time_sigma_ns: later.sample_time_sigma_ns.max(self.sample_time_sigma_ns),
             device_status: later.device_status | self.device_status,
@@ -28,15 +28,16 @@ impl GroundSample {
 /// Interpolates both feet's forces (N) and CoPs between two samples that contain them in the same frame. In an
 /// insole's frame the foot's motion is excluded: the pose of the foot is applied at the interpolated time. Forces and their moments are
 /// linear between two samples, so a CoP is weighted by its force.
-fn feet(earlier: &GroundSample, later: &GroundSample, share: f64) -> Option<([f64; 2], [[f64; 2]; 2])> {
+fn feet(earlier: &GroundSample, later: &GroundSample, fraction: f64) -> Option<([f64; 2], [[f64; 2]; 2])> {
     if !(earlier.has_feet() && later.has_feet()) || earlier.foot_frame != later.foot_frame {
         return None;
     }
     let [from, to] = [earlier, later].map(|sample| sample.foot_vertical_n);
-    let vertical_n = [0, 1].map(|foot| from[foot] + share * (to[foot] - from[foot]));
+    let vertical_n = [0, 1].map(|foot| from[foot] + fraction * (to[foot] - from[foot]));
     let cop_m = [0, 1].map(|foot| {
-        let weight = if vertical_n[foot].abs() > 1e-6 { share * to[foot] / vertical_n[foot] } else { share }
-            .clamp(0.0, 1.0);
+        let weight =
+            if vertical_n[foot].abs() > 1e-6 { fraction * to[foot] / vertical_n[foot] } else { fraction }
+                .clamp(0.0, 1.0);
         let (a, b) = (earlier.foot_cop_m[foot], later.foot_cop_m[foot]);
         [0, 1].map(|axis| a[axis] + weight * (b[axis] - a[axis]))
     });
@@ -64,12 +65,13 @@ mod tests {
         // A small negative offset of a lifted foot is no force on the person either, and its interpolation may be
         // negative too.
         let below = (plates([-10.0, 600.0], [0.3, -0.1]), plates([-30.0, 240.0], [0.1, 0.2]));
-        for (share, (earlier, later)) in
-            [0.0, 0.25, 1.0].into_iter().flat_map(|share| [(share, (earlier, later)), (share, below)])
+        for (fraction, (earlier, later)) in [0.0, 0.25, 1.0]
+            .into_iter()
+            .flat_map(|fraction| [(fraction, (earlier, later)), (fraction, below)])
         {
-            let (vertical_n, cop_m) = feet(&earlier, &later, share).unwrap();
+            let (vertical_n, cop_m) = feet(&earlier, &later, fraction).unwrap();
             for foot in 0..2 {
-                let at = |a: f64, b: f64| a + share * (b - a);
+                let at = |a: f64, b: f64| a + fraction * (b - a);
                 let [a, b] =
                     [&earlier, &later].map(|one| (one.foot_vertical_n[foot], one.foot_cop_m[foot][0]));
                 assert!((vertical_n[foot] - at(a.0, b.0)).abs() < 1e-9);

@@ -13,14 +13,14 @@ pub(super) fn section(report: &Report) -> Section {
     let mut section = Section::new("4. Change of the model");
     let finding = report.finding;
     if finding.verdict == Verdict::Ambiguous && !finding.effects.is_empty() {
-        section.say(if finding.ask_next.is_some() {
+        section.paragraph(if finding.ask_next.is_some() {
             "This is the most likely explanation, but it is not certain. Confirm it by the measurement of step 6 before use."
         } else {
             "This is the most likely explanation, but it is not certain. Inspect whether it is present before use."
         });
     }
     if finding.verdict == Verdict::Unexplained && mostly_unexplained(finding) {
-        section.say(
+        section.paragraph(
             "These effects explain less of the residual than a cause that is not in the catalogue. Find that cause first; \
              do not run this model before.",
         );
@@ -34,7 +34,7 @@ pub(super) fn section(report: &Report) -> Section {
     match (&report.finding.model, report.model_toml) {
         (Some(path), toml) => model_file(report, path, toml, &mut section),
         (None, _) if report.finding.effects.is_empty() => {}
-        (None, _) => section.say("No model file was written."),
+        (None, _) => section.paragraph("No model file was written."),
     }
     section
 }
@@ -46,18 +46,18 @@ fn effect(report: &Report, number: usize, section: &mut Section) {
     section.table(parameters(named));
     if let [Some(from), Some(to)] = ["from_s", "to_s"].map(|key| named.place.get(key)?.as_f64()) {
         let text = Text::from("It acts from ").strong(words::seconds(from)).plain(" to ");
-        section.say(text.strong(words::seconds(to)).plain(" of the recording."));
+        section.paragraph(text.strong(words::seconds(to)).plain(" of the recording."));
     }
     if !named.family.is_empty() {
         let family: Vec<String> = named.family.iter().map(|name| words::candidate(name)).collect();
-        section.say(
+        section.paragraph(
             strong("Also consistent with these data: ")
                 .plain(super::enumeration_with(&family, "or"))
                 .plain("."),
         );
     }
     if let Some(remedy) = words::remedy(&named.name) {
-        section.say(strong("Remedy at the station: ").plain(remedy));
+        section.paragraph(strong("Remedy at the station: ").plain(remedy));
     }
     // Draw an effect that occurs in two parts of the work once, with both parts.
     if report.finding.effects[..number].iter().any(|earlier| words::full_name(earlier) == full_name) {
@@ -82,7 +82,7 @@ fn parameters(named: &Named) -> Table {
 }
 
 fn nothing(report: &Report, section: &mut Section) {
-    section.say(match report.finding.verdict {
+    section.paragraph(match report.finding.verdict {
         Verdict::Unexplained => {
             "Nothing is added to the model, because no effect of the catalogue fits. Step 6 describes the unexplained part."
         }
@@ -90,7 +90,7 @@ fn nothing(report: &Report, section: &mut Section) {
     });
     let table = unseen(&report.picture.unseen);
     if !table.rows.is_empty() {
-        section.say(
+        section.paragraph(
             "Smaller effects than these are below the detection limit (per kind, at the place with the highest limit):",
         );
     }
@@ -116,13 +116,14 @@ fn unseen(all: &[Unseen]) -> Table {
 
 fn model_file(report: &Report, path: &str, toml: Option<&str>, section: &mut Section) {
     section.head("The model file");
-    section.say(
+    section.paragraph(
         Text::from("The change is in ").code(path).plain(". The real-time loop applies the same terms."),
     );
     if let Some(toml) = toml {
         section.code("toml", toml);
     }
-    section.say("Check the effect on the loop's residual by a replay, or run the daemon with the model:");
+    section
+        .paragraph("Check the effect on the loop's residual by a replay, or run the daemon with the model:");
     let recordings: Vec<String> = report.origin.recordings.iter().map(|each| shell(&each.name)).collect();
     let path = shell(path);
     section.code(

@@ -13,7 +13,7 @@ use crate::picture::Signal;
 pub(super) fn size(report: &Report) -> Section {
     let gap = &report.finding.gap;
     let mut section = Section::new("1. Residual: difference of measurement and model");
-    section.say(
+    section.paragraph(
         Text::from("In the work in question the gap, the root mean square difference of measured and predicted centre of pressure beyond that expected from the clean part of the recording, is ")
             .then(with_unit(gap.before_mm, "mm"))
             .plain(". Noise alone (sway, drift of the suit, soft tissue, plate): ")
@@ -21,7 +21,7 @@ pub(super) fn size(report: &Report) -> Section {
             .plain(format!(" ({} noise).", ratio(gap.before_mm, gap.noise_floor_mm))),
     );
     if let Some(fz) = gap.per_axis.get("fz") {
-        section.say(
+        section.paragraph(
             Text::from("The gap of the vertical force is ")
                 .then(with_unit(fz.before, fz.unit))
                 .plain("; noise alone: ")
@@ -59,21 +59,21 @@ pub(super) fn spans(report: &Report) -> Section {
     let spans = &report.finding.spans;
     let mut section = Section::new("2. Intervals in which the residual exceeds noise");
     match &spans[..] {
-        [] => section.say("None: the residual stays within noise throughout the work."),
-        [one] => section.say(Text::from("One interval exceeds noise: ").then(in_words(one)).plain(".")),
+        [] => section.paragraph("None: the residual stays within noise throughout the work."),
+        [one] => section.paragraph(Text::from("One interval exceeds noise: ").then(in_words(one)).plain(".")),
         many => {
-            section.say(format!("{} intervals exceed noise; the figures above mark them.", many.len()));
+            section.paragraph(format!("{} intervals exceed noise; the figures above mark them.", many.len()));
         }
     }
     if let Some(worst) =
         spans.iter().max_by(|a, b| a.times_noise.total_cmp(&b.times_noise)).filter(|_| spans.len() > 1)
     {
-        section.say(Text::from("The largest: ").then(in_words(worst)).plain("."));
+        section.paragraph(Text::from("The largest: ").then(in_words(worst)).plain("."));
     }
     section.table(table(spans));
     let plots = &report.picture.pose;
     if !plots.is_empty() {
-        section.say(
+        section.paragraph(
             "Residual as a function of the pose. A flat cloud around zero: independent of the pose. A slope or a bend: \
              the effect depends on this joint.",
         );

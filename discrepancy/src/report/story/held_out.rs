@@ -2,7 +2,7 @@
 
 use super::super::Report;
 use super::super::document::{Section, Table, Text};
-use super::super::figures::{self, AGAIN, When};
+use super::super::figures::{self, HELD_OUT, When};
 use super::super::figures_by_row;
 use super::super::words::{number, ratio};
 use super::{changed, with_unit};
@@ -15,11 +15,11 @@ pub(super) fn section(report: &Report) -> Section {
     let gap = &finding.gap;
     let mut section = Section::new("5. Residual after the change, on held-out data");
     if !changed(finding) {
-        section.say("Nothing was added: the residual is that of step 1.");
+        section.paragraph("Nothing was added: the residual is that of step 1.");
         section.table(phases(report));
         return section;
     }
-    section.say(
+    section.paragraph(
         Text::from("On held-out blocks, which were not used to fit the change, the gap changes from ")
             .then(with_unit(gap.before_mm, "mm"))
             .plain(" to ")
@@ -29,7 +29,7 @@ pub(super) fn section(report: &Report) -> Section {
             .plain(format!(". {}", remainder_in_words(finding))),
     );
     if let Some(fz) = gap.per_axis.get("fz") {
-        section.say(
+        section.paragraph(
             Text::from("The gap of the vertical force changes from ")
                 .then(with_unit(fz.before, fz.unit))
                 .plain(" to ")
@@ -43,16 +43,16 @@ pub(super) fn section(report: &Report) -> Section {
     let mut pairs = Vec::new();
     for plot in &picture.time {
         for when in [When::Before, When::After] {
-            pairs.push(figures::over_time(AGAIN, picture, plot, &finding.spans, when));
+            pairs.push(figures::over_time(HELD_OUT, picture, plot, &finding.spans, when));
         }
     }
     for (n, plot) in picture.pose.iter().enumerate() {
         for when in [When::Before, When::After] {
-            pairs.push(figures::over_pose(AGAIN, n + 1, plot, when));
+            pairs.push(figures::over_pose(HELD_OUT, n + 1, plot, when));
         }
     }
     section.figures(pairs);
-    section.figures(figures_by_row::gap(AGAIN, gap, true).into_iter().collect());
+    section.figures(figures_by_row::gap(HELD_OUT, gap, true).into_iter().collect());
     section.table(axes(gap));
     section.table(phases(report));
     section

@@ -10,7 +10,7 @@ use crate::finding::{Named, SetAside, percent};
 pub(super) fn section(report: &Report) -> Section {
     let finding = report.finding;
     let mut section = Section::new("3. Rejected effects");
-    section.say(format!(
+    section.paragraph(format!(
         "Every effect of the catalogue was tested, alone and in addition to others, each with its own misfit. An effect is \
          named from a probability of {} on; less certain ones are ambiguous. By chance alone, an effect reaches log odds of {} \
          in at most one of a hundred recordings like this one.",
@@ -21,13 +21,13 @@ pub(super) fn section(report: &Report) -> Section {
         .figures(figures_by_row::evidence(finding, report.picture.threshold_log_odds).into_iter().collect());
     section.list(finding.effects.iter().map(runner_up).collect());
     for named in finding.effects.iter().filter(|named| !named.family.is_empty()) {
-        section.say(format!("These data do not distinguish {} from:", words::full_name(named)));
+        section.paragraph(format!("These data do not distinguish {} from:", words::full_name(named)));
         let in_words = |name: &String| code(name).plain(": ").plain(words::candidate(name));
         section.list(named.family.iter().map(in_words).collect());
     }
     section.table(table(report, &finding.set_aside));
     if finding.candidates.is_empty() && finding.set_aside.is_empty() {
-        section.say("No effect makes the data more likely.");
+        section.paragraph("No effect makes the data more likely.");
     }
     section
 }

@@ -13,7 +13,7 @@ use crate::picture::Whiteness;
 pub(super) fn section(report: &Report) -> Section {
     let picture = report.picture;
     let mut section = Section::new("6. Remaining residual");
-    section.say(
+    section.paragraph(
         "If the model is complete, the whitened residual is white noise: it has no autocorrelation, and its squares have \
          the distribution of noise.",
     );
@@ -54,7 +54,7 @@ fn windows(report: &Report, section: &mut Section) {
         ]);
     }
     if !table.rows.is_empty() {
-        section.say("Windows with the largest residual relative to noise (1: noise alone):");
+        section.paragraph("Windows with the largest residual relative to noise (1: noise alone):");
     }
     section.table(table);
 }
@@ -63,11 +63,12 @@ fn unexplained(report: &Report, section: &mut Section) {
     let terms = &report.finding.unexplained;
     if terms.is_empty() {
         if report.finding.verdict == Verdict::Unexplained {
-            section.say("No generic term (force, mass, heading) describes the remaining residual either.");
+            section
+                .paragraph("No generic term (force, mass, heading) describes the remaining residual either.");
         }
         return;
     }
-    section.say(
+    section.paragraph(
         "Generic terms that describe the unexplained part. They are descriptions, not causes, and are not in the model:",
     );
     let describe = |term: &crate::finding::Generic| {
@@ -82,9 +83,10 @@ fn unexplained(report: &Report, section: &mut Section) {
 
 fn next(report: &Report, section: &mut Section) {
     match &report.finding.ask_next {
-        Some(ask) => section.say(strong("Next measurement: ").plain(ask)),
-        None if report.finding.verdict == Verdict::Ambiguous => section
-            .say("No pose of the library distinguishes these effects better: inspect worker and station."),
-        None => section.say("No further pose or motion is needed to distinguish effects."),
+        Some(ask) => section.paragraph(strong("Next measurement: ").plain(ask)),
+        None if report.finding.verdict == Verdict::Ambiguous => section.paragraph(
+            "No pose of the library distinguishes these effects better: inspect worker and station.",
+        ),
+        None => section.paragraph("No further pose or motion is needed to distinguish effects."),
     }
 }

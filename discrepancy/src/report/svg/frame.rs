@@ -24,11 +24,11 @@ impl Frame {
     const DOTS: usize = 500;
 
     fn px(&self, x: f64) -> f64 {
-        LEFT + self.x.share(x) * (self.width - LEFT - RIGHT)
+        LEFT + self.x.fraction(x) * (self.width - LEFT - RIGHT)
     }
 
     fn py(&self, y: f64) -> f64 {
-        self.bottom - self.y.share(y) * (self.bottom - self.top)
+        self.bottom - self.y.fraction(y) * (self.bottom - self.top)
     }
 
     fn path(&self, points: &[[f64; 2]]) -> String {
@@ -84,39 +84,41 @@ impl Frame {
     }
 
     pub(super) fn mark(&self, mark: &Mark, out: &mut String) {
-        let (kind, look, path) = match mark {
-            Mark::Band { look, points, gap } => ("area", look, self.band(points, *gap)),
-            Mark::Line { look, points, gap } if is_dense(points.len()) => {
+        let (kind, style, path) = match mark {
+            Mark::Band { style, points, gap } => ("area", style, self.band(points, *gap)),
+            Mark::Line { style, points, gap } if is_dense(points.len()) => {
                 let ranges = thin::ranges(points, self.x, COLUMNS, *gap);
                 let around = ranges.iter().map(|run| self.range(run)).collect::<String>();
-                let _ = write!(out, "<path class=\"area range {}\" d=\"{around}\"/>", look.class());
+                let _ = write!(out, "<path class=\"area range {}\" d=\"{around}\"/>", style.class());
                 let mean = |run: &Vec<thin::Range>| {
                     self.path(&run.iter().map(|r| [r.x, r.mean]).collect::<Vec<_>>())
                 };
-                ("line", look, ranges.iter().map(mean).collect())
+                ("line", style, ranges.iter().map(mean).collect())
             }
-            Mark::Line { look, points, gap } => {
+            Mark::Line { style, points, gap } => {
                 let runs = thin::line(points, self.x, COLUMNS, *gap);
-                ("line", look, runs.iter().map(|run| self.path(run)).collect())
+                ("line", style, runs.iter().map(|run| self.path(run)).collect())
             }
-            Mark::Dots { look, points } => ("dots", look, self.cloud(points)),
-            Mark::Columns { look, columns } => ("area", look, self.columns(columns)),
-            Mark::Stretch { look, from, to, .. } => ("area", look, self.stretch(*from, *to, self.top, 1.5)),
-            Mark::Strip { look, stretches } => (
+            Mark::Dots { style, points } => ("dots", style, self.cloud(points)),
+            Mark::Columns { style, columns } => ("area", style, self.columns(columns)),
+            Mark::Interval { style, from, to, .. } => {
+                ("area", style, self.interval(*from, *to, self.top, 1.5))
+            }
+            Mark::Strip { style, intervals } => (
                 "area",
-                look,
-                stretches.iter().map(|s| self.stretch(s[0], s[1], self.bottom - 5.0, 0.5)).collect(),
+                style,
+                intervals.iter().map(|s| self.interval(s[0], s[1], self.bottom - 5.0, 0.5)).collect(),
             ),
         };
         if !path.is_empty() {
-            let _ = write!(out, "<path class=\"{kind} {}\" d=\"{path}\"/>", look.class());
+            let _ = write!(out, "<path class=\"{kind} {}\" d=\"{path}\"/>", style.class());
         }
     }
 
     /// Letters are drawn above everything else.
     pub(super) fn letters(&self, marks: &[Mark], out: &mut String) {
         for mark in marks {
-            let Mark::Stretch { from, to, letter, .. } = mark else { continue };
+            let Mark::Interval { from, to, letter, .. } = mark else { continue };
             let middle = (self.px(*from) + self.px(*to)) / 2.0;
             let (x, y) = (at(middle), at(self.top + 13.0));
             let _ = write!(
@@ -171,7 +173,7 @@ impl Frame {
     }
 
     /// From `top` down to the bottom, with a minimum visible width.
-    fn stretch(&self, from: f64, to: f64, top: f64, least: f64) -> String {
+    fn interval(&self, from: f64, to: f64, top: f64, least: f64) -> String {
         let (left, right) = (self.px(from), self.px(to));
         let right = right.max(left + least);
         format!("M{} {}H{}V{}H{}z", at(left), at(top), at(right), at(self.bottom), at(left))

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::scale::Scale;
-use super::{Drawing, Key, Look, RIGHT, WIDTH, at, legend};
+use super::{Drawing, LegendKey, RIGHT, Style, WIDTH, at, legend};
 use crate::report::escape::xml;
 
 /// Width of the names, where values begin.
@@ -20,7 +20,7 @@ pub struct Row {
     /// Label of the row.
     pub name: String,
     /// Bars from zero, or dots.
-    pub values: Vec<(Look, f64)>,
+    pub values: Vec<(Style, f64)>,
     /// Text at its end.
     pub caption: String,
 }
@@ -43,14 +43,14 @@ pub struct Rows {
     /// Bars from zero; else dots.
     pub bars: bool,
     /// Legend entries.
-    pub legend: Vec<(Key, Look, String)>,
+    pub legend: Vec<(LegendKey, Style, String)>,
 }
 
 impl Rows {
     /// Draws it.
     pub fn draw(&self) -> Drawing {
         let mut keys = self.legend.clone();
-        keys.extend(self.rule.iter().map(|(_, text)| (Key::Line, Look::Expected, text.clone())));
+        keys.extend(self.rule.iter().map(|(_, text)| (LegendKey::Line, Style::Expected, text.clone())));
         let (legend, lines) = legend(&keys, 33.0);
         let top = 30.0 + 17.0 * lines as f64;
         let bottom = top + ROW * self.rows.len() as f64;
@@ -110,15 +110,15 @@ impl Rows {
             at(WIDTH - 6.0),
             xml(&row.caption)
         );
-        let finite: Vec<(Look, f64)> = row.values.iter().copied().filter(|(_, v)| v.is_finite()).collect();
+        let finite: Vec<(Style, f64)> = row.values.iter().copied().filter(|(_, v)| v.is_finite()).collect();
         if self.bars {
-            for (look, value) in finite {
+            for (style, value) in finite {
                 let (from, to) = (px(scale, 0.0), px(scale, value));
                 let (left, width) = (at(from.min(to)), at((from - to).abs().max(1.0)));
                 let _ = write!(
                     out,
                     "<path class=\"area {}\" d=\"M{left} {}h{width}v12h-{width}z\"/>",
-                    look.class(),
+                    style.class(),
                     at(y - 6.0)
                 );
             }
@@ -128,11 +128,11 @@ impl Rows {
             let (from, to) = (at(px(scale, first)), at(px(scale, last)));
             let _ = write!(out, "<path class=\"axis\" d=\"M{from} {0}H{to}\"/>", at(y));
         }
-        for (look, value) in finite {
+        for (style, value) in finite {
             let _ = write!(
                 out,
                 "<path class=\"dots solid {}\" d=\"M{} {}h0\"/>",
-                look.class(),
+                style.class(),
                 at(px(scale, value)),
                 at(y)
             );
@@ -141,7 +141,7 @@ impl Rows {
 }
 
 fn px(scale: Scale, value: f64) -> f64 {
-    NAMES + scale.share(value) * (WIDTH - RIGHT - VALUES - NAMES)
+    NAMES + scale.fraction(value) * (WIDTH - RIGHT - VALUES - NAMES)
 }
 
 fn shortened(name: &str) -> String {

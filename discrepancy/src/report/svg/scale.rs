@@ -30,7 +30,7 @@ impl Scale {
     }
 
     /// Relative position of a value between the ends, in \[0, 1\]; values outside are clamped.
-    pub(in crate::report) fn share(self, value: f64) -> f64 {
+    pub(in crate::report) fn fraction(self, value: f64) -> f64 {
         ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0)
     }
 

@@ -65,7 +65,7 @@ pub(in crate::report) fn line(points: &[[f64; 2]], x: Scale, columns: usize, gap
 fn by_column(points: &[[f64; 2]], x: Scale, columns: usize) -> Vec<Column> {
     let mut all: Vec<(usize, Column)> = Vec::new();
     for &point in points.iter().filter(|point| point.iter().all(|value| value.is_finite())) {
-        let index = (x.share(point[0]) * columns as f64) as usize;
+        let index = (x.fraction(point[0]) * columns as f64) as usize;
         match all.last_mut() {
             Some((last, column)) if *last == index => {
                 column.last_x = point[0];
@@ -104,7 +104,7 @@ pub(in crate::report) fn dots(points: &[[f64; 2]], x: Scale, y: Scale, max: usiz
         let mut taken = HashSet::new();
         let mut kept: Vec<[f64; 2]> = extremes(&finite);
         kept.extend(finite.iter().copied().filter(|point| {
-            let cell = ((x.share(point[0]) * 2.0 * cells) as u32, (y.share(point[1]) * cells) as u32);
+            let cell = ((x.fraction(point[0]) * 2.0 * cells) as u32, (y.fraction(point[1]) * cells) as u32);
             taken.insert(cell)
         }));
         if taken.len() <= max || cells < 8.0 {
@@ -130,7 +130,7 @@ pub(in crate::report) fn means(points: &[[f64; 2]], x: Scale, parts: usize) -> V
     let (_, points_min) = TREND;
     let mut sums = vec![[0.0; 3]; parts];
     for point in points.iter().filter(|point| point.iter().all(|value| value.is_finite())) {
-        let part = ((x.share(point[0]) * parts as f64) as usize).min(parts - 1);
+        let part = ((x.fraction(point[0]) * parts as f64) as usize).min(parts - 1);
         for (sum, value) in sums[part].iter_mut().zip([1.0, point[0], point[1]]) {
             *sum += value;
         }

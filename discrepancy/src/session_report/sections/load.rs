@@ -11,21 +11,21 @@ use super::{Facts, length, or_none, over_time, several};
 pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     let mut section = Section::new("Lifts");
     let found = &facts.lifts;
-    section.say(match found.lifts.len() {
+    section.paragraph(match found.lifts.len() {
         0 => "No lift ended in this recording.".to_owned(),
         1 => "One lift ended in this recording.".to_owned(),
         count => format!("{count} lifts ended in this recording."),
     });
     if found.before > 0 {
-        section.say(format!("{} lifts were counted before it began.", found.before));
+        section.paragraph(format!("{} lifts were counted before it began.", found.before));
     }
     if !facts.changes_s.is_empty() {
-        section.say(
+        section.paragraph(
             "The lifts are of all workers, by time; a lift in progress at a change of worker is not counted.",
         );
     }
     if found.under_way() {
-        section.say("A load was carried at the end of the recording; that lift is not counted.");
+        section.paragraph("A load was carried at the end of the recording; that lift is not counted.");
     }
     let head = [
         ">no.",
@@ -69,20 +69,20 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
 pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     let mut section = Section::new("Dose and fatigue");
     if let Some(note) = several(facts) {
-        section.say(note);
+        section.paragraph(note);
     }
     match facts.back.assessed_dose() {
-        Some([damage, probability]) => section.say(format!(
+        Some([damage, probability]) => section.paragraph(format!(
             "Cumulative damage of the low back after LiFFT (Gallagher 2017): {damage:.3e}, where 1 is failure. A day of \
              this dose is a high-risk job with a probability of {:.1} %.",
             100.0 * probability
         )),
-        None => section.say(
+        None => section.paragraph(
             "The low-back load was never valid, so the dose is unavailable: see data quality for the reasons.",
         ),
     }
     if facts.back.valid_s <= 0.0 && facts.back.assessed_dose().is_some() {
-        section.say("All of it precedes this recording, in which the low-back load was never valid.");
+        section.paragraph("All of it precedes this recording, in which the low-back load was never valid.");
     }
     let title = "Damage of the low back";
     let figure = over_time(facts, "damage", title, "damage", &facts.back.damage);
@@ -96,7 +96,7 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     let mut table = Table::new(&["joint", ">largest fatigue", ">at the end"]);
     for joint in &tired {
         let exposure = &facts.exposure.joints[joint.index()];
-        let percent = |share: f64| Text::from(format!("{:.2} %", 100.0 * share));
+        let percent = |fraction: f64| Text::from(format!("{:.2} %", 100.0 * fraction));
         table.rows.push(vec![
             words::joint(*joint).into(),
             percent(exposure.fatigue_max),
@@ -104,7 +104,7 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
         ]);
     }
     if tired.is_empty() {
-        section.say(if facts.exposure.valid_s > 0.0 {
+        section.paragraph(if facts.exposure.valid_s > 0.0 {
             "No joint fatigue accumulated."
         } else {
             "No torque was valid, so joint fatigue is unavailable."
@@ -123,15 +123,15 @@ pub(in crate::session_report) fn back(facts: &Facts) -> Section {
     let mut section = Section::new("Low back");
     let found = &facts.back;
     if let Some(note) = several(facts) {
-        section.say(note);
+        section.paragraph(note);
     }
     match (found.peak, found.mean_n()) {
-        (Some([peak_n, sigma_n, time_s]), Some(mean_n)) => section.say(format!(
+        (Some([peak_n, sigma_n, time_s]), Some(mean_n)) => section.paragraph(format!(
             "Compression of the L5/S1 disc was reported for {}: {mean_n:.0} N on average, at most {peak_n:.0} ± {sigma_n:.0} \
              N at t = {time_s:.1} s.",
             length(found.valid_s)
         )),
-        _ => section.say("Compression of the low back was never valid."),
+        _ => section.paragraph("Compression of the low back was never valid."),
     }
     let force =
         over_time(facts, "compression", "Compression of L5/S1", "compression, N", &found.compression_n);

@@ -7,17 +7,17 @@ use equipoise_view::words;
 
 use crate::report::document::{Section, Table, Text, code};
 
-use super::super::document::share_percent;
+use super::super::document::fraction_percent;
 use super::{Facts, length};
 
 /// Percentiles of every stage.
 pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
     let mut section = Section::new("Latency");
     let Some(report) = &facts.path else {
-        section.say("The recording has no cycle records, so latencies are unavailable.");
+        section.paragraph("The recording has no cycle records, so latencies are unavailable.");
         return section;
     };
-    section.say(format!(
+    section.paragraph(format!(
         "{} cycles; {} deadlines missed, {} periods skipped, {} records lost.",
         report.cycles, report.deadlines_missed, report.slots_skipped, report.cycles_lost
     ));
@@ -43,9 +43,9 @@ pub(in crate::session_report) fn latency(facts: &Facts) -> Section {
 pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
     let mut section = Section::new("Data quality");
     let found = &facts.quality;
-    section.say(format!(
+    section.paragraph(format!(
         "All values were valid for {} of the time.",
-        share_percent(found.all_valid_s, found.observed_s)
+        fraction_percent(found.all_valid_s, found.observed_s)
     ));
     section.head("Invalid reasons");
     let mut table = Table::new(&["reason", ">time", ">share", "meaning"]);
@@ -53,7 +53,7 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
         table.rows.push(vec![
             code(name),
             length(raised_s).into(),
-            share_percent(raised_s, found.observed_s).into(),
+            fraction_percent(raised_s, found.observed_s).into(),
             words::reason(name).text.into(),
         ]);
     }
@@ -65,7 +65,7 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
         table.rows.push(vec![
             code(name),
             length(*phase_s).into(),
-            share_percent(*phase_s, found.observed_s).into(),
+            fraction_percent(*phase_s, found.observed_s).into(),
         ]);
     }
     section.table(table);
@@ -77,7 +77,8 @@ pub(in crate::session_report) fn quality(facts: &Facts) -> Section {
 fn adapters(facts: &Facts, section: &mut Section) {
     section.head("Sensors");
     if facts.quality.adapters.is_empty() {
-        section.say("The recording has no counts of the adapters: losses and refusals are unavailable.");
+        section
+            .paragraph("The recording has no counts of the adapters: losses and refusals are unavailable.");
         return;
     }
     let mut table = Table::new(&["stream", ">received", ">published", ">lost", "refused"]);

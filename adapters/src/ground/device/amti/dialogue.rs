@@ -167,7 +167,7 @@ impl Dialogue {
     }
 
     /// The last failure with its remedy, if it is to be reported.
-    pub(super) fn trouble(&self) -> Option<String> {
+    pub(super) fn diagnostic(&self) -> Option<String> {
         let message = match self.fault? {
             Fault::TwoPlates => {
                 "two AMTI plates answer on this line, and how two send has never been verified: switch the adapter from A+B \

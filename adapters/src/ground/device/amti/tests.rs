@@ -1,5 +1,5 @@
 use super::*;
-use crate::ground::brain::GroundBrain;
+use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::amti::{STARTED_ONE, STARTED_TWO, ZEROED_ONE};
 
@@ -115,7 +115,7 @@ fn a_plate_is_stopped_set_to_its_rate_and_started_and_its_counts_become_forces()
     bench.say(&frame([1, 2, 3, 4, 5, 6, 10, 20, 30, 40, 50, 60]));
     let want = Wrench { force_n: [24.0, 48.0, 72.0], moment_nm: [12.0, 15.0, 18.0] };
     assert_eq!(bench.loads(), [want]);
-    assert_eq!(bench.device.trouble(), None);
+    assert_eq!(bench.device.diagnostic(), None);
 }
 
 #[test]
@@ -142,12 +142,12 @@ fn a_plate_that_does_not_answer_is_named_and_asked_until_it_does() {
     let mut bench = Bench::new(settings());
     bench.deaf = true;
     bench.run(1500);
-    assert_eq!(bench.device.trouble(), None, "linking may fail once");
+    assert_eq!(bench.device.diagnostic(), None, "linking may fail once");
     bench.run(3000);
-    assert!(bench.device.trouble().unwrap().contains("does not answer to the command that sets its rate"));
+    assert!(bench.device.diagnostic().unwrap().contains("does not answer to the command that sets its rate"));
     bench.deaf = false;
     bench.link();
-    assert_eq!(bench.device.trouble(), None);
+    assert_eq!(bench.device.diagnostic(), None);
     bench.say(&frame([0; CHANNELS]));
     assert_eq!(bench.loads().len(), 1);
 }
@@ -157,12 +157,12 @@ fn two_plates_on_one_line_are_refused_with_what_to_do() {
     let mut bench = Bench::new(settings());
     bench.started = STARTED_TWO;
     bench.run(1000);
-    assert!(bench.device.trouble().unwrap().contains("switch the adapter from A+B to A"));
+    assert!(bench.device.diagnostic().unwrap().contains("switch the adapter from A+B to A"));
     bench.say(&frame([0; CHANNELS]));
     assert!(bench.loads().is_empty());
     bench.started = STARTED_ONE;
     bench.link();
-    assert_eq!(bench.device.trouble(), None);
+    assert_eq!(bench.device.diagnostic(), None);
 }
 
 #[test]
@@ -194,36 +194,36 @@ fn noise_costs_what_it_hit_and_is_counted() {
 
 #[test]
 fn missing_samples_are_found_from_the_gap_in_time() {
-    let mut brain = GroundBrain::new(Box::new(Amti::new(settings())), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(Amti::new(settings())), GroundSettings::default());
     let mut samples = Vec::new();
     let mut now_ns = 1_000 * MS;
-    brain.opened(now_ns);
+    protocol.opened(now_ns);
     // Executes and answers every request at once.
     for _ in 0..100 {
         now_ns += 20 * MS;
-        if let Want::Send(bytes) = brain.wants(now_ns) {
+        if let Want::Send(bytes) = protocol.wants(now_ns) {
             let answer = if bytes == [0x51] { vec![STARTED_ONE] } else { bytes };
-            brain.receive(&answer, now_ns, &mut samples);
+            protocol.receive(&answer, now_ns, &mut samples);
             if answer == [STARTED_ONE] {
                 break;
             }
         }
     }
     let sound = frame([0; CHANNELS]);
-    let mut feed = |brain: &mut GroundBrain, bytes: &[u8], after_ms: u64| {
+    let mut feed = |protocol: &mut GroundProtocol, bytes: &[u8], after_ms: u64| {
         now_ns += after_ms * MS;
-        brain.receive(bytes, now_ns, &mut samples);
-        brain.counts().lost
+        protocol.receive(bytes, now_ns, &mut samples);
+        protocol.counts().lost
     };
-    assert_eq!(feed(&mut brain, &sound, 5), 0);
+    assert_eq!(feed(&mut protocol, &sound, 5), 0);
     // One byte missing, then a few in excess: one frame is lost, then none.
-    assert_eq!(feed(&mut brain, &sound[1..], 5), 0);
-    assert_eq!(feed(&mut brain, &sound, 5), 1);
-    assert_eq!(feed(&mut brain, &[0x55; 3], 1), 1);
-    assert_eq!(feed(&mut brain, &sound, 5), 1);
+    assert_eq!(feed(&mut protocol, &sound[1..], 5), 0);
+    assert_eq!(feed(&mut protocol, &sound, 5), 1);
+    assert_eq!(feed(&mut protocol, &[0x55; 3], 1), 1);
+    assert_eq!(feed(&mut protocol, &sound, 5), 1);
     // A gap of 0.1 s, of which the line kept half a frame.
-    assert_eq!(feed(&mut brain, &sound[10..], 100), 1);
-    assert_eq!(feed(&mut brain, &sound, 5), 21);
+    assert_eq!(feed(&mut protocol, &sound[10..], 100), 1);
+    assert_eq!(feed(&mut protocol, &sound, 5), 21);
 }
 
 #[test]
@@ -245,10 +245,12 @@ fn a_wrong_speed_is_named_and_asked_about_again() {
     for _ in 0..40 {
         bench.say(&[0xE6; FRAME_SIZE]);
     }
-    assert!(bench.device.trouble().unwrap().contains("none of the last 512 make a frame of an AMTI plate"));
+    assert!(
+        bench.device.diagnostic().unwrap().contains("none of the last 512 make a frame of an AMTI plate")
+    );
     bench.run(20);
     bench.link();
     assert_eq!(bench.heard, [0x52, 0x52, 0x76, 0x51], "it is brought to its speed again");
     bench.say(&frame([0; CHANNELS]));
-    assert_eq!(bench.device.trouble(), None);
+    assert_eq!(bench.device.diagnostic(), None);
 }

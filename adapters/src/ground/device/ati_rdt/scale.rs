@@ -55,8 +55,8 @@ impl Scale {
             (Some(counts_per_newton), Some(counts_per_newton_metre)) => {
                 Ok(Scale { counts_per_newton, counts_per_newton_metre })
             }
-            _ => Err("what the ATI device's counts are worth is not known: its page of settings was not read, and \
-                      ground.counts_per_newton and ground.counts_per_newton_metre are not both given"
+            _ => Err("the scale of the ATI device is unavailable: its settings page was not read, and \
+                      ground.counts_per_newton and ground.counts_per_newton_metre are not both set"
                 .to_owned()),
         }
     }
@@ -71,15 +71,12 @@ impl Scale {
             Ok(text) => text,
             Err(error) => {
                 let scale = Scale::configured(settings)?;
-                return Ok((
-                    scale,
-                    format!("{error}; its counts are taken as configured, and nothing can check them"),
-                ));
+                return Ok((scale, format!("{error}; the configured scale is used without a check")));
             }
         };
         let page = NetFtPage::parse(text).map_err(|fault| {
             format!(
-                "the page of settings of the ATI device cannot be understood: {fault}; is ground.address an ATI Net F/T or \
+                "the settings page of the ATI device cannot be parsed: {fault}; is ground.address an ATI Net F/T or \
                  Axia? With page = false in [ground.ati] it is not read"
             )
         })?;
@@ -114,7 +111,7 @@ impl Scale {
             page.rdt_rate_hz.map_or_else(String::new, |hz| format!(", and sends {hz} records a second"));
         let Scale { counts_per_newton, counts_per_newton_metre } = scale;
         let note = format!(
-            "the ATI device's page of settings says: {counts_per_newton} counts per newton, {counts_per_newton_metre} per newton \
+            "scale by the ATI device's settings page: {counts_per_newton} counts per newton, {counts_per_newton_metre} per newton \
              metre{rate}"
         );
         Ok((scale, note))
@@ -146,7 +143,7 @@ impl PageEntry<'_> {
                 Some(si_per_unit) => Some(counts / si_per_unit),
                 None => {
                     return Err(format!(
-                        "the ATI device counts in a unit that is not known, \"{unit}\" ({unit_name} of its page of settings): \
+                        "the ATI device uses an unsupported unit, \"{unit}\" ({unit_name} of its settings page): \
                          on its web page, under Configurations, choose N and N-m and apply"
                     ));
                 }
@@ -156,8 +153,8 @@ impl PageEntry<'_> {
         match (page, self.configured) {
             (Some(page), Some(configured)) if (page / configured - 1.0).abs() > RELATIVE_TOLERANCE => {
                 Err(format!(
-                    "{key} = {configured} contradicts the device: its page of settings says {page} ({counts_name} = {} per {}); \
-                 take the key out, or correct it",
+                    "{key} = {configured} contradicts the device: its settings page contains {page} ({counts_name} = {} per {}); \
+                 remove the key, or correct it",
                     self.counts.unwrap_or_default(),
                     self.unit.unwrap_or_default(),
                 ))
@@ -165,7 +162,7 @@ impl PageEntry<'_> {
             (_, Some(configured)) => Ok(configured),
             (Some(page), None) => Ok(page),
             (None, None) => Err(format!(
-                "the page of settings of the ATI device lacks {counts_name} or {unit_name}, so nothing is guessed: set {key}"
+                "the settings page of the ATI device lacks {counts_name} or {unit_name}: set {key}"
             )),
         }
     }

@@ -1,6 +1,6 @@
 use super::*;
-use crate::ground::brain::GroundBrain;
 use crate::ground::frame::GroundFrame;
+use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use equipoise_core::message::GroundSample;
 
@@ -11,16 +11,16 @@ fn at(index: u32) -> Record {
     Record { rdt_sequence: index, ft_sequence: index.wrapping_mul(7), ..SOUND }
 }
 
-fn plate(settings: GroundSettings) -> GroundBrain {
-    GroundBrain::new(Box::new(AtiRdt::new(RdtSettings::default())), settings)
+fn plate(settings: GroundSettings) -> GroundProtocol {
+    GroundProtocol::new(Box::new(AtiRdt::new(RdtSettings::default())), settings)
 }
 
 /// Makes the device request a new stream, as after a silence.
-fn request(brain: &mut GroundBrain) {
-    assert!(matches!(brain.wants(u64::MAX), Want::Send(_)));
+fn request(protocol: &mut GroundProtocol) {
+    assert!(matches!(protocol.wants(u64::MAX), Want::Send(_)));
 }
 
-fn receive(receiver: &mut GroundBrain, record: Record, arrival_ns: u64) -> Vec<GroundSample> {
+fn receive(receiver: &mut GroundProtocol, record: Record, arrival_ns: u64) -> Vec<GroundSample> {
     let mut samples = Vec::new();
     receiver.receive(&record.to_bytes(), arrival_ns, &mut samples);
     samples
@@ -63,7 +63,7 @@ fn with_page(settings: RdtSettings, page: Result<&str, &str>) -> Result<[f64; 2]
     let record = Record { force_counts: [1_000_000; 3], torque_counts: [1_000_000; 3], ..SOUND };
     device.take(&record.to_bytes(), 1, &mut taken);
     let reading = taken.readings().next().copied();
-    match (reading.map(|reading| reading.load), device.trouble()) {
+    match (reading.map(|reading| reading.load), device.diagnostic()) {
         (Some(Load::Wrench(wrench)), None) => Ok([wrench.force_n[2], wrench.moment_nm[2]]),
         (None, Some(why)) => Err(why),
         other => panic!("{other:?}"),
@@ -85,22 +85,22 @@ fn the_page_gives_the_scale_of_counts_in_every_unit() {
 fn what_the_page_does_not_say_is_not_guessed() {
     let nothing = settings(None, None);
     let refused = |xml: &str| with_page(nothing, Ok(xml)).unwrap_err();
-    assert!(refused(&XML.replace(">N<", ">oz<")).contains("a unit that is not known, \"oz\" (scfgfu"));
+    assert!(refused(&XML.replace(">N<", ">oz<")).contains("an unsupported unit, \"oz\" (scfgfu"));
     assert!(refused(&XML.replace("scfgtu", "other")).contains("lacks cfgcpt or scfgtu"));
     assert!(
         refused(&XML.replace("Enabled", "Disabled"))
             .contains("RDT is switched off in the ATI device: on its web")
     );
     assert!(refused("<html>it works</html>").contains("is ground.address an ATI Net F/T or Axia?"));
-    assert!(with_page(nothing, Err("not there")).unwrap_err().contains("are not both given"));
+    assert!(with_page(nothing, Err("not there")).unwrap_err().contains("are not both set"));
     assert_eq!(with_page(settings(None, Some(5e5)), Ok(&XML.replace("scfgtu", "other"))), Ok([0.5, 2.0]));
 }
 
 #[test]
 fn counts_that_contradict_the_page_are_refused_and_without_a_page_they_are_taken() {
     let said = with_page(settings(Some(1e6), None), Ok(XML)).unwrap_err();
-    let want = "ground.counts_per_newton = 1000000 contradicts the device: its page of settings says 2000000 (cfgcpf = 2000000 \
-                per N); take the key out, or correct it";
+    let want = "ground.counts_per_newton = 1000000 contradicts the device: its settings page contains 2000000 (cfgcpf = 2000000 \
+                per N); remove the key, or correct it";
     assert_eq!(said, want);
     assert!(
         with_page(settings(None, Some(1e6)), Ok(XML))
@@ -123,7 +123,7 @@ fn the_source_of_each_setting_is_reported() {
     );
     device.opened(1);
     device.take(&Page::to_bytes(Err("connection refused")), 1, &mut taken);
-    assert!(device.note().unwrap().starts_with("connection refused; its counts are taken as configured"));
+    assert!(device.note().unwrap().starts_with("connection refused; the configured scale is used"));
 }
 
 #[test]
@@ -144,11 +144,11 @@ fn a_device_whose_page_is_refused_is_stopped_and_its_page_read_again() {
     device.take(&SOUND.to_bytes(), 2 * S, &mut taken);
     assert_eq!(taken.readings().count(), 0);
     assert_eq!(device.wants(2 * S), stop, "it did not hear");
-    assert!(matches!(device.wants(6 * S), Want::Reopen(why) if Some(&why) == device.trouble().as_ref()));
+    assert!(matches!(device.wants(6 * S), Want::Reopen(why) if Some(&why) == device.diagnostic().as_ref()));
     device.opened(7 * S);
     let agreed = XML.replace("2000000", "1000000").replace("500000", "1000000");
     device.take(&Page::to_bytes(Ok(&agreed)), 7 * S, &mut taken);
-    assert_eq!(device.trouble(), None);
+    assert_eq!(device.diagnostic(), None);
     assert!(matches!(device.wants(7 * S), Want::Send(_)));
 }
 

@@ -1,6 +1,6 @@
 use super::*;
-use crate::ground::brain::GroundBrain;
 use crate::ground::channels::{Direct, ForceUnit, MomentUnit};
+use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::checksum::Checksum;
 use crate::wire::frame::{Endian, Summed};
@@ -38,7 +38,7 @@ fn settings() -> BinarySettings {
         status: None,
         trigger: None,
         request: None,
-        farewell: None,
+        close_command: None,
     }
 }
 
@@ -50,18 +50,18 @@ fn frame(index: u32) -> Vec<u8> {
     bytes
 }
 
-fn run(settings: BinarySettings, pieces: &[&[u8]]) -> (Vec<GroundSample>, GroundBrain) {
-    let mut brain = GroundBrain::new(Box::new(Binary::new(settings)), GroundSettings::default());
-    brain.opened(0);
+fn run(settings: BinarySettings, pieces: &[&[u8]]) -> (Vec<GroundSample>, GroundProtocol) {
+    let mut protocol = GroundProtocol::new(Box::new(Binary::new(settings)), GroundSettings::default());
+    protocol.opened(0);
     let mut samples = Vec::new();
     for (index, piece) in pieces.iter().enumerate() {
-        brain.receive(piece, 1000 * MS + index as u64 * 10 * MS, &mut samples);
+        protocol.receive(piece, 1000 * MS + index as u64 * 10 * MS, &mut samples);
     }
-    (samples, brain)
+    (samples, protocol)
 }
 
-fn refused(brain: &GroundBrain, refusal: GroundRefusal) -> u64 {
-    brain.counts().refused[refusal.index()]
+fn refused(protocol: &GroundProtocol, refusal: GroundRefusal) -> u64 {
+    protocol.counts().refused[refusal.index()]
 }
 
 fn with_time(settings: BinarySettings) -> BinarySettings {
@@ -77,8 +77,11 @@ fn a_damaged_datagram_is_lost_and_takes_its_time_where_nothing_counts() {
         sent[index][4] ^= 0x10;
     }
     let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
-    let (samples, brain) = run(settings, &pieces);
-    assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Checksum)), (57, 3, 3));
+    let (samples, protocol) = run(settings, &pieces);
+    assert_eq!(
+        (samples.len(), protocol.counts().lost, refused(&protocol, GroundRefusal::Checksum)),
+        (57, 3, 3)
+    );
     assert!(samples.iter().all(|sample| sample.sample_time_ns.abs_diff(sample.arrival_ns) < MS));
 }
 
@@ -90,17 +93,17 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
     settings.form.checksum = settings.form.checksum.map(|summed| Summed { to: 9, at: 9, ..summed });
     settings.fields[0].place = Place::new(6, Number::I24, Endian::Big);
     settings.time = Some(Time { place: Place::new(2, Number::U32, Endian::Big), unit_ns: MS });
-    let mut brain = GroundBrain::new(Box::new(Binary::new(settings)), GroundSettings::default());
-    brain.opened(0);
+    let mut protocol = GroundProtocol::new(Box::new(Binary::new(settings)), GroundSettings::default());
+    protocol.opened(0);
     let mut samples = Vec::new();
     for index in 0..2000_u32 {
         let mut bytes = vec![0x5a, index as u8];
         bytes.extend_from_slice(&(index / 2).wrapping_sub(500).to_be_bytes());
         bytes.extend_from_slice(&(-7005i32).to_be_bytes()[1..]);
         bytes.push(bytes.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte)));
-        brain.receive(&bytes, 1000 * MS + u64::from(index) * MS / 2, &mut samples);
+        protocol.receive(&bytes, 1000 * MS + u64::from(index) * MS / 2, &mut samples);
     }
-    assert_eq!((samples.len(), brain.counts().lost), (2000, 0));
+    assert_eq!((samples.len(), protocol.counts().lost), (2000, 0));
     assert!(samples.iter().all(|sample| sample.session == samples[0].session));
     let last = samples[1999];
     assert!(last.sample_time_ns.abs_diff(last.arrival_ns) < MS && last.sample_time_sigma_ns < MS, "{last:?}");
@@ -110,10 +113,10 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
 fn a_short_counter_gives_losses_across_its_wrap() {
     let sent: Vec<Vec<u8>> = [250, 251, 255, 257, 257, 256, 300].into_iter().map(frame).collect();
     let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
-    let (samples, brain) = run(settings(), &pieces);
-    assert_eq!((samples.len(), brain.counts().lost), (5, 3 + 1 + 42));
+    let (samples, protocol) = run(settings(), &pieces);
+    assert_eq!((samples.len(), protocol.counts().lost), (5, 3 + 1 + 42));
     assert_eq!(
-        (refused(&brain, GroundRefusal::Duplicate), refused(&brain, GroundRefusal::OutOfOrder)),
+        (refused(&protocol, GroundRefusal::Duplicate), refused(&protocol, GroundRefusal::OutOfOrder)),
         (1, 1)
     );
     assert_eq!(samples[0].force_n, [0.0, 0.0, 700.5]);
@@ -125,10 +128,13 @@ fn a_short_time_gives_losses_too_and_a_step_back_is_a_restart() {
     let sent: Vec<Vec<u8>> =
         [6550, 6551, 6552, 6553, 6554, 6557, 6557, 6558].into_iter().map(frame).collect();
     let pieces: Vec<&[u8]> = sent.iter().map(Vec::as_slice).collect();
-    let (mut samples, mut brain) = run(with_time(settings()), &pieces);
-    assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Duplicate)), (7, 2, 1));
+    let (mut samples, mut protocol) = run(with_time(settings()), &pieces);
+    assert_eq!(
+        (samples.len(), protocol.counts().lost, refused(&protocol, GroundRefusal::Duplicate)),
+        (7, 2, 1)
+    );
     assert!(samples.iter().all(|sample| sample.session == 0), "65 536 ms are a wrap and no restart");
-    brain.receive(&frame(6000), 2000 * MS, &mut samples);
+    protocol.receive(&frame(6000), 2000 * MS, &mut samples);
     assert_eq!(samples.last().map(|sample| sample.session), Some(1));
 }
 
@@ -137,13 +143,16 @@ fn losses_without_a_counter_are_found_from_the_gap_in_time() {
     let silent = BinarySettings { sequence: None, ..settings() };
     let mut stream: Vec<u8> = (0..5).flat_map(frame).collect();
     stream[8..24].fill(0);
-    let (samples, brain) = run(silent.clone(), &[&stream]);
-    assert_eq!((samples.len(), brain.counts().lost, refused(&brain, GroundRefusal::Garbage)), (3, 2, 1));
+    let (samples, protocol) = run(silent.clone(), &[&stream]);
+    assert_eq!(
+        (samples.len(), protocol.counts().lost, refused(&protocol, GroundRefusal::Garbage)),
+        (3, 2, 1)
+    );
     // After a silence the loss cannot be counted.
-    let mut brain = GroundBrain::new(Box::new(Binary::new(silent)), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(Binary::new(silent)), GroundSettings::default());
     let mut samples = Vec::new();
-    brain.receive(&frame(0), 1000 * MS, &mut samples);
-    brain.receive(&frame(1), 2000 * MS, &mut samples);
+    protocol.receive(&frame(0), 1000 * MS, &mut samples);
+    protocol.receive(&frame(1), 2000 * MS, &mut samples);
     assert_eq!(samples.iter().map(|sample| sample.session).collect::<Vec<_>>(), [0, 1]);
 }
 
@@ -155,10 +164,10 @@ fn a_datagram_is_whole_frames_or_nothing() {
     damaged[6] ^= 1;
     let mut foreign = frame(5);
     foreign[0] = 0;
-    let (samples, brain) = run(datagrams, &[&two, &damaged, &two[..12], &[], &foreign]);
+    let (samples, protocol) = run(datagrams, &[&two, &damaged, &two[..12], &[], &foreign]);
     assert_eq!(samples.iter().map(|sample| sample.device_counter).collect::<Vec<_>>(), [1, 2, 4]);
     use GroundRefusal::{Checksum, Garbage, Length};
-    assert_eq!([Checksum, Length, Garbage].map(|refusal| refused(&brain, refusal)), [1, 2, 1]);
+    assert_eq!([Checksum, Length, Garbage].map(|refusal| refused(&protocol, refusal)), [1, 2, 1]);
 }
 
 #[test]
@@ -171,40 +180,40 @@ fn scans_of_a_frame_are_readings_of_their_own() {
         datagrams: true,
         ..settings()
     };
-    let (samples, brain) = run(
+    let (samples, protocol) = run(
         scans,
         &[&[0x5a, 255, 0, 1, 0, 2, 0, 3], &[0x5a, 0, 0, 4, 0, 5, 0, 6], &[0x5a, 2, 0, 7, 0, 8, 0, 9]],
     );
     let forces: Vec<f64> = samples.iter().map(|sample| -sample.force_n[2]).collect();
     assert_eq!(forces, [3.0, 5.0, 7.0, 9.0, 11.0, 13.0, 15.0, 17.0, 19.0]);
-    assert_eq!(brain.counts().lost, 3, "a frame is three readings");
+    assert_eq!(protocol.counts().lost, 3, "a frame is three readings");
 }
 
 #[test]
 fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
     let asked =
-        BinarySettings { request: Some(b"go".to_vec()), farewell: Some(b"halt".to_vec()), ..settings() };
-    let mut brain = GroundBrain::new(Box::new(Binary::new(asked)), GroundSettings::default());
+        BinarySettings { request: Some(b"go".to_vec()), close_command: Some(b"halt".to_vec()), ..settings() };
+    let mut protocol = GroundProtocol::new(Box::new(Binary::new(asked)), GroundSettings::default());
     let go = Want::Send(b"go".to_vec());
-    brain.opened(0);
+    protocol.opened(0);
     assert_eq!(
-        (brain.wants(0), brain.wants(50 * MS), brain.wants(100 * MS)),
+        (protocol.wants(0), protocol.wants(50 * MS), protocol.wants(100 * MS)),
         (go.clone(), Want::Nothing, go.clone())
     );
-    brain.receive(&frame(200), 110 * MS, &mut Vec::new());
-    assert_eq!((brain.wants(600 * MS), brain.wants(611 * MS)), (Want::Nothing, go));
+    protocol.receive(&frame(200), 110 * MS, &mut Vec::new());
+    assert_eq!((protocol.wants(600 * MS), protocol.wants(611 * MS)), (Want::Nothing, go));
     // The sequence restarts from zero; this is not a loss.
-    brain.receive(&frame(0), 700 * MS, &mut Vec::new());
-    assert_eq!((brain.counts().lost, brain.counts().published), (0, 2));
-    assert_eq!(brain.farewell(), Some(b"halt".to_vec()));
+    protocol.receive(&frame(0), 700 * MS, &mut Vec::new());
+    assert_eq!((protocol.counts().lost, protocol.counts().published), (0, 2));
+    assert_eq!(protocol.close_command(), Some(b"halt".to_vec()));
 }
 
 #[test]
 fn bytes_without_any_frame_are_reported_in_words() {
-    let (_, mut brain) = run(settings(), &[&[7; 600]]);
-    assert!(brain.trouble().is_some_and(|said| said.contains("none of the last 593 make a frame")));
-    brain.receive(&frame(1), 5000 * MS, &mut Vec::new());
-    assert_eq!(brain.trouble(), None);
+    let (_, mut protocol) = run(settings(), &[&[7; 600]]);
+    assert!(protocol.diagnostic().is_some_and(|said| said.contains("none of the last 593 make a frame")));
+    protocol.receive(&frame(1), 5000 * MS, &mut Vec::new());
+    assert_eq!(protocol.diagnostic(), None);
 }
 
 #[test]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::ground::brain::GroundBrain;
+use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::bota::SPEED;
 
@@ -19,10 +19,10 @@ fn listening() -> Bota {
     Bota::new(BotaSettings { baud: SPEED, sinc: None })
 }
 
-fn brain(device: Bota) -> GroundBrain {
-    let mut brain = GroundBrain::new(Box::new(device), GroundSettings::default());
-    brain.opened(0);
-    brain
+fn protocol(device: Bota) -> GroundProtocol {
+    let mut protocol = GroundProtocol::new(Box::new(device), GroundSettings::default());
+    protocol.opened(0);
+    protocol
 }
 
 fn at(index: u32) -> [u8; FRAME_SIZE] {
@@ -53,29 +53,30 @@ fn only_what_forbids_to_use_a_sample_is_its_status() {
     }
     let statuses: Vec<u32> = taken.readings().map(|reading| reading.status).collect();
     assert_eq!(statuses, [0, 2, 4, 8]);
-    assert!(device.trouble().unwrap().contains("no forces: set it to calibrated values"));
+    assert!(device.diagnostic().unwrap().contains("no forces: set it to calibrated values"));
     device.take(&at(4), 0, &mut taken);
-    assert_eq!(device.trouble(), None);
+    assert_eq!(device.diagnostic(), None);
 }
 
 #[test]
 fn damage_costs_its_frame_and_loss_shows_in_the_sensors_clock_over_its_wrap() {
-    let mut brain = brain(listening());
+    let mut protocol = protocol(listening());
     let start = u32::MAX / PERIOD_US - 8;
     let mut samples = Vec::new();
-    let mut feed = |brain: &mut GroundBrain, bytes: &[u8]| brain.receive(bytes, 1_000_000_000, &mut samples);
+    let mut feed =
+        |protocol: &mut GroundProtocol, bytes: &[u8]| protocol.receive(bytes, 1_000_000_000, &mut samples);
     for index in 0..8 {
-        feed(&mut brain, &at(start + index));
+        feed(&mut protocol, &at(start + index));
     }
     let mut damaged = at(start + 8);
     damaged[20] ^= 4;
-    feed(&mut brain, &damaged);
+    feed(&mut protocol, &damaged);
     // Three more frames after the wrap, of which one is missing and one is truncated.
-    feed(&mut brain, &frame(at_us(start, 9)).to_bytes());
-    feed(&mut brain, &frame(at_us(start, 11)).to_bytes());
-    feed(&mut brain, &frame(at_us(start, 12)).to_bytes()[..30]);
-    feed(&mut brain, &frame(at_us(start, 13)).to_bytes());
-    let counts = *brain.counts();
+    feed(&mut protocol, &frame(at_us(start, 9)).to_bytes());
+    feed(&mut protocol, &frame(at_us(start, 11)).to_bytes());
+    feed(&mut protocol, &frame(at_us(start, 12)).to_bytes()[..30]);
+    feed(&mut protocol, &frame(at_us(start, 13)).to_bytes());
+    let counts = *protocol.counts();
     assert_eq!((counts.published, counts.lost), (11, 3));
     assert_eq!(counts.refused[GroundRefusal::Checksum.index()], 2);
     assert_eq!(counts.refused[GroundRefusal::Garbage.index()], 0);
@@ -88,90 +89,90 @@ fn at_us(start: u32, index: u32) -> u32 {
 
 #[test]
 fn a_sensor_that_was_switched_off_and_on_is_a_new_session() {
-    let mut brain = brain(listening());
+    let mut protocol = protocol(listening());
     let mut samples = Vec::new();
     for index in [100, 101, 102, 0, 1, 2] {
-        brain.receive(&at(index), 1, &mut samples);
+        protocol.receive(&at(index), 1, &mut samples);
     }
     let sessions: Vec<u32> = samples.iter().map(|sample| sample.session).collect();
     assert_eq!(sessions, [0, 0, 0, 1, 1, 1]);
-    assert_eq!(brain.counts().lost, 0);
+    assert_eq!(protocol.counts().lost, 0);
 }
 
 /// After more than 36 minutes, zero is ahead of the last clock value, modulo 2³².
 #[test]
 fn a_sensor_that_ran_for_long_and_was_switched_off_and_on_lost_nothing_anybody_could_count() {
-    let mut brain = brain(listening());
+    let mut protocol = protocol(listening());
     let mut samples = Vec::new();
     let start = 3_000_000_000 / PERIOD_US;
     for (place, index) in [start, start + 1, start + 2, start + 3, start + 4, 0, 1, 2].into_iter().enumerate()
     {
         let off_ns = if index < start { 5000 * MS } else { 0 };
-        brain.receive(&at(index), 1000 * MS + off_ns + place as u64 * 10 * MS, &mut samples);
+        protocol.receive(&at(index), 1000 * MS + off_ns + place as u64 * 10 * MS, &mut samples);
     }
     let sessions: Vec<u32> = samples.iter().map(|sample| sample.session).collect();
     assert_eq!(sessions, [0, 0, 0, 0, 0, 1, 1, 1]);
-    assert_eq!(brain.counts().lost, 0);
+    assert_eq!(protocol.counts().lost, 0);
 }
 
 #[test]
 fn a_clock_that_stands_is_named_and_dates_nothing() {
-    let mut brain = brain(listening());
+    let mut protocol = protocol(listening());
     let mut samples = Vec::new();
     for _ in 0..=STANDS {
-        brain.receive(&at(7), 1, &mut samples);
+        protocol.receive(&at(7), 1, &mut samples);
     }
     assert_eq!(samples.len(), 1);
-    assert!(brain.trouble().unwrap().contains("clock of the Bota sensor stands still"));
+    assert!(protocol.diagnostic().unwrap().contains("clock of the Bota sensor stands still"));
 }
 
 #[test]
 fn silence_and_a_wrong_speed_are_named_and_end_by_themselves() {
-    let mut brain = brain(listening());
+    let mut protocol = protocol(listening());
     let mut samples = Vec::new();
-    assert_eq!(brain.wants(1000 * MS), Want::Nothing);
-    assert_eq!(brain.trouble(), None);
-    brain.wants(2100 * MS);
-    assert!(brain.trouble().unwrap().contains("nothing comes from the Bota sensor"));
-    brain.receive(&[0x5A; 800], 2200 * MS, &mut samples);
-    let said = brain.trouble().unwrap();
+    assert_eq!(protocol.wants(1000 * MS), Want::Nothing);
+    assert_eq!(protocol.diagnostic(), None);
+    protocol.wants(2100 * MS);
+    assert!(protocol.diagnostic().unwrap().contains("nothing comes from the Bota sensor"));
+    protocol.receive(&[0x5A; 800], 2200 * MS, &mut samples);
+    let said = protocol.diagnostic().unwrap();
     assert!(
         said.contains("none of the last 740 make a frame of a Bota sensor") && said.contains("460800"),
         "{said}"
     );
-    brain.receive(&at(1), 2300 * MS, &mut samples);
-    assert_eq!((brain.trouble(), samples.len()), (None, 1));
+    protocol.receive(&at(1), 2300 * MS, &mut samples);
+    assert_eq!((protocol.diagnostic(), samples.len()), (None, 1));
 }
 
 #[test]
 fn a_sensor_is_set_up_among_its_frames_and_asked_again_from_the_start() {
-    let mut brain = brain(Bota::new(BotaSettings { baud: SPEED, sinc: Some(256) }));
+    let mut protocol = protocol(Bota::new(BotaSettings { baud: SPEED, sinc: Some(256) }));
     let mut samples = Vec::new();
     let say = |said: &str| Want::Send(said.as_bytes().to_vec());
-    assert_eq!(brain.wants(0), say("C"));
-    assert_eq!(brain.wants(10 * MS), Want::Nothing);
-    brain.receive(&at(1), 20 * MS, &mut samples);
-    brain.receive(b"r,0,", 30 * MS, &mut samples);
-    brain.receive(b"C,0", 30 * MS, &mut samples);
-    assert_eq!(brain.wants(40 * MS), say("c,0,1,0,4"));
+    assert_eq!(protocol.wants(0), say("C"));
+    assert_eq!(protocol.wants(10 * MS), Want::Nothing);
+    protocol.receive(&at(1), 20 * MS, &mut samples);
+    protocol.receive(b"r,0,", 30 * MS, &mut samples);
+    protocol.receive(b"C,0", 30 * MS, &mut samples);
+    assert_eq!(protocol.wants(40 * MS), say("c,0,1,0,4"));
     // Without an answer, the set-up restarts.
-    assert_eq!(brain.wants(1100 * MS), say("C"));
+    assert_eq!(protocol.wants(1100 * MS), say("C"));
     for (answer, next) in [("r,0,C,0", "c,0,1,0,4"), ("r,0,c,0", "f,256,0,0,1"), ("r,0,f,0", "R")] {
-        brain.receive(answer.as_bytes(), 1200 * MS, &mut samples);
-        assert_eq!(brain.wants(1300 * MS), say(next));
+        protocol.receive(answer.as_bytes(), 1200 * MS, &mut samples);
+        assert_eq!(protocol.wants(1300 * MS), say(next));
     }
     assert!(samples.is_empty(), "frames of the old filter are not used");
-    brain.receive(&[b"r,0,R,0".as_slice(), &at(5)].concat(), 1400 * MS, &mut samples);
-    assert_eq!((samples.len(), brain.wants(1500 * MS), brain.trouble()), (1, Want::Nothing, None));
+    protocol.receive(&[b"r,0,R,0".as_slice(), &at(5)].concat(), 1400 * MS, &mut samples);
+    assert_eq!((samples.len(), protocol.wants(1500 * MS), protocol.diagnostic()), (1, Want::Nothing, None));
 }
 
 #[test]
 fn a_sensor_that_does_not_answer_is_named() {
-    let mut brain = brain(Bota::new(BotaSettings { baud: 115_200, sinc: Some(512) }));
+    let mut protocol = protocol(Bota::new(BotaSettings { baud: 115_200, sinc: Some(512) }));
     for second in 0..3 {
-        assert!(matches!(brain.wants(second * 1100 * MS), Want::Send(_)));
+        assert!(matches!(protocol.wants(second * 1100 * MS), Want::Send(_)));
     }
-    let said = brain.trouble().unwrap();
+    let said = protocol.diagnostic().unwrap();
     assert!(
         said.contains("does not answer when it is to be set up") && said.contains("115200 baud"),
         "{said}"

@@ -1,7 +1,7 @@
 use super::*;
 use crate::ground::frame::Wrench;
 use crate::ground::reading::Load;
-use crate::ground::{GroundBrain, GroundSettings};
+use crate::ground::{GroundProtocol, GroundSettings};
 
 const MS: u64 = 1_000_000;
 const T0_NS: u64 = 1_700_000_000_000_000_000;
@@ -89,7 +89,7 @@ fn scans_become_means_with_the_time_of_their_middle() {
     };
     assert_eq!(moment_nm, [0.5, 0.5, 0.0]);
     assert_eq!(taken.block_latency_ns, Some(3 * MS));
-    assert_eq!((taken.refusals().count(), amp.trouble(), amp.wants(2 * MS)), (0, None, Want::Nothing));
+    assert_eq!((taken.refusals().count(), amp.diagnostic(), amp.wants(2 * MS)), (0, None, Want::Nothing));
 }
 
 #[test]
@@ -133,65 +133,69 @@ fn channels_that_are_not_there_or_in_no_unit_of_theirs_are_said_and_asked_for_ag
         amp.take(&[opening(1000, units), data(0, T0_NS, &[1.0, 2.0])].concat(), 0, &mut taken);
         let Want::Reopen(why) = amp.wants(MS) else { panic!() };
         assert!(why.contains(said), "{why}");
-        assert_eq!((amp.trouble(), taken.readings().count()), (Some(why), 0));
+        assert_eq!((amp.diagnostic(), taken.readings().count()), (Some(why), 0));
         assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::UnknownKind]);
     }
     let mut amp = direct(["Sensor-2", "Sensor-1"], None);
     amp.take(b"{\"result\": 3}\n", 0, &mut Taken::default());
-    assert!(amp.trouble().unwrap().contains("result 3"));
+    assert!(amp.diagnostic().unwrap().contains("result 3"));
     // Remaining bytes of an abandoned stream are not the first line of another.
     let good = [opening(1000, &["Nm", "N"]), data(0, T0_NS, &[1.0, 2.0])].concat();
     let mut taken = Taken::default();
     amp.take(&good, 0, &mut taken);
-    assert!(amp.trouble().is_some() && taken.readings().count() == 0);
+    assert!(amp.diagnostic().is_some() && taken.readings().count() == 0);
     assert!(matches!(amp.wants(MS), Want::Reopen(_)));
     amp.opened(MS);
     amp.take(&good, MS, &mut taken);
-    assert_eq!((amp.trouble(), taken.refusals().count()), (None, 1));
+    assert_eq!((amp.diagnostic(), taken.refusals().count()), (None, 1));
 }
 
 #[test]
 fn events_are_counted_or_end_the_stream() {
-    let mut brain =
-        GroundBrain::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(1))), GroundSettings::default());
+    let mut protocol =
+        GroundProtocol::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(1))), GroundSettings::default());
     let mut samples = Vec::new();
-    brain.opened(0);
+    protocol.opened(0);
     let frame = |sequence, ms: u64| data(sequence, T0_NS + ms * MS, &[0.0, 1.0, 0.0, 1.0]);
-    brain.receive(
+    protocol.receive(
         &[opening(1000, &["Nm", "N"]), frame(0, 0), event(1, 1), frame(2, 2)].concat(),
         0,
         &mut samples,
     );
     // Frames 3 and 4 are missing: four scans are lost.
-    brain.receive(&[frame(5, 8), event(6, 9)].concat(), 0, &mut samples);
-    let counts = *brain.counts();
+    protocol.receive(&[frame(5, 8), event(6, 9)].concat(), 0, &mut samples);
+    let counts = *protocol.counts();
     assert_eq!((samples.len(), counts.lost, counts.refused[GroundRefusal::Overrun.index()]), (6, 4, 1));
     assert_eq!(counts.refused[GroundRefusal::UnknownKind.index()], 1);
     // The clock is set one hour ahead: no loss, and the session continues.
-    brain.receive(&[event(7, 2), frame(8, 3_600_010)].concat(), 0, &mut samples);
-    assert_eq!((brain.counts().lost, samples.last().unwrap().session), (4, 0));
-    assert_eq!(brain.counts().refused[GroundRefusal::DeviceStatus.index()], 1);
+    protocol.receive(&[event(7, 2), frame(8, 3_600_010)].concat(), 0, &mut samples);
+    assert_eq!((protocol.counts().lost, samples.last().unwrap().session), (4, 0));
+    assert_eq!(protocol.counts().refused[GroundRefusal::DeviceStatus.index()], 1);
     // A step back begins another session.
-    brain.receive(&frame(9, 20), 0, &mut samples);
-    assert_eq!((brain.counts().lost, samples.last().unwrap().session), (4, 1));
+    protocol.receive(&frame(9, 20), 0, &mut samples);
+    assert_eq!((protocol.counts().lost, samples.last().unwrap().session), (4, 1));
     for code in [0, 3, 4] {
-        brain.receive(&event(10 + u32::from(code), code), 0, &mut samples);
-        assert!(matches!(brain.wants(0), Want::Reopen(_)), "{code}");
+        protocol.receive(&event(10 + u32::from(code), code), 0, &mut samples);
+        assert!(matches!(protocol.wants(0), Want::Reopen(_)), "{code}");
     }
-    assert_eq!(brain.wants(0), Want::Nothing);
-    assert!(matches!(brain.wants(4000 * MS), Want::Reopen(why) if why.contains("silent")));
+    assert_eq!(protocol.wants(0), Want::Nothing);
+    assert!(matches!(protocol.wants(4000 * MS), Want::Reopen(why) if why.contains("silent")));
 }
 
 #[test]
 fn what_the_buffer_of_the_device_lost_is_lost_though_no_frame_is_missing() {
-    let mut brain =
-        GroundBrain::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
+    let mut protocol =
+        GroundProtocol::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
     let mut samples = Vec::new();
-    brain.opened(0);
+    protocol.opened(0);
     let frame = |sequence, ms: u64| data(sequence, T0_NS + ms * MS, &[0.0, 1.0].repeat(4));
     let sent = [opening(1000, &["Nm", "N"]), frame(0, 0), event(1, 1), frame(2, 54), frame(3, 58)];
-    brain.receive(&sent.concat(), 0, &mut samples);
-    assert_eq!((samples.len(), brain.counts().lost), (6, 25), "50 ms of 1000 scans a second, two a reading");
+    protocol.receive(&sent.concat(), 0, &mut samples);
+    assert_eq!(
+        (samples.len(), protocol.counts().lost),
+        (6, 25),
+        "50 ms of 1000 scans a second, two a reading"
+    );
     assert!(samples.iter().all(|sample| sample.session == 0));
 }
 
@@ -211,9 +215,9 @@ fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
         let opening = opening.replace("\"samplingRate\":1000", &format!("\"samplingRate\":{rate}"));
         amp.take(opening.as_bytes(), 0, &mut Taken::default());
         assert!(
-            amp.trouble().is_some_and(|said| said.contains("which none does")),
+            amp.diagnostic().is_some_and(|said| said.contains("which none does")),
             "{rate}: {:?}",
-            amp.trouble()
+            amp.diagnostic()
         );
     }
 }
@@ -236,12 +240,12 @@ fn frames_that_do_not_fit_are_reasons() {
     assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
     assert!(matches!(amp.wants(0), Want::Reopen(_)));
     // A field that is not a number is reported, too, and not permanently.
-    let mut brain =
-        GroundBrain::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
+    let mut protocol =
+        GroundProtocol::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
     let mut samples = Vec::new();
     let numbers = [0.0, f32::NAN, 0.0, 1.0, 0.0, 1.0, 0.0, 3.0];
-    brain.receive(&[opening(1000, &["Nm", "N"]), data(0, T0_NS, &numbers)].concat(), 0, &mut samples);
-    assert_eq!((samples.len(), brain.counts().refused[GroundRefusal::NotFinite.index()]), (1, 1));
+    protocol.receive(&[opening(1000, &["Nm", "N"]), data(0, T0_NS, &numbers)].concat(), 0, &mut samples);
+    assert_eq!((samples.len(), protocol.counts().refused[GroundRefusal::NotFinite.index()]), (1, 1));
     assert_eq!(samples[0].force_n[2], -2.0);
 }
 

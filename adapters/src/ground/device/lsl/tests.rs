@@ -1,7 +1,7 @@
 use super::*;
 use crate::ground::frame::Wrench;
 use crate::ground::reading::Load;
-use crate::ground::{GroundBrain, GroundSettings};
+use crate::ground::{GroundProtocol, GroundSettings};
 
 const MS: u64 = 1_000_000;
 
@@ -55,9 +55,9 @@ fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
         let mut lsl = stream([None; 2]);
         lsl.take(opening.as_bytes(), MS, &mut Taken::default());
         assert!(
-            lsl.trouble().is_some_and(|said| said.contains("which none has")),
+            lsl.diagnostic().is_some_and(|said| said.contains("which none has")),
             "{rate}: {:?}",
-            lsl.trouble()
+            lsl.diagnostic()
         );
     }
 }
@@ -79,29 +79,29 @@ fn samples_come_with_the_senders_time_and_in_si_units() {
     let want = [(5_000_000_000, 700.0, 0.01), (5_001_000_000, 800.0, 0.02), (5_002_000_000, 900.0, 0.03)];
     assert_eq!(found(&taken), want);
     assert!(requests.len() == 1 && requests[0].starts_with("LSL:streamfeed/110 u-1\r\n"), "{requests:?}");
-    assert_eq!((lsl.trouble(), lsl.wants(2 * MS)), (None, Want::Nothing));
+    assert_eq!((lsl.diagnostic(), lsl.wants(2 * MS)), (None, Want::Nothing));
     assert_eq!(lsl.wants(4000 * MS), Want::Nothing);
-    assert!(lsl.trouble().unwrap().contains("sends nothing"));
+    assert!(lsl.diagnostic().unwrap().contains("sends nothing"));
     lsl.take(&sample(None, 0.0, 0.0), 4001 * MS, &mut taken);
-    assert_eq!(lsl.trouble(), None);
+    assert_eq!(lsl.diagnostic(), None);
 }
 
 #[test]
 fn stamps_that_overlap_stay_in_order_and_a_clock_that_was_set_is_another_session() {
-    let mut brain = GroundBrain::new(Box::new(stream([None; 2])), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(stream([None; 2])), GroundSettings::default());
     let mut samples = Vec::new();
     let stamps = [Some(5.0), None, None, Some(5.001), Some(5.003), Some(0.5), None];
     let sent: Vec<u8> = stamps.iter().flat_map(|stamp| sample(*stamp, 0.0, 1.0)).collect();
-    brain.receive(&[opening(1000, ["N", "Nm"]), sent].concat(), MS, &mut samples);
+    protocol.receive(&[opening(1000, ["N", "Nm"]), sent].concat(), MS, &mut samples);
     let sessions: Vec<u32> = samples.iter().map(|sample| sample.session).collect();
     assert_eq!(sessions, [0, 0, 0, 0, 0, 1, 1]);
     // Invalid times are refused.
     for stamp in [f64::NAN, -1.0, f64::INFINITY, 0.0] {
-        brain.receive(&sample(Some(stamp), 0.0, 1.0), MS, &mut samples);
+        protocol.receive(&sample(Some(stamp), 0.0, 1.0), MS, &mut samples);
     }
-    assert_eq!((samples.len(), brain.counts().refused[GroundRefusal::Number.index()]), (7, 4));
-    brain.receive(&sample(None, 0.0, f64::NAN), MS, &mut samples);
-    assert_eq!((samples.len(), brain.counts().refused[GroundRefusal::NotFinite.index()]), (7, 1));
+    assert_eq!((samples.len(), protocol.counts().refused[GroundRefusal::Number.index()]), (7, 4));
+    protocol.receive(&sample(None, 0.0, f64::NAN), MS, &mut samples);
+    assert_eq!((samples.len(), protocol.counts().refused[GroundRefusal::NotFinite.index()]), (7, 1));
 }
 
 #[test]
@@ -118,7 +118,7 @@ fn a_unit_comes_from_the_stream_or_the_configuration_only() {
         match (want, lsl.wants(0)) {
             (Some(want), Want::Reopen(why)) => {
                 assert!(why.contains(want) && why.contains("ground.lsl.force_unit"), "{why}");
-                assert_eq!((lsl.trouble(), taken.readings().count()), (Some(why), 0));
+                assert_eq!((lsl.diagnostic(), taken.readings().count()), (Some(why), 0));
             }
             (None, Want::Send(_)) => assert_eq!(found(&taken), [(1_000_000_000, 1000.0, 0.0)]),
             other => panic!("{other:?}"),
@@ -127,7 +127,7 @@ fn a_unit_comes_from_the_stream_or_the_configuration_only() {
     let plan = Plan::Direct { force: [None, None, Some("3".to_owned())], moment: [None, None, None] };
     let mut lsl = Lsl::new(LslSettings { plan, force_unit: None, moment_unit: None });
     lsl.take(&opening(1000, ["N", "Nm"]), 0, &mut Taken::default());
-    assert!(lsl.trouble().unwrap().contains("no channel 3 but 1 (Mx), 2 (Fz)"), "{:?}", lsl.trouble());
+    assert!(lsl.diagnostic().unwrap().contains("no channel 3 but 1 (Mx), 2 (Fz)"), "{:?}", lsl.diagnostic());
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn a_broken_feed_is_opened_again() {
     assert!(matches!(lsl.wants(0), Want::Reopen(why) if why.contains("0x07")));
     lsl.opened(MS);
     lsl.take(&[opening(1000, ["N", "Nm"]), sample(Some(1.0), 0.0, 1.0)].concat(), 2 * MS, &mut taken);
-    assert_eq!((found(&taken).len(), lsl.trouble()), (1, None));
+    assert_eq!((found(&taken).len(), lsl.diagnostic()), (1, None));
 }
 
 proptest::proptest! {
@@ -147,14 +147,14 @@ proptest::proptest! {
     fn anything_may_come(
         pieces in proptest::collection::vec(proptest::collection::vec(proptest::num::u8::ANY, 0..200), 0..20), opened: bool,
     ) {
-        let mut brain = GroundBrain::new(Box::new(stream([None; 2])), GroundSettings::default());
+        let mut protocol = GroundProtocol::new(Box::new(stream([None; 2])), GroundSettings::default());
         let mut samples = Vec::new();
         if opened {
-            brain.receive(&opening(0, ["N", "Nm"]), 0, &mut samples);
+            protocol.receive(&opening(0, ["N", "Nm"]), 0, &mut samples);
         }
         for piece in &pieces {
-            brain.receive(piece, MS, &mut samples);
-            brain.wants(MS);
+            protocol.receive(piece, MS, &mut samples);
+            protocol.wants(MS);
         }
         proptest::prop_assert!(samples.iter().all(|sample| sample.force_n[2].is_finite()));
     }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::ground::brain::GroundBrain;
+use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use equipoise_core::message::{Component, FootFrame, GroundDevice as DeviceKind, GroundSample};
 use proptest::prelude::*;
@@ -21,14 +21,14 @@ fn settings() -> MoticonSettings {
     }
 }
 
-fn brain(settings: &MoticonSettings) -> GroundBrain {
+fn protocol(settings: &MoticonSettings) -> GroundProtocol {
     let device = Box::new(Moticon::new(settings).unwrap());
-    GroundBrain::new(device, GroundSettings { device: DeviceKind::Insoles, ..GroundSettings::default() })
+    GroundProtocol::new(device, GroundSettings { device: DeviceKind::Insoles, ..GroundSettings::default() })
 }
 
 fn one(settings: &MoticonSettings, line: &str) -> GroundSample {
     let mut samples = Vec::new();
-    brain(settings).receive(line.as_bytes(), 1_000_000_000, &mut samples);
+    protocol(settings).receive(line.as_bytes(), 1_000_000_000, &mut samples);
     samples[0]
 }
 
@@ -75,45 +75,45 @@ fn fewer_channels_are_a_shorter_list_and_what_is_missing_is_named() {
     assert_eq!(fault(&format!("{seven} left_force")), FieldsFault::Twice("left_force".to_owned()));
     let flat = Moticon::new(&MoticonSettings { width_m: 0.0, ..settings() }).unwrap_err();
     assert!(flat.to_string().contains("width"), "{flat}");
-    let mut brain = brain(&short);
-    brain.receive(VECTOR.as_bytes(), 1, &mut Vec::new());
-    assert_eq!(brain.counts().refused[GroundRefusal::Fields.index()], 1);
+    let mut protocol = protocol(&short);
+    protocol.receive(VECTOR.as_bytes(), 1, &mut Vec::new());
+    assert_eq!(protocol.counts().refused[GroundRefusal::Fields.index()], 1);
 }
 
 #[test]
 fn a_list_in_another_order_than_the_software_sends_is_noticed() {
     let mut mixed = settings();
     mixed.fields.swap(7, 6);
-    let mut wrong = brain(&mixed);
+    let mut wrong = protocol(&mixed);
     let mut samples = Vec::new();
     for index in 0..TROUBLE {
-        assert_eq!(wrong.trouble(), None);
+        assert_eq!(wrong.diagnostic(), None);
         let line = VECTOR.replacen("12.34", &format!("{}.00", 12 + index), 1);
         wrong.receive(line.as_bytes(), 1_000_000_000 * u64::from(index + 1), &mut samples);
     }
-    assert!(samples.is_empty() && wrong.trouble().is_some_and(|said| said.contains("outside the insole")));
+    assert!(samples.is_empty() && wrong.diagnostic().is_some_and(|said| said.contains("outside the insole")));
 
-    let mut numb = brain(&settings());
+    let mut numb = protocol(&settings());
     let silent = VECTOR.replace(" 0.5", " 0.0");
     for index in 0..TROUBLE {
         let line = silent.replacen("12.34", &format!("{}.00", 12 + index), 1);
         numb.receive(line.as_bytes(), 1_000_000_000 * u64::from(index + 1), &mut samples);
     }
     assert_eq!(samples.len(), TROUBLE as usize);
-    assert!(numb.trouble().is_some_and(|said| said.contains("feels pressure")));
+    assert!(numb.diagnostic().is_some_and(|said| said.contains("feels pressure")));
 }
 
 #[test]
 fn a_line_that_contradicts_itself_is_refused_and_not_lost() {
-    let mut brain = brain(&settings());
+    let mut protocol = protocol(&settings());
     let mut samples = Vec::new();
     for index in 0..20u32 {
         let line = VECTOR.replacen("12.34", &format!("12.{:02}", 30 + index), 1);
         let line = if index % 8 == 7 { line.replacen("-0.10", "-0.90", 1) } else { line };
-        brain.receive(line.as_bytes(), 1_000_000_000 + u64::from(index) * 10_000_000, &mut samples);
+        protocol.receive(line.as_bytes(), 1_000_000_000 + u64::from(index) * 10_000_000, &mut samples);
     }
-    assert_eq!((samples.len(), brain.counts().lost), (18, 0));
-    assert_eq!(brain.counts().refused[GroundRefusal::Implausible.index()], 2);
+    assert_eq!((samples.len(), protocol.counts().lost), (18, 0));
+    assert_eq!(protocol.counts().refused[GroundRefusal::Implausible.index()], 2);
 }
 
 proptest! {
@@ -122,27 +122,27 @@ proptest! {
         rate_hz in prop_oneof![Just(25u32), Just(50), Just(75), Just(100)],
         drops in proptest::collection::btree_set(10u32..200, 0..30),
     ) {
-        let mut brain = brain(&settings());
+        let mut protocol = protocol(&settings());
         let mut samples = Vec::new();
         // Sensors are sampled at exact intervals; stamps are rounded to milliseconds.
         for index in (0..200).filter(|index| !drops.contains(index)) {
             let line = VECTOR.replacen("12.34", &format!("{:.3}", 5.0 + f64::from(index) / f64::from(rate_hz)), 1);
             let arrival_ns = 7_000_000_000 + u64::from(index) * 1_000_000_000 / u64::from(rate_hz);
-            brain.receive(line.as_bytes(), arrival_ns, &mut samples);
+            protocol.receive(line.as_bytes(), arrival_ns, &mut samples);
         }
         // A loss at the end of the stream cannot be detected.
         let missed = drops.iter().filter(|index| (**index..200).any(|later| !drops.contains(&later))).count();
-        prop_assert_eq!(brain.counts().lost, missed as u64);
+        prop_assert_eq!(protocol.counts().lost, missed as u64);
         prop_assert_eq!(samples.len(), 200 - drops.len());
         prop_assert!(samples.iter().all(|sample| sample.session == 0));
     }
 
     #[test]
     fn garbage_never_panics(datagrams in proptest::collection::vec("[0-9. e-]{0,200}", 0..20)) {
-        let mut brain = brain(&settings());
+        let mut protocol = protocol(&settings());
         let mut samples = Vec::new();
         for datagram in datagrams {
-            brain.receive(datagram.as_bytes(), 1, &mut samples);
+            protocol.receive(datagram.as_bytes(), 1, &mut samples);
         }
     }
 }

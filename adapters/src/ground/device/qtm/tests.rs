@@ -1,5 +1,5 @@
 use super::*;
-use crate::ground::{GroundBrain, GroundSettings};
+use crate::ground::{GroundProtocol, GroundSettings};
 
 const MS: u64 = 1_000_000;
 
@@ -48,19 +48,19 @@ fn the_dialogue_waits_for_its_answers() {
     qtm.take(&said(1, b"Version set to 1.25\0"), 3 * MS, &mut taken);
     assert_eq!(sent(qtm.wants(3 * MS)), "StreamFrames AllFrames Force");
     assert_eq!(qtm.wants(4 * MS), Want::Nothing);
-    assert_eq!(qtm.trouble(), None);
+    assert_eq!(qtm.diagnostic(), None);
     // No measurement runs; when one starts, frames are requested at once.
     qtm.take(&said(4, b""), 5 * MS, &mut taken);
-    assert!(qtm.trouble().unwrap().contains("measures nothing"));
+    assert!(qtm.diagnostic().unwrap().contains("measures nothing"));
     assert_eq!(qtm.wants(6 * MS), Want::Nothing);
     qtm.take(&said(6, &[3]), 7 * MS, &mut taken);
     assert_eq!(sent(qtm.wants(8 * MS)), "StreamFrames AllFrames Force");
     qtm.take(&frame(10, 1, 1, 1), 9 * MS, &mut taken);
-    assert_eq!((qtm.trouble(), taken.readings().count()), (None, 1));
+    assert_eq!((qtm.diagnostic(), taken.readings().count()), (None, 1));
     // Frames are requested again after a silence.
     assert_eq!(sent(qtm.wants(3000 * MS)), "StreamFrames AllFrames Force");
-    assert!(qtm.trouble().unwrap().contains("measures nothing"));
-    assert_eq!(sent(Want::Send(qtm.farewell().unwrap())), "StreamFrames Stop");
+    assert!(qtm.diagnostic().unwrap().contains("measures nothing"));
+    assert_eq!(sent(Want::Send(qtm.close_command().unwrap())), "StreamFrames Stop");
     // Every n-th frame: one force for each.
     let mut slow = plate(4);
     slow.wants(0);
@@ -73,7 +73,7 @@ fn a_refused_or_unanswered_version_is_reported_and_tried_again() {
     let mut qtm = plate(1);
     qtm.wants(0);
     qtm.take(&said(0, b"Version NOT supported\0"), MS, &mut Taken::default());
-    assert!(qtm.trouble().unwrap().contains("Version NOT supported"));
+    assert!(qtm.diagnostic().unwrap().contains("Version NOT supported"));
     let Want::Reopen(why) = qtm.wants(4000 * MS) else { panic!() };
     assert!(why.contains("Version NOT supported") && why.contains("ground.address"), "{why}");
     qtm.opened(5000 * MS);
@@ -99,18 +99,18 @@ fn forces_of_a_frame_are_spread_over_its_time() {
 
 #[test]
 fn missing_frames_are_lost_forces_and_a_frame_twice_is_one() {
-    let mut brain = GroundBrain::new(Box::new(plate(1)), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(plate(1)), GroundSettings::default());
     let mut samples = Vec::new();
     for (timestamp_us, number) in [(10_000, 1), (20_000, 2), (50_000, 5), (50_000, 5), (60_000, 6)] {
-        brain.receive(&frame(timestamp_us, number, number * 2, 2), timestamp_us * 1000, &mut samples);
+        protocol.receive(&frame(timestamp_us, number, number * 2, 2), timestamp_us * 1000, &mut samples);
     }
-    assert_eq!((samples.len(), brain.counts().lost), (8, 4));
-    assert_eq!(brain.counts().refused[GroundRefusal::Duplicate.index()], 1);
+    assert_eq!((samples.len(), protocol.counts().lost), (8, 4));
+    assert_eq!(protocol.counts().refused[GroundRefusal::Duplicate.index()], 1);
     assert!(samples.iter().all(|sample| sample.session == 0));
     // Another measurement: its time restarts.
-    brain.receive(&frame(10_000, 1, 2, 2), 70 * MS, &mut samples);
-    brain.receive(&frame(20_000, 2, 4, 2), 80 * MS, &mut samples);
-    assert_eq!((samples.len(), brain.counts().lost, samples.last().unwrap().session), (12, 4, 1));
+    protocol.receive(&frame(10_000, 1, 2, 2), 70 * MS, &mut samples);
+    protocol.receive(&frame(20_000, 2, 4, 2), 80 * MS, &mut samples);
+    assert_eq!((samples.len(), protocol.counts().lost, samples.last().unwrap().session), (12, 4, 1));
 }
 
 #[test]
@@ -128,12 +128,12 @@ fn a_long_pause_dates_nothing_into_the_future() {
     let all: Vec<_> =
         want(10, 1).chain(want(20, 2)).chain(want(200_020, 20_002)).chain(want(200_030, 20_003)).collect();
     assert_eq!(times(&taken), all);
-    let mut brain = GroundBrain::new(Box::new(plate(1)), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(plate(1)), GroundSettings::default());
     let mut samples = Vec::new();
     for (timestamp_us, number) in [(10_000, 1), (300_010_000, 30_001), (300_020_000, 30_002)] {
-        brain.receive(&frame(timestamp_us, number, number % 100 * 4, 4), MS, &mut samples);
+        protocol.receive(&frame(timestamp_us, number, number % 100 * 4, 4), MS, &mut samples);
     }
-    assert_eq!((samples.len(), brain.counts().lost), (8, 4), "the first frame's length was never known");
+    assert_eq!((samples.len(), protocol.counts().lost), (8, 4), "the first frame's length was never known");
 }
 
 #[test]
@@ -145,11 +145,11 @@ fn a_preview_that_does_not_count_its_frames_is_timed_all_the_same() {
     }
     let want: Vec<_> = [10, 20, 30, 60, 70].map(|ms| (Tick::Time(ms * MS), 1)).into();
     assert_eq!(times(&taken), want);
-    let mut brain = GroundBrain::new(Box::new(plate(4)), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(plate(4)), GroundSettings::default());
     for (timestamp_us, number) in [(40_000, 4), (80_000, 8), (160_000, 16)] {
-        brain.receive(&frame(timestamp_us, number, 1, 1), MS, &mut Vec::new());
+        protocol.receive(&frame(timestamp_us, number, 1, 1), MS, &mut Vec::new());
     }
-    assert_eq!(brain.counts().lost, 1, "of every fourth frame");
+    assert_eq!(protocol.counts().lost, 1, "of every fourth frame");
 }
 
 #[test]
@@ -158,15 +158,15 @@ fn a_plate_that_is_not_there_and_forces_without_a_number_are_reasons() {
     let mut taken = Taken::default();
     qtm.take(&frame(10, 1, 1, 1), MS, &mut taken);
     assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::UnknownKind]);
-    assert!(qtm.trouble().unwrap().contains("no force plate 1 but 2: set ground.qtm.plate"));
+    assert!(qtm.diagnostic().unwrap().contains("no force plate 1 but 2: set ground.qtm.plate"));
 
-    let mut brain = GroundBrain::new(Box::new(plate(1)), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(plate(1)), GroundSettings::default());
     let mut bytes = frame(10, 1, 1, 1);
     let fz = bytes.len() - 36 + 8;
     bytes[fz..fz + 4].copy_from_slice(&f32::NAN.to_le_bytes());
     let mut samples = Vec::new();
-    brain.receive(&bytes, MS, &mut samples);
-    assert_eq!((samples.len(), brain.counts().refused[GroundRefusal::NotFinite.index()]), (0, 1));
+    protocol.receive(&bytes, MS, &mut samples);
+    assert_eq!((samples.len(), protocol.counts().refused[GroundRefusal::NotFinite.index()]), (0, 1));
 }
 
 #[test]
@@ -175,14 +175,14 @@ fn moment_and_point_that_contradict_each_other_are_said() {
     for number in 200..400 {
         qtm.take(&frame(u64::from(number) * 1000, number, number, 1), MS, &mut Taken::default());
     }
-    assert_eq!(qtm.trouble(), None);
+    assert_eq!(qtm.diagnostic(), None);
     for number in 400..600 {
         let mut bytes = frame(u64::from(number) * 1000, number, number, 1);
         let my = bytes.len() - 36 + 16;
         bytes[my..my + 4].copy_from_slice(&3.0_f32.to_le_bytes());
         qtm.take(&bytes, MS, &mut Taken::default());
     }
-    assert!(qtm.trouble().unwrap().contains("different origins"));
+    assert!(qtm.diagnostic().unwrap().contains("different origins"));
 }
 
 #[test]

@@ -1,5 +1,5 @@
 use super::*;
-use crate::ground::{GroundBrain, GroundSettings, Measures, SensorAxes};
+use crate::ground::{GroundProtocol, GroundSettings, Measures, SensorAxes};
 
 const MS: u64 = 1_000_000;
 
@@ -67,14 +67,14 @@ fn plate() -> TecGihan {
 
 /// Exchanges data for `ms` milliseconds; the answers arrive in pieces, and `harm` may modify them.
 fn talk(
-    brain: &mut GroundBrain,
+    protocol: &mut GroundProtocol,
     controller: &mut Controller,
     ms: core::ops::Range<u64>,
     harm: fn(u32, &mut Vec<u8>),
 ) -> Vec<f64> {
     let (mut samples, mut under_way) = (Vec::new(), Vec::new());
     for ms in ms {
-        while let Want::Send(bytes) = brain.wants(ms * MS) {
+        while let Want::Send(bytes) = protocol.wants(ms * MS) {
             let mut answer = controller.hear(&bytes);
             harm(controller.blocks, &mut answer);
             // A block takes its duration before it is sent.
@@ -82,7 +82,7 @@ fn talk(
         }
         for (_, answer) in under_way.extract_if(.., |(due_ms, _)| *due_ms <= ms) {
             for piece in answer.chunks(1000) {
-                brain.receive(piece, ms * MS, &mut samples);
+                protocol.receive(piece, ms * MS, &mut samples);
             }
         }
     }
@@ -90,18 +90,18 @@ fn talk(
     samples.iter().map(|sample| (sample.force_n[2] * 10.0).round()).collect()
 }
 
-fn brain() -> GroundBrain {
+fn protocol() -> GroundProtocol {
     let mut settings = GroundSettings { measures: Measures::Action, ..GroundSettings::default() };
     settings.frame.axes = SensorAxes::ZDown;
-    let mut brain = GroundBrain::new(Box::new(plate()), settings);
-    brain.opened(0);
-    brain
+    let mut protocol = GroundProtocol::new(Box::new(plate()), settings);
+    protocol.opened(0);
+    protocol
 }
 
 #[test]
 fn the_dialogue_is_the_makers_and_each_block_is_asked_for() {
-    let (mut brain, mut controller) = (brain(), Controller::default());
-    let forces = talk(&mut brain, &mut controller, 0..1500, |_, _| {});
+    let (mut protocol, mut controller) = (protocol(), Controller::default());
+    let forces = talk(&mut protocol, &mut controller, 0..1500, |_, _| {});
     let want = [
         "STOP",
         "STATE",
@@ -120,14 +120,17 @@ fn the_dialogue_is_the_makers_and_each_block_is_asked_for() {
     for (index, force) in forces.iter().enumerate() {
         assert_eq!(*force, index as f64);
     }
-    assert_eq!((brain.block_latency_ns(), brain.counts().lost, brain.trouble()), (100 * MS, 0, None));
-    assert_eq!(brain.farewell(), Some(b"STOP\n".to_vec()));
+    assert_eq!(
+        (protocol.block_latency_ns(), protocol.counts().lost, protocol.diagnostic()),
+        (100 * MS, 0, None)
+    );
+    assert_eq!(protocol.close_command(), Some(b"STOP\n".to_vec()));
 }
 
 #[test]
 fn a_sleeping_controller_is_woken() {
-    let (mut brain, mut controller) = (brain(), Controller { asleep: true, ..Controller::default() });
-    let forces = talk(&mut brain, &mut controller, 0..2000, |_, _| {});
+    let (mut protocol, mut controller) = (protocol(), Controller { asleep: true, ..Controller::default() });
+    let forces = talk(&mut protocol, &mut controller, 0..2000, |_, _| {});
     assert!(controller.heard.contains(&"WAKE".to_owned()) && !forces.is_empty());
 }
 
@@ -145,19 +148,19 @@ fn a_short_or_noisy_block_is_detected_and_restarted() {
             }
         },
     ] {
-        let (mut brain, mut controller) = (brain(), Controller::default());
-        let forces = talk(&mut brain, &mut controller, 0..4000, harm);
+        let (mut protocol, mut controller) = (protocol(), Controller::default());
+        let forces = talk(&mut protocol, &mut controller, 0..4000, harm);
         assert_eq!(
             controller.heard.iter().filter(|line| *line == "START").count(),
             2,
             "{:?}",
-            brain.trouble()
+            protocol.diagnostic()
         );
         // Blocks 0 and 1 are valid, 2 is lost, and no number of it is used in another place.
         assert_eq!((forces[199], forces[200]), (199.0, 300.0));
-        let counts = brain.counts();
+        let counts = protocol.counts();
         assert_eq!((counts.lost, counts.refused[GroundRefusal::Incomplete.index()]), (100, 1));
-        assert_eq!(brain.trouble(), None, "all is well again");
+        assert_eq!(protocol.diagnostic(), None, "all is well again");
     }
 }
 
@@ -178,7 +181,7 @@ fn silence_and_wrong_answers_are_said() {
     };
     assert_eq!(asked, 3);
     assert!(why.contains("does not answer STATE") && why.contains("ground.serial.port"), "{why}");
-    assert_eq!(device.trouble(), Some(why));
+    assert_eq!(device.diagnostic(), Some(why));
 
     let mut taken = Taken::default();
     let mut device = plate();
@@ -200,26 +203,26 @@ fn a_surface_the_plate_knows_better_is_said() {
         while let Want::Send(bytes) = device.wants(ms * MS) {
             let answer = controller.hear(&bytes);
             device.take(&answer, ms * MS, &mut Taken::default());
-            if device.trouble().is_some() {
+            if device.diagnostic().is_some() {
                 break;
             }
         }
     }
-    let why = device.trouble().unwrap();
+    let why = device.diagnostic().unwrap();
     assert!(why.contains("set ground.frame.surface_height_m to 0.0370"), "{why}");
 }
 
 proptest::proptest! {
     #[test]
     fn anything_may_come_at_any_time(pieces in proptest::collection::vec(proptest::collection::vec(proptest::num::u8::ANY, 0..300), 0..60)) {
-        let mut brain = brain();
+        let mut protocol = protocol();
         let mut samples = Vec::new();
         for (index, piece) in pieces.iter().enumerate() {
             let now = index as u64 * 100 * MS;
             for _ in 0..8 {
-                if brain.wants(now) == Want::Nothing { break; }
+                if protocol.wants(now) == Want::Nothing { break; }
             }
-            brain.receive(piece, now, &mut samples);
+            protocol.receive(piece, now, &mut samples);
         }
         proptest::prop_assert!(samples.is_empty());
     }

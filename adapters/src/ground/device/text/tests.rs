@@ -1,6 +1,6 @@
 use super::*;
-use crate::ground::brain::GroundBrain;
 use crate::ground::channels::{Direct, ForceUnit, MomentUnit};
+use crate::ground::protocol::GroundProtocol;
 use crate::ground::reading::Load;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::text_line::{Decimal, Delimiter};
@@ -29,29 +29,29 @@ fn settings(framing: Framing) -> TextSettings {
     }
 }
 
-fn samples_of(settings: TextSettings, pieces: &[&[u8]]) -> (Vec<GroundSample>, GroundBrain) {
-    let mut brain = GroundBrain::new(Box::new(Text::new(settings)), GroundSettings::default());
-    brain.opened(0);
+fn samples_of(settings: TextSettings, pieces: &[&[u8]]) -> (Vec<GroundSample>, GroundProtocol) {
+    let mut protocol = GroundProtocol::new(Box::new(Text::new(settings)), GroundSettings::default());
+    protocol.opened(0);
     let mut samples = Vec::new();
     for (index, piece) in pieces.iter().enumerate() {
-        brain.receive(piece, 1_000_000_000 + index as u64 * 10_000_000, &mut samples);
+        protocol.receive(piece, 1_000_000_000 + index as u64 * 10_000_000, &mut samples);
     }
-    (samples, brain)
+    (samples, protocol)
 }
 
-fn refused(brain: &GroundBrain, refusal: GroundRefusal) -> u64 {
-    brain.counts().refused[refusal.index()]
+fn refused(protocol: &GroundProtocol, refusal: GroundRefusal) -> u64 {
+    protocol.counts().refused[refusal.index()]
 }
 
 #[test]
 fn lines_become_samples_and_what_they_lack_is_said() {
     let lines: &[&[u8]] =
         &[b"# kN, Nmm\n", b"0,00;98;-0,7;7000,5;-1500\r\n", b"0,01;99;-0,71;0;0\n", b"0,02;0;-0,72;0;0"];
-    let (samples, brain) = samples_of(settings(Framing::Datagrams), lines);
+    let (samples, protocol) = samples_of(settings(Framing::Datagrams), lines);
     assert_eq!(samples.len(), 3);
     assert_eq!((samples[0].force_n, samples[0].moment_nm), ([0.0, 0.0, 700.0], [-7.0005, 1.5, 0.0]));
     assert_eq!(samples[0].not_measured, Component::Shear as u32 | Component::FreeMoment as u32);
-    assert_eq!(brain.counts().lost, 0, "99 and 0 are neighbours at a modulus of 100");
+    assert_eq!(protocol.counts().lost, 0, "99 and 0 are neighbours at a modulus of 100");
 }
 
 #[test]
@@ -61,12 +61,12 @@ fn loss_repetition_disorder_and_lines_of_another_form_are_counted() {
     let mut pieces: Vec<&[u8]> = sent.iter().map(String::as_bytes).collect();
     // An unreadable line is lost; a readable line whose value is not finite is not.
     pieces.extend([&b"1,04;4;-0,7;0\n"[..], b"1,05;5;x;0;0\n", b"1,06;6;NaN;0;0\n", b"1,07;7;-0,7;0;0\n"]);
-    let (samples, brain) = samples_of(settings(Framing::Datagrams), &pieces);
+    let (samples, protocol) = samples_of(settings(Framing::Datagrams), &pieces);
     assert_eq!(samples.len(), 6);
-    assert_eq!(brain.counts().lost, 4 + 2);
+    assert_eq!(protocol.counts().lost, 4 + 2);
     use GroundRefusal::{Duplicate, Fields, NotFinite, Number, OutOfOrder};
     for refusal in [Duplicate, OutOfOrder, Fields, Number, NotFinite] {
-        assert_eq!(refused(&brain, refusal), 1, "{refusal:?}");
+        assert_eq!(refused(&protocol, refusal), 1, "{refusal:?}");
     }
 }
 
@@ -76,10 +76,10 @@ fn without_a_count_the_times_tell_what_is_lost() {
     let line = |stamp: u32| format!("{},{:02};-;-0,7;0;0\n", stamp / 100, stamp % 100);
     let sent: Vec<String> = [0, 1, 2, 3, 4, 7, 7, 6, 8].map(line).to_vec();
     let pieces: Vec<&[u8]> = sent.iter().map(String::as_bytes).collect();
-    let (samples, brain) = samples_of(settings, &pieces);
-    assert_eq!((samples.len(), brain.counts().lost), (7, 2));
+    let (samples, protocol) = samples_of(settings, &pieces);
+    assert_eq!((samples.len(), protocol.counts().lost), (7, 2));
     assert_eq!(
-        (refused(&brain, GroundRefusal::Duplicate), refused(&brain, GroundRefusal::OutOfOrder)),
+        (refused(&protocol, GroundRefusal::Duplicate), refused(&protocol, GroundRefusal::OutOfOrder)),
         (1, 1)
     );
     assert!(samples.iter().all(|sample| sample.session == 0));
@@ -100,9 +100,9 @@ fn lines_that_cannot_be_read_are_lost_and_take_their_time_where_nothing_counts()
         })
         .collect();
     let pieces: Vec<&[u8]> = sent.iter().map(|line| line.as_bytes()).collect();
-    let (samples, brain) = samples_of(settings, &pieces);
+    let (samples, protocol) = samples_of(settings, &pieces);
     assert_eq!(
-        (samples.len(), brain.counts().lost),
+        (samples.len(), protocol.counts().lost),
         (180, 15),
         "one that is no number was read and is not lost"
     );
@@ -115,12 +115,12 @@ fn lines_that_cannot_be_read_are_lost_and_take_their_time_where_nothing_counts()
 #[test]
 fn a_header_stands_at_the_start_of_every_connection_and_not_elsewhere() {
     let with_header = TextSettings { header_lines: 2, ..settings(Framing::Stream) };
-    let (mut samples, mut brain) =
+    let (mut samples, mut protocol) =
         samples_of(with_header, &[b"Plate 7\r\n\r\nt;n;Fz;Mx;My\r\n0,0;1;-0,7;0;0\r\n"]);
     assert_eq!(samples.len(), 1);
-    brain.opened(0);
-    brain.receive(b"Plate 7\nt;n;Fz;Mx;My\n0,5;7;-0,7;0;0\n", 2_000_000_000, &mut samples);
-    assert_eq!((samples.len(), brain.counts().refused.iter().sum::<u64>()), (2, 0));
+    protocol.opened(0);
+    protocol.receive(b"Plate 7\nt;n;Fz;Mx;My\n0,5;7;-0,7;0;0\n", 2_000_000_000, &mut samples);
+    assert_eq!((samples.len(), protocol.counts().refused.iter().sum::<u64>()), (2, 0));
 }
 
 #[test]
@@ -128,27 +128,27 @@ fn lines_that_never_fit_are_reported_in_words() {
     let mut text = Text::new(settings(Framing::Datagrams));
     let mut taken = Taken::default();
     for _ in 0..TROUBLE {
-        assert_eq!(text.trouble(), None);
+        assert_eq!(text.diagnostic(), None);
         text.take(b"1,0;2;3\n", 0, &mut taken);
     }
-    assert!(text.trouble().is_some_and(|said| said.contains("3 fields, and 5 are expected")));
+    assert!(text.diagnostic().is_some_and(|said| said.contains("3 fields, and 5 are expected")));
     text.take(b"1,0;2;3;4;5\n", 0, &mut taken);
-    assert_eq!(text.trouble(), None);
+    assert_eq!(text.diagnostic(), None);
 }
 
 #[test]
 fn times_of_another_unit_are_reported_in_words() {
     let settings = TextSettings { sequence: None, ..settings(Framing::Datagrams) };
-    let mut brain = GroundBrain::new(Box::new(Text::new(settings)), GroundSettings::default());
+    let mut protocol = GroundProtocol::new(Box::new(Text::new(settings)), GroundSettings::default());
     let mut samples = Vec::new();
     // Milliseconds where seconds are configured.
     for index in 0..=u64::from(TROUBLE) {
-        assert_eq!(brain.trouble(), None);
+        assert_eq!(protocol.diagnostic(), None);
         let line = format!("{};0;-0,7;0;0\n", 1_000_000 + 10 * index);
-        brain.receive(line.as_bytes(), (100 + index) * 10_000_000, &mut samples);
+        protocol.receive(line.as_bytes(), (100 + index) * 10_000_000, &mut samples);
     }
-    assert!(brain.trouble().is_some_and(|said| said.contains("unit")), "{:?}", brain.trouble());
-    assert_eq!((samples.len(), refused(&brain, GroundRefusal::OutOfOrder)), (1, u64::from(TROUBLE)));
+    assert!(protocol.diagnostic().is_some_and(|said| said.contains("unit")), "{:?}", protocol.diagnostic());
+    assert_eq!((samples.len(), refused(&protocol, GroundRefusal::OutOfOrder)), (1, u64::from(TROUBLE)));
 }
 
 /// A line with the eight voltages of a real plate and an unused field between them.

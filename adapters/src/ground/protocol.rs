@@ -8,22 +8,22 @@ use crate::counts::Counts;
 use equipoise_core::message::GroundSample;
 
 /// The part of a ground source that does no I/O; common to live lines, captures and tests.
-pub struct GroundBrain {
+pub struct GroundProtocol {
     device: Box<dyn GroundDevice>,
     receiver: GroundReceiver,
     taken: Taken,
 }
 
-impl core::fmt::Debug for GroundBrain {
+impl core::fmt::Debug for GroundProtocol {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("GroundBrain").field("receiver", &self.receiver).finish_non_exhaustive()
+        f.debug_struct("GroundProtocol").field("receiver", &self.receiver).finish_non_exhaustive()
     }
 }
 
-impl GroundBrain {
+impl GroundProtocol {
     /// Creates the state machine before any data.
-    pub fn new(device: Box<dyn GroundDevice>, settings: GroundSettings) -> GroundBrain {
-        GroundBrain { device, receiver: GroundReceiver::new(settings), taken: Taken::default() }
+    pub fn new(device: Box<dyn GroundDevice>, settings: GroundSettings) -> GroundProtocol {
+        GroundProtocol { device, receiver: GroundReceiver::new(settings), taken: Taken::default() }
     }
 
     /// The connection was opened (again).
@@ -49,14 +49,14 @@ impl GroundBrain {
         self.device.wants(now_ns)
     }
 
-    /// As [`GroundDevice::farewell`].
-    pub fn farewell(&mut self) -> Option<Vec<u8>> {
-        self.device.farewell()
+    /// As [`GroundDevice::close_command`].
+    pub fn close_command(&mut self) -> Option<Vec<u8>> {
+        self.device.close_command()
     }
 
-    /// As [`GroundDevice::trouble`].
-    pub fn trouble(&self) -> Option<String> {
-        self.device.trouble()
+    /// As [`GroundDevice::diagnostic`].
+    pub fn diagnostic(&self) -> Option<String> {
+        self.device.diagnostic()
     }
 
     /// As [`GroundDevice::note`].
@@ -88,10 +88,10 @@ mod tests {
     #[test]
     fn a_way_that_is_opened_again_and_again_and_brings_nothing_takes_no_room() {
         let device = Box::new(Bota::new(BotaSettings { baud: 460_800, sinc: None }));
-        let mut brain = GroundBrain::new(device, GroundSettings::default());
+        let mut protocol = GroundProtocol::new(device, GroundSettings::default());
         for now_ns in 0..1000 {
-            brain.opened(now_ns);
+            protocol.opened(now_ns);
         }
-        assert!(brain.taken.found.is_empty());
+        assert!(protocol.taken.found.is_empty());
     }
 }

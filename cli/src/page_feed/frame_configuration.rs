@@ -1,4 +1,4 @@
-//! Parts of the daemon's active configuration that frames contain: a reload changes them while the page is served.
+//! Values of the daemon's active configuration that frames contain: a reload changes them while the page is served.
 
 use equipoise_config::Config;
 use equipoise_config::method::StopConfig;
@@ -7,7 +7,7 @@ use equipoise_station::status;
 
 /// Values of a configuration and its model that frames contain.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Parts {
+pub(super) struct FrameConfiguration {
     /// 1-σ of the predicted CoP at which identification stops, m; `None` with another stopping rule.
     pub(super) target_m: Option<f64>,
     /// Pose requested by the model file.
@@ -16,16 +16,16 @@ pub(super) struct Parts {
     pub(super) plate_corners_m: Option<[[f64; 2]; 4]>,
 }
 
-impl Parts {
-    /// The parts of a configuration read from its file.
-    pub(super) fn of(config: &Config) -> Parts {
+impl FrameConfiguration {
+    /// The values of a configuration read from its file.
+    pub(super) fn of(config: &Config) -> FrameConfiguration {
         let ask = config.loaded_model.as_ref().and_then(|model| model.file().ask.clone());
-        Parts::with_ask(config, ask)
+        FrameConfiguration::with_ask(config, ask)
     }
 
-    fn with_ask(config: &Config, ask: Option<Ask>) -> Parts {
+    fn with_ask(config: &Config, ask: Option<Ask>) -> FrameConfiguration {
         let identification = &config.identification;
-        Parts {
+        FrameConfiguration {
             target_m: (identification.stop == StopConfig::PredictedCop)
                 .then_some(identification.stop_cop_sigma_mm * 1e-3),
             ask,
@@ -34,34 +34,35 @@ impl Parts {
         }
     }
 
-    /// The parts of the texts in the daemon's status; `None` if the configuration is not valid for this version.
-    fn of_texts(config: &str, model: &str) -> Option<Parts> {
+    /// The values of the texts (TOML) in the daemon's status; `None` if the configuration is not valid for this version.
+    fn of_texts(config: &str, model: &str) -> Option<FrameConfiguration> {
         let config = Config::parse(config, "the daemon's configuration").ok()?;
         let ask = ModelFile::parse(model, "the daemon's model").ok().and_then(|model| model.ask);
-        Some(Parts::with_ask(&config, ask))
+        Some(FrameConfiguration::with_ask(&config, ask))
     }
 }
 
-/// The parts of the active configuration, as last published by a daemon.
+/// Detects changes of the active configuration that a daemon publishes in its status.
 #[derive(Debug, Default)]
-pub(super) struct Active {
+pub(super) struct ConfigurationWatch {
+    /// TOML of the configuration and of its model, as last read.
     texts: [String; 2],
 }
 
-impl Active {
-    /// The parts that a station's daemon uses, if its configuration or model has changed since the last call.
-    pub(super) fn changed(&mut self, station: &str) -> Option<Parts> {
+impl ConfigurationWatch {
+    /// The values that a station's daemon uses, if its configuration or model has changed since the last call.
+    pub(super) fn changed(&mut self, station: &str) -> Option<FrameConfiguration> {
         let status = status::read(station)?;
         self.changed_by([status.config_toml, status.model_toml])
     }
 
-    fn changed_by(&mut self, texts: [String; 2]) -> Option<Parts> {
+    fn changed_by(&mut self, texts: [String; 2]) -> Option<FrameConfiguration> {
         if texts == self.texts {
             return None;
         }
         self.texts = texts;
         let [config, model] = &self.texts;
-        Parts::of_texts(config, model)
+        FrameConfiguration::of_texts(config, model)
     }
 }
 
@@ -80,11 +81,11 @@ mod tests {
         };
         let model = "version = 1\n[ask]\nbetween = [\"hand_load right\", \"worn_mass T8\"]\npose = \"both arms up\"\n\
                      turn_deg = 90.0\nseparation_sigma = 4.25\n";
-        let mut active = Active::default();
-        let first = active.changed_by([config("", 2.0), String::new()]).unwrap();
+        let mut watch = ConfigurationWatch::default();
+        let first = watch.changed_by([config("", 2.0), String::new()]).unwrap();
         assert_eq!((first.target_m, &first.ask, first.plate_corners_m), (Some(0.002), &None, None));
-        assert_eq!(active.changed_by([config("", 2.0), String::new()]), None, "no change");
-        let second = active.changed_by([config("size_m = [0.6, 0.4]\n", 3.0), model.to_owned()]).unwrap();
+        assert_eq!(watch.changed_by([config("", 2.0), String::new()]), None, "no change");
+        let second = watch.changed_by([config("size_m = [0.6, 0.4]\n", 3.0), model.to_owned()]).unwrap();
         assert_eq!(second.target_m, Some(0.003));
         assert!(second.ask.is_some() && second.plate_corners_m.is_some(), "{second:?}");
     }
