@@ -289,7 +289,10 @@ impl Early {
             _ => None,
         };
         let mut invalid = ground.invalid.and(state.validity());
-        invalid.raise(Validity::MOVING, inertia.is_none() || motion.is_none() || !stage.differences.is_calibrated());
+        invalid.raise(
+            Validity::MOVING,
+            inertia.is_none() || motion.is_none() || !stage.differences.is_calibrated(),
+        );
         invalid.raise(Validity::CLOCK_UNSYNCHRONISED, time_is_uncertain(&instant.snapshot));
         let inertia = inertia.unwrap_or(Inertia::REST);
         stage.intensity.update(intensity_m_per_s2(&inertia), step_s);
