@@ -78,12 +78,15 @@ fn a_resumed_shift_counts_a_lift_in_progress_when_it_ends() {
     for sample in 300..400 {
         memory.exposure.advance(sample * 10_000_000, &load, &limits);
     }
-    memory.exposure.advance(NS_PER_S << 10, &load, &limits);
+    // It is put down.
+    for sample in 400..460 {
+        memory.exposure.advance(sample * 10_000_000, &crate::exposure::Load::None, &limits);
+    }
     let shift = stored_state(&memory).shift;
     assert_eq!((shift.lifts, shift.latest[0].number), (1, 1));
     memory.exposure.resume(&shift);
     assert_eq!(memory.exposure.shift(), shift);
-    memory.exposure.advance(NS_PER_S << 11, &load, &limits);
+    memory.exposure.advance(NS_PER_S << 10, &load, &limits);
     assert_eq!(memory.exposure.shift(), shift, "the gap changes nothing");
 }
 
