@@ -281,18 +281,13 @@ impl Early {
         let Newest { subject, streams, state, .. } = *newest;
         let (instant, motion) = newest_instant(settings, newest);
         let ground = measure_ground(settings, &mut newest.ground.clone(), &instant, subject, streams);
-        let is_static = state.static_pose == 1;
         let inertia = match (settings.motion, instant.inertia) {
-            (Motion::Paper, _) => Some(Inertia::REST),
+            (Motion::Paper, Some(_)) => Some(Inertia::REST),
             (_, Some(inertia)) if inertia.is_moderate() => Some(inertia),
-            (_, None) if is_static => Some(Inertia::REST),
             _ => None,
         };
         let mut invalid = ground.invalid.and(state.validity());
-        invalid.raise(
-            Validity::MOVING,
-            inertia.is_none() || motion.is_none() || !stage.differences.is_calibrated(),
-        );
+        invalid.raise(Validity::MOVING, inertia.is_none() || !stage.differences.is_calibrated());
         invalid.raise(Validity::CLOCK_UNSYNCHRONISED, time_is_uncertain(&instant.snapshot));
         let inertia = inertia.unwrap_or(Inertia::REST);
         stage.intensity.update(intensity_m_per_s2(&inertia), step_s);
