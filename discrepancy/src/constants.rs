@@ -44,7 +44,7 @@ pub(crate) const BLOCK_S: f64 = 0.2;
 pub(crate) const HALF_WINDOW_S: f64 = 0.1;
 /// Nothing is compared within this time of a foot's lift-off or contact. Unit: s. Origin: bench.
 pub(crate) const STANCE_MARGIN_S: f64 = 0.4;
-/// Farther outside its outline, a foot alone does not bear the load. Unit: m. Origin: that of the loop.
+/// Farther outside its outline, a foot alone does not support the load. Unit: m. Origin: that of the loop.
 pub(crate) const SUPPORT_MARGIN_M: f64 = 0.02;
 /// Snapshots farther apart are a gap. Unit: s. Origin: bench.
 pub(crate) const SNAPSHOT_GAP_S: f64 = 0.12;

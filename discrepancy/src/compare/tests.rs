@@ -252,7 +252,7 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
 }
 
 #[test]
-fn a_foot_that_seems_lifted_stands_while_the_other_alone_cannot_bear_the_load() {
+fn a_foot_that_seems_lifted_stands_while_the_other_alone_cannot_support_the_load() {
     let [left, right] = Side::BOTH.map(|side| skeleton().t_pose_m()[side.foot().index()]);
     let raised_for = |cop_y_m: f64| {
         let mut comparison = Comparison::new(worker(), options(1.0, 10.0));

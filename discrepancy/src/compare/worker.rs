@@ -47,7 +47,7 @@ impl Worker {
     }
 
     /// Whether both feet stand. An error of a leg's sensor raises an ankle like a lifted foot, but does not move the CoP
-    /// below the other foot: the higher foot stands if the lower one alone cannot bear the load.
+    /// below the other foot: the higher foot stands if the lower one alone cannot support the load.
     pub(super) fn stands_on_both_feet(&self, snapshot: &Snapshot) -> bool {
         if snapshot.both_feet_stand == 1 {
             return true;
