@@ -49,7 +49,7 @@ struct Plan {
     std::uint64_t generation;
     Position at_m;
     // Predicted limit ratio of the worst joint, and its 1-σ.
-    double share, sigma;
+    double limit_ratio, sigma;
     // Slope of the handles: how far hands that follow them point below the horizontal, rad.
     double slope_rad = 0.0;
 };
@@ -61,7 +61,7 @@ struct Input {
     double age_s = 0.0;
     bool restarted = false;
     // Torque of the worst joint over its limit, and its 1-σ; nullopt while torques are invalid.
-    std::optional<double> share, sigma;
+    std::optional<double> limit_ratio, sigma;
     // Relieving direction, unit vector.
     std::optional<Position> advice;
     // Position of the part; nullopt while the cobot is not connected or not ready.
@@ -140,33 +140,33 @@ private:
     struct Target {
         std::uint64_t generation; // 0: from the advice.
         Position at_m;
-        double share, sigma;
+        double limit_ratio, sigma;
         double slope_rad = 0.0;
     };
 
     void choose(double now_s, const Input &input) {
         if (input.plan && input.plan->generation > discarded_) {
             const Plan &plan = *input.plan;
-            const Target planned{plan.generation, plan.at_m, plan.share, plan.sigma, plan.slope_rad};
+            const Target planned{plan.generation, plan.at_m, plan.limit_ratio, plan.sigma, plan.slope_rad};
             if (!target_) {
                 set(planned);
             } else if (target_->generation == plan.generation) {
                 better_since_s_.reset();
             } else {
                 const double sigma = std::sqrt(target_->sigma * target_->sigma + plan.sigma * plan.sigma);
-                set_if_better(now_s, target_->share - plan.share > sigma, planned);
+                set_if_better(now_s, target_->limit_ratio - plan.limit_ratio > sigma, planned);
             }
             return;
         }
-        if ((target_ && target_->generation != 0) || !input.share || !input.sigma || !input.advice) {
+        if ((target_ && target_->generation != 0) || !input.limit_ratio || !input.sigma || !input.advice) {
             better_since_s_.reset();
             return;
         }
         const Position &part = *input.part_m, &along = *input.advice;
         const Position at{part.x + ADVICE_STEP_M * along.x, part.y + ADVICE_STEP_M * along.y,
                           part.z + ADVICE_STEP_M * along.z};
-        set_if_better(now_s, *input.share - ADVICE_ABOVE > *input.sigma,
-                      {0, at, *input.share, *input.sigma, slope_rad_});
+        set_if_better(now_s, *input.limit_ratio - ADVICE_ABOVE > *input.sigma,
+                      {0, at, *input.limit_ratio, *input.sigma, slope_rad_});
     }
 
     void set_if_better(double now_s, bool is_better, const Target &candidate) {

@@ -191,9 +191,9 @@ inline std::optional<Plan> plan_of(const std::string &text, std::uint64_t genera
     if (!Json(text).object(members)) {
         return std::nullopt;
     }
-    const Json::Value &at = members["position_m"], &share = members["worst_limit_ratio"],
+    const Json::Value &at = members["position_m"], &ratio = members["worst_limit_ratio"],
                       &sigma = members["worst_limit_ratio_sigma"];
-    if (!is_finite(at, true, 3) || !is_finite(share, false, 1) || !is_finite(sigma, false, 1)) {
+    if (!is_finite(at, true, 3) || !is_finite(ratio, false, 1) || !is_finite(sigma, false, 1)) {
         return std::nullopt;
     }
     double slope_rad = 0.0; // Absent in plans of earlier versions.
@@ -203,7 +203,7 @@ inline std::optional<Plan> plan_of(const std::string &text, std::uint64_t genera
         }
         slope_rad = slope->second.numbers[0];
     }
-    return Plan{generation, {at.numbers[0], at.numbers[1], at.numbers[2]}, share.numbers[0], sigma.numbers[0], slope_rad};
+    return Plan{generation, {at.numbers[0], at.numbers[1], at.numbers[2]}, ratio.numbers[0], sigma.numbers[0], slope_rad};
 }
 
 // The newest plan: a position of the command line, or a file, read again when it changes.

@@ -1,5 +1,5 @@
 // Runs the decision of handover.hpp on readings from standard input, for tests and for the study of recorded situations.
-// One line per reading: time state reasons age restarted share sigma advice(3) part(3) generation plan(3) plan_share
+// One line per reading: time state reasons age restarted ratio sigma advice(3) part(3) generation plan(3) plan_ratio
 // plan_sigma plan_slope held; numbers in s, m and rad, `nan` for a missing value, `reset` for a new decision. Prints the
 // command, its target and slope. `target WORDS` and `file TEXT` print the position or plan, or `invalid`; `poll PATH` prints
 // the generation of the newest plan of this file.
@@ -28,7 +28,7 @@ Input input_of(const std::vector<double> &values) {
     input.reasons = static_cast<std::uint64_t>(values[2]);
     input.age_s = values[3];
     input.restarted = values[4] != 0.0;
-    input.share = number(values[5]);
+    input.limit_ratio = number(values[5]);
     input.sigma = number(values[6]);
     input.advice = position(&values[7]);
     input.part_m = position(&values[10]);
@@ -52,7 +52,7 @@ bool answer(const std::string &line, Plans &plans) {
         const auto plan = plan_of(rest, 1);
         plan ? print(plan->at_m) : void(std::cout << "invalid");
         if (plan) {
-            std::cout << " " << plan->share << " " << plan->sigma << " " << plan->slope_rad;
+            std::cout << " " << plan->limit_ratio << " " << plan->sigma << " " << plan->slope_rad;
         }
     } else if (what == "poll") {
         plans.set_path(rest);

@@ -58,10 +58,10 @@ class Plan(NamedTuple):
     generation: int
     """Increments with each new plan, from 1."""
     at_m: Position
-    share: float
+    limit_ratio: float
     """Predicted limit ratio of the worst joint."""
     sigma: float
-    """1-σ of `share`."""
+    """1-σ of `limit_ratio`."""
     slope_rad: float = 0.0
     """Slope of the handles: how far hands that follow them point below the horizontal, rad."""
 
@@ -74,10 +74,10 @@ class Input(NamedTuple):
     reasons: int = 0
     age_s: float = 0.0
     restarted: bool = False
-    share: Optional[float] = None
+    limit_ratio: Optional[float] = None
     """Torque of the worst joint over its limit; None while torques are invalid."""
     sigma: Optional[float] = None
-    """1-σ of `share`."""
+    """1-σ of `limit_ratio`."""
     advice: Optional[Position] = None
     """Relieving direction, unit vector."""
     part_m: Optional[Position] = None
@@ -174,7 +174,7 @@ class Decision:
                 self._set_if_better(now_s, is_better(plan, target), plan)
             return
         is_planned = target is not None and target.generation != 0
-        if is_planned or given.share is None or given.sigma is None or given.advice is None:
+        if is_planned or given.limit_ratio is None or given.sigma is None or given.advice is None:
             self._better_since_s = None
             return
         along = given.advice
@@ -183,8 +183,8 @@ class Decision:
             part_m[1] + ADVICE_STEP_M * along[1],
             part_m[2] + ADVICE_STEP_M * along[2],
         )
-        advised = Plan(0, at_m, given.share, given.sigma, self._slope_rad)
-        self._set_if_better(now_s, given.share - ADVICE_ABOVE > given.sigma, advised)
+        advised = Plan(0, at_m, given.limit_ratio, given.sigma, self._slope_rad)
+        self._set_if_better(now_s, given.limit_ratio - ADVICE_ABOVE > given.sigma, advised)
 
     def _set_if_better(self, now_s: float, is_better: bool, candidate: Plan) -> None:
         if not is_better:
@@ -203,8 +203,8 @@ class Decision:
         target, plan = self._target, given.plan
         if plan and plan.generation > self._discarded:
             target = plan if target is None or is_better(plan, target) else target
-        elif given.advice and given.share is not None and given.sigma is not None:
-            if given.share - ADVICE_ABOVE > given.sigma and (target is None or target.generation == 0):
+        elif given.advice and given.limit_ratio is not None and given.sigma is not None:
+            if given.limit_ratio - ADVICE_ABOVE > given.sigma and (target is None or target.generation == 0):
                 return True
         if target is None:
             return False
@@ -238,7 +238,7 @@ class Decision:
 
 def is_better(plan: Plan, target: Plan) -> bool:
     """Whether a plan's predicted limit ratio is below the target's by more than 1 σ of the difference."""
-    return target.share - plan.share > math.hypot(target.sigma, plan.sigma)
+    return target.limit_ratio - plan.limit_ratio > math.hypot(target.sigma, plan.sigma)
 
 
 def input_of(values: List[float]) -> Input:
@@ -253,9 +253,9 @@ def input_of(values: List[float]) -> Input:
     at_m = position(14)
     plan = Plan(int(values[13]), at_m, values[17], values[18], values[19]) if at_m else None
     has_state, reasons, age_s, restarted = values[1:5]
-    share, sigma = number(values[5]), number(values[6])
+    limit_ratio, sigma = number(values[5]), number(values[6])
     advice, part_m, is_held = position(7), position(10), values[20] != 0
-    return Input(has_state != 0, int(reasons), age_s, restarted != 0, share, sigma, advice, part_m, plan, is_held)
+    return Input(has_state != 0, int(reasons), age_s, restarted != 0, limit_ratio, sigma, advice, part_m, plan, is_held)
 
 
 def answer_of(line: str, plans: Dict[str, Any]) -> Optional[str]:
@@ -268,7 +268,7 @@ def answer_of(line: str, plans: Dict[str, Any]) -> Optional[str]:
         values = handover_plans.target_of(rest)
     elif what == "file":
         plan = handover_plans.plan_of(rest, 1)
-        values = (*plan.at_m, plan.share, plan.sigma, plan.slope_rad) if plan else None
+        values = (*plan.at_m, plan.limit_ratio, plan.sigma, plan.slope_rad) if plan else None
     elif what == "poll":
         file = plans.setdefault(rest, handover_plans.Plans(None, rest))
         file.poll(math.inf)

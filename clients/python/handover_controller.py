@@ -331,15 +331,15 @@ def input_of(
     if isinstance(reading, NoReading):
         return Input(part_m=part_m, plan=plan, is_held=is_held)
     state = reading.state
-    share = sigma = advice = None
+    limit_ratio = sigma = advice = None
     if not reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
         at = state.worst_joint
         x, y, z = state.torque_nm[3 * at : 3 * at + 3]
         limit_nm = state.torque_limit_nm[at]
-        share, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
+        limit_ratio, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
         if any(state.advice_direction) and state.joint_level[at] != Level.UNDECIDED:
             advice = (state.advice_direction[0], state.advice_direction[1], state.advice_direction[2])
-    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan, is_held)
+    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, limit_ratio, sigma, advice, part_m, plan, is_held)
 
 
 def percentiles(name: str, values_s: List[float]) -> str:
@@ -347,7 +347,7 @@ def percentiles(name: str, values_s: List[float]) -> str:
     ordered = sorted(values_s)
     if not ordered:
         return f"{name}_us=none"
-    at = [ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99, 0.999, 1.0)]
+    at = [ordered[int(quantile * (len(ordered) - 1))] for quantile in (0.5, 0.99, 0.999, 1.0)]
     return f"{name}_us=" + "/".join(f"{1e6 * value:.0f}" for value in at)
 
 
@@ -360,8 +360,8 @@ def address_of(text: str) -> Tuple[str, int]:
 class Turns(Protocol):
     """Decides which of several cobots in a common space may move."""
 
-    def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
-        """Whether this station's cobot may move now. `wants`: it is not at its target; `share`: limit ratio of the worst joint."""
+    def may_move(self, station: str, now_s: float, wants: bool, limit_ratio: Optional[float]) -> bool:
+        """Whether this station's cobot may move now. `wants`: it is not at its target; `limit_ratio`: of the worst joint."""
 
 
 def control(
@@ -387,7 +387,7 @@ def control(
             elif isinstance(reading, Reading):
                 must_discard = plans.ingest(reading, decision.target)
             given = input_of(reading, cobot.part_m(), plans.newest, cobot.is_held)
-            if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.share):
+            if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.limit_ratio):
                 given = given._replace(part_m=None)
             # The decision holds and discards all plans so far, as after a restart.
             output = decision.decide(now_s, given._replace(restarted=given.restarted or must_discard))

@@ -27,12 +27,12 @@ struct Reading {
     reasons: u64,
     age_s: f64,
     restarted: bool,
-    share: [f64; 2],
+    limit_ratio: [f64; 2],
     advice: [f64; 3],
     part_m: [f64; 3],
     generation: u64,
     plan_m: [f64; 3],
-    plan_share: [f64; 2],
+    plan_limit_ratio: [f64; 2],
     plan_slope_rad: f64,
     held: bool,
 }
@@ -46,12 +46,12 @@ impl Reading {
             reasons: 0,
             age_s: 0.001,
             restarted: false,
-            share: [f64::NAN; 2],
+            limit_ratio: [f64::NAN; 2],
             advice: [f64::NAN; 3],
             part_m: [f64::NAN; 3],
             generation: 0,
             plan_m: [f64::NAN; 3],
-            plan_share: [f64::NAN; 2],
+            plan_limit_ratio: [f64::NAN; 2],
             plan_slope_rad: 0.0,
             held: false,
         }
@@ -65,10 +65,11 @@ impl Reading {
             self.age_s,
             f64::from(u8::from(self.restarted)),
         ];
-        let numbers = head.iter().chain(&self.share).chain(&self.advice).chain(&self.part_m);
+        let numbers = head.iter().chain(&self.limit_ratio).chain(&self.advice).chain(&self.part_m);
         let generation = [self.generation as f64];
         let tail = [self.plan_slope_rad, f64::from(u8::from(self.held))];
-        let numbers = numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_share).chain(&tail);
+        let numbers =
+            numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_limit_ratio).chain(&tail);
         numbers
             .map(|number| if number.is_nan() { "nan".to_owned() } else { number.to_string() })
             .collect::<Vec<_>>()
@@ -176,15 +177,15 @@ fn line_of(line: &str) -> Line {
             ("restarted", _) => reading.restarted = true,
             ("reasons", value) => reading.reasons = value.parse().unwrap(),
             ("age", value) => reading.age_s = value.parse().unwrap(),
-            ("share", value) => reading.share = numbers(value),
+            ("limit_ratio", value) => reading.limit_ratio = numbers(value),
             ("advice", value) => reading.advice = numbers(value),
             ("part", value) => reading.part_m = numbers(value),
             ("plan", value) => {
                 let value =
                     if value.matches(':').count() == 3 { format!("{value}:0") } else { value.to_owned() };
-                let [generation, x, y, z, share, sigma, slope_rad] = numbers(&value);
+                let [generation, x, y, z, ratio, sigma, slope_rad] = numbers(&value);
                 reading.generation = generation as u64;
-                (reading.plan_m, reading.plan_share) = ([x, y, z], [share, sigma]);
+                (reading.plan_m, reading.plan_limit_ratio) = ([x, y, z], [ratio, sigma]);
                 reading.plan_slope_rad = slope_rad;
             }
             _ => panic!("{word} in {line}"),
@@ -308,11 +309,11 @@ fn both_decisions_are_equal_on_random_readings() {
             generation += 1;
             reading.generation = generation;
             reading.plan_m = [0, 1, 2].map(|_| random.between(0.3, 1.2));
-            reading.plan_share = [random.between(0.2, 0.9), random.between(0.0, 0.2)];
+            reading.plan_limit_ratio = [random.between(0.2, 0.9), random.between(0.0, 0.2)];
             reading.plan_slope_rad = random.between(-1.0, 1.0);
         }
         if random.happens(0.01) {
-            reading.share = [random.between(0.2, 1.5), 0.1];
+            reading.limit_ratio = [random.between(0.2, 1.5), 0.1];
             reading.advice = [0.0, 0.6, -0.8];
         }
         if random.happens(0.01) {
@@ -462,7 +463,7 @@ fn the_cobot_stops_within_100_ms_of_each_of_1000_random_losses() {
             run.reading.generation = worker;
             run.reading.plan_m =
                 [run.random.between(0.3, 0.7), run.random.between(-0.4, 0.4), run.random.between(0.8, 1.35)];
-            run.reading.plan_share = [0.4, 0.05];
+            run.reading.plan_limit_ratio = [0.4, 0.05];
         }
         // The controller's half second, the program's settling time, and a motion of random duration.
         let valid_s = run.random.between(0.55, 1.1);
