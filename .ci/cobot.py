@@ -645,8 +645,8 @@ def script(path):
 def rtde_client(host, port):
     """Sends `hold` each 8 ms by the client of the Python controller, as .ci/cobot-rtde.cpp does."""
     import handover
-    import handover_controller
-    cobot = handover_controller.Cobot((host, int(port)))
+    import handover_rtde
+    cobot = handover_rtde.Cobot((host, int(port)))
     while True:
         cobot.poll()
         cobot.send(handover.Output(handover.Command.HOLD, (0.0, 0.0, 0.0)))
