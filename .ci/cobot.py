@@ -283,17 +283,19 @@ def plans_before_a_change_are_discarded():
     worse = (equipoise.CurrentStatus.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)
     status, target = equipoise.CurrentStatus, handover.Plan(1, (0.4, 0.0, 1.0), 0.5, 0.1)
 
-    def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None)):
+    def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None), heading_rad=0.0):
         for response in responses:
             if isinstance(response, equipoise.HandoverRefusal):
                 plans._responses.put((target.at_m, equipoise.NoPlan(response, "", "d", equipoise.Reason(0))))
                 continue
             subject, sample_time_ns = response
             plan = equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
-                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target, slope_rad=0.0)
+                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target, 0.5, heading_rad)
             plans._responses.put((target.at_m, plan))
         state = equipoise.State(time_ns=at_ns, valid=valid)
         has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True), target)
+        if plans.newest and any(plans.newest.at_m[0] == at for _, at in (r for r in responses if isinstance(r, tuple))):
+            assert (plans.newest.slope_rad, plans.newest.heading_rad) == (0.5, heading_rad), plans.newest
         return has_changed, plans.newest and (plans.newest.generation, plans.newest.at_m[0])
 
     with contextlib.redirect_stderr(stderr):
@@ -308,6 +310,11 @@ def plans_before_a_change_are_discarded():
             ingest(160, ("d", 155), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(170, ("d", 165)),
             ingest(180, equipoise.HandoverRefusal.INVALID), ingest(190, equipoise.HandoverRefusal.INFEASIBLE),
             ingest(200), ingest(210, ("d", 205)),
+            # A heading that is not finite; feet that turn by 19 degrees, and by 21 in one and in two responses.
+            ingest(220, ("d", 215), heading_rad=math.nan), ingest(230, ("d", 225), heading_rad=math.radians(19)),
+            ingest(240, ("d", 235), heading_rad=math.radians(19)), ingest(250, ("d", 245), heading_rad=math.radians(-21)),
+            ingest(260, ("d", 255)), ingest(270, ("d", 265), heading_rad=math.radians(-21)),
+            ingest(280, ("d", 275), heading_rad=math.radians(-21)), ingest(290, ("d", 285)),
             # A gap between two states: this response is of a request before.
             ingest(10**9, ("d", 10**9 - 1)), ingest(10**9 + 10, ("e", 10**9 + 5)),
             *(ingest(10**9 + k * 10**8) for k in (1, 1800)), ingest(181 * 10**9 + 5), ingest(181 * 10**9 + 6),
@@ -319,7 +326,9 @@ def plans_before_a_change_are_discarded():
         (True, None), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
         (False, (5, 95)), (False, (6, 105)), (False, (7, 115)), (False, (8, 125)), (True, None), (False, (9, 145)),
         (True, None), (False, (10, 165)), (False, (10, 165)), (True, None), (False, None), (False, (11, 205)),
-        (False, (11, 205)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)),
+        (False, (11, 205)), (False, (12, 225)), (False, (13, 235)), (False, (14, 245)), (False, (15, 255)),
+        (False, (16, 265)), (True, None), (False, (17, 285)),
+        (False, (17, 285)), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)),
         (True, None), (False, None),
     ], found
 

@@ -31,6 +31,8 @@ TIMEOUT_S = 0.025
 SEND_EVERY_S = 0.008
 # A plan of the daemon is valid for so many intervals of the requests, each of a second at least.
 PLAN_INTERVALS_MAX = 3
+# The worker has turned away from the handles of the target by more than this, rad: 20°.
+TURNED_AWAY_RAD = math.radians(20.0)
 PRINT_EVERY_S = 1.0
 # Pause while the bus cannot be read: the consumer returns at once.
 BUS_PAUSE_S = 0.01
@@ -58,8 +60,8 @@ class DaemonPlans:
     def ingest(self, reading: Reading, target: Optional[Plan] = None) -> bool:
         """Takes the responses; returns whether earlier plans must be discarded.
 
-        They must if the worker has changed or walked away, no place is feasible, or plans are missing. `target` is the
-        plan that is the target now.
+        They must if the worker has changed, walked or turned away, no place is feasible, or plans are missing. `target` is
+        the plan that is the target now.
         """
         self._target = target
         state_ns = reading.state.time_ns
@@ -73,20 +75,24 @@ class DaemonPlans:
             if isinstance(plan, NoPlan):
                 must_discard |= plan.reason is HandoverRefusal.INFEASIBLE
                 continue
+            if why_unusable(plan):
+                continue
             if plan.sample_time_ns <= self._changed_ns:
                 continue  # Requested before the change.
             is_of_target = target is not None and requested_m == target.at_m
             # Two successive responses: one may be a noisy measurement of the feet.
-            was_outdated, self._is_outdated = self._is_outdated, is_of_target and is_outdated(plan)
+            is_worse = is_of_target and (is_outdated(plan) or has_turned_away(plan, target))
+            was_outdated, self._is_outdated = self._is_outdated, is_worse
             has_moved = is_of_target and (is_out_of_reach(plan) or (was_outdated and self._is_outdated))
             if has_moved or self._subject not in (None, plan.subject):
-                # The worker walked away, or the state with the change was missed. The next plan is used.
+                # The worker walked or turned away, or the state with the change was missed. The next plan is used.
                 self._changed_ns, must_discard = plan.sample_time_ns, True
             else:
                 self._generation += 1
                 self._sample_ns = plan.sample_time_ns
                 self.newest = Plan(
-                    self._generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad
+                    self._generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad,
+                    plan.feet_heading_rad,
                 )
             self._subject = plan.subject
         age_max_ns = 1e9 * PLAN_INTERVALS_MAX * max(self._interval_s, 1.0)
@@ -116,7 +122,7 @@ class DaemonPlans:
                     current_slope_rad=target.slope_rad if target else None,
                 )
                 self._responses.put((target_m, plan))
-                text = plan.text if isinstance(plan, NoPlan) else ""
+                text = why_unusable(plan)
             except BusError as error:
                 text = f"{error}"
             except Exception as error:  # The thread must not end.
@@ -128,6 +134,19 @@ class DaemonPlans:
                 break
         if planner:
             planner.close()
+
+
+def why_unusable(plan: HandoverPlan | NoPlan) -> str:
+    """Why there is no usable plan; empty for a usable one."""
+    if isinstance(plan, NoPlan):
+        return plan.text
+    return "" if math.isfinite(plan.feet_heading_rad) else "the heading of the worker's feet is not finite"
+
+
+def has_turned_away(plan: HandoverPlan, target: Optional[Plan]) -> bool:
+    """Whether the present feet point elsewhere than the handles of the target."""
+    turn_rad = math.remainder(plan.feet_heading_rad - target.heading_rad, math.tau) if target else 0.0
+    return abs(turn_rad) > TURNED_AWAY_RAD
 
 
 def is_out_of_reach(plan: HandoverPlan) -> bool:

@@ -30,9 +30,9 @@ OUTPUT_NAMES = (
 OUTPUTS = struct.Struct(">BiidddiI")
 INPUT_NAMES = (
     "input_int_register_36,input_int_register_37,input_double_register_36,input_double_register_37,"
-    "input_double_register_38,input_double_register_39"
+    "input_double_register_38,input_double_register_39,input_double_register_40"
 )
-INPUTS = struct.Struct(">Biidddd")
+INPUTS = struct.Struct(">Biiddddd")
 OUTPUT_HZ = 250.0
 NORMAL, PLAYING, OUTSIDE, NO_HEARTBEAT, PROTECTIVE = 1, 2, 3, 4, 5
 
@@ -89,7 +89,8 @@ class Cobot:
         if self._socket is None or time.monotonic() - self._at_s > COBOT_SILENT_S:
             return
         self.sequence = self.sequence % 0x7FFFFFFF + 1
-        data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m, output.slope_rad)
+        turned_rad = output.slope_rad, output.heading_rad
+        data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m, *turned_rad)
         try:
             # A short write would break the stream: the cobot reads no more, and must hold.
             if self._socket.send(package("U", data)) != len(data) + 3:
