@@ -568,6 +568,10 @@ class Robot:
             "write_output_float_register": lambda number, value: self.outputs.update({("double", number): value}),
             "get_steptime": lambda: self.STEP_S,
             "get_actual_tcp_pose": lambda: list(self.tcp),
+            # Not a number for an infinite value, as those of C.
+            "sin": lambda angle: math.sin(angle) if math.isfinite(angle) else math.nan,
+            "cos": lambda angle: math.cos(angle) if math.isfinite(angle) else math.nan,
+            "atan2": math.atan2,
             "norm": lambda values: sum(value * value for value in values) ** 0.5,
             "pose_inv": pose_inv,
             "pose_trans": pose_trans,
@@ -604,6 +608,28 @@ class Robot:
 
     def speed(self):
         return self.world["norm"](self.velocity[:3])
+
+
+def turns(path):
+    """Slopes and headings of the handles, by the test vectors."""
+    count = 0
+    for line in pathlib.Path("clients/handover_vectors.txt").read_text().splitlines():
+        if not line.startswith("turn "):
+            continue
+        given, expected = line.removeprefix("turn ").split(" => ")
+        slope, heading, level_heading = map(float, given.split())
+        robot = Robot(path, HANDOVER_LEVEL_HEADING_RAD=level_heading)
+        target = {("double", 36 + axis): value for axis, value in enumerate([0.45, 0.1, 1.1, slope, heading])}
+        robot.inputs, level, count = {("int", 36): 1, **target}, matrix(robot.tcp[3:]), count + 1
+        activity = robot.run(12, True)
+        if expected == "outside":
+            assert activity == 3 and robot.tcp[3:] == [-1.2092, -1.2092, 1.2092], f"{activity}, {robot.tcp} for {line}"
+            continue
+        turned = product(product(matrix(robot.tcp[3:]), list(zip(*level))), matrix([0.0, 0.0, level_heading]))
+        found = [turned[axis][column] for column in (0, 1) for axis in range(3)]
+        wanted = [float(word) for word in re.split("[ ,]", expected)]
+        assert activity == 1 and all(abs(a - b) < 1e-3 for a, b in zip(found, wanted)), f"{activity}, {found} for {line}"
+    assert count >= 9, f"only {count} turns"
 
 
 def script(path):
@@ -648,6 +674,13 @@ def script(path):
     assert robot.run(0.1, True) == 3 and not any(robot.velocity), "it retreats to a position outside the workspace"
     robot.world["HANDOVER_RETREAT_M"] = retreat
     assert robot.run(0.1, True) == 2, "it does not retreat"
+    robot.inputs["int", 36], robot.inputs["double", 36], robot.inputs["double", 39], robot.inputs["double", 40] = 1, 0.45, 0.5, 0.5
+    assert robot.run(5, True) == 1
+    robot.inputs["int", 36] = 2
+    robot.run(10, True)
+    turned = vector(product(matrix(robot.tcp[3:]), list(zip(*level))))
+    assert all(abs(value) < 1e-3 for value in turned), f"turned by {turned} at its retreat position"
+    turns(path)
     print("cobot: the robot's program moves, holds, retreats, and holds without a heartbeat")
 
 
