@@ -12,7 +12,7 @@ int main(int argc, char **argv) {
         const auto since = std::chrono::steady_clock::now().time_since_epoch();
         const double now_s = std::chrono::duration<double>(since).count();
         cobot.poll(now_s);
-        cobot.send(now_s, {Command::hold, {0.0, 0.0, 0.0}, 0.0});
+        cobot.send(now_s, {Command::hold, {0.0, 0.0, 0.0}});
         std::this_thread::sleep_for(std::chrono::milliseconds(8));
     }
 }

@@ -283,17 +283,19 @@ def plans_before_a_change_are_discarded():
     worse = (equipoise.CurrentStatus.PREDICTED, equipoise.Joint.L5S1, 0.7, 0.1)
     status, target = equipoise.CurrentStatus, handover.Plan(1, (0.4, 0.0, 1.0), 0.5, 0.1)
 
-    def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None)):
+    def ingest(at_ns, *responses, valid=0, restarted=False, at_target=(status.NONE, None, None, None), heading_rad=0.0):
         for response in responses:
             if isinstance(response, equipoise.HandoverRefusal):
                 plans._responses.put((target.at_m, equipoise.NoPlan(response, "", "d", equipoise.Reason(0))))
                 continue
             subject, sample_time_ns = response
             plan = equipoise.HandoverPlan(subject, 1, sample_time_ns, 0, (sample_time_ns, 0.0, 0.0), (0.5, 0.0, 1.0),
-                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target, slope_rad=0.0)
+                                          equipoise.Joint.L5S1, 0.5, 0.1, *at_target, 0.5, heading_rad)
             plans._responses.put((target.at_m, plan))
         state = equipoise.State(time_ns=at_ns, valid=valid)
         has_changed = plans.ingest(equipoise.Reading(state, at_ns, 0, None, 0, restarted, True), target)
+        if plans.newest and any(plans.newest.at_m[0] == at for _, at in (r for r in responses if isinstance(r, tuple))):
+            assert (plans.newest.slope_rad, plans.newest.heading_rad) == (0.5, heading_rad), plans.newest
         return has_changed, plans.newest and (plans.newest.generation, plans.newest.at_m[0])
 
     with contextlib.redirect_stderr(stderr):
@@ -308,6 +310,11 @@ def plans_before_a_change_are_discarded():
             ingest(160, ("d", 155), at_target=(status.OUT_OF_REACH, None, None, None)), ingest(170, ("d", 165)),
             ingest(180, equipoise.HandoverRefusal.INVALID), ingest(190, equipoise.HandoverRefusal.INFEASIBLE),
             ingest(200), ingest(210, ("d", 205)),
+            # A heading that is not finite; feet that turn by 19 degrees, and by 21 in one and in two responses.
+            ingest(220, ("d", 215), heading_rad=math.nan), ingest(230, ("d", 225), heading_rad=math.radians(19)),
+            ingest(240, ("d", 235), heading_rad=math.radians(19)), ingest(250, ("d", 245), heading_rad=math.radians(-21)),
+            ingest(260, ("d", 255)), ingest(270, ("d", 265), heading_rad=math.radians(-21)),
+            ingest(280, ("d", 275), heading_rad=math.radians(-21)), ingest(290, ("d", 285)),
             # A gap between two states: this response is of a request before.
             ingest(10**9, ("d", 10**9 - 1)), ingest(10**9 + 10, ("e", 10**9 + 5)),
             *(ingest(10**9 + k * 10**8) for k in (1, 1800)), ingest(181 * 10**9 + 5), ingest(181 * 10**9 + 6),
@@ -319,7 +326,9 @@ def plans_before_a_change_are_discarded():
         (True, None), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
         (False, (5, 95)), (False, (6, 105)), (False, (7, 115)), (False, (8, 125)), (True, None), (False, (9, 145)),
         (True, None), (False, (10, 165)), (False, (10, 165)), (True, None), (False, None), (False, (11, 205)),
-        (False, (11, 205)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)), (False, (12, 10**9 + 5)),
+        (False, (11, 205)), (False, (12, 225)), (False, (13, 235)), (False, (14, 245)), (False, (15, 255)),
+        (False, (16, 265)), (True, None), (False, (17, 285)),
+        (False, (17, 285)), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)),
         (True, None), (False, None),
     ], found
 
@@ -559,6 +568,10 @@ class Robot:
             "write_output_float_register": lambda number, value: self.outputs.update({("double", number): value}),
             "get_steptime": lambda: self.STEP_S,
             "get_actual_tcp_pose": lambda: list(self.tcp),
+            # Not a number for an infinite value, as those of C.
+            "sin": lambda angle: math.sin(angle) if math.isfinite(angle) else math.nan,
+            "cos": lambda angle: math.cos(angle) if math.isfinite(angle) else math.nan,
+            "atan2": math.atan2,
             "norm": lambda values: sum(value * value for value in values) ** 0.5,
             "pose_inv": pose_inv,
             "pose_trans": pose_trans,
@@ -595,6 +608,28 @@ class Robot:
 
     def speed(self):
         return self.world["norm"](self.velocity[:3])
+
+
+def turns(path):
+    """Slopes and headings of the handles, by the test vectors."""
+    count = 0
+    for line in pathlib.Path("clients/handover_vectors.txt").read_text().splitlines():
+        if not line.startswith("turn "):
+            continue
+        given, expected = line.removeprefix("turn ").split(" => ")
+        slope, heading, level_heading = map(float, given.split())
+        robot = Robot(path, HANDOVER_LEVEL_HEADING_RAD=level_heading)
+        target = {("double", 36 + axis): value for axis, value in enumerate([0.45, 0.1, 1.1, slope, heading])}
+        robot.inputs, level, count = {("int", 36): 1, **target}, matrix(robot.tcp[3:]), count + 1
+        activity = robot.run(12, True)
+        if expected == "outside":
+            assert activity == 3 and robot.tcp[3:] == [-1.2092, -1.2092, 1.2092], f"{activity}, {robot.tcp} for {line}"
+            continue
+        turned = product(product(matrix(robot.tcp[3:]), list(zip(*level))), matrix([0.0, 0.0, level_heading]))
+        found = [turned[axis][column] for column in (0, 1) for axis in range(3)]
+        wanted = [float(word) for word in re.split("[ ,]", expected)]
+        assert activity == 1 and all(abs(a - b) < 1e-3 for a, b in zip(found, wanted)), f"{activity}, {found} for {line}"
+    assert count >= 9, f"only {count} turns"
 
 
 def script(path):
@@ -639,14 +674,21 @@ def script(path):
     assert robot.run(0.1, True) == 3 and not any(robot.velocity), "it retreats to a position outside the workspace"
     robot.world["HANDOVER_RETREAT_M"] = retreat
     assert robot.run(0.1, True) == 2, "it does not retreat"
+    robot.inputs["int", 36], robot.inputs["double", 36], robot.inputs["double", 39], robot.inputs["double", 40] = 1, 0.45, 0.5, 0.5
+    assert robot.run(5, True) == 1
+    robot.inputs["int", 36] = 2
+    robot.run(10, True)
+    turned = vector(product(matrix(robot.tcp[3:]), list(zip(*level))))
+    assert all(abs(value) < 1e-3 for value in turned), f"turned by {turned} at its retreat position"
+    turns(path)
     print("cobot: the robot's program moves, holds, retreats, and holds without a heartbeat")
 
 
 def rtde_client(host, port):
     """Sends `hold` each 8 ms by the client of the Python controller, as .ci/cobot-rtde.cpp does."""
     import handover
-    import handover_controller
-    cobot = handover_controller.Cobot((host, int(port)))
+    import handover_rtde
+    cobot = handover_rtde.Cobot((host, int(port)))
     while True:
         cobot.poll()
         cobot.send(handover.Output(handover.Command.HOLD, (0.0, 0.0, 0.0)))

@@ -49,9 +49,12 @@ struct Plan {
     std::uint64_t generation;
     Position at_m;
     // Predicted limit ratio of the worst joint, and its 1-σ.
-    double share, sigma;
+    double limit_ratio, sigma;
     // Slope of the handles: how far hands that follow them point below the horizontal, rad.
     double slope_rad = 0.0;
+    // Heading of the handles: that of the worker's feet, from the station's X axis about Z, rad. The grips lie on the
+    // station's Y axis turned by it, and slope about that axis.
+    double heading_rad = 0.0;
 };
 
 struct Input {
@@ -61,7 +64,7 @@ struct Input {
     double age_s = 0.0;
     bool restarted = false;
     // Torque of the worst joint over its limit, and its 1-σ; nullopt while torques are invalid.
-    std::optional<double> share, sigma;
+    std::optional<double> limit_ratio, sigma;
     // Relieving direction, unit vector.
     std::optional<Position> advice;
     // Position of the part; nullopt while the cobot is not connected or not ready.
@@ -75,9 +78,9 @@ enum class Command { hold = 0, move = 1, retreat = 2 };
 
 struct Output {
     Command command;
-    // With `move`: the commanded position, m, and the slope of the handles, rad.
+    // With `move`: the commanded position, m, and slope and heading of the handles, rad.
     Position target_m;
-    double slope_rad = 0.0;
+    double slope_rad = 0.0, heading_rad = 0.0;
 };
 
 class Decision {
@@ -127,7 +130,8 @@ public:
             if (target_) {
                 advance(step_s, *input.part_m, input.is_held);
                 slope_rad_ = target_->slope_rad;
-                return {Command::move, sent_m_, slope_rad_};
+                heading_rad_ = target_->heading_rad;
+                return {Command::move, sent_m_, slope_rad_, heading_rad_};
             }
         }
         is_moving_ = false;
@@ -140,33 +144,34 @@ private:
     struct Target {
         std::uint64_t generation; // 0: from the advice.
         Position at_m;
-        double share, sigma;
-        double slope_rad = 0.0;
+        double limit_ratio, sigma;
+        double slope_rad = 0.0, heading_rad = 0.0;
     };
 
     void choose(double now_s, const Input &input) {
-        if (input.plan && input.plan->generation > discarded_) {
+        // Without a heading the handles cannot be turned to the worker: such a plan is discarded.
+        if (input.plan && input.plan->generation > discarded_ && std::isfinite(input.plan->heading_rad)) {
             const Plan &plan = *input.plan;
-            const Target planned{plan.generation, plan.at_m, plan.share, plan.sigma, plan.slope_rad};
+            const Target planned{plan.generation, plan.at_m, plan.limit_ratio, plan.sigma, plan.slope_rad, plan.heading_rad};
             if (!target_) {
                 set(planned);
             } else if (target_->generation == plan.generation) {
                 better_since_s_.reset();
             } else {
                 const double sigma = std::sqrt(target_->sigma * target_->sigma + plan.sigma * plan.sigma);
-                set_if_better(now_s, target_->share - plan.share > sigma, planned);
+                set_if_better(now_s, target_->limit_ratio - plan.limit_ratio > sigma, planned);
             }
             return;
         }
-        if ((target_ && target_->generation != 0) || !input.share || !input.sigma || !input.advice) {
+        if ((target_ && target_->generation != 0) || !input.limit_ratio || !input.sigma || !input.advice) {
             better_since_s_.reset();
             return;
         }
         const Position &part = *input.part_m, &along = *input.advice;
         const Position at{part.x + ADVICE_STEP_M * along.x, part.y + ADVICE_STEP_M * along.y,
                           part.z + ADVICE_STEP_M * along.z};
-        set_if_better(now_s, *input.share - ADVICE_ABOVE > *input.sigma,
-                      {0, at, *input.share, *input.sigma, slope_rad_});
+        set_if_better(now_s, *input.limit_ratio - ADVICE_ABOVE > *input.sigma,
+                      {0, at, *input.limit_ratio, *input.sigma, slope_rad_, heading_rad_});
     }
 
     void set_if_better(double now_s, bool is_better, const Target &candidate) {
@@ -213,7 +218,7 @@ private:
     std::optional<double> state_s_, valid_since_s_, ready_since_s_, better_since_s_;
     std::optional<Target> target_;
     Position sent_m_{0.0, 0.0, 0.0};
-    double slope_rad_ = 0.0; // Of the handles in the last `move`.
+    double slope_rad_ = 0.0, heading_rad_ = 0.0; // Of the handles in the last `move`.
 };
 
 } // namespace equipoise::handover

@@ -58,7 +58,7 @@ Input input_of(const Reading &reading, const Cobot &cobot, double at_s, const st
         is_undecided = reading->level(*worst) == equipoise::Level::undecided;
         const auto torque_nm = reading->torque_magnitude_nm(*worst);
         const auto limit_nm = reading->torque_limit_nm(*worst);
-        input.share = torque_nm->value / *limit_nm;
+        input.limit_ratio = torque_nm->value / *limit_nm;
         input.sigma = torque_nm->sigma / *limit_nm;
     }
     const auto along = reading->advice_direction();
@@ -87,12 +87,12 @@ void print(double at_s, const Output &output, int activity, const Reading &readi
 std::string percentiles(const char *name, std::vector<double> values_s) {
     std::sort(values_s.begin(), values_s.end());
     std::string text = std::string(name) + "_us=";
-    for (const double share : {0.5, 0.99, 0.999, 1.0}) {
+    for (const double quantile : {0.5, 0.99, 0.999, 1.0}) {
         if (values_s.empty()) {
             return text + "none";
         }
-        const auto at = static_cast<std::size_t>(share * static_cast<double>(values_s.size() - 1));
-        text += (share == 0.5 ? "" : "/") + std::to_string(std::lround(1e6 * values_s[at]));
+        const auto at = static_cast<std::size_t>(quantile * static_cast<double>(values_s.size() - 1));
+        text += (quantile == 0.5 ? "" : "/") + std::to_string(std::lround(1e6 * values_s[at]));
     }
     return text;
 }

@@ -22,6 +22,8 @@ namespace equipoise::handover {
 inline constexpr double PLAN_EVERY_S = 0.2;
 // Range of the slope in clients/ur/handover.script, rad.
 inline constexpr double SLOPE_MAX_RAD = 1.2;
+// Range of a heading, rad; the script limits it further.
+inline constexpr double HEADING_MAX_RAD = 3.141592653589793;
 
 // Validates a text as JSON (RFC 8259), and keeps its numbers and arrays of numbers.
 class Json {
@@ -191,9 +193,9 @@ inline std::optional<Plan> plan_of(const std::string &text, std::uint64_t genera
     if (!Json(text).object(members)) {
         return std::nullopt;
     }
-    const Json::Value &at = members["position_m"], &share = members["worst_limit_ratio"],
+    const Json::Value &at = members["position_m"], &ratio = members["worst_limit_ratio"],
                       &sigma = members["worst_limit_ratio_sigma"];
-    if (!is_finite(at, true, 3) || !is_finite(share, false, 1) || !is_finite(sigma, false, 1)) {
+    if (!is_finite(at, true, 3) || !is_finite(ratio, false, 1) || !is_finite(sigma, false, 1)) {
         return std::nullopt;
     }
     double slope_rad = 0.0; // Absent in plans of earlier versions.
@@ -203,7 +205,17 @@ inline std::optional<Plan> plan_of(const std::string &text, std::uint64_t genera
         }
         slope_rad = slope->second.numbers[0];
     }
-    return Plan{generation, {at.numbers[0], at.numbers[1], at.numbers[2]}, share.numbers[0], sigma.numbers[0], slope_rad};
+    double heading_rad = 0.0; // Level handles do without: a plan of an earlier version.
+    if (const auto heading = members.find("feet_heading_rad"); heading != members.end()) {
+        if (!is_finite(heading->second, false, 1) || std::fabs(heading->second.numbers[0]) > HEADING_MAX_RAD) {
+            return std::nullopt;
+        }
+        heading_rad = heading->second.numbers[0];
+    } else if (slope_rad != 0.0) {
+        return std::nullopt;
+    }
+    const Position at_m{at.numbers[0], at.numbers[1], at.numbers[2]};
+    return Plan{generation, at_m, ratio.numbers[0], sigma.numbers[0], slope_rad, heading_rad};
 }
 
 // The newest plan: a position of the command line, or a file, read again when it changes.
@@ -237,7 +249,7 @@ public:
         const auto plan = plan_of(content.str(), newest ? newest->generation + 1 : 1);
         if (!plan) {
             // Read again at the next poll: it may be incomplete.
-            return report("no valid position_m, worst_limit_ratio, worst_limit_ratio_sigma and slope_rad");
+            return report("no valid position_m, worst_limit_ratio, worst_limit_ratio_sigma, slope_rad and feet_heading_rad");
         }
         changed_ = found.st_mtim;
         reported_.clear();

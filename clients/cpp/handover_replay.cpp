@@ -1,7 +1,7 @@
 // Runs the decision of handover.hpp on readings from standard input, for tests and for the study of recorded situations.
-// One line per reading: time state reasons age restarted share sigma advice(3) part(3) generation plan(3) plan_share
-// plan_sigma plan_slope held; numbers in s, m and rad, `nan` for a missing value, `reset` for a new decision. Prints the
-// command, its target and slope. `target WORDS` and `file TEXT` print the position or plan, or `invalid`; `poll PATH` prints
+// One line per reading: time state reasons age restarted ratio sigma advice(3) part(3) generation plan(3) plan_ratio
+// plan_sigma plan_slope plan_heading held; numbers in s, m and rad, `nan` for a missing value, `reset` for a new decision. Prints the
+// command, its target, slope and heading. `target WORDS` and `file TEXT` print the position or plan, or `invalid`; `poll PATH` prints
 // the generation of the newest plan of this file.
 #include "handover_plans.hpp"
 
@@ -28,14 +28,14 @@ Input input_of(const std::vector<double> &values) {
     input.reasons = static_cast<std::uint64_t>(values[2]);
     input.age_s = values[3];
     input.restarted = values[4] != 0.0;
-    input.share = number(values[5]);
+    input.limit_ratio = number(values[5]);
     input.sigma = number(values[6]);
     input.advice = position(&values[7]);
     input.part_m = position(&values[10]);
     if (const auto at_m = position(&values[14])) {
-        input.plan = Plan{static_cast<std::uint64_t>(values[13]), *at_m, values[17], values[18], values[19]};
+        input.plan = Plan{static_cast<std::uint64_t>(values[13]), *at_m, values[17], values[18], values[19], values[20]};
     }
-    input.is_held = values[20] != 0.0;
+    input.is_held = values[21] != 0.0;
     return input;
 }
 
@@ -52,7 +52,7 @@ bool answer(const std::string &line, Plans &plans) {
         const auto plan = plan_of(rest, 1);
         plan ? print(plan->at_m) : void(std::cout << "invalid");
         if (plan) {
-            std::cout << " " << plan->share << " " << plan->sigma << " " << plan->slope_rad;
+            std::cout << " " << plan->limit_ratio << " " << plan->sigma << " " << plan->slope_rad << " " << plan->heading_rad;
         }
     } else if (what == "poll") {
         plans.set_path(rest);
@@ -68,7 +68,7 @@ bool answer(const std::string &line, Plans &plans) {
 } // namespace
 
 int main() {
-    constexpr std::size_t NUMBERS = 21;
+    constexpr std::size_t NUMBERS = 22;
     Decision decision;
     Plans plans;
     std::string line;
@@ -92,7 +92,7 @@ int main() {
         }
         const Output output = decision.decide(values[0], input_of(values));
         std::cout << static_cast<int>(output.command) << " " << output.target_m.x << " " << output.target_m.y << " "
-                  << output.target_m.z << " " << output.slope_rad << std::endl;
+                  << output.target_m.z << " " << output.slope_rad << " " << output.heading_rad << std::endl;
     }
     return 0;
 }

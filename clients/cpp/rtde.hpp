@@ -90,7 +90,8 @@ public:
         std::string payload(1, static_cast<char>(recipe_));
         append(payload, static_cast<std::uint32_t>(output.command), 4);
         append(payload, static_cast<std::uint32_t>(sequence_), 4);
-        for (const double value : {output.target_m.x, output.target_m.y, output.target_m.z, output.slope_rad}) {
+        for (const double value :
+             {output.target_m.x, output.target_m.y, output.target_m.z, output.slope_rad, output.heading_rad}) {
             std::uint64_t bits = 0;
             std::memcpy(&bits, &value, sizeof bits);
             append(payload, bits, 8);
@@ -169,7 +170,8 @@ private:
         if (!ask('O', rate + registers("output") + ",safety_mode,runtime_state", answer) || answer.empty() || answer[0] == 0) {
             return "it does not provide the outputs";
         }
-        if (!ask('I', registers("input") + ",input_double_register_39", answer) || answer.empty() || answer[0] == 0) {
+        const std::string inputs = registers("input") + ",input_double_register_39,input_double_register_40";
+        if (!ask('I', inputs, answer) || answer.empty() || answer[0] == 0) {
             return "it does not accept the inputs: another client may have them";
         }
         recipe_ = static_cast<unsigned char>(answer[0]);

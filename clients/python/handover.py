@@ -58,12 +58,15 @@ class Plan(NamedTuple):
     generation: int
     """Increments with each new plan, from 1."""
     at_m: Position
-    share: float
+    limit_ratio: float
     """Predicted limit ratio of the worst joint."""
     sigma: float
-    """1-σ of `share`."""
+    """1-σ of `limit_ratio`."""
     slope_rad: float = 0.0
     """Slope of the handles: how far hands that follow them point below the horizontal, rad."""
+    heading_rad: float = 0.0
+    """Heading of the handles: that of the worker's feet, from the station's X axis about Z, rad. The grips lie on the
+    station's Y axis turned by it, and slope about that axis."""
 
 
 class Input(NamedTuple):
@@ -74,10 +77,10 @@ class Input(NamedTuple):
     reasons: int = 0
     age_s: float = 0.0
     restarted: bool = False
-    share: Optional[float] = None
+    limit_ratio: Optional[float] = None
     """Torque of the worst joint over its limit; None while torques are invalid."""
     sigma: Optional[float] = None
-    """1-σ of `share`."""
+    """1-σ of `limit_ratio`."""
     advice: Optional[Position] = None
     """Relieving direction, unit vector."""
     part_m: Optional[Position] = None
@@ -96,11 +99,12 @@ class Command(enum.IntEnum):
 
 
 class Output(NamedTuple):
-    """Command, and with MOVE the commanded position, m, and the slope of the handles, rad."""
+    """Command, and with MOVE the commanded position, m, and slope and heading of the handles, rad."""
 
     command: Command
     target_m: Position
     slope_rad: float = 0.0
+    heading_rad: float = 0.0
 
 
 class Decision:
@@ -119,8 +123,8 @@ class Decision:
         self._target: Optional[Plan] = None
         self._sent_m: Position = (0.0, 0.0, 0.0)
         self._is_moving = self._has_moved = False
-        # Slope of the handles in the last MOVE, rad, and remaining time of their turn to that of the target, s.
-        self._slope_rad = self._turns_for_s = 0.0
+        # Slope and heading of the handles in the last MOVE, rad, and remaining time of their turn to the target's, s.
+        self._slope_rad = self._heading_rad = self._turns_for_s = 0.0
 
     def decide(self, now_s: float, given: Input) -> Output:
         """Decides for this instant; `now_s` never decreases."""
@@ -156,16 +160,16 @@ class Decision:
             self._choose(now_s, given, given.part_m)
             if self._target is not None:
                 self._advance(step_s, self._target.at_m, given.part_m, given.is_held)
-                self._slope_rad = self._target.slope_rad
-                return Output(Command.MOVE, self._sent_m, self._slope_rad)
+                self._slope_rad, self._heading_rad = self._target.slope_rad, self._target.heading_rad
+                return Output(Command.MOVE, self._sent_m, self._slope_rad, self._heading_rad)
         self._is_moving = False
         is_ready = self._ready_since_s is not None and now_s - self._ready_since_s >= RETREAT_AFTER_S
         retreats = self._has_moved and is_ready and now_s - self._valid_s >= RETREAT_AFTER_S
         return Output(Command.RETREAT if retreats else Command.HOLD, self._sent_m)
 
     def _choose(self, now_s: float, given: Input, part_m: Position) -> None:
-        target, plan = self._target, given.plan
-        if plan and plan.generation > self._discarded:
+        target, plan = self._target, self._usable(given.plan)
+        if plan:
             if target is None:
                 self._set(plan)
             elif target.generation == plan.generation:
@@ -174,7 +178,7 @@ class Decision:
                 self._set_if_better(now_s, is_better(plan, target), plan)
             return
         is_planned = target is not None and target.generation != 0
-        if is_planned or given.share is None or given.sigma is None or given.advice is None:
+        if is_planned or given.limit_ratio is None or given.sigma is None or given.advice is None:
             self._better_since_s = None
             return
         along = given.advice
@@ -183,8 +187,8 @@ class Decision:
             part_m[1] + ADVICE_STEP_M * along[1],
             part_m[2] + ADVICE_STEP_M * along[2],
         )
-        advised = Plan(0, at_m, given.share, given.sigma, self._slope_rad)
-        self._set_if_better(now_s, given.share - ADVICE_ABOVE > given.sigma, advised)
+        advised = Plan(0, at_m, given.limit_ratio, given.sigma, self._slope_rad, self._heading_rad)
+        self._set_if_better(now_s, given.limit_ratio - ADVICE_ABOVE > given.sigma, advised)
 
     def _set_if_better(self, now_s: float, is_better: bool, candidate: Plan) -> None:
         if not is_better:
@@ -200,15 +204,15 @@ class Decision:
         is_valid = given.has_state and not given.reasons & STOPS and 0.0 <= given.age_s <= AGE_MAX_S
         if not is_valid or given.part_m is None:
             return False
-        target, plan = self._target, given.plan
-        if plan and plan.generation > self._discarded:
+        target, plan = self._target, self._usable(given.plan)
+        if plan:
             target = plan if target is None or is_better(plan, target) else target
-        elif given.advice and given.share is not None and given.sigma is not None:
-            if given.share - ADVICE_ABOVE > given.sigma and (target is None or target.generation == 0):
+        elif given.advice and given.limit_ratio is not None and given.sigma is not None:
+            if given.limit_ratio - ADVICE_ABOVE > given.sigma and (target is None or target.generation == 0):
                 return True
         if target is None:
             return False
-        is_turned = self._turns_for_s <= 0.0 if target is self._target else target.slope_rad == self._slope_rad
+        is_turned = (self._turns_for_s if target is self._target else self._turn_rad(target)) <= 0.0
         return not is_turned or math.dist(target.at_m, given.part_m) > ARRIVED_M
 
     @property
@@ -218,7 +222,16 @@ class Decision:
 
     def _set(self, target: Plan) -> None:
         self._target, self._better_since_s = target, None
-        self._turns_for_s = abs(target.slope_rad - self._slope_rad) / TURN_RAD_PER_S
+        self._turns_for_s = self._turn_rad(target) / TURN_RAD_PER_S
+
+    def _usable(self, plan: Optional[Plan]) -> Optional[Plan]:
+        """The plan, unless it is discarded. Without a heading the handles cannot be turned to the worker."""
+        return plan if plan and plan.generation > self._discarded and math.isfinite(plan.heading_rad) else None
+
+    def _turn_rad(self, target: Plan) -> float:
+        """Upper bound of the turn of the handles to those of a target, rad."""
+        turn_rad = math.remainder(target.heading_rad - self._heading_rad, math.tau)
+        return abs(target.slope_rad - self._slope_rad) + abs(turn_rad)
 
     def _advance(self, step_s: float, target_m: Position, part_m: Position, is_held: bool) -> None:
         """Moves the commanded position toward the target."""
@@ -238,7 +251,7 @@ class Decision:
 
 def is_better(plan: Plan, target: Plan) -> bool:
     """Whether a plan's predicted limit ratio is below the target's by more than 1 σ of the difference."""
-    return target.share - plan.share > math.hypot(target.sigma, plan.sigma)
+    return target.limit_ratio - plan.limit_ratio > math.hypot(target.sigma, plan.sigma)
 
 
 def input_of(values: List[float]) -> Input:
@@ -251,11 +264,11 @@ def input_of(values: List[float]) -> Input:
         return None if math.isnan(values[at]) else (values[at], values[at + 1], values[at + 2])
 
     at_m = position(14)
-    plan = Plan(int(values[13]), at_m, values[17], values[18], values[19]) if at_m else None
+    plan = Plan(int(values[13]), at_m, *values[17:21]) if at_m else None
     has_state, reasons, age_s, restarted = values[1:5]
-    share, sigma = number(values[5]), number(values[6])
-    advice, part_m, is_held = position(7), position(10), values[20] != 0
-    return Input(has_state != 0, int(reasons), age_s, restarted != 0, share, sigma, advice, part_m, plan, is_held)
+    limit_ratio, sigma = number(values[5]), number(values[6])
+    advice, part_m, is_held = position(7), position(10), values[21] != 0
+    return Input(has_state != 0, int(reasons), age_s, restarted != 0, limit_ratio, sigma, advice, part_m, plan, is_held)
 
 
 def answer_of(line: str, plans: Dict[str, Any]) -> Optional[str]:
@@ -268,7 +281,7 @@ def answer_of(line: str, plans: Dict[str, Any]) -> Optional[str]:
         values = handover_plans.target_of(rest)
     elif what == "file":
         plan = handover_plans.plan_of(rest, 1)
-        values = (*plan.at_m, plan.share, plan.sigma, plan.slope_rad) if plan else None
+        values = (*plan.at_m, plan.limit_ratio, plan.sigma, plan.slope_rad, plan.heading_rad) if plan else None
     elif what == "poll":
         file = plans.setdefault(rest, handover_plans.Plans(None, rest))
         file.poll(math.inf)
@@ -289,8 +302,8 @@ def main() -> None:
             print(answer, flush=True)
             continue
         values = [float(word) for word in line.split()]
-        command, (x, y, z), slope_rad = decision.decide(values[0], input_of(values))
-        print(f"{int(command)} {x:.9f} {y:.9f} {z:.9f} {slope_rad:.9f}", flush=True)
+        command, (x, y, z), *turned_rad = decision.decide(values[0], input_of(values))
+        print(int(command), *(f"{value:.9f}" for value in (x, y, z, *turned_rad)), flush=True)
 
 
 if __name__ == "__main__":

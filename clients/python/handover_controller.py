@@ -13,209 +13,30 @@ import argparse
 import math
 import queue
 import signal
-import socket
-import struct
 import sys
 import threading
 import time
-from typing import Dict, List, Optional, Protocol, Tuple
+from typing import List, Optional, Protocol, Tuple
 
 import equipoise
 from equipoise import (
     BusError, CurrentFrame, CurrentStatus, HandoverPlan, HandoverPlanner, HandoverRefusal, Level, NoPlan, NoReading,
     NoStateReason, Reading,
 )
-from handover import MODEL_CHANGED, STATE_GAP_MAX_S, Command, Decision, Input, Output, Plan, Position
+from handover import MODEL_CHANGED, STATE_GAP_MAX_S, Command, Decision, Input, Plan, Position
 from handover_plans import Plans
+from handover_rtde import Cobot
 
 TIMEOUT_S = 0.025
 SEND_EVERY_S = 0.008
-CONNECT_EVERY_S = 1.0
-# From connecting to the end of the handshake: less than the gap between two states that discards the target (STATE_GAP_MAX_S).
-START_WITHIN_S = 0.6
-# After this silence of the cobot its position is not used and nothing is sent: queued commands would arrive late.
-COBOT_SILENT_S = 0.1
-# After this time in which it sends or acknowledges nothing the connection is closed, as in gateways/src/rtde/link.rs.
-LEAVE_AFTER_S = 0.3
-READ_BYTES_MAX = 1 << 16
 # A plan of the daemon is valid for so many intervals of the requests, each of a second at least.
 PLAN_INTERVALS_MAX = 3
+# The worker has turned away from the handles of the target by more than this, rad: 20°.
+TURNED_AWAY_RAD = math.radians(20.0)
 PRINT_EVERY_S = 1.0
 # Pause while the bus cannot be read: the consumer returns at once.
 BUS_PAUSE_S = 0.01
 SAMPLES_MAX = 1 << 16
-
-OUTPUT_NAMES = (
-    "output_int_register_36,output_int_register_37,output_double_register_36,output_double_register_37,"
-    "output_double_register_38,safety_mode,runtime_state"
-)
-OUTPUTS = struct.Struct(">BiidddiI")
-INPUT_NAMES = (
-    "input_int_register_36,input_int_register_37,input_double_register_36,input_double_register_37,"
-    "input_double_register_38,input_double_register_39"
-)
-INPUTS = struct.Struct(">Biidddd")
-OUTPUT_HZ = 250.0
-NORMAL, PLAYING, OUTSIDE, NO_HEARTBEAT, PROTECTIVE = 1, 2, 3, 4, 5
-
-
-class Cobot:
-    """RTDE client, protocol version 2; reconnects by itself."""
-
-    def __init__(self, address: Tuple[str, int]) -> None:
-        self._address = address
-        self._socket: Optional[socket.socket] = None
-        self._received = b""
-        self._try_at_s = self._end_s = 0.0
-        self._recipe = 0
-        self._at_s = -1.0
-        self._position_m: Position = (0.0, 0.0, 0.0)
-        self._is_ready = False
-        self._sent_at_s: Dict[int, float] = {}
-        self.sequence = 0
-        self.activity = -1
-        self.answer_s: List[float] = []
-        """Times from sending a command to its sequence in the cobot's output, s."""
-
-    def part_m(self) -> Optional[Position]:
-        """Position of the TCP in the station's world; None while the cobot is not ready."""
-        is_current = self._socket is not None and time.monotonic() - self._at_s < COBOT_SILENT_S
-        return self._position_m if is_current and self._is_ready else None
-
-    @property
-    def is_able(self) -> bool:
-        """Whether its target is within its workspace."""
-        return self.activity != OUTSIDE
-
-    @property
-    def is_held(self) -> bool:
-        """Whether the cobot does not follow the commands."""
-        return self.activity in (OUTSIDE, NO_HEARTBEAT)
-
-    def poll(self) -> None:
-        """Connects if necessary, and takes what the cobot has sent."""
-        try:
-            if self._socket is None:
-                if time.monotonic() < self._try_at_s:
-                    return
-                self._try_at_s = time.monotonic() + CONNECT_EVERY_S
-                self._connect()
-            self._read()
-            if time.monotonic() - self._at_s > LEAVE_AFTER_S:
-                raise OSError("it sends no more packages")
-        except OSError as error:
-            self._lose(error)
-
-    def send(self, output: Output) -> None:
-        """Writes the registers, unless the cobot is silent; never waits."""
-        if self._socket is None or time.monotonic() - self._at_s > COBOT_SILENT_S:
-            return
-        self.sequence = self.sequence % 0x7FFFFFFF + 1
-        data = INPUTS.pack(self._recipe, output.command, self.sequence, *output.target_m, output.slope_rad)
-        try:
-            # A short write would break the stream: the cobot reads no more, and must hold.
-            if self._socket.send(package("U", data)) != len(data) + 3:
-                raise OSError("it takes no more packages")
-        except OSError as error:
-            self._lose(error)
-            return
-        self._sent_at_s[self.sequence] = time.monotonic()
-        if len(self._sent_at_s) > 1000:
-            self._sent_at_s.clear()
-
-    def _connect(self) -> None:
-        self._end_s = time.monotonic() + START_WITHIN_S
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        # Commands that are undelivered when the connection closes must never arrive: reset it.
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-        self._limit_wait()
-        self._socket.connect(self._address)
-        self._received = b""
-        if self._ask("V", struct.pack(">H", 2)) != b"\x01":
-            raise OSError("it does not support version 2 of RTDE")
-        if self._ask("O", struct.pack(">d", OUTPUT_HZ) + OUTPUT_NAMES.encode())[:1] in (b"", b"\x00"):
-            raise OSError(f"it does not provide {OUTPUT_NAMES}")
-        answer = self._ask("I", INPUT_NAMES.encode())
-        if answer[:1] in (b"", b"\x00"):
-            raise OSError(f"it does not accept {INPUT_NAMES}: {answer[1:].decode(errors='replace')}")
-        self._recipe = answer[0]
-        if self._ask("S", b"") != b"\x01":
-            raise OSError("it does not start the exchange")
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1e3 * LEAVE_AFTER_S))
-        self._socket.setblocking(False)
-        # Its first output follows.
-        self._is_ready, self._at_s = False, time.monotonic()
-
-    def _limit_wait(self) -> None:
-        """Limits the next call of the socket to the deadline of the handshake."""
-        assert self._socket is not None
-        left_s = self._end_s - time.monotonic()
-        if left_s <= 0.0:
-            raise OSError(f"it did not answer within {START_WITHIN_S} s")
-        self._socket.settimeout(left_s)
-
-    def _ask(self, kind: str, payload: bytes) -> bytes:
-        assert self._socket is not None
-        self._limit_wait()
-        self._socket.sendall(package(kind, payload))
-        while True:
-            self._limit_wait()
-            found = self._next()
-            while found is None:
-                self._limit_wait()
-                bytes_ = self._socket.recv(4096)
-                if not bytes_:
-                    raise OSError("it closed the connection")
-                self._received += bytes_
-                found = self._next()
-            if found[0] == kind:
-                return found[1]
-
-    def _next(self) -> Optional[Tuple[str, bytes]]:
-        """The next complete package."""
-        if len(self._received) < 3:
-            return None
-        size = int.from_bytes(self._received[:2], "big")
-        if size < 3:
-            raise OSError("this is not RTDE")
-        if len(self._received) < size:
-            return None
-        kind, payload = chr(self._received[2]), self._received[3:size]
-        self._received = self._received[size:]
-        return kind, payload
-
-    def _read(self) -> None:
-        assert self._socket is not None
-        try:
-            # Limited: a peer may send faster than this reads.
-            for _ in range(READ_BYTES_MAX // 4096):
-                bytes_ = self._socket.recv(4096)
-                if not bytes_:
-                    raise OSError("it closed the connection")
-                self._received += bytes_
-        except BlockingIOError:
-            pass
-        while (found := self._next()) is not None:
-            if found[0] == "U" and len(found[1]) == OUTPUTS.size:
-                _, self.activity, sequence, x, y, z, safety, runtime = OUTPUTS.unpack(found[1])
-                self._at_s, self._position_m = time.monotonic(), (x, y, z)
-                self._is_ready = safety == NORMAL and runtime == PLAYING and self.activity != PROTECTIVE
-                sent_at_s = self._sent_at_s.pop(sequence, None)
-                if sent_at_s is not None and len(self.answer_s) < SAMPLES_MAX:
-                    self.answer_s.append(self._at_s - sent_at_s)
-
-    def _lose(self, error: OSError) -> None:
-        print(f"cobot {self._address[0]}:{self._address[1]}: {error}", file=sys.stderr)
-        if self._socket is not None:
-            self._socket.close()
-        self._socket = None
-        self._sent_at_s.clear()
-
-
-def package(kind: str, payload: bytes) -> bytes:
-    """A package with its header."""
-    return struct.pack(">HB", len(payload) + 3, ord(kind)) + payload
 
 
 class DaemonPlans:
@@ -239,8 +60,8 @@ class DaemonPlans:
     def ingest(self, reading: Reading, target: Optional[Plan] = None) -> bool:
         """Takes the responses; returns whether earlier plans must be discarded.
 
-        They must if the worker has changed or walked away, no place is feasible, or plans are missing. `target` is the
-        plan that is the target now.
+        They must if the worker has changed, walked or turned away, no place is feasible, or plans are missing. `target` is
+        the plan that is the target now.
         """
         self._target = target
         state_ns = reading.state.time_ns
@@ -254,20 +75,24 @@ class DaemonPlans:
             if isinstance(plan, NoPlan):
                 must_discard |= plan.reason is HandoverRefusal.INFEASIBLE
                 continue
+            if why_unusable(plan):
+                continue
             if plan.sample_time_ns <= self._changed_ns:
                 continue  # Requested before the change.
             is_of_target = target is not None and requested_m == target.at_m
             # Two successive responses: one may be a noisy measurement of the feet.
-            was_outdated, self._is_outdated = self._is_outdated, is_of_target and is_outdated(plan)
+            is_worse = is_of_target and (is_outdated(plan) or has_turned_away(plan, target))
+            was_outdated, self._is_outdated = self._is_outdated, is_worse
             has_moved = is_of_target and (is_out_of_reach(plan) or (was_outdated and self._is_outdated))
             if has_moved or self._subject not in (None, plan.subject):
-                # The worker walked away, or the state with the change was missed. The next plan is used.
+                # The worker walked or turned away, or the state with the change was missed. The next plan is used.
                 self._changed_ns, must_discard = plan.sample_time_ns, True
             else:
                 self._generation += 1
                 self._sample_ns = plan.sample_time_ns
                 self.newest = Plan(
-                    self._generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad
+                    self._generation, plan.position_m, plan.limit_ratio, plan.limit_ratio_sigma, plan.slope_rad,
+                    plan.feet_heading_rad,
                 )
             self._subject = plan.subject
         age_max_ns = 1e9 * PLAN_INTERVALS_MAX * max(self._interval_s, 1.0)
@@ -297,7 +122,7 @@ class DaemonPlans:
                     current_slope_rad=target.slope_rad if target else None,
                 )
                 self._responses.put((target_m, plan))
-                text = plan.text if isinstance(plan, NoPlan) else ""
+                text = why_unusable(plan)
             except BusError as error:
                 text = f"{error}"
             except Exception as error:  # The thread must not end.
@@ -309,6 +134,19 @@ class DaemonPlans:
                 break
         if planner:
             planner.close()
+
+
+def why_unusable(plan: HandoverPlan | NoPlan) -> str:
+    """Why there is no usable plan; empty for a usable one."""
+    if isinstance(plan, NoPlan):
+        return plan.text
+    return "" if math.isfinite(plan.feet_heading_rad) else "the heading of the worker's feet is not finite"
+
+
+def has_turned_away(plan: HandoverPlan, target: Optional[Plan]) -> bool:
+    """Whether the present feet point elsewhere than the handles of the target."""
+    turn_rad = math.remainder(plan.feet_heading_rad - target.heading_rad, math.tau) if target else 0.0
+    return abs(turn_rad) > TURNED_AWAY_RAD
 
 
 def is_out_of_reach(plan: HandoverPlan) -> bool:
@@ -331,15 +169,15 @@ def input_of(
     if isinstance(reading, NoReading):
         return Input(part_m=part_m, plan=plan, is_held=is_held)
     state = reading.state
-    share = sigma = advice = None
+    limit_ratio = sigma = advice = None
     if not reading.invalidated_by(equipoise.INVALIDATES_TORQUES):
         at = state.worst_joint
         x, y, z = state.torque_nm[3 * at : 3 * at + 3]
         limit_nm = state.torque_limit_nm[at]
-        share, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
+        limit_ratio, sigma = (x * x + y * y + z * z) ** 0.5 / limit_nm, state.torque_sigma_nm[at] / limit_nm
         if any(state.advice_direction) and state.joint_level[at] != Level.UNDECIDED:
             advice = (state.advice_direction[0], state.advice_direction[1], state.advice_direction[2])
-    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, share, sigma, advice, part_m, plan, is_held)
+    return Input(True, state.valid, reading.age_ns / 1e9, reading.restarted, limit_ratio, sigma, advice, part_m, plan, is_held)
 
 
 def percentiles(name: str, values_s: List[float]) -> str:
@@ -347,7 +185,7 @@ def percentiles(name: str, values_s: List[float]) -> str:
     ordered = sorted(values_s)
     if not ordered:
         return f"{name}_us=none"
-    at = [ordered[int(share * (len(ordered) - 1))] for share in (0.5, 0.99, 0.999, 1.0)]
+    at = [ordered[int(quantile * (len(ordered) - 1))] for quantile in (0.5, 0.99, 0.999, 1.0)]
     return f"{name}_us=" + "/".join(f"{1e6 * value:.0f}" for value in at)
 
 
@@ -360,8 +198,8 @@ def address_of(text: str) -> Tuple[str, int]:
 class Turns(Protocol):
     """Decides which of several cobots in a common space may move."""
 
-    def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
-        """Whether this station's cobot may move now. `wants`: it is not at its target; `share`: limit ratio of the worst joint."""
+    def may_move(self, station: str, now_s: float, wants: bool, limit_ratio: Optional[float]) -> bool:
+        """Whether this station's cobot may move now. `wants`: it is not at its target; `limit_ratio`: of the worst joint."""
 
 
 def control(
@@ -387,7 +225,7 @@ def control(
             elif isinstance(reading, Reading):
                 must_discard = plans.ingest(reading, decision.target)
             given = input_of(reading, cobot.part_m(), plans.newest, cobot.is_held)
-            if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.share):
+            if turns and not turns.may_move(station, now_s, cobot.is_able and decision.wants_to_move(given), given.limit_ratio):
                 given = given._replace(part_m=None)
             # The decision holds and discards all plans so far, as after a restart.
             output = decision.decide(now_s, given._replace(restarted=given.restarted or must_discard))

@@ -16,6 +16,8 @@ from handover import Plan, Position
 PLAN_EVERY_S = 0.2
 SLOPE_MAX_RAD = 1.2
 """Range of the slope in clients/ur/handover.script, rad."""
+HEADING_MAX_RAD = math.pi
+"""Range of a heading, rad; the script limits it further."""
 
 
 def parsed(text: str) -> Any:
@@ -53,9 +55,13 @@ def plan_of(text: str, generation: int) -> Optional[Plan]:
         # Without a slope: a plan of an earlier version.
         numbers = [plan["worst_limit_ratio"], plan["worst_limit_ratio_sigma"], plan.get("slope_rad", 0.0)]
         ratio, sigma, slope_rad = finite(numbers, 3)
+        # Level handles do without a heading, too.
+        (heading_rad,) = finite([plan.get("feet_heading_rad", None if slope_rad else 0.0)], 1)
     except (ValueError, OverflowError, RecursionError, KeyError, TypeError, AttributeError):
         return None
-    return Plan(generation, (x, y, z), ratio, sigma, slope_rad) if abs(slope_rad) <= SLOPE_MAX_RAD else None
+    if abs(slope_rad) > SLOPE_MAX_RAD or abs(heading_rad) > HEADING_MAX_RAD:
+        return None
+    return Plan(generation, (x, y, z), ratio, sigma, slope_rad, heading_rad)
 
 
 class Plans:
@@ -93,7 +99,7 @@ class Plans:
         plan = plan_of(text, self.newest.generation + 1 if self.newest else 1)
         if plan is None:
             # Read again at the next poll: it may be incomplete.
-            self._report("no valid position_m, worst_limit_ratio, worst_limit_ratio_sigma and slope_rad")
+            self._report("no valid position_m, worst_limit_ratio, worst_limit_ratio_sigma, slope_rad and feet_heading_rad")
             return
         self._changed_ns = changed_ns
         self._reported = ""

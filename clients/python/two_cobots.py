@@ -34,12 +34,12 @@ class Turns:
         # The station whose turn ended at TURN_MAX_S, until another station has had a turn.
         self._last: Optional[str] = None
 
-    def may_move(self, station: str, now_s: float, wants: bool, share: Optional[float]) -> bool:
-        """Whether this station's cobot may move now; called with each reading. `share`: limit ratio of the worst joint."""
+    def may_move(self, station: str, now_s: float, wants: bool, limit_ratio: Optional[float]) -> bool:
+        """Whether this station's cobot may move now; called with each reading. `limit_ratio`: of the worst joint."""
         with self._lock:
             if wants:
                 # Without a load in the hands there is no limit ratio: such a worker is served after the others.
-                self._wishes[station] = (now_s, share or 0.0)
+                self._wishes[station] = (now_s, limit_ratio or 0.0)
             else:
                 self._wishes.pop(station, None)
             self._wishes = {at: wish for at, wish in self._wishes.items() if now_s - wish[0] < TURN_LOST_S}

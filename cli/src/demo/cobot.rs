@@ -80,6 +80,8 @@ pub(super) struct Handovers {
     place_m: Vector3<f64>,
     /// Slope of its handles, rad; `None`: the worker turns them.
     slope_rad: Option<f64>,
+    /// Heading of its handles, rad.
+    heading_rad: f64,
     failed: u32,
     fixed: Option<Handover>,
     plan: Option<HandoverPlan>,
@@ -97,6 +99,7 @@ impl Handovers {
             stage: Stage::Over,
             place_m: FIXED_M,
             slope_rad: None,
+            heading_rad: 0.0,
             failed: 0,
             fixed: None,
             plan: None,
@@ -177,13 +180,17 @@ impl Handovers {
 
     /// Where the part is to be.
     fn target(&self) -> Target {
-        Target { at_m: self.place_m, slope_rad: self.slope_rad.unwrap_or_default() }
+        let slope_rad = self.slope_rad.unwrap_or_default();
+        Target { at_m: self.place_m, slope_rad, heading_rad: self.heading_rad }
     }
 
-    /// Whether the handles have their slope.
+    /// Whether the handles have their slope and heading.
     fn is_turned(&self) -> bool {
-        let slope_rad = self.slope_rad.unwrap_or_default();
-        self.arm.slope_rad().is_some_and(|turned| (turned - slope_rad).abs() < TURNED_RAD)
+        let Target { slope_rad, heading_rad, .. } = self.target();
+        let turned = self.arm.slope_rad().zip(self.arm.heading_rad());
+        turned.is_some_and(|(slope, heading)| {
+            (slope - slope_rad).abs() < TURNED_RAD && (heading - heading_rad).abs() < TURNED_RAD
+        })
     }
 
     /// Asks the daemon for a plan, as `equipoise plan handover --live` does.
@@ -198,7 +205,7 @@ impl Handovers {
         match self.plans.ask(&request, ANSWER_WITHIN) {
             Ok(plan) if plan.refused == HandoverRefusal::None as u32 => {
                 self.place_m = self.permitted_m(plan.position_m.into());
-                self.slope_rad = Some(plan.slope_rad);
+                (self.slope_rad, self.heading_rad) = (Some(plan.slope_rad), plan.feet_heading_rad);
                 self.plan = Some(plan);
                 return Ok(Stage::present());
             }
@@ -220,7 +227,9 @@ impl Handovers {
     /// The human takes the part where the arm holds it.
     fn take(&self, person: &SimulationHandle, part_m: Vector3<f64>) -> Stage {
         let slope_rad = self.slope_rad.and_then(|_| self.arm.slope_rad());
-        let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside: Vector3::y(), slope_rad };
+        let (sin, cos) = self.arm.heading_rad().unwrap_or_default().sin_cos();
+        let aside = Vector3::new(-sin, cos, 0.0);
+        let part = HeldPart { middle_m: part_m, width_m: WIDTH_M, aside, slope_rad };
         let span_s = person.hold_part(&self.habits, &part, PART_KG, HOLD_S);
         let end_s = span_s.map_or(person.now_s() + OUT_OF_REACH_S, |[_, end_s]| end_s + AFTERWARDS_S);
         Stage::Hold { span_s, end_s, sums: Box::default() }

@@ -4,6 +4,7 @@
 
 mod compiler;
 
+use std::f64::consts::PI;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -27,13 +28,14 @@ struct Reading {
     reasons: u64,
     age_s: f64,
     restarted: bool,
-    share: [f64; 2],
+    limit_ratio: [f64; 2],
     advice: [f64; 3],
     part_m: [f64; 3],
     generation: u64,
     plan_m: [f64; 3],
-    plan_share: [f64; 2],
-    plan_slope_rad: f64,
+    plan_limit_ratio: [f64; 2],
+    /// Slope and heading of the plan's handles, rad.
+    plan_turned_rad: [f64; 2],
     held: bool,
 }
 
@@ -46,13 +48,13 @@ impl Reading {
             reasons: 0,
             age_s: 0.001,
             restarted: false,
-            share: [f64::NAN; 2],
+            limit_ratio: [f64::NAN; 2],
             advice: [f64::NAN; 3],
             part_m: [f64::NAN; 3],
             generation: 0,
             plan_m: [f64::NAN; 3],
-            plan_share: [f64::NAN; 2],
-            plan_slope_rad: 0.0,
+            plan_limit_ratio: [f64::NAN; 2],
+            plan_turned_rad: [0.0; 2],
             held: false,
         }
     }
@@ -65,10 +67,12 @@ impl Reading {
             self.age_s,
             f64::from(u8::from(self.restarted)),
         ];
-        let numbers = head.iter().chain(&self.share).chain(&self.advice).chain(&self.part_m);
+        let numbers = head.iter().chain(&self.limit_ratio).chain(&self.advice).chain(&self.part_m);
         let generation = [self.generation as f64];
-        let tail = [self.plan_slope_rad, f64::from(u8::from(self.held))];
-        let numbers = numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_share).chain(&tail);
+        let [slope_rad, heading_rad] = self.plan_turned_rad;
+        let tail = [slope_rad, heading_rad, f64::from(u8::from(self.held))];
+        let numbers =
+            numbers.chain(&generation).chain(&self.plan_m).chain(&self.plan_limit_ratio).chain(&tail);
         numbers
             .map(|number| if number.is_nan() { "nan".to_owned() } else { number.to_string() })
             .collect::<Vec<_>>()
@@ -76,12 +80,13 @@ impl Reading {
     }
 }
 
-/// Command, commanded position and slope.
+/// Command, commanded position, and slope and heading of the handles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Decided {
     command: i32,
     target_m: [f64; 3],
     slope_rad: f64,
+    heading_rad: f64,
 }
 
 /// A replay program that answers line by line.
@@ -112,10 +117,10 @@ impl Replay {
     fn decide(&mut self, reading: &Reading) -> Decided {
         let answer = self.answer(&reading.line());
         let numbers: Vec<f64> = answer.split_whitespace().map(|word| word.parse().unwrap()).collect();
-        let [command, target_m @ .., slope_rad] = &numbers[..] else {
+        let [command, x, y, z, slope_rad, heading_rad] = numbers[..] else {
             panic!("{} answers {answer:?}", self.name)
         };
-        Decided { command: *command as i32, target_m: target_m.try_into().unwrap(), slope_rad: *slope_rad }
+        Decided { command: command as i32, target_m: [x, y, z], slope_rad, heading_rad }
     }
 }
 
@@ -160,6 +165,7 @@ struct Line {
     /// After the last reading.
     target_m: Option<[f64; 3]>,
     slope_rad: Option<f64>,
+    heading_rad: Option<f64>,
 }
 
 fn line_of(line: &str) -> Line {
@@ -176,16 +182,15 @@ fn line_of(line: &str) -> Line {
             ("restarted", _) => reading.restarted = true,
             ("reasons", value) => reading.reasons = value.parse().unwrap(),
             ("age", value) => reading.age_s = value.parse().unwrap(),
-            ("share", value) => reading.share = numbers(value),
+            ("limit_ratio", value) => reading.limit_ratio = numbers(value),
             ("advice", value) => reading.advice = numbers(value),
             ("part", value) => reading.part_m = numbers(value),
             ("plan", value) => {
-                let value =
-                    if value.matches(':').count() == 3 { format!("{value}:0") } else { value.to_owned() };
-                let [generation, x, y, z, share, sigma, slope_rad] = numbers(&value);
+                let value = format!("{value}{}", ":0".repeat(5 - value.matches(':').count()));
+                let [generation, x, y, z, ratio, sigma, turned_rad @ ..] = numbers::<8>(&value);
                 reading.generation = generation as u64;
-                (reading.plan_m, reading.plan_share) = ([x, y, z], [share, sigma]);
-                reading.plan_slope_rad = slope_rad;
+                (reading.plan_m, reading.plan_limit_ratio) = ([x, y, z], [ratio, sigma]);
+                reading.plan_turned_rad = turned_rad;
             }
             _ => panic!("{word} in {line}"),
         }
@@ -193,12 +198,12 @@ fn line_of(line: &str) -> Line {
     let words: Vec<&str> = expected.split_whitespace().collect();
     let value = |name| words.iter().position(|word| *word == name).map(|at| words[at + 1]);
     let command = ["hold", "move", "retreat"].iter().position(|name| *name == words[0]).unwrap() as i32;
-    let (target_m, slope_rad) =
-        (value("at").map(numbers), value("slope").map(|value| value.parse().unwrap()));
+    let target_m = value("at").map(numbers);
+    let [slope_rad, heading_rad] = ["slope", "heading"].map(|name| value(name).map(|it| it.parse().unwrap()));
     let count = ((to_s - from_s) / step_s).round() as u32;
     let readings =
         (0..=count).map(|step| Reading { time_s: from_s + step_s * f64::from(step), ..reading }).collect();
-    Line { readings, follows, command, target_m, slope_rad }
+    Line { readings, follows, command, target_m, slope_rad, heading_rad }
 }
 
 #[test]
@@ -207,7 +212,8 @@ fn both_decisions_match_the_test_vectors() {
     let table = std::fs::read_to_string(Path::new(CLIENTS).join("handover_vectors.txt")).unwrap();
     for mut replay in [cpp(scratch.path()), python()].into_iter().flatten() {
         let (mut case, mut cases) = ("", 0);
-        for line in table.lines().filter(|line| !line.is_empty() && !line.starts_with('#')) {
+        let is_read = |line: &&str| !line.is_empty() && !line.starts_with('#') && !line.starts_with("turn ");
+        for line in table.lines().filter(is_read) {
             if let Some(name) = line.strip_prefix("case ") {
                 (case, cases) = (name, cases + 1);
                 replay.reset();
@@ -225,7 +231,7 @@ fn both_decisions_match_the_test_vectors() {
                 assert_eq!(values(&answer), values(expected), "{}: {answer} to {line}", replay.name);
                 continue;
             }
-            let Line { readings, follows, command, target_m, slope_rad } = line_of(line);
+            let Line { readings, follows, command, target_m, slope_rad, heading_rad } = line_of(line);
             let mut last: Option<Decided> = None;
             for mut reading in readings {
                 if let Some(last) = last.filter(|last| follows && last.command == 1) {
@@ -239,8 +245,10 @@ fn both_decisions_match_the_test_vectors() {
             let last = last.unwrap();
             let apart_m = target_m.map_or(0.0, |at| distance_m(at, last.target_m));
             assert!(apart_m < 0.0025, "{}, {case}: {last:?} after {line}", replay.name);
-            let apart_rad = slope_rad.map_or(0.0, |slope_rad: f64| (slope_rad - last.slope_rad).abs());
-            assert!(apart_rad < 1e-9, "{}, {case}: {last:?} after {line}", replay.name);
+            for (expected, decided) in [(slope_rad, last.slope_rad), (heading_rad, last.heading_rad)] {
+                let apart_rad = expected.map_or(0.0, |expected: f64| (expected - decided).abs());
+                assert!(apart_rad < 1e-9, "{}, {case}: {last:?} after {line}", replay.name);
+            }
         }
         assert!(cases >= 21, "only {cases} cases");
     }
@@ -308,11 +316,14 @@ fn both_decisions_are_equal_on_random_readings() {
             generation += 1;
             reading.generation = generation;
             reading.plan_m = [0, 1, 2].map(|_| random.between(0.3, 1.2));
-            reading.plan_share = [random.between(0.2, 0.9), random.between(0.0, 0.2)];
-            reading.plan_slope_rad = random.between(-1.0, 1.0);
+            reading.plan_limit_ratio = [random.between(0.2, 0.9), random.between(0.0, 0.2)];
+            reading.plan_turned_rad = [random.between(-1.0, 1.0), random.between(-PI, PI)];
+            if random.happens(0.1) {
+                reading.plan_turned_rad[1] = f64::NAN;
+            }
         }
         if random.happens(0.01) {
-            reading.share = [random.between(0.2, 1.5), 0.1];
+            reading.limit_ratio = [random.between(0.2, 1.5), 0.1];
             reading.advice = [0.0, 0.6, -0.8];
         }
         if random.happens(0.01) {
@@ -326,7 +337,8 @@ fn both_decisions_are_equal_on_random_readings() {
         let other = python.decide(&reading);
         assert_eq!(decided.command, other.command, "{reading:?}");
         assert!(distance_m(decided.target_m, other.target_m) < EQUAL_M, "{decided:?} {other:?} {reading:?}");
-        assert!((decided.slope_rad - other.slope_rad).abs() < EQUAL_M, "{decided:?} {other:?} {reading:?}");
+        let apart_rad = [decided.slope_rad - other.slope_rad, decided.heading_rad - other.heading_rad];
+        assert!(apart_rad.iter().all(|rad| rad.abs() < EQUAL_M), "{decided:?} {other:?} {reading:?}");
         commands[decided.command as usize] += 1;
         // The part follows, except while the cobot stands.
         reading.part_m =
@@ -445,7 +457,7 @@ fn the_cobot_stops_within_100_ms_of_each_of_1000_random_losses() {
         reading: Reading::at(0.0),
         received_s: 0.0,
         sent_s: 0.0,
-        last: Decided { command: 0, target_m: [0.0; 3], slope_rad: 0.0 },
+        last: Decided { command: 0, target_m: [0.0; 3], slope_rad: 0.0, heading_rad: 0.0 },
         network: Vec::new(),
         inputs: Inputs::default(),
     };
@@ -462,7 +474,7 @@ fn the_cobot_stops_within_100_ms_of_each_of_1000_random_losses() {
             run.reading.generation = worker;
             run.reading.plan_m =
                 [run.random.between(0.3, 0.7), run.random.between(-0.4, 0.4), run.random.between(0.8, 1.35)];
-            run.reading.plan_share = [0.4, 0.05];
+            run.reading.plan_limit_ratio = [0.4, 0.05];
         }
         // The controller's half second, the program's settling time, and a motion of random duration.
         let valid_s = run.random.between(0.55, 1.1);

@@ -17,6 +17,8 @@ pub struct Target {
     pub at_m: Vector3<f64>,
     /// Slope of the handles, rad ([`Inputs::slope_rad`]).
     pub slope_rad: f64,
+    /// Heading of the handles, rad ([`Inputs::heading_rad`]).
+    pub heading_rad: f64,
 }
 
 /// From the validity of the newest state to the input registers of the program.
@@ -50,6 +52,7 @@ impl Controller {
             sequence: self.sequence,
             target_m: self.sent_m.unwrap_or(tcp_m).into(),
             slope_rad: target.map_or(0.0, |target| target.slope_rad),
+            heading_rad: target.map_or(0.0, |target| target.heading_rad),
         }
     }
 }
@@ -62,7 +65,7 @@ mod tests {
     fn it_holds_on_an_invalid_state_and_resumes_slowly_from_where_the_arm_is() {
         let (mut controller, step_s) = (Controller::default(), 0.01);
         let at_m = Vector3::new(0.5, 0.1, 1.2);
-        let target_m = Some(Target { at_m: Vector3::new(0.5, 0.1, 0.9), slope_rad: 0.5 });
+        let target_m = Some(Target { at_m: Vector3::new(0.5, 0.1, 0.9), slope_rad: 0.5, heading_rad: -0.3 });
         let mut decide = |is_valid, target_m| controller.decide(is_valid, target_m, at_m, step_s);
         let commands: Vec<i32> = (0..60).map(|_| decide(true, target_m).command).collect();
         assert_eq!(commands.iter().filter(|command| **command == 0).count(), 49);
@@ -78,8 +81,7 @@ mod tests {
         for _ in 0..400 {
             decide(true, target_m);
         }
-        let arrived = decide(true, target_m);
-        let reached = Target { at_m: arrived.target_m.into(), slope_rad: arrived.slope_rad };
-        assert_eq!(Some(reached), target_m);
+        let Inputs { target_m: at_m, slope_rad, heading_rad, .. } = decide(true, target_m);
+        assert_eq!(Some(Target { at_m: at_m.into(), slope_rad, heading_rad }), target_m);
     }
 }

@@ -117,6 +117,7 @@ fn inputs(controller: &Controller) -> Inputs {
         sequence: value("int", 1) as i32,
         target_m: [0, 1, 2].map(|axis| value("double", axis)),
         slope_rad: value("double", 3),
+        heading_rad: value("double", 4),
     }
 }
 

@@ -93,7 +93,9 @@ impl Station {
 
     /// Moves the part to a place; the arm holds while the published state is invalid. Returns whether it arrived.
     pub fn present(&mut self, part: Presentation) -> bool {
-        let target = Target { at_m: part.at_m, slope_rad: part.slope_rad.unwrap_or_default() };
+        // The worker faces X.
+        let slope_rad = part.slope_rad.unwrap_or_default();
+        let target = Target { at_m: part.at_m, slope_rad, heading_rad: 0.0 };
         for _ in 0..(ARRIVES_WITHIN_S / DECISION_S) as u32 {
             self.advance(Some(target), |_| {});
             let is_at_rest = self.program.motion().qd_rad_per_s().amax() < AT_REST_RAD_PER_S;

@@ -77,6 +77,11 @@ impl Arm {
         Some(self.settings.slope_rad(&self.robot.newest()?.q_rad))
     }
 
+    /// Heading of the handles, rad; `None` before the first data.
+    pub(super) fn heading_rad(&self) -> Option<f64> {
+        Some(self.settings.heading_rad(&self.robot.newest()?.q_rad))
+    }
+
     /// Commands the arm; it moves to a place only while the newest state is valid. Returns the position of the part,
     /// station's world, m; `None` before the first data.
     pub(super) fn drive(&mut self, state: &State, goal: Goal) -> anyhow::Result<Option<Vector3<f64>>> {

@@ -17,7 +17,7 @@ const OUTPUT_HZ: f64 = 125.0;
 const OUTPUTS: &str =
     "actual_q,output_double_register_36,output_double_register_37,output_double_register_38";
 const INPUTS: &str = "input_int_register_36,input_int_register_37,input_double_register_36,input_double_register_37,\
-                      input_double_register_38,input_double_register_39";
+                      input_double_register_38,input_double_register_39,input_double_register_40";
 /// Length of a header, and of the data of [`OUTPUTS`] behind the recipe's number, bytes.
 const HEADER_BYTES: usize = 3;
 const OUTPUT_BYTES: usize = (JOINTS + 3) * 8;
@@ -127,9 +127,9 @@ impl RobotLink {
         let mut payload = vec![self.recipe];
         payload.extend(inputs.command.to_be_bytes());
         payload.extend(inputs.sequence.to_be_bytes());
-        payload
-            .extend(inputs.target_m.iter().chain([&inputs.slope_rad]).flat_map(|value| value.to_be_bytes()));
-        // Packages of 45 bytes, at most 125 a second: the socket's buffer is never full while the server reads.
+        let turned_rad = [inputs.slope_rad, inputs.heading_rad];
+        payload.extend(inputs.target_m.iter().chain(&turned_rad).flat_map(|value| value.to_be_bytes()));
+        // Packages of 52 bytes, at most 125 a second: the socket's buffer is never full while the server reads.
         self.stream.write_all(&package(b'U', &payload)).context("the simulated cobot")
     }
 }
@@ -152,7 +152,7 @@ mod tests {
         let cobot = Cobot::start(settings, SocketAddr::from((Ipv4Addr::LOCALHOST, 0))).unwrap();
         let mut link = RobotLink::connect(cobot.address()).unwrap();
         let target_m = settings.retreat_m + Vector3::new(-0.05, 0.0, 0.0);
-        let mut inputs = Inputs { command: 1, sequence: 0, target_m: target_m.into(), slope_rad: 0.0 };
+        let mut inputs = Inputs { command: 1, target_m: target_m.into(), ..Inputs::default() };
         let begun = Instant::now();
         loop {
             inputs.sequence += 1;
