@@ -228,13 +228,15 @@ fn a_table_of_states_is_their_json() {
     let states: Vec<State> = (1..=STATES).map(|cycle| state(cycle, &mut numbers)).collect();
     let (rows, footer) = tables(&folder, &write(&folder, &states, |state| state.time_ns), Topic::State);
     assert_eq!(rows.len(), states.len());
-    let (pairs, mut there, mut withheld) = (pairs(), 0, 0);
+    let pairs: Vec<(String, String)> =
+        pairs().into_iter().map(|(column, path)| (column, format!("/{}", path.join("/")))).collect();
+    let (mut there, mut withheld) = (0, 0);
     for (state, row) in states.iter().zip(&rows) {
         let t_s = (state.time_ns - STARTED_NS) as f64 / 1e9;
         let json = serde_json::to_value(StateJson::new(state, t_s)).unwrap();
-        for (column, path) in &pairs {
+        for (column, pointer) in &pairs {
             let reported = row.get(column).map(|reported| reported.parse::<f64>().unwrap());
-            let said = json.pointer(&format!("/{}", path.join("/"))).map(|value| value.as_f64().unwrap());
+            let said = json.pointer(pointer).map(|value| value.as_f64().unwrap());
             assert_eq!(reported.map(f64::to_bits), said.map(f64::to_bits), "{column} {:?}", json["valid"]);
             if reported.is_some() { there += 1 } else { withheld += 1 }
         }

@@ -1,7 +1,8 @@
 //! Hours of faults against the truth: whatever happens to cables, devices, adapters and consumers, no wrong value is
 //! ever reported as valid; and the daemon neither grows nor leaks nor fails to recover.
 //!
-//! `SOAK_SECONDS` and `SOAK_SEED` set duration and random seed; docs/realtime.md defines "wrong".
+//! `SOAK_SECONDS` and `SOAK_SEED` set duration and random seed; docs/realtime.md defines "wrong". The same faults in
+//! simulated time: the study `faults`, whose short form is part of `cargo test`.
 
 #[path = "../../cli/tests/failures/process.rs"]
 mod process;
@@ -28,6 +29,7 @@ fn number(variable: &str, otherwise: u64) -> u64 {
 }
 
 #[test]
+#[ignore = "needs a machine with little other load, so that a verdict is possible; .ci/soak runs it"]
 fn no_fault_gives_a_wrong_valid_value() {
     let (long, seed) = (Duration::from_secs(number("SOAK_SECONDS", 4)), number("SOAK_SEED", 1));
     let mut rig = Rig::start(seed);

@@ -2,11 +2,12 @@
 //!
 //! `accelerated`: the loop itself, on a clock that runs faster than real time, over millions of cycles. `under_churn`:
 //! the whole daemon in real time while consumers join, leave and are killed, sensors disconnect and return, the page is
-//! reloaded and recorders start and stop. Lengths come from the environment; `.ci/steady` uses longer ones:
-//! `STEADY_CYCLES`, `STEADY_SECONDS`, `STEADY_CONSUMERS`.
+//! reloaded and recorders start and stop. `every_work`: the loop in real time while all kinds of its work occur.
+//! `real_input` is here because its bounds assume that few other tests disturb the loop. Lengths come from the
+//! environment; `.ci/steady` uses longer ones: `STEADY_CYCLES`, `STEADY_SECONDS`, `STEADY_CONSUMERS`.
 
-#[path = "../counting_alloc.rs"]
-mod counting_alloc;
+#[path = "../../cli/tests/common/mod.rs"]
+mod common;
 #[path = "../../cli/tests/failures/process.rs"]
 mod process;
 #[path = "../../cli/tests/failures/station.rs"]
@@ -16,6 +17,9 @@ mod station;
 mod accelerated;
 mod churn;
 mod consumers;
+mod counting_alloc;
+mod every_work;
+mod real_input;
 mod under_churn;
 
 use std::sync::Arc;

@@ -50,6 +50,8 @@ pub struct Consumer {
     ports: Option<Ports>,
     /// Time of the last attempt to join.
     joined_ns: u64,
+    /// [`REJOIN_AFTER`], shorter in tests.
+    rejoin_after: Duration,
     /// Time of receipt of the last state, returned or not; before the first, the time of joining.
     last_received_ns: u64,
     sequence: Sequence,
@@ -107,6 +109,7 @@ impl Consumer {
             settings,
             ports: Some(ports),
             joined_ns: now_ns(),
+            rejoin_after: REJOIN_AFTER,
             last_received_ns: now_ns(),
             sequence: Sequence::default(),
             reporting,
@@ -315,7 +318,7 @@ impl Consumer {
     /// Whether nothing was received for so long that the bus may have been recreated.
     fn must_rejoin(&self) -> bool {
         let since_ns = self.last_received_ns.max(self.joined_ns);
-        Duration::from_nanos(now_ns().saturating_sub(since_ns)) >= REJOIN_AFTER
+        Duration::from_nanos(now_ns().saturating_sub(since_ns)) >= self.rejoin_after
     }
 
     /// Publishes the report if it is due.
@@ -381,6 +384,7 @@ mod tests {
         let bus = Bus::join(&settings("daemon").bus).unwrap();
         let states = bus.publisher::<State>().unwrap();
         let mut consumer = Consumer::join_with(settings("early")).unwrap();
+        consumer.rejoin_after = REJOIN_AFTER / 10;
         let joined_ns = consumer.joined_ns;
         let mut poll_for = |duration: Duration, publishes: bool| {
             let end_ns = now_ns() + duration.as_nanos() as u64;
@@ -393,8 +397,8 @@ mod tests {
             }
             consumer.joined_ns
         };
-        assert_eq!(poll_for(REJOIN_AFTER * 2, true), joined_ns);
+        assert_eq!(poll_for(REJOIN_AFTER / 5, true), joined_ns);
         // States still in the queue postpone the rejoin once.
-        assert_ne!(poll_for(REJOIN_AFTER * 3, false), joined_ns);
+        assert_ne!(poll_for(REJOIN_AFTER / 2, false), joined_ns);
     }
 }

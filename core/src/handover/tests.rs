@@ -150,28 +150,43 @@ fn sigma_grows_with_that_of_mass_and_body_model() {
     assert!(usual > 0.0);
 }
 
+/// The best place of a search is as good as the best of all places.
+fn assert_search_is_complete(mass_kg: f64, experience: &experience::Experience) {
+    use search::{Planning, REGION_M, places};
+    let (feet, body, part) = (feet(), body(), Part { mass_kg, ..PART });
+    let planning = Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &part, experience };
+    let value =
+        |place_m| planning.at_best_slope(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value);
+    let lowest = places(REGION_M).map(value).fold(f64::INFINITY, f64::min);
+    let best = planning.best().unwrap();
+    assert!(best.predicted.unwrap().1.value < 1.001 * lowest, "{best:?} {lowest}");
+    assert!((feet.place_m(best.position_m, HEIGHT_M) - best.place_m).norm() < 1e-12);
+}
+
 #[test]
 fn the_search_finds_the_place_of_the_whole_map() {
-    use search::{Planning, REGION_M, places};
-    let (feet, body) = (feet(), body());
+    assert_search_is_complete(3.0, &experience::Experience::default());
+}
+
+#[test]
+fn the_search_finds_the_place_of_the_whole_map_after_handovers() {
     let mut experience = experience::Experience::default();
     for (place_m, excess) in [([0.35, 0.0, 1.0], 0.5), ([0.4, 0.2, 1.2], -0.2), ([0.3, -0.2, 0.8], 0.1)] {
         experience.add(experience::Handover { place_m, excess, sigma: 0.0 });
     }
-    for (mass_kg, experience) in [(3.0, Default::default()), (6.0, experience)] {
-        let part = Part { mass_kg, ..PART };
-        let planning =
-            Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &part, experience: &experience };
-        let value = |place_m| {
-            planning.at_best_slope(place_m).predicted.map_or(f64::INFINITY, |(_, ratio)| ratio.value)
-        };
-        let lowest = places(REGION_M).map(value).fold(f64::INFINITY, f64::min);
-        let best = planning.best().unwrap();
-        assert!(best.predicted.unwrap().1.value < 1.001 * lowest, "{best:?} {lowest}");
-        assert!((feet.place_m(best.position_m, HEIGHT_M) - best.place_m).norm() < 1e-12);
-    }
-    let heavy = Part { mass_kg: 500.0, ..PART };
-    let nowhere =
-        Planning { body: &body, height_m: HEIGHT_M, feet: &feet, part: &heavy, experience: &experience };
-    assert!(nowhere.best().is_none());
+    assert_search_is_complete(6.0, &experience);
+}
+
+#[test]
+fn a_part_that_is_too_heavy_has_no_place() {
+    let part = Part { mass_kg: 500.0, ..PART };
+    let (feet, body, experience) = (feet(), body(), experience::Experience::default());
+    let planning = search::Planning {
+        body: &body,
+        height_m: HEIGHT_M,
+        feet: &feet,
+        part: &part,
+        experience: &experience,
+    };
+    assert!(planning.best().is_none());
 }

@@ -301,11 +301,15 @@ fn a_peer_that_talks_but_never_answers_is_left_and_dialled_again() {
     // A package that never ends, although each of its bytes arrives in time.
     let endless = [&[0xff, 0xff, b'V'][..], &[0; 61]].concat();
     let talks = [text, endless].map(chatterer);
-    let mut gateways = talks.each_ref().map(|(_, robot)| Rtde::new(&config(*robot, "")).unwrap());
-    for (gateway, (clients, _)) in gateways.iter_mut().zip(&talks) {
-        send_until(gateway, "it is dialled again", |_| clients.load(SeqCst) >= 2);
-        assert_eq!((gateway.tally().sent, gateway.tally().peers), (0, 0));
-    }
+    std::thread::scope(|scope| {
+        for (clients, robot) in &talks {
+            scope.spawn(move || {
+                let mut gateway = Rtde::new(&config(*robot, "")).unwrap();
+                send_until(&mut gateway, "it is dialled again", |_| clients.load(SeqCst) >= 2);
+                assert_eq!((gateway.tally().sent, gateway.tally().peers), (0, 0));
+            });
+        }
+    });
 }
 
 #[test]

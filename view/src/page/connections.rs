@@ -16,8 +16,8 @@ use tokio::time::timeout;
 
 /// Maximum number of open connections; a browser opens up to six. Further ones get a 503 response and are closed.
 pub(super) const CONNECTIONS_MAX: usize = 64;
-/// Time limit for a request's line and headers, and for an idle connection.
-const HEADERS_WITHIN: Duration = Duration::from_secs(10);
+/// Time limit for a request's line and headers, and for an idle connection. Origin: Apache's `KeepAliveTimeout`.
+const HEADERS_WITHIN: Duration = Duration::from_secs(5);
 /// Maximum number of headers of a request.
 const HEADERS_MAX: usize = 64;
 /// Maximum size of a request's line and headers together; hyper requires at least 8 KiB.

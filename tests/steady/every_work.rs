@@ -4,12 +4,8 @@
 //! static poses and motion samples update the filter, a box is lifted and accumulates exposure, a model with terms of
 //! every kind runs, subscribers stay, join and leave, and checkpoints are requested, over 100 000 cycles.
 
-#[path = "counting_alloc.rs"]
-mod counting_alloc;
-
 use std::net::{Ipv4Addr, SocketAddr};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
@@ -20,35 +16,17 @@ use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{Command, State, Validity};
 use equipoise_daemon::pipeline::Pipeline;
-use equipoise_daemon::tick::Observer;
 use equipoise_simulator::ports::free_address;
 use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
+
+use crate::{Watch, counting_alloc};
 
 const RATE_HZ: u32 = 4000;
 const WARM_CYCLES: u64 = 4000;
 const ARMED_CYCLES: u64 = 100_000;
 /// Lifted once identification has ended.
 const BOX_KG: f64 = 8.0;
-
-/// Arms the calling thread's allocator, which is the loop's.
-struct Arm {
-    seen: Arc<AtomicU64>,
-    touched: Arc<AtomicU64>,
-    disarm: Arc<AtomicBool>,
-}
-
-impl Observer for Arm {
-    fn cycle_begins(&mut self, cycle: u64) {
-        let armed = cycle > WARM_CYCLES && !self.disarm.load(Ordering::Relaxed);
-        counting_alloc::arm(armed);
-        let touched = counting_alloc::touched();
-        self.touched.store(touched.allocations + touched.frees, Ordering::Relaxed);
-        if armed {
-            self.seen.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-}
 
 fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
     let text = format!(
@@ -151,17 +129,12 @@ impl Seen {
 
 /// Poses are held, then a box is lifted; subscribers join and leave, checkpoints are requested, the configuration is
 /// reloaded, until all kinds of the loop's work have occurred and it has been armed long enough.
-fn keep_busy(
-    station: &str,
-    person: &SimulationHandle,
-    armed: &AtomicU64,
-    mut reload: impl FnMut(usize),
-) -> Seen {
+fn keep_busy(station: &str, person: &SimulationHandle, watch: &Watch, mut reload: impl FnMut(usize)) -> Seen {
     let bus = Bus::join(&BusSettings::new(station, "test")).expect("the bus");
     let mut living = bus.subscriber::<State>(64).expect("a subscriber");
     let client = bus.command_client().expect("a client");
     let (started, mut seen, mut round, mut phase) = (Instant::now(), Seen::default(), 0_usize, 0);
-    while armed.load(Ordering::Relaxed) < ARMED_CYCLES || !seen.everything() {
+    while watch.armed_cycles() < ARMED_CYCLES || !seen.everything() {
         assert!(
             started.elapsed() < Duration::from_secs(600),
             "too slow, or something is never done: {seen:?}"
@@ -198,27 +171,24 @@ fn the_loop_neither_allocates_nor_frees_in_100_000_cycles() {
     simulated.plate.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let person = Simulation::start(simulated).expect("a simulated person");
 
-    let [seen, touched] = [0, 0].map(|zero| Arc::new(AtomicU64::new(zero)));
-    let disarm = Arc::new(AtomicBool::new(false));
-    let observer =
-        Arm { seen: Arc::clone(&seen), touched: Arc::clone(&touched), disarm: Arc::clone(&disarm) };
+    let watch = Watch::after(WARM_CYCLES);
     let config = config(&station, suit, person.plate_address());
-    let pipeline = Pipeline::start_observed(&config, Box::new(observer)).expect("a pipeline");
-    let worked = keep_busy(&station, &person, &seen, |round| {
+    let pipeline = Pipeline::start_observed(&config, Box::new(watch.clone())).expect("a pipeline");
+    let worked = keep_busy(&station, &person, &watch, |round| {
         let mut other = config.clone();
         other.overload.threshold_n = if round % 400 == 100 { 16.0 } else { 15.0 };
         // This resets the model's terms as well.
         pipeline.reload(Ok(other)).expect("a good configuration");
     });
-    disarm.store(true, Ordering::Relaxed);
+    watch.disarm.store(true, Ordering::Relaxed);
     // The loop checks the flag once a cycle.
     std::thread::sleep(Duration::from_millis(50));
-    let touched = touched.load(Ordering::Relaxed);
+    let touched = watch.touched();
     let summary = pipeline.stop().expect("an orderly end");
     person.stop().expect("an orderly end of the simulation");
 
-    assert_eq!(touched, 0, "the loop touched the heap");
-    assert!(seen.load(Ordering::Relaxed) >= ARMED_CYCLES);
+    assert_eq!(touched, (0, 0), "the loop touched the heap");
+    assert!(watch.armed_cycles() >= ARMED_CYCLES);
     println!("{worked:?}");
     assert!(summary.cycles.adds_up, "{:?}", summary.cycles);
 }

@@ -11,11 +11,6 @@
 //!   takes the wrench at the suit's time, so the measured CoP is off by at most δ times its fastest speed. δ is taken
 //!   from the recording for each instant; the speed from the file. Accelerations depend on the stamps too, so the
 //!   estimated CoP is compared with that of the file's rows at their live stamps.
-//!
-//! In a binary of its own: its bounds assume that no other test disturbs the loop.
-#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
-
-mod common;
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -32,7 +27,7 @@ use equipoise_simulator::plate::Plate;
 use equipoise_simulator::player::{PlayerSettings, Recorded, play};
 use equipoise_simulator::ports::free_address;
 
-use common::{Station, describe_output, human_motion};
+use crate::common::{Station, describe_output, human_motion};
 
 /// Number of runs, of which one must agree.
 const ATTEMPTS: usize = 3;
