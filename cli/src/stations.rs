@@ -10,9 +10,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, ensure};
 use equipoise_adapters::source::http::HttpClient;
 use equipoise_config::PageConfig;
+use equipoise_core::overload::Level;
 use equipoise_files::read_text;
 use equipoise_files::secret::{self, Readers};
 use equipoise_view::Page;
+use equipoise_view::words::{JointLoad, headline_of};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
@@ -257,31 +259,38 @@ fn request(client: &HttpClient, url: &str, token: Option<&str>) -> anyhow::Resul
 fn displayed(state: &Value) -> Value {
     let kept = STATE_KEYS.iter().filter_map(|key| Some(((*key).to_owned(), state.get(key)?.clone())));
     let mut kept: Map<String, Value> = kept.collect();
-    if let Some((name, joint)) = displayed_joint(state) {
+    if let Some((name, level, mut joint)) = displayed_joint(state) {
+        joint["level"] = level.name().into();
         kept.insert("worst_joint".to_owned(), name.into());
-        kept.insert("joint".to_owned(), joint.clone());
+        kept.insert("joint".to_owned(), joint);
     }
     kept.remove("joints");
     Value::Object(kept)
 }
 
-/// Name and values of the joint that the tile displays, as [`equipoise_view::words::headline_joint`] selects it.
-fn displayed_joint(state: &Value) -> Option<(&str, &Value)> {
-    let (name, joints) = (state.get("worst_joint")?.as_str()?, state.get("joints")?.as_object()?);
-    let worst = joints.get(name)?;
-    let has_level = |joint: &Value, level: &str| joint.get("level").and_then(Value::as_str) == Some(level);
-    if !has_level(worst, "green") {
-        return Some((name, worst));
+/// Name, certain level and values of the joint that the tile displays.
+fn displayed_joint(state: &Value) -> Option<(&str, Level, Value)> {
+    let (worst, joints) = (state.get("worst_joint")?.as_str()?, state.get("joints")?.as_object()?);
+    let loads = joints.iter().map(|(name, joint)| (name.as_str(), load_of(joint)));
+    let (name, level) = headline_of(&worst, loads)?;
+    Some((name, level, joints.get(name)?.clone()))
+}
+
+fn load_of(joint: &Value) -> JointLoad {
+    let level = joint.get("level").and_then(Value::as_str);
+    let torque_nm = joint.get("torque_nm").and_then(Value::as_array);
+    let squares =
+        torque_nm.into_iter().flatten().filter_map(Value::as_f64).map(|component| component * component);
+    let or_infinite = |key| joint.get(key).and_then(Value::as_f64).unwrap_or(f64::INFINITY);
+    JointLoad {
+        level: (0..)
+            .map_while(Level::from_number)
+            .find(|one| Some(one.name()) == level)
+            .unwrap_or(Level::None),
+        torque_nm: squares.sum::<f64>().sqrt(),
+        sigma_nm: or_infinite("sigma_nm"),
+        limit_nm: or_infinite("limit_nm"),
     }
-    let ratio = |joint: &Value| {
-        let torque_nm = joint.get("torque_nm").and_then(Value::as_array);
-        let squares =
-            torque_nm.into_iter().flatten().filter_map(Value::as_f64).map(|component| component * component);
-        squares.sum::<f64>().sqrt() / joint.get("limit_nm").and_then(Value::as_f64).unwrap_or(f64::INFINITY)
-    };
-    let undecided = joints.iter().filter(|(_, joint)| has_level(joint, "undecided"));
-    let closest = undecided.max_by(|(_, a), (_, b)| ratio(a).total_cmp(&ratio(b)));
-    Some(closest.map_or((name, worst), |(name, joint)| (name.as_str(), joint)))
 }
 
 #[cfg(test)]

@@ -25,9 +25,6 @@ pub use progress::Progress;
 pub use table::Topic;
 use table::{Form, Job};
 
-/// Reported for a recording that ends before its footer.
-const TRUNCATED: &str = "the recording was cut short: the data after its last complete chunk are missing";
-
 /// Format of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {

@@ -1,9 +1,10 @@
 //! States of a recording as frames at a fixed rate, as motion formats require.
 //!
-//! Layers, lowest first: `frame` → `resample`, `free_moment` → here
+//! Layers, lowest first: `frame` → `resample`, `free_moment`, `lag` → here
 
 pub(crate) mod frame;
 mod free_moment;
+mod lag;
 pub(crate) mod resample;
 
 use anyhow::{Context, bail};
@@ -15,6 +16,7 @@ use equipoise_core::message::State;
 use crate::Progress;
 use frame::Frame;
 use free_moment::{FreeMoments, TareHistory};
+use lag::LagHistory;
 use resample::{Grid, Resampler};
 
 /// Where the values come from.
@@ -48,6 +50,10 @@ impl<'a> Motion<'a> {
     /// The recording has fewer than two instants in the span.
     pub(crate) fn survey(source: Source<'a>, progress: &mut Progress<'_>) -> anyhow::Result<Motion<'a>> {
         let mut survey = Survey::new(source);
+        for timed in source.samples.entries().map_while(Result::ok) {
+            survey.ingest_sample(&timed);
+        }
+        survey.begin_states(source);
         progress.begin("determining the rate");
         let mut entries = source.states.entries();
         while let Some(timed) = entries.next() {
@@ -57,21 +63,15 @@ impl<'a> Motion<'a> {
             }
             progress.update(entries.fraction_read());
         }
-        for timed in source.samples.entries().map_while(Result::ok) {
-            survey.ingest_sample(&timed);
-        }
         if source.states.truncated() {
-            survey.rejected.push(crate::TRUNCATED.to_owned());
+            survey.rejected.push(Recording::TRUNCATED.to_owned());
         }
-        let Survey { times_ns, ground_ns, mut tares, has_cycles, rejected, .. } = survey;
+        let Survey { times_ns, ground_ns, tares, rejected, .. } = survey;
         let grid = Grid::over(&times_ns).with_context(|| {
             let lines: String = rejected.iter().map(|reason| format!("\nrejected: {reason}")).collect();
             format!("fewer than two instants with results{}{lines}", in_span(source.span_s))
         })?;
-        // Without cycle records the states were computed by a replay, which begins without a tare.
-        let is_untared = source.is_replayed || !has_cycles;
-        tares.begin_with(is_untared.then(Tare::zeroed));
-        let mut moments = FreeMoments::new(ground_ns, grid.period_ns() / 2);
+        let mut moments = FreeMoments::new(&ground_ns, grid.period_ns() / 2);
         progress.begin("free moments");
         let mut entries = source.samples.entries();
         while let Some(Ok(timed)) = entries.next() {
@@ -161,9 +161,10 @@ impl Instants {
 struct Survey {
     instants: Instants,
     times_ns: Vec<u64>,
-    /// The same times on the clock of the ground.
-    ground_ns: Vec<u64>,
+    /// The same times on the clock of the ground; `None` if the lag is unavailable.
+    ground_ns: Vec<Option<u64>>,
     tares: TareHistory,
+    lags: LagHistory,
     has_cycles: bool,
     rejected: Vec<String>,
 }
@@ -175,6 +176,7 @@ impl Survey {
             times_ns: Vec::new(),
             ground_ns: Vec::new(),
             tares: TareHistory::default(),
+            lags: LagHistory::default(),
             has_cycles: false,
             rejected: Vec::new(),
         }
@@ -183,15 +185,21 @@ impl Survey {
     fn ingest_state(&mut self, timed: &TimedEntry) {
         let Some(state) = self.instants.next(timed) else { return };
         let time_ns = state.suit_sample_time_ns;
-        // The suit's t corresponds to the ground's t − skew.
-        let ground_ns = time_ns.saturating_add_signed(-(state.suit_skew_s * 1e9) as i64);
+        let lag_s = self.lags.at(state);
         self.times_ns.push(time_ns);
-        // Ascending even if the estimate of the skew changes.
-        self.ground_ns.push(ground_ns.max(self.ground_ns.last().copied().unwrap_or(0)));
+        self.ground_ns.push(lag_s.map(|lag_s| time_ns.saturating_add_signed(-(lag_s * 1e9) as i64)));
     }
 
     fn ingest_sample(&mut self, timed: &TimedEntry) {
         self.has_cycles |= matches!(timed.entry, Entry::Cycle(_));
         self.tares.ingest(timed);
+        self.lags.ingest(timed);
+    }
+
+    /// Ends the samples. Without cycle records the states were computed by a replay, which begins without tare and lag.
+    fn begin_states(&mut self, source: Source<'_>) {
+        let is_fresh = source.is_replayed || !self.has_cycles;
+        self.tares.begin_with(is_fresh.then(Tare::zeroed));
+        self.lags.begin(is_fresh, source.states.header());
     }
 }

@@ -101,7 +101,7 @@ impl Job<'_> {
             progress.update(entries.fraction_read());
         }
         if recording.truncated() {
-            rejected.push(crate::TRUNCATED.to_owned());
+            rejected.push(Recording::TRUNCATED.to_owned());
         }
         if rows == 0 {
             let lines: String = rejected.iter().map(|reason| format!("\nrejected: {reason}")).collect();

@@ -294,8 +294,12 @@ impl Sink {
         let Some(facts) = self.status().filter(|facts| facts.subject != self.subject) else {
             return Ok(());
         };
-        let profile = read_profile(&facts);
+        let mut profile = read_profile(&facts);
         self.subject = facts.subject;
+        if profile.is_empty() && !self.subject.is_empty() {
+            // A new subject has no profile yet.
+            profile = format!("subject = {:?}\n", self.subject);
+        }
         if !profile.is_empty() {
             self.recorder.add_subject(self.newest_ns, &profile)?;
         }

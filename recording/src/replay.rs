@@ -73,7 +73,7 @@ impl Replay<'_> {
     pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
         let mut machine = Machine::new(self.config.settings());
-        let mut summary = Summary::new(self.input.started_ns(), self.config.period_ns(), self.residual_s);
+        let mut summary = Summary::new(self.input.started_ns(), self.residual_s);
         match self.input {
             Input::Recording(recording) if survey.cycles > 0 => {
                 let start = match (self.as_recorded, survey.checkpoints, &survey.checkpoint_refused) {
@@ -87,8 +87,8 @@ impl Replay<'_> {
                 };
                 let reloads = self.input.reloads()?;
                 let reloads = self.as_recorded.then_some(&reloads);
-                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state| {
-                    summary.ingest(state);
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state, period_ns| {
+                    summary.ingest(state, if period_ns > 0 { period_ns } else { self.config.period_ns() });
                     write(state)
                 })?;
                 summary.skipped = input::skipped_of(recording, None);
@@ -102,7 +102,7 @@ impl Replay<'_> {
                 let mut samples = input.samples(self.config)?;
                 let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
                     let state = machine.step(tick, inputs);
-                    summary.ingest(state);
+                    summary.ingest(state, self.config.period_ns());
                     write(state)
                 });
                 summary.skipped = samples.skipped();

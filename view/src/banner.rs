@@ -42,18 +42,22 @@ impl Headline {
 /// The headline of a sequence of states.
 #[derive(Debug, Default)]
 pub struct Banner {
-    /// For each fault, how long it was raised less how long it was clear, from 0 to [`HOLD_NS`].
-    raised_ns: [u64; FAULTS.len()],
-    displayed: [bool; FAULTS.len()],
+    /// For each fault and for any of them, how long it was raised less how long it was clear, from 0 to [`HOLD_NS`].
+    raised_ns: [u64; FAULTS.len() + 1],
+    displayed: [bool; FAULTS.len() + 1],
     updated_ns: Option<u64>,
     headline: Option<Headline>,
 }
 
 impl Banner {
-    /// Takes in the newest state. The headline stays as it was while a fault is raised and not yet displayed, or clear and
-    /// still displayed.
+    /// Ingests the newest state. The headline stays as it was while a fault is raised and not yet displayed, or clear and
+    /// still displayed, except from one fault to the next.
     pub fn update(&mut self, state: &State, pose: Option<&str>) -> &Headline {
-        let raised = FAULTS.map(|fault| state.validity().any_of(fault));
+        let is_any_raised = FAULTS.iter().any(|fault| state.validity().any_of(*fault));
+        let mut raised = [is_any_raised; FAULTS.len() + 1];
+        for (raised, fault) in raised.iter_mut().zip(FAULTS) {
+            *raised = state.validity().any_of(fault);
+        }
         // The first state is displayed at once, and so is the first after a longer silence.
         let step_ns = self
             .updated_ns
@@ -70,7 +74,8 @@ impl Banner {
                 _ => {}
             }
         }
-        let held = self.headline.take().filter(|_| self.displayed != raised);
+        let is_fault_displayed = is_any_raised && self.displayed[FAULTS.len()];
+        let held = self.headline.take().filter(|_| self.displayed != raised && !is_fault_displayed);
         self.headline.insert(held.unwrap_or_else(|| Headline::of(state, pose)))
     }
 }
@@ -146,6 +151,23 @@ mod tests {
         }
         let first = alarms.iter().position(|alarm| *alarm).expect("an alarm");
         assert!(alarms[first..].iter().all(|alarm| *alarm), "and it stays one");
+    }
+
+    #[test]
+    fn faults_of_less_than_a_second_in_turn_are_an_alarm() {
+        let mut bench = Bench::new();
+        bench.alarms(100, FINE);
+        bench.state.phase = Phase::Degraded as u32;
+        let mut keys = Vec::new();
+        for step in 0..80 {
+            let fault = if step / 10 % 2 == 0 { Validity::GROUND_STALE } else { Validity::SUIT_STALE };
+            bench.state.valid = fault.0;
+            bench.state.time_ns += STEP_NS;
+            keys.push(bench.banner.update(&bench.state, None).instruction.key.clone());
+        }
+        assert!(keys[..19].iter().all(|key| !key.ends_with("_stale")), "{keys:?}");
+        let expected = ["reason.suit_stale", "reason.ground_stale", "reason.suit_stale"];
+        assert_eq!([19, 25, 35].map(|step: usize| keys[step].as_str()), expected);
     }
 
     #[test]

@@ -42,6 +42,19 @@ static TABLE: LazyLock<[LevelStyle; 6]> = LazyLock::new(|| {
     serde_json::from_str(include_str!("levels.json")).expect("levels.json is a table of six levels")
 });
 
+/// Precedence of a level where one of several is displayed: an undecided joint is never called low, and never masks a
+/// decided level above low.
+pub fn severity(level: Level) -> u8 {
+    match level {
+        Level::None => 0,
+        Level::Green => 1,
+        Level::Undecided => 2,
+        Level::Orange => 3,
+        Level::Red => 4,
+        Level::AboveMax => 5,
+    }
+}
+
 fn rgb(colour: &str) -> [u8; 3] {
     let [_, red, green, blue] =
         u32::from_str_radix(colour.trim_start_matches('#'), 16).unwrap_or(0).to_be_bytes();

@@ -62,11 +62,10 @@ pub fn dashboard(state: &State, station: &str, pose: Option<&str>) -> String {
         delay(state)
     ));
     line(format!("  load          {}", load(state).unwrap_or_else(withheld)));
-    line(format!("  CoP measured  {}", cop(state, Validity::INVALIDATES_COP_MEASURED, state.cop_measured_m)));
-    line(format!(
-        "  CoP estimated {}",
-        cop(state, Validity::INVALIDATES_COP_ESTIMATED, state.cop_estimated_m)
-    ));
+    let measured = [state.cop_measured_m, state.cop_measured_sigma_m];
+    let estimated = [state.cop_estimated_m, state.cop_sigma_m];
+    line(format!("  CoP measured  {}", cop(state, Validity::INVALIDATES_COP_MEASURED, measured)));
+    line(format!("  CoP estimated {}", cop(state, Validity::INVALIDATES_COP_ESTIMATED, estimated)));
     line(format!("  CoM           {}", centres(state)));
     line(format!("  {:<10}  {:<30}  {:<30}", "overload", "left", "right"));
     for (name, left, right) in ROWS {
@@ -109,7 +108,7 @@ pub(crate) fn load(state: &State) -> Option<String> {
     let up_n = up_n.round() + 0.0;
     Some(match state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg) {
         Some(kg) => format!("load {up_n:.0} N ({kg:.1} ± {:.1} kg)", state.lifted_mass_sigma_kg),
-        None => format!("load {up_n:.0} N"),
+        None => format!("external force {up_n:.0}{} N", plus_minus(state.delta_f_sigma_n, 0)),
     })
 }
 
@@ -165,10 +164,16 @@ fn cell(state: &State, joint: &str) -> String {
         .map_or_else(withheld, |joint| torque(state, joint))
 }
 
-fn cop(state: &State, invalidating: Validity, cop_m: [f64; 2]) -> String {
-    state
-        .unless(invalidating, cop_m)
-        .map_or_else(withheld, |[x, y]| format!("forward {:>7.1} mm  left {:>7.1} mm", 1e3 * x, 1e3 * y))
+/// A centre of pressure and its 1-σ, both m.
+fn cop(state: &State, invalidating: Validity, cop_m: [[f64; 2]; 2]) -> String {
+    let Some([[x, y], sigma_m]) = state.unless(invalidating, cop_m) else { return withheld() };
+    let [x_sigma, y_sigma] = sigma_m.map(|sigma_m| plus_minus(1e3 * sigma_m, 1));
+    format!("forward {:>7.1}{x_sigma} mm  left {:>7.1}{y_sigma} mm", 1e3 * x, 1e3 * y)
+}
+
+/// A 1-σ after its value; empty while it is unavailable.
+fn plus_minus(sigma: f64, decimals: usize) -> String {
+    if sigma > 0.0 { format!(" ± {sigma:.decimals$}") } else { String::new() }
 }
 
 /// The estimated centre of mass, and its distance from the suit maker's.
@@ -246,6 +251,29 @@ mod tests {
             live_line(&carrying(), None),
             "monitoring: Left knee: high load | load 98 N (10.0 ± 0.3 kg) | left knee 43 ± 4 N m, high | tired 31 %"
         );
+    }
+
+    #[test]
+    fn a_force_without_a_load_is_an_external_force_with_its_sigma() {
+        for valid in [Validity::BELOW_LOAD_THRESHOLD, Validity::WEIGHT_MISSING] {
+            let mut state = State { valid: valid.0, delta_f_sigma_n: 12.0, ..carrying() };
+            state.delta_f_n[2] = -80.0;
+            let line = live_line(&state, None);
+            assert!(line.contains("external force -80 ± 12 N") && !line.contains("load -80"), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_centre_of_pressure_has_its_sigma() {
+        let mut state = State { cop_measured_m: [0.1234, -0.02], ..carrying() };
+        state.cop_measured_sigma_m = [0.0012, 0.0015];
+        let block = dashboard(&state, "station-1", None);
+        for line in [
+            "  CoP measured  forward   123.4 ± 1.2 mm  left   -20.0 ± 1.5 mm",
+            "  CoP estimated forward     0.0 mm  left     0.0 mm",
+        ] {
+            assert!(block.lines().any(|shown| shown == line), "{line}\n{block}");
+        }
     }
 
     #[test]

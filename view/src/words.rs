@@ -2,6 +2,7 @@
 //! in the table of each language ([`table`]); texts for the worker have a key, so that a page can say it in
 //! another one.
 
+mod headline_joint;
 pub mod table;
 
 use std::collections::BTreeMap;
@@ -14,6 +15,7 @@ use equipoise_core::overload::Level;
 use serde::Serialize;
 
 use crate::state_json::level_name;
+pub use headline_joint::{JointLoad, headline_joint, headline_of};
 use table::{english, english_or};
 
 /// A reason why values are withheld.
@@ -152,7 +154,7 @@ pub fn instruction(state: &State, pose: Option<&str>) -> Instruction {
         Some(Phase::Identifying) => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
             .map_or_else(|| pose_to_take(state, pose), calm),
         Some(Phase::Monitoring) => match headline_joint(state) {
-            Some(joint) => overload(joint, state.joint_level[joint.index()]),
+            Some((joint, level)) => overload(joint, level),
             // After identification a pose is suggested only to discriminate explanations of a discrepancy.
             None if pose.is_some() => first_of(&[Validity::FEET_OFF_PLATE, Validity::MASS_UNKNOWN])
                 .map_or_else(|| pose_to_take(state, pose), calm),
@@ -185,14 +187,14 @@ fn is_loaded(state: &State) -> bool {
     !state.validity().any_of(Validity::INVALIDATES_DELTA_F.and(Validity::BELOW_LOAD_THRESHOLD))
 }
 
-fn overload(joint: Joint, level: u32) -> Instruction {
-    let (name, tone) = match level_name(level) {
-        "orange" => ("orange", Tone::Warn),
-        "red" => ("red", Tone::Alarm),
-        "above_max" => ("above_max", Tone::Alarm),
-        "green" => return Instruction::new("green", Tone::Good),
-        "undecided" => ("undecided", Tone::Calm),
-        _ => return Instruction::new("not_judged", Tone::Calm),
+fn overload(joint: Joint, level: Level) -> Instruction {
+    let (name, tone) = match level {
+        Level::Orange => ("orange", Tone::Warn),
+        Level::Red => ("red", Tone::Alarm),
+        Level::AboveMax => ("above_max", Tone::Alarm),
+        Level::Green => return Instruction::new("green", Tone::Good),
+        Level::Undecided => ("undecided", Tone::Calm),
+        Level::None => return Instruction::new("not_judged", Tone::Calm),
     };
     Instruction::new(name, tone).about_joint(joint)
 }
@@ -207,22 +209,9 @@ pub fn worst_joint(state: &State) -> Option<Joint> {
     crate::state_json::worst_joint(state)
 }
 
-/// The joint of the headline: the worst joint, but if that is green, the undecided joint closest to its limit, because
-/// `undecided` counts as the worst level; `None` while torques are withheld.
-pub fn headline_joint(state: &State) -> Option<Joint> {
-    let worst = worst_joint(state)?;
-    if state.joint_level[worst.index()] != Level::Green as u32 {
-        return Some(worst);
-    }
-    let ratio = |joint: &Joint| torque_nm(state, *joint) / state.torque_limit_nm[joint.index()];
-    let undecided =
-        Joint::ALL.into_iter().filter(|joint| state.joint_level[joint.index()] == Level::Undecided as u32);
-    undecided.max_by(|a, b| ratio(a).total_cmp(&ratio(b))).or(Some(worst))
-}
-
 /// Where to move the load, seen from the worker; `None` without valid torques, if no direction helps, or if the
-/// headline's joint is not `orange` or `red`: below these levels no motion is necessary, above them the load must be
-/// put down, and for an undecided joint the direction is uncertain, too.
+/// headline's joint is not the worst one or not certainly `orange` or `red`: the direction relieves the worst joint;
+/// below these levels no motion is necessary, and above them the load must be put down.
 ///
 /// The direction is taken against the worker's own front, which the line between the hips shows.
 pub fn advice(state: &State) -> Option<&'static str> {
@@ -231,8 +220,8 @@ pub fn advice(state: &State) -> Option<&'static str> {
 
 /// The same as the name of a sentence: `closer`, `away`, `left` or `right`.
 pub(crate) fn advice_name(state: &State) -> Option<&'static str> {
-    let joint = headline_joint(state)?;
-    if ![Level::Orange as u32, Level::Red as u32].contains(&state.joint_level[joint.index()]) {
+    let (joint, level) = headline_joint(state)?;
+    if worst_joint(state) != Some(joint) || !matches!(level, Level::Orange | Level::Red) {
         return None;
     }
     let [x, y, _] = state.advice_direction;
@@ -352,26 +341,6 @@ mod tests {
         }
         state.valid = Validity::MOVING.0;
         assert_eq!(worst_joint(&state), None);
-    }
-
-    #[test]
-    fn the_headline_is_not_green_while_a_joint_is_undecided() {
-        let [knee, elbow, hip] =
-            ["RightKnee", "LeftElbow", "LeftHip"].map(|name| Joint::named(name).unwrap());
-        let mut state = State { phase: Phase::Monitoring as u32, ..State::zeroed() };
-        state.worst_joint = knee.index() as u32;
-        for (joint, torque_nm, level) in
-            [(knee, 28.0, Level::Green), (elbow, 25.0, Level::Undecided), (hip, 20.0, Level::Undecided)]
-        {
-            state.torque_nm[joint.index()][0] = torque_nm;
-            state.torque_limit_nm[joint.index()] = 100.0;
-            state.joint_level[joint.index()] = level as u32;
-        }
-        let shown = instruction(&state, None);
-        let text = "Left elbow: the load is too uncertain to evaluate";
-        assert_eq!((shown.text.as_str(), headline_joint(&state)), (text, Some(elbow)));
-        state.joint_level[knee.index()] = Level::Orange as u32;
-        assert_eq!(headline_joint(&state), Some(knee));
     }
 
     #[test]

@@ -40,6 +40,8 @@ pub struct RecordingHeader {
     pub reloads: BTreeMap<u64, Reloaded>,
     /// Profiles of later subjects, TOML, in order.
     pub later_subjects_toml: Vec<String>,
+    /// Log times of these profiles, CLOCK_MONOTONIC ns.
+    pub later_subjects_ns: Vec<u64>,
     /// The preceding recording, if this one is part of a series.
     pub previous: Option<Predecessor>,
 }
@@ -144,14 +146,17 @@ impl RecordingHeader {
     }
 
     /// Reads an attachment; others than Equipoise's are skipped.
-    pub(super) fn take_attachment(&mut self, name: &str, data: &[u8]) {
+    pub(super) fn take_attachment(&mut self, log_time_ns: u64, name: &str, data: &[u8]) {
         let text = String::from_utf8_lossy(data).into_owned();
         let number = |kind: &str| name.strip_prefix(kind)?.strip_suffix(".toml")?.parse::<u64>().ok();
         match name {
             CONFIG_NAME => self.config_toml = text,
             SUBJECT_NAME => self.subject_toml = text,
             MODEL_NAME => self.model_toml = text,
-            LATER_SUBJECT_NAME => self.later_subjects_toml.push(text),
+            LATER_SUBJECT_NAME => {
+                self.later_subjects_toml.push(text);
+                self.later_subjects_ns.push(log_time_ns);
+            }
             _ => {
                 if let Some(number) = number("config.") {
                     self.reloads.entry(number).or_default().config_toml = text;

@@ -26,6 +26,10 @@ pub struct Recording {
 }
 
 impl Recording {
+    /// Message about a recording that ends before its footer ([`Recording::truncated`]).
+    pub const TRUNCATED: &str =
+        "the recording was cut short: the data after its last complete chunk are missing";
+
     /// Opens a recording, complete or truncated by a crash.
     ///
     /// # Errors
@@ -128,7 +132,7 @@ impl Recording {
                 }
             }
             Ok(Some(Record::Attachment { header, data, .. })) => {
-                self.header.take_attachment(&header.name, &data);
+                self.header.take_attachment(header.log_time, &header.name, &data);
             }
             Ok(_) | Err(_) => {}
         }

@@ -97,8 +97,10 @@ fn a_reloaded_configuration_is_found_by_its_cycle_number() {
     let found = recording.header();
     assert_eq!(found.reloads, [7, 123_456_789_012].map(|number| (number, reloaded(number))).into());
     assert_eq!(found.later_subjects_toml, ["subject = \"of-7\"\n", "subject = \"of-123456789012\"\n"]);
+    assert_eq!(found.later_subjects_ns, [7, 123_456_789_012]);
     let (first, later) = (header(), RecordingHeader { reloads: BTreeMap::new(), ..found.clone() });
-    assert_eq!(RecordingHeader { later_subjects_toml: Vec::new(), ..later }, first);
+    let without = RecordingHeader { later_subjects_toml: Vec::new(), later_subjects_ns: Vec::new(), ..later };
+    assert_eq!(without, first);
     assert_eq!(recording.entries().filter(Result::is_ok).count(), 3);
 }
 

@@ -25,7 +25,7 @@ const RANGES_NAMED_MAX: usize = 8;
 #[command(
     after_help = "Example: equipoise trace station-1-cycle-4711.mcap -o trace.json\n         equipoise trace \
                         shift.mcap -o trace.json --cycles 60000-61000\n\nA file is never overwritten. Exit code 3: \
-                        the recording is damaged; the cycles before the damage are in the trace."
+                        the recording is damaged or cut short; the cycles before the damage are in the trace."
 )]
 pub(super) struct Arguments {
     /// Recording, or flight record, to read
@@ -50,6 +50,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         .with_context(|| format!("cannot write {}", out.display()))?;
     if let Some(damage) = &summary.damage {
         eprintln!("equipoise: {damage}");
+    } else if recording.truncated() {
+        eprintln!("equipoise: {}", Recording::TRUNCATED);
     }
     let Some((first, last)) = summary.span else {
         // Remove a trace without cycles, which would block the next attempt.
@@ -62,7 +64,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         summary.cycles,
         summary.deadlines_missed
     );
-    Ok(if summary.damage.is_some() { Outcome::PartRejected } else { Outcome::Done })
+    let is_whole = summary.damage.is_none() && !recording.truncated();
+    Ok(if is_whole { Outcome::Done } else { Outcome::PartRejected })
 }
 
 /// Why a trace has no cycles; `available` are the ranges of the recording.

@@ -148,13 +148,19 @@ fn a_failed_request_withholds_the_state_immediately() {
 }
 
 #[test]
-fn no_tile_is_green_while_a_joint_is_undecided() {
-    let joint = |torque_nm: f64, level: &str| json!({ "torque_nm": [0.0, torque_nm, 0.0], "level": level, "limit_nm": 100.0 });
-    let state = |worst: &str| {
-        let joints = json!({ "L5S1": joint(28.0, worst), "LeftHip": joint(20.0, "undecided"), "LeftKnee": joint(25.0, "undecided") });
-        displayed(&json!({ "worst_joint": "L5S1", "joints": joints }))
+fn a_tile_displays_the_joint_of_the_headline_with_its_certain_level() {
+    let joint = |torque_nm: f64, sigma_nm: f64, level: &str| json!({ "torque_nm": [0.0, torque_nm, 0.0], "sigma_nm": sigma_nm, "level": level, "limit_nm": 100.0 });
+    let shown = |back: Value, knee: Value| {
+        let joints = json!({ "L5S1": back, "LeftHip": joint(20.0, 12.0, "undecided"), "LeftKnee": knee });
+        let shown = displayed(&json!({ "worst_joint": "L5S1", "joints": joints }));
+        [&shown["worst_joint"], &shown["joint"]["level"]].map(|text| text.as_str().unwrap().to_owned())
     };
-    let shown = state("green");
-    assert_eq!((&shown["worst_joint"], &shown["joint"]["level"]), (&json!("LeftKnee"), &json!("undecided")));
-    assert_eq!(state("orange")["worst_joint"], "L5S1");
+    let undecided = joint(25.0, 8.0, "undecided");
+    assert_eq!(shown(joint(28.0, 1.0, "green"), undecided.clone()), ["LeftKnee", "undecided"]);
+    assert_eq!(shown(joint(28.0, 1.0, "orange"), undecided.clone()), ["L5S1", "orange"]);
+    assert_eq!(shown(joint(105.0, 8.0, "undecided"), undecided), ["L5S1", "red"]);
+    assert_eq!(shown(joint(80.0, 30.0, "undecided"), joint(79.0, 1.0, "red")), ["LeftKnee", "red"]);
+    // Without σ and limit nothing is certain.
+    let unbounded = json!({ "torque_nm": [0.0, 80.0, 0.0], "level": "undecided" });
+    assert_eq!(shown(unbounded, joint(10.0, 1.0, "green"))[1], "undecided");
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
-use equipoise_core::message::{CommandKind, CycleRecord, State, Validity};
+use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, Validity};
 use equipoise_studies::subject::Subject;
 
 use crate::page::Page;
@@ -109,6 +109,61 @@ fn a_restart_that_begins_a_new_shift_keeps_the_lifts_before() {
     assert_eq!(page.rows("Lifts").len(), 3, "{}", page.text);
     let lifts: Vec<&str> = page.rows("Workers").iter().map(|row| row[7].as_str()).collect();
     assert_eq!(lifts, ["3", "0"]);
+}
+
+#[test]
+fn a_restart_with_another_subject_begins_a_period() {
+    // The restart is 1 s before the end, where the recorder attaches the other subject. The workers have no lifts.
+    let states: Vec<State> = (1..600)
+        .map(|number| State {
+            cycle: if number < 500 { number } else { number - 499 },
+            time_ns: number * 10_000_000,
+            ..State::zeroed()
+        })
+        .collect();
+    let recording = recording("restart.mcap", &states, |_| CycleRecord::zeroed());
+    let page = report("restart.html", &recording);
+    let workers: Vec<&str> = page.rows("Workers").iter().map(|row| row[0].as_str()).collect();
+    assert_eq!(workers, ["anon-1", "anon-77"]);
+    assert!(page.text.contains("The worker changed at t = 5.0 s"), "{}", page.text);
+}
+
+#[test]
+fn with_another_rate_times_are_those_of_the_recorded_cycles() {
+    let recording = session().file("cycles.mcap");
+    let config_toml = config(&Subject::of_the_paper(5));
+    let header = RecordingHeader { config_toml: config_toml.clone(), ..RecordingHeader::default() };
+    let mut recorder = Recorder::create(&recording, &header).unwrap();
+    for sequence in 1..=400_u64 {
+        let sample_time_ns = sequence * 5_000_000;
+        let sample = GroundSample {
+            sample_time_ns,
+            published_ns: sample_time_ns,
+            sequence,
+            force_n: [0.0, 0.0, 700.0],
+            ..GroundSample::zeroed()
+        };
+        recorder.write(sample_time_ns, &sample).unwrap();
+        let cycle = CycleRecord {
+            cycle: sequence,
+            due_ns: sample_time_ns + 1,
+            period_ns: 5_000_000,
+            ground_taken: 1,
+            ground_first: sequence,
+            ground_last: sequence,
+            ground_sample_time_ns: sample_time_ns,
+            ..CycleRecord::zeroed()
+        };
+        recorder.write(cycle.due_ns, &cycle).unwrap();
+    }
+    recorder.finish().unwrap();
+    // It has 100 Hz, the cycles 200.
+    let (other, out) = (session().file("other-rate.toml"), session().file("other-rate.html"));
+    std::fs::write(&other, &config_toml).unwrap();
+    let ended = equipoise(&["report", text(&recording), "--config", text(&other), "--out", text(&out)]);
+    assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
+    let page = Page::read(&out);
+    assert_eq!(page.cell("Invalid reasons", "suit_stale", "time"), "2.0 s", "{}", page.text);
 }
 
 #[test]

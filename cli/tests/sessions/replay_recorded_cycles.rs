@@ -333,6 +333,31 @@ fn without_a_checkpoint_it_is_replayed_from_an_empty_memory_and_reported() {
 }
 
 #[test]
+fn with_another_rate_the_phases_last_as_recorded() {
+    let directory = tempfile::tempdir().unwrap();
+    let input = Input::open(&live(&[101], &[]).record(directory.path())).unwrap();
+    let config = Config::parse(&CONFIG.replace("[suit]", "[loop]\nrate_hz = 100\n[suit]"), "test").unwrap();
+    assert_eq!(config.period_ns(), 10_000_000);
+    let replay = Replay { input: &input, config: &config, as_recorded: false, residual_s: None };
+    let summary = replay.run_with(|_| Ok(())).unwrap();
+    assert_eq!(summary.phase_ns.iter().sum::<u64>(), 1_000_000 * summary.cycles);
+}
+
+#[test]
+fn a_trace_of_a_recording_cut_short_has_exit_code_3() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = live(&[101], &[]).record(directory.path());
+    let whole = std::fs::read(&path).unwrap();
+    for (cut, code) in [(0, 0), (9, 3)] {
+        std::fs::write(&path, &whole[..whole.len() - cut]).unwrap();
+        let out = directory.path().join(format!("{cut}.json"));
+        let output = equipoise().arg("trace").arg(&path).arg("-o").arg(&out).output().unwrap();
+        assert_eq!(output.status.code(), Some(code), "{}", describe_output(&output));
+        assert!(out.exists());
+    }
+}
+
+#[test]
 fn a_recording_cut_anywhere_is_read_up_to_the_cut() {
     let directory = tempfile::tempdir().unwrap();
     let path = live(&[101], &[]).record(directory.path());

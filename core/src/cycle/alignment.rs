@@ -18,7 +18,7 @@ const SUIT_QUEUE: usize = 128;
 /// Maximum time that a suit sample waits for the ground, ns.
 pub const WAIT_MAX_NS: u64 = 60_000_000;
 /// Maximum interval between ground samples for interpolation, ns.
-const GAP_MAX_NS: u64 = 60_000_000;
+pub const GAP_MAX_NS: u64 = 60_000_000;
 
 /// Queues of both streams.
 #[repr(C)]

@@ -3,6 +3,7 @@
 use equipoise_core::body::{JOINTS, Joint};
 use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
+use equipoise_view::levels::severity;
 use equipoise_view::words;
 
 use crate::constants::COLUMN_S;
@@ -84,9 +85,7 @@ impl Exposure {
             }
             if let Some((_, column)) = self.columns.last_mut() {
                 let highest = &mut column[index];
-                *highest = Some(
-                    highest.map_or(level, |before| if rank(level) > rank(before) { level } else { before }),
-                );
+                *highest = (*highest).into_iter().chain([level]).max_by_key(|level| severity(*level));
             }
         }
     }
@@ -127,18 +126,6 @@ impl JointExposure {
     }
 }
 
-/// Precedence of levels in a column: a decided level precedes an undecided one.
-pub fn rank(level: Level) -> u8 {
-    match level {
-        Level::None => 0,
-        Level::Undecided => 1,
-        Level::Green => 2,
-        Level::Orange => 3,
-        Level::Red => 4,
-        Level::AboveMax => 5,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -162,5 +149,17 @@ mod tests {
         assert_eq!((exposure.valid_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
         assert_eq!(exposure.columns.len(), 1, "no valid torque in the second after");
         assert_eq!(exposure.columns[0].1[3], Some(Level::Red));
+    }
+
+    #[test]
+    fn a_column_with_an_undecided_torque_is_not_low() {
+        let mut exposure = Exposure::default();
+        let mut column_after = |level: Level| {
+            exposure.ingest(&State { joint_level: [level as u32; JOINTS], ..State::zeroed() }, 0.1, 0.01);
+            exposure.columns[0].1[3]
+        };
+        assert_eq!(column_after(Level::Undecided), Some(Level::Undecided));
+        assert_eq!(column_after(Level::Green), Some(Level::Undecided));
+        assert_eq!(column_after(Level::Orange), Some(Level::Orange));
     }
 }

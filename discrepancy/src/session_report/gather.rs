@@ -6,6 +6,7 @@ use equipoise_adapters::recording::{Entry, Recording, RecordingHeader};
 use equipoise_config::Config;
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::State;
+use equipoise_core::time::NS_PER_S;
 use equipoise_latency::{PathHistograms, Report as PathReport};
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::{Chosen, Input};
@@ -19,6 +20,9 @@ use super::period::Period;
 use super::quality::Quality;
 use super::records::Records;
 use crate::constants::REORDER_BUFFER;
+
+/// The recorder attaches a subject within this time of the change: it compares once a second.
+const SUBJECT_ATTACHED_WITHIN_NS: u64 = 3 * NS_PER_S;
 
 /// Origin of the states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +84,7 @@ pub struct Facts {
 /// Data of the previous state, for comparison with the next one.
 #[derive(Debug, Clone, Copy)]
 struct Last {
+    cycle: u64,
     time_ns: u64,
     lifts: u32,
 }
@@ -159,8 +164,7 @@ impl Facts {
         let report = PathReport::of(&path);
         self.path = (report.cycles > 0).then_some(report);
         if recording.truncated() {
-            let reason = "the recording was cut short: the data after its last complete chunk are missing";
-            self.rejected.push(reason.to_owned());
+            self.rejected.push(Recording::TRUNCATED.to_owned());
         }
     }
 
@@ -196,8 +200,8 @@ impl Facts {
             self.back.change_subject();
         }
         let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
-        let State { time_ns, lifts, .. } = *state;
-        self.last = Some(Last { time_ns, lifts });
+        let State { cycle, time_ns, lifts, .. } = *state;
+        self.last = Some(Last { cycle, time_ns, lifts });
         self.identification.ingest(state, time_s, stopped);
         if let Some(period) = self.periods.last_mut() {
             period.ingest(state, time_s, step_s);
@@ -209,25 +213,33 @@ impl Facts {
         self.mass_kg = state.mass_kg;
     }
 
-    /// Duration that a state represents. The header is not sufficient: after a restart of the daemon the file still has
-    /// the previous one's.
+    /// Duration that a state represents: that of the recorded cycle, which a replay repeats. The header is not
+    /// sufficient: after a restart of the daemon the file still has the previous one's.
     fn period_ns(&self, state: &State) -> u64 {
-        let recorded = || self.records.period_ns(state.time_ns).filter(|_| self.source == Source::Recorded);
-        recorded().unwrap_or(self.config.period_ns())
+        self.records.period_ns(state.time_ns).unwrap_or(self.config.period_ns())
     }
 
     /// Whether the subject was changed or a new shift began since the previous state: according to a record, or to a
     /// change in the number of lifts that is impossible within one shift of one subject, where it can only decrease one
     /// by one (`subject undo-lift`) and increases at a limited rate. A restart of the daemon restores the last saved
-    /// number, which may be lower by one, or begins a new shift at 0.
+    /// number, which may be lower by one, begins a new shift at 0, or is with another configured subject.
     fn begins_period(&self, state: &State) -> bool {
         let Some(last) = self.last else { return false };
-        if self.records.has_load(last.time_ns, state.time_ns) {
+        if self.records.has_load(last.time_ns, state.time_ns)
+            || state.cycle <= last.cycle && self.is_subject_attached(last.time_ns, state.time_ns)
+        {
             return true;
         }
         let since_s = state.time_ns.saturating_sub(last.time_ns) as f64 / 1e9;
         let more = f64::from(state.lifts.saturating_sub(last.lifts));
         state.lifts.saturating_add(1) < last.lifts || more > 1.0 + since_s / (2.0 * LIFT_MIN_S)
+    }
+
+    /// Whether a subject was attached after a restart between these times, for another reason than a record of it.
+    fn is_subject_attached(&self, before_ns: u64, restarted_ns: u64) -> bool {
+        let until_ns = restarted_ns.saturating_add(SUBJECT_ATTACHED_WITHIN_NS);
+        let loaded = self.records.has_load(before_ns.saturating_sub(SUBJECT_ATTACHED_WITHIN_NS), until_ns);
+        !loaded && self.header.later_subjects_ns.iter().any(|at_ns| (before_ns..=until_ns).contains(at_ns))
     }
 
     /// Whether the whole file was used.

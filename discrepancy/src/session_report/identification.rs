@@ -25,9 +25,10 @@ pub struct Pose {
 pub struct Identification {
     /// The model before the first pose of this recording, then one row for each pose.
     pub poses: Vec<Pose>,
-    /// Time at which the stop rule was first met, s; the begin of the recording if it was met before.
+    /// Time at which the identification ended, s; the begin of the recording if it ended before; `None` while it is open
+    /// or was opened again.
     pub converged_s: Option<f64>,
-    /// Whether a command, not the stop rule, ended the identification.
+    /// Whether a command, not the stop rule, ended it.
     pub stopped: bool,
     /// Whether the subject was identified at the begin of the recording or when loaded.
     pub identified_before: bool,
@@ -37,7 +38,15 @@ pub struct Identification {
     pub motion_samples: u32,
     /// Final prior inflation; 1 without inflation.
     pub prior_inflation: Option<f64>,
-    last: Option<(u32, Option<&'static str>)>,
+    last: Option<Last>,
+}
+
+/// The previous state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Last {
+    poses: u32,
+    requested: Option<&'static str>,
+    is_identified: bool,
 }
 
 impl Identification {
@@ -49,14 +58,15 @@ impl Identification {
                 self.identified_before = state.converged != 0;
                 self.add_pose(state, time_s, None);
             }
-            Some((poses, _)) if state.poses_used < poses => {
+            Some(Last { poses, .. }) if state.poses_used < poses => {
                 self.resets += 1;
-                self.identified_before = false;
                 self.poses.clear();
-                self.converged_s = None;
+                self.reopen();
                 self.add_pose(state, time_s, None);
             }
-            Some((poses, requested)) if state.poses_used > poses => self.add_pose(state, time_s, requested),
+            Some(Last { poses, requested, .. }) if state.poses_used > poses => {
+                self.add_pose(state, time_s, requested);
+            }
             // The filter has no estimate until the body is available; its first one is the prior.
             Some(_) => {
                 if let Some(last) = self.poses.last_mut().filter(|pose| pose.cop_sigma_m.is_none()) {
@@ -68,12 +78,20 @@ impl Identification {
                 }
             }
         }
-        if state.converged != 0 && self.converged_s.is_none() {
+        let is_identified = state.converged != 0;
+        if !is_identified && self.last.is_some_and(|last| last.is_identified) {
+            self.reopen();
+        }
+        if is_identified && self.converged_s.is_none() {
             (self.converged_s, self.stopped) = (Some(time_s), stopped);
         }
         self.motion_samples = state.motion_samples_used;
         self.prior_inflation = positive(state.prior_inflation);
-        self.last = Some((state.poses_used, requested));
+        self.last = Some(Last { poses: state.poses_used, requested, is_identified });
+    }
+
+    fn reopen(&mut self) {
+        (self.converged_s, self.stopped, self.identified_before) = (None, false, false);
     }
 
     fn add_pose(&mut self, state: &State, time_s: f64, requested: Option<&'static str>) {
@@ -131,5 +149,19 @@ mod tests {
             !estimates.identified_before && estimates.converged_s.is_none(),
             "a reset clears the estimate"
         );
+    }
+
+    #[test]
+    fn an_identification_that_was_opened_again_is_not_identified() {
+        let mut found = Identification::default();
+        let state = |converged| State { converged, poses_used: 9, ..State::zeroed() };
+        found.ingest(&state(1), 0.0, false);
+        found.ingest(&state(0), 1.0, false);
+        assert_eq!((found.converged_s, found.identified_before, found.resets), (None, false, 0));
+        found.ingest(&state(1), 2.0, true);
+        assert_eq!((found.converged_s, found.stopped), (Some(2.0), true));
+        found.ingest(&state(0), 3.0, false);
+        found.ingest(&state(1), 4.0, false);
+        assert_eq!((found.converged_s, found.stopped), (Some(4.0), false));
     }
 }

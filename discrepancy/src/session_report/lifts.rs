@@ -39,6 +39,8 @@ pub struct Lifts {
     /// Number of lifts counted before the recording.
     pub before: u32,
     counted: Option<u32>,
+    /// Number of lifts of earlier subjects.
+    of_others: usize,
     episode: Episode,
     /// Height of the walking surface in the world, m.
     surface_z_m: f64,
@@ -74,9 +76,8 @@ impl Lifts {
             self.lifts.push(std::mem::take(&mut self.episode).lift(time_s));
         }
         // Undone, or lost by a restart of the daemon: no longer part of the dose.
-        for _ in state.lifts..counted {
-            self.lifts.pop();
-        }
+        let undone = counted.saturating_sub(state.lifts) as usize;
+        self.lifts.truncate(self.lifts.len().saturating_sub(undone).max(self.of_others));
         self.counted = Some(state.lifts);
         self.episode.ingest(state, time_s, step_s, self.surface_z_m);
     }
@@ -84,6 +85,7 @@ impl Lifts {
     /// From this state on another subject is in use, with a separate count of lifts and empty hands.
     pub fn change_subject(&mut self, state: &State) {
         self.counted = Some(state.lifts);
+        self.of_others = self.lifts.len();
         self.episode = Episode::default();
     }
 
@@ -98,6 +100,11 @@ impl Episode {
         let valid_kg = state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg);
         // A negative mass indicates leaning on something: no load, as in the loop.
         if let Some(mass_kg) = valid_kg.filter(|mass_kg| *mass_kg > 0.0) {
+            // After this time without a load the loop has ended the episode: as a lift, which was taken, or as a brief
+            // contact.
+            if self.empty_s >= LIFT_MIN_S {
+                *self = Episode::default();
+            }
             let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
             self.span_s = Some([from_s, time_s]);
             self.masses += 1.0;
@@ -108,7 +115,7 @@ impl Episode {
         } else if valid_kg.is_some() || state.valid == Validity::BELOW_LOAD_THRESHOLD.0 {
             self.empty_s += step_s;
         }
-        // No load for this long and no lift counted by the loop: a brief contact.
+        // A lift that the loop counted was taken before.
         if self.empty_s > 2.0 * LIFT_MIN_S {
             *self = Episode::default();
         }
@@ -194,6 +201,28 @@ mod tests {
             lifts.ingest(&counted(count), f64::from(index as u32), 0.01);
         }
         assert_eq!(lifts.lifts.iter().map(|lift| lift.to_s).collect::<Vec<_>>(), [1.0, 4.0]);
+        // A restored lift of the next subject is undone; those of this one remain.
+        lifts.change_subject(&counted(5));
+        for count in [5, 6, 5, 4] {
+            lifts.ingest(&counted(count), 9.0, 0.01);
+        }
+        assert_eq!(lifts.lifts.len(), 2);
+    }
+
+    #[test]
+    fn a_contact_half_a_second_before_a_lift_is_not_part_of_it() {
+        let mut lifts = Lifts::default();
+        let mut take = |seconds: f64, state: State| {
+            (0..(seconds * 100.0) as usize).for_each(|_| lifts.ingest(&state, 1.0, 0.01));
+        };
+        let empty = |lifts| State { lifts, valid: Validity::BELOW_LOAD_THRESHOLD.0, ..State::zeroed() };
+        let carrying = |lifted_mass_kg| State { lifted_mass_kg, ..State::zeroed() };
+        take(0.3, carrying(15.0));
+        take(0.7, empty(0));
+        take(1.0, carrying(5.0));
+        take(0.5, empty(0));
+        take(0.1, empty(1));
+        assert_eq!(lifts.lifts.iter().map(|lift| lift.mass_kg).collect::<Vec<_>>(), [Some(5.0)]);
     }
 
     #[test]

@@ -4,13 +4,13 @@ use std::fmt::Write;
 
 use equipoise_core::body::Joint;
 use equipoise_core::overload::Level;
-use equipoise_view::levels::LevelStyle;
+use equipoise_view::levels::{LevelStyle, severity};
 use equipoise_view::words;
 
 use crate::report::escaped;
 use crate::report::svg::{Drawing, FULL_WIDTH as WIDTH};
 
-use super::exposure::{Exposure, rank};
+use super::exposure::Exposure;
 use crate::constants::COLUMN_S;
 
 const NAMES: f64 = 132.0;
@@ -24,8 +24,8 @@ const COLUMNS: usize = 480;
 
 /// Heights of the bars.
 const HEIGHTS: [(Level, f64); 5] = [
-    (Level::Undecided, 0.12),
-    (Level::Green, 0.25),
+    (Level::Green, 0.12),
+    (Level::Undecided, 0.25),
     (Level::Orange, 0.5),
     (Level::Red, 0.75),
     (Level::AboveMax, 1.0),
@@ -74,7 +74,7 @@ fn strip(exposure: &Exposure, joint: Joint, span_s: [f64; 2], foot: f64, out: &m
         let first = (column_at(from_s) as usize).min(COLUMNS - 1);
         let last = (column_at(from_s + COLUMN_S).ceil() as usize).clamp(first + 1, COLUMNS);
         for place in &mut levels[first..last] {
-            if place.is_none_or(|before| rank(level) > rank(before)) {
+            if place.is_none_or(|before| severity(level) > severity(before)) {
                 *place = Some(level);
             }
         }

@@ -1,6 +1,7 @@
 //! Moment about the vertical through the centre of pressure, from ground samples: states do not hold it.
 
 use equipoise_adapters::recording::{Entry, TimedEntry};
+use equipoise_core::cycle::alignment::GAP_MAX_NS;
 use equipoise_core::cycle::{StoredState, Tare};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Component, GroundSample};
@@ -48,23 +49,42 @@ impl TareHistory {
     }
 }
 
-/// Mean free moment of the ground samples around each instant.
+/// Free moment at each instant: the mean of the ground samples around it, or with a slower ground the value between the
+/// two samples that enclose it.
 #[derive(Debug)]
 pub(super) struct FreeMoments {
-    /// Times of the instants on the clock of the ground, CLOCK_MONOTONIC ns; ascending.
-    times_ns: Vec<u64>,
+    /// Times of the instants on the clock of the ground, CLOCK_MONOTONIC ns, and their numbers; ascending.
+    times_ns: Vec<(u64, usize)>,
     /// Half the interval between instants, ns.
     half_ns: u64,
-    /// Sum of the moments, N m, and number of samples.
-    sums: Vec<(f64, u32)>,
+    /// By the number of the instant.
+    moments: Vec<Moment>,
+    /// Time, CLOCK_MONOTONIC ns, and moment, N m, of the last sample; `None` if that is unavailable.
+    last: Option<(u64, f64)>,
     /// Height of the walking surface, m; NaN before the first sample.
     surface_z_m: f64,
 }
 
+/// Free moment at one instant.
+#[derive(Debug, Clone, Copy)]
+struct Moment {
+    /// Sum of the moments around it, N m, and number of samples.
+    sum_nm: f64,
+    count: u32,
+    /// Value between the enclosing samples, N m; NaN without them.
+    between_nm: f64,
+}
+
 impl FreeMoments {
-    pub(super) fn new(times_ns: Vec<u64>, half_ns: u64) -> FreeMoments {
-        let sums = vec![(0.0, 0); times_ns.len()];
-        FreeMoments { times_ns, half_ns, sums, surface_z_m: f64::NAN }
+    /// `times_ns`: times of the instants on the clock of the ground; one without a time has no moment.
+    pub(super) fn new(times_ns: &[Option<u64>], half_ns: u64) -> FreeMoments {
+        let none = Moment { sum_nm: 0.0, count: 0, between_nm: f64::NAN };
+        let moments = vec![none; times_ns.len()];
+        let with_time = times_ns.iter().enumerate().filter_map(|(index, time_ns)| Some(((*time_ns)?, index)));
+        let mut times_ns: Vec<(u64, usize)> = with_time.collect();
+        // A change of the lag may change the order.
+        times_ns.sort_unstable();
+        FreeMoments { times_ns, half_ns, moments, last: None, surface_z_m: f64::NAN }
     }
 
     /// Ingests a ground sample, with the tare not yet subtracted.
@@ -72,17 +92,29 @@ impl FreeMoments {
         if self.surface_z_m.is_nan() {
             self.surface_z_m = sample.surface_z_m;
         }
-        let after = self.times_ns.partition_point(|time_ns| *time_ns < sample.sample_time_ns);
-        let distance_ns = |index: &usize| self.times_ns[*index].abs_diff(sample.sample_time_ns);
+        let time_ns = sample.sample_time_ns;
+        let tare = tares.at(time_ns);
+        let measured = tare.and_then(|tare| free_moment_nm(sample, tare)).map(|nm| (time_ns, nm));
+        let last = std::mem::replace(&mut self.last, measured);
+        let Some((_, moment_nm)) = measured else { return };
+        let after = self.times_ns.partition_point(|(instant_ns, _)| *instant_ns < time_ns);
+        let distance_ns = |index: &usize| self.times_ns[*index].0.abs_diff(time_ns);
         let around = after.saturating_sub(1)..(after + 1).min(self.times_ns.len());
-        let Some(nearest) = around.min_by_key(distance_ns) else { return };
-        if distance_ns(&nearest) > self.half_ns {
-            return;
+        if let Some(nearest) = around.min_by_key(distance_ns).filter(|at| distance_ns(at) <= self.half_ns) {
+            let moment = &mut self.moments[self.times_ns[nearest].1];
+            moment.sum_nm += moment_nm;
+            moment.count += 1;
         }
-        let Some(tare) = tares.at(sample.sample_time_ns) else { return };
-        if let Some(moment_nm) = free_moment_nm(sample, tare) {
-            self.sums[nearest].0 += moment_nm;
-            self.sums[nearest].1 += 1;
+        // As the loop interpolates the force.
+        let Some((last_ns, last_nm)) =
+            last.filter(|(last_ns, _)| time_ns.saturating_sub(*last_ns) <= GAP_MAX_NS)
+        else {
+            return;
+        };
+        let first = self.times_ns.partition_point(|(instant_ns, _)| *instant_ns < last_ns);
+        for (instant_ns, index) in self.times_ns.get(first..after).unwrap_or_default() {
+            let fraction = (instant_ns - last_ns) as f64 / (time_ns - last_ns) as f64;
+            self.moments[*index].between_nm = last_nm + fraction * (moment_nm - last_nm);
         }
     }
 
@@ -91,10 +123,12 @@ impl FreeMoments {
         self.surface_z_m
     }
 
-    /// Mean free moment around an instant, N m; NaN without a sample.
+    /// Free moment at an instant, N m; NaN without a sample.
     pub(super) fn at(&self, instant: usize) -> f64 {
-        let (sum_nm, count) = self.sums.get(instant).copied().unwrap_or_default();
-        sum_nm / f64::from(count)
+        self.moments.get(instant).map_or(f64::NAN, |moment| match moment.count {
+            0 => moment.between_nm,
+            count => moment.sum_nm / f64::from(count),
+        })
     }
 }
 
@@ -145,7 +179,7 @@ mod tests {
     fn the_free_moment_is_what_the_force_at_its_point_does_not_explain() {
         let offset = Tare { force_n: [1.0, -2.0, 30.0], moment_nm: [4.0, 5.0, -6.0], ..Tare::zeroed() };
         let tares = history(Some(offset), &[]);
-        let mut moments = FreeMoments::new(vec![100, 200], 50);
+        let mut moments = FreeMoments::new(&[Some(100), Some(200)], 50);
         for (time_ns, moment_nm) in [(60, 2.0), (140, 4.0), (199, -1.0), (300, 99.0)] {
             moments.ingest(&sample(time_ns, moment_nm, &offset), &tares);
         }
@@ -158,9 +192,27 @@ mod tests {
     }
 
     #[test]
+    fn between_samples_of_a_slower_ground_the_free_moment_is_interpolated() {
+        const MS: u64 = 1_000_000;
+        let tares = history(Some(Tare::zeroed()), &[]);
+        let times_ns = [4, 8, 12, 16, 40, 71].map(|ms| (ms != 8).then_some(ms * MS));
+        let mut moments = FreeMoments::new(&times_ns, 2 * MS);
+        for (time_ns, moment_nm) in [(0, 0.0), (10 * MS, 10.0), (20 * MS, 20.0), (81 * MS, 81.0)] {
+            moments.ingest(&sample(time_ns, moment_nm, &Tare::zeroed()), &tares);
+        }
+        let expected = [Some(4.0), None, Some(10.0), Some(16.0), None, None];
+        for (instant, expected) in expected.into_iter().enumerate() {
+            let moment_nm = Some(moments.at(instant)).filter(|moment_nm| moment_nm.is_finite());
+            let is_equal =
+                moment_nm.zip(expected).map_or(moment_nm == expected, |(a, b)| (a - b).abs() < 1e-9);
+            assert!(is_equal, "{instant}: {moment_nm:?}");
+        }
+    }
+
+    #[test]
     fn after_a_tare_command_the_free_moment_is_unavailable_until_a_checkpoint() {
         let tares = history(Some(Tare::zeroed()), &[150]);
-        let mut moments = FreeMoments::new(vec![100, 200], 50);
+        let mut moments = FreeMoments::new(&[Some(100), Some(200)], 50);
         for time_ns in [100, 200] {
             moments.ingest(&sample(time_ns, 1.0, &Tare::zeroed()), &tares);
         }

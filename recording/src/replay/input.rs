@@ -230,8 +230,7 @@ pub(super) fn skipped_of(recording: &Recording, damage: Option<String>) -> Skipp
     let mut skipped = SkippedData::default();
     skipped.rejected.extend(damage);
     if recording.truncated() {
-        let reason = "the recording was cut short: the data after its last complete chunk are missing";
-        skipped.rejected.push(reason.to_owned());
+        skipped.rejected.push(Recording::TRUNCATED.to_owned());
     }
     skipped
 }

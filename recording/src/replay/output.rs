@@ -177,7 +177,7 @@ fn measured(line: &mut String, state: &State) -> std::fmt::Result {
     fields(Validity::INVALIDATES_COP_MEASURED, &state.cop_measured_m)?;
     fields(Validity::INVALIDATES_COP_ESTIMATED, &state.cop_estimated_m)?;
     fields(Validity::INVALIDATES_COP_ESTIMATED, &state.cop_sigma_m)?;
-    fields(Validity::INVALIDATES_COP_ESTIMATED, &state.com_m)?;
+    fields(Validity::INVALIDATES_COM, &state.com_m)?;
     match state.suit_com_m() {
         Some(com_m) => fields(Validity::default(), &com_m)?,
         None => fields(Validity(u64::MAX), &[0.0; 3])?,
@@ -262,5 +262,7 @@ mod tests {
         }
         assert_eq!(cell(&state, "l5s1_compression_n"), "2400");
         assert_eq!(cell(&state, "L5S1_fatigue"), "0.25");
+        (state.com_m[0], state.valid) = (0.03, Validity::MOVING.0);
+        assert_eq!(["com_x_m", "cop_estimated_x_m"].map(|column| cell(&state, column)), ["0.03", ""]);
     }
 }

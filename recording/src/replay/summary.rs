@@ -20,8 +20,8 @@ const PHASES: [Phase; 4] = [Phase::Waiting, Phase::Identifying, Phase::Monitorin
 pub struct Summary {
     /// Cycles.
     pub cycles: u64,
-    /// Cycles in each phase, by the phase's number.
-    pub cycles_in_phase: [u64; PHASES.len()],
+    /// Time in each phase, by the phase's number, ns.
+    pub phase_ns: [u64; PHASES.len()],
     /// Final number of held poses in the model.
     pub poses_used: u32,
     /// Final body mass, kg; 0 if unavailable.
@@ -35,15 +35,14 @@ pub struct Summary {
     /// Unused parts of the input.
     pub skipped: SkippedData,
     started_ns: u64,
-    period_ns: u64,
     span_ns: Option<[u64; 2]>,
 }
 
 impl Summary {
-    pub(super) fn new(started_ns: u64, period_ns: u64, residual_s: Option<[f64; 2]>) -> Summary {
+    pub(super) fn new(started_ns: u64, residual_s: Option<[f64; 2]>) -> Summary {
         Summary {
             cycles: 0,
-            cycles_in_phase: [0; PHASES.len()],
+            phase_ns: [0; PHASES.len()],
             poses_used: 0,
             mass_kg: 0.0,
             scored: Vec::new(),
@@ -51,16 +50,16 @@ impl Summary {
             fidelity: None,
             skipped: SkippedData::default(),
             started_ns,
-            period_ns,
             span_ns: None,
         }
     }
 
-    pub(super) fn ingest(&mut self, state: &State) {
+    /// Adds one state, which represents `period_ns`.
+    pub(super) fn ingest(&mut self, state: &State, period_ns: u64) {
         self.cycles += 1;
         self.residual.ingest(state);
-        if let Some(cycles) = self.cycles_in_phase.get_mut(state.phase as usize) {
-            *cycles += 1;
+        if let Some(phase_ns) = self.phase_ns.get_mut(state.phase as usize) {
+            *phase_ns += period_ns;
         }
         self.poses_used = state.poses_used;
         self.mass_kg = state.mass_kg;
@@ -70,11 +69,10 @@ impl Summary {
 
     /// The summary as JSON.
     pub fn json(&self) -> serde_json::Value {
-        let period_s = self.period_ns as f64 / 1e9;
         let phases: serde_json::Map<String, serde_json::Value> = PHASES
             .iter()
-            .zip(self.cycles_in_phase)
-            .map(|(phase, cycles)| (phase.name().to_owned(), (cycles as f64 * period_s).into()))
+            .zip(self.phase_ns)
+            .map(|(phase, phase_ns)| (phase.name().to_owned(), (phase_ns as f64 / 1e9).into()))
             .collect();
         let span_s = self.span_ns.map(|span| span.map(|at| seconds_since(self.started_ns, at)));
         serde_json::json!({
@@ -100,12 +98,11 @@ impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [from_s, to_s] = self.span_ns.unwrap_or_default().map(|at| seconds_since(self.started_ns, at));
         writeln!(f, "{} cycles, t = {from_s:.3} s to {to_s:.3} s", self.cycles)?;
-        let period_s = self.period_ns as f64 / 1e9;
         let phases: Vec<String> = PHASES
             .iter()
-            .zip(self.cycles_in_phase)
-            .filter(|(_, cycles)| *cycles > 0)
-            .map(|(phase, cycles)| format!("{} {:.1} s", phase.name(), cycles as f64 * period_s))
+            .zip(self.phase_ns)
+            .filter(|(_, phase_ns)| *phase_ns > 0)
+            .map(|(phase, phase_ns)| format!("{} {:.1} s", phase.name(), phase_ns as f64 / 1e9))
             .collect();
         writeln!(f, "phases: {}", if phases.is_empty() { "none".to_owned() } else { phases.join(", ") })?;
         let mass =

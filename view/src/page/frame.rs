@@ -13,7 +13,7 @@ use serde_json::ser::{CompactFormatter, Formatter};
 
 use super::demo::{SimulatedCobot, SimulatedHuman};
 use crate::banner::Headline;
-use crate::state_json::{StateJson, level_name};
+use crate::state_json::StateJson;
 use crate::suggested_pose::SuggestedPose;
 use crate::words;
 
@@ -54,10 +54,10 @@ impl PageFrame {
             state: self.state_json(),
             headline,
             withheld: words::withheld(state),
-            worst: words::headline_joint(state).map(|joint| Worst {
+            worst: words::headline_joint(state).map(|(joint, level)| Worst {
                 joint: joint.name(),
                 text: words::joint(joint),
-                level: level_name(state.joint_level[joint.index()]),
+                level: level.name(),
                 fatigue: Some(state.fatigue[joint.index()]).filter(|fatigue| fatigue.is_finite()),
             }),
             advice: words::advice(state),

@@ -25,6 +25,11 @@ export const BONE_RADIUS = [
   0.075, 0.066, 0.05, 0.04, 0.075, 0.066, 0.05, 0.04,
 ];
 
+// Whether the position of the body in the station is valid: otherwise plate and CoP are not drawn with it.
+export const isInStation = (frame) => !frame.state.valid.includes("position_unknown");
+// Corners of the plate next to the body.
+export const cornersOf = (frame) => (frame && isInStation(frame) ? frame.plate_corners_m : undefined);
+
 export const add = (a, b, k = 1) => a.map((v, i) => v + k * b[i]);
 export const sub = (a, b) => a.map((v, i) => v - b[i]);
 export const norm = (a) => Math.hypot(...a);

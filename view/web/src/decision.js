@@ -4,7 +4,7 @@
 // lost connection and for withheld torques: the page keeps its words and layout, but no value and no advice.
 
 export const HOLD_MS = 1000;
-const FAULTS = ["suit_stale", "ground_stale", "plate_fault"];
+export const FAULTS = ["suit_stale", "ground_stale", "plate_fault"];
 // Reasons that need no action and are in the banner already.
 const UNLISTED = ["not_identified", "below_load_threshold"];
 const OFFLINE = {
@@ -53,7 +53,8 @@ export function viewOf(connection, frame) {
     reasons: kind === "load" ? [] : listed(frame.reasons),
     posing: kind === "pose" && isPoseRequested(frame),
     calibrating: kind === "pose" && state.phase === "identifying",
-    fatigue: state.phase === "monitoring" ? state.fatigue : null,
+    // Zero until a load has been evaluated.
+    fatigue: state.phase === "monitoring" && Object.values(state.fatigue ?? {}).some((part) => part > 0) ? state.fatigue : null,
     advice: kind === "load" ? frame.advice_name ?? null : null,
     loadKg: kind === "load" && state.lifted_mass_kg > 0 ? state.lifted_mass_kg : null,
     figure: { frame: frame.segment_origin_m ? frame : null, faded: false, levels: kind === "load" },

@@ -1,5 +1,5 @@
 // 2D figure, for browsers without WebGL.
-import { FEET, bones, cobotBones, headCentre, prepared } from "./body.js";
+import { FEET, bones, cobotBones, headCentre, prepared, cornersOf } from "./body.js";
 import { isPlaced } from "./match.js";
 import { Pen } from "./pen.js";
 import { colour } from "./theme.js";
@@ -16,7 +16,7 @@ export class Figure2d {
     const { context } = prepared(this.canvas);
     const pen = new Pen(context, view.project);
     const origins = frame?.segment_origin_m;
-    drawFloor(pen, view.centre, frame?.plate_corners_m);
+    drawFloor(pen, view.centre, cornersOf(frame));
     if (frame?.cobot) drawBones(pen, cobotBones(frame.cobot), (segment) => colour(segment === "part" ? "load" : "none"));
     if (!origins) return;
     if (frame.suggested) drawGhost(context, pen, frame.suggested.segment_origin_m, (segment) => colour(isPlaced(segment, deviations, reachedRad) ? "placed" : "ghost"));

@@ -4,7 +4,7 @@ import {
   InstancedMesh, LineBasicMaterial, LineLoop, LineSegments, Matrix4, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   PerspectiveCamera, Quaternion, Scene, ShapeGeometry, Shape, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from "three";
-import { FEET, bones, cobotBones, headCentre } from "./body.js";
+import { FEET, bones, cobotBones, headCentre, cornersOf } from "./body.js";
 import { isPlaced } from "./match.js";
 import { colour } from "./theme.js";
 
@@ -131,7 +131,7 @@ export class Figure3d {
     const [x, y, z] = view.centre;
     this.ground.position.set(x, y, z - 0.006);
     this.grid.position.set(Math.round(x * 4) / 4, Math.round(y * 4) / 4, z - 0.004);
-    this.drawPlate(frame?.plate_corners_m, z - 0.002);
+    this.drawPlate(cornersOf(frame), z - 0.002);
     this.skin.color.copy(this.shades[faded ? "none" : "you"]);
     if (origins) this.worker.show(origins);
     else this.worker.hide();

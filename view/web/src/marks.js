@@ -1,5 +1,5 @@
 // Marks on the figure: joints with their levels, load, centres of pressure, ground reaction, and where to move limbs.
-import { HANDS, JOINT, add, prepared, tip } from "./body.js";
+import { HANDS, JOINT, add, isInStation, prepared, tip } from "./body.js";
 import { LEVELS } from "./levels.js";
 import { load } from "./numbers.js";
 import { Pen } from "./pen.js";
@@ -21,7 +21,7 @@ export function drawMarks(canvas, view, shown, moves, language) {
   canvas.dataset.figurePx = view.figurePx.toFixed(0);
   if (frame && !faded) {
     const pen = new Pen(context, view.project);
-    drawn.push(...drawPressure(pen, frame.state, view.centre[2]));
+    if (isInStation(frame)) drawn.push(...drawPressure(pen, frame.state, view.centre[2]));
     const label = shown.loadKg && drawLoad(pen, frame, shown.loadKg, view);
     if (levels) drawn.push(drawJoints(pen, frame));
     if (label) drawn.push(drawMass(pen, label, load(shown.loadKg, language)));

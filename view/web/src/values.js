@@ -5,6 +5,9 @@ export const MISSING = "—";
 
 const offline = (connection) => ({ waiting: "connecting", silent: "silent", lost: "lost", ended: "ended" })[connection] ?? "connecting";
 
+// A dose is unavailable before the first lift.
+const assessed = (state, value) => (state.dose_damage > 0 ? value : undefined);
+
 // `set` is the set of flags that invalidates the value (`Validity::FLAG_SETS`); `flag` a single one; `unavailable` the
 // name of a quantity that the sensors may lack.
 const QUANTITIES = [
@@ -18,8 +21,8 @@ const QUANTITIES = [
   { name: "l5s1_moment", set: "low_back", unit: "N m", digits: 0, of: (state) => [state.l5s1_moment_nm, state.l5s1_moment_sigma_nm] },
   { name: "l5s1_compression", set: "low_back", unit: "N", digits: 0, of: (state) => [state.l5s1_compression_n, state.l5s1_compression_sigma_n] },
   { name: "lifts", unit: "", digits: 0, of: (state) => [state.lifts] },
-  { name: "dose_damage", unit: "", digits: 2, significant: true, of: (state) => [state.dose_damage] },
-  { name: "dose_probability", unit: "%", digits: 1, of: (state) => [state.dose_probability && 100 * state.dose_probability] },
+  { name: "dose_damage", unit: "", digits: 2, significant: true, of: (state) => [assessed(state, state.dose_damage)] },
+  { name: "dose_probability", unit: "%", digits: 1, of: (state) => [assessed(state, 100 * state.dose_probability)] },
 ];
 
 // A value with its σ. Adding zero removes the sign of a rounded -0.3.

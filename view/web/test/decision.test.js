@@ -39,6 +39,11 @@ test("the server's advice is given while torques are valid", () => {
   assert.equal(viewOf("live", withheld("moving")).loadKg, null);
 });
 
+test("fatigue is not shown before a load has been evaluated", () => {
+  assert.equal(viewOf("live", withheld("below_load_threshold", { state: { valid: ["below_load_threshold"], fatigue: { LeftKnee: 0 } } })).fatigue, null);
+  assert.deepEqual(viewOf("live", frame()).fatigue, { LeftKnee: 0.2 });
+});
+
 test("during a fault its consequences are not listed", () => {
   const { reasons } = viewOf("live", frame({ reasons: [FAULT, { name: "moving", fault: false }] }));
   assert.deepEqual(reasons, [FAULT]);

@@ -17,6 +17,13 @@ test("a withheld torque is its reason, the cause rather than its consequence", (
   assert.deepEqual([shown.joint, shown.torque, shown.level, shown.reason, shown.load], ["", "", "none", "reason.ground_stale", "—"]);
 });
 
+test("a fault is shown rather than its consequences, and needs attention", () => {
+  const shown = one({ state: { phase: "degraded", valid: ["not_identified", "feet_off_plate", "plate_fault"] } });
+  assert.deepEqual([shown.reason, attention(shown)], ["reason.plate_fault", true]);
+  const off = one({ state: { phase: "monitoring", valid: ["feet_off_plate"] } });
+  assert.deepEqual([off.reason, attention(off)], ["reason.feet_off_plate", false]);
+});
+
 test("a silent or lost station shows no value, and is known by its address", () => {
   for (const [connection, reason] of [["silent", "reason.silent_station"], ["lost", "reason.lost_station"]]) {
     const shown = one({ connection, station: null, state: null, incidents: null });

@@ -18,6 +18,8 @@ test("a valid value is displayed, a withheld one has its reason", () => {
   assert.deepEqual(shown.load, [MISSING, "moving"]);
   assert.deepEqual(shown.dose_damage, ["0.000035", ""]);
   assert.deepEqual(shown.dose_probability, ["5.4 %", ""]);
+  const before = named("live", { state: { ...state, dose_damage: 0, dose_probability: 0 } });
+  assert.deepEqual([before.dose_damage, before.dose_probability], Array(2).fill([MISSING, "not_available"]));
   assert.deepEqual(shown.mass, [MISSING, "not_available"]);
 });
 
