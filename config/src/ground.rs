@@ -32,6 +32,13 @@ use super::method::{Checked, between};
 pub use description_error::DescriptionError;
 pub(super) use second::InvalidField;
 
+/// Maximum height of a surface above its sensor's origin, m: plates of all supported makers are below 0.1 m; the rest is
+/// for a platform on sensors.
+const SURFACE_HEIGHT_MAX_M: f64 = 0.5;
+/// Maximum height of the walking surface above or below the suit's floor (z = 0), m: a step of a stair is at most 0.2 m;
+/// the rest is for a suit's floor that is off.
+const SURFACE_Z_MAX_M: f64 = 0.3;
+
 /// `[ground]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -362,8 +369,17 @@ impl FrameConfig {
         if numbers.clone().any(|value| !value.is_finite()) {
             return Err(("ground.frame", "every number must be finite".to_owned()));
         }
-        if self.origin_m.iter().any(|metres| metres.abs() > 100.0) || self.surface_height_m.abs() > 2.0 {
+        if self.origin_m.iter().any(|metres| metres.abs() > 100.0) {
             return Err(("ground.frame", "metres are expected; a plate 100 m away is a mistake".to_owned()));
+        }
+        between("ground.frame.surface_height_m", self.surface_height_m, 0.0, SURFACE_HEIGHT_MAX_M)?;
+        let surface_z_m = self.origin_m[2] + self.surface_height_m;
+        if surface_z_m.abs() > SURFACE_Z_MAX_M {
+            let reason = format!(
+                "origin_m[2] + surface_height_m, the height of the walking surface above the suit's floor, is \
+                 {surface_z_m:.3} m; at most ±{SURFACE_Z_MAX_M} m is expected"
+            );
+            return Err(("ground.frame.origin_m", reason));
         }
         if self.size_m.is_some_and(|size_m| !size_m.iter().all(|length_m| (0.01..=10.0).contains(length_m))) {
             return Err(("ground.frame.size_m", "two lengths from 0.01 to 10 m are expected".to_owned()));

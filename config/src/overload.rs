@@ -76,10 +76,11 @@ impl OverloadConfig {
         between("overload.motion_window_ms", self.motion_window_ms, 40.0, 250.0)?;
         between("overload.threshold_n", self.threshold_n, 1.0, 500.0)?;
         between("overload.load_hand_distance_max_m", self.load_hand_distance_max_m, 0.01, 5.0)?;
-        between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.0, 100.0)?;
-        between("overload.force_sigma_n", self.force_sigma_n, 0.0, 100.0)?;
-        between("overload.insole_cop_sigma_mm", self.insole_cop_sigma_mm, 0.0, 100.0)?;
-        between("overload.insole_force_sigma_n", self.insole_force_sigma_n, 0.0, 500.0)?;
+        // Zero would be an exact measurement: every residual is significant then, and the filter divides by its variance.
+        between("overload.cop_sigma_mm", self.cop_sigma_mm, 0.1, 100.0)?;
+        between("overload.force_sigma_n", self.force_sigma_n, 0.1, 100.0)?;
+        between("overload.insole_cop_sigma_mm", self.insole_cop_sigma_mm, 0.1, 100.0)?;
+        between("overload.insole_force_sigma_n", self.insole_force_sigma_n, 0.1, 500.0)?;
         between("overload.level_margin_percent", self.level_margin_percent, 0.0, 25.0)
     }
 

@@ -63,6 +63,14 @@ fn a_value_out_of_range_is_named_with_its_line() {
 }
 
 #[test]
+fn a_measurement_without_error_is_refused() {
+    for key in ["cop_sigma_mm", "force_sigma_n", "insole_cop_sigma_mm", "insole_force_sigma_n"] {
+        let message = refusal(&format!("{SMALLEST}\n[overload]\n{key} = 0"));
+        assert!(message.contains(&format!("overload.{key}: 0 is not between 0.1 and")), "{message}");
+    }
+}
+
+#[test]
 fn a_value_of_another_type_is_named_with_its_key_and_line() {
     let cases = [
         (

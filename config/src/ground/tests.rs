@@ -341,3 +341,17 @@ fn the_corners_of_a_plate_are_turned_with_it() {
         refusal(KISTLER, "[ground.frame]", "[ground.frame]\nsize_m = [600, 400]").contains("0.01 to 10 m")
     );
 }
+
+#[test]
+fn a_surface_is_above_its_sensor_and_near_the_suit_s_floor() {
+    let height = |value: &str| refusal(KISTLER, "surface_height_m = 0.048", value);
+    assert!(height("surface_height_m = -0.048").contains("-0.048 is not between 0 and 0.5"));
+    assert!(height("surface_height_m = 0.6").contains("0.6 is not between 0 and 0.5"));
+    let origin = |z_m: &str| {
+        refusal(KISTLER, "[ground.frame]", &format!("[ground.frame]\norigin_m = [1.0, 2.0, {z_m}]"))
+    };
+    assert!(origin("0.26").contains("is 0.308 m; at most ±0.3 m"), "{}", origin("0.26"));
+    assert!(origin("-0.4").contains("is -0.352 m"));
+    let text = KISTLER.replacen("[ground.frame]", "[ground.frame]\norigin_m = [1.0, 2.0, -0.2]", 1);
+    assert!(Config::parse(&text, "c.toml").is_ok());
+}
