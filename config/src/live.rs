@@ -48,6 +48,13 @@ impl Config {
         }
     }
 
+    /// Whether a section of this configuration differs from that of a configuration as text; `false` if the text has none.
+    pub fn section_differs(&self, section: &str, other_toml: &str) -> bool {
+        let [own, other] = [&*self.to_toml(), other_toml]
+            .map(|text| text.parse::<toml::Table>().ok().and_then(|mut table| table.remove(section)));
+        other.is_some() && own != other
+    }
+
     /// Every dotted key whose value differs, such as `loop.rate_hz`.
     pub fn keys_that_differ(&self, other: &Config) -> Vec<String> {
         // Through the text: a second set of serializers for all types would only cost compile time.

@@ -1,8 +1,9 @@
 //! `equipoise adapter`: one adapter as a process of its own, so that its crash takes nothing else along.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use anyhow::bail;
 use clap::ValueEnum;
@@ -10,14 +11,18 @@ use equipoise_config::{Config, GroundSourceKind, SuitSourceKind};
 use equipoise_daemon::realtime::ThreadReport;
 use equipoise_daemon::sensors::AdapterError;
 use equipoise_daemon::{realtime, sensors};
-use equipoise_station::adapter_fault;
+use equipoise_station::{adapter_fault, status};
 use tracing::{info, warn};
 
 use super::{ConfigArgument, Outcome, log_to_stderr, single_line};
 
+/// Interval at which the section in use is compared with the daemon's.
+const CHECK_INTERVAL: Duration = Duration::from_millis(500);
+
 /// Run one adapter as a process of its own, for a daemon with --sensors-apart or with source = "external"
 ///
-/// SIGHUP reads the configuration again and reopens the sensor. With source = "external" in this file it ends at once.
+/// SIGHUP reads the configuration again and reopens the sensor. While a daemon runs with another [suit] or [ground], the
+/// adapter keeps that of the daemon, or publishes nothing. With source = "external" in this file it ends at once.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise adapter suit --config /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
@@ -57,6 +62,8 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let stop = super::stop_on_signals()?;
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
+    // Before the scheduling is requested, which the thread would inherit.
+    let watch = DaemonWatch::start(stream, &config);
     let report = realtime::request(stream.name(), sensors::requested_scheduling(&config));
     match report.missing() {
         Some(missing) if config.tick.strict => {
@@ -77,7 +84,27 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
             );
             break;
         }
-        let stopping = || stop.load(Ordering::Relaxed) || reload.load(Ordering::Relaxed);
+        let stopping = || {
+            stop.load(Ordering::Relaxed)
+                || reload.load(Ordering::Relaxed)
+                || watch.differs.load(Ordering::Relaxed)
+        };
+        if let Some(fault) = differs_from_daemon(stream, &config) {
+            // The file has the daemon's section if only the daemon was restarted after a change.
+            match Config::read(path).ok().filter(|new| differs_from_daemon(stream, new).is_none()) {
+                Some(new) if new.station == config.station => {
+                    info!("[{}] of {} is in use, as the daemon has it", stream.name(), path.display());
+                    config = new;
+                }
+                _ => {
+                    warn!("{fault}");
+                    adapter_fault::publish(&config.station, stream.name(), Some(&fault));
+                    std::thread::sleep(CHECK_INTERVAL);
+                    continue;
+                }
+            }
+        }
+        watch.set(&config);
         if let Err(error) = run_once(stream, &config, &report, &stopping) {
             let error = anyhow::Error::from(error);
             adapter_fault::publish(&config.station, stream.name(), Some(&single_line(&error)));
@@ -85,7 +112,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         }
         // Reset the flag before reading the file, so that a signal during the read causes another one.
         if reload.swap(false, Ordering::Relaxed) {
-            config = reread(path, config);
+            config = reread(stream, path, config);
         }
     }
     adapter_fault::publish(&config.station, stream.name(), None);
@@ -126,11 +153,60 @@ fn run_once(
     }
 }
 
+/// Why this adapter's section must not be used: the daemon has another one, so its tare, latency and model refer to other
+/// samples. `None` without a daemon, or if the daemon leaves the sensor to another file.
+fn differs_from_daemon(stream: Stream, config: &Config) -> Option<String> {
+    let daemon = status::read(&config.station)?.config_toml;
+    let (name, station) = (stream.name(), &config.station);
+    let table: toml::Table = daemon.parse().ok()?;
+    let source = table.get(name).and_then(|section| section.get("source")).and_then(toml::Value::as_str);
+    if source == Some("external") || !config.section_differs(name, &daemon) {
+        return None;
+    }
+    Some(format!(
+        "[{name}] in this adapter's file differs from that of the running daemon of station {station}: nothing is \
+         published until equipoise is restarted"
+    ))
+}
+
+/// Compares the section in use with the daemon's, in a thread of its own so that no sample waits for a file.
+struct DaemonWatch {
+    config: Mutex<Config>,
+    differs: AtomicBool,
+}
+
+impl DaemonWatch {
+    fn start(stream: Stream, config: &Config) -> Arc<DaemonWatch> {
+        let watch =
+            Arc::new(DaemonWatch { config: Mutex::new(config.clone()), differs: AtomicBool::new(false) });
+        let shared = Arc::clone(&watch);
+        // It ends with the process.
+        std::thread::spawn(move || {
+            loop {
+                let config = shared.config.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                shared.differs.store(differs_from_daemon(stream, &config).is_some(), Ordering::Relaxed);
+                std::thread::sleep(CHECK_INTERVAL);
+            }
+        });
+        watch
+    }
+
+    fn set(&self, config: &Config) {
+        *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config.clone();
+        self.differs.store(false, Ordering::Relaxed);
+    }
+}
+
 /// The configuration read again; one that is refused is logged, and the one before stays in force.
-fn reread(path: &Path, before: Config) -> Config {
+fn reread(stream: Stream, path: &Path, before: Config) -> Config {
     info!("the configuration is read again");
     match Config::read(path) {
-        Ok(config) if config.station == before.station => return config,
+        Ok(config) if config.station == before.station => {
+            if stream.is_external(&config) || differs_from_daemon(stream, &config).is_none() {
+                return config;
+            }
+            warn!("[{}] changed: takes effect once equipoise is restarted", stream.name());
+        }
         Ok(config) => {
             warn!("station changed to {}: takes effect at the next restart of this adapter", config.station);
         }

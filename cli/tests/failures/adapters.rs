@@ -158,10 +158,34 @@ fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemo
     let missing = "source = \"bota-serial\"\n[ground.serial]\nport = \"/dev/serial/by-id/missing\"\n";
     station.write("live.toml", &format!("{head}[ground]\n{missing}[subject]{subject}"));
     reload();
-    let fault = wait_for("the adapter's fault", || incident("ground_adapter_down"));
-    assert!(fault.contains("/dev/serial/by-id/missing"), "{fault}");
+    // The daemon has the device before: its tare and latency are not those of another one.
+    station.with_adapter(1, |ground| {
+        wait_for("the refusal", || ground.stderr().contains("once equipoise is restarted").then_some(()));
+    });
+    monitor.until("both sensors", Monitor::both_fresh);
+    // Nor does an adapter that starts with another file publish.
+    let path = station.file("live.toml").display().to_string();
+    station.with_adapter(1, |ground| {
+        ground.kill();
+        *ground = station.spawn(&["adapter", "ground", "--config", &path]);
+    });
+    let fault = wait_for("the adapter's fault", || {
+        incident("ground_adapter_down")
+            .filter(|fault| fault.contains("differs from that of the running daemon"))
+    });
+    monitor.until("no plate", |monitor| monitor.has(Validity::GROUND_STALE));
+    assert!(fault.contains("[ground]"), "{fault}");
+    drop(daemon);
+    let restart = || station.spawn(&["run", "--sensors-apart", "--config", &path]);
+    let daemon = restart();
+    let fault = wait_for("the adapter's fault", || {
+        incident("ground_adapter_down").filter(|fault| fault.contains("/dev/serial/by-id/missing"))
+    });
+    assert!(!fault.contains("differs"), "{fault}");
+    // An adapter follows a restarted daemon.
     station.write("live.toml", &text);
-    reload();
+    drop(daemon);
+    let daemon = restart();
     monitor.until("both sensors", Monitor::both_fresh);
     wait_for("the end of the fault", || incident("ground_adapter_down").is_none().then_some(()));
 
