@@ -18,7 +18,7 @@ mod window;
 
 pub use bioware::{BioWareCapture, BioWareError, BioWareSettings, Units};
 pub use csv::{CsvCapture, CsvError};
-pub use mvnx::{MvnxCapture, MvnxError};
+pub use mvnx::{MvnxCapture, MvnxError, WallClockSteps};
 pub use pcap::{PcapCapture, PcapError};
 pub use pcap_writer::{PcapWriteError, PcapWriter};
 pub use rejected::Rejected;

@@ -7,8 +7,9 @@
 //! without it is refused, and a frame whose segments are not connected at their joints after this rotation is omitted.
 //!
 //! Time is `index` over `frameRate`: `time` and `ms` are rounded to whole milliseconds, and the last part of `tc` is a
-//! frame number. If `ms`, the wall clock, deviates from it by more than two frames, frames are missing from the file,
-//! and the time follows `ms`.
+//! frame number. If `ms`, the wall clock, leads by more than two frames, frames are missing from the file, and the time
+//! follows `ms`. A wall clock that falls behind was set: the time does not follow. A clock that was set forward looks like
+//! missing frames, so both are counted ([`MvnxCapture::wall_clock_steps`]).
 
 mod frame;
 mod head;
@@ -194,6 +195,11 @@ impl<R: BufRead> MvnxCapture<R> {
         u64::try_from(unix_ms).ok()?.checked_mul(NS_PER_MS as u64)
     }
 
+    /// Steps of the wall clock so far.
+    pub fn wall_clock_steps(&self) -> WallClockSteps {
+        self.clock.steps
+    }
+
     /// Frames omitted so far, by reason.
     pub fn rejected(&self) -> &Rejected {
         &self.rejected
@@ -259,8 +265,22 @@ impl<R: BufRead> Iterator for MvnxCapture<R> {
 struct Clock {
     rate_hz: f64,
     first: Stamps,
-    /// Lead of `ms` over `index`, caused by missing frames.
+    /// Lead of `ms` over `index`.
+    apart_ns: i64,
+    /// Part of it caused by missing frames.
     ahead_ns: i64,
+    steps: WallClockSteps,
+}
+
+/// Steps of the wall clock in a file by more than two frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct WallClockSteps {
+    /// Steps forward, which the time follows as if frames were missing.
+    pub forward: u64,
+    /// Total of them, ns.
+    pub forward_ns: u64,
+    /// Steps back, which the time does not follow.
+    pub back: u64,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -280,7 +300,13 @@ impl Stamps {
 
 impl Clock {
     fn of(first: &Frame, rate_hz: f64) -> Clock {
-        Clock { rate_hz, first: Stamps::of(first), ahead_ns: 0 }
+        Clock {
+            rate_hz,
+            first: Stamps::of(first),
+            apart_ns: 0,
+            ahead_ns: 0,
+            steps: WallClockSteps::default(),
+        }
     }
 
     fn time_ns(&mut self, frame: &Frame) -> Result<u64, &'static str> {
@@ -300,10 +326,19 @@ impl Clock {
         if let Some(wall_ns) = wall_ms.and_then(|ms| ms.checked_mul(NS_PER_MS)) {
             let interval_ns = (1e9 / self.rate_hz) as i64;
             let apart_ns = wall_ns.saturating_sub(elapsed_ns);
-            if (0..(TIME_MAX_S * 1e9) as i64).contains(&wall_ns)
-                && apart_ns.abs_diff(self.ahead_ns) > 2 * interval_ns.unsigned_abs() + NS_PER_MS as u64
+            let limit_ns = (TIME_MAX_S * 1e9) as i64;
+            if (-limit_ns..limit_ns).contains(&wall_ns)
+                && apart_ns.abs_diff(self.apart_ns) > 2 * interval_ns.unsigned_abs() + NS_PER_MS as u64
             {
-                self.ahead_ns = apart_ns;
+                let step_ns = apart_ns.saturating_sub(self.apart_ns);
+                self.apart_ns = apart_ns;
+                if step_ns > 0 {
+                    self.ahead_ns = self.ahead_ns.saturating_add(step_ns);
+                    self.steps.forward += 1;
+                    self.steps.forward_ns = self.steps.forward_ns.saturating_add(step_ns.unsigned_abs());
+                } else {
+                    self.steps.back += 1;
+                }
             }
         }
         let time_ns = elapsed_ns.saturating_add(self.ahead_ns);

@@ -264,6 +264,40 @@ fn time_is_index_over_rate_and_a_hole_follows_the_wall_clock() {
 }
 
 #[test]
+fn a_wall_clock_that_is_set_back_moves_no_frame() {
+    let style = Style { rate_hz: 60.0, ..V4 };
+    let stepped = |index: u64, step_ms: i64| {
+        let ms = UNIX_MS + (index as f64 / 60.0 * 1e3).round() as u64;
+        frame(style, index)
+            .replace(&format!("ms=\"{ms}\""), &format!("ms=\"{}\"", ms.saturating_add_signed(step_ms)))
+    };
+    let frames: String = (0..30)
+        .map(|index| {
+            stepped(
+                index,
+                if index < 10 {
+                    0
+                } else if index < 20 {
+                    -700
+                } else {
+                    -200
+                },
+            )
+        })
+        .collect();
+    let text = head(style) + &calibration(style) + &frames + TAIL;
+    let mut capture = MvnxCapture::new(text.as_bytes()).unwrap();
+    let samples: Vec<SuitSample> = capture.by_ref().collect();
+    assert_eq!(samples.len(), 30, "{}", capture.rejected());
+    let step_ns = |at: usize| samples[at].sample_time_ns - samples[at - 1].sample_time_ns;
+    assert!(step_ns(10).abs_diff(16_666_667) <= 1, "{}", step_ns(10));
+    assert!(step_ns(20).abs_diff(516_666_667) < 2_000_000, "{}", step_ns(20));
+    let steps = capture.wall_clock_steps();
+    assert_eq!((steps.forward, steps.back), (1, 1));
+    assert!(steps.forward_ns.abs_diff(500_000_000) < 2_000_000, "{steps:?}");
+}
+
+#[test]
 fn frames_that_cannot_be_used_are_counted_with_their_line() {
     let good = frame(V4, 0);
     let no_number = frame(V4, 1).replacen("0.1 0.2 0.9", "0.1 x 0.9", 1);

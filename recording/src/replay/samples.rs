@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::BufReader;
 
 use anyhow::bail;
-use equipoise_adapters::capture::{CsvCapture, MvnxCapture, PcapCapture};
+use equipoise_adapters::capture::{CsvCapture, MvnxCapture, PcapCapture, WallClockSteps};
 use equipoise_adapters::recording::{Entries, Entry, Recording};
 use equipoise_config::ground::ati_rdt;
 use equipoise_config::{Config, GroundSourceKind};
@@ -141,11 +141,27 @@ impl<'a> Samples<'a> {
                 let rejected = capture.rejected();
                 let note = (!rejected.is_empty()).then(|| format!("frames left out: {rejected}"));
                 let fault = capture.fault().map(|fault| format!("{fault}; the frames before it were read"));
-                SkippedData { rejected: note.into_iter().chain(fault).collect(), ignored: Vec::new() }
+                let steps = describe_steps(capture.wall_clock_steps());
+                SkippedData {
+                    rejected: note.into_iter().chain(fault).collect(),
+                    ignored: steps.into_iter().collect(),
+                }
             }
             Source::Pcap(samples) => samples.skipped(),
         }
     }
+}
+
+/// The steps of an `.mvnx` file's wall clock in words.
+fn describe_steps(steps: WallClockSteps) -> Option<String> {
+    let WallClockSteps { forward, forward_ns, back } = steps;
+    (steps != WallClockSteps::default()).then(|| {
+        format!(
+            "the wall clock steps forward {forward} times, {:.1} s in total (taken for missing frames; wrong if the clock \
+             was set), and back {back} times (not followed)",
+            forward_ns as f64 * 1e-9
+        )
+    })
 }
 
 impl Iterator for Samples<'_> {
