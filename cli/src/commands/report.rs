@@ -26,7 +26,7 @@ use crate::progress_bar::Bar;
                         shift.mcap --pdf shift.pdf        and prints it, where Chromium is installed\n  equipoise report \
                         take.mcap --config station.toml   computes the states again with it\n\nExit \
                         code 3: part of the recording was damaged or is missing; the page's last section says what. Or the recording \
-                        was altered, signed by another key, or the one before it is missing."
+                        was altered, signed by another key, unsigned with --public-key, or the one before it is missing."
 )]
 pub(super) struct Arguments {
     /// Recording or capture
@@ -40,7 +40,8 @@ pub(super) struct Arguments {
     /// Configuration to compute the states with, in place of those recorded
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Public key of minisign to verify the recording's signature with; by default SIGN_KEY.pub of the configuration
+    /// Public key of minisign to verify the recording's signature with, which it must have; by default SIGN_KEY.pub of
+    /// the configuration
     #[arg(long, value_name = "FILE")]
     public_key: Option<PathBuf>,
 }
@@ -59,7 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let authenticity = match &input {
         Input::Recording(recording) => {
             let public_key = public_key(arguments, chosen.as_ref().ok().map(|chosen| &chosen.config))?;
-            Some(Authenticity::of(file, recording, public_key.as_ref())?)
+            Some(Authenticity::of(file, recording, public_key.as_ref(), arguments.public_key.is_some())?)
         }
         _ => None,
     };

@@ -127,7 +127,11 @@ fn alterations_of_signed_recordings_are_reported() {
     for (index, path) in all.iter().enumerate() {
         let (line, code) = copy.line(path);
         if unsigned.iter().any(|unsigned| unsigned.file_name() == path.file_name()) {
-            assert!(line.starts_with("unsigned; previous file "), "{line}");
+            assert!(
+                line.starts_with("not valid: unsigned") && matches!(code, Some(1 | 3)),
+                "{line} {code:?}"
+            );
+            assert!(self::line(path, &[]).0.starts_with("unsigned; previous file "), "{line}");
         } else {
             assert!(line.starts_with("valid: signed by key ") && code == Some(0), "{line} {code:?}");
         }

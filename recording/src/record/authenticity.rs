@@ -29,6 +29,10 @@ pub struct Authenticity {
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Signature {
     Unsigned,
+    /// There is none, and it is required.
+    Missing {
+        expected: String,
+    },
     /// There is a signature, and no public key to check it with.
     Unchecked {
         key: String,
@@ -48,6 +52,8 @@ enum Signature {
 enum Previous {
     /// The recording names none.
     Unnamed,
+    /// It names none, and older files of the series are there.
+    Broken,
     Matching(String),
     /// Its name, and why.
     Unchecked(String, String),
@@ -72,7 +78,8 @@ pub fn read_public_key(path: &Path) -> anyhow::Result<PublicKey> {
 }
 
 impl Authenticity {
-    /// Examines a recording, which is read again for it where there is something to compare with.
+    /// Examines a recording, which is read again for it where there is something to compare with. With a public key and
+    /// `is_signature_required`, an unsigned one is not valid.
     ///
     /// # Errors
     /// The recording or its signature cannot be read.
@@ -80,12 +87,17 @@ impl Authenticity {
         path: &Path,
         recording: &Recording,
         public_key: Option<&PublicKey>,
+        is_signature_required: bool,
     ) -> anyhow::Result<Authenticity> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let series = RecordingStore::with(path);
-        let signature = signature(path, &name, public_key)?;
+        let mut signature = signature(path, &name, public_key)?;
+        if let (Signature::Unsigned, Some(key), true) = (&signature, public_key, is_signature_required) {
+            signature = Signature::Missing { expected: key_id(key.keynum()) };
+        }
         let previous = match &recording.header().previous {
             Some(previous) => check_previous(path, previous, series.as_ref().map(|(store, _)| store)),
+            None if series.as_ref().is_some_and(|(store, _)| store.has_before(&name)) => Previous::Broken,
             None => Previous::Unnamed,
         };
         let next = series.and_then(|(store, number)| store.after(number));
@@ -103,7 +115,8 @@ impl Authenticity {
 
     /// Whether nothing contradicts the recording, and no file before it is missing.
     pub fn is_valid(&self) -> bool {
-        let signed_otherwise = matches!(self.signature, Signature::OtherKey { .. });
+        let signed_otherwise =
+            matches!(self.signature, Signature::OtherKey { .. } | Signature::Missing { .. });
         self.contradictions().is_empty()
             && !signed_otherwise
             && !matches!(self.previous, Previous::Missing(_))
@@ -134,6 +147,9 @@ impl fmt::Display for Authenticity {
         }
         match &self.signature {
             Signature::Unsigned => f.write_str("unsigned")?,
+            Signature::Missing { expected } => {
+                write!(f, "not valid: unsigned, while a signature by key {expected} is expected")?;
+            }
             Signature::Unchecked { key } => {
                 write!(f, "signed by key {key}, not checked: name its public key with --public-key")?;
             }
@@ -145,6 +161,11 @@ impl fmt::Display for Authenticity {
         }
         match &self.previous {
             Previous::Unnamed => f.write_str("; no previous file")?,
+            Previous::Broken => {
+                f.write_str(
+                    "; it names no previous file, though older files are present: a hash chain begins here",
+                )?;
+            }
             Previous::Matching(previous) => write!(f, "; previous file {previous} matches")?,
             Previous::Unchecked(previous, reason) => {
                 write!(f, "; previous file {previous} not checked: {reason}")?;
