@@ -30,7 +30,7 @@ use crate::incidents::IncidentBoard;
 use crate::ingress::Ingress;
 use crate::latency_log::{self, LatencyLog};
 use crate::planner::{Planner, SharedWorker};
-use crate::realtime::{self, RequestedScheduling, ThreadReport};
+use crate::realtime::{self, RequestedScheduling, ThreadReport, now_ns};
 use crate::rings::{EgressEnds, IngressEnds, LoopControl, LoopEnds, Rings, SavingEnds};
 use crate::saving::{self, Saver};
 use crate::similar::similar_to_configured;
@@ -39,6 +39,8 @@ use crate::subjects::{ProfileDestination, Subjects};
 use crate::thread_registry::ThreadRegistry;
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::watchdog;
+
+pub use equipoise_station::DAEMON_ROLE;
 
 use self::restored::Restored;
 use self::threads::{Running, Shared, start_thread};
@@ -49,8 +51,6 @@ const BELOW_LOOP: [(&str, u32); 3] = [("ingress", 10), ("egress", 20), ("watchdo
 const ORDINARY: RequestedScheduling = RequestedScheduling { fifo_priority: 0, cpu: None };
 /// Prefix of the message for a refused memory lock.
 const NOT_LOCKED: &str = "not locked";
-/// Role of the daemon on the bus.
-pub const DAEMON_ROLE: &str = "daemon";
 
 /// A running daemon.
 pub struct Pipeline {
@@ -294,6 +294,7 @@ impl Start<'_> {
         let status = StatusFile::new(Status {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             process_id: std::process::id(),
+            started_ns: now_ns(),
             station: config.station.clone(),
             config_toml: self.active_configuration.with(ActiveConfiguration::with_subject_in_use).to_toml(),
             model_toml: config.model_toml(),

@@ -11,6 +11,7 @@ pub mod service;
 pub mod signature;
 pub mod storage;
 pub mod summary;
+mod syncer;
 
 use std::cell::Cell;
 use std::path::Path;
@@ -24,6 +25,7 @@ use equipoise_bus::{Bus, BusSettings, CommandClient};
 use equipoise_config::Config;
 use equipoise_core::message::{Command, CommandKind, CycleRecord};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
+use equipoise_station::DAEMON_ROLE;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status::{self, Status};
@@ -32,10 +34,11 @@ pub use summary::RecordSummary;
 
 use pictures::Pictures;
 use ports::{Daemons, Ports};
+use syncer::Syncer;
 
 /// Polling interval: well within the buffers, which hold a quarter of a second at the highest rates.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
-/// Maximum loss in a crash.
+/// Maximum loss in a crash of the recorder; of the machine: see [`syncer`].
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
 /// Timeout of the daemon's reply.
 const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
@@ -100,9 +103,17 @@ pub fn record(
 struct Progress<'a> {
     recorder: &'a Recorder,
     summary: &'a RecordSummary,
-    /// Process id of the daemon whose configuration is in the file's header.
-    process_id: u32,
+    /// [`Status::life`] of the daemon whose configuration is in the file's header.
+    life: (u32, u64),
+    bus: &'a Bus,
     bus_directory: &'a BusDirectory,
+}
+
+impl Progress<'_> {
+    /// Whether a daemon is on the bus. Not by its process id: the recorder's service sees no other processes.
+    fn has_daemon(&self) -> bool {
+        self.bus.participants().is_ok_and(|all| all.iter().any(|one| one.role == DAEMON_ROLE))
+    }
 }
 
 /// Subscriptions to a station's bus: several files can be recorded in sequence without loss between them.
@@ -110,11 +121,11 @@ struct Tap {
     station: String,
     summary: RecordSummary,
     ports: Ports,
-    /// Process id of the daemon in the header of the last file.
-    process_id: u32,
+    /// [`Status::life`] of the daemon in the header of the last file.
+    life: (u32, u64),
     commands: CommandClient,
     // Must be dropped after its ports.
-    _bus: Bus,
+    bus: Bus,
     bus_directory: BusDirectory,
 }
 
@@ -134,7 +145,7 @@ impl Tap {
         request_checkpoint(&commands)?;
         let bus_directory = BusDirectory::read(&settings.root);
         let (station, summary) = (station.to_owned(), RecordSummary::default());
-        Ok(Tap { station, summary, ports, process_id: 0, commands, _bus: bus, bus_directory })
+        Ok(Tap { station, summary, ports, life: (0, 0), commands, bus, bus_directory })
     }
 
     /// Whether the bus directory was replaced, so that processes joining now are not received.
@@ -157,6 +168,7 @@ impl Tap {
         let Some(facts) = status::read(&self.station) else {
             bail!("the daemon of station {} has ended", self.station);
         };
+        let life = facts.life();
         let header = RecordingHeader {
             subject_toml: read_profile(&facts),
             config_toml: recorded_config(&facts)?,
@@ -170,8 +182,8 @@ impl Tap {
         let mut recorder = Recorder::create(out, &header)?;
         let pictures = Pictures::announce(&mut recorder, pictures_hz)?;
         let (newest_ns, station) = (header.started_monotonic_ns, self.station.clone());
-        let (subject, process_id) = (facts.subject, facts.process_id);
-        Ok(Sink { recorder, pictures, newest_ns, station, subject, process_id, daemons })
+        let subject = facts.subject;
+        Ok(Sink { recorder, pictures, newest_ns, station, subject, life, daemons })
     }
 
     /// Records into a new file, the successor of `previous`, until `ending` returns true, or up to the first message of
@@ -185,16 +197,17 @@ impl Tap {
         started: impl FnOnce(),
     ) -> anyhow::Result<String> {
         let mut sink = self.begin(out, previous, contents)?;
-        self.process_id = sink.process_id;
+        self.life = sink.life;
+        let syncer = sink.recorder.second_handle().map(|file| Syncer::start(out, file));
         started();
         let (ports, summary) = (&mut self.ports, &mut self.summary);
-        let bus_directory = &self.bus_directory;
+        let (bus, bus_directory) = (&self.bus, &self.bus_directory);
         let mut checkpoint_due = Some(Instant::now() + SETTLE);
         let (mut flushed, mut lost) = (Instant::now(), summary.lost());
         ports.begin(&mut sink, summary)?;
         while !ports.is_next_daemon() {
-            let (recorder, process_id) = (&sink.recorder, sink.process_id);
-            if ending(&Progress { recorder, summary, process_id, bus_directory }) {
+            let (recorder, life) = (&sink.recorder, sink.life);
+            if ending(&Progress { recorder, summary, life, bus, bus_directory }) {
                 break;
             }
             std::thread::sleep(POLL_INTERVAL);
@@ -212,6 +225,7 @@ impl Tap {
                 flushed = Instant::now();
                 sink.record_subject()?;
                 sink.recorder.flush()?;
+                syncer.as_ref().map_or(Ok(()), Syncer::check)?;
             }
         }
         ports.fetch(&mut sink, summary)?;
@@ -259,14 +273,14 @@ struct Sink {
     station: String,
     /// The subject whose profile is already in the file.
     subject: String,
-    process_id: u32,
+    life: (u32, u64),
     daemons: Daemons,
 }
 
 impl Sink {
     /// The status of a daemon that belongs in this file.
     fn status(&self) -> Option<Status> {
-        let belongs = |facts: &Status| self.daemons == Daemons::All || facts.process_id == self.process_id;
+        let belongs = |facts: &Status| self.daemons == Daemons::All || facts.life() == self.life;
         status::read(&self.station).filter(belongs)
     }
 

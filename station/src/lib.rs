@@ -13,3 +13,6 @@ pub mod status;
 
 /// Replaces a subject's pseudonym in flight records, and that of a deleted subject in recordings.
 pub const ANONYMOUS: &str = "anonymous";
+
+/// Role of the daemon on the bus.
+pub const DAEMON_ROLE: &str = "daemon";

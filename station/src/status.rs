@@ -23,6 +23,9 @@ pub struct Status {
     pub version: String,
     /// Process id.
     pub process_id: u32,
+    /// Start of the daemon, CLOCK_MONOTONIC; 0 if its version does not publish it.
+    #[serde(default)]
+    pub started_ns: u64,
     /// Station.
     pub station: String,
     /// The complete configuration, defaults included.
@@ -58,6 +61,13 @@ pub struct Status {
     pub incidents: BTreeMap<String, String>,
     /// Requested and granted scheduling of each thread, and its page faults and preemptions.
     pub threads: Vec<ThreadStatus>,
+}
+
+impl Status {
+    /// Distinguishes daemons: in a container each has the same process id.
+    pub fn life(&self) -> (u32, u64) {
+        (self.process_id, self.started_ns)
+    }
 }
 
 /// Requested and granted scheduling of one thread, its page faults and preemptions.

@@ -1,8 +1,9 @@
-//! Writes a recording so that a crash loses at most its last second.
+//! Writes a recording so that a crash of the process loses at most its last second; after a failure of the machine, what
+//! was synchronised is readable ([`Recorder::second_handle`]).
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Cursor, Seek, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -79,6 +80,8 @@ pub struct Recorder<W: Write + Seek = BufWriter<HashedFile>> {
     failed: bool,
     /// Device and inode of the file; `None` in memory.
     file: Option<[u64; 2]>,
+    /// Second handle of the file.
+    handle: Option<File>,
 }
 
 impl Recorder {
@@ -97,10 +100,18 @@ impl Recorder {
         // The lock marks the recording as active for programs that delete old recordings. File systems without locks
         // only lack this protection.
         let _ = file.try_lock();
-        let found = file.metadata().map_err(|source| WriteError::Create { path: path.clone(), source })?;
+        let failed = |source| WriteError::Create { path: path.clone(), source };
+        let found = file.metadata().map_err(failed)?;
+        let handle = file.try_clone().map_err(failed)?;
         let mut recorder = Recorder::on(path, BufWriter::new(HashedFile::new(file)), header)?;
-        recorder.file = Some([found.dev(), found.ino()]);
+        (recorder.file, recorder.handle) = (Some([found.dev(), found.ino()]), Some(handle));
         Ok(recorder)
+    }
+
+    /// A second handle of the file, with which another thread writes it from the system's cache to the disk; `None` if it
+    /// was taken. The file counts as active until it is closed.
+    pub fn second_handle(&mut self) -> Option<File> {
+        self.handle.take()
     }
 
     /// Size of the file under the recording's name, bytes; `None` if it is no longer the file being written: it was
@@ -148,8 +159,15 @@ impl<W: Write + Seek> Recorder<W> {
     fn on(path: PathBuf, sink: W, header: &RecordingHeader) -> Result<Self, WriteError> {
         let writer =
             start(sink, header).map_err(|source| WriteError::Write { path: path.clone(), source })?;
-        let mut recorder =
-            Recorder { path, writer, channels: Vec::new(), chunk_start_ns: None, failed: false, file: None };
+        let mut recorder = Recorder {
+            path,
+            writer,
+            channels: Vec::new(),
+            chunk_start_ns: None,
+            failed: false,
+            file: None,
+            handle: None,
+        };
         recorder.add_channels().map_err(|source| recorder.failed(source))?;
         Ok(recorder)
     }

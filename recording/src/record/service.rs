@@ -8,7 +8,6 @@ use std::time::{Duration, Instant, SystemTime};
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::Predecessor;
 use equipoise_config::RecordingConfig;
-use equipoise_files::atomic_file::process_runs;
 use equipoise_files::sha256_with;
 use equipoise_station::status;
 use tracing::{info, warn};
@@ -107,7 +106,7 @@ fn next_tap(
     heartbeat: &dyn Fn(),
 ) -> anyhow::Result<ControlFlow<RecordSummary, Tap>> {
     if tap.ports.is_next_daemon() {
-        wait_for_next_status(station, tap.process_id, stopping, heartbeat);
+        wait_for_next_status(station, tap.life, stopping, heartbeat);
     }
     let (summary, is_replaced) = (tap.summary, tap.is_replaced());
     if stopping() || !is_replaced && status::read(station).is_some() {
@@ -173,10 +172,10 @@ fn wait_for_daemon(
     Ok(None)
 }
 
-/// Waits until the status is that of another process: the next file has its configuration in the header.
-fn wait_for_next_status(station: &str, process_id: u32, stopping: &dyn Fn() -> bool, heartbeat: &dyn Fn()) {
+/// Waits until the status is that of another daemon: the next file has its configuration in the header.
+fn wait_for_next_status(station: &str, life: (u32, u64), stopping: &dyn Fn() -> bool, heartbeat: &dyn Fn()) {
     let started = Instant::now();
-    let is_next = || status::read(station).is_some_and(|facts| facts.process_id != process_id);
+    let is_next = || status::read(station).is_some_and(|facts| facts.life() != life);
     while !stopping() && started.elapsed() < STATUS_TIMEOUT && !is_next() {
         heartbeat();
         std::thread::sleep(STATUS_POLL_INTERVAL);
@@ -294,16 +293,15 @@ impl<'a> Until<'a> {
     fn check_file(&self, progress: &Progress<'_>) -> bool {
         let facts = status::read(self.station);
         let written = progress.summary.written();
-        let is_running = facts.as_ref().is_some_and(|facts| process_runs(facts.process_id));
         // A running daemon publishes in every cycle, so a recorder that receives nothing must not feed the watchdog.
-        if written > self.written.replace(written) || !is_running {
+        if written > self.written.replace(written) || !progress.has_daemon() {
             (self.heartbeat)();
         }
         let Some(bytes) = progress.recorder.bytes_in_place() else {
             self.reason.set("was removed or replaced while it was written: the next file begins");
             return true;
         };
-        if facts.is_some_and(|facts| facts.process_id != progress.process_id) {
+        if facts.is_some_and(|facts| facts.life() != progress.life) {
             self.reason.set(NEXT_DAEMON);
             return true;
         }

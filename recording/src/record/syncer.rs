@@ -1,0 +1,63 @@
+//! Writes a recording from the system's cache to the disk, in a thread of its own: the disk may take longer than the bus
+//! holds messages.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{RecvTimeoutError, Sender, TryRecvError, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::Context;
+
+/// Interval: with the duration of a write, the maximum loss at a power failure.
+const SYNC_INTERVAL: Duration = Duration::from_secs(5);
+
+/// A thread that ends when this value is dropped.
+pub(super) struct Syncer {
+    path: PathBuf,
+    failed: Receiver<io::Error>,
+    stop: Option<Sender<()>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Syncer {
+    /// Starts with the directory entry of a new file. `file` is a second handle of it.
+    pub(super) fn start(path: &Path, file: File) -> Syncer {
+        let (stop, stopped) = channel::<()>();
+        let (fault, failed) = channel();
+        let directory = path.parent().unwrap_or(Path::new(".")).to_owned();
+        let thread = std::thread::spawn(move || {
+            // Some file systems do not synchronise directories.
+            let _ = File::open(directory).and_then(|directory| directory.sync_all());
+            while stopped.recv_timeout(SYNC_INTERVAL) == Err(RecvTimeoutError::Timeout) {
+                if let Err(error) = file.sync_data() {
+                    let _ = fault.send(error);
+                    return;
+                }
+            }
+        });
+        Syncer { path: path.to_owned(), failed, stop: Some(stop), thread: Some(thread) }
+    }
+
+    /// # Errors
+    /// The disk has rejected what was written.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        match self.failed.try_recv() {
+            Ok(error) => {
+                Err(error).with_context(|| format!("cannot write the recording {}", self.path.display()))
+            }
+            Err(TryRecvError::Empty | TryRecvError::Disconnected) => Ok(()),
+        }
+    }
+}
+
+impl Drop for Syncer {
+    fn drop(&mut self) {
+        drop(self.stop.take());
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
