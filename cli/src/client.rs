@@ -9,7 +9,7 @@ use equipoise_config::{Config, GroundSourceKind};
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::handover::HandoverRefusal;
 use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, Reply, State};
-use equipoise_daemon::commands::PLATE_SILENT;
+use equipoise_daemon::commands::{PLATE_LOADED_RECENTLY, PLATE_SILENT};
 use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_station::process_state::is_stopped;
 
@@ -31,7 +31,7 @@ pub(crate) fn request(station: &str, kind: CommandKind, subject: &str) -> anyhow
     }
     command.subject[..subject.len()].copy_from_slice(subject.as_bytes());
     let bus = join(station, "client")?;
-    let is_late = |reply: &Reply| parse_text(&reply.text) == PLATE_SILENT;
+    let is_late = |reply: &Reply| [PLATE_SILENT, PLATE_LOADED_RECENTLY].contains(&&*parse_text(&reply.text));
     let reply = ask_while_late(&bus, &bus.command_client()?, &command, is_late)?;
     let text = parse_text(&reply.text);
     if reply.refused != 0 {

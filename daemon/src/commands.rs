@@ -1,19 +1,21 @@
 //! Answers the commands that people and controllers send to a running daemon.
 
+mod plate;
 mod subjects;
 
 use std::time::Duration;
 
 use bytemuck::Zeroable;
 use equipoise_bus::{Bus, BusError, CommandServer, Subscriber};
-use equipoise_core::cycle::memory::EMPTY_PLATE_N;
 use equipoise_core::cycle::{Settings, StopRule};
 use equipoise_core::message::command::CommandKind;
-use equipoise_core::message::{Command, Reply, State, Validity};
+use equipoise_core::message::{Command, Reply, State};
 
 use crate::active_configuration::SharedConfiguration;
 use crate::rings::CommandEnds;
 use crate::subjects::Subjects;
+
+use self::plate::PlateHistory;
 
 /// Refusal of a tare without current data of the plate.
 pub const PLATE_SILENT: &str = "the plate is silent or faulty; nothing to tare";
@@ -21,9 +23,9 @@ pub const PLATE_SILENT: &str = "the plate is silent or faulty; nothing to tare";
 /// Polling interval for commands.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
-/// Time without anyone on the plate that a tare requires: the loop uses its last 0.3 s, and published states lag
-/// slightly behind the plate.
-const EMPTY_MIN_NS: u64 = 500_000_000;
+/// Refusal of a tare until the plate was empty for half a second.
+pub const PLATE_LOADED_RECENTLY: &str =
+    "the plate was loaded, silent or faulty within the last half second; ask again";
 
 /// The command server's thread.
 pub struct Commands {
@@ -31,8 +33,7 @@ pub struct Commands {
     state: Subscriber<State>,
     ends: CommandEnds,
     latest: Option<State>,
-    /// When a state last showed a load on the plate, CLOCK_MONOTONIC; 0 for never.
-    occupied_ns: u64,
+    plate: PlateHistory,
     // Ports must be dropped before the node that they depend on.
     _bus: Bus,
 }
@@ -47,7 +48,7 @@ impl Commands {
     /// Another daemon runs on this station, or the bus fails.
     pub fn open(bus: Bus, server: CommandServer, ends: CommandEnds) -> Result<Commands, BusError> {
         let state = bus.subscriber::<State>(1)?;
-        Ok(Commands { server, state, ends, latest: None, occupied_ns: 0, _bus: bus })
+        Ok(Commands { server, state, ends, latest: None, plate: PlateHistory::default(), _bus: bus })
     }
 
     /// Answers commands until stopped. The command server stays open until this value is dropped.
@@ -62,15 +63,12 @@ impl Commands {
         while !self.ends.control.is_stopping() {
             if let Some(state) = self.state.latest()? {
                 self.latest = Some(state);
-                if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
-                    self.occupied_ns = state.time_ns;
-                }
+                self.plate.update(&state);
             }
-            let (ends, latest) = (&mut self.ends, self.latest.as_ref());
-            let empty_ns = latest.map_or(0, |state| state.time_ns.saturating_sub(self.occupied_ns));
+            let (ends, latest, plate) = (&mut self.ends, self.latest.as_ref(), &self.plate);
             while self
                 .server
-                .poll(|command| answer(command, ends, active_configuration, subjects, latest, empty_ns))?
+                .poll(|command| answer(command, ends, active_configuration, subjects, latest, plate))?
             {
             }
             while self.ends.returned_workers.pop().is_ok() {}
@@ -87,11 +85,11 @@ fn answer(
     active_configuration: &SharedConfiguration,
     subjects: &Subjects,
     latest: Option<&State>,
-    empty_ns: u64,
+    plate: &PlateHistory,
 ) -> Reply {
     let outcome = match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
-        Some(CommandKind::Tare) => tare(ends, latest, empty_ns),
+        Some(CommandKind::Tare) => plate::tare(ends, latest, plate),
         Some(CommandKind::SubjectLoad) => subjects::load(command, ends, active_configuration, subjects),
         Some(CommandKind::SubjectSave) => subjects::save(ends, subjects, latest),
         Some(kind @ CommandKind::UndoLift) => match latest.map_or(0, |state| state.lifts) {
@@ -153,26 +151,6 @@ fn describe_stop(latest: Option<&State>, settings: &Settings) -> String {
         }
     };
     format!("stopped after {poses}: {quality} ({threshold})")
-}
-
-/// `empty_ns`: how long the plate has been empty.
-fn tare(ends: &mut CommandEnds, latest: Option<&State>, empty_ns: u64) -> Answer {
-    let Some(state) = latest.filter(|state| !state.validity().any_of(Validity::INVALIDATES_GROUND_FORCE))
-    else {
-        return Err(PLATE_SILENT.to_owned());
-    };
-    if state.ground_force_n[2].abs() > EMPTY_PLATE_N {
-        return Err(format!("{:.0} N stand on the plate; step off and ask again", state.ground_force_n[2]));
-    }
-    if empty_ns < EMPTY_MIN_NS {
-        return Err("somebody stood on the plate a moment ago; ask again".to_owned());
-    }
-    // The loop checks its most recent readings and may refuse the tare without a reply.
-    push_command(ends, CommandKind::Tare).map(|()| {
-        "the readings of the empty plate are zero from now on, unless it was loaded or faulty in the last 0.3 s: check \
-         that it measures 0 N"
-            .to_owned()
-    })
 }
 
 fn reply(cycle: u64, outcome: Answer) -> Reply {

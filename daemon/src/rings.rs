@@ -33,7 +33,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::realtime::prefault;
 
-pub use control::{LoopControl, Refused};
+pub use control::{LoopControl, Refused, Tares};
 use wake_up::WakeUp;
 
 /// A quarter of a second of the fastest suit.

@@ -117,6 +117,9 @@ impl Loop {
             observer.cycle_begins(cycle);
 
             let command = self.command();
+            if command == Some(CommandKind::Tare) {
+                self.ends.control.count_tare(self.memory.can_tare());
+            }
             let (suit, ground) = self.pop_samples();
             let body = self.ends.body.pop().ok().map(|ingested| ingested.sample);
             let tick = Tick { cycle, due_ns: schedule.due_ns() };
@@ -196,11 +199,13 @@ impl Loop {
     fn command(&mut self) -> Option<CommandKind> {
         self.record.command_argument = [0.0; 4];
         let command = self.ends.command.pop().ok();
+        if command == Some(CommandKind::SubjectLoad) && !self.ends.worker.is_empty() {
+            // Final copy of the previous worker; before the worker's slot is free, which the command thread checks.
+            self.push_copy();
+        }
         if command == Some(CommandKind::SubjectLoad)
             && let Ok((number, worker)) = self.ends.worker.pop()
         {
-            // Final copy of the previous worker.
-            self.push_copy();
             self.memory.replace_subject(&worker);
             self.worker = number;
             let _ = self.ends.returned_workers.push(worker);
@@ -240,6 +245,7 @@ impl Loop {
 
     fn fill_and_push(&mut self, mut copy: Box<StoredState>) {
         copy.copy_from(&self.memory);
+        self.ends.control.count_copy();
         // Cannot fail: there are more slots than boxes.
         let _ = self.ends.copies.push((self.worker, copy));
     }
@@ -275,7 +281,7 @@ fn pop_into<S>(slots: &mut [S], ingress_ns: &mut u64, ring: &mut Consumer<Ingest
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rings::{CommandEnds, Rings, SavingEnds};
+    use crate::rings::{CommandEnds, Rings, SavingEnds, Tares};
     use equipoise_core::cycle::SubjectState;
 
     const LOAD_AT: u64 = 1000;
@@ -304,6 +310,9 @@ mod tests {
 
         fn sleep_until(&mut self, due_ns: u64) {
             (self.now_ns, self.cycle) = (due_ns, self.cycle + 1);
+            if self.cycle == LOAD_AT / 2 {
+                self.commands.command.push(CommandKind::Tare).unwrap();
+            }
             if self.cycle == LOAD_AT {
                 let worker = bytemuck::zeroed_box::<SubjectState>();
                 assert!(self.commands.worker.push((1, worker)).is_ok());
@@ -330,6 +339,8 @@ mod tests {
         let the_loop = Loop::new(settings, memory, 0, loop_ends, 10_000_000);
         the_loop.run(&mut clock, &mut NoObserver);
         assert_eq!(clock.free_before_and_after, [1, 0], "what is kept now and then leaves one");
+        assert_eq!(clock.commands.control.tares(), Tares { tared: 0, refused: 1 }, "no plate");
+        assert_eq!(clock.commands.control.copies_pending(), 5);
         let copies = std::iter::from_fn(|| clock.saving.copies.pop().ok());
         let copy: Vec<u64> = copies.map(|(number, _)| number).collect();
         assert_eq!(copy, [0, 0, 0, 0, 1], "the exchanged one's and the end's");

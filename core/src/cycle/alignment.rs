@@ -134,18 +134,22 @@ impl Alignment {
         Some(&self.suit[index as usize % SUIT_QUEUE])
     }
 
-    /// Mean plate reading of the last 0.3 s, which is subtracted from every sample of the ring; `None`, and nothing
-    /// changes, unless all of them are sound and their vertical force is below `empty_n`.
-    pub(super) fn tare(&mut self, empty_n: f64) -> Option<Tare> {
+    /// Mean plate reading of the last 0.3 s; `None` unless all of them are sound and their vertical force is below
+    /// `empty_n`.
+    pub(super) fn empty_reading(&self, empty_n: f64) -> Option<Tare> {
         let newest_ns = self.newest_ground()?.sample_time_ns;
         let filled = (self.ground_count as usize).min(GROUND_RING);
         let is_recent =
             |sample: &&GroundSample| newest_ns.saturating_sub(sample.sample_time_ns) <= TARE_SPAN_NS;
         let recent = || self.ground[..filled].iter().filter(is_recent);
-        if recent().any(|sample| sample.device_status != 0 || sample.force_n[2].abs() >= empty_n) {
-            return None;
-        }
-        let tare = Tare::mean_of(recent());
+        let is_empty = recent().all(|sample| sample.device_status == 0 && sample.force_n[2].abs() < empty_n);
+        is_empty.then(|| Tare::mean_of(recent()))
+    }
+
+    /// Subtracts [`Self::empty_reading`] from every sample of the ring and returns it.
+    pub(super) fn tare(&mut self, empty_n: f64) -> Option<Tare> {
+        let tare = self.empty_reading(empty_n)?;
+        let filled = (self.ground_count as usize).min(GROUND_RING);
         for sample in &mut self.ground[..filled] {
             *sample = tare.subtract_from(sample);
         }

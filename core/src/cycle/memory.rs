@@ -113,6 +113,11 @@ impl Memory {
         self.publication.begin_shift(&self.exposure);
     }
 
+    /// Whether a tare in the next cycle is applied: the plate is empty and reports no fault.
+    pub fn can_tare(&self) -> bool {
+        self.align.alignment.empty_reading(EMPTY_PLATE_N).is_some()
+    }
+
     /// Continues the subject's shift after a gap without data.
     pub fn resume_shift(&mut self, shift: &Shift) {
         self.exposure.resume(shift);

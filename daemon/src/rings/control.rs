@@ -18,6 +18,15 @@ pub struct Refused {
     pub ahead_ns: u64,
 }
 
+/// Number of commands to tare the plate, by their result in the loop.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Tares {
+    /// Applied.
+    pub tared: u64,
+    /// Without effect: the plate was loaded or faulty.
+    pub refused: u64,
+}
+
 /// Stop request, state and counters of the loop.
 ///
 /// Grouped by the thread that writes them, one cache line each: under `loop.busy_poll` other threads read `stop`
@@ -28,6 +37,10 @@ pub struct LoopControl {
     run: CachePadded<RunFlags>,
     /// Written by the loop in every cycle.
     last_cycle: CachePadded<AtomicU64>,
+    /// Written by the loop after a command.
+    tares: CachePadded<[AtomicU64; 2]>,
+    /// Copies of the persistent state that are not processed yet: counted up by the loop, down by the saving thread.
+    copies: CachePadded<AtomicU64>,
     /// Written by ingress.
     rejected: CachePadded<RejectedInput>,
     stopping: Signal,
@@ -123,6 +136,32 @@ impl LoopControl {
 
     pub(super) fn set_last_cycle(&self, cycle: u64) {
         self.last_cycle.store(cycle, Ordering::Relaxed);
+    }
+
+    /// Results of the commands to tare.
+    pub fn tares(&self) -> Tares {
+        let [tared, refused] = [0, 1].map(|index: usize| self.tares[index].load(Ordering::Relaxed));
+        Tares { tared, refused }
+    }
+
+    /// Counts a command to tare by its result.
+    pub fn count_tare(&self, is_tared: bool) {
+        self.tares[usize::from(!is_tared)].fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Number of copies of the persistent state that the saving thread has not processed.
+    pub fn copies_pending(&self) -> u64 {
+        self.copies.load(Ordering::Acquire)
+    }
+
+    /// Counts a copy before it is passed to the saving thread.
+    pub fn count_copy(&self) {
+        self.copies.fetch_add(1, Ordering::AcqRel);
+    }
+
+    /// Counts a copy as processed, once what it contains is marked as unwritten.
+    pub fn count_processed_copy(&self) {
+        self.copies.fetch_sub(1, Ordering::AcqRel);
     }
 
     /// Number of input samples rejected by a full ring.
