@@ -187,7 +187,7 @@ impl Deletion {
                 std::thread::sleep(Duration::from_millis(20));
             }
         } else {
-            file.subject = None;
+            file.clear_subject();
             let unwritten = || format!("cannot write {}", path.display());
             let text = file.to_toml().with_context(unwritten)?;
             write_atomically(&path, text.as_bytes()).with_context(unwritten)?;

@@ -235,12 +235,20 @@ impl Profile {
         Ok(stored)
     }
 
-    /// The shift to resume at a time, s since 1970 UTC.
+    /// The shift to resume at a time, s since 1970 UTC, and a message.
     ///
     /// # Errors
     /// Why a new shift begins.
-    pub fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
-        self.shift.as_ref().ok_or("the profile is from before it was kept")?.shift(now_unix_s)
+    pub fn shift(&self, now_unix_s: u64) -> Result<(Shift, String), String> {
+        let part = self.shift.as_ref().ok_or("the profile is from before it was kept")?;
+        let (shift, age_s) = part.shift(now_unix_s)?;
+        let unknown = match age_s {
+            Some(_) => "",
+            None => {
+                "; its age is unknown, because this computer's clock is behind the shift's date: set the clock"
+            }
+        };
+        Ok((shift, format!("the shift goes on: {} lifts so far{unknown}", shift.lifts)))
     }
 
     /// Measured handovers: none unless identification is complete, because the ratios refer to its predictions.
@@ -407,7 +415,9 @@ mod tests {
         let written = Profile::of("a", None, &stored, &shift, &experience, 1_000_000).unwrap();
         let read: Profile = toml::from_str(&written.to_toml().unwrap()).unwrap();
         assert_eq!(read, written);
-        assert_eq!(read.shift(1_000_060), Ok(shift));
+        let message = "the shift goes on: 3 lifts so far".to_owned();
+        assert_eq!(read.shift(1_000_060), Ok((shift, message)));
+        assert!(read.shift(999_000).unwrap().1.contains("set the clock"));
         assert_eq!(read.experience(), Experience::default(), "not identified");
         assert_eq!(Profile { identified: true, ..read.clone() }.experience(), experience);
         let mut again = bytemuck::zeroed_box::<StoredSubject>();

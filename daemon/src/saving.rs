@@ -132,6 +132,7 @@ impl Writer {
     fn return_copy(&mut self, copy: Box<StoredState>) {
         // Cannot fail: the ring has as many slots as there are boxes.
         let _ = self.saver.ends.free_copies.push(copy);
+        self.saver.ends.control.count_processed_copy();
     }
 
     fn encode_profile(&mut self, number: u64, copy: &StoredState) {
@@ -163,6 +164,7 @@ impl Writer {
                 self.profile_dated = Instant::now();
                 self.profile = Some((number, undated));
                 self.profiles.insert(number, text);
+                self.saver.subjects.set_unwritten(number, true);
             }
             Some(Err(reason)) => {
                 self.encoding_error =
@@ -214,6 +216,10 @@ impl Writer {
     fn write(&mut self) {
         let mut failed = self.encoding_error.take();
         let subjects = &self.saver.subjects;
+        // Before the profiles, which contain the dose: a lift whose dose is stored is in the list.
+        if let Err((path, error)) = self.lifts.write(subjects) {
+            failed = Some(format!("cannot write the list of lifts {}: {error}", path.display()));
+        }
         self.profiles.retain(|number, text| {
             let mut record_error = |path: &PathBuf, error: std::io::Error| {
                 failed = Some(format!("cannot write the profile {}: {error}", path.display()));
@@ -222,11 +228,11 @@ impl Writer {
                 write_atomically(&destination.path, text.as_bytes())
                     .map_err(|error| record_error(&destination.path, error))
             });
+            if written.is_ok() {
+                subjects.set_unwritten(*number, false);
+            }
             written.is_err()
         });
-        if let Err((path, error)) = self.lifts.write(subjects) {
-            failed = Some(format!("cannot write the list of lifts {}: {error}", path.display()));
-        }
         if let Some(text) = &self.station_text {
             let station = self.saver.active_configuration.with(|active| active.config.station.clone());
             let path = subjects.state().station(&station);
@@ -237,12 +243,21 @@ impl Writer {
                 }
             }
         }
+        let failed = failed
+            .map(|reason| format!("{reason}; all is kept in memory and written as soon as it can be"))
+            .or_else(|| self.refusal());
         match failed {
             None => self.saver.board.end(Incident::NotSaved),
-            Some(reason) => self.saver.board.begin(
-                Incident::NotSaved,
-                &format!("{reason}; all is kept in memory and written as soon as it can be"),
-            ),
+            Some(reason) => self.saver.board.begin(Incident::NotSaved, &reason),
         }
+    }
+
+    /// Why nothing is saved of the subject in use, unless the configuration disables saving.
+    fn refusal(&self) -> Option<String> {
+        if !self.saver.active_configuration.with(|active| active.config.subject.save_profile) {
+            return None;
+        }
+        let refusal = self.saver.subjects.get(self.saver.subjects.in_use())?.refusal?;
+        Some(format!("the worker in use is not saved: {refusal}"))
     }
 }

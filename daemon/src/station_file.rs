@@ -16,9 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
-/// Increments with every change of the file's layout or meaning.
-const FORMAT: u32 = 2;
-/// Format 1 had no checksum.
+/// Increments with every change of the file's layout or meaning. Format 1 had no checksum; format 2 did not distinguish
+/// an unnamed subject from the configured one.
+const FORMAT: u32 = 3;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
 const TARE_AGE_MAX_S: u64 = 12 * 3600;
@@ -51,7 +51,7 @@ pub struct StationFile {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SubjectPart {
-    /// Pseudonym of the loaded subject.
+    /// Pseudonym of the loaded subject; empty for an unnamed one.
     pub in_use: String,
     /// Fingerprint of the configured subject at that time: if the configuration names another one since, that one is
     /// used. Not the pseudonym, which would remain here after that subject is deleted.
@@ -59,9 +59,9 @@ pub struct SubjectPart {
 }
 
 impl SubjectPart {
-    /// The active subject; `None` if it is the configured subject or unnamed.
+    /// The active subject, unnamed if empty; `None` if it is the configured subject.
     pub fn of(in_use: &str, config: &Config) -> Option<SubjectPart> {
-        (!in_use.is_empty() && in_use != config.subject.id)
+        (in_use != config.subject.id)
             .then(|| SubjectPart { in_use: in_use.to_owned(), configured: fingerprint(config) })
     }
 }
@@ -174,7 +174,14 @@ impl StationFile {
         toml::to_string(self).map(sealed)
     }
 
-    /// The subject to load, unless the configured subject has changed since.
+    /// Removes the pseudonym of the loaded subject, which is unnamed from then on.
+    pub fn clear_subject(&mut self) {
+        if let Some(subject) = &mut self.subject {
+            subject.in_use.clear();
+        }
+    }
+
+    /// The subject to load, empty for an unnamed one, unless the configured subject has changed since.
     pub fn loaded_subject(&self, config: &Config) -> Option<&str> {
         let subject = self.subject.as_ref()?;
         (subject.configured == fingerprint(config) && subject.in_use != config.subject.id)
@@ -373,8 +380,11 @@ mod tests {
         let mut other = config.clone();
         other.subject.id = "c".to_owned();
         assert_eq!(read.loaded_subject(&other), None, "the configuration is newer");
+        file.subject = SubjectPart::of("", &config);
+        assert_eq!(file.loaded_subject(&config), Some(""), "unnamed is not the configured subject");
+        assert_eq!(SubjectPart::of("a", &config), None);
         assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(copy.registration));
-        for (change, reason) in [("format = 2", "format = 3"), ("format", "formats"), ("station", "= =")] {
+        for (change, reason) in [("format = 3", "format = 4"), ("format", "formats"), ("station", "= =")] {
             fs::write(&path, file.to_toml().unwrap().replacen(change, reason, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }

@@ -3,6 +3,7 @@
 //! Each subject loaded during the daemon's lifetime has a number, which accompanies its data. So a pose used just
 //! before another subject is loaded still enters the correct profile.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -13,6 +14,10 @@ use equipoise_station::state_directory::StateDirectory;
 
 /// Number of the configured subject.
 pub const CONFIGURED: u64 = 0;
+
+/// Why nothing is saved of the worker after the subject in use was deleted.
+pub const DELETED: &str =
+    "the subject that was in use was deleted; load another first (`equipoise subject load ID`)";
 
 /// Destination of a subject's data.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,15 +60,15 @@ impl ProfileDestination {
         }
     }
 
-    /// An unnamed subject, of which nothing is saved.
-    pub fn unnamed() -> ProfileDestination {
+    /// An unnamed subject, of which nothing is saved, with the reason.
+    pub fn unnamed(refusal: &str) -> ProfileDestination {
         ProfileDestination {
             subject: String::new(),
             path: PathBuf::new(),
             lifts: PathBuf::new(),
             build: None,
             remember: false,
-            refusal: Some("the subject that was in use was deleted; load another first".to_owned()),
+            refusal: Some(refusal.to_owned()),
             experience: Experience::default(),
         }
     }
@@ -75,6 +80,8 @@ pub struct Subjects {
     state: StateDirectory,
     all: Mutex<Vec<ProfileDestination>>,
     in_use: AtomicU64,
+    /// Numbers whose profile in memory is newer than the file.
+    unwritten: Mutex<BTreeSet<u64>>,
     /// Held while a profile is written, so that none is written after its subject is deleted.
     disk: Mutex<()>,
 }
@@ -86,6 +93,7 @@ impl Subjects {
             state,
             all: Mutex::new(vec![configured]),
             in_use: AtomicU64::new(CONFIGURED),
+            unwritten: Mutex::default(),
             disk: Mutex::new(()),
         }
     }
@@ -129,6 +137,24 @@ impl Subjects {
         self.in_use.store(number, Ordering::Relaxed);
     }
 
+    /// Marks a subject's profile as pending or written.
+    pub fn set_unwritten(&self, number: u64, is_unwritten: bool) {
+        let mut unwritten = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner);
+        if is_unwritten {
+            unwritten.insert(number);
+        } else {
+            unwritten.remove(&number);
+        }
+    }
+
+    /// Whether the file of a subject is older than what is in memory.
+    pub fn is_unwritten(&self, subject: &str) -> bool {
+        let unwritten = self.unwritten.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        unwritten
+            .into_iter()
+            .any(|number| self.get(number).is_some_and(|destination| destination.subject == subject))
+    }
+
     /// Disables saving of a subject, with the reason.
     pub fn refuse(&self, number: u64, reason: String) {
         self.with(|all| {
@@ -158,7 +184,7 @@ impl Subjects {
     pub fn delete(&self, subject: &str) {
         self.with(|all| {
             for destination in all.iter_mut().filter(|destination| destination.subject == subject) {
-                *destination = ProfileDestination::unnamed();
+                *destination = ProfileDestination::unnamed(DELETED);
             }
         });
         drop(self.disk.lock());
@@ -211,7 +237,12 @@ mod tests {
         };
         assert!(written(CONFIGURED) && written(again));
         assert_eq!((learn(again), learn(again)), (1, 2));
+        subjects.set_unwritten(CONFIGURED, true);
+        subjects.set_unwritten(again, true);
+        subjects.set_unwritten(again, false);
+        assert!(subjects.is_unwritten("a") && !subjects.is_unwritten("b"), "under another number");
         subjects.delete("a");
+        assert!(!subjects.is_unwritten("a"));
         assert!(!written(CONFIGURED) && !written(again));
         assert_eq!((subjects.get(again).unwrap().subject.as_str(), learn(again)), ("", 0));
     }

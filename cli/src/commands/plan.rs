@@ -204,7 +204,7 @@ fn stored_subject(config: &Config, id: &str) -> anyhow::Result<Stored> {
         .map_err(|reason| anyhow::anyhow!("the profile {id} is not used: {reason}"))?;
     let mut exposure = bytemuck::zeroed_box::<Exposure>();
     if let Ok(shift) = profile.shift(unix_s()) {
-        exposure.resume(&shift);
+        exposure.resume(&shift.0);
     }
     Ok(Stored {
         body: worker.handover_body(&settings, exposure.fatigue.by_joint),

@@ -1,11 +1,12 @@
 //! The daemon is killed by SIGKILL; its files are damaged or cannot be written.
 
+use equipoise_core::message::Incident;
 use equipoise_daemon::realtime::now_ns;
 use rustix::process::Signal;
 
 use crate::monitor::Monitor;
 use crate::process::wait_for;
-use crate::station::Station;
+use crate::station::{NAME, Station};
 
 fn poses_saved(station: &Station) -> u64 {
     let text = std::fs::read_to_string(station.profile("anon-1")).unwrap_or_default();
@@ -81,4 +82,37 @@ fn a_state_directory_that_cannot_be_written_is_a_warning() {
     assert!(daemon.is_running());
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert_eq!(std::fs::read_to_string(&file).expect("the file"), "no directory");
+}
+
+#[test]
+fn a_subject_in_use_whose_profile_is_damaged_is_not_replaced_by_the_configured_one() {
+    let station = Station::new();
+    let person = station.person();
+    let mut daemon = station.daemon(&station.configuration());
+    let mut monitor = Monitor::open(&station);
+    monitor.until_poses(&person, 1);
+    wait_for("a saved pose", || (poses_saved(&station) >= 1).then_some(()));
+    station.copy_profile("anon-1", "anon-77", |_| {});
+    station.run(&["subject", "load", "anon-77"]).assert_done();
+    let file = station.state_directory().join("stations").join(format!("{NAME}.toml"));
+    wait_for("the station's file", || {
+        std::fs::read_to_string(&file).is_ok_and(|text| text.contains("anon-77")).then_some(())
+    });
+    daemon.kill();
+    std::fs::write(station.profile("anon-77"), "damaged").expect("a file");
+    let configured = std::fs::read(station.profile("anon-1")).expect("a profile");
+
+    let mut daemon = station.daemon(&station.configuration());
+    monitor.until("an incident", |monitor| monitor.is_active(Incident::NotSaved));
+    let status = station.current_status();
+    assert_eq!(status["daemon"]["subject"], "anon-77");
+    let message = status["daemon"]["restored"].to_string();
+    assert!(message.contains("equipoise subject load ID"), "{message}");
+    monitor.until_poses(&person, 1);
+    station.run(&["subject", "save"]).assert_failed(1, &["anon-77", "put its profile in order"]);
+    assert!(configured == std::fs::read(station.profile("anon-1")).expect("a profile"));
+    station.run(&["subject", "load", "anon-1"]).assert_done();
+    monitor.until("the end of the incident", |monitor| !monitor.is_active(Incident::NotSaved));
+    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    assert_eq!(std::fs::read(station.profile("anon-77")).expect("the profile"), b"damaged");
 }

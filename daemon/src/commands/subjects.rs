@@ -1,18 +1,25 @@
 //! Commands that save, load or delete a subject.
 
+use std::time::{Duration, Instant};
+
 use anyhow::bail;
 use equipoise_bus::parse_text;
 use equipoise_config::is_plain;
+use equipoise_config::method::SubjectConfig;
 use equipoise_core::cycle::SubjectState;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
 use equipoise_station::ANONYMOUS;
 
 use super::{Answer, TOO_MANY, push_command};
-use crate::active_configuration::{LoadedSubject, SharedConfiguration};
+use crate::active_configuration::{ActiveConfiguration, LoadedSubject, SharedConfiguration};
 use crate::profile::{Profile, unix_s};
-use crate::rings::CommandEnds;
-use crate::subjects::{ProfileDestination, Subjects};
+use crate::rings::{CommandEnds, SettingsSender};
+use crate::subjects::{DELETED, ProfileDestination, Subjects};
+
+/// Maximum wait for the saving thread before another subject is loaded.
+const SAVED_TIMEOUT: Duration = Duration::from_millis(500);
+const SAVED_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 pub(super) fn save(ends: &mut CommandEnds, subjects: &Subjects, latest: Option<&State>) -> Answer {
     let destination = subjects.get(subjects.in_use()).ok_or("no subject is in use")?;
@@ -34,14 +41,20 @@ pub(super) fn load(
     subjects: &Subjects,
 ) -> Answer {
     let id = parse_id(command)?;
+    await_saved(&id, ends, subjects)?;
     let path = subjects.state().profile(&id);
-    let profile = Profile::read(&path)
-        .map_err(|error| error.to_string())?
-        .ok_or_else(|| format!("there is no profile {id}; `equipoise subject list` shows them"))?;
+    let profile = Profile::read(&path).map_err(|error| error.to_string())?;
     let mut changes = active_configuration.lock_changes();
     let mut active = active_configuration.get();
     // The configured mass applies to the configured subject only, `subject.save_profile` to every subject.
     let configured = active.config.subject.id == id;
+    let save = active.config.subject.save_profile;
+    let Some(profile) = profile else {
+        if !configured || is_in_use(&id, subjects) {
+            return Err(format!("there is no profile {id}; `equipoise subject list` shows them"));
+        }
+        return begin_configured(ends, active_configuration, subjects, &mut changes, active);
+    };
     active.loaded = (!configured).then(|| LoadedSubject { id: id.clone(), build: profile.build() });
     let settings = active.settings();
     let mut worker = bytemuck::zeroed_box::<SubjectState>();
@@ -51,14 +64,13 @@ pub(super) fn load(
         worker.identification.mass_kg = mass_kg;
     }
     let shift = match profile.shift(unix_s()) {
-        Ok(shift) => {
+        Ok((shift, message)) => {
             worker.exposure.resume(&shift);
-            format!("the shift goes on, {} lifts", shift.lifts)
+            message
         }
         Err(_) => "a new shift begins".to_owned(),
     };
     let (poses, mass_kg) = (worker.identification.poses_used, worker.identification.mass_kg);
-    let save = active.config.subject.save_profile;
     let destination = ProfileDestination {
         experience: profile.experience(),
         ..ProfileDestination::of(subjects.state(), &id, profile.build(), save)
@@ -75,6 +87,25 @@ pub(super) fn load(
     Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}{assumed}"))
 }
 
+/// Loads the configured subject without data, if it has no profile.
+fn begin_configured(
+    ends: &mut CommandEnds,
+    active_configuration: &SharedConfiguration,
+    subjects: &Subjects,
+    changes: &mut SettingsSender,
+    mut active: ActiveConfiguration,
+) -> Answer {
+    active.loaded = None;
+    let worker = unidentified(&active);
+    let SubjectConfig { id, save_profile, .. } = active.config.subject.clone();
+    let build = active.config.subject.build();
+    let destination = ProfileDestination::of(subjects.state(), &id, Some(build), save_profile);
+    active_configuration
+        .apply(changes, active, || push_worker(ends, subjects, worker, destination))
+        .map_err(|error| format!("{id} is not loaded: {error:#}"))?;
+    Ok(format!("{id} is in use, without data: a new profile begins"))
+}
+
 /// Removes a subject from all memory of the daemon; the client deletes the files, which are not written again.
 pub(super) fn delete(
     command: &Command,
@@ -86,7 +117,7 @@ pub(super) fn delete(
     let mut changes = active_configuration.lock_changes();
     let mut active = active_configuration.get();
     let is_similar = active.similar.as_ref().is_some_and(|chosen| chosen.subject == id);
-    let in_use = subjects.get(subjects.in_use()).is_some_and(|destination| destination.subject == id);
+    let in_use = is_in_use(&id, subjects);
     if is_similar {
         active.similar = None;
     }
@@ -98,9 +129,7 @@ pub(super) fn delete(
             if !in_use {
                 return Ok(());
             }
-            let mut unidentified = bytemuck::zeroed_box::<SubjectState>();
-            unidentified.identification.start(&active.settings());
-            push_worker(ends, subjects, unidentified, ProfileDestination::unnamed())
+            push_worker(ends, subjects, unidentified(&active), ProfileDestination::unnamed(DELETED))
         };
         active_configuration
             .apply(&mut changes, active.clone(), before_settings)
@@ -113,10 +142,43 @@ pub(super) fn delete(
         format!("the daemon keeps nothing of {id}")
     };
     if active.config.subject.id == id {
-        answer +=
-            "; its configuration still names it: change subject.id, or the next start begins a new profile";
+        answer += "; its configuration still names it: change subject.id, or loading it begins a new profile";
     }
     Ok(answer)
+}
+
+/// Waits until the disk holds all that the loop has passed on of a subject, and a box is free for the last copy of the
+/// subject in use.
+fn await_saved(id: &str, ends: &CommandEnds, subjects: &Subjects) -> Result<(), String> {
+    let started = Instant::now();
+    loop {
+        // A subject loaded before has passed the loop.
+        let is_processed = ends.worker.slots() > 0 && ends.control.copies_pending() == 0;
+        if is_processed && !subjects.is_unwritten(id) {
+            return Ok(());
+        }
+        if started.elapsed() > SAVED_TIMEOUT {
+            return Err(if is_processed {
+                format!(
+                    "newer data of {id} are in memory and not on the disk yet: see the incident not_saved, and ask again"
+                )
+            } else {
+                "the disk is slow, and data of the subject in use could be lost; ask again".to_owned()
+            });
+        }
+        std::thread::sleep(SAVED_POLL_INTERVAL);
+    }
+}
+
+fn is_in_use(id: &str, subjects: &Subjects) -> bool {
+    subjects.get(subjects.in_use()).is_some_and(|destination| destination.subject == id)
+}
+
+/// A subject without data.
+fn unidentified(active: &ActiveConfiguration) -> Box<SubjectState> {
+    let mut worker = bytemuck::zeroed_box::<SubjectState>();
+    worker.identification.start(&active.settings());
+    worker
 }
 
 fn parse_id(command: &Command) -> Result<String, String> {
@@ -145,4 +207,33 @@ fn push_worker(
     push_command(ends, CommandKind::SubjectLoad).map_err(anyhow::Error::msg)?;
     subjects.activate(number);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_station::state_directory::StateDirectory;
+
+    use super::*;
+    use crate::rings::Rings;
+    use crate::subjects::CONFIGURED;
+
+    #[test]
+    fn a_subject_is_loaded_only_once_its_newest_data_are_on_the_disk() {
+        let state = StateDirectory::at(std::path::Path::new("/nowhere"));
+        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
+        let Rings { mut commands, mut loop_ends, .. } = Rings::new().unwrap();
+        assert_eq!(await_saved("a", &commands, &subjects), Ok(()));
+        subjects.set_unwritten(CONFIGURED, true);
+        assert!(await_saved("a", &commands, &subjects).unwrap_err().contains("newer data of a"));
+        assert_eq!(await_saved("b", &commands, &subjects), Ok(()));
+        subjects.set_unwritten(CONFIGURED, false);
+        commands.control.count_copy();
+        assert!(await_saved("b", &commands, &subjects).unwrap_err().contains("the disk is slow"));
+        commands.control.count_processed_copy();
+        // A subject loaded before whose predecessor's last copy is not made yet.
+        assert!(commands.worker.push((1, bytemuck::zeroed_box())).is_ok());
+        assert!(await_saved("b", &commands, &subjects).is_err());
+        assert!(loop_ends.worker.pop().is_ok());
+        assert_eq!(await_saved("b", &commands, &subjects), Ok(()));
+    }
 }

@@ -3,13 +3,14 @@
 use equipoise_config::Config;
 use equipoise_core::cycle::{Memory, Settings, Tare};
 use equipoise_files::atomic_file::remove_abandoned_files;
+use equipoise_station::ANONYMOUS;
 use tracing::{info, warn};
 
 use crate::active_configuration::{ActiveConfiguration, LoadedSubject};
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::station_file::StationFile;
-use crate::subjects::{self, ProfileDestination, Subjects};
+use crate::subjects::{self, DELETED, ProfileDestination, Subjects};
 
 /// The loop's initial memory and related data.
 pub(super) struct Restored {
@@ -64,7 +65,7 @@ impl Restored {
         }
     }
 
-    /// Restores the subject loaded last; if there is none or it cannot be read, the configured subject.
+    /// Restores the subject in use; the configured one only if no other was loaded.
     fn subject(
         &mut self,
         active: &mut ActiveConfiguration,
@@ -72,24 +73,63 @@ impl Restored {
         subjects: &Subjects,
         station: Option<&StationFile>,
     ) {
-        if let Some(loaded) = station.and_then(|file| file.loaded_subject(&active.config)) {
-            let mut destination = ProfileDestination::of(subjects.state(), loaded, None, true);
-            let settings_of = |profile: &Profile| {
-                let subject = LoadedSubject { id: loaded.to_owned(), build: profile.build() };
-                ActiveConfiguration { loaded: Some(subject), ..active.clone() }.settings()
-            };
-            match self.read(&destination, settings_of) {
-                Ok(Some(profile)) => {
-                    (destination.build, destination.experience) = (profile.build(), profile.experience());
-                    active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
-                    self.worker = subjects.add(destination);
-                    subjects.activate(self.worker);
-                    return;
-                }
-                Ok(None) => self.warn(format!("{loaded} was in use, and has no profile any more")),
-                Err(reason) => self.warn(format!("{loaded} was in use: {reason}")),
-            }
+        if self.station_refused {
+            let file = subjects.state().station(&active.config.station);
+            let reason = format!(
+                "{} cannot be read, so the subject in use is unknown; load it (`equipoise subject load ID`), or move \
+                 the file away and restart",
+                file.display()
+            );
+            return self.start_unidentified(active, subjects, ProfileDestination::unnamed(&reason));
         }
+        match station.and_then(|file| file.loaded_subject(&active.config)) {
+            None => self.configured_subject(settings, subjects),
+            Some("") => self.start_unidentified(active, subjects, ProfileDestination::unnamed(DELETED)),
+            Some(loaded) => self.loaded_subject(loaded, active, subjects),
+        }
+    }
+
+    fn loaded_subject(&mut self, loaded: &str, active: &mut ActiveConfiguration, subjects: &Subjects) {
+        let mut destination = ProfileDestination::of(subjects.state(), loaded, None, true);
+        let settings_of = |profile: &Profile| {
+            let subject = LoadedSubject { id: loaded.to_owned(), build: profile.build() };
+            ActiveConfiguration { loaded: Some(subject), ..active.clone() }.settings()
+        };
+        let reason = match self.read(&destination, settings_of) {
+            Ok(Some(profile)) => {
+                (destination.build, destination.experience) = (profile.build(), profile.experience());
+                active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
+                self.worker = subjects.add(destination);
+                return subjects.activate(self.worker);
+            }
+            Ok(None) => format!("there is no profile {}", destination.path.display()),
+            Err(reason) => reason,
+        };
+        destination.refusal = Some(format!(
+            "{loaded} was in use: {reason}; put its profile in order and restart, or load another subject \
+             (`equipoise subject load ID`)"
+        ));
+        self.start_unidentified(active, subjects, destination);
+    }
+
+    /// Starts with a subject without data, of whom nothing is saved: who is on the plate is unknown, and must not become
+    /// the configured subject.
+    fn start_unidentified(
+        &mut self,
+        active: &mut ActiveConfiguration,
+        subjects: &Subjects,
+        destination: ProfileDestination,
+    ) {
+        let reason = destination.refusal.clone().unwrap_or_default();
+        self.warn(format!("a worker without data is identified and not saved: {reason}"));
+        let name = if destination.subject.is_empty() { ANONYMOUS } else { &destination.subject };
+        active.loaded = Some(LoadedSubject { id: name.to_owned(), build: None });
+        self.memory.start(&active.settings());
+        self.worker = subjects.add(destination);
+        subjects.activate(self.worker);
+    }
+
+    fn configured_subject(&mut self, settings: &Settings, subjects: &Subjects) {
         let Some(destination) = subjects.get(subjects::CONFIGURED) else { return };
         match self.read(&destination, |_| *settings) {
             Ok(None) => {}
@@ -129,9 +169,9 @@ impl Restored {
             profile.subject, profile.poses_used
         ));
         match profile.shift(unix_s()) {
-            Ok(shift) => {
+            Ok((shift, message)) => {
                 self.memory.resume_shift(&shift);
-                self.report(format!("the shift goes on: {} lifts so far", shift.lifts));
+                self.report(message);
             }
             Err(reason) => self.report(format!("a new shift begins: {reason}")),
         }
@@ -179,5 +219,102 @@ impl Restored {
     fn warn(&mut self, what: String) {
         warn!("{what}");
         self.messages.push(what);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use equipoise_core::body::{SEGMENTS, Skeleton};
+    use equipoise_core::cycle::Identification;
+    use equipoise_core::cycle::identification::StoredSubject;
+    use equipoise_core::exposure::Shift;
+    use equipoise_core::frame::{Pose, rotation};
+    use equipoise_core::handover::experience::Experience;
+    use equipoise_station::state_directory::StateDirectory;
+
+    use super::*;
+    use crate::station_file::SubjectPart;
+
+    fn config() -> Config {
+        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
+                    id = \"alice\"\nheight_m = 1.7\n";
+        Config::parse(text, "the test's").unwrap()
+    }
+
+    /// The text of a profile with this number of lifts.
+    fn profile(subject: &str, lifts: u64) -> String {
+        let settings = config().settings();
+        let mut worker = bytemuck::zeroed_box::<Identification>();
+        worker.start(&settings);
+        let origin = Skeleton::nominal(1.7).t_pose_m().map(Into::into);
+        let pose = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
+        while !worker.has_body() {
+            worker.update_skeleton(&pose, &settings);
+        }
+        let mut stored = bytemuck::zeroed_box::<StoredSubject>();
+        worker.store(&mut stored);
+        stored.poses_used = lifts;
+        let shift = Shift { lifts, ended: lifts, ..bytemuck::Zeroable::zeroed() };
+        let profile = Profile::of(subject, None, &stored, &shift, &Experience::default(), unix_s()).unwrap();
+        profile.to_toml().unwrap()
+    }
+
+    /// Restores with the profiles of alice (7 lifts) and, if given, bob's text and the station's text. Returns the
+    /// subject in use, its lifts and whether it is saved.
+    fn restore(bob: Option<&str>, station: Option<&str>) -> (String, u64, bool, Restored) {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        fs::create_dir_all(state.profiles()).unwrap();
+        fs::create_dir_all(state.stations()).unwrap();
+        fs::write(state.profile("alice"), profile("alice", 7)).unwrap();
+        for (path, text) in [(state.profile("bob"), bob), (state.station("s"), station)] {
+            if let Some(text) = text {
+                fs::write(path, text).unwrap();
+            }
+        }
+        let configured = ProfileDestination::of(&state, "alice", None, true);
+        let subjects = Subjects::new(state, configured);
+        let mut active = ActiveConfiguration { config: config(), loaded: None, similar: None };
+        let restored = Restored::find(&mut active, &subjects);
+        assert_eq!(subjects.in_use(), restored.worker);
+        let in_use = subjects.get(restored.worker).unwrap();
+        assert_eq!(active.with_subject_in_use().subject.id == "alice", in_use.subject == "alice");
+        let lifts = restored.memory.exposure.dose.lifts;
+        (in_use.subject, lifts, in_use.refusal.is_none(), restored)
+    }
+
+    fn station(in_use: &str) -> String {
+        let subject = SubjectPart::of(in_use, &config());
+        StationFile { subject, ..StationFile::new("s") }.to_toml().unwrap()
+    }
+
+    #[test]
+    fn only_the_subject_in_use_is_restored() {
+        let of = |bob: Option<&str>, text: Option<&str>| {
+            let (subject, lifts, is_saved, _) = restore(bob, text);
+            (subject, lifts, is_saved)
+        };
+        assert_eq!(of(None, None), ("alice".to_owned(), 7, true));
+        assert_eq!(of(None, Some(&station("alice"))), ("alice".to_owned(), 7, true));
+        let bob = profile("bob", 3);
+        assert_eq!(of(Some(&bob), Some(&station("bob"))), ("bob".to_owned(), 3, true));
+    }
+
+    #[test]
+    fn a_subject_in_use_that_cannot_be_restored_does_not_become_the_configured_one() {
+        for (bob, text, subject) in [
+            (Some("damaged"), station("bob"), "bob"),
+            (None, station("bob"), "bob"),
+            (None, station(""), ""),
+            (None, "damaged".to_owned(), ""),
+        ] {
+            let (in_use, lifts, is_saved, restored) = restore(bob, Some(&text));
+            assert_eq!((in_use.as_str(), lifts, is_saved), (subject, 0, false), "{text}");
+            assert_eq!(restored.memory.identification.poses_used, 0);
+            let messages = restored.messages.join("\n");
+            assert!(messages.contains("`equipoise subject load ID`"), "{messages}");
+        }
     }
 }

@@ -165,16 +165,16 @@ impl ShiftPart {
         }
     }
 
-    /// The shift to go on with at a time, s since 1970 UTC.
+    /// The shift to go on with at a time, s since 1970 UTC, and its age, s. The age is unknown (`None`) if the clock is
+    /// behind the date of the shift, for instance before it is synchronised: a shift that may have ended goes on, so that
+    /// no dose is lost.
     ///
     /// # Errors
     /// Why the shift has ended or is implausible.
-    pub(super) fn shift(&self, now_unix_s: u64) -> Result<Shift, String> {
-        let Some(pause_s) = now_unix_s.checked_sub(self.saved_unix_s) else {
-            return Err("it was saved later than the clock says it is now".to_owned());
-        };
-        if pause_s >= SHIFT_ENDS_S {
-            return Err(format!("the last one ended {:.1} h ago", pause_s as f64 / 3600.0));
+    pub(super) fn shift(&self, now_unix_s: u64) -> Result<(Shift, Option<u64>), String> {
+        let age_s = now_unix_s.checked_sub(self.saved_unix_s);
+        if let Some(age_s) = age_s.filter(|age_s| *age_s >= SHIFT_ENDS_S) {
+            return Err(format!("the last one ended {:.1} h ago", age_s as f64 / 3600.0));
         }
         let mut fatigue = [0.0; JOINTS];
         for (name, value) in &self.fatigue {
@@ -194,9 +194,8 @@ impl ShiftPart {
         let is_plausible = self.damage.is_finite()
             && self.damage >= 0.0
             && fatigue.iter().all(|fatigue| (0.0..=1.0).contains(fatigue));
-        is_plausible
-            .then_some(Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest })
-            .ok_or_else(|| "a number of it is out of range".to_owned())
+        let shift = Shift { fatigue, damage: self.damage, lifts: self.lifts, ended: self.ended, latest };
+        is_plausible.then_some((shift, age_s)).ok_or_else(|| "a number of it is out of range".to_owned())
     }
 }
 
@@ -214,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_continues_after_a_break_and_not_after_a_night_or_from_the_future() {
+    fn a_shift_continues_after_a_break_or_a_clock_that_went_back_and_not_after_a_night() {
         let mut shift =
             Shift { fatigue: [0.0; JOINTS], damage: 0.01, lifts: 19, ended: 21, ..Zeroable::zeroed() };
         shift.fatigue[3] = 0.25;
@@ -225,9 +224,10 @@ mod tests {
         }
         shift.latest[0].undone = 1;
         let mut part = ShiftPart::of(&shift, 1_000_000);
-        assert_eq!(part.shift(1_000_000 + 3600), Ok(shift));
+        assert_eq!(part.shift(1_000_000 + 3600), Ok((shift, Some(3600))));
         assert!(part.shift(1_000_000 + 9 * 3600).unwrap_err().contains("9.0 h ago"));
-        assert!(part.shift(999_999).unwrap_err().contains("later than the clock"));
+        assert_eq!(part.shift(999_999), Ok((shift, None)));
+        assert_eq!(part.shift(0), Ok((shift, None)));
         let mut other = part.clone();
         other.lift[3].number = 5;
         assert!(other.shift(1_000_000).unwrap_err().contains("lift 5"));

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write as _};
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -103,10 +103,18 @@ fn append(path: &Path, lines: &str) -> io::Result<()> {
     if let Some(directory) = path.parent() {
         fs::create_dir_all(directory)?;
     }
-    let mut file = OpenOptions::new().append(true).create(true).mode(MODE).open(path)?;
+    let mut file = OpenOptions::new().read(true).append(true).create(true).mode(MODE).open(path)?;
     let length = file.metadata()?.len();
-    let heading = if length == 0 { HEADING } else { "" };
-    let written = file.write_all(format!("{heading}{lines}").as_bytes()).and_then(|()| file.sync_data());
+    let before = match length.checked_sub(1) {
+        None => HEADING,
+        Some(last) => {
+            let mut byte = [0];
+            file.read_exact_at(&mut byte, last)?;
+            // A power failure may have left an incomplete line.
+            if byte == *b"\n" { "" } else { "\n" }
+        }
+    };
+    let written = file.write_all(format!("{before}{lines}").as_bytes()).and_then(|()| file.sync_data());
     if written.is_err() {
         // An incomplete line would corrupt the next one. A failure here means a faulty disk.
         let _ = file.set_len(length);
@@ -169,6 +177,18 @@ mod tests {
                  2026-11-21T10:14:55Z,lift,22,{rest}\n2026-11-21T10:15:00Z,undone,22,{rest}\n"
             )
         );
+    }
+
+    #[test]
+    fn an_incomplete_last_line_is_terminated() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.lifts.csv");
+        append(&path, "1\n").unwrap();
+        append(&path, "2\n").unwrap();
+        fs::write(&path, format!("{HEADING}1\n2026-11-2")).unwrap();
+        append(&path, "2\n").unwrap();
+        append(&path, "3\n").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), format!("{HEADING}1\n2026-11-2\n2\n3\n"));
     }
 
     #[test]
