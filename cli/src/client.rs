@@ -14,7 +14,7 @@ use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_station::process_state::is_stopped;
 
 /// Timeout of a daemon's reply, and of its next state: a busy machine delays a process for seconds.
-const TIMEOUT: Duration = Duration::from_secs(10);
+const TIMEOUT: Duration = Duration::from_secs(20);
 /// The same if the daemon's process is stopped or absent.
 const STOPPED_TIMEOUT: Duration = Duration::from_secs(2);
 

@@ -63,7 +63,11 @@ fn a_plate_is_started_at_its_speed_and_found_again_after_it_was_pulled_out() {
         assert_eq!(source.diagnostic(), None);
         // -0.5 per count; the force on the person has the opposite sign.
         assert_eq!(samples[7].force_n, [0.0, 5.0, 10.0]);
-        assert!(samples.windows(2).all(|pair| pair[0].sample_time_ns <= pair[1].sample_time_ns));
+        // A busy machine may read so late that another session begins, with a clock of its own.
+        let is_ordered = |pair: &[GroundSample]| {
+            pair[0].session != pair[1].session || pair[0].sample_time_ns <= pair[1].sample_time_ns
+        };
+        assert!(samples.windows(2).all(is_ordered));
         assert!(plate.heard().ends_with(&[0x52, 0x76, 0x51]), "{:x?}", plate.heard());
         plate.unplug();
         until(&mut source, "the loss of the port", |source, _| said(source, "is not there"));
