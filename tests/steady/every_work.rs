@@ -33,7 +33,7 @@ fn config(station: &str, suit: SocketAddr, plate: SocketAddr) -> Config {
         "station = \"{station}\"\n[loop]\nrate_hz = {RATE_HZ}\nlock_memory = false\n[suit]\nsource = \"mvn-udp\"\nlisten = \
          \"{suit}\"\n[ground]\nsource = \"ati-rdt\"\naddress = \"{plate}\"\ncounts_per_newton = 1e6\n\
          counts_per_newton_metre = 1e6\n[subject]\nid = \"t\"\nheight_m = 1.77\nsave_profile = false\n\
-         [identification]\nposes_min = 2\nstop_cop_sigma_mm = 20\n[latency]\nflight_cycles = 0\n"
+         [identification]\nposes_min = 2\nstop_cop_sigma_mm = 20\npassive = true\n[latency]\nflight_cycles = 0\n"
     );
     let mut config = Config::parse(&text, "the test's configuration").expect("a good configuration");
     config.loaded_model =
