@@ -6,8 +6,7 @@
 //! Origins:
 //! - *derived*: follows from the stated quantities;
 //! - *reference*: the named source;
-//! - *prototype*: from the numeric prototype of this workflow (Monte Carlo over synthetic sessions of a 15-segment
-//!   body; not in this repository);
+//! - *prototype*: from the numeric prototype of this workflow (Monte Carlo of a 15-segment body; not in this repository);
 //! - *bench*: chosen, and held only as part of the whole by `equipoise-study hidden bench` (docs/discrepancy.md,
 //!   "Accuracy") and `.ci/blind-bench`: no run of this value by itself is recorded;
 //! - *budget*: chosen, bounds time or memory (docs/discrepancy.md, "Speed and memory");
@@ -22,8 +21,7 @@ use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 // Recordings.
 
-/// Period of the loop in the workflow: every suit sample is evaluated, whatever the configured rate. Unit: ns. Origin:
-/// chosen.
+/// Period of the loop in the workflow: every suit sample is evaluated. Unit: ns. Origin: chosen.
 pub(crate) const TICK_NS: u64 = 4_000_000;
 /// Identification starts this late, when earlier samples have left the loop's window. Unit: s. Origin: chosen.
 pub(crate) const IDENTIFY_DELAY_S: f64 = 0.15;
@@ -444,6 +442,8 @@ pub(crate) const SERIES_INTERVAL_S: f64 = 0.25;
 pub(crate) const MINUTES_FROM_S: f64 = 300.0;
 /// Valid torques for a headline or a recommendation, at least. Unit: s. Origin: chosen.
 pub(crate) const STATEMENT_TIME_MIN_S: f64 = 5.0;
+/// A subject is attached within this time of its change. Unit: ns. Origin: derived, above the recorder's interval of 1 s.
+pub(crate) const SUBJECT_ATTACHED_WITHIN_NS: u64 = 3_000_000_000;
 /// States that wait for the records of their cycles, which a recorder writes later. Unit: 1. Origin: chosen.
 pub(crate) const REORDER_BUFFER: usize = 512;
 /// Time limit of printing; the report of a shift takes seconds. Unit: s. Origin: chosen.

@@ -19,10 +19,7 @@ use super::lifts::Lifts;
 use super::period::Period;
 use super::quality::Quality;
 use super::records::Records;
-use crate::constants::REORDER_BUFFER;
-
-/// The recorder attaches a subject within this time of the change: it compares once a second.
-const SUBJECT_ATTACHED_WITHIN_NS: u64 = 3 * NS_PER_S;
+use crate::constants::{REORDER_BUFFER, SUBJECT_ATTACHED_WITHIN_NS};
 
 /// Origin of the states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
