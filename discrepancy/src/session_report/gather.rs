@@ -6,7 +6,6 @@ use equipoise_adapters::recording::{Entry, Recording, RecordingHeader};
 use equipoise_config::Config;
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::State;
-use equipoise_core::time::NS_PER_S;
 use equipoise_latency::{PathHistograms, Report as PathReport};
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::{Chosen, Input};
