@@ -11,6 +11,7 @@
 //!   takes the wrench at the suit's time, so the measured CoP is off by at most δ times its fastest speed. δ is taken
 //!   from the recording for each instant; the speed from the file. Accelerations depend on the stamps too, so the
 //!   estimated CoP is compared with that of the file's rows at their live stamps.
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use std::collections::HashMap;
 use std::path::Path;
