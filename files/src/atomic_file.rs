@@ -38,7 +38,16 @@ pub fn write_atomically_with(
         return Err(error);
     }
     // Makes the rename durable: it is an entry of the directory.
-    File::open(directory)?.sync_all()
+    sync_directory_of(path)
+}
+
+/// Writes the directory entry of a file from the system's cache to the disk.
+///
+/// # Errors
+/// The directory cannot be opened or synchronised; some file systems do not synchronise directories.
+pub fn sync_directory_of(path: &Path) -> std::io::Result<()> {
+    let directory = path.parent().filter(|directory| !directory.as_os_str().is_empty());
+    File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
 }
 
 /// Creates a temporary file `<path>.<process>-<number>.new`, unique to this write.

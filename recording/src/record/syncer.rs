@@ -10,6 +10,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
+use equipoise_files::atomic_file::sync_directory_of;
 
 /// Interval: with the duration of a write, the maximum loss at a power failure.
 const SYNC_INTERVAL: Duration = Duration::from_secs(5);
@@ -27,10 +28,11 @@ impl Syncer {
     pub(super) fn start(path: &Path, file: File) -> Syncer {
         let (stop, stopped) = channel::<()>();
         let (fault, failed) = channel();
-        let directory = path.parent().unwrap_or(Path::new(".")).to_owned();
+        let path = path.to_owned();
+        let new = path.clone();
         let thread = std::thread::spawn(move || {
             // Some file systems do not synchronise directories.
-            let _ = File::open(directory).and_then(|directory| directory.sync_all());
+            let _ = sync_directory_of(&new);
             while stopped.recv_timeout(SYNC_INTERVAL) == Err(RecvTimeoutError::Timeout) {
                 if let Err(error) = file.sync_data() {
                     let _ = fault.send(error);
@@ -38,7 +40,7 @@ impl Syncer {
                 }
             }
         });
-        Syncer { path: path.to_owned(), failed, stop: Some(stop), thread: Some(thread) }
+        Syncer { path, failed, stop: Some(stop), thread: Some(thread) }
     }
 
     /// # Errors
