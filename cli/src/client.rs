@@ -10,7 +10,7 @@ use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::handover::HandoverRefusal;
 use equipoise_core::message::{Command, HandoverPlan, HandoverRequest, Reply, State};
 use equipoise_daemon::commands::{PLATE_LOADED_RECENTLY, PLATE_SILENT};
-use equipoise_daemon::pipeline::DAEMON_ROLE;
+use equipoise_station::DAEMON_ROLE;
 use equipoise_station::process_state::is_stopped;
 
 /// Timeout of a daemon's reply, and of its next state: a busy machine delays a process for seconds.

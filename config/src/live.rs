@@ -48,11 +48,9 @@ impl Config {
         }
     }
 
-    /// Whether a section of this configuration differs from that of a configuration as text; `false` if the text has none.
-    pub fn section_differs(&self, section: &str, other_toml: &str) -> bool {
-        let [own, other] = [&*self.to_toml(), other_toml]
-            .map(|text| text.parse::<toml::Table>().ok().and_then(|mut table| table.remove(section)));
-        other.is_some() && own != other
+    /// A section of this configuration, complete with its defaults.
+    pub fn section(&self, name: &str) -> Option<Value> {
+        self.to_toml().parse::<toml::Table>().ok()?.remove(name)
     }
 
     /// Every dotted key whose value differs, such as `loop.rate_hz`.

@@ -16,6 +16,7 @@ use equipoise_config::Config;
 use equipoise_config::WaitStrategy;
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
+use equipoise_station::DAEMON_ROLE;
 use equipoise_station::proc::MemoryUse;
 use equipoise_station::process_state::is_stopped;
 use equipoise_station::state_directory::StateDirectory;
@@ -39,8 +40,6 @@ use crate::subjects::{ProfileDestination, Subjects};
 use crate::thread_registry::ThreadRegistry;
 use crate::tick::{Loop, LoopSummary, Monotonic, NoObserver, Observer};
 use crate::watchdog;
-
-pub use equipoise_station::DAEMON_ROLE;
 
 use self::restored::Restored;
 use self::threads::{Running, Shared, start_thread};

@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use chaos::Chaos;
 use rig::Rig;
 
-/// A number of the environment, or the one for `cargo test`.
+/// A number of the environment, or the default.
 fn number(variable: &str, otherwise: u64) -> u64 {
     match std::env::var(variable) {
         Ok(text) => text.parse().unwrap_or_else(|_| panic!("{variable} is no number: {text}")),

@@ -64,6 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
     // Before the scheduling is requested, which the thread would inherit.
     let watch = DaemonWatch::start(stream, &config);
+    let mut reported = None;
     let report = realtime::request(stream.name(), sensors::requested_scheduling(&config));
     match report.missing() {
         Some(missing) if config.tick.strict => {
@@ -97,13 +98,17 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
                     config = new;
                 }
                 _ => {
-                    warn!("{fault}");
                     adapter_fault::publish(&config.station, stream.name(), Some(&fault));
+                    if reported.as_ref() != Some(&fault) {
+                        warn!("{fault}");
+                        reported = Some(fault);
+                    }
                     std::thread::sleep(CHECK_INTERVAL);
                     continue;
                 }
             }
         }
+        reported = None;
         watch.set(&config);
         if let Err(error) = run_once(stream, &config, &report, &stopping) {
             let error = anyhow::Error::from(error);
@@ -158,9 +163,9 @@ fn run_once(
 fn differs_from_daemon(stream: Stream, config: &Config) -> Option<String> {
     let daemon = status::read(&config.station)?.config_toml;
     let (name, station) = (stream.name(), &config.station);
-    let table: toml::Table = daemon.parse().ok()?;
-    let source = table.get(name).and_then(|section| section.get("source")).and_then(toml::Value::as_str);
-    if source == Some("external") || !config.section_differs(name, &daemon) {
+    let section = daemon.parse::<toml::Table>().ok()?.remove(name)?;
+    let source = section.get("source").and_then(toml::Value::as_str);
+    if source == Some("external") || config.section(name).as_ref() == Some(&section) {
         return None;
     }
     Some(format!(
@@ -183,8 +188,10 @@ impl DaemonWatch {
         // It ends with the process.
         std::thread::spawn(move || {
             loop {
-                let config = shared.config.lock().unwrap_or_else(PoisonError::into_inner).clone();
+                // The result must not replace that of a configuration set meanwhile.
+                let config = shared.config.lock().unwrap_or_else(PoisonError::into_inner);
                 shared.differs.store(differs_from_daemon(stream, &config).is_some(), Ordering::Relaxed);
+                drop(config);
                 std::thread::sleep(CHECK_INTERVAL);
             }
         });
@@ -192,7 +199,8 @@ impl DaemonWatch {
     }
 
     fn set(&self, config: &Config) {
-        *self.config.lock().unwrap_or_else(PoisonError::into_inner) = config.clone();
+        let mut in_use = self.config.lock().unwrap_or_else(PoisonError::into_inner);
+        *in_use = config.clone();
         self.differs.store(false, Ordering::Relaxed);
     }
 }

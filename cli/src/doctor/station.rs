@@ -12,8 +12,8 @@ use equipoise_bus::{Bus, BusError, BusSettings, Participant};
 use equipoise_config::Config;
 use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{AdapterHealth, GroundSample, State, SuitSample, Validity};
-use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_daemon::sensors::SUIT_ROLE;
+use equipoise_station::DAEMON_ROLE;
 
 use crate::metrics_feed::METRICS_ROLE;
 

@@ -7,8 +7,8 @@ use equipoise_adapters::suit::Survey;
 use equipoise_bus::{Bus, BusError, BusSettings};
 use equipoise_config::Config;
 use equipoise_core::message::{AdapterHealth, SuitSample};
-use equipoise_daemon::pipeline::DAEMON_ROLE;
 use equipoise_daemon::sensors::SUIT_ROLE;
+use equipoise_station::DAEMON_ROLE;
 use serde_json::{Value, json};
 
 use super::ports::{Holder, Port, bind_suit, holder_of, holds, port_of, sockets_at};

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use equipoise_core::cycle::memory::EMPTY_PLATE_N;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{State, Validity};
+use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::{Answer, PLATE_LOADED_RECENTLY, PLATE_SILENT, push_command};
 use crate::rings::CommandEnds;
@@ -19,7 +20,6 @@ const STEADY_NS: u64 = 1_000_000_000;
 const WEIGHT_FACTOR: f64 = 2.0;
 /// Body weight if the mass is unknown, N: that of a light adult.
 const WEIGHT_N: f64 = 400.0;
-const GRAVITY_M_PER_S2: f64 = 9.81;
 /// Maximum wait for the loop's result.
 const RESULT_TIMEOUT: Duration = Duration::from_secs(1);
 const RESULT_POLL_INTERVAL: Duration = Duration::from_millis(2);
@@ -56,10 +56,12 @@ impl PlateHistory {
             let weight_n = if state.mass_kg > 0.0 { GRAVITY_M_PER_S2 * state.mass_kg } else { WEIGHT_N };
             let is_steady = state.time_ns.saturating_sub(self.steady_since_ns) >= STEADY_NS;
             let offset = if is_steady && WEIGHT_FACTOR * force_n.abs() < weight_n {
-                "; if nothing stands on it, zero the device itself (its software, amplifier or `bias`): a tare removes \
-                 at most 150 N"
+                format!(
+                    "; if nothing stands on it, zero the device itself (its software, amplifier or `bias`): a tare \
+                     removes at most {EMPTY_PLATE_N:.0} N"
+                )
             } else {
-                ""
+                String::new()
             };
             return Some(format!("{force_n:.0} N stand on the plate; step off and ask again{offset}"));
         }

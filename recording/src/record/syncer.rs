@@ -4,12 +4,11 @@
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::Receiver;
-use std::sync::mpsc::{RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use anyhow::Context;
+use crossbeam_channel::{Receiver, RecvTimeoutError, Sender, TryRecvError, bounded};
 use equipoise_files::atomic_file::sync_directory_of;
 
 /// Interval: with the duration of a write, the maximum loss at a power failure.
@@ -26,8 +25,8 @@ pub(super) struct Syncer {
 impl Syncer {
     /// Starts with the directory entry of a new file. `file` is a second handle of it.
     pub(super) fn start(path: &Path, file: File) -> Syncer {
-        let (stop, stopped) = channel::<()>();
-        let (fault, failed) = channel();
+        let (stop, stopped) = bounded::<()>(0);
+        let (fault, failed) = bounded(1);
         let path = path.to_owned();
         let new = path.clone();
         let thread = std::thread::spawn(move || {
