@@ -289,14 +289,12 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
         daemon = station.daemon(&station.configuration());
         fixture.compare(killed, killed_ns);
         let message = daemon.stderr();
-        for part in [
-            "is in use: ",
-            "the shift goes on",
-            "the tare of",
-            "the position of the suit's world is restored",
-        ] {
+        for part in ["is in use: ", "the shift goes on", "the tare of", "the position of the suit's world is "] {
             assert!(message.contains(part), "{part:?} is not in {message}");
         }
+        // Not restored if a busy machine has kept the worker out of sight for too long.
+        let restored = message.contains("the position of the suit's world is restored");
+        assert!(restored || message.contains("the worker was last seen"), "{message}");
         poses = fixture.monitor.state.poses_used.max(poses);
         println!("kill {kill}: {} has {} poses", fixture.in_use, fixture.monitor.state.poses_used);
     }

@@ -18,6 +18,17 @@ log_odds = 9.0
 parameters = { dx_m = { value = 0.003, sigma = 0.001, unit = "m" } }
 "#;
 
+/// Waits until the loop has run for more than half a second of cycles with what is in force now.
+fn wait_for_cycles(station: &Station) {
+    let cycle = || {
+        let output = station.command("status").arg("--json").output().unwrap();
+        let status = serde_json::from_slice::<serde_json::Value>(&output.stdout).ok()?;
+        status["state"]["cycle"].as_u64()
+    };
+    let first = wait_for("a state", cycle);
+    wait_for("cycles of the loop", || cycle().filter(|last| *last > first + 600));
+}
+
 #[test]
 fn a_live_recording_and_its_replay_give_the_same_states() {
     let (simulation, text) = person();
@@ -40,9 +51,9 @@ fn a_live_recording_and_its_replay_give_the_same_states() {
     station.reload(&(text.clone() + "[overload]\nmotion_window_ms = 50.0\n[model]\nfile = \"model.toml\"\n"));
     simulation.take_pose(7).unwrap();
     ask("start");
-    std::thread::sleep(Duration::from_millis(600));
+    wait_for_cycles(&station);
     station.reload(&(text + "[overload]\nmotion_window_ms = 90.0\n[static_pose]\nnew_pose_deg = 8.0\n"));
-    std::thread::sleep(Duration::from_millis(600));
+    wait_for_cycles(&station);
     let recorded = recorder.stop(Signal::INT);
     // An overloaded machine may lose messages; the exit code reports it, and all others must be in the file.
     assert!(matches!(recorded, Some(0 | 3)), "{recorded:?} {}", recorder.stderr());

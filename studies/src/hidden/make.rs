@@ -56,6 +56,12 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
             order.only.as_deref().unwrap_or("")
         ));
     }
+    let first_rung: Vec<usize> = (0..deck.len())
+        .map(|card| {
+            let mut random = Random::numbered(order.seed, "first rung", card as u32);
+            random.between(0.0, RUNGS.len() as f64) as usize
+        })
+        .collect();
     let mut dealt = Vec::new();
     for round in 0.. {
         let mut random = Random::numbered(order.seed, "deck", round);
@@ -64,9 +70,11 @@ pub fn plans(order: &Order) -> Result<Vec<Plan>, String> {
             let other = index + random.between(0.0, (cards.len() - index) as f64) as usize;
             cards.swap(index, other);
         }
-        // Each kind passes all rungs before a repetition; kinds start on different ones.
+        // Each kind passes all rungs before a repetition, and starts on one that the seed chooses.
         dealt.extend(
-            cards.into_iter().map(|(card, kind)| (kind, RUNGS[(card * 3 + round as usize) % RUNGS.len()])),
+            cards
+                .into_iter()
+                .map(|(card, kind)| (kind, RUNGS[(first_rung[card] + round as usize) % RUNGS.len()])),
         );
         if dealt.len() >= order.sessions {
             break;
@@ -219,6 +227,14 @@ mod tests {
             let sizes: BTreeSet<u64> =
                 plans.iter().filter(|plan| plan.kind == kind).map(|plan| (plan.size * 10.0) as u64).collect();
             assert_eq!(sizes.len(), RUNGS.len(), "{kind}");
+        }
+        // Short benches of several seeds, too.
+        let short = |seed| super::plans(&Order { seed, ..order(PathBuf::new(), 80) }).unwrap();
+        let all: Vec<Plan> = (1..=20).flat_map(short).collect();
+        for kind in ladder::deck() {
+            let sizes: BTreeSet<u64> =
+                all.iter().filter(|plan| plan.kind == kind).map(|plan| (plan.size * 10.0) as u64).collect();
+            assert_eq!(sizes.len(), RUNGS.len(), "{kind}, 20 seeds");
         }
         let seeds: BTreeSet<u64> = plans.iter().map(|plan| plan.seed).collect();
         assert_eq!(seeds.len(), 160);

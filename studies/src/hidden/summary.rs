@@ -40,7 +40,7 @@ fn singles(judged: &[Judged]) -> impl Iterator<Item = &Judged> {
 /// A criterion: its description, and whether a session counts and whether it is met.
 type Criterion = (&'static str, fn(&Judged) -> bool, fn(&Judged) -> bool);
 
-const CRITERIA: [Criterion; 11] = [
+const CRITERIA: [Criterion; 12] = [
     ("present during identification: exact or in the family", is_early, |one| one.family),
     ("in part of the work or with a change of sign: exact or in the family", is_partial, |one| one.family),
     ("single from the detectable size on: first name right", is_detectable, |one| {
@@ -59,7 +59,12 @@ const CRITERIA: [Criterion; 11] = [
     (
         "outside the catalogue: unexplained, ambiguous or a declared family",
         |one| one.class == Class::Outside,
-        |one| ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared,
+        is_outside_or_declared,
+    ),
+    (
+        "outside the catalogue from twice the detectable size on: unexplained, ambiguous or a declared family",
+        |one| one.class == Class::Outside && one.sizes.iter().all(|size| *size >= 2.0),
+        is_outside_or_declared,
     ),
     ("sessions without a finding", |_| true, |one| one.verdict == "failed"),
 ];
@@ -75,6 +80,10 @@ fn is_partial(one: &Judged) -> bool {
 /// Whether one effect of at least its nominal detectable size is hidden, and not present during identification.
 pub(super) fn is_detectable(one: &Judged) -> bool {
     one.class == Class::Single && !one.from_beginning && one.sizes.iter().all(|size| *size >= 1.0)
+}
+
+fn is_outside_or_declared(one: &Judged) -> bool {
+    ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared
 }
 
 fn is_named(one: &Judged) -> bool {
@@ -270,10 +279,11 @@ fn parameters(judged: &[Judged]) -> Table {
     table
 }
 
-/// The smallest size of each effect at and above which it is named in four of five sessions.
+/// The smallest size of each effect at and above which it is named in four of five sessions; sizes without a session
+/// count neither way.
 pub fn detectable(judged: &[Judged]) -> Table {
-    let mut table =
-        Table::new("Minimum detectable size", &["effect", "exact", "exact or family", "unit", "sessions"]);
+    let columns = ["effect", "exact", "exact or family", "unit", "sessions by size"];
+    let mut table = Table::new("Minimum detectable size", &columns);
     for (kind, nominal, unit) in NOMINAL {
         let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
         let smallest = |is: fn(&Judged) -> bool| {
@@ -281,15 +291,19 @@ pub fn detectable(judged: &[Judged]) -> Table {
             for size in RUNGS.iter().rev() {
                 let at: Vec<&&Judged> = of_kind.iter().filter(|one| one.sizes == [*size]).collect();
                 let right = at.iter().filter(|one| is(one)).count();
-                if at.is_empty() || (right as f64) < DETECTED * at.len() as f64 {
+                if (right as f64) < DETECTED * at.len() as f64 {
                     break;
+                }
+                if at.is_empty() {
+                    continue;
                 }
                 found = Some(if kind == "plate_lowpass" { nominal / size } else { nominal * size });
             }
             Cell::from(found)
         };
         let cells = [smallest(|one| one.exact), smallest(|one| one.family), unit.into()];
-        table.push([vec![Cell::from(kind)], cells.to_vec(), vec![(of_kind.len() as u64).into()]].concat());
+        let by_size = RUNGS.map(|size| of_kind.iter().filter(|one| one.sizes == [size]).count().to_string());
+        table.push([vec![Cell::from(kind)], cells.to_vec(), vec![Cell::Text(by_size.join(", "))]].concat());
     }
     table.note("smallest tested size at and above which at least four of five sessions are correct; -: none");
     table.note("tested sizes: 0.5, 1, 2 and 4 times the nominal detectable size of each effect");
@@ -319,7 +333,11 @@ mod tests {
         };
         let judged = [of_yaw(4.0, true), of_yaw(2.0, true), of_yaw(1.0, false), of_yaw(0.5, true)];
         assert_eq!(row_of(&judged)[1], Cell::Number(2.0 * nominal("plate_yaw")));
+        assert_eq!(row_of(&judged)[4], Cell::Text("1, 1, 1, 1".into()));
         assert_eq!(row_of(&judged[2..])[1], Cell::Nothing);
+        // 4 times the nominal size was not tested.
+        assert_eq!(row_of(&judged[1..3])[1], Cell::Number(2.0 * nominal("plate_yaw")));
+        assert_eq!(row_of(&judged[1..3])[4], Cell::Text("0, 1, 1, 0".into()));
     }
 
     #[test]
