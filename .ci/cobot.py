@@ -465,6 +465,35 @@ def requests_continue_after_an_error():
     assert stderr.getvalue() == "no plan: RuntimeError: a fault\nno plan: refused\n", stderr.getvalue()
 
 
+def a_turn_lasts_until_the_handles_are_turned():
+    """Where cobots take turns: with another target the handles also turn by what remains of the turn before."""
+    import handover
+
+    decision, part_m, turn_rad = handover.Decision(), (0.5, 0.0, 1.0), 1.2
+    first = handover.Plan(1, part_m, 0.9, 0.0, 0.0, turn_rad)
+    better = handover.Plan(2, part_m, 0.1, 0.0, 0.0, turn_rad + 0.1)
+
+    def wants_until_s(from_s, plan, end_s):
+        """The last time at which the part must move or turn."""
+        last_s = None
+        for step in range(round((end_s - from_s) / 0.01)):
+            now_s = from_s + 0.01 * step
+            given = handover.Input(True, part_m=part_m, plan=plan)
+            last_s = now_s if decision.wants_to_move(given) else last_s
+            assert (decision.decide(now_s, given).command is handover.Command.MOVE) == (now_s > 0.495), now_s
+        return last_s
+
+    # Motion begins at 0.5 s. The better plan is the target a second after 1.0 s, when most of the turn remains.
+    assert wants_until_s(0.0, first, 1.0) > 0.98, "the first turn has not begun"
+    last_s, turns_s = wants_until_s(1.0, better, 9.0), (turn_rad + 0.1) / handover.TURN_RAD_PER_S
+    assert abs(last_s - (0.5 + turns_s)) < 0.05, f"the turn ends at {last_s:.2f} s"
+    # A target with the present handles, while they are not yet turned.
+    decision = handover.Decision()
+    wants_until_s(0.0, first, 1.0)
+    same = handover.Plan(2, part_m, 0.1, 0.0, 0.0, turn_rad)
+    assert decision.wants_to_move(handover.Input(True, part_m=part_m, plan=same)), "the handles are half turned"
+
+
 def no_advice_while_undecided():
     """The advice of a joint whose level is undecided is not followed."""
     import equipoise
@@ -482,6 +511,7 @@ def controller():
     a_gap_during_a_blocked_poll_discards_the_plan()
     addresses_are_resolved_once()
     requests_continue_after_an_error()
+    a_turn_lasts_until_the_handles_are_turned()
     no_advice_while_undecided()
     print("cobot: plans without a daemon, and advice")
 
