@@ -41,7 +41,7 @@ class Observer(threading.Thread):
 
     def __init__(self, host):
         super().__init__(daemon=True)
-        self.socket = socket.create_connection((host, RTDE_PORT), timeout=5)
+        self.socket = socket.create_connection((host, RTDE_PORT), timeout=PATIENCE_S)
         self.file = self.socket.makefile("rb")
         assert self.ask("V", struct.pack(">H", 2)) == b"\1"
         self.ask("O", struct.pack(">d", 500.0) + b"actual_TCP_speed,output_int_register_36")
@@ -505,6 +505,23 @@ def no_advice_while_undecided():
         assert (given.advice is None) == (level is equipoise.Level.UNDECIDED), (level, given)
 
 
+def refused_arguments(program, arguments, because):
+    """The program ends with 2 and this error."""
+    ended = subprocess.run([*program, *arguments], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert ended.returncode == 2 and because in ended.stderr, (program, arguments, ended)
+
+
+def wrong_arguments_are_refused():
+    """Options that one cobot and several have in common."""
+    import handover_controller
+
+    folder = pathlib.Path(handover_controller.__file__).parent
+    for name, stations in [("handover_controller", ["s", "127.0.0.1:1"]), ("two_cobots", ["s=127.0.0.1:1"])]:
+        program = [sys.executable, str(folder / f"{name}.py")]
+        for interval in ("0", "-1", "nan", "inf"):
+            refused_arguments(program, ["--mass", "6", f"--interval={interval}", *stations], "--interval")
+
+
 def controller():
     """The Python controller without a daemon and a cobot."""
     plans_before_a_change_are_discarded()
@@ -513,6 +530,7 @@ def controller():
     requests_continue_after_an_error()
     a_turn_lasts_until_the_handles_are_turned()
     no_advice_while_undecided()
+    wrong_arguments_are_refused()
     print("cobot: plans without a daemon, and advice")
 
 

@@ -44,6 +44,8 @@ class DaemonPlans:
     """The newest plan of the daemon, requested at an interval by a thread: a response takes longer than a decision may."""
 
     def __init__(self, station: str, mass_kg: float, width_m: float, interval_s: float) -> None:
+        if not 0.0 < interval_s <= threading.TIMEOUT_MAX:
+            raise ValueError("--interval: give a positive number of seconds")
         self._station, self._mass_kg, self._width_m, self._interval_s = station, mass_kg, width_m, interval_s
         # With each response the target of its request.
         self._responses: queue.SimpleQueue[Tuple[Optional[Position], HandoverPlan | NoPlan]] = queue.SimpleQueue()
@@ -279,8 +281,6 @@ def main() -> None:
     arguments = parser.parse_args()
     if arguments.target and arguments.mass is not None:
         parser.error("give --target or --mass")
-    if not arguments.interval > 0.0:
-        parser.error("--interval: give a positive number of seconds")
     try:
         cobot = address_of(arguments.cobot)
     except ValueError as error:
@@ -290,7 +290,10 @@ def main() -> None:
     except ValueError:
         parser.error("--target: give three numbers X,Y,Z in metres, for example 0.5,0.1,1.1")
     if arguments.mass is not None:
-        plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
+        try:
+            plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
+        except ValueError as error:
+            parser.error(f"{error}")
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, frame: stop.set())

@@ -79,9 +79,8 @@ def main() -> None:
     failures: List[str] = []
     threads: List[threading.Thread] = []
 
-    def run(station: str, cobot: Tuple[str, int]) -> None:
+    def run(station: str, cobot: Tuple[str, int], plans: DaemonPlans) -> None:
         try:
-            plans = DaemonPlans(station, arguments.mass, arguments.width, arguments.interval)
             print(control(station, "handover", cobot, plans, stop, turns))
         except BaseException as error:
             failures.append(f"{station}: {error}")
@@ -94,7 +93,12 @@ def main() -> None:
     for pair, (station, cobot) in zip(arguments.stations, cobots):
         if sum(station == other or cobot == address for other, address in cobots) > 1:
             parser.error(f"{pair}: its station or its cobot is given twice")
-        threads.append(threading.Thread(target=run, args=(station, cobot)))
+    for station, cobot in cobots:
+        try:
+            plans = DaemonPlans(station, arguments.mass, arguments.width, arguments.interval)
+        except ValueError as error:
+            parser.error(f"{error}")
+        threads.append(threading.Thread(target=run, args=(station, cobot, plans)))
     for thread in threads:
         thread.start()
     for thread in threads:
