@@ -3,6 +3,7 @@
 import bisect
 import contextlib
 import io
+import itertools
 import json
 import math
 import os
@@ -520,6 +521,10 @@ def wrong_arguments_are_refused():
         program = [sys.executable, str(folder / f"{name}.py")]
         for interval in ("0", "-1", "nan", "inf"):
             refused_arguments(program, ["--mass", "6", f"--interval={interval}", *stations], "--interval")
+    sources = [("--target", "0.5,0,1"), ("--plan", "plan.json"), ("--mass", "6")]
+    program = [sys.executable, str(folder / "handover_controller.py"), "s", "127.0.0.1:1"]
+    for first, second in itertools.permutations(sources, 2):
+        refused_arguments(program, [*first, *second], "not allowed with")
 
 
 def controller():
@@ -648,6 +653,9 @@ def loop(equipoise, scratch, host, suit, plate, stops):
         of_two_cobots(rig, daemon)
         file = scratch / "plan.json"
         Plans(file)
+        # Two sources of the target.
+        refused_arguments([str(scratch / "handover_controller")], ["cobot", f"{host}:{RTDE_PORT}", "--target", "0.5,0,1",
+                                                                   "--plan", str(file)], "[--target X,Y,Z | --plan FILE]")
         for name, program in [("python", [sys.executable, str(scratch / "handover_controller.py")]),
                               ("cpp", [str(scratch / "handover_controller")])]:
             command = [*program, "cobot", f"{host}:{RTDE_PORT}", "--plan", str(file), "--name", name]

@@ -272,15 +272,13 @@ def main() -> None:
     parser.add_argument("station")
     parser.add_argument("cobot", help="ADDRESS:PORT of RTDE")
     parser.add_argument("--name", default="handover")
-    parser.add_argument("--target", help="X,Y,Z in the station's world, m")
     source = parser.add_mutually_exclusive_group()
+    source.add_argument("--target", metavar="X,Y,Z", help="in the station's world, m")
     source.add_argument("--plan", help="file of `equipoise plan handover --out FILE`, read again when it changes")
     source.add_argument("--mass", type=float, metavar="KG", help="mass of the part: the daemon plans")
     parser.add_argument("--width", type=float, metavar="M", default=0.35, help="distance between the grips, with --mass")
     parser.add_argument("--interval", type=float, metavar="S", default=1.0, help="between two requests, with --mass")
     arguments = parser.parse_args()
-    if arguments.target and arguments.mass is not None:
-        parser.error("give --target or --mass")
     try:
         cobot = address_of(arguments.cobot)
     except ValueError as error:
