@@ -114,6 +114,30 @@ def a_polling_consumer_rejoins(root, publisher):
     return publisher
 
 
+def a_lost_bus_is_reported_until_it_is_read_again(root, publisher):
+    """Between the attempts to rejoin it is not reported as a silence of the daemon."""
+    with joined(root, "lost", report=False) as consumer:
+        station, name, _, depth = where = consumer._where
+        consumer._where = station, name, "not absolute", depth
+        reads = (lambda: consumer.next(0.0), consumer.latest, consumer.early)
+        while consumer.latest():
+            consumer._last = None  # It may be of any age here.
+        until("the bus is lost", lambda: consumer.next(0.0).reason is NoStateReason.BUS)
+        end_s = time.monotonic() + LONGER_THAN_REJOIN_S
+        while time.monotonic() < end_s:
+            for read in reads:
+                lost = read()
+                assert not lost and lost.reason is NoStateReason.BUS and "cannot keep the bus" in lost.text, lost
+            time.sleep(0.02)
+        consumer._where = where
+
+        def is_read():
+            publisher.publish()
+            return bool(consumer.next(0.0))
+
+        until("the bus is read again", is_read)
+
+
 def a_clock_ahead_blocks_no_consumer(root, publisher):
     with joined(root, "ahead") as consumer:
         publisher.publish()
@@ -413,9 +437,10 @@ def all_of(root):
     errors_of_opening_have_a_remedy()
     plans_are_requested(root)
     publisher = Publisher(root)
-    for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_clock_ahead_blocks_no_consumer,
-                 a_stale_state_is_reported, states_keep_a_consumer_of_early_states_joined, closed_consumers_stay_closed, leftovers_hang_no_consumer,
-                 a_service_in_creation_is_awaited, slots_of_dead_processes_are_awaited):
+    for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_lost_bus_is_reported_until_it_is_read_again,
+                 a_clock_ahead_blocks_no_consumer, a_stale_state_is_reported, states_keep_a_consumer_of_early_states_joined,
+                 closed_consumers_stay_closed, leftovers_hang_no_consumer, a_service_in_creation_is_awaited,
+                 slots_of_dead_processes_are_awaited):
         test(root, publisher)
     a_polling_consumer_rejoins(root, publisher).close()
     print("clients: the Python package on a bus of its own: silence, clocks, seldom, slow, closed and killed consumers; plans")

@@ -124,7 +124,7 @@ void run(const std::string &station, const std::string &name, Cobot &cobot, Plan
         }
         last = output.command;
         if (!reading && reading.reason() >= NoStateReason::bus) {
-            std::this_thread::sleep_for(BUS_PAUSE); // It returns at once.
+            std::this_thread::sleep_for(BUS_PAUSE); // It may return at once.
         }
     }
     std::cout << "end " << percentiles("bus", bus_s) << " " << percentiles("decision", decision_s) << " "

@@ -35,7 +35,7 @@ PLAN_INTERVALS_MAX = 3
 # The worker has turned away from the handles of the target by more than this, rad: 20°.
 TURNED_AWAY_RAD = math.radians(20.0)
 PRINT_EVERY_S = 1.0
-# Pause while the bus cannot be read: the consumer returns at once.
+# Pause while the bus cannot be read: the consumer may return at once.
 BUS_PAUSE_S = 0.01
 SAMPLES_MAX = 1 << 16
 
