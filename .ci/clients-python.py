@@ -114,6 +114,30 @@ def a_polling_consumer_rejoins(root, publisher):
     return publisher
 
 
+def a_lost_bus_is_reported_until_it_is_read_again(root, publisher):
+    """Between the attempts to rejoin it is not reported as a silence of the daemon."""
+    with joined(root, "lost", report=False) as consumer:
+        station, name, _, depth = where = consumer._where
+        consumer._where = station, name, "not absolute", depth
+        reads = (lambda: consumer.next(0.0), consumer.latest, consumer.early)
+        while consumer.latest():
+            consumer._last = None  # It may be of any age here.
+        until("the bus is lost", lambda: consumer.next(0.0).reason is NoStateReason.BUS)
+        end_s = time.monotonic() + LONGER_THAN_REJOIN_S
+        while time.monotonic() < end_s:
+            for read in reads:
+                lost = read()
+                assert not lost and lost.reason is NoStateReason.BUS and "cannot keep the bus" in lost.text, lost
+            time.sleep(0.02)
+        consumer._where = where
+
+        def is_read():
+            publisher.publish()
+            return bool(consumer.next(0.0))
+
+        until("the bus is read again", is_read)
+
+
 def a_clock_ahead_blocks_no_consumer(root, publisher):
     with joined(root, "ahead") as consumer:
         publisher.publish()
@@ -345,6 +369,50 @@ def plans_are_requested(root):
     refused("closed", lambda: planner.plan(mass_kg=6.0))
 
 
+def errors_of_opening_have_a_remedy():
+    """Each error of iceoryx2 as it opens a service; no service is made with other settings if only the attempt failed."""
+    errors = {
+        "OpenError(IncompatibleTypes)": "it was made by another version", "OpenError(HangsInCreation)": "its files are damaged",
+        "CreateError(InternalFailure)": "if it persists", "OpenError(Interrupt)": "if it persists",
+        "OpenError(InsufficientPermissions)": "it belongs to another user",
+        "OpenError(DoesNotSupportRequestedAmountOfNodes)": "it was made with other settings",
+    }
+    bus = _bus.Bus.__new__(_bus.Bus)
+    bus._root = "/run/bus"
+    for error, remedy in errors.items():
+        text = bus._refusal("equipoise/alone/state", "0x1", error)
+        assert text.startswith("cannot open equipoise/alone/state: ") and remedy in text, text
+
+
+def a_service_in_creation_is_awaited(root, publisher):
+    """As long as its file is incomplete, a service is in creation; after 3 s the file is damaged."""
+    def content_of(path):
+        with open(path, "rb") as file:
+            return file.read()
+
+    def write(content):
+        os.chmod(path, 0o600)
+        with open(path, "wb") as file:
+            file.write(content)
+        os.chmod(path, 0o400)
+
+    (path,) = (path for path in glob.glob(f"{root}/services/*.service") if b"equipoise/alone/state" in content_of(path))
+    bus, whole = _bus.Bus(STATION, "creation", root), content_of(path)
+    for content in (whole[: len(whole) // 2], b""):
+        write(content)
+        completes = threading.Timer(1.0, write, [whole])
+        completes.start()
+        bus.subscriber(State, _messages.STATE, 1).delete()
+        completes.join()
+    write(b"")
+    began_s = time.monotonic()
+    refused(f"equipoise/alone/state: its files are damaged; stop all processes of this station and remove the directory {root}",
+            lambda: bus.subscriber(State, _messages.STATE, 1))
+    assert 2.9 < time.monotonic() - began_s < HANGS_AFTER_S, time.monotonic() - began_s
+    write(whole)
+    bus.close()
+
+
 def hold(root, count):
     """Joins so often, and stays until standard input ends."""
     consumers = [joined(root, f"hold-{at}", report=False) for at in range(count)]
@@ -366,10 +434,12 @@ def clear(root):
 
 def all_of(root):
     what_is_unavailable_is_no_number()
+    errors_of_opening_have_a_remedy()
     plans_are_requested(root)
     publisher = Publisher(root)
-    for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_clock_ahead_blocks_no_consumer,
-                 a_stale_state_is_reported, states_keep_a_consumer_of_early_states_joined, closed_consumers_stay_closed, leftovers_hang_no_consumer,
+    for test in (a_polling_consumer_reports, a_seldom_polling_consumer_reads, a_lost_bus_is_reported_until_it_is_read_again,
+                 a_clock_ahead_blocks_no_consumer, a_stale_state_is_reported, states_keep_a_consumer_of_early_states_joined,
+                 closed_consumers_stay_closed, leftovers_hang_no_consumer, a_service_in_creation_is_awaited,
                  slots_of_dead_processes_are_awaited):
         test(root, publisher)
     a_polling_consumer_rejoins(root, publisher).close()

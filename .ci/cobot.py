@@ -3,6 +3,7 @@
 import bisect
 import contextlib
 import io
+import itertools
 import json
 import math
 import os
@@ -41,7 +42,7 @@ class Observer(threading.Thread):
 
     def __init__(self, host):
         super().__init__(daemon=True)
-        self.socket = socket.create_connection((host, RTDE_PORT), timeout=5)
+        self.socket = socket.create_connection((host, RTDE_PORT), timeout=PATIENCE_S)
         self.file = self.socket.makefile("rb")
         assert self.ask("V", struct.pack(">H", 2)) == b"\1"
         self.ask("O", struct.pack(">d", 500.0) + b"actual_TCP_speed,output_int_register_36")
@@ -317,20 +318,124 @@ def plans_before_a_change_are_discarded():
             ingest(280, ("d", 275), heading_rad=math.radians(-21)), ingest(290, ("d", 285)),
             # A gap between two states: this response is of a request before.
             ingest(10**9, ("d", 10**9 - 1)), ingest(10**9 + 10, ("e", 10**9 + 5)),
-            *(ingest(10**9 + k * 10**8) for k in (1, 1800)), ingest(181 * 10**9 + 5), ingest(181 * 10**9 + 6),
+            # Without a response for three intervals.
+            [ingest(10**9 + k * 10**8) for k in range(8, 1801, 8)][-1], ingest(181 * 10**9 + 5), ingest(181 * 10**9 + 6),
         ]
         plans.close()
     assert stderr.getvalue().count("no daemon runs") == 1, stderr.getvalue()
     assert found == [
-        (False, None), (False, (1, 15)), (False, (1, 15)), (False, (1, 15)), (False, (2, 35)),
-        (True, None), (False, (3, 65)), (False, (3, 65)), (False, (4, 85)),
+        (False, None), (False, (1, 15)), (True, None), (False, None), (False, (2, 35)),
+        (True, None), (False, (3, 65)), (True, None), (False, (4, 85)),
         (False, (5, 95)), (False, (6, 105)), (False, (7, 115)), (False, (8, 125)), (True, None), (False, (9, 145)),
         (True, None), (False, (10, 165)), (False, (10, 165)), (True, None), (False, None), (False, (11, 205)),
         (False, (11, 205)), (False, (12, 225)), (False, (13, 235)), (False, (14, 245)), (False, (15, 255)),
         (False, (16, 265)), (True, None), (False, (17, 285)),
-        (False, (17, 285)), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)),
-        (True, None), (False, None),
+        (True, None), (False, (18, 10**9 + 5)), (False, (18, 10**9 + 5)), (True, None), (False, None),
     ], found
+
+
+@contextlib.contextmanager
+def replaced(module, **values):
+    """Replaces attributes of a module."""
+    before = {name: getattr(module, name) for name in values}
+    for name, value in values.items():
+        setattr(module, name, value)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(module, name, value)
+
+
+class Clock:
+    """Replaces the module `time`: passes only by `sleep`."""
+
+    def __init__(self):
+        self.now_s = 1000.0
+
+    def monotonic(self):
+        return self.now_s
+
+    def sleep(self, seconds):
+        self.now_s += seconds
+
+
+def commands_around_a_blocked_poll(blocks_s, silent_s):
+    """Commands of the controller before a `poll` that reconnects and blocks, and after it.
+
+    No state arrives meanwhile, nor for `silent_s` afterwards.
+    """
+    import equipoise
+    import handover
+    import handover_controller
+    import handover_plans
+
+    clock, stop, lost_at_s = Clock(), threading.Event(), 1002.0
+    commands = {False: [], True: []}
+
+    class Cobot:
+        activity, is_able, is_held, answer_s = 1, True, False, []
+
+        def __init__(self, address):
+            self.has_blocked = False
+
+        def poll(self):
+            if not self.has_blocked and clock.now_s > lost_at_s + 0.1:
+                self.has_blocked = True
+                clock.sleep(blocks_s)
+
+        def part_m(self):
+            return (0.8, 0.0, 1.0) if clock.now_s < lost_at_s or self.has_blocked else None
+
+        def send(self, output):
+            commands[self.has_blocked].append(output.command)
+
+    class Consumer:
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def __iter__(self):
+            while True:
+                clock.sleep(0.01)
+                now_ns = int(1e9 * clock.now_s)
+                if clock.now_s > lost_at_s + 4.0:
+                    stop.set()
+                if 0.1 + blocks_s < clock.now_s - lost_at_s < 0.1 + blocks_s + silent_s:
+                    yield equipoise.NoReading(equipoise.NoStateReason.SILENT, "")
+                    continue
+                state = equipoise.State(time_ns=now_ns, published_ns=now_ns, valid=handover.BELOW_LOAD_THRESHOLD)
+                yield equipoise.Reading(state, now_ns, 1_000_000, None, 0, False, True)
+
+    with replaced(handover_controller, time=clock, Cobot=Cobot), replaced(equipoise, subscribe=lambda *_, **__: Consumer()), \
+            contextlib.redirect_stdout(io.StringIO()):
+        handover_controller.control("s", "test", ("", 0), handover_plans.Plans("0.5,0,1", None), stop)
+    return commands[False], commands[True]
+
+
+def a_gap_during_a_blocked_poll_discards_the_plan():
+    """After 0.9 s without a state the worker may be another: the arm holds, also if `poll` waited for most of this time."""
+    import handover
+
+    before, after = commands_around_a_blocked_poll(0.6, 0.4)
+    assert handover.Command.MOVE in before, before
+    assert set(after) == {handover.Command.HOLD}, f"{after.count(handover.Command.MOVE)} commands to move"
+    before, after = commands_around_a_blocked_poll(0.5, 0.2)
+    assert after[-1] is handover.Command.MOVE, "a shorter gap discards the plan"
+
+
+def addresses_are_resolved_once():
+    """A robot's name is resolved at the start, not in the control loop."""
+    import handover_controller
+
+    assert handover_controller.address_of("localhost:30004") == ("127.0.0.1", 30004)
+    for wrong in ("192.0.2.20", ":30004", "192.0.2.20:x", "192.0.2.20:65536", "name.invalid:30004"):
+        try:
+            raise AssertionError(f"{wrong}: {handover_controller.address_of(wrong)}")
+        except ValueError as error:
+            assert f"{error}".startswith(f"{wrong}: "), error
 
 
 def requests_continue_after_an_error():
@@ -361,6 +466,35 @@ def requests_continue_after_an_error():
     assert stderr.getvalue() == "no plan: RuntimeError: a fault\nno plan: refused\n", stderr.getvalue()
 
 
+def a_turn_lasts_until_the_handles_are_turned():
+    """Where cobots take turns: with another target the handles also turn by what remains of the turn before."""
+    import handover
+
+    decision, part_m, turn_rad = handover.Decision(), (0.5, 0.0, 1.0), 1.2
+    first = handover.Plan(1, part_m, 0.9, 0.0, 0.0, turn_rad)
+    better = handover.Plan(2, part_m, 0.1, 0.0, 0.0, turn_rad + 0.1)
+
+    def wants_until_s(from_s, plan, end_s):
+        """The last time at which the part must move or turn."""
+        last_s = None
+        for step in range(round((end_s - from_s) / 0.01)):
+            now_s = from_s + 0.01 * step
+            given = handover.Input(True, part_m=part_m, plan=plan)
+            last_s = now_s if decision.wants_to_move(given) else last_s
+            assert (decision.decide(now_s, given).command is handover.Command.MOVE) == (now_s > 0.495), now_s
+        return last_s
+
+    # Motion begins at 0.5 s. The better plan is the target a second after 1.0 s, when most of the turn remains.
+    assert wants_until_s(0.0, first, 1.0) > 0.98, "the first turn has not begun"
+    last_s, turns_s = wants_until_s(1.0, better, 9.0), (turn_rad + 0.1) / handover.TURN_RAD_PER_S
+    assert abs(last_s - (0.5 + turns_s)) < 0.05, f"the turn ends at {last_s:.2f} s"
+    # A target with the present handles, while they are not yet turned.
+    decision = handover.Decision()
+    wants_until_s(0.0, first, 1.0)
+    same = handover.Plan(2, part_m, 0.1, 0.0, 0.0, turn_rad)
+    assert decision.wants_to_move(handover.Input(True, part_m=part_m, plan=same)), "the handles are half turned"
+
+
 def no_advice_while_undecided():
     """The advice of a joint whose level is undecided is not followed."""
     import equipoise
@@ -372,11 +506,36 @@ def no_advice_while_undecided():
         assert (given.advice is None) == (level is equipoise.Level.UNDECIDED), (level, given)
 
 
+def refused_arguments(program, arguments, because):
+    """The program ends with 2 and this error."""
+    ended = subprocess.run([*program, *arguments], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert ended.returncode == 2 and because in ended.stderr, (program, arguments, ended)
+
+
+def wrong_arguments_are_refused():
+    """Options that one cobot and several have in common."""
+    import handover_controller
+
+    folder = pathlib.Path(handover_controller.__file__).parent
+    for name, stations in [("handover_controller", ["s", "127.0.0.1:1"]), ("two_cobots", ["s=127.0.0.1:1"])]:
+        program = [sys.executable, str(folder / f"{name}.py")]
+        for interval in ("0", "-1", "nan", "inf"):
+            refused_arguments(program, ["--mass", "6", f"--interval={interval}", *stations], "--interval")
+    sources = [("--target", "0.5,0,1"), ("--plan", "plan.json"), ("--mass", "6")]
+    program = [sys.executable, str(folder / "handover_controller.py"), "s", "127.0.0.1:1"]
+    for first, second in itertools.permutations(sources, 2):
+        refused_arguments(program, [*first, *second], "not allowed with")
+
+
 def controller():
     """The Python controller without a daemon and a cobot."""
     plans_before_a_change_are_discarded()
+    a_gap_during_a_blocked_poll_discards_the_plan()
+    addresses_are_resolved_once()
     requests_continue_after_an_error()
+    a_turn_lasts_until_the_handles_are_turned()
     no_advice_while_undecided()
+    wrong_arguments_are_refused()
     print("cobot: plans without a daemon, and advice")
 
 
@@ -494,6 +653,9 @@ def loop(equipoise, scratch, host, suit, plate, stops):
         of_two_cobots(rig, daemon)
         file = scratch / "plan.json"
         Plans(file)
+        # Two sources of the target.
+        refused_arguments([str(scratch / "handover_controller")], ["cobot", f"{host}:{RTDE_PORT}", "--target", "0.5,0,1",
+                                                                   "--plan", str(file)], "[--target X,Y,Z | --plan FILE]")
         for name, program in [("python", [sys.executable, str(scratch / "handover_controller.py")]),
                               ("cpp", [str(scratch / "handover_controller")])]:
             command = [*program, "cobot", f"{host}:{RTDE_PORT}", "--plan", str(file), "--name", name]

@@ -24,7 +24,7 @@ const SETTLING_MAX: Duration = Duration::from_secs(3);
 
 /// Why a service did not open, whatever its kind.
 pub(crate) enum Refusal {
-    /// Somebody creates or removes it right now.
+    /// Another process is creating or removing it, or a signal interrupted the attempt.
     InFlux(String),
     /// Other messages.
     Schema,
@@ -32,10 +32,12 @@ pub(crate) enum Refusal {
     Damaged,
     Settings(String),
     NodesFull,
+    /// The attempt failed, whatever the settings of the service.
+    Failed(String),
 }
 
 macro_rules! refusals {
-    ($($Both:ident { $Open:ident, $Create:ident, $types:pat })*) => {
+    ($($Both:ident { $Open:ident: $types:pat, $Create:ident: $damaged:pat })*) => {
         $(impl From<$Both> for Refusal {
             fn from(error: $Both) -> Refusal {
                 use {$Create as Create, $Open as Open};
@@ -46,16 +48,24 @@ macro_rules! refusals {
                 };
                 match error {
                     $Both::SystemInFlux
-                    | $Both::$Open(Open::IsMarkedForDestruction | Open::DoesNotExist)
-                    | $Both::$Create(Create::AlreadyExists | Create::IsBeingCreatedByAnotherInstance) => {
-                        Refusal::InFlux(detail)
-                    }
+                    | $Both::$Open(Open::IsMarkedForDestruction | Open::DoesNotExist | Open::Interrupt)
+                    | $Both::$Create(
+                        Create::AlreadyExists | Create::IsBeingCreatedByAnotherInstance | Create::Interrupt,
+                    ) => Refusal::InFlux(detail),
                     $Both::$Open(Open::InsufficientPermissions)
                     | $Both::$Create(Create::InsufficientPermissions) => Refusal::Permission,
                     $Both::$Open(Open::ServiceInCorruptedState | Open::HangsInCreation)
-                    | $Both::$Create(Create::ServiceInCorruptedState) => Refusal::Damaged,
+                    | $Both::$Create($damaged) => Refusal::Damaged,
                     $Both::$Open(Open::ExceedsMaxNumberOfNodes) => Refusal::NodesFull,
                     $Both::$Open($types) => Refusal::Schema,
+                    $Both::$Open(Open::InternalFailure | Open::UnableToCreateServiceTag)
+                    | $Both::$Create(
+                        Create::InternalFailure
+                        | Create::UnableToCreateServiceTag
+                        | Create::ServiceConfigCouldNotBeCreated
+                        | Create::UnableToGenerateUniqueServiceId,
+                    ) => Refusal::Failed(detail),
+                    // The remaining errors compare settings: limits, behaviour, pattern, version of iceoryx2.
                     _ => Refusal::Settings(detail),
                 }
             }
@@ -65,14 +75,17 @@ macro_rules! refusals {
 
 refusals! {
     PublishSubscribeOpenOrCreateError {
-        PublishSubscribeOpenError, PublishSubscribeCreateError,
-        Open::IncompatibleTypes | Open::IncompatibleAttributes
+        PublishSubscribeOpenError: Open::IncompatibleTypes | Open::IncompatibleAttributes,
+        PublishSubscribeCreateError: Create::ServiceInCorruptedState | Create::HangsInCreation
     }
     RequestResponseOpenOrCreateError {
-        RequestResponseOpenError, RequestResponseCreateError,
-        Open::IncompatibleRequestOrResponseType | Open::IncompatibleAttributes
+        RequestResponseOpenError: Open::IncompatibleRequestOrResponseType | Open::IncompatibleAttributes,
+        RequestResponseCreateError: Create::ServiceInCorruptedState | Create::HangsInCreation
     }
-    EventOpenOrCreateError { EventOpenError, EventCreateError, Open::IncompatibleAttributes }
+    EventOpenOrCreateError {
+        EventOpenError: Open::IncompatibleAttributes,
+        EventCreateError: Create::ServiceInCorruptedState
+    }
 }
 
 /// Opens the service `name`, or creates it; `attempt` is handed its name and the attributes it must have.
@@ -114,7 +127,9 @@ pub(crate) fn open_or_create<F, E: Into<Refusal>>(
             BusError::Full { service, what: "participant", most: crate::service::NODES_MAX }
         }
         Refusal::Settings(detail) => BusError::OtherSettings { service, detail },
-        Refusal::InFlux(detail) => BusError::Failed { what: "open", service, detail },
+        Refusal::InFlux(detail) | Refusal::Failed(detail) => {
+            BusError::Failed { what: "open", service, detail }
+        }
     })
 }
 
@@ -172,4 +187,67 @@ fn schema_of(bus: &Bus, name: &ServiceName, pattern: MessagingPattern) -> String
 fn schema_attribute(attributes: &AttributeSet) -> Option<String> {
     let key: AttributeKey = SCHEMA_KEY.try_into().ok()?;
     attributes.key_value(&key, 0).map(ToString::to_string)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Name of the refusal that follows from an error.
+    fn refusal_of(error: impl Into<Refusal>) -> &'static str {
+        match error.into() {
+            Refusal::InFlux(_) => "in flux",
+            Refusal::Schema => "schema",
+            Refusal::Permission => "permission",
+            Refusal::Damaged => "damaged",
+            Refusal::Settings(_) => "settings",
+            Refusal::NodesFull => "nodes full",
+            Refusal::Failed(_) => "failed",
+        }
+    }
+
+    macro_rules! refusals_of {
+        ($Both:ident { $Open:ident: [$($open:ident),*], $Create:ident: [$($create:ident),*] }) => {
+            [
+                $(refusal_of($Both::$Open($Open::$open)),)*
+                $(refusal_of($Both::$Create($Create::$create)),)*
+            ]
+        };
+    }
+
+    #[test]
+    fn only_a_difference_of_settings_is_reported_as_other_settings() {
+        let topics = refusals_of!(PublishSubscribeOpenOrCreateError {
+            PublishSubscribeOpenError: [
+                Interrupt,
+                InternalFailure,
+                UnableToCreateServiceTag,
+                HangsInCreation,
+                VersionMismatch,
+                DoesNotSupportRequestedAmountOfNodes
+            ],
+            PublishSubscribeCreateError: [
+                Interrupt,
+                InternalFailure,
+                UnableToCreateServiceTag,
+                ServiceConfigCouldNotBeCreated,
+                UnableToGenerateUniqueServiceId,
+                HangsInCreation,
+                SubscriberBufferMustBeLargerThanHistorySize
+            ]
+        });
+        let (failed, settings) = ("failed", "settings");
+        assert_eq!(topics[..6], ["in flux", failed, failed, "damaged", settings, settings]);
+        assert_eq!(topics[6..], ["in flux", failed, failed, failed, failed, "damaged", settings]);
+        let requests = refusals_of!(RequestResponseOpenOrCreateError {
+            RequestResponseOpenError: [Interrupt, InternalFailure, IncompatibleOverflowBehaviorForRequests],
+            RequestResponseCreateError: [ServiceConfigCouldNotBeCreated, HangsInCreation]
+        });
+        assert_eq!(requests, ["in flux", failed, settings, failed, "damaged"]);
+        let events = refusals_of!(EventOpenOrCreateError {
+            EventOpenError: [UnableToCreateServiceTag, DoesNotSupportRequestedMaxEventId],
+            EventCreateError: [Interrupt, UnableToGenerateUniqueServiceId, ServiceInCorruptedState]
+        });
+        assert_eq!(events, [failed, settings, "in flux", failed, "damaged"]);
+    }
 }

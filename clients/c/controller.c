@@ -11,6 +11,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 /* How long the robot may go on without a new state. */
@@ -129,6 +130,7 @@ int main(int argc, char **argv) {
     }
     const uint64_t end_ns = argc == 4 ? now_ns() + (uint64_t)(atof(argv[3]) * 1e9) : UINT64_MAX;
     uint64_t print_ns = now_ns() + PRINT_EVERY_NS;
+    char error[512] = ""; /* The last error of the bus. */
     while (!stop && now_ns() < end_ns) {
         equipoise_reading reading;
         const int outcome = equipoise_next(consumer, TIMEOUT_NS, &reading);
@@ -139,9 +141,12 @@ int main(int argc, char **argv) {
             }
         } else {
             tally.silences++;
-            if (outcome >= EQUIPOISE_BUS) {
-                fprintf(stderr, "%s\n", equipoise_error());
-            }
+        }
+        if (outcome < EQUIPOISE_BUS) {
+            error[0] = '\0';
+        } else if (strncmp(error, equipoise_error(), sizeof error - 1) != 0) {
+            snprintf(error, sizeof error, "%s", equipoise_error());
+            fprintf(stderr, "%s\n", error);
         }
         /* Command the robot's speed here: speed_percent, or 0 without a reading. */
         if (now_ns() >= print_ns) {

@@ -11,6 +11,7 @@
 #include <iostream>
 #include <string>
 #include <time.h>
+#include <utility>
 #include <vector>
 
 using namespace std::chrono_literals;
@@ -104,17 +105,20 @@ int run(const std::string &station, const std::string &name, std::uint64_t end_n
         std::cerr << consumer.report_refusal() << "; reading goes on\n";
     }
     Tally tally;
+    std::string bus_error;
     auto print_ns = now_ns() + PRINT_EVERY_NS;
     while (stop == 0 && now_ns() < end_ns) {
         const Reading reading = consumer.next(TIMEOUT);
         if (!reading) {
             tally.silences++;
-            if (reading.reason() >= equipoise::NoStateReason::bus) {
-                std::cerr << Consumer::last_error() << "\n";
-            }
         } else if (!tally.enter(reading)) {
             std::cerr << "an old state as new: cycle " << reading->cycle() << "\n";
             return 1;
+        }
+        const bool is_lost = !reading && reading.reason() >= equipoise::NoStateReason::bus;
+        const std::string before = std::exchange(bus_error, is_lost ? Consumer::last_error() : "");
+        if (is_lost && bus_error != before) {
+            std::cerr << bus_error << "\n";
         }
         // Command the robot's speed here.
         if (now_ns() >= print_ns) {

@@ -124,7 +124,7 @@ void run(const std::string &station, const std::string &name, Cobot &cobot, Plan
         }
         last = output.command;
         if (!reading && reading.reason() >= NoStateReason::bus) {
-            std::this_thread::sleep_for(BUS_PAUSE); // It returns at once.
+            std::this_thread::sleep_for(BUS_PAUSE); // It may return at once.
         }
     }
     std::cout << "end " << percentiles("bus", bus_s) << " " << percentiles("decision", decision_s) << " "
@@ -136,12 +136,14 @@ void run(const std::string &station, const std::string &name, Cobot &cobot, Plan
 int main(int argc, char **argv) {
     Plans plans;
     std::string name = "handover";
-    bool is_usable = argc % 2 != 0;
+    bool is_usable = argc % 2 != 0, has_target = false, has_file = false;
     for (int at = 3; at + 1 < argc; at += 2) {
         const std::string option = argv[at], value = argv[at + 1];
         if (option == "--target") {
+            has_target = true;
             is_usable = plans.set_target(value) && is_usable;
         } else if (option == "--plan") {
+            has_file = true;
             plans.set_path(value);
         } else if (option == "--name") {
             name = value;
@@ -153,8 +155,10 @@ int main(int argc, char **argv) {
     const auto colon = address.rfind(':');
     const long port = colon == std::string::npos ? 0 : std::strtol(address.c_str() + colon + 1, nullptr, 10);
     Cobot cobot(address.substr(0, colon), static_cast<std::uint16_t>(port));
+    // A target has no limit ratio: a plan of the file would never be better.
+    is_usable = is_usable && !(has_target && has_file);
     if (!is_usable || !cobot.is_valid() || port < 1 || port > 65535) {
-        std::cerr << "usage: handover_controller STATION IPV4:PORT [--target X,Y,Z] [--plan FILE] [--name NAME]\n";
+        std::cerr << "usage: handover_controller STATION IPV4:PORT [--target X,Y,Z | --plan FILE] [--name NAME]\n";
         return 2;
     }
     for (const int number : {SIGINT, SIGTERM}) {

@@ -7,10 +7,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iostream>
+#include <locale>
 #include <map>
 #include <sstream>
 #include <string>
@@ -78,8 +78,19 @@ private:
                 return false;
             }
         }
-        value = std::strtod(text_.substr(from, at_ - from).c_str(), nullptr);
-        return true;
+        return parse(text_.substr(from, at_ - from), value);
+    }
+    // In any locale of the program the decimal separator is a point. Not `std::from_chars`: not all libraries of C++17 have it
+    // for floating-point numbers.
+    static bool parse(const std::string &digits, double &value) {
+        std::istringstream stream(digits);
+        stream.imbue(std::locale::classic());
+        value = 0.0;
+        stream >> value;
+        if (stream.fail() && std::fabs(value) >= 1.0) {
+            value = std::copysign(HUGE_VAL, value); // Too large: not finite, as in Python.
+        }
+        return stream.eof();
     }
     bool string(std::string &content) {
         if (!take('"')) {

@@ -83,16 +83,20 @@ def main() -> None:
         signal.signal(number, lambda caught, frame: stop.append(caught))
     end_ns = time.monotonic_ns() + int(1e9 * float(sys.argv[3])) if len(sys.argv) == 4 else None
     tally, print_ns = Tally(), time.monotonic_ns() + PRINT_EVERY_NS
+    bus_error = ""
     with equipoise.subscribe(sys.argv[1], name=sys.argv[2], timeout_s=TIMEOUT_S) as consumer:
         if consumer.report_refusal:
             print(f"{consumer.report_refusal}; reading goes on", file=sys.stderr)
         for reading in consumer:
+            before, bus_error = bus_error, ""
             if isinstance(reading, Reading):
                 tally.enter(reading)
             else:
                 tally.silences += 1
                 if reading.reason is equipoise.NoStateReason.BUS:
-                    print(reading, file=sys.stderr)
+                    bus_error = reading.text
+            if bus_error not in ("", before):
+                print(bus_error, file=sys.stderr)
             # Command the robot's speed here: speed_percent, or 0 without a reading.
             if time.monotonic_ns() >= print_ns:
                 print(line(reading, tally), flush=True)

@@ -123,7 +123,8 @@ class Decision:
         self._target: Optional[Plan] = None
         self._sent_m: Position = (0.0, 0.0, 0.0)
         self._is_moving = self._has_moved = False
-        # Slope and heading of the handles in the last MOVE, rad, and remaining time of their turn to the target's, s.
+        # Slope and heading of the handles in the last MOVE, rad, and upper bound of the remaining time of their turn to the
+        # target's, s.
         self._slope_rad = self._heading_rad = self._turns_for_s = 0.0
 
     def decide(self, now_s: float, given: Input) -> Output:
@@ -212,7 +213,9 @@ class Decision:
                 return True
         if target is None:
             return False
-        is_turned = (self._turns_for_s if target is self._target else self._turn_rad(target)) <= 0.0
+        # To another target the handles also turn by what remains of the present turn.
+        turn_rad = 0.0 if target is self._target else self._turn_rad(target)
+        is_turned = self._turns_for_s <= 0.0 and turn_rad <= 0.0
         return not is_turned or math.dist(target.at_m, given.part_m) > ARRIVED_M
 
     @property
@@ -222,14 +225,15 @@ class Decision:
 
     def _set(self, target: Plan) -> None:
         self._target, self._better_since_s = target, None
-        self._turns_for_s = self._turn_rad(target) / TURN_RAD_PER_S
+        # `_turn_rad` counts from the handles of the last command, which the cobot may not have reached.
+        self._turns_for_s = max(self._turns_for_s, 0.0) + self._turn_rad(target) / TURN_RAD_PER_S
 
     def _usable(self, plan: Optional[Plan]) -> Optional[Plan]:
         """The plan, unless it is discarded. Without a heading the handles cannot be turned to the worker."""
         return plan if plan and plan.generation > self._discarded and math.isfinite(plan.heading_rad) else None
 
     def _turn_rad(self, target: Plan) -> float:
-        """Upper bound of the turn of the handles to those of a target, rad."""
+        """Upper bound of the turn from the handles of the last MOVE to those of a target, rad."""
         turn_rad = math.remainder(target.heading_rad - self._heading_rad, math.tau)
         return abs(target.slope_rad - self._slope_rad) + abs(turn_rad)
 

@@ -13,6 +13,7 @@ import argparse
 import math
 import queue
 import signal
+import socket
 import sys
 import threading
 import time
@@ -34,7 +35,7 @@ PLAN_INTERVALS_MAX = 3
 # The worker has turned away from the handles of the target by more than this, rad: 20°.
 TURNED_AWAY_RAD = math.radians(20.0)
 PRINT_EVERY_S = 1.0
-# Pause while the bus cannot be read: the consumer returns at once.
+# Pause while the bus cannot be read: the consumer may return at once.
 BUS_PAUSE_S = 0.01
 SAMPLES_MAX = 1 << 16
 
@@ -43,6 +44,8 @@ class DaemonPlans:
     """The newest plan of the daemon, requested at an interval by a thread: a response takes longer than a decision may."""
 
     def __init__(self, station: str, mass_kg: float, width_m: float, interval_s: float) -> None:
+        if not 0.0 < interval_s <= threading.TIMEOUT_MAX:
+            raise ValueError("--interval: give a positive number of seconds")
         self._station, self._mass_kg, self._width_m, self._interval_s = station, mass_kg, width_m, interval_s
         # With each response the target of its request.
         self._responses: queue.SimpleQueue[Tuple[Optional[Position], HandoverPlan | NoPlan]] = queue.SimpleQueue()
@@ -60,16 +63,17 @@ class DaemonPlans:
     def ingest(self, reading: Reading, target: Optional[Plan] = None) -> bool:
         """Takes the responses; returns whether earlier plans must be discarded.
 
-        They must if the worker has changed, walked or turned away, no place is feasible, or plans are missing. `target` is
-        the plan that is the target now.
+        They must if the worker may have changed (restart, `model_changed`, gap between two states), has walked or turned
+        away, no place is feasible, or plans are missing. `target` is the plan that is the target now.
         """
+        must_discard = False
         self._target = target
         state_ns = reading.state.time_ns
         is_gap = self._state_ns is not None and state_ns - self._state_ns >= 1e9 * STATE_GAP_MAX_S
         self._state_ns = state_ns
         if reading.restarted or reading.state.valid & MODEL_CHANGED or is_gap:
             self._changed_ns, self._subject, self._is_outdated = state_ns, None, False
-        must_discard = False
+            must_discard = True
         while not self._responses.empty():
             requested_m, plan = self._responses.get()
             if isinstance(plan, NoPlan):
@@ -190,9 +194,15 @@ def percentiles(name: str, values_s: List[float]) -> str:
 
 
 def address_of(text: str) -> Tuple[str, int]:
-    """Address and port of `ADDRESS:PORT`."""
-    host, port = text.rsplit(":", 1)
-    return host, int(port)
+    """IPv4 address and port of `ADDRESS:PORT`. A name is resolved once: in the control loop it may take seconds."""
+    host, colon, port = text.rpartition(":")
+    if not colon or not host or not port.isdecimal() or not 0 < int(port) < 1 << 16:
+        raise ValueError(f"{text}: give ADDRESS:PORT, for example 192.0.2.20:30004")
+    try:
+        found = socket.getaddrinfo(host, int(port), socket.AF_INET, socket.SOCK_STREAM)
+    except OSError as error:
+        raise ValueError(f"{text}: cannot resolve the address: {error.strerror}") from error
+    return str(found[0][4][0]), int(port)
 
 
 class Turns(Protocol):
@@ -217,8 +227,9 @@ def control(
     decision_s: List[float] = []
     with equipoise.subscribe(station, name=name, timeout_s=TIMEOUT_S) as consumer:
         for reading in consumer:
-            cobot.poll()
+            # Before `poll`, which may wait: otherwise that time is missing from the gap to the next state.
             now_s = time.monotonic()
+            cobot.poll()
             must_discard = False
             if isinstance(plans, Plans):
                 plans.poll(now_s)
@@ -261,27 +272,30 @@ def main() -> None:
     parser.add_argument("station")
     parser.add_argument("cobot", help="ADDRESS:PORT of RTDE")
     parser.add_argument("--name", default="handover")
-    parser.add_argument("--target", help="X,Y,Z in the station's world, m")
     source = parser.add_mutually_exclusive_group()
+    source.add_argument("--target", metavar="X,Y,Z", help="in the station's world, m")
     source.add_argument("--plan", help="file of `equipoise plan handover --out FILE`, read again when it changes")
     source.add_argument("--mass", type=float, metavar="KG", help="mass of the part: the daemon plans")
     parser.add_argument("--width", type=float, metavar="M", default=0.35, help="distance between the grips, with --mass")
     parser.add_argument("--interval", type=float, metavar="S", default=1.0, help="between two requests, with --mass")
     arguments = parser.parse_args()
-    if arguments.target and arguments.mass is not None:
-        parser.error("give --target or --mass")
-    if not arguments.interval > 0.0:
-        parser.error("--interval: give a positive number of seconds")
+    try:
+        cobot = address_of(arguments.cobot)
+    except ValueError as error:
+        parser.error(f"{error}")
     try:
         plans: Plans | DaemonPlans = Plans(arguments.target, arguments.plan)
     except ValueError:
         parser.error("--target: give three numbers X,Y,Z in metres, for example 0.5,0.1,1.1")
     if arguments.mass is not None:
-        plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
+        try:
+            plans = DaemonPlans(arguments.station, arguments.mass, arguments.width, arguments.interval)
+        except ValueError as error:
+            parser.error(f"{error}")
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, frame: stop.set())
-    print(control(arguments.station, arguments.name, address_of(arguments.cobot), plans, stop))
+    print(control(arguments.station, arguments.name, cobot, plans, stop))
 
 
 if __name__ == "__main__":

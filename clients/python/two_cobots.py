@@ -57,6 +57,14 @@ class Turns:
             return self._holder == station
 
 
+def cobot_of(pair: str) -> Tuple[str, Tuple[str, int]]:
+    """Station, and address and port of its cobot, of `STATION=ADDRESS:PORT`."""
+    station, _, address = pair.partition("=")
+    if not station or ":" not in address:
+        raise ValueError(f"{pair}: give STATION=ADDRESS:PORT, for example station-1=192.0.2.20:30004")
+    return station, address_of(address)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Handover controller of several stations: one cobot moves at a time.")
     parser.add_argument("stations", nargs="+", metavar="STATION=ADDRESS:PORT", help="a station, and RTDE of its cobot")
@@ -71,21 +79,26 @@ def main() -> None:
     failures: List[str] = []
     threads: List[threading.Thread] = []
 
-    def run(station: str, cobot: str) -> None:
+    def run(station: str, cobot: Tuple[str, int], plans: DaemonPlans) -> None:
         try:
-            plans = DaemonPlans(station, arguments.mass, arguments.width, arguments.interval)
-            print(control(station, "handover", address_of(cobot), plans, stop, turns))
+            print(control(station, "handover", cobot, plans, stop, turns))
         except BaseException as error:
             failures.append(f"{station}: {error}")
             stop.set()
 
-    cobots = [pair.partition("=")[::2] for pair in arguments.stations]
+    try:
+        cobots = [cobot_of(pair) for pair in arguments.stations]
+    except ValueError as error:
+        parser.error(f"{error}")
     for pair, (station, cobot) in zip(arguments.stations, cobots):
         if sum(station == other or cobot == address for other, address in cobots) > 1:
             parser.error(f"{pair}: its station or its cobot is given twice")
-        if not station or ":" not in cobot:
-            parser.error(f"{pair}: give STATION=ADDRESS:PORT, for example station-1=192.0.2.20:30004")
-        threads.append(threading.Thread(target=run, args=(station, cobot)))
+    for station, cobot in cobots:
+        try:
+            plans = DaemonPlans(station, arguments.mass, arguments.width, arguments.interval)
+        except ValueError as error:
+            parser.error(f"{error}")
+        threads.append(threading.Thread(target=run, args=(station, cobot, plans)))
     for thread in threads:
         thread.start()
     for thread in threads:

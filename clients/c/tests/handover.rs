@@ -255,6 +255,33 @@ fn both_decisions_match_the_test_vectors() {
 }
 
 #[test]
+fn cpp_reads_numbers_in_a_locale_with_a_decimal_comma() {
+    if !compiler::is_there("cpp") {
+        eprintln!("skipped: no compiler of C++ (CXX, or c++)");
+        return;
+    }
+    let scratch = tempfile::tempdir().unwrap();
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/decimal_comma.cpp");
+    let program = compile(Path::new(source), Link::Static, scratch.path());
+    let run = |arguments: &[&str]| {
+        let ended = Command::new(&program).args(arguments).env("LOCPATH", scratch.path()).output().unwrap();
+        assert_eq!(String::from_utf8_lossy(&ended.stdout), "read\n", "with {arguments:?}");
+    };
+    run(&[]);
+    // A locale of C needs its source (Debian: package `locales`).
+    let locale = "de_DE.UTF-8";
+    let made = Command::new("localedef")
+        .args(["-i", "de_DE", "-f", "UTF-8"])
+        .arg(scratch.path().join(locale))
+        .output();
+    if made.is_ok_and(|ended| ended.status.success()) {
+        run(&[locale]);
+    } else {
+        eprintln!("skipped: localedef makes no locale {locale}");
+    }
+}
+
+#[test]
 fn a_plan_file_is_new_only_with_another_text() {
     let scratch = tempfile::tempdir().unwrap();
     let path = scratch.path().join("plan.json");

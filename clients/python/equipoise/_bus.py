@@ -8,7 +8,7 @@ import importlib
 import os
 import re
 import time
-from typing import Any, Callable, Optional, Type
+from typing import Any, Callable, Iterable, Optional, Type
 
 from . import _messages as table
 
@@ -17,9 +17,16 @@ try:
 except ImportError:  # On another machine there is no bus, and `equipoise.udp` needs none.
     iox2 = None
 
-# Somebody else may be creating or removing a service at this moment: how often to try again, and after what.
-ATTEMPTS = 20
+# Another process may be creating or removing a service: it is damaged or in flux if it still is after this time, s. As in
+# bus/src/open.rs.
+SETTLING_MAX_S = 3.0
+# Pause before another attempt, s.
 PAUSE_S = 0.005
+# Parts of iceoryx2's names of errors.
+OTHER_SCHEMA = ("IncompatibleTypes", "IncompatibleRequestOrResponse", "IncompatibleAttributes")
+DAMAGED = ("ServiceInCorruptedState", "HangsInCreation")
+IN_FLUX = ("InFlux", "MarkedForDestruction", "DoesNotExist", "AlreadyExists", "BeingCreated", "Interrupt")
+FAILED = ("InternalFailure", "UnableToCreateServiceTag", "ServiceConfigCouldNotBeCreated", "UnableToGenerateUniqueServiceId")
 # How often to look whether a place has become free.
 PLACE_PAUSE_S = 0.05
 
@@ -81,6 +88,10 @@ def _close_counters_to_others(root: str) -> None:
                 os.chmod(os.path.join("/dev/shm", name), 0o600)
 
 
+def _contains(text: str, words: Iterable[str]) -> bool:
+    return any(word in text for word in words)
+
+
 def _check_name(what: str, name: str) -> None:
     if not re.fullmatch(r"[A-Za-z0-9_-]{1,32}", name):
         raise BusError(f"{name!r} is no name for a {what}: use 1 to 32 letters, digits, '-' and '_'")
@@ -101,7 +112,7 @@ class Bus:
         iox2.set_log_level(iox2.LogLevel.Error)
         builder = iox2.NodeBuilder.new().config(config).name(iox2.NodeName.new(f"equipoise/{station}/{name}"))
         builder = builder.signal_handling_mode(iox2.SignalHandlingMode.Disabled)
-        self._station, self._patient_until = station, time.monotonic() + patience_s
+        self._station, self._root, self._patient_until = station, root, time.monotonic() + patience_s
         try:
             self._node: Optional[Any] = builder.create(iox2.ServiceType.Ipc)
         except Exception as cause:
@@ -197,28 +208,40 @@ class Bus:
         name = iox2.ServiceName.new(full_name)
         key, value = iox2.AttributeKey.new(table.SCHEMA_KEY), iox2.AttributeValue.new(schema)
         attributes = iox2.AttributeVerifier.new().require(key, value)
-        remaining = ATTEMPTS
+        until_s = time.monotonic() + SETTLING_MAX_S
         while True:
             try:
                 return attempt(name, attributes)
             except Exception as cause:
                 text = f"{cause}"
-                if any(word in text for word in ("IncompatibleTypes", "IncompatibleRequestOrResponse", "IncompatibleAttributes")):
-                    raise BusError(
-                        f"cannot open {full_name}: it was made by another version of Equipoise (schema here "
-                        f"{schema}); run the same release in all processes of this station"
-                    ) from cause
                 if "ExceedsMaxNumberOfNodes" in text:
                     self._wait_for_place(suffix, "participant", table.NODES_MAX, cause)
                     continue
-                in_flux = any(word in text for word in ("InFlux", "Destruction", "DoesNotExist", "AlreadyExists", "BeingCreated"))
-                remaining -= 1
-                if not in_flux or remaining == 0:
-                    raise BusError(
-                        f"cannot open {full_name}: {text}; stop all processes of this station and start the same "
-                        "release everywhere"
-                    ) from cause
-                time.sleep(PAUSE_S)
+                if _contains(text, DAMAGED + IN_FLUX) and time.monotonic() < until_s:
+                    time.sleep(PAUSE_S)
+                    continue
+                raise BusError(self._refusal(full_name, schema, text)) from cause
+
+    def _refusal(self, full_name: str, schema: str, text: str) -> str:
+        """The error of a service that does not open; as in bus/src/error.rs."""
+        if _contains(text, OTHER_SCHEMA):
+            return (
+                f"cannot open {full_name}: it was made by another version of Equipoise (schema here {schema}); "
+                "run the same release in all processes of this station"
+            )
+        if _contains(text, DAMAGED):
+            return (
+                f"cannot open {full_name}: its files are damaged; stop all processes of this station and remove the "
+                f"directory {self._root}"
+            )
+        if _contains(text, IN_FLUX + FAILED):
+            return f"cannot open {full_name}: {text}; if it persists, restart the processes of this station"
+        if "InsufficientPermissions" in text:
+            return f"cannot open {full_name}: it belongs to another user; run all processes of this station as one user"
+        return (
+            f"cannot open {full_name}: it was made with other settings ({text}); stop all processes of this station and "
+            "start the same release everywhere"
+        )
 
     def _take(self, suffix: str, what: str, most: int, make: Callable[[], Any]) -> Any:
         while True:

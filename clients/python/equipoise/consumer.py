@@ -69,6 +69,8 @@ class Consumer:
         self._last_early: Optional[EarlyReading] = None
         # Why the newest state was not returned, if so.
         self._refused: Optional[NoReading] = None
+        # Why the bus was left; until it is read again.
+        self._lost: Optional[NoReading] = None
         self._missed = self._withheld = 0
         self._restarted = False
         self._closed = False
@@ -147,7 +149,8 @@ class Consumer:
             if last is None or newest.time_ns > last.early.time_ns:
                 self._last_early = EarlyReading(newest, now_ns, 0, 0, False)
                 return self._early_at(self._last_early._replace(is_new=True), now_ns)
-        return self._silent() if last is None else self._early_at(last, now_ns)
+        again = self._silent() if last is None else self._early_at(last, now_ns)
+        return again if self._lost is None or isinstance(again, EarlyReading) else self._lost
 
     def _early_at(self, reading: EarlyReading, now_ns: int) -> Union[EarlyReading, NoReading]:
         age_ns, most_ns = now_ns - reading.early.time_ns, table.EARLY_STATE.deadline_ns
@@ -171,6 +174,7 @@ class Consumer:
                 newest = EarlyState()
                 ctypes.memmove(ctypes.addressof(newest), sample.payload_ptr, EARLY_BYTES)
                 sample.delete()
+            self._lost = None
             return newest
         except Exception as cause:
             raise BusError(f"cannot receive early states: {cause}; the consumer rejoins") from cause
@@ -218,6 +222,7 @@ class Consumer:
             return None
         try:
             sample = self._ports.states.receive()
+            self._lost = None
             if sample is None:
                 return None
             state = State()
@@ -283,7 +288,10 @@ class Consumer:
         return reading._replace(age_ns=max(now_ns - reading.state.time_ns, 0), sample_age_ns=sample_age_ns)
 
     def _why_none(self) -> NoReading:
-        """Silent, unless a state was refused recently: calls between two states then repeat its reason."""
+        """The bus error while the bus is lost. Otherwise silent, unless a state was refused recently: calls between two states
+        then repeat its reason."""
+        if self._lost is not None:
+            return self._lost
         silent_ns = time.monotonic_ns() - self._heard_ns
         return self._silent() if self._refused is None or silent_ns > self._stale_after_ns else self._refused
 
@@ -330,7 +338,8 @@ class Consumer:
     def _lose_ports(self, error: BusError) -> NoReading:
         """Closes broken ports; the consumer rejoins as after a silence."""
         self._leave()
-        return NoReading(NoStateReason.BUS, f"{error}")
+        self._lost = NoReading(NoStateReason.BUS, f"{error}")
+        return self._lost
 
 
 def subscribe(

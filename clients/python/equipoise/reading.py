@@ -133,7 +133,7 @@ class NoStateReason(enum.Enum):
     OTHER_CLOCK = "other_clock"
     """The daemon has another CLOCK_MONOTONIC."""
     BUS = "bus"
-    """The bus cannot be read; the consumer rejoins by itself."""
+    """The bus cannot be read; the consumer rejoins by itself, and returns this until then."""
 
 
 class NoReading(NamedTuple):

@@ -99,6 +99,15 @@ impl Tally {
     }
 }
 
+/// Prints the error while the bus cannot be read, when it begins or changes.
+fn print_change(before: &mut Option<NoReading>, reading: &Result<Reading, NoReading>) {
+    let now = reading.as_ref().err().filter(|reason| matches!(reason, NoReading::Bus(_)));
+    if let Some(error) = now.filter(|error| before.as_ref() != Some(error)) {
+        eprintln!("{error}");
+    }
+    *before = now.cloned();
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let (Some(station), Some(name)) = (arguments.next(), arguments.next()) else {
@@ -115,8 +124,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         eprintln!("{refusal}; reading goes on");
     }
     let (mut tally, mut due_ns) = (Tally::default(), now_ns() + PRINT_EVERY_NS);
+    let mut bus_error = None;
     while !stop.load(Ordering::Relaxed) && now_ns() < end_ns {
-        let situation = match consumer.next(TIMEOUT) {
+        let reading = consumer.next(TIMEOUT);
+        print_change(&mut bus_error, &reading);
+        let situation = match reading {
             Ok(reading) => {
                 if !tally.enter(&reading) {
                     return Err(format!("an old state as new: cycle {}", reading.state.cycle).into());
@@ -125,9 +137,6 @@ fn main() -> Result<(), Box<dyn Error>> {
                 Situation::Current(Box::new(reading), speed_percent)
             }
             Err(reason) => {
-                if let NoReading::Bus(error) = &reason {
-                    eprintln!("{error}");
-                }
                 tally.silences += 1;
                 Situation::Nothing(reason)
             }

@@ -48,6 +48,8 @@ impl ConsumerSettings {
 pub struct Consumer {
     settings: ConsumerSettings,
     ports: Option<Ports>,
+    /// Why the bus was left; until it is read again.
+    lost: Option<BusError>,
     /// Time of the last attempt to join.
     joined_ns: u64,
     /// [`REJOIN_AFTER`], shorter in tests.
@@ -108,6 +110,7 @@ impl Consumer {
         Ok(Consumer {
             settings,
             ports: Some(ports),
+            lost: None,
             joined_ns: now_ns(),
             rejoin_after: REJOIN_AFTER,
             last_received_ns: now_ns(),
@@ -202,12 +205,13 @@ impl Consumer {
             self.last_received_ns = now_ns;
         }
         self.keep_up()?;
-        match self.last_early {
+        let again = match self.last_early {
             Some((early, received_ns)) => EarlyReading::at(early, received_ns, false, now_ns),
             None => Err(NoReading::Silent {
                 silent: Duration::from_nanos(now_ns.saturating_sub(self.last_received_ns)),
             }),
-        }
+        };
+        again.map_err(|reason| self.bus_error_or(reason))
     }
 
     fn receive_early(&mut self) -> Result<Option<EarlyState>, BusError> {
@@ -216,7 +220,9 @@ impl Consumer {
             Some(subscriber) => subscriber,
             None => early.insert(bus.subscriber(EarlyState::SERVICE.depth)?),
         };
-        subscriber.latest()
+        let newest = subscriber.latest()?;
+        self.lost = None;
+        Ok(newest)
     }
 
     /// An endless iterator over the results of [`Consumer::next`].
@@ -241,7 +247,10 @@ impl Consumer {
     ) -> Result<Option<(State, u128)>, NoReading> {
         let Some(ports) = &mut self.ports else { return Ok(None) };
         match read(&mut ports.states) {
-            Ok(state) => Ok(state.map(|state| (state, ports.states.writer()))),
+            Ok(state) => {
+                self.lost = None;
+                Ok(state.map(|state| (state, ports.states.writer())))
+            }
             Err(error) => Err(self.lose_ports(error)),
         }
     }
@@ -299,11 +308,16 @@ impl Consumer {
         Duration::from_nanos(age_ns) <= self.settings.stale_after
     }
 
-    /// `Silent`, unless a state was refused recently: calls between two states then repeat its reason.
+    /// The bus error while the bus is lost. Otherwise `Silent`, unless a state was refused recently: calls between two
+    /// states then repeat its reason.
     fn why_none(&self) -> NoReading {
         let silent = Duration::from_nanos(now_ns().saturating_sub(self.last_received_ns));
         let refused = self.refused.clone().filter(|_| silent <= self.settings.stale_after);
-        refused.unwrap_or(NoReading::Silent { silent })
+        self.bus_error_or(refused.unwrap_or(NoReading::Silent { silent }))
+    }
+
+    fn bus_error_or(&self, reason: NoReading) -> NoReading {
+        self.lost.clone().map_or(reason, NoReading::Bus)
     }
 
     /// Between two states: publishes the report if it is due, and rejoins after a long silence.
@@ -332,7 +346,7 @@ impl Consumer {
         // Leaves first, because the places held now may be the last ones.
         self.leave();
         self.joined_ns = now_ns();
-        let ports = Ports::open(&self.settings)?;
+        let ports = Ports::open(&self.settings).map_err(|error| self.lose_ports(error))?;
         self.reporting.open(&ports.bus);
         self.ports = Some(ports);
         Ok(())
@@ -346,6 +360,7 @@ impl Consumer {
     /// Leaves a broken bus; the consumer rejoins as after a silence.
     fn lose_ports(&mut self, error: BusError) -> NoReading {
         self.leave();
+        self.lost = Some(error.clone());
         NoReading::Bus(error)
     }
 
@@ -373,14 +388,44 @@ mod tests {
 
     use super::*;
 
+    fn settings(folder: &tempfile::TempDir, role: &str) -> ConsumerSettings {
+        let mut settings = ConsumerSettings::new("test", role);
+        settings.bus.root = folder.path().join("bus");
+        settings
+    }
+
+    #[test]
+    fn a_lost_bus_is_reported_until_it_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut consumer = Consumer::join_with(settings(&folder, "reader")).unwrap();
+        consumer.rejoin_after = REJOIN_AFTER / 10;
+        // The bus cannot be joined again.
+        let root = std::mem::replace(&mut consumer.settings.bus.root, "not absolute".into());
+        while matches!(consumer.next(Duration::ZERO), Err(NoReading::Silent { .. })) {
+            std::thread::sleep(PAUSE);
+        }
+        // Some attempts to join, and the calls between them.
+        let end_ns = now_ns() + REJOIN_AFTER.as_nanos() as u64;
+        while now_ns() < end_ns {
+            let reasons = [
+                consumer.next(Duration::ZERO).unwrap_err(),
+                consumer.latest().unwrap_err(),
+                consumer.early().unwrap_err(),
+            ];
+            assert!(reasons.iter().all(|reason| matches!(reason, NoReading::Bus(_))), "{reasons:?}");
+            std::thread::sleep(PAUSE);
+        }
+        consumer.settings.bus.root = root;
+        while matches!(consumer.latest(), Err(NoReading::Bus(_))) {
+            std::thread::sleep(PAUSE);
+        }
+        assert!(matches!(consumer.latest(), Err(NoReading::Silent { .. })));
+    }
+
     #[test]
     fn states_without_early_states_keep_the_bus_joined() {
         let folder = tempfile::tempdir().unwrap();
-        let settings = |role| {
-            let mut settings = ConsumerSettings::new("test", role);
-            settings.bus.root = folder.path().join("bus");
-            settings
-        };
+        let settings = |role| settings(&folder, role);
         let bus = Bus::join(&settings("daemon").bus).unwrap();
         let states = bus.publisher::<State>().unwrap();
         let mut consumer = Consumer::join_with(settings("early")).unwrap();

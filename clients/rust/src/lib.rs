@@ -12,7 +12,7 @@
 //!             Some(torque_nm) => println!("{torque_nm:?}, {} ns after its cycle was due", reading.age_ns),
 //!             None => println!("withheld: {:?}", reading.validity().names().collect::<Vec<_>>()),
 //!         },
-//!         Err(NoReading::Bus(error)) => eprintln!("{error}"), // it rejoins by itself
+//!         Err(NoReading::Bus(error)) => eprintln!("{error}"), // until it has rejoined, by itself
 //!         Err(nothing) => println!("no value: {nothing}"),    // now the robot goes to its safe speed
 //!     }
 //! }

@@ -66,7 +66,7 @@ pub enum NoReading {
         /// By how much.
         ahead: Duration,
     },
-    /// The bus cannot be read; the consumer rejoins by itself.
+    /// The bus cannot be read; the consumer rejoins by itself, and returns this until then.
     #[error(transparent)]
     Bus(#[from] BusError),
 }

@@ -7,6 +7,7 @@ use equipoise_core::body::Joint;
 use equipoise_core::message::state::Phase;
 use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
+use equipoise_core::time::seconds;
 use equipoise_gateways::Latest;
 use equipoise_view::state_json::StateJson;
 use serde::Serialize;
@@ -125,10 +126,20 @@ impl<'a> Summary<'a> {
     }
 }
 
+/// One message of `equipoise/STATION/state`: the state as in `equipoise status --json`, and its creation time.
+#[derive(Serialize)]
+struct WholeState<'a> {
+    /// s since 1970 UTC.
+    sent_unix_s: f64,
+    #[serde(flatten)]
+    state: StateJson<'a>,
+}
+
 /// The whole state, with positions and torques, if there is one.
 pub fn state(latest: &Latest, utc_s: f64) -> Option<Vec<u8>> {
     let reading = latest.as_ref().ok()?;
-    StateJson::new(&reading.state, utc_s).to_text().ok().map(String::into_bytes)
+    let state = StateJson::new(&reading.state, seconds(reading.state.time_ns));
+    serde_json::to_vec(&WholeState { sent_unix_s: utc_s, state }).ok()
 }
 
 /// Now, s since 1970 UTC, to the millisecond.

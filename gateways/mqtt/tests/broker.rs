@@ -25,10 +25,19 @@ fn config(port: u16, keys: &str) -> MqttConfig {
 
 /// Joint index of MVN's RightElbow.
 const ELBOW: usize = 8;
+/// Due time of the cycle, CLOCK_MONOTONIC.
+const DUE_NS: u64 = 12_500_000_000;
 
 fn reading(valid: Validity) -> Latest {
-    let mut state =
-        State { cycle: 9, valid: valid.0, phase: 2, lifts: 3, worst_joint: ELBOW as u32, ..State::zeroed() };
+    let mut state = State {
+        time_ns: DUE_NS,
+        cycle: 9,
+        valid: valid.0,
+        phase: 2,
+        lifts: 3,
+        worst_joint: ELBOW as u32,
+        ..State::zeroed()
+    };
     state.joint_level.fill(1);
     state.joint_level[ELBOW] = 3;
     Ok(Reading {
@@ -160,8 +169,11 @@ fn motion_is_published_only_if_configured() {
     guest.welcome();
     guest.publish();
     gateway.send(&reading(Validity(0)));
-    guest.json("equipoise/cell-7/summary");
-    assert!(guest.json("equipoise/cell-7/state")["joints"]["RightElbow"]["torque_nm"].is_array());
+    let summary = guest.json("equipoise/cell-7/summary");
+    let state = guest.json("equipoise/cell-7/state");
+    assert!(state["joints"]["RightElbow"]["torque_nm"].is_array());
+    // The keys of `status --json`, and the creation time of both messages.
+    assert_eq!((&state["t"], &state["sent_unix_s"]), (&12.5.into(), &summary["t"]));
     drop(guest);
 }
 
