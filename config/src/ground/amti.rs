@@ -30,8 +30,8 @@ pub struct AmtiConfig {
     pub force_unit: ForceUnit,
     /// Unit of the matrix's moments.
     pub moment_unit: MomentUnit,
-    /// Use the load at the daemon's start as zero. The plate must be empty at that time.
-    #[serde(default)]
+    /// Without effect: accepted for one release, with a warning.
+    #[serde(default, skip_serializing)]
     pub auto_zero: bool,
 }
 
@@ -96,7 +96,6 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
             MomentUnit::NewtonMetre => 1.0,
             MomentUnit::PoundForceInch => NEWTON_PER_LBF * METRE_PER_INCH,
         },
-        auto_zero: config.auto_zero,
     })))
 }
 
@@ -198,6 +197,20 @@ mod tests {
         let zeros = format!("[{}]", ["0.0"; 12].join(", "));
         let row = plate().lines().nth(19).unwrap().trim().trim_end_matches(',').to_owned();
         assert!(refusal(&plate().replace(&row, &zeros)).contains("the row of Fz is all zeros"));
+    }
+
+    #[test]
+    fn a_plate_is_not_zeroed_by_the_configuration() {
+        let text = plate().replace("rate_hz = 100", "rate_hz = 100\nauto_zero = true");
+        let config = Config::parse(&text, "c.toml").unwrap();
+        assert_eq!(config.to_toml(), Config::parse(&plate(), "c.toml").unwrap().to_toml());
+        let warnings = crate::renamed_keys(&text);
+        assert!(
+            warnings.len() == 1
+                && warnings[0].contains("`ground.amti.auto_zero` has no effect")
+                && warnings[0].contains("equipoise tare"),
+            "{warnings:?}"
+        );
     }
 
     #[test]
