@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::numbers::{SUMMANDS, is_summand};
 use super::serial::{self, SerialDefaults};
-use super::{Axes, GroundConfig};
+use super::{GroundConfig, z_down};
 use crate::method::Checked;
 
 /// Initial baud rate, independent of the sampling rate.
@@ -134,12 +134,7 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
             ));
         }
     }
-    if ground.frame.axes != Axes::ZDown {
-        let what =
-            "must be \"z-down\" for an AMTI plate, whose z axis points down: say so under [ground.frame]";
-        return Err(("ground.frame.axes", what.to_owned()));
-    }
-    Ok(())
+    z_down::check(ground, "AMTI's plates")
 }
 
 #[cfg(test)]
@@ -216,7 +211,10 @@ mod tests {
     #[test]
     fn the_axes_of_a_plate_are_required() {
         let message = refusal(&plate().replace("axes = \"z-down\"", ""));
-        assert!(message.contains("ground.frame.axes: must be \"z-down\" for an AMTI plate"), "{message}");
+        assert!(message.contains("ground.frame.axes: must be \"z-down\" for AMTI's plates"), "{message}");
+        let message =
+            refusal(&plate().replace("\"amti-serial\"", "\"amti-serial\"\nmeasures = \"reaction\""));
+        assert!(message.contains("ground.measures: must be \"action\" for AMTI's plates"), "{message}");
     }
 
     #[test]
