@@ -198,17 +198,36 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], with a text for the author of the file.
     pub fn read(path: &Path) -> Result<Config, ConfigError> {
-        let text = read_text(path, TEXT_BYTES_MAX)
-            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        let mut config = Config::parse(&text, &path.display().to_string())?;
-        for sentence in renamed_keys(&text) {
-            tracing::warn!("{}: {sentence}", path.display());
-        }
+        let mut config = Config::read_without_model(path)?;
         if let Some(model) = &config.model {
             let folder = path.parent().unwrap_or(Path::new(""));
             config.loaded_model = Some(LoadedModel::read(&folder.join(&model.file))?);
         }
         Ok(config)
+    }
+
+    /// As [`Config::read`], for a process that does not use the model file and need not have access to it.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn read_without_model(path: &Path) -> Result<Config, ConfigError> {
+        let (config, warnings) = Config::read_with_warnings(path)?;
+        for warning in warnings {
+            tracing::warn!("{warning}");
+        }
+        Ok(config)
+    }
+
+    /// As [`Config::read_without_model`], for repeated reads: returns the warnings instead of logging them.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn read_with_warnings(path: &Path) -> Result<(Config, Vec<String>), ConfigError> {
+        let text = read_text(path, TEXT_BYTES_MAX)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let config = Config::parse(&text, &path.display().to_string())?;
+        let keys = renamed_keys(&text);
+        Ok((config, keys.into_iter().map(|sentence| format!("{}: {sentence}", path.display())).collect()))
     }
 
     /// Parses and checks a text; `name` is its name in errors. The model file is not read.
