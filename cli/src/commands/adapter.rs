@@ -92,11 +92,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         };
         if let Some(fault) = differs_from_daemon(stream, &config) {
             // The file has the daemon's section if only the daemon was restarted after a change.
-            match Config::read_without_model(path)
-                .ok()
-                .filter(|new| differs_from_daemon(stream, new).is_none())
-            {
-                Some(new) if new.station == config.station => {
+            let read = Config::read_with_warnings(path).ok();
+            match read.filter(|(new, _)| differs_from_daemon(stream, new).is_none()) {
+                Some((new, warnings)) if new.station == config.station => {
+                    warnings.iter().for_each(|warning| warn!("{warning}"));
                     info!("[{}] of {} is in use, as the daemon has it", stream.name(), path.display());
                     config = new;
                 }

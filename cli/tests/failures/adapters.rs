@@ -241,3 +241,25 @@ fn processes_that_do_not_use_the_model_start_without_access_to_it() {
         assert_eq!(process.stop(Signal::TERM), Some(0), "{arguments:?}: {}", process.stderr());
     }
 }
+
+#[test]
+fn an_adapter_that_waits_for_the_daemon_warns_of_an_old_key_once() {
+    let station = Station::new();
+    let text = station.configuration();
+    let _daemon = station.daemon(&text);
+    let other = text.replace("[suit]", "[suit]\nwander_deg = 0.4\navatar = 3");
+    let path = station.write("other.toml", &other).display().to_string();
+    let mut adapter = station.spawn(&["adapter", "suit", "--config", &path]);
+    wait_for("the difference", || {
+        adapter.stderr().contains("differs from that of the running").then_some(())
+    });
+    // It reads the file twice a second.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    assert_eq!(
+        adapter.stderr().matches("`suit.wander_deg` is now called").count(),
+        1,
+        "{}",
+        adapter.stderr()
+    );
+    assert_eq!(adapter.stop(Signal::TERM), Some(0), "{}", adapter.stderr());
+}
