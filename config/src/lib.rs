@@ -9,6 +9,7 @@ pub mod method;
 pub mod model;
 pub mod model_file;
 pub mod overload;
+mod ports;
 mod recording;
 mod remedy;
 mod renamed;
@@ -250,7 +251,8 @@ impl Config {
     /// Rules that single values cannot express; the error names the field.
     fn check(&self) -> Result<(), ground::InvalidField> {
         self.ground.check_second()?;
-        self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))
+        self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))?;
+        ports::check(self)
     }
 
     fn check_parts(&self) -> method::Checked {
@@ -334,9 +336,15 @@ impl Config {
         for file in file.iter_mut().chain(second_file) {
             file.path = name_of(&file.path);
         }
+        let mut first = None;
         for serial in serial.iter_mut().chain(second_serial) {
+            let mut name = name_of(&serial.port).into_os_string();
+            if first.as_ref() == Some(&name) {
+                name.push("-2");
+            }
             // The path of a port must be absolute.
-            serial.port = Path::new("/").join(name_of(&serial.port));
+            serial.port = Path::new("/").join(&name);
+            first = Some(name);
         }
         self.latency.hlog = self.latency.hlog.as_deref().map(name_of);
         if let Some(recording) = &mut self.recording {
