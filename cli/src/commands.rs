@@ -29,7 +29,6 @@ mod verify;
 mod view;
 mod watch;
 
-use std::io::Write as _;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -38,7 +37,7 @@ use equipoise_daemon::run::ConfigArgument;
 use equipoise_discrepancy::spans::Span;
 use equipoise_station::process::{self, log_to_stderr, single_line, stop_on_signals};
 
-use crate::metrics_feed;
+use crate::{metrics_feed, output};
 
 /// Exit status of a command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -146,14 +145,20 @@ pub fn main() -> ExitCode {
         Command::Completions(arguments) => completions::run(&arguments),
         Command::ManPages(arguments) => completions::man_pages(&arguments),
     };
-    match outcome {
+    let code = match outcome {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::PartRejected) => ExitCode::from(3),
         // The reader closed our output early, as in `equipoise watch | head -n 1`.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            // Standard error can be a terminal that was closed, where `eprintln!` panics.
-            let _ = writeln!(std::io::stderr(), "equipoise: {}", single_line(&error));
+            eprintln!("equipoise: {}", single_line(&error));
+            return ExitCode::FAILURE;
+        }
+    };
+    match output::finish() {
+        None => code,
+        Some(error) => {
+            eprintln!("equipoise: the output is incomplete: cannot write to standard output: {error}");
             ExitCode::FAILURE
         }
     }

@@ -135,7 +135,7 @@ impl Deletion {
             for (path, file) in data.stations {
                 self.clear_station(id, &directory, path, file)?;
             }
-            for path in data.leftovers {
+            for path in data.leftovers.into_iter().chain(data.lock) {
                 remove(&path)?;
             }
             for path in data.flights {

@@ -2,6 +2,10 @@
 //! station, the installation, the page's server, calibration procedures.
 #![forbid(unsafe_code)]
 
+// Before all other modules, in which its macros replace those of std.
+#[macro_use]
+mod output;
+
 pub mod calibration;
 mod client;
 pub mod commands;

@@ -16,6 +16,8 @@ use equipoise_station::state_directory::StateDirectory;
 pub struct StateData {
     /// Profile, list of lifts, and leftovers of their interrupted writes.
     pub profiles: Vec<PathBuf>,
+    /// Lock that a daemon holds or a killed one left: no data.
+    pub lock: Option<PathBuf>,
     /// Files of stations that have the subject in use.
     pub stations: Vec<(PathBuf, StationFile)>,
     /// Leftovers of interrupted writes in the folders of stations and flight records: their subject is unknown.
@@ -38,6 +40,9 @@ impl StateData {
         let own = format!("{id}.");
         data.profiles = files_in(&directory.profiles())?;
         data.profiles.retain(|path| name_of(path).starts_with(&own));
+        let lock = directory.lock(id);
+        data.lock = data.profiles.contains(&lock).then(|| lock.clone());
+        data.profiles.retain(|path| *path != lock);
         for path in files_in(&directory.stations())? {
             data.add_station_file(id, path);
         }

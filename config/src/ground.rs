@@ -18,6 +18,7 @@ pub mod serial;
 pub mod tec_gihan;
 pub mod text;
 pub mod transport;
+mod z_down;
 
 use std::net::SocketAddr;
 

@@ -9,6 +9,7 @@ pub mod method;
 pub mod model;
 pub mod model_file;
 pub mod overload;
+mod ports;
 mod recording;
 mod remedy;
 mod renamed;
@@ -198,17 +199,36 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], with a text for the author of the file.
     pub fn read(path: &Path) -> Result<Config, ConfigError> {
-        let text = read_text(path, TEXT_BYTES_MAX)
-            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        let mut config = Config::parse(&text, &path.display().to_string())?;
-        for sentence in renamed_keys(&text) {
-            tracing::warn!("{}: {sentence}", path.display());
-        }
+        let mut config = Config::read_without_model(path)?;
         if let Some(model) = &config.model {
             let folder = path.parent().unwrap_or(Path::new(""));
             config.loaded_model = Some(LoadedModel::read(&folder.join(&model.file))?);
         }
         Ok(config)
+    }
+
+    /// As [`Config::read`], for a process that does not use the model file and need not have access to it.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn read_without_model(path: &Path) -> Result<Config, ConfigError> {
+        let (config, warnings) = Config::read_with_warnings(path)?;
+        for warning in warnings {
+            tracing::warn!("{warning}");
+        }
+        Ok(config)
+    }
+
+    /// As [`Config::read_without_model`], for repeated reads: returns the warnings instead of logging them.
+    ///
+    /// # Errors
+    /// As [`Config::read`].
+    pub fn read_with_warnings(path: &Path) -> Result<(Config, Vec<String>), ConfigError> {
+        let text = read_text(path, TEXT_BYTES_MAX)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let config = Config::parse(&text, &path.display().to_string())?;
+        let keys = renamed_keys(&text);
+        Ok((config, keys.into_iter().map(|sentence| format!("{}: {sentence}", path.display())).collect()))
     }
 
     /// Parses and checks a text; `name` is its name in errors. The model file is not read.
@@ -231,7 +251,8 @@ impl Config {
     /// Rules that single values cannot express; the error names the field.
     fn check(&self) -> Result<(), ground::InvalidField> {
         self.ground.check_second()?;
-        self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))
+        self.check_parts().map_err(|(field, what)| (Cow::Borrowed(field), what))?;
+        ports::check(self)
     }
 
     fn check_parts(&self) -> method::Checked {
@@ -315,9 +336,15 @@ impl Config {
         for file in file.iter_mut().chain(second_file) {
             file.path = name_of(&file.path);
         }
+        let mut first = None;
         for serial in serial.iter_mut().chain(second_serial) {
+            let mut name = name_of(&serial.port).into_os_string();
+            if first.as_ref() == Some(&name) {
+                name.push("-2");
+            }
             // The path of a port must be absolute.
-            serial.port = Path::new("/").join(name_of(&serial.port));
+            serial.port = Path::new("/").join(&name);
+            first = Some(name);
         }
         self.latency.hlog = self.latency.hlog.as_deref().map(name_of);
         if let Some(recording) = &mut self.recording {

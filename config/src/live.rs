@@ -9,8 +9,8 @@ use super::method::{Build, SubjectConfig};
 
 impl Config {
     /// This configuration with the live parts of another one: `[overload]`, `[static_pose]`, `[model]` and the model
-    /// itself, `[latency]`, `subject.tau_max_nm`, and `[gateways]` and `[recording]`, which other
-    /// processes read.
+    /// itself, `[latency]`, `subject.tau_max_nm`, and `[gateways]`, `[page]` and `[recording]`, which
+    /// other processes read.
     pub fn with_live_settings_of(&self, other: &Config) -> Config {
         let mut live = self.clone();
         live.overload = other.overload.clone();
@@ -19,6 +19,7 @@ impl Config {
         live.loaded_model = other.loaded_model.clone();
         live.latency = other.latency.clone();
         live.gateways = other.gateways.clone();
+        live.page = other.page.clone();
         live.recording = other.recording.clone();
         live.subject.tau_max_nm = other.subject.tau_max_nm.clone();
         live
@@ -43,6 +44,7 @@ impl Config {
     pub fn reader_of(key: &str) -> Option<&'static str> {
         match key.split('.').next() {
             Some("gateways") => Some("its gateway"),
+            Some("page") => Some("equipoise view"),
             Some("recording") => Some("the recorder"),
             _ => None,
         }
@@ -93,8 +95,13 @@ mod tests {
         new.tick.rate_hz = 500;
         new.subject.height_m = 1.6;
         let after = before.with_live_settings_of(&new);
-        assert_eq!(after.keys_that_differ(&new), ["loop.rate_hz", "page", "subject.height_m"]);
-        assert_eq!(before.keys_that_differ(&after), ["overload.threshold_n"]);
+        assert_eq!(after.keys_that_differ(&new), ["loop.rate_hz", "subject.height_m"]);
+        let changed = before.keys_that_differ(&after);
+        assert_eq!(changed, ["overload.threshold_n", "page"]);
+        assert_eq!(
+            [&changed[0], &changed[1]].map(|key| Config::reader_of(key)),
+            [None, Some("equipoise view")]
+        );
         assert_eq!(after.tick, before.tick);
     }
 }

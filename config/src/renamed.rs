@@ -1,4 +1,4 @@
-//! Keys under their names of the previous release, which are accepted as aliases for one release.
+//! Keys of the previous release that were renamed or removed, which are accepted for one release.
 
 use toml::{Table, Value};
 
@@ -19,7 +19,13 @@ const RENAMED: [(&str, &str); 13] = [
     ("ground.channels.soles", "insoles"),
 ];
 
-/// A sentence for each key of a configuration that has an old name.
+/// Removed dotted names, and the reason. Each is read (`skip_serializing`), but not used.
+const REMOVED: [(&str, &str); 1] = [(
+    "ground.amti.auto_zero",
+    "zeroing at the start would take a worker on the plate as zero; `equipoise tare` zeroes the empty plate",
+)];
+
+/// A sentence for each key of a configuration that has an old name or was removed.
 pub fn renamed_keys(text: &str) -> Vec<String> {
     let Ok(table) = toml::from_str::<Table>(text) else { return Vec::new() };
     let mut sentences = Vec::new();
@@ -31,6 +37,14 @@ pub fn renamed_keys(text: &str) -> Vec<String> {
                 sentences
                     .push(format!("`{key}` is now called `{new}`: rename it; the next release rejects it"));
             }
+        }
+    }
+    for (key, reason) in REMOVED {
+        let of_second = key.strip_prefix("ground.").map(|key| format!("ground.second.{key}"));
+        for key in [Some(key.to_owned()), of_second].into_iter().flatten().filter(|key| has(&table, key)) {
+            sentences.push(format!(
+                "`{key}` has no effect any more: {reason}; delete the key, the next release rejects it"
+            ));
         }
     }
     sentences

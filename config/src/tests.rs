@@ -209,6 +209,8 @@ fn a_model_next_to_the_configuration_reaches_the_cycle() {
         message.starts_with("[model] file: cannot read the model") && message.contains("models/m.toml"),
         "{message}"
     );
+    let without = Config::read_without_model(&path).unwrap();
+    assert_eq!((without.model.is_some(), without.loaded_model), (true, None));
 
     std::fs::create_dir(folder.path().join("models")).unwrap();
     let effect = "[[effect]]\nname = \"plate_offset\"\nspan_s = [0, 1]\nopen_ended = true\nlog_odds = 9.0\n";

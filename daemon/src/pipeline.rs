@@ -144,7 +144,7 @@ impl Pipeline {
         let subject = &config.subject;
         let configured =
             ProfileDestination::of(&state, &subject.id, Some(subject.build()), subject.save_profile);
-        let subjects = Arc::new(Subjects::new(state, configured));
+        let subjects = Arc::new(Subjects::new(state, &config.station, configured));
         let restored = Restored::find(&mut active, &subjects);
         let active_configuration = Arc::new(SharedConfiguration::new(active, settings_sender));
         // Threads are running from here on: a failure must end them and wait until they have left the bus.

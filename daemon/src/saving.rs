@@ -6,7 +6,6 @@
 mod lifts;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -127,6 +126,10 @@ impl Writer {
         self.encode_station(number, &copy);
         self.return_copy(copy);
         self.write();
+        if self.profiles.is_empty() && self.lifts.is_written() {
+            // The loop provides no copy of an earlier number any more.
+            self.saver.subjects.release_unused(number);
+        }
     }
 
     fn return_copy(&mut self, copy: Box<StoredState>) {
@@ -221,14 +224,13 @@ impl Writer {
             failed = Some(format!("cannot write the list of lifts {}: {error}", path.display()));
         }
         self.profiles.retain(|number, text| {
-            let mut record_error = |path: &PathBuf, error: std::io::Error| {
-                failed = Some(format!("cannot write the profile {}: {error}", path.display()));
-            };
             let written = subjects.write(*number, |destination| {
                 write_atomically(&destination.path, text.as_bytes())
-                    .map_err(|error| record_error(&destination.path, error))
+                    .map_err(|error| (destination.path.clone(), error))
             });
-            if written.is_ok() {
+            if let Err((path, error)) = &written {
+                failed = Some(format!("cannot write the profile {}: {error}", path.display()));
+            } else {
                 subjects.set_unwritten(*number, false);
             }
             written.is_err()

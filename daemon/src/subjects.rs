@@ -3,13 +3,15 @@
 //! Each subject loaded during the daemon's lifetime has a number, which accompanies its data. So a pose used just
 //! before another subject is loaded still enters the correct profile.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{self, ErrorKind};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use equipoise_config::method::Build;
 use equipoise_core::handover::experience::Experience;
+use equipoise_files::FileLock;
 use equipoise_station::state_directory::StateDirectory;
 
 /// Number of the configured subject.
@@ -78,6 +80,9 @@ impl ProfileDestination {
 #[derive(Debug)]
 pub struct Subjects {
     state: StateDirectory,
+    station: String,
+    /// Locks of the subjects whose files this daemon writes, by pseudonym.
+    claims: Mutex<BTreeMap<String, Arc<FileLock>>>,
     all: Mutex<Vec<ProfileDestination>>,
     in_use: AtomicU64,
     /// Numbers whose profile in memory is newer than the file.
@@ -87,10 +92,12 @@ pub struct Subjects {
 }
 
 impl Subjects {
-    /// Begins with the configured subject.
-    pub fn new(state: StateDirectory, configured: ProfileDestination) -> Subjects {
+    /// Begins with the configured subject. `station` is the name under which other daemons report a claim.
+    pub fn new(state: StateDirectory, station: &str, configured: ProfileDestination) -> Subjects {
         Subjects {
             state,
+            station: station.to_owned(),
+            claims: Mutex::default(),
             all: Mutex::new(vec![configured]),
             in_use: AtomicU64::new(CONFIGURED),
             unwritten: Mutex::default(),
@@ -164,20 +171,63 @@ impl Subjects {
         });
     }
 
+    /// Claims the files of a subject for this daemon until [`Subjects::release_unused`], at least while the returned
+    /// value exists. `None` if the claim cannot be stored, for example on a full disk: [`Subjects::write`] tries again.
+    ///
+    /// # Errors
+    /// Another daemon has claimed them.
+    pub fn claim(&self, subject: &str) -> Result<Option<Arc<FileLock>>, String> {
+        match self.try_claim(subject) {
+            Ok(claim) => Ok(Some(claim)),
+            Err(error) if error.kind() == ErrorKind::ResourceBusy => Err(error.to_string()),
+            Err(_) => Ok(None),
+        }
+    }
+
+    fn try_claim(&self, subject: &str) -> io::Result<Arc<FileLock>> {
+        let mut claims = self.claims.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(claim) = claims.get(subject) {
+            return Ok(Arc::clone(claim));
+        }
+        let holder = format!("station {} (process {})", self.station, std::process::id());
+        let lock =
+            FileLock::acquire(&self.state.lock(subject), &holder).map_err(|error| match error.kind() {
+                ErrorKind::ResourceBusy => {
+                    let text = format!("{subject} is in use at another station of this computer: {error}");
+                    io::Error::new(ErrorKind::ResourceBusy, text)
+                }
+                _ => error,
+            })?;
+        let claim = Arc::new(lock);
+        claims.insert(subject.to_owned(), Arc::clone(&claim));
+        Ok(claim)
+    }
+
+    /// Releases the claims of all subjects without a number from `oldest` on, so that other daemons can load them.
+    /// Nothing of earlier numbers may be pending.
+    pub fn release_unused(&self, oldest: u64) {
+        let used: BTreeSet<String> =
+            self.with(|all| all.iter().skip(oldest as usize).map(|one| one.subject.clone()).collect());
+        let mut claims = self.claims.lock().unwrap_or_else(PoisonError::into_inner);
+        claims.retain(|subject, claim| used.contains(subject) || Arc::strong_count(claim) > 1);
+    }
+
     /// Calls `write` for a subject unless saving is disabled.
     ///
     /// # Errors
-    /// The error of `write`.
-    pub fn write<E>(
+    /// The error of `write`, or that of the subject's claim, with the path of the file.
+    pub fn write(
         &self,
         number: u64,
-        write: impl FnOnce(&ProfileDestination) -> Result<(), E>,
-    ) -> Result<(), E> {
+        write: impl FnOnce(&ProfileDestination) -> Result<(), (PathBuf, io::Error)>,
+    ) -> Result<(), (PathBuf, io::Error)> {
         let _disk = self.disk.lock().unwrap_or_else(PoisonError::into_inner);
-        match self.get(number).filter(|destination| destination.refusal.is_none()) {
-            Some(destination) => write(&destination),
-            None => Ok(()),
-        }
+        let Some(destination) = self.get(number).filter(|destination| destination.refusal.is_none()) else {
+            return Ok(());
+        };
+        let _claim =
+            self.try_claim(&destination.subject).map_err(|error| (destination.path.clone(), error))?;
+        write(&destination)
     }
 
     /// Clears a subject under all its numbers. After the return, nothing is written under its name.
@@ -188,6 +238,7 @@ impl Subjects {
             }
         });
         drop(self.disk.lock());
+        self.claims.lock().unwrap_or_else(PoisonError::into_inner).remove(subject);
     }
 
     fn with<T>(&self, access: impl FnOnce(&mut Vec<ProfileDestination>) -> T) -> T {
@@ -202,15 +253,17 @@ mod tests {
 
     use super::*;
 
-    fn subjects() -> Subjects {
-        let state = StateDirectory::at(std::path::Path::new("/nowhere"));
+    /// The subjects of a station in a state directory; the configured one is "a".
+    fn subjects(directory: &tempfile::TempDir, station: &str) -> Subjects {
+        let state = StateDirectory::at(directory.path());
         let configured = ProfileDestination::of(&state, "a", None, true);
-        Subjects::new(state, configured)
+        Subjects::new(state, station, configured)
     }
 
     #[test]
     fn every_subject_has_its_own_file() {
-        let subjects = subjects();
+        let directory = tempfile::tempdir().unwrap();
+        let subjects = subjects(&directory, "s");
         let second = subjects.add(ProfileDestination::of(subjects.state(), "b", None, false));
         let of = |number| subjects.get(number).unwrap();
         assert_eq!((of(CONFIGURED).subject.as_str(), of(CONFIGURED).refusal), ("a", None));
@@ -221,11 +274,12 @@ mod tests {
 
     #[test]
     fn a_deleted_subject_is_not_written() {
-        let subjects = subjects();
+        let directory = tempfile::tempdir().unwrap();
+        let subjects = subjects(&directory, "s");
         let again = subjects.add(ProfileDestination::of(subjects.state(), "a", None, true));
         let written = |number| {
             let mut written = false;
-            let _ = subjects.write::<()>(number, |_| {
+            let _ = subjects.write(number, |_| {
                 written = true;
                 Ok(())
             });
@@ -245,5 +299,39 @@ mod tests {
         assert!(!subjects.is_unwritten("a"));
         assert!(!written(CONFIGURED) && !written(again));
         assert_eq!((subjects.get(again).unwrap().subject.as_str(), learn(again)), ("", 0));
+        assert!(!subjects.state().lock("a").exists());
+    }
+
+    #[test]
+    fn the_files_of_a_subject_are_written_by_one_station_at_a_time() {
+        let directory = tempfile::tempdir().unwrap();
+        let [first, second] = ["press-1", "press-2"].map(|station| subjects(&directory, station));
+        drop(first.claim("a").unwrap().expect("a claim"));
+        let in_use = "a is in use at another station of this computer: station press-1 (process ";
+        assert!(second.claim("a").unwrap_err().starts_with(in_use));
+        let (path, error) = second.write(CONFIGURED, |_| panic!("written by two")).unwrap_err();
+        assert!(path.ends_with("a.toml") && error.to_string().starts_with(in_use), "{error}");
+        // The first station loads another subject, whose data follow those of the one before.
+        let next = first.add(ProfileDestination::of(first.state(), "b", None, true));
+        first.release_unused(CONFIGURED);
+        assert!(second.claim("a").is_err());
+        let claimed = first.claim("b").unwrap();
+        first.release_unused(next);
+        assert_eq!(second.write(CONFIGURED, |_| Ok(())).ok(), Some(()));
+        assert!(second.claim("b").is_err());
+        drop((claimed, first));
+        assert!(second.claim("b").is_ok());
+    }
+
+    #[test]
+    fn a_claim_is_kept_until_its_subject_has_a_number() {
+        let directory = tempfile::tempdir().unwrap();
+        let [first, second] = ["press-1", "press-2"].map(|station| subjects(&directory, station));
+        let claimed = first.claim("b").unwrap();
+        first.release_unused(CONFIGURED);
+        assert!(second.claim("b").is_err());
+        drop(claimed);
+        first.release_unused(CONFIGURED);
+        assert!(second.claim("b").is_ok());
     }
 }

@@ -114,6 +114,11 @@ impl StateDirectory {
         self.profiles().join(format!("{subject}.toml"))
     }
 
+    /// Path of the lock that the daemon with a subject in use holds.
+    pub fn lock(&self, subject: &str) -> PathBuf {
+        self.profiles().join(format!("{subject}.lock"))
+    }
+
     /// Folder of the station files.
     pub fn stations(&self) -> PathBuf {
         self.0.join("stations")

@@ -15,16 +15,13 @@ pub const SPEED_FAST: u32 = 115_200;
 pub const STARTED_ONE: u8 = 0x55;
 /// Answer to [`Command::Start`] of two.
 pub const STARTED_TWO: u8 = 0x56;
-/// Answer to [`Command::AutoZero`] of one plate.
-pub const ZEROED_ONE: u8 = 0x54;
-/// Answer to [`Command::AutoZero`] of two.
-pub const ZEROED_TWO: u8 = 0x64;
 /// The middle of the converter's range, counts: zero force.
 const ZERO_COUNTS: i16 = 2048;
 /// The tag of word 0 while the plate's trigger input is active.
 const TRIGGER_TAG: u16 = 0xF;
 
-/// Commands to a plate, one byte each.
+/// Commands to a plate, one byte each. The command that takes the present load as zero, 0x53, is not used: a worker who
+/// stands on the plate at the start of an adapter would become the zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Command {
@@ -32,8 +29,6 @@ pub enum Command {
     Start = 0x51,
     /// Stop the stream. Not answered.
     Stop = 0x52,
-    /// Take the present load as zero. Answered by [`ZEROED_ONE`] or [`ZEROED_TWO`] after up to 10 s.
-    AutoZero = 0x53,
     /// 50 frames a second at [`SPEED_SLOW`]. The plate answers a rate command by echoing it.
     Rate50 = 0x72,
     /// 100 frames a second at [`SPEED_FAST`].

@@ -85,8 +85,7 @@ fn amti_plate(choice: u8) -> Box<dyn GroundDevice> {
         *number = (index % 7) as f64 * 0.05 - 0.1;
     }
     let rate = [AmtiRate::Hz50, AmtiRate::Hz100, AmtiRate::Hz200][usize::from(choice % 3)];
-    let auto_zero = choice & 0x80 != 0;
-    Box::new(Amti::new(AmtiSettings { rate, matrix, force_unit_n: 4.448, moment_unit_nm: 0.113, auto_zero }))
+    Box::new(Amti::new(AmtiSettings { rate, matrix, force_unit_n: 4.448, moment_unit_nm: 0.113 }))
 }
 
 /// AMTI's frames round-trip; its stream may be divided anywhere; its dialogue may fail anywhere.

@@ -22,7 +22,7 @@ fn amti(rate: Rate) -> Amti {
     for (row, factors) in matrix.iter_mut().enumerate() {
         factors[row] = -0.5;
     }
-    Amti::new(AmtiSettings { rate, matrix, force_unit_n: 1.0, moment_unit_nm: 1.0, auto_zero: false })
+    Amti::new(AmtiSettings { rate, matrix, force_unit_n: 1.0, moment_unit_nm: 1.0 })
 }
 
 /// Receives until a condition is met.

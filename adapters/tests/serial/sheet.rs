@@ -27,7 +27,6 @@ fn pressed(matrix: [[f64; CHANNELS]; 6], vertical: [i16; 4]) -> (f64, [f64; 2]) 
         matrix,
         force_unit_n: NEWTON_PER_LBF,
         moment_unit_nm: NEWTON_PER_LBF * METRE_PER_INCH,
-        auto_zero: false,
     };
     let frame = GroundFrame { axes: SensorAxes::ZDown, ..GroundFrame::default() };
     let mut protocol = GroundProtocol::new(

@@ -54,13 +54,54 @@ pub fn apply(text: &str, changes: &[Change]) -> anyhow::Result<String> {
     Ok(document.to_string())
 }
 
-/// Checks that a file is a configuration, before a calibration begins.
+/// What a calibration measures and writes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Calibrated {
+    /// `[ground.frame]`
+    Frames,
+    /// `latency_ms` of `[suit]` and `[ground]`.
+    Latencies,
+}
+
+impl Calibrated {
+    /// Whether the result refers to the value of a dotted key.
+    fn depends_on(self, key: &str) -> bool {
+        let is_of =
+            |table: &str| key == table || key.strip_prefix(table).is_some_and(|rest| rest.starts_with('.'));
+        match self {
+            Calibrated::Frames => is_of("ground") && !key.ends_with(".latency_ms"),
+            Calibrated::Latencies => {
+                (is_of("suit") || is_of("ground")) && !is_of("ground.frame") && !is_of("ground.second.frame")
+            }
+        }
+    }
+}
+
+/// Checks, before a calibration begins, that a file is the configuration of the measured daemon: the result is valid
+/// for the daemon's station and sensors only.
 ///
 /// # Errors
-/// The file cannot be read or is not a configuration.
-pub fn check(path: &Path) -> anyhow::Result<()> {
+/// The file cannot be read, is not a configuration, or is one of another station or with other sensors.
+pub fn check(path: &Path, active: &Config, calibrated: Calibrated) -> anyhow::Result<()> {
     let text = read_text(path, TEXT_BYTES_MAX).with_context(|| format!("cannot read {}", path.display()))?;
-    Ok(Config::parse(&text, &path.display().to_string()).map(drop)?)
+    let name = path.display();
+    let config = Config::parse(&text, &name.to_string())?;
+    if config.station != active.station {
+        bail!(
+            "{name} is the configuration of station {}, but station {} is measured: give --write the file of {}'s daemon",
+            config.station,
+            active.station,
+            active.station
+        );
+    }
+    let differing = active.keys_that_differ(&config).into_iter().find(|key| calibrated.depends_on(key));
+    if let Some(key) = differing {
+        bail!(
+            "{name}: {key} differs from the configuration of the running daemon, for which the result is valid: restart \
+             the daemon with this file first, or give --write the file with which it runs"
+        );
+    }
+    Ok(())
 }
 
 /// Changes a configuration file atomically; the result must be a valid configuration.
@@ -150,6 +191,29 @@ height_m = 1.7
         let without_table = FILE.replace("[ground.frame]\nyaw_deg = 3.0         # by eye\n", "");
         let after = apply(&without_table, &[change("ground.frame.yaw_deg", number(5.0, 2))]).unwrap();
         assert_eq!(Config::parse(&after, "after").unwrap().ground.frame.yaw_deg, 5.0);
+    }
+
+    #[test]
+    fn only_the_file_of_the_measured_daemon_is_accepted() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("s.toml");
+        let active = Config::parse(FILE, "active").unwrap();
+        let check = |before: &str, after: &str, calibrated| {
+            assert!(FILE.contains(before));
+            fs::write(&path, FILE.replace(before, after)).unwrap();
+            super::check(&path, &active, calibrated).map_err(|error| error.to_string())
+        };
+        for calibrated in [Calibrated::Frames, Calibrated::Latencies] {
+            assert_eq!(check("height_m = 1.7", "height_m = 1.8", calibrated), Ok(()));
+            let refusal = check("station = \"s\"", "station = \"t\"", calibrated).unwrap_err();
+            assert!(refusal.contains("of station t, but station s is measured"), "{refusal}");
+            let refusal = check("[ground.frame]", "[ground.frame]\nsize_m = [0.5, 0.5]", calibrated);
+            assert_eq!(refusal.is_err(), calibrated == Calibrated::Frames, "{refusal:?}");
+            let refusal = check("latency_ms = 12 ", "latency_ms = 13 ", calibrated);
+            assert_eq!(refusal.is_err(), calibrated == Calibrated::Latencies, "{refusal:?}");
+            let refusal = check("[ground] ", "[ground]\nmeasures = \"reaction\" ", calibrated).unwrap_err();
+            assert!(refusal.contains("ground.measures differs"), "{refusal}");
+        }
     }
 
     #[test]

@@ -58,7 +58,7 @@ impl Stream {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
     let (stream, path) = (arguments.stream, &arguments.config.config);
-    let mut config = Config::read(path)?;
+    let mut config = Config::read_without_model(path)?;
     let stop = super::stop_on_signals()?;
     let reload = Arc::new(AtomicBool::new(false));
     signal_hook::flag::register(signal_hook::consts::SIGHUP, Arc::clone(&reload))?;
@@ -92,8 +92,10 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
         };
         if let Some(fault) = differs_from_daemon(stream, &config) {
             // The file has the daemon's section if only the daemon was restarted after a change.
-            match Config::read(path).ok().filter(|new| differs_from_daemon(stream, new).is_none()) {
-                Some(new) if new.station == config.station => {
+            let read = Config::read_with_warnings(path).ok();
+            match read.filter(|(new, _)| differs_from_daemon(stream, new).is_none()) {
+                Some((new, warnings)) if new.station == config.station => {
+                    warnings.iter().for_each(|warning| warn!("{warning}"));
                     info!("[{}] of {} is in use, as the daemon has it", stream.name(), path.display());
                     config = new;
                 }
@@ -208,7 +210,7 @@ impl DaemonWatch {
 /// The configuration read again; one that is refused is logged, and the one before stays in force.
 fn reread(stream: Stream, path: &Path, before: Config) -> Config {
     info!("the configuration is read again");
-    match Config::read(path) {
+    match Config::read_without_model(path) {
         Ok(config) if config.station == before.station => {
             if stream.is_external(&config) || differs_from_daemon(stream, &config).is_none() {
                 return config;

@@ -99,7 +99,7 @@ fn run_suit(arguments: &SuitArguments) -> anyhow::Result<Outcome> {
     let stop = super::stop_on_signals()?;
     let facts = SuitFacts::gather(&config, arguments.time, &|| stop.load(Ordering::Relaxed));
     let checks = evaluate_suit(&config, &facts);
-    let mut out = std::io::stdout().lock();
+    let mut out = Vec::new();
     if arguments.options.json {
         let report = serde_json::json!({ "checks": checks, "heard": facts.to_json() });
         writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
@@ -108,6 +108,7 @@ fn run_suit(arguments: &SuitArguments) -> anyhow::Result<Outcome> {
             write_check(&mut out, check)?;
         }
     }
+    print!("{}", String::from_utf8_lossy(&out));
     outcome(&checks)
 }
 
@@ -123,7 +124,7 @@ fn run_all(arguments: &Options) -> anyhow::Result<Outcome> {
     let observed = config.as_ref().zip(station.as_ref().ok());
     let reason = station.as_ref().err().map_or("", String::as_str);
     let checks = evaluate(&facts, config.as_ref(), observed.ok_or(reason));
-    let mut out = std::io::stdout().lock();
+    let mut out = Vec::new();
     if arguments.json {
         let report = serde_json::json!({ "checks": checks });
         writeln!(out, "{}", serde_json::to_string_pretty(&report)?)?;
@@ -132,6 +133,7 @@ fn run_all(arguments: &Options) -> anyhow::Result<Outcome> {
             write_check(&mut out, check)?;
         }
     }
+    print!("{}", String::from_utf8_lossy(&out));
     outcome(&checks)
 }
 

@@ -60,7 +60,7 @@ impl Kind {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
     // Check the complete configuration: a gateway reads only its own section.
-    Config::read(&arguments.config.config)?;
+    Config::read_without_model(&arguments.config.config)?;
     if let Some(create) = arguments.kind.in_process() {
         let stop = super::stop_on_signals()?;
         let file = StationFile::read(&arguments.config.config)?;

@@ -37,7 +37,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "PLATE", requires = "join")]
     with: Option<PathBuf>,
     /// How the clocks of both files are aligned: clock (both contain the time of day), stomp (by stomps of a foot in
-    /// both), offset=SECONDS (plate time minus suit time, each counted from its first sample)
+    /// both), offset=SECONDS (plate time minus suit time, each counted from its first sample, a recording's from its start)
     #[arg(long, requires = "with")]
     join: Option<Join>,
     /// Search range of the stomp's clock difference, s; by default one day

@@ -54,7 +54,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let start = if arguments.enable { "start" } else { "enable --now" };
     println!(
         "next: systemd-sysusers && systemd-tmpfiles --create && systemctl daemon-reload\n\
-         then: equipoise check /etc/equipoise/equipoise.toml && systemctl {start} equipoise \
+         then: sudo -u equipoise equipoise check /etc/equipoise/equipoise.toml && systemctl {start} equipoise \
          equipoise-adapter@suit equipoise-adapter@ground equipoise-view"
     );
     Ok(Outcome::Done)

@@ -28,7 +28,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     log_to_stderr("info");
     let path = &arguments.config.config;
-    let config = Config::read(path)?;
+    let config = Config::read_without_model(path)?;
     let metrics = config.metrics.as_ref().with_context(|| {
         format!("{} has no [metrics]: add it, with listen = \"127.0.0.1:9187\" for example", path.display())
     })?;

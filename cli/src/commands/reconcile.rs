@@ -12,7 +12,7 @@ use equipoise_config::model_file::Fitted;
 use equipoise_discrepancy::Options;
 use equipoise_discrepancy::finding::Finding;
 use equipoise_discrepancy::spans::Given;
-use equipoise_discrepancy::workflow::output::{Results, folders};
+use equipoise_discrepancy::workflow::output::{Results, check_verdicts, folders};
 use equipoise_discrepancy::workflow::summary::Summary;
 use equipoise_discrepancy::workflow::{Compared, Reconcile};
 use equipoise_files::sha256_of;
@@ -60,7 +60,8 @@ pub(super) struct Arguments {
     /// Work in question
     #[arg(long, value_name = "A:B")]
     work: Option<String>,
-    /// Write model.toml, report.html and report.md here; of several files, each into a folder of its name
+    /// Write model.toml, report.html and report.md here; of several files, each into a folder of its name. A model.toml
+    /// with verdicts of `equipoise model` is replaced only if --model names it
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print the finding as JSON; of several files, one line each
@@ -106,12 +107,16 @@ struct Evaluated {
     outcome: equipoise_discrepancy::Outcome,
 }
 
-fn evaluate(arguments: &Arguments, file: &Path) -> anyhow::Result<Evaluated> {
+/// Reconciles one file. If the results go to a folder, it must not hold verdicts that they would replace.
+fn evaluate(arguments: &Arguments, file: &Path, folder: Option<&Path>) -> anyhow::Result<Evaluated> {
     let input = Input::open(file)?;
     let mut chosen = input.configuration(arguments.config.as_deref())?;
     same_subject(&input, &chosen)?;
     if let Some(path) = &arguments.model {
         chosen.config.loaded_model = Some(LoadedModel::read(path)?);
+    }
+    if let Some(folder) = folder {
+        check_verdicts(folder, chosen.config.loaded_model.as_ref().map(LoadedModel::file))?;
     }
     let mut head = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
     if let Some(model) = &mut chosen.config.loaded_model {
@@ -158,7 +163,7 @@ impl Evaluated {
 
 /// Reconciles one file and writes the results; returns whether all of it was used.
 fn one(arguments: &Arguments, file: &Path, folder: Option<&Path>) -> anyhow::Result<Outcome> {
-    let mut evaluated = evaluate(arguments, file)?;
+    let mut evaluated = evaluate(arguments, file, folder)?;
     let written = match folder {
         Some(folder) => {
             let command = std::env::args().collect::<Vec<String>>().join(" ");

@@ -12,7 +12,7 @@ use equipoise_config::Config;
 use equipoise_core::message::{State, SuitSample};
 
 use super::{Outcome, StationArgument};
-use crate::calibration::config_file::{self, Change};
+use crate::calibration::config_file::{self, Calibrated, Change};
 use crate::calibration::standing::Standing;
 use crate::client;
 use crate::client::StreamTimeout;
@@ -65,7 +65,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     client::own_ground(&config, "[ground.frame]")?;
     if let Some(path) = &arguments.write {
         // Check the file before the worker walks to the places.
-        config_file::check(path)?;
+        config_file::check(path, &config, Calibrated::Frames)?;
     }
     if arguments.places < HOLDS_MIN {
         bail!("--places {}: {HOLDS_MIN} at least", arguments.places);

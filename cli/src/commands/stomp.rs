@@ -14,7 +14,7 @@ use equipoise_core::body::Side;
 use equipoise_core::message::{GroundSample, SuitSample};
 
 use super::{Outcome, StationArgument};
-use crate::calibration::config_file::{self, Change};
+use crate::calibration::config_file::{self, Calibrated, Change};
 use crate::calibration::latency::{self, Latencies};
 use crate::client;
 use crate::client::StreamTimeout;
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     if let Some(path) = &arguments.write {
         // Check the file before the worker stomps.
-        config_file::check(path)?;
+        config_file::check(path, &config, Calibrated::Latencies)?;
     }
     eprintln!(
         "stand on the plate with the weight on one foot; raise the other and stamp it down, {} times, now sooner, now later",

@@ -44,7 +44,7 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
 }
 
 fn serve_station(path: &Path) -> anyhow::Result<Outcome> {
-    let config = Config::read(path)?;
+    let config = Config::read_without_model(path)?;
     let listen = config.page.as_ref().with_context(|| {
         format!("{} has no [page]: add it, with listen = \"127.0.0.1:8080\" for example", path.display())
     })?;

@@ -212,3 +212,54 @@ fn a_separate_adapter_reloads_its_file_and_its_fault_is_an_incident_of_the_daemo
     });
     assert_eq!(suit.stop(Signal::TERM), Some(0), "{}", suit.stderr());
 }
+
+#[test]
+fn processes_that_do_not_use_the_model_start_without_access_to_it() {
+    let station = Station::new();
+    let free = || equipoise_simulator::ports::free_address().expect("a free port");
+    let text = format!(
+        "{}[model]\nfile = \"none/model.toml\"\n[page]\nlisten = \"{}\"\n[metrics]\nlisten = \
+         \"{}\"\n[gateways.udp]\nto = [\"{}\"]\n",
+        station.configuration(),
+        free(),
+        free(),
+        free()
+    );
+    let path = station.write("model.toml", &text).display().to_string();
+    station.run(&["check", &path]).assert_failed(1, &["[model] file: cannot read the model"]);
+    for (arguments, runs) in [
+        (&["adapter", "suit"][..], "the suit adapter runs"),
+        (&["view"], "page at "),
+        (&["metrics"], "metrics at "),
+        (&["gateway", "udp"], "station "),
+    ] {
+        let mut process = station.spawn(&[arguments, &["--config", &path]].concat());
+        wait_for(runs, || {
+            assert!(process.is_running(), "{arguments:?}: {}", process.stderr());
+            process.stderr().contains(runs).then_some(())
+        });
+        assert_eq!(process.stop(Signal::TERM), Some(0), "{arguments:?}: {}", process.stderr());
+    }
+}
+
+#[test]
+fn an_adapter_that_waits_for_the_daemon_warns_of_an_old_key_once() {
+    let station = Station::new();
+    let text = station.configuration();
+    let _daemon = station.daemon(&text);
+    let other = text.replace("[suit]", "[suit]\nwander_deg = 0.4\navatar = 3");
+    let path = station.write("other.toml", &other).display().to_string();
+    let mut adapter = station.spawn(&["adapter", "suit", "--config", &path]);
+    wait_for("the difference", || {
+        adapter.stderr().contains("differs from that of the running").then_some(())
+    });
+    // It reads the file twice a second.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    assert_eq!(
+        adapter.stderr().matches("`suit.wander_deg` is now called").count(),
+        1,
+        "{}",
+        adapter.stderr()
+    );
+    assert_eq!(adapter.stop(Signal::TERM), Some(0), "{}", adapter.stderr());
+}

@@ -16,7 +16,7 @@ use serde_json::Value;
 use crate::adapters::external;
 use crate::monitor::Monitor;
 use crate::process::{Process, TIMEOUT};
-use crate::station::{Station, simulate};
+use crate::station::{NAME, Station, simulate};
 
 /// Where the plate really stands.
 const PLATE: Plate = Plate {
@@ -348,4 +348,26 @@ fn positions_on_a_plate_of_another_process_are_refused_before_the_measurement() 
     let verify = station.run(&["verify", "--mass", "20", "--at", "0.1,0.1", "--within", "5"]);
     verify.assert_failed(1, &["the plate is read by another process, whose own file holds [ground.frame]"]);
     assert!(!verify.stderr.contains("leave the plate empty"), "{}", verify.stderr);
+}
+
+#[test]
+fn the_file_of_another_station_is_refused_before_the_measurement() {
+    let station = Station::new();
+    let text = station.configuration();
+    let _daemon = station.daemon(&text);
+    let other = text.replace(&format!("station = \"{NAME}\""), "station = \"press-2\"");
+    let moved = text.replace("[subject]\n", "[ground.frame]\nyaw_deg = 3.0\n[subject]\n");
+    let late = text.replace("[suit]\n", "[suit]\nlatency_ms = 20.0\n");
+    for (command, text, part) in [
+        ("register", &other, "is the configuration of station press-2, but station bench is measured"),
+        ("stomp", &other, "is the configuration of station press-2, but station bench is measured"),
+        ("register", &moved, "ground.frame.yaw_deg differs"),
+        ("stomp", &late, "suit.latency_ms differs"),
+    ] {
+        let path = station.write("other.toml", text).display().to_string();
+        let refused = station.run(&[command, "--write", &path]);
+        refused.assert_failed(1, &[part]);
+        assert!(!refused.stderr.contains("stand "), "{}", refused.stderr);
+        assert_eq!(std::fs::read_to_string(&path).expect("the file"), *text);
+    }
 }

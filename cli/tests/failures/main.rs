@@ -56,6 +56,7 @@ mod subject_deletion;
 mod subject_export;
 mod suit_sources;
 mod two_plates;
+mod two_stations;
 mod usage;
 mod watch;
 mod watchdog;

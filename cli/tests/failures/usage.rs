@@ -141,3 +141,52 @@ fn every_command_has_completions_and_a_man_page() {
     let file = station.write("file", "no directory").display().to_string();
     station.run(&["man-pages", &file]).assert_failed(1, &["cannot write man pages", &file]);
 }
+
+/// Runs a command whose standard output and error are written to nothing that reads them.
+fn without_reader(station: &Station, arguments: &[&str]) -> (Option<i32>, String) {
+    let err = station.file("closed.err");
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut command = station.command(arguments);
+    command.stdout(writer).stderr(std::fs::File::create(&err).expect("a file"));
+    let code = command.status().expect("it starts").code();
+    (code, std::fs::read_to_string(&err).expect("text"))
+}
+
+#[test]
+fn a_closed_output_does_not_change_what_a_command_does() {
+    let station = Station::new();
+    let path = station.write("c.toml", &station.configuration()).display().to_string();
+    assert_eq!(without_reader(&station, &["check", &path]), (Some(0), String::new()));
+    let subjects = station.state_directory().join("subjects");
+    std::fs::create_dir_all(&subjects).expect("a folder");
+    std::fs::write(subjects.join("a.toml"), "damaged").expect("a file");
+    std::fs::write(subjects.join("b.toml"), "damaged").expect("a file");
+    let (code, message) = without_reader(&station, &["subject", "list"]);
+    assert!(
+        code == Some(3) && message.contains("a.toml") && message.contains("b.toml"),
+        "{code:?} {message}"
+    );
+    // Each deleted file is listed, and all are deleted although nothing can be printed.
+    std::fs::write(subjects.join("a.lifts.csv"), "").expect("a file");
+    let (code, message) = without_reader(&station, &["subject", "delete", "a"]);
+    assert_eq!((code, message.contains("panicked")), (Some(0), false), "{message}");
+    let left: Vec<_> =
+        std::fs::read_dir(&subjects).expect("a folder").flatten().map(|file| file.file_name()).collect();
+    assert_eq!(left, ["b.toml"]);
+    let key = station.file("recording.key").display().to_string();
+    assert_eq!(without_reader(&station, &["record", "--new-key", &key]), (Some(0), String::new()));
+    // A failed check stays a failure: the suit's port is taken.
+    let _taken = std::net::UdpSocket::bind(station.suit).expect("the suit's port");
+    let doctor = ["doctor", "--config", &path];
+    assert_eq!((without_reader(&station, &doctor).0, station.run(&doctor).code), (Some(1), Some(1)));
+
+    // Output that is lost for another reason is an error.
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let mut command = station.command(&["check", &path]);
+    let output = command.stdout(full()).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("cannot write to standard output"));
+    let mut command = station.command(&["check", "/tmp"]);
+    assert_eq!(command.stdout(full()).stderr(full()).status().expect("it starts").code(), Some(1));
+}

@@ -51,7 +51,22 @@ fn a_load_in_the_hands_is_written_to_the_model_and_then_compensated() {
             model_command(&["reject", model.to_str().unwrap(), &number, "--reason", "no box was there"]);
         assert_eq!(reviewed, format!("{name} is rejected in {}\n", model.display()));
     }
-    let without = reconciled(&recording, &["--model", model.to_str().unwrap()]);
+    // The verdicts are not replaced by a new result without them.
+    let verdicts = std::fs::read_to_string(&model).unwrap();
+    let mut lost = equipoise();
+    lost.arg("reconcile").arg(&recording).arg("--out").arg(&out);
+    let lost = lost.output().unwrap();
+    assert_eq!(lost.status.code(), Some(1), "{}", describe_output(&lost));
+    let refusal = String::from_utf8_lossy(&lost.stderr).into_owned();
+    assert!(
+        refusal.contains("contains an engineer's verdict on ") && refusal.contains("--model"),
+        "{refusal}"
+    );
+    assert_eq!(std::fs::read_to_string(&model).unwrap(), verdicts);
+    let path = model.to_str().unwrap();
+    let without = reconciled(&recording, &["--model", path, "--out", out.to_str().unwrap()]);
+    let kept = LoadedModel::read(&model).unwrap();
+    assert_eq!(kept.file().rejected().count(), rejected.len());
     // Not equal: what the clean parts predict for the work depends on the effects that are assumed.
     assert!((before(&without) / unknown_mm - 1.0).abs() < 0.02, "{} {unknown_mm}", before(&without));
     let names = |found: &Value| -> Vec<String> {

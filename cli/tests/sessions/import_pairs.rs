@@ -7,8 +7,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use bytemuck::Zeroable;
 use equipoise_adapters::capture::PcapWriter;
-use equipoise_adapters::recording::{Entry, Recording};
+use equipoise_adapters::recording::{Entry, Recorder, Recording, RecordingHeader};
 use equipoise_core::body::{Segment, Skeleton};
 use equipoise_core::message::{GroundSample, SuitSample};
 
@@ -239,6 +240,54 @@ fn wall_clocks_join_two_files_that_have_one() {
     let output_text = session
         .refused(&session.join("no.mcap", &["--join", "clock", "--with-start", "2020-01-01T00:00:00Z"]));
     assert!(output_text.contains("days apart; they are not of one session"), "{output_text}");
+}
+
+/// The plate's ten seconds as a recording, whose clock started long before.
+fn plate_recording(path: &Path) {
+    let started_ns = 86_400 * 1_000_000_000;
+    let header = RecordingHeader {
+        started_monotonic_ns: started_ns,
+        started_unix_ns: SUIT_UNIX_MS * 1_000_000 - (LATER_S * 1e9) as u64,
+        ..RecordingHeader::default()
+    };
+    let mut recorder = Recorder::create(path, &header).unwrap();
+    for index in 0..(10.0 * PLATE_HZ) as u64 {
+        let time_s = index as f64 / PLATE_HZ;
+        let time_ns = started_ns + index * (1e9 / PLATE_HZ) as u64;
+        let sample = GroundSample {
+            sequence: index,
+            sample_time_ns: time_ns,
+            arrival_ns: time_ns,
+            published_ns: time_ns,
+            force_n: [0.0, 0.0, stomp(time_s).1],
+            ..Zeroable::zeroed()
+        };
+        recorder.write(time_ns, &sample).unwrap();
+    }
+    recorder.finish().unwrap();
+}
+
+#[test]
+fn a_suit_file_is_joined_with_a_recording_of_the_plate() {
+    let session = Session::new();
+    plate_recording(&session.file("plate.mcap"));
+    for (index, join) in ["stomp", "clock", "offset=1.25"].into_iter().enumerate() {
+        let out = format!("{index}.mcap");
+        let output = session.join_files("take.mvnx", "plate.mcap", &out, &["--join", join]);
+        assert!(output.status.success(), "{join}: {}", describe_output(&output));
+        let output_text = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            output_text.contains("s = plate") && output_text.contains("; 7.996 s in common"),
+            "{output_text}"
+        );
+        assert!(session.offset_s(&out).abs() < 0.010, "{join}: {}", session.offset_s(&out));
+        let (suit, ground) = session.samples(&out);
+        assert_eq!((suit.len(), ground.len()), (1920, 10_000));
+        // Ordered by delivery, in one time base.
+        assert!(ground[0].arrival_ns < 2_000_000_000, "{join}: {}", ground[0].arrival_ns);
+        let output = equipoise().arg("replay").arg(session.file(&out)).output().unwrap();
+        assert!(output.status.success(), "{join}: {}", describe_output(&output));
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::numbers::{SUMMANDS, is_summand};
 use super::serial::{self, SerialDefaults};
-use super::{Axes, GroundConfig};
+use super::{GroundConfig, z_down};
 use crate::method::Checked;
 
 /// Initial baud rate, independent of the sampling rate.
@@ -30,8 +30,8 @@ pub struct AmtiConfig {
     pub force_unit: ForceUnit,
     /// Unit of the matrix's moments.
     pub moment_unit: MomentUnit,
-    /// Use the load at the daemon's start as zero. The plate must be empty at that time.
-    #[serde(default)]
+    /// Without effect: accepted for one release, with a warning.
+    #[serde(default, skip_serializing)]
     pub auto_zero: bool,
 }
 
@@ -96,7 +96,6 @@ pub(super) fn device(ground: &GroundConfig) -> Result<Box<dyn GroundDevice>, Sou
             MomentUnit::NewtonMetre => 1.0,
             MomentUnit::PoundForceInch => NEWTON_PER_LBF * METRE_PER_INCH,
         },
-        auto_zero: config.auto_zero,
     })))
 }
 
@@ -135,12 +134,7 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
             ));
         }
     }
-    if ground.frame.axes != Axes::ZDown {
-        let what =
-            "must be \"z-down\" for an AMTI plate, whose z axis points down: say so under [ground.frame]";
-        return Err(("ground.frame.axes", what.to_owned()));
-    }
-    Ok(())
+    z_down::check(ground, "AMTI's plates")
 }
 
 #[cfg(test)]
@@ -201,9 +195,26 @@ mod tests {
     }
 
     #[test]
+    fn a_plate_is_not_zeroed_by_the_configuration() {
+        let text = plate().replace("rate_hz = 100", "rate_hz = 100\nauto_zero = true");
+        let config = Config::parse(&text, "c.toml").unwrap();
+        assert_eq!(config.to_toml(), Config::parse(&plate(), "c.toml").unwrap().to_toml());
+        let warnings = crate::renamed_keys(&text);
+        assert!(
+            warnings.len() == 1
+                && warnings[0].contains("`ground.amti.auto_zero` has no effect")
+                && warnings[0].contains("equipoise tare"),
+            "{warnings:?}"
+        );
+    }
+
+    #[test]
     fn the_axes_of_a_plate_are_required() {
         let message = refusal(&plate().replace("axes = \"z-down\"", ""));
-        assert!(message.contains("ground.frame.axes: must be \"z-down\" for an AMTI plate"), "{message}");
+        assert!(message.contains("ground.frame.axes: must be \"z-down\" for AMTI's plates"), "{message}");
+        let message =
+            refusal(&plate().replace("\"amti-serial\"", "\"amti-serial\"\nmeasures = \"reaction\""));
+        assert!(message.contains("ground.measures: must be \"action\" for AMTI's plates"), "{message}");
     }
 
     #[test]

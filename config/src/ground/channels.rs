@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::description_error::DescriptionError;
 use super::numbers::{SUMMANDS, is_summand};
-use super::{Axes, GroundConfig, Measures};
+use super::{Axes, GroundConfig, Measures, z_down};
 
 /// `[ground.channels.…]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -214,19 +214,7 @@ fn kistler(
     names: &mut Names<'_>,
 ) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.kistler";
-    if ground.frame.axes != Axes::ZDown || ground.measures != Measures::Action {
-        return Err(DescriptionError::new(
-            "ground.frame.axes",
-            "Kistler's plates have z down: [ground.frame] axes = \"z-down\", and measures = \"action\"",
-        ));
-    }
-    if ground.frame.surface_height_m <= 0.0 {
-        return Err(DescriptionError::new(
-            "ground.frame.surface_height_m",
-            "must be given for Kistler's plates: how far the sensors lie below the surface, -az0 of the plate's sheet (0.048 \
-             for az0 = -0.048), and what lies on the plate",
-        ));
-    }
+    z_down::check_kistler(ground)?;
     let mut find = |name| names.find(name, key);
     let channels = [
         find("fx12")?,

@@ -7,7 +7,7 @@ use equipoise_adapters::source::{LabAmpLine, LabAmpLineSettings, SourceError, Tr
 use equipoise_adapters::wire::labamp::talk::{RATES_HZ, least_scans_per_frame};
 use serde::{Deserialize, Serialize};
 
-use super::{Axes, GroundConfig};
+use super::{GroundConfig, z_down};
 use crate::method::{Checked, between};
 
 /// `[ground.labamp]`
@@ -171,12 +171,7 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
     config.plan()?;
     config.check_rates()?;
     if let Some(eight) = &config.eight {
-        if ground.frame.axes != Axes::ZDown {
-            return Err((
-                "ground.frame.axes",
-                "must be \"z-down\" for a plate with Kistler's eight channels".to_owned(),
-            ));
-        }
+        z_down::check_kistler(ground)?;
         between("ground.labamp.eight.a_m", eight.a_m, 0.01, 2.0)?;
         between("ground.labamp.eight.b_m", eight.b_m, 0.01, 2.0)?;
     }

@@ -54,6 +54,15 @@ fn a_labamp_is_configured_within_its_limits() {
         refusal(LABAMP, "#decimate = 62", "decimate = 2").starts_with("ground.labamp.decimate: 2 is not")
     );
     assert!(refusal(LABAMP, "\"z-down\"", "\"z-up\"").starts_with("ground.frame.axes: must be \"z-down\""));
+    let reaction = "source = \"kistler-labamp\"\nmeasures = \"reaction\"";
+    assert!(
+        refusal(LABAMP, "source = \"kistler-labamp\"", reaction)
+            .starts_with("ground.measures: must be \"action\" for Kistler's plates")
+    );
+    assert!(
+        refusal(LABAMP, "surface_height_m = 0.048", "surface_height_m = 0.0")
+            .starts_with("ground.frame.surface_height_m: must be given for Kistler's plates")
+    );
     assert!(refusal(LABAMP, "a_m = 0.12 ", "a_m = -0.12 ").starts_with("ground.labamp.eight.a_m"));
     assert!(refusal(LABAMP, "address = ", "#address = ").starts_with("ground.address: must be given"));
     let direct = "[ground.labamp.direct]\nfz = \"Sensor-1\"\n";
@@ -79,6 +88,11 @@ fn a_controller_of_tec_gihan_has_its_rates_and_axes() {
     assert!(refusal(TEC_GIHAN, "#range = \"3kN\"", "range = \"3 kN\"").contains("3kN"));
     assert!(
         refusal(TEC_GIHAN, "\"z-down\"", "\"z-up\"").starts_with("ground.frame.axes: must be \"z-down\"")
+    );
+    let reaction = "source = \"tec-gihan\"\nmeasures = \"reaction\"";
+    assert!(
+        refusal(TEC_GIHAN, "source = \"tec-gihan\"", reaction)
+            .starts_with("ground.measures: must be \"action\"")
     );
     let (head, rest) = TEC_GIHAN.split_once("[ground.serial]").unwrap();
     let (_, rest) = rest.split_once("[ground.tec_gihan]").unwrap();

@@ -6,7 +6,7 @@ use equipoise_adapters::source::{Flow, SourceError, Transport};
 use equipoise_adapters::wire::tec_gihan::{self as wire, BAUD, PLATES_MAX, Rate};
 use serde::{Deserialize, Serialize};
 
-use super::{Axes, GroundConfig, serial};
+use super::{GroundConfig, serial, z_down};
 use crate::method::{Checked, between};
 
 /// `[ground.tec_gihan]`; optional.
@@ -85,9 +85,5 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
     let config = ground.tec_gihan.clone().unwrap_or_default();
     between("ground.tec_gihan.plate", f64::from(config.plate), 1.0, f64::from(PLATES_MAX))?;
     rate(&config).map_err(|what| ("ground.tec_gihan.rate_hz", what))?;
-    if ground.frame.axes != Axes::ZDown {
-        let what = "must be \"z-down\" for Tec Gihan's plates, as their maker's formulae have it";
-        return Err(("ground.frame.axes", what.to_owned()));
-    }
-    Ok(())
+    z_down::check(ground, "Tec Gihan's plates")
 }

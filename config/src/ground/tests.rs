@@ -77,6 +77,26 @@ fn sections_and_keys_of_other_sources_are_refused() {
 }
 
 #[test]
+fn a_prefix_that_no_line_can_have_is_refused() {
+    let with = |keys: &str| format!("transport = \"udp\"\n{keys}");
+    for (keys, expected) in [
+        (r#"prefix = " W""#, "ground.text.prefix: white space before it is ignored"),
+        (r#"prefix = "\tW""#, "ground.text.prefix: white space before it is ignored"),
+        (r#"prefix = "W\r\n""#, "ground.text.prefix: it contains the end of a line"),
+        ("comment = \"#\"\nprefix = \"#W\"", "ground.text.prefix: it begins with ground.text.comment"),
+        (r#"comment = " ""#, "ground.text.comment: one visible sign"),
+        (r#"comment = "°""#, "ground.text.comment: one visible sign"),
+    ] {
+        let message = refusal(TEXT, "transport = \"udp\"", &with(keys));
+        assert!(message.starts_with(expected), "{keys}: {message}");
+    }
+    for keys in [r#"prefix = "W ""#, "comment = \"#\"\nprefix = \"W#\""] {
+        let text = TEXT.replace("transport = \"udp\"", &with(keys));
+        assert!(Config::parse(&text, "c.toml").is_ok(), "{keys}");
+    }
+}
+
+#[test]
 fn keys_of_other_connections_are_refused() {
     let (listen, file) = ("listen = \"0.0.0.0:9000\"", "[ground.file]\npath = \"export.txt\"\n[subject]");
     let address = "address = \"192.168.1.20:8888\"";

@@ -116,9 +116,12 @@ impl TextConfig {
             return Err(DescriptionError::new("ground.text.decimal", what));
         }
         let comment = self.comment.map(u8::try_from).transpose();
-        let Ok(comment) = comment else {
-            return Err(DescriptionError::new("ground.text.comment", "one sign of ASCII, for example \"#\""));
+        let Some(comment) = comment.ok().filter(|sign| sign.is_none_or(|sign| sign.is_ascii_graphic()))
+        else {
+            let what = "one visible sign of ASCII, for example \"#\"";
+            return Err(DescriptionError::new("ground.text.comment", what));
         };
+        self.check_prefix()?;
         Ok(LineForm {
             delimiter: match self.delimiter {
                 DelimiterConfig::Spaces => Delimiter::Spaces,
@@ -134,6 +137,21 @@ impl TextConfig {
             prefix: self.prefix.as_bytes().to_vec(),
             fields: self.columns.len(),
         })
+    }
+
+    /// Checks that a line can have the prefix: lines end with LF or CR, the prefix is compared without white space
+    /// before it, and comments are ignored first.
+    fn check_prefix(&self) -> Result<(), DescriptionError> {
+        let what = if self.prefix.starts_with(|first: char| first.is_ascii_whitespace()) {
+            "white space before it is ignored; leave it out"
+        } else if self.prefix.contains(['\n', '\r']) {
+            "it contains the end of a line, so that no line has it"
+        } else if self.comment.is_some_and(|comment| self.prefix.starts_with(comment)) {
+            "it begins with ground.text.comment, so that every line is ignored as a comment"
+        } else {
+            return Ok(());
+        };
+        Err(DescriptionError::new("ground.text.prefix", what))
     }
 
     /// Index of the column with a name.

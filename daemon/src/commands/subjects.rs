@@ -1,5 +1,6 @@
 //! Commands that save, load or delete a subject.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -9,6 +10,7 @@ use equipoise_config::method::SubjectConfig;
 use equipoise_core::cycle::SubjectState;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Command, State};
+use equipoise_files::FileLock;
 use equipoise_station::ANONYMOUS;
 
 use super::{Answer, TOO_MANY, push_command};
@@ -42,13 +44,16 @@ pub(super) fn load(
 ) -> Answer {
     let id = parse_id(command)?;
     await_saved(&id, ends, subjects)?;
+    // Not live: a reload does not change it.
+    let save = active_configuration.with(|active| active.config.subject.save_profile);
+    // Before the profile is read, so that the last data of another station are in it.
+    let _claim = if save { claim(&id, subjects)? } else { None };
     let path = subjects.state().profile(&id);
     let profile = Profile::read(&path).map_err(|error| error.to_string())?;
     let mut changes = active_configuration.lock_changes();
     let mut active = active_configuration.get();
     // The configured mass applies to the configured subject only, `subject.save_profile` to every subject.
     let configured = active.config.subject.id == id;
-    let save = active.config.subject.save_profile;
     let Some(profile) = profile else {
         if !configured || is_in_use(&id, subjects) {
             return Err(format!("there is no profile {id}; `equipoise subject list` shows them"));
@@ -85,6 +90,11 @@ pub(super) fn load(
         _ => "",
     };
     Ok(format!("{id} is in use: {poses} poses, {mass_kg:.1} kg; {shift}{assumed}"))
+}
+
+/// Claims the files of a subject, which another daemon may have in use.
+fn claim(id: &str, subjects: &Subjects) -> Result<Option<Arc<FileLock>>, String> {
+    subjects.claim(id).map_err(|in_use| format!("{in_use}; load another subject there first"))
 }
 
 /// Loads the configured subject without data, if it has no profile.
@@ -220,7 +230,7 @@ mod tests {
     #[test]
     fn a_subject_is_loaded_only_once_its_newest_data_are_on_the_disk() {
         let state = StateDirectory::at(std::path::Path::new("/nowhere"));
-        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
+        let subjects = Subjects::new(state.clone(), "s", ProfileDestination::of(&state, "a", None, true));
         let Rings { mut commands, mut loop_ends, .. } = Rings::new().unwrap();
         assert_eq!(await_saved("a", &commands, &subjects), Ok(()));
         subjects.set_unwritten(CONFIGURED, true);

@@ -95,19 +95,22 @@ impl Restored {
             let subject = LoadedSubject { id: loaded.to_owned(), build: profile.build() };
             ActiveConfiguration { loaded: Some(subject), ..active.clone() }.settings()
         };
-        let reason = match self.read(&destination, settings_of) {
-            Ok(Some(profile)) => {
-                (destination.build, destination.experience) = (profile.build(), profile.experience());
-                active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
-                self.worker = subjects.add(destination);
-                return subjects.activate(self.worker);
-            }
-            Ok(None) => format!("there is no profile {}", destination.path.display()),
-            Err(reason) => reason,
+        let in_order = |reason: String| format!("{reason}; put its profile in order and restart");
+        let reason = match subjects.claim(loaded) {
+            Err(in_use) => format!("{in_use}; load it again once that station has another one"),
+            Ok(_claim) => match self.read(&destination, settings_of) {
+                Ok(Some(profile)) => {
+                    (destination.build, destination.experience) = (profile.build(), profile.experience());
+                    active.loaded = Some(LoadedSubject { id: loaded.to_owned(), build: destination.build });
+                    self.worker = subjects.add(destination);
+                    return subjects.activate(self.worker);
+                }
+                Ok(None) => in_order(format!("there is no profile {}", destination.path.display())),
+                Err(reason) => in_order(reason),
+            },
         };
         destination.refusal = Some(format!(
-            "{loaded} was in use: {reason}; put its profile in order and restart, or load another subject \
-             (`equipoise subject load ID`)"
+            "{loaded} was in use: {reason}, or load another subject (`equipoise subject load ID`)"
         ));
         self.start_unidentified(active, subjects, destination);
     }
@@ -131,6 +134,12 @@ impl Restored {
 
     fn configured_subject(&mut self, settings: &Settings, subjects: &Subjects) {
         let Some(destination) = subjects.get(subjects::CONFIGURED) else { return };
+        if let Err(in_use) = subjects.claim(&destination.subject) {
+            self.warn(format!("{in_use}; what is learnt now is not saved"));
+            let remedy =
+                "name the worker of this station in subject.id, or load one (`equipoise subject load ID`)";
+            return subjects.refuse(subjects::CONFIGURED, format!("{in_use}; {remedy}"));
+        }
         match self.read(&destination, |_| *settings) {
             Ok(None) => {}
             Ok(Some(profile)) => {
@@ -275,7 +284,7 @@ mod tests {
             }
         }
         let configured = ProfileDestination::of(&state, "alice", None, true);
-        let subjects = Subjects::new(state, configured);
+        let subjects = Subjects::new(state, "s", configured);
         let mut active = ActiveConfiguration { config: config(), loaded: None, similar: None };
         let restored = Restored::find(&mut active, &subjects);
         assert_eq!(subjects.in_use(), restored.worker);
@@ -300,6 +309,34 @@ mod tests {
         assert_eq!(of(None, Some(&station("alice"))), ("alice".to_owned(), 7, true));
         let bob = profile("bob", 3);
         assert_eq!(of(Some(&bob), Some(&station("bob"))), ("bob".to_owned(), 3, true));
+    }
+
+    #[test]
+    fn a_subject_in_use_at_another_station_is_neither_restored_nor_saved() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        for (loaded, id) in [(None, "alice"), (Some("bob"), "bob")] {
+            fs::create_dir_all(state.profiles()).unwrap();
+            fs::create_dir_all(state.stations()).unwrap();
+            fs::write(state.profile(id), profile(id, 7)).unwrap();
+            fs::write(state.station("s"), station(loaded.unwrap_or("alice"))).unwrap();
+            let subjects = |station| {
+                let configured = ProfileDestination::of(&state, "alice", None, true);
+                Subjects::new(state.clone(), station, configured)
+            };
+            let (here, elsewhere) = (subjects("s"), subjects("elsewhere"));
+            let _claim = elsewhere.claim(id).unwrap();
+            let mut active = ActiveConfiguration { config: config(), loaded: None, similar: None };
+            let restored = Restored::find(&mut active, &here);
+            let in_use = here.get(restored.worker).unwrap();
+            assert_eq!((in_use.subject.as_str(), restored.memory.exposure.dose.lifts), (id, 0));
+            let refusal = in_use.refusal.unwrap();
+            assert!(
+                refusal.contains("station elsewhere (process ") && refusal.contains("subject load"),
+                "{refusal}"
+            );
+            assert!(restored.messages.join("\n").contains("station elsewhere"), "{:?}", restored.messages);
+        }
     }
 
     #[test]

@@ -90,9 +90,11 @@ impl LiftLog {
         let mut failed = None;
         self.lines.retain(|number, lines| {
             let written = subjects.write(*number, |saving| {
-                append(&saving.lifts, lines).map_err(|error| failed = Some((saving.lifts.clone(), error)))
+                append(&saving.lifts, lines).map_err(|error| (saving.lifts.clone(), error))
             });
-            written.is_err()
+            let is_pending = written.is_err();
+            failed = written.err().or(failed.take());
+            is_pending
         });
         failed.map_or(Ok(()), Err)
     }
@@ -149,7 +151,7 @@ mod tests {
     fn every_lift_and_every_undo_is_written_as_one_line() {
         let directory = tempfile::tempdir().unwrap();
         let state = StateDirectory::at(directory.path());
-        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
+        let subjects = Subjects::new(state.clone(), "s", ProfileDestination::of(&state, "a", None, true));
         let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
         // Lifts from before the start of the daemon are already in the list.
         (0..20).for_each(|_| end_one(&mut shift, 0));
@@ -195,7 +197,7 @@ mod tests {
     fn a_new_shift_counts_from_one() {
         let directory = tempfile::tempdir().unwrap();
         let state = StateDirectory::at(directory.path());
-        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
+        let subjects = Subjects::new(state.clone(), "s", ProfileDestination::of(&state, "a", None, true));
         let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
         (0..20).for_each(|_| end_one(&mut shift, 0));
         log.ingest(CONFIGURED, &shift, 0, 0);
@@ -210,7 +212,7 @@ mod tests {
     fn failed_writes_are_retried_and_deleted_subjects_are_not_written() {
         let directory = tempfile::tempdir().unwrap();
         let state = StateDirectory::at(directory.path());
-        let subjects = Subjects::new(state.clone(), ProfileDestination::of(&state, "a", None, true));
+        let subjects = Subjects::new(state.clone(), "s", ProfileDestination::of(&state, "a", None, true));
         let (mut log, mut shift) = (LiftLog::default(), Shift::zeroed());
         log.ingest(CONFIGURED, &shift, 0, 0);
         end_one(&mut shift, 0);

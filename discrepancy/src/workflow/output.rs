@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 use anyhow::{Context, bail};
-use equipoise_config::model_file::{Fitted, ModelFile, Provenance};
+use equipoise_config::LoadedModel;
+use equipoise_config::model_file::{Fitted, ModelFile, ModelFileError, Provenance};
 use jiff::Timestamp;
 
 use crate::Outcome;
@@ -142,6 +143,34 @@ impl Results<'_> {
     }
 }
 
+/// Checks that new results replace no engineer's verdict: a results folder may contain a model file with verdicts only if
+/// `loaded`, from which the new file is made, contains them.
+///
+/// # Errors
+/// Verdicts would be lost, or the model file in the folder cannot be read, so that it is unknown whether it has any.
+pub fn check_verdicts(folder: &Path, loaded: Option<&ModelFile>) -> anyhow::Result<()> {
+    let path = folder.join(MODEL);
+    let existing = match LoadedModel::read(&path) {
+        Ok(existing) => existing,
+        Err(ModelFileError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => {
+            let advice = format!("{} would be replaced; name another --out", path.display());
+            return Err(anyhow::Error::from(error).context(advice));
+        }
+    };
+    let is_kept = |fitted: &Fitted| loaded.is_some_and(|model| model.effects.contains(fitted));
+    let reviewed = |fitted: &&Fitted| fitted.review.is_some();
+    match existing.file().effects.iter().filter(reviewed).find(|fitted| !is_kept(fitted)) {
+        Some(fitted) => bail!(
+            "{} contains an engineer's verdict on {}, which would be lost; name another --out, or pass this file with \
+             --model",
+            path.display(),
+            fitted.name()
+        ),
+        None => Ok(()),
+    }
+}
+
 /// A separate folder for each of several recordings.
 ///
 /// # Errors
@@ -162,4 +191,39 @@ pub fn folders(out: &Path, files: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
         folders.push(folder);
     }
     Ok(folders)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MODEL_TEXT: &str = "version = 1\n[[effect]]\nname = \"plate_offset\"\nspan_s = [1, 2]\nopen_ended = \
+                              true\nlog_odds = 9.0\n[effect.parameters.dx_m]\nvalue = 0.01\nsigma = 0.001\nunit = \
+                              \"m\"\n";
+    const REVIEW: &str = "log_odds = 9.0\nreview = { verdict = \"rejected\", date = \"2026-03-01T08:30:00Z\", reason = \
+                          \"it stood still\" }\n";
+
+    #[test]
+    fn results_replace_no_verdict() {
+        let folder = tempfile::tempdir().unwrap();
+        let check = |loaded: Option<&ModelFile>| {
+            check_verdicts(folder.path(), loaded).map_err(|error| format!("{error:#}"))
+        };
+        let write = |text: &str| fs::write(folder.path().join(MODEL), text).unwrap();
+        assert_eq!(check(None), Ok(()));
+        write(MODEL_TEXT);
+        assert_eq!(check(None), Ok(()));
+        let reviewed = MODEL_TEXT.replace("log_odds = 9.0\n", REVIEW);
+        write(&reviewed);
+        let refusal = check(None).unwrap_err();
+        assert!(
+            refusal.contains("verdict on plate_offset, which would be lost; name another --out"),
+            "{refusal}"
+        );
+        let unreviewed = ModelFile::parse(MODEL_TEXT, "before the verdict").unwrap();
+        assert!(check(Some(&unreviewed)).is_err());
+        assert_eq!(check(Some(&ModelFile::parse(&reviewed, "the same").unwrap())), Ok(()));
+        write("version = 1\n[[effect");
+        assert!(check(None).unwrap_err().contains("would be replaced; name another --out"));
+    }
 }

@@ -32,7 +32,7 @@ pub enum Join {
         within_ns: u64,
     },
     /// Explicit offset: added to the suit's times, counted from its first frame, to get the plate's times, counted from
-    /// its first row, ns.
+    /// its first row or its recording's start, ns.
     Offset(i64),
 }
 
@@ -62,7 +62,8 @@ impl FromStr for Join {
 /// The offset found between the clocks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Joined {
-    /// Offset added to the suit's times to get the plate's, ns; both count from their file's first sample.
+    /// Offset added to the suit's times to get the plate's, ns; both count from their file's first sample, those of a
+    /// recording from its start.
     pub offset_ns: i64,
     /// The stomps from which the offset follows, if any.
     pub stomps: Option<StompOffset>,

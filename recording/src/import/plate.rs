@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::capture::{BioWareCapture, BioWareSettings, Units};
 use equipoise_config::Config;
 use equipoise_core::message::GroundSample;
@@ -20,7 +21,7 @@ pub struct PlateOptions {
     pub plate: Option<usize>,
     /// Distances a and b of the sensors, m, if the file has eight channels.
     pub sensor_offsets_m: Option<[f64; 2]>,
-    /// Time of the first row, ns since 1970.
+    /// Time of the first row, or of a recording's start, ns since 1970.
     pub start_unix_ns: Option<u64>,
 }
 
@@ -38,9 +39,11 @@ enum Kind {
     Input(Input),
 }
 
-/// The plate's samples in order.
+/// The plate's samples in order, counted from [`TIME_BASE_NS`].
 pub(super) struct PlateSamples<'a> {
     source: Source<'a>,
+    /// Added to the file's times, ns.
+    later_ns: i64,
     start_unix_ns: Option<u64>,
 }
 
@@ -65,7 +68,13 @@ impl PlateFile {
     }
 
     pub(super) fn samples(&self, config: &Config) -> anyhow::Result<PlateSamples<'_>> {
-        let start_unix_ns = self.options.start_unix_ns;
+        let (mut start_unix_ns, mut later_ns) = (self.options.start_unix_ns, 0);
+        if let Kind::Input(Input::Recording(recording)) = &self.kind {
+            // Its times are those of the recorder's CLOCK_MONOTONIC.
+            let header = recording.header();
+            later_ns = TIME_BASE_NS.wrapping_sub(header.started_monotonic_ns).cast_signed();
+            start_unix_ns = start_unix_ns.or((header.started_unix_ns > 0).then_some(header.started_unix_ns));
+        }
         let source = match &self.kind {
             Kind::Text(path) => {
                 anyhow::ensure!(
@@ -85,7 +94,7 @@ impl PlateFile {
             }
             Kind::Input(input) => Source::Input(Box::new(input.samples(config)?)),
         };
-        Ok(PlateSamples { source, start_unix_ns })
+        Ok(PlateSamples { source, later_ns, start_unix_ns })
     }
 }
 
@@ -118,12 +127,16 @@ impl Iterator for PlateSamples<'_> {
     type Item = GroundSample;
 
     fn next(&mut self) -> Option<GroundSample> {
-        match &mut self.source {
+        let mut ground = match &mut self.source {
             Source::Text(capture) => capture.next(),
             Source::Input(samples) => samples.find_map(|sample| match sample {
                 Sample::Ground(ground) => Some(*ground),
                 Sample::Suit(_) | Sample::Body(_) => None,
             }),
+        }?;
+        for time_ns in [&mut ground.sample_time_ns, &mut ground.arrival_ns, &mut ground.published_ns] {
+            *time_ns = time_ns.saturating_add_signed(self.later_ns);
         }
+        Some(ground)
     }
 }

@@ -63,8 +63,6 @@ pub struct AmtiSettings {
     pub force_unit_n: f64,
     /// The matrix' unit of moment, N m.
     pub moment_unit_nm: f64,
-    /// Take the load at the first start as zero: the plate must be empty then.
-    pub auto_zero: bool,
 }
 
 /// A plate with AMTI's serial protocol.
@@ -87,7 +85,7 @@ impl Amti {
     pub fn new(settings: AmtiSettings) -> Amti {
         Amti {
             settings,
-            dialogue: Dialogue::new(settings.rate, settings.auto_zero),
+            dialogue: Dialogue::new(settings.rate),
             stream: Sliding::default(),
             framing: Framing::new(
                 "an AMTI plate",

@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use anyhow::Context;
 use crossbeam_channel::{Receiver, RecvTimeoutError, bounded};
+use equipoise_config::LoadedModel;
 use equipoise_discrepancy::finding::Finding;
+use equipoise_discrepancy::workflow::output::check_verdicts;
 use equipoise_recording::record::record;
 
 use super::super::{Outcome, stop_on_signals};
@@ -32,6 +34,9 @@ enum Next {
 
 /// Records and evaluates until the finding is decided, the input ends or a signal comes; then writes the results.
 pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcome> {
+    // Before anything is recorded.
+    let loaded = arguments.model.as_deref().map(LoadedModel::read).transpose()?;
+    check_verdicts(folder, loaded.as_ref().map(LoadedModel::file))?;
     std::fs::create_dir_all(folder).with_context(|| format!("cannot create {}", folder.display()))?;
     let recording = folder.join(RECORDING);
     let interrupted = stop_on_signals()?;
@@ -52,7 +57,7 @@ pub(super) fn run(arguments: &Arguments, folder: &Path) -> anyhow::Result<Outcom
         let end = EndRecording(&is_decided);
         let is_over = || interrupted.load(Ordering::Relaxed) || recorder.is_finished();
         while wait(&lines, &is_over) == Next::Evaluate {
-            match super::evaluate(arguments, &recording) {
+            match super::evaluate(arguments, &recording, None) {
                 Ok(evaluated) => {
                     // The file is still written: its end is missing, which is no fault.
                     evaluated.print_finding(arguments)?;

@@ -8,9 +8,11 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Context, bail};
-use equipoise_core::message::State;
+use equipoise_config::Config;
+use equipoise_core::message::{Incident, State};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 use equipoise_station::state_directory::StateDirectory;
+use equipoise_station::status::{self, Status};
 use serde_json::{Value, json};
 
 use crate::calibration::load_check::{Comparison, Event, GROUPS, LoadCheck, LoadCheckSettings, Trial};
@@ -27,7 +29,7 @@ const SIGMAS_MAX: f64 = 3.0;
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise verify load --mass 10 --at 0.35,0 --at 0.50,0 --at 0.65,0\n\nEach result is appended to \
-                  SUBJECT.load-checks.jsonl, next to the subject's profile. Exit code 1: an error exceeds 3 sigma."
+                  SUBJECT.load-checks.jsonl, next to the subject's profile, if that is saved and the subject did not change. Exit code 1: an error exceeds 3 sigma."
 )]
 pub(super) struct Arguments {
     /// The mass, kg
@@ -54,14 +56,22 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     let station = &arguments.station.station;
-    let file = results_file(station)?;
+    let Some(before) = status::read(station) else {
+        bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
+    };
     let trials = guide(arguments)?;
     let result = json(arguments, &trials);
-    append(&file, &result).with_context(|| format!("{}: the result is not stored", file.display()))?;
     if arguments.json {
         println!("{}", serde_json::to_string_pretty(&result)?);
     } else {
         print!("{}", text(arguments.mass_kg, &trials));
+    }
+    match results_file(&before, status::read(station).as_ref())? {
+        Ok(file) => {
+            append(&file, &result)
+                .with_context(|| format!("{}: the result is not stored", file.display()))?;
+        }
+        Err(reason) => eprintln!("the result is not stored: {reason}"),
     }
     let worst = worst_sigmas(arguments.mass_kg, &trials);
     if worst > SIGMAS_MAX {
@@ -73,15 +83,37 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-fn results_file(station: &str) -> anyhow::Result<PathBuf> {
-    let Some(facts) = equipoise_station::status::read(station) else {
-        bail!("no daemon runs on station {station}; start one with `equipoise run --config FILE`");
-    };
-    let directory = match StateDirectory::of_daemon(&facts) {
+/// The file of the measured subject, or why the result must not be stored. Data of a body are stored only if they are
+/// certainly of that subject, and only while its profile is. `before` and `after` are the daemon's status before and
+/// after the measurement.
+fn results_file(before: &Status, after: Option<&Status>) -> anyhow::Result<Result<PathBuf, String>> {
+    let Some(after) = after else { return Ok(Err("the daemon has ended".to_owned())) };
+    let subject = &after.subject;
+    if subject.is_empty() {
+        return Ok(Err(
+            "the worker has no name; load a subject first (`equipoise subject load ID`)".to_owned()
+        ));
+    }
+    if before.subject != *subject {
+        let was = if before.subject.is_empty() { "an unnamed worker" } else { &before.subject };
+        return Ok(Err(format!("{was} was in use at the start, and {subject} at the end")));
+    }
+    let config = Config::parse(&after.config_toml, "the daemon's configuration")?;
+    if !config.subject.save_profile {
+        return Ok(Err("subject.save_profile is false in the configuration".to_owned()));
+    }
+    if let Some(reason) = after.incidents.get(Incident::NotSaved.name()) {
+        return Ok(Err(reason.clone()));
+    }
+    let directory = match StateDirectory::of_daemon(after) {
         Some(directory) => directory,
         None => StateDirectory::of_environment()?,
     };
-    Ok(directory.load_checks(&facts.subject))
+    // A subject that was just deleted is in the status for a second.
+    if !directory.profile(subject).exists() {
+        return Ok(Err(format!("there is no profile {subject}")));
+    }
+    Ok(Ok(directory.load_checks(subject)))
 }
 
 /// Follows the worker from mark to mark.
@@ -214,4 +246,47 @@ fn append(path: &Path, result: &Value) -> anyhow::Result<()> {
     let mut file = std::fs::OpenOptions::new().create(true).append(true).mode(0o600).open(path)?;
     file.write_all(format!("{result}\n").as_bytes())?;
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CONFIG: &str = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \
+                          \"external\"\n[subject]\nid = \"a\"\nheight_m = 1.7\n";
+
+    #[test]
+    fn a_result_is_stored_only_with_the_profile_of_the_measured_subject() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        std::fs::create_dir_all(state.profiles()).unwrap();
+        for subject in ["a", "b"] {
+            std::fs::write(state.profile(subject), "").unwrap();
+        }
+        let status = |subject: &str| -> Status {
+            let status = json!({
+                "version": "", "process_id": 1, "station": "s", "config_toml": CONFIG, "memory_lock": "", "threads": [],
+                "subject": subject, "state_directory": directory.path(),
+            });
+            serde_json::from_value(status).unwrap()
+        };
+        let file = |before: &str, after: &Status| results_file(&status(before), Some(after)).unwrap();
+        assert_eq!(file("a", &status("a")), Ok(state.load_checks("a")));
+        assert_eq!(results_file(&status("a"), None).unwrap(), Err("the daemon has ended".to_owned()));
+        for (before, after, expected) in [
+            (status("a"), status("b"), "a was in use at the start, and b at the end"),
+            (status(""), status("b"), "an unnamed worker was in use"),
+            (status("a"), status(""), "the worker has no name"),
+            (status("c"), status("c"), "there is no profile c"),
+        ] {
+            let refusal = file(&before.subject, &after).unwrap_err();
+            assert!(refusal.contains(expected), "{refusal}");
+        }
+        let mut unsaved = status("a");
+        unsaved.config_toml = CONFIG.replace("[subject]", "[subject]\nsave_profile = false");
+        assert!(file("a", &unsaved).unwrap_err().contains("save_profile is false"));
+        unsaved = status("a");
+        unsaved.incidents.insert(Incident::NotSaved.name().to_owned(), "a is in use elsewhere".to_owned());
+        assert_eq!(file("a", &unsaved), Err("a is in use elsewhere".to_owned()));
+    }
 }

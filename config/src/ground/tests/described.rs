@@ -174,7 +174,6 @@ fn amti() -> AdapterPair {
         matrix: sheet.rows.each_ref().map(|row| row[..].try_into().unwrap()),
         force_unit_n: sheet.force.newtons(),
         moment_unit_nm: sheet.moment.newton_metres(),
-        auto_zero: false,
     };
     let mut pair = AdapterPair::new(AMTI, Box::new(Amti::new(settings)));
     start(&mut pair.protocols[1]);

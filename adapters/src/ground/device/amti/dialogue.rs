@@ -1,4 +1,4 @@
-//! Start-up dialogue with an AMTI plate over its serial line: stop, sampling rate, line speed, zero, start.
+//! Start-up dialogue with an AMTI plate over its serial line: stop, sampling rate, line speed, start.
 //!
 //! A state machine without I/O. Inputs are the bytes received and the time (ns, CLOCK_MONOTONIC), outputs are the
 //! bytes to send and the line speeds to set. Each command has a timeout; after a failure the dialogue restarts.
@@ -9,15 +9,13 @@
 
 use super::Rate;
 use crate::ground::device::Want;
-use crate::wire::amti::{Command, SPEED_FAST, SPEED_SLOW, STARTED_ONE, STARTED_TWO, ZEROED_ONE, ZEROED_TWO};
+use crate::wire::amti::{Command, SPEED_FAST, SPEED_SLOW, STARTED_ONE, STARTED_TWO};
 
 const MS: u64 = 1_000_000;
 /// Time from "stop" until the plate is silent, and from a change of speed to the next command, ns.
 const SETTLE_NS: u64 = 100 * MS;
-/// Timeout of an answer, except that to "zero", ns.
+/// Timeout of an answer, ns.
 const ANSWER_NS: u64 = 1000 * MS;
-/// Timeout of the answer to "zero", ns.
-const ZERO_NS: u64 = 12_000 * MS;
 /// Pause after a failure, ns.
 const PAUSE_NS: u64 = 500 * MS;
 /// Pause between checks whether one of two connected plates was removed, ns.
@@ -42,8 +40,6 @@ enum Step {
     RateAnswer,
     /// Set the speed at which the plate streams.
     StreamSpeed,
-    Zero,
-    ZeroAnswer,
     Start,
     StartAnswer,
     Streaming,
@@ -55,7 +51,6 @@ enum Step {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fault {
     NoAnswer,
-    NoZero,
     NoStart,
     TwoPlates,
 }
@@ -64,8 +59,6 @@ enum Fault {
 #[derive(Debug, Clone)]
 pub(super) struct Dialogue {
     rate: Rate,
-    /// Whether to zero the plate before the start.
-    zero: bool,
     step: Step,
     /// Timeout of the step, ns.
     until_ns: u64,
@@ -77,11 +70,10 @@ pub(super) struct Dialogue {
 }
 
 impl Dialogue {
-    /// A dialogue before its first step; `zero`: the plate is zeroed at the first start.
-    pub(super) fn new(rate: Rate, zero: bool) -> Dialogue {
+    /// A dialogue before its first step.
+    pub(super) fn new(rate: Rate) -> Dialogue {
         Dialogue {
             rate,
-            zero,
             step: Step::FastSpeed,
             until_ns: 0,
             bytes_before_answer: 0,
@@ -116,14 +108,9 @@ impl Dialogue {
             Step::CommandSpeed => self.enter(Step::CommandStop, now_ns, Want::Speed(self.command_speed())),
             Step::CommandStop => self.enter(Step::Rate, now_ns + SETTLE_NS, send(Command::Stop)),
             Step::Rate => self.enter(Step::RateAnswer, now_ns + ANSWER_NS, send(self.rate.command())),
-            Step::StreamSpeed => {
-                let next = if self.zero { Step::Zero } else { Step::Start };
-                self.enter(next, now_ns + SETTLE_NS, Want::Speed(self.rate.speed()))
-            }
-            Step::Zero => self.enter(Step::ZeroAnswer, now_ns + ZERO_NS, send(Command::AutoZero)),
+            Step::StreamSpeed => self.enter(Step::Start, now_ns + SETTLE_NS, Want::Speed(self.rate.speed())),
             Step::Start => self.enter(Step::StartAnswer, now_ns + ANSWER_NS, send(Command::Start)),
             Step::RateAnswer => self.fail(Fault::NoAnswer, now_ns),
-            Step::ZeroAnswer => self.fail(Fault::NoZero, now_ns),
             Step::StartAnswer => self.fail(Fault::NoStart, now_ns),
             Step::Pause => self.enter(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
             Step::Streaming => Want::Nothing,
@@ -134,7 +121,6 @@ impl Dialogue {
     pub(super) fn ingest<'a>(&mut self, bytes: &'a [u8], now_ns: u64) -> Option<&'a [u8]> {
         let expected: &[u8] = match self.step {
             Step::RateAnswer => &[self.rate.command() as u8],
-            Step::ZeroAnswer => &[ZEROED_ONE, ZEROED_TWO],
             Step::StartAnswer => &[STARTED_ONE, STARTED_TWO],
             _ => return None,
         };
@@ -146,24 +132,16 @@ impl Dialogue {
             }
             return None;
         };
-        if matches!(bytes.get(position), Some(&(ZEROED_TWO | STARTED_TWO))) && self.step != Step::RateAnswer {
+        if self.step == Step::RateAnswer {
+            let _ = self.enter(Step::StreamSpeed, now_ns, Want::Nothing);
+            return None;
+        }
+        if bytes.get(position) == Some(&STARTED_TWO) {
             let _stop = self.fail(Fault::TwoPlates, now_ns);
             return None;
         }
-        match self.step {
-            Step::RateAnswer => _ = self.enter(Step::StreamSpeed, now_ns, Want::Nothing),
-            Step::ZeroAnswer => {
-                // Zero once only: a person may stand on the plate when it is reconnected, and their weight must not
-                // become the zero.
-                self.zero = false;
-                _ = self.enter(Step::Start, now_ns, Want::Nothing);
-            }
-            _ => {
-                (self.step, self.failures, self.fault) = (Step::Streaming, 0, None);
-                return bytes.get(position + 1..);
-            }
-        }
-        None
+        (self.step, self.failures, self.fault) = (Step::Streaming, 0, None);
+        bytes.get(position + 1..)
     }
 
     /// The last failure with its remedy, if it is to be reported.
@@ -178,9 +156,6 @@ impl Dialogue {
                 "the AMTI plate does not answer to the command that sets its rate: is it switched on, plugged into its serial adapter, and \
                  the adapter switched to A (with A+B and one plate it sends nothing)? If it is, unplug its power and plug \
                  it in again"
-            }
-            Fault::NoZero => {
-                "the AMTI plate does not finish taking its zero: unplug its power and plug it in again, with nothing on it"
             }
             Fault::NoStart => {
                 "the AMTI plate answers, but does not start: try rate_hz = 50, the only one that every serial adapter \

@@ -1,7 +1,7 @@
 use super::*;
 use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
-use crate::wire::amti::{STARTED_ONE, STARTED_TWO, ZEROED_ONE};
+use crate::wire::amti::{STARTED_ONE, STARTED_TWO};
 
 const MS: u64 = 1_000_000;
 
@@ -11,7 +11,7 @@ fn settings() -> AmtiSettings {
         factors[row] = 1.0;
         factors[row + 6] = 0.5;
     }
-    AmtiSettings { rate: Rate::Hz200, matrix, force_unit_n: 1.0, moment_unit_nm: 1.0, auto_zero: false }
+    AmtiSettings { rate: Rate::Hz200, matrix, force_unit_n: 1.0, moment_unit_nm: 1.0 }
 }
 
 /// Simulated plate that follows the protocol, with a simulated clock.
@@ -59,7 +59,6 @@ impl Bench {
                 self.plate_baud = SPEED_FAST;
             }
             0x52 => self.plate_baud = SPEED_SLOW,
-            0x53 => self.say(&[ZEROED_ONE]),
             0x51 => self.say(&[self.started]),
             _ => panic!("{command:#x} is no command"),
         }
@@ -124,17 +123,6 @@ fn a_plate_that_was_left_streaming_is_stopped_at_its_own_speed() {
     bench.plate_baud = SPEED_FAST;
     bench.link();
     assert_eq!(bench.heard, [0x52, 0x52, 0x76, 0x51]);
-}
-
-#[test]
-fn the_zero_is_taken_once_and_never_when_the_line_comes_back() {
-    let mut bench = Bench::new(AmtiSettings { auto_zero: true, rate: Rate::Hz50, ..settings() });
-    bench.link();
-    assert_eq!(bench.heard, [0x52, 0x72, 0x53, 0x51]);
-    bench.heard.clear();
-    bench.device.opened(bench.now_ns);
-    bench.link();
-    assert_eq!(bench.heard, [0x52, 0x72, 0x51]);
 }
 
 #[test]
