@@ -66,7 +66,7 @@ fn ask_while_late<Q: Request>(
 }
 
 fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow::Result<Q::Response> {
-    client.ask_until(request, timeout_of(bus)).map_err(|error| match stopped_daemon(bus) {
+    client.ask_until(request, end_of_wait(bus)).map_err(|error| match stopped_daemon(bus) {
         Some(stopped) => anyhow!(stopped),
         None => error.into(),
     })
@@ -75,7 +75,7 @@ fn ask<Q: Request>(bus: &Bus, client: &RequestClient<Q>, request: &Q) -> anyhow:
 /// The newest state of a running daemon.
 pub(crate) fn newest_state(bus: &Bus) -> anyhow::Result<State> {
     let mut states = bus.subscriber::<State>(1)?;
-    let (started, is_over) = (Instant::now(), timeout_of(bus));
+    let (started, is_over) = (Instant::now(), end_of_wait(bus));
     while !is_over(started.elapsed()) {
         if let Some(state) = states.latest()? {
             return Ok(state);
@@ -98,7 +98,7 @@ fn daemon_of(bus: &Bus) -> Option<u32> {
 }
 
 /// Whether the daemon of the station is no longer waited for after a time.
-fn timeout_of(bus: &Bus) -> impl Fn(Duration) -> bool {
+fn end_of_wait(bus: &Bus) -> impl Fn(Duration) -> bool {
     let daemon = daemon_of(bus);
     move |waited| waited > TIMEOUT || (waited > STOPPED_TIMEOUT && daemon.is_none_or(is_stopped))
 }

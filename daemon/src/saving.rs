@@ -80,7 +80,7 @@ pub fn run(saver: Saver) {
             // Retry what could not be written with the last copy.
             writer.write();
             if !(writer.profiles.is_empty() && writer.station_text.is_none() && writer.lifts.is_written()) {
-                warn!("what was learnt last is lost: it could not be written");
+                warn!("the newest data of the subject are lost: they could not be written");
             }
             return;
         }

@@ -266,7 +266,7 @@ struct Clock {
     rate_hz: f64,
     first: Stamps,
     /// Lead of `ms` over `index`.
-    apart_ns: i64,
+    lead_ns: i64,
     /// Part of it caused by missing frames.
     ahead_ns: i64,
     steps: WallClockSteps,
@@ -303,7 +303,7 @@ impl Clock {
         Clock {
             rate_hz,
             first: Stamps::of(first),
-            apart_ns: 0,
+            lead_ns: 0,
             ahead_ns: 0,
             steps: WallClockSteps::default(),
         }
@@ -325,13 +325,13 @@ impl Clock {
         let elapsed_ns = (elapsed_s * 1e9).round() as i64;
         if let Some(wall_ns) = wall_ms.and_then(|ms| ms.checked_mul(NS_PER_MS)) {
             let interval_ns = (1e9 / self.rate_hz) as i64;
-            let apart_ns = wall_ns.saturating_sub(elapsed_ns);
+            let lead_ns = wall_ns.saturating_sub(elapsed_ns);
             let limit_ns = (TIME_MAX_S * 1e9) as i64;
             if (-limit_ns..limit_ns).contains(&wall_ns)
-                && apart_ns.abs_diff(self.apart_ns) > 2 * interval_ns.unsigned_abs() + NS_PER_MS as u64
+                && lead_ns.abs_diff(self.lead_ns) > 2 * interval_ns.unsigned_abs() + NS_PER_MS as u64
             {
-                let step_ns = apart_ns.saturating_sub(self.apart_ns);
-                self.apart_ns = apart_ns;
+                let step_ns = lead_ns.saturating_sub(self.lead_ns);
+                self.lead_ns = lead_ns;
                 if step_ns > 0 {
                     self.ahead_ns = self.ahead_ns.saturating_add(step_ns);
                     self.steps.forward += 1;

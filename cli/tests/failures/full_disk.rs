@@ -71,7 +71,7 @@ fn a_full_disk_stops_nothing_and_the_profile_is_saved_when_space_is_free() {
     assert!(daemon.stderr().contains("not_saved"), "{}", daemon.stderr());
 
     std::fs::remove_file(filler).expect("the filler");
-    wait_for("what was learnt meanwhile", || (saved() >= poses).then_some(()));
+    wait_for("the poses taken meanwhile", || (saved() >= poses).then_some(()));
     monitor.until("the end of the incident", |monitor| !monitor.is_active(Incident::NotSaved));
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
 }

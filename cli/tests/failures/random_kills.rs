@@ -289,7 +289,9 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
         daemon = station.daemon(&station.configuration());
         fixture.compare(killed, killed_ns);
         let message = daemon.stderr();
-        for part in ["is in use: ", "the shift goes on", "the tare of", "the position of the suit's world is "] {
+        for part in
+            ["is in use: ", "the shift goes on", "the tare of", "the position of the suit's world is "]
+        {
             assert!(message.contains(part), "{part:?} is not in {message}");
         }
         // Not restored if a busy machine has kept the worker out of sight for too long.
@@ -302,7 +304,7 @@ fn a_kill_at_any_instant_loses_at_most_a_second() {
     let Fixture { mut monitor, person, .. } = fixture;
     let before = monitor.state.poses_used;
     monitor.until_poses(&person, before + 1);
-    assert!(poses >= 2, "hardly anything was learnt between the kills");
+    assert!(poses >= 2, "hardly a pose was taken between the kills");
     assert_eq!(daemon.stop(Signal::TERM), Some(0));
     assert!(read_all_files(&station.state_directory()) >= 3);
 }

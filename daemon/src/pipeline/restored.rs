@@ -189,7 +189,7 @@ impl Restored {
 
     fn restore_station(&mut self, config: &Config, settings: &Settings, station: &StationFile) {
         if let Some(other) = station.other_model(config) {
-            self.warn(format!("{other}; what was learnt with one model need not fit another"));
+            self.warn(format!("{other}; parameters identified with one model need not fit another"));
         }
         match station.tare.as_ref().map(|part| (part.taken_unix_s, part.tare(config, unix_s()))) {
             None => {}

@@ -39,7 +39,7 @@ impl Asking {
     }
 
     /// Whether the device streamed until now; resets that state, so that later data count as unsolicited.
-    pub(super) fn is_heard_no_more(&mut self) -> bool {
+    pub(super) fn take_streaming(&mut self) -> bool {
         self.last_data_ns.take().is_some()
     }
 

@@ -102,7 +102,7 @@ impl AtiRdt {
 
     /// While the scale is unavailable: stops the stream, and after an interval requests the settings page again.
     fn wants_page(&mut self, now_ns: u64, why: String) -> Want {
-        if self.asking.is_answer() || self.asking.is_heard_no_more() {
+        if self.asking.is_answer() || self.asking.take_streaming() {
             return Want::Send(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec());
         }
         if now_ns.saturating_sub(self.judged_ns) < JUDGED_AGAIN_NS {
