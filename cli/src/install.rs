@@ -240,7 +240,7 @@ pub fn uninstall(destination: &Destination) -> anyhow::Result<Vec<String>> {
     }
     for data in DATA.iter().filter(|data| destination.under_root(Path::new(data)).exists()) {
         done.push(format!(
-            "left {data} as it is: what you configured and the stored profiles are yours to delete"
+            "left {data} as it is: the configuration and the stored profiles are yours to delete"
         ));
     }
     if done.is_empty() {
