@@ -40,7 +40,7 @@ impl Severity {
 pub struct Realism {
     /// Each foot has its own, changing pressure point: 20 mm forward and 7 mm sideways (1-σ) from the common line.
     pub feet: Severity,
-    /// The hands carry unequal fractions of a load: the right one between 20 and 80 %. And each has its own grip point:
+    /// The hands carry unequal fractions of a load: the right one between 0 and 100 %. And each has its own grip point:
     /// along the hand from the palm's hollow to the middle of the first phalanges (21 mm before to 21 mm beyond the
     /// knuckles), 5 to 25 mm on the palm's side of the hand's middle, and up to 12 mm off its axis.
     pub hands: Severity,
@@ -227,7 +227,8 @@ mod tests {
             assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.65, "{drift:?}");
             assert_eq!(Realism::IDEAL.zero_drift(seed), ZeroDrift::NONE);
         }
-        assert!(apart[0] < 0.25 && apart[1] > 0.75, "{apart:?}");
+        let [least, most] = apart;
+        assert!((0.0..0.05).contains(&least) && (0.95..=1.0).contains(&most), "{apart:?}");
         assert_eq!(Realism::REALISTIC.suit_noise(), SuitNoise::REALISTIC);
         let ideal = Realism::IDEAL.suit_noise();
         assert_eq!((ideal.soft_tissue_m_per_rad, ideal.drift_m), (0.0, [0.0; 3]));

@@ -168,7 +168,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     let crowd = crowd.subjects();
     let mut skew = Table::new(
         format!(
-            "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, mean 1-sigma"
+            "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, RMS 1-sigma"
         ),
         &[
             "plate delay",

@@ -141,8 +141,8 @@ impl LiftSums {
         for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
             let Some(joint) = Joint::named(name).map(Joint::index) else { continue };
             let published = Vector3::from(state.torque_nm[joint]);
-            // The published torque includes motion, so compare it with the true torque in motion; the forces of both
-            // feet act at the common centre of pressure, as in Eq. 15.
+            // The published torque includes motion, so compare it with the true torque in motion, where the force of
+            // each foot acts at its own pressure point.
             let real = truth.overload_in_motion_nm[joint];
             sums.published_nm += published.norm();
             sums.true_nm += real.norm();
