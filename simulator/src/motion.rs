@@ -31,7 +31,7 @@ const LEAN_S: f64 = 1.2;
 /// Duration of reaching for a part, and of standing up after it, s.
 const REACH_S: f64 = 1.8;
 /// Frequencies at which the pressure point of a foot changes: from minutes of standing to a few poses of work, Hz.
-const PRESS_HZ: [f64; 2] = [0.01, 0.3];
+pub(crate) const PRESS_HZ: [f64; 2] = [0.01, 0.3];
 /// A foot whose ankle is higher than in standing by this is in the air, m.
 const LIFTED_M: f64 = 0.002;
 

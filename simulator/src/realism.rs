@@ -143,9 +143,9 @@ impl Realism {
         }
     }
 
-    /// Drift of the plate's zero at the station with this seed.
-    pub fn zero_drift(&self, seed: u64) -> ZeroDrift {
-        ZeroDrift::new(self.plate_zero.factor(), seed)
+    /// Drift of the zero of the first plate (0) or the second at the station with this seed.
+    pub fn zero_drift(&self, seed: u64, plate: u32) -> ZeroDrift {
+        ZeroDrift::new(self.plate_zero.factor(), seed, plate)
     }
 
     /// Clocks of the station with this seed.
@@ -223,9 +223,12 @@ mod tests {
             assert!((-555.0..-228.0).contains(&clocks.plate_drift_ppm), "{clocks:?}");
             let exact = Realism::IDEAL.clocks(seed);
             assert_eq!([exact.plate_late_s, exact.plate_drift_ppm, exact.suit_rate_ppm], [0.0; 3]);
-            let drift = Realism::REALISTIC.zero_drift(seed).at(100.0);
-            assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.65, "{drift:?}");
-            assert_eq!(Realism::IDEAL.zero_drift(seed), ZeroDrift::NONE);
+            let drifts = [0, 1].map(|plate| Realism::REALISTIC.zero_drift(seed, plate));
+            assert_ne!(drifts[0], drifts[1]);
+            for drift in drifts.map(|drift| drift.at(100.0)) {
+                assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.65, "{drift:?}");
+            }
+            assert_eq!(Realism::IDEAL.zero_drift(seed, 1), ZeroDrift::NONE);
         }
         let [least, most] = apart;
         assert!((0.0..0.05).contains(&least) && (0.95..=1.0).contains(&most), "{apart:?}");
