@@ -55,6 +55,8 @@ pub struct Intention {
     pub left_arm: Arm,
     /// Right arm.
     pub right_arm: Arm,
+    /// Whether both hands are at the sides of a box: then the arms are moved to have them as far apart as it is wide.
+    pub at_box: bool,
 }
 
 /// Distribution of the spine's bend over its joints, L5S1 up to T9T8.
@@ -73,6 +75,7 @@ impl Intention {
         head_deg: [0.0; 3],
         left_arm: Arm::DOWN,
         right_arm: Arm::DOWN,
+        at_box: false,
     };
 
     /// Both arms in the same position.
@@ -81,7 +84,13 @@ impl Intention {
         Intention { left_arm: arm, right_arm: arm, ..self }
     }
 
-    /// The resulting pose.
+    /// Both arms in the same position, with the hands at the sides of a box.
+    #[must_use]
+    pub const fn at_box(self, arm: Arm) -> Intention {
+        Intention { at_box: true, ..self.arms(arm) }
+    }
+
+    /// The resulting pose. The width of a box is not considered: [`crate::grasp::hold_box`].
     pub fn pose(&self) -> Pose {
         // World X is the axis of a lean to the right, Y of a tilt forward, Z of a rotation to the left.
         let turn = |[forward, right, left]: [f64; 3], fraction: f64| {

@@ -3,13 +3,14 @@
 
 use equipoise_core::body::{SEGMENTS, Segment};
 use equipoise_core::pose_suggestion::Posture;
-use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Rotation2, UnitQuaternion, Vector2, Vector3};
 use std::borrow::Cow;
 use std::f64::consts::TAU;
 
 use crate::GRAVITY_M_PER_S2;
 use crate::balance::{Standing, Start, grips_m};
 use crate::dynamics::{Wrench, ground_reaction};
+use crate::grasp::hold_box;
 use crate::intention::Intention;
 use crate::kinematics::Rotations;
 use crate::march::March;
@@ -31,7 +32,7 @@ const LEAN_S: f64 = 1.2;
 /// Duration of reaching for a part, and of standing up after it, s.
 const REACH_S: f64 = 1.8;
 /// Frequencies at which the pressure point of a foot changes: from minutes of standing to a few poses of work, Hz.
-const PRESS_HZ: [f64; 2] = [0.01, 0.3];
+pub(crate) const PRESS_HZ: [f64; 2] = [0.01, 0.3];
 /// A foot whose ankle is higher than in standing by this is in the air, m.
 const LIFTED_M: f64 = 0.002;
 
@@ -50,6 +51,8 @@ pub struct Habits {
     pub pose_error_rad: f64,
     /// Standard deviation of the chosen balance point, per pose, m.
     pub balance_error_m: f64,
+    /// Distance between the grips of the hands on a box, m; 0.30 to 0.45 was measured.
+    pub hands_apart_m: f64,
     /// Fraction of a box carried by the right hand, in [0, 1].
     pub right_hand_fraction: f64,
     /// Standard deviation of each foot's pressure point from the line common to both, forward and sideways in the
@@ -72,6 +75,7 @@ impl Habits {
         sway_rad: 0.003,
         pose_error_rad: 0.05,
         balance_error_m: 0.008,
+        hands_apart_m: 0.375,
         right_hand_fraction: 0.5,
         foot_press_m: [0.0; 2],
         grip_off_m: [[0.0; 3]; 2],
@@ -140,6 +144,8 @@ impl BodyState {
 #[derive(Debug, Clone, Copy)]
 struct Aim {
     pose: Pose,
+    /// 1 with the hands at the sides of a box, otherwise 0.
+    at_box: f64,
     balance_m: Vector2<f64>,
     /// Inclination of the line from the grips to a load's centre below the horizontal, rad.
     load_down_rad: f64,
@@ -184,7 +190,7 @@ impl Worker {
             habits.foot_press_m.map(|sigma_m| Wander::new(&mut random, sigma_m, PRESS_HZ[0], PRESS_HZ[1]))
         });
         let (pose, balance_m) = (Intention::STAND.pose(), usual_balance_m(&person, &stance));
-        let aim = Aim { pose, balance_m, load_down_rad: 0.0 };
+        let aim = Aim { pose, at_box: 0.0, balance_m, load_down_rad: 0.0 };
         let walk = Walk::new(&person, &stance);
         Worker {
             person,
@@ -230,16 +236,14 @@ impl Worker {
         self.walk.go(at_s, to)
     }
 
-    /// Begins to take a posture of the library at `at_s` and reaches it after `over_s`, with the deviations of the
-    /// habits.
+    /// Takes a posture of the library from `at_s` on and reaches it after `over_s`, with the habits' deviations.
     pub fn take_pose(&mut self, posture: &Posture, at_s: f64, over_s: f64) {
-        let pose = Pose::of_posture(posture, &self.person);
-        self.follow(pose, at_s, over_s);
+        self.follow(Pose::of_posture(posture, &self.person), 0.0, at_s, over_s);
     }
 
     /// The same for an intention.
     pub fn intend(&mut self, intention: &Intention, at_s: f64, over_s: f64) {
-        self.follow(intention.pose(), at_s, over_s);
+        self.follow(intention.pose(), f64::from(intention.at_box), at_s, over_s);
     }
 
     /// Grasps a box of that mass at `at_s`; [`BodyState::load_m`] is its centre.
@@ -273,12 +277,12 @@ impl Worker {
         at_s: f64,
         for_s: f64,
     ) -> Option<[f64; 2]> {
-        let balance_m = self.stance.between_the_feet_m(habits.balance_ahead_m);
+        let (at_box, balance_m) = (0.0, self.stance.between_the_feet_m(habits.balance_ahead_m));
         let load_down_rad = part.load_down_rad();
         let [empty, loaded] = [0.0, mass_kg].map(|load_kg| {
             let (person, stance) = (&self.person, &self.stance);
             let standing = Standing { person, com_m: &person.com_m, stance, load_kg };
-            reach(&standing, habits, part).map(|(pose, _)| Aim { pose, balance_m, load_down_rad })
+            reach(&standing, habits, part).map(|(pose, _)| Aim { pose, at_box, balance_m, load_down_rad })
         });
         let (empty, loaded) = (empty?, loaded?);
         // With the weight the body leans back, and the arms stretch by as much: the hands stay at the part.
@@ -292,8 +296,7 @@ impl Worker {
         Some([taken_s + LEAN_S, given_s])
     }
 
-    /// Marches on the spot: the given number of steps, the feet alternately some 9 cm off the floor. Returns its end,
-    /// s.
+    /// Marches on the spot: that many steps, the feet alternately some 9 cm off the floor. Returns its end, s.
     ///
     /// The upper body continues its motion. No load should be carried (the truth shares a load between both feet,
     /// regardless of their positions), and no other march should be in progress.
@@ -311,17 +314,13 @@ impl Worker {
         stomps.end_s()
     }
 
-    fn follow(&mut self, mut pose: Pose, at_s: f64, over_s: f64) {
-        let habits = self.habits;
-        let mut off = |sigma: f64| sigma * self.deviation.normal();
-        for rotation in &mut pose.parent_from_segment[..Segment::RightUpperLeg.index()] {
-            let error = Vector3::from_fn(|_, _| off(habits.pose_error_rad / 3.0_f64.sqrt()));
-            *rotation *= UnitQuaternion::from_scaled_axis(error);
-        }
-        let limit = 2.0 * habits.balance_error_m;
-        let error = Vector2::from_fn(|_, _| off(habits.balance_error_m).clamp(-limit, limit));
+    fn follow(&mut self, mut pose: Pose, at_box: f64, at_s: f64, over_s: f64) {
+        pose.add_errors(self.habits.pose_error_rad, &mut self.deviation);
+        let sigma_m = self.habits.balance_error_m;
+        let error =
+            Vector2::from_fn(|_, _| (sigma_m * self.deviation.normal()).clamp(-2.0 * sigma_m, 2.0 * sigma_m));
         let balance_m = usual_balance_m(&self.person, &self.stance) + error;
-        self.aims.push(Aim { pose, balance_m, load_down_rad: 0.0 }, at_s, over_s);
+        self.aims.push(Aim { pose, at_box, balance_m, load_down_rad: 0.0 }, at_s, over_s);
     }
 
     /// State of the body at a time.
@@ -333,9 +332,13 @@ impl Worker {
         let mix = |from: &f64, to: &f64, s: f64| from + s * (to - from);
         let mut aim = self.aims.at(time_s, |from, to, s| Aim {
             pose: from.pose.towards(&to.pose, s),
+            at_box: mix(&from.at_box, &to.at_box, s),
             balance_m: from.balance_m.lerp(&to.balance_m, s),
             load_down_rad: mix(&from.load_down_rad, &to.load_down_rad, s),
         });
+        if aim.at_box > 0.0 {
+            aim.pose = hold_box(&self.person, &aim.pose, self.habits.hands_apart_m, aim.at_box);
+        }
         let [forward, aside, roll, pitch] = [0, 1, 2, 3].map(|i: usize| self.sway[i].at(time_s));
         let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0));
         aim.pose.parent_from_segment[0] = tilt * aim.pose.parent_from_segment[0];
@@ -366,7 +369,7 @@ impl Worker {
         let body = standing.balance_near(&aim.pose, aim.balance_m + sway_m, start);
         let grip_m = grips_m(&self.person, &body.origin_m, &body.world_from_segment);
         let load_kg = self.load_kg.at(time_s, mix);
-        let apart = grip_m[0] - grip_m[1];
+        let apart = (grip_m[0] - grip_m[1]).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
         // "Ahead" is relative to the chest, because the line between the hands rotates quickly when one hand passes
         // above the other, which would cause large inertial forces of the box.
         let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
@@ -385,7 +388,7 @@ impl Worker {
             load_kg,
             right_hand_fraction: self.habits.right_hand_fraction,
             load_ahead_m: inclined(ahead, aim.load_down_rad) * self.habits.load_ahead_m,
-            squeeze_n: apart.try_normalize(1e-6).unwrap_or_else(Vector3::zeros) * squeeze_n,
+            squeeze_n: apart * squeeze_n,
             foot_press_m,
             foot_stands: stance.ankle_m.map(|ankle_m| ankle_m.z < self.person.ankle_height_m + LIFTED_M),
         }
@@ -427,11 +430,7 @@ impl Worker {
         if self.walk.is_empty() {
             return forward_left_m;
         }
-        let (sin, cos) = self.walk.heading_rad(time_s).sin_cos();
-        Vector2::new(
-            cos * forward_left_m.x - sin * forward_left_m.y,
-            sin * forward_left_m.x + cos * forward_left_m.y,
-        )
+        Rotation2::new(self.walk.heading_rad(time_s)) * forward_left_m
     }
 
     fn breathing_coms_m(&self, time_s: f64) -> [Vector3<f64>; SEGMENTS] {

@@ -1,12 +1,13 @@
-//! Sensor errors added to the truth: a suit's misalignment and drift, a plate's noise.
+//! Sensor errors added to the truth: a suit's misalignment and drift, a plate's noise and zero drift, insoles' gain.
 
 use equipoise_core::body::{SEGMENTS, Segment, Side};
+use equipoise_core::message::GroundSample;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::colour::{SuitColour, joint_rad};
 use crate::dynamics::Wrench;
 use crate::kinematics::{Rotations, chain_m};
-use crate::motion::BodyState;
+use crate::motion::{BodyState, PRESS_HZ};
 use crate::person::Person;
 use crate::random::{Random, Wander};
 
@@ -172,9 +173,9 @@ impl ZeroDrift {
     /// Uniform rates of four sensors within ± this add up to the standard deviation of a uniform one within ± 0.01 N/s.
     const CORNER_N_PER_S: f64 = 0.005;
 
-    /// The plate with this seed, its rates multiplied by a factor.
-    pub fn new(factor: f64, seed: u64) -> ZeroDrift {
-        let mut random = Random::new(seed, "plate zero");
+    /// One of the plates of the station with this seed, its rates multiplied by a factor.
+    pub fn new(factor: f64, seed: u64, plate: u32) -> ZeroDrift {
+        let mut random = Random::numbered(seed, "plate zero", plate);
         let mut rate = || factor * random.between(-ZeroDrift::CORNER_N_PER_S, ZeroDrift::CORNER_N_PER_S);
         ZeroDrift { corner_n_per_s: std::array::from_fn(|_| std::array::from_fn(|_| rate())) }
     }
@@ -191,13 +192,57 @@ impl ZeroDrift {
     }
 }
 
+/// A pair of insoles with errors, independent left and right.
+///
+/// Each measures force with a constant gain error. Moticon's Insole3 deviates from force plates by −4 to +6 % in peaks,
+/// valleys and impulses of walking and running (Cramer et al., *Sensors* 22, 2022, 2203). Each foot's centre of pressure
+/// is off by an error that changes as the foot presses other cells: 6.6 ± 3 mm sideways and 15 ± 6 mm forward in walking,
+/// which includes the place of the insole on the floor (Morin et al., *Sensors* 22, 2022, 5628).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Insoles {
+    gain: [f64; 2],
+    /// Error of each foot's centre of pressure, insole's axes, m.
+    cop: [[Wander; 2]; 2],
+}
+
+impl Insoles {
+    /// Insoles without error.
+    pub const NONE: Insoles = Insoles { gain: [1.0; 2], cop: [[Wander::NONE; 2]; 2] };
+    /// Standard deviation of a gain: the middle of the deviations above.
+    const GAIN_SIGMA: f64 = 0.04;
+    /// Standard deviation of the error of a centre of pressure along each axis, m: the sideways one above, which depends
+    /// less on the insole's place.
+    const COP_SIGMA_M: f64 = 0.006;
+
+    /// The insoles with this seed.
+    pub fn new(seed: u64) -> Insoles {
+        let mut random = Random::new(seed, "insole gain");
+        let gain = [0, 1].map(|_: usize| 1.0 + Insoles::GAIN_SIGMA * random.normal());
+        let mut random = Random::new(seed, "insole centre of pressure");
+        let [slowest_hz, fastest_hz] = PRESS_HZ;
+        let cop = std::array::from_fn(|_| {
+            std::array::from_fn(|_| Wander::new(&mut random, Insoles::COP_SIGMA_M, slowest_hz, fastest_hz))
+        });
+        Insoles { gain, cop }
+    }
+
+    /// Adds the errors at a time to an exact sample of insoles.
+    #[must_use]
+    pub fn on(&self, exact: GroundSample, time_s: f64) -> GroundSample {
+        let vertical_n = [0, 1].map(|foot| self.gain[foot] * exact.foot_vertical_n[foot]);
+        let foot_cop_m = [0, 1].map(|foot: usize| {
+            [0, 1].map(|axis: usize| exact.foot_cop_m[foot][axis] + self.cop[foot][axis].at(time_s))
+        });
+        let force_n = [0.0, 0.0, vertical_n[0] + vertical_n[1]];
+        GroundSample { foot_vertical_n: vertical_n, foot_cop_m, force_n, ..exact }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::intention::Intention;
     use crate::motion::{Habits, Worker};
-    use equipoise_core::body::Skeleton;
-    use equipoise_core::frame::{Pose, SuitWorld};
 
     /// Change of the length of every bone from standing to a deep squat with a bent trunk, m.
     fn changes_m(noise: SuitNoise, seed: u64) -> Vec<f64> {
@@ -211,10 +256,13 @@ mod tests {
         worker.intend(&low, 1.0, 1.0);
         let suit = Suit::new(noise, seed);
         let [standing, squat] = [0.5, 3.0].map(|time_s| {
-            let (origin, rotation) = suit.see(worker.person(), &worker.sample(time_s));
-            Skeleton::of(&Pose::<SuitWorld>::new(origin, rotation))
+            let (origin_m, _) = suit.see(worker.person(), &worker.sample(time_s));
+            Segment::ALL.map(|segment| {
+                let parent = segment.parent().unwrap_or(segment);
+                (origin_m[segment.index()] - origin_m[parent.index()]).norm()
+            })
         });
-        Segment::ALL[1..].iter().map(|s| (squat.length_m(*s) - standing.length_m(*s)).abs()).collect()
+        (1..SEGMENTS).map(|i| (squat[i] - standing[i]).abs()).collect()
     }
 
     #[test]
@@ -228,5 +276,39 @@ mod tests {
         for rigid in [SuitNoise::ORDINARY, SuitNoise::NONE] {
             assert!(changes_m(rigid, 3).into_iter().all(|change| change < 1e-9));
         }
+    }
+
+    #[test]
+    fn insoles_err_by_their_gain_and_a_slow_error_of_each_foot_s_centre() {
+        use bytemuck::Zeroable;
+        let exact = GroundSample {
+            foot_vertical_n: [400.0, 300.0],
+            force_n: [0.0, 0.0, 700.0],
+            foot_cop_m: [[0.03, -0.01], [-0.02, 0.0]],
+            ..GroundSample::zeroed()
+        };
+        assert_eq!(Insoles::NONE.on(exact, 3.0), exact);
+        let (mut square_m2, mut square, mut product, count) = (0.0, 0.0, 0.0, 400.0);
+        for seed in 0..400 {
+            let [now, soon, later] = [20.0, 20.1, 50.0].map(|time_s| Insoles::new(seed).on(exact, time_s));
+            assert_eq!(now.foot_vertical_n, later.foot_vertical_n);
+            assert_eq!(now.force_n[2], now.foot_vertical_n[0] + now.foot_vertical_n[1]);
+            let gains = [now.foot_vertical_n[0] / 400.0 - 1.0, now.foot_vertical_n[1] / 300.0 - 1.0];
+            square += (gains[0] * gains[0] + gains[1] * gains[1]) / (2.0 * count);
+            product += gains[0] * gains[1] / count;
+            for foot in 0..2 {
+                for axis in 0..2 {
+                    let error_m =
+                        |sample: &GroundSample| sample.foot_cop_m[foot][axis] - exact.foot_cop_m[foot][axis];
+                    square_m2 += error_m(&now).powi(2) / (4.0 * count);
+                    assert!((error_m(&now) - error_m(&soon)).abs() < 0.003, "{seed}");
+                }
+            }
+        }
+        assert!(
+            (0.036..0.044).contains(&square.sqrt()) && product.abs() < 0.2 * square,
+            "{square} {product}"
+        );
+        assert!((0.0055..0.0065).contains(&square_m2.sqrt()), "{square_m2}");
     }
 }

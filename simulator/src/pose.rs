@@ -6,6 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::kinematics::Rotations;
 use crate::person::Person;
+use crate::random::Random;
 use crate::stance::Stance;
 
 /// An intended pose, without the legs: the feet stay in place and balance determines them.
@@ -33,6 +34,14 @@ impl Pose {
         });
         let pelvis_height = 0.5 * (pelvis_m[0] + pelvis_m[1]) / straight_height_m(person);
         Pose { parent_from_segment, pelvis_height }
+    }
+
+    /// Adds an error of this standard deviation, rad, to each joint of the upper body.
+    pub fn add_errors(&mut self, sigma_rad: f64, random: &mut Random) {
+        for rotation in &mut self.parent_from_segment[..Segment::RightUpperLeg.index()] {
+            let error = Vector3::from_fn(|_, _| sigma_rad / 3.0_f64.sqrt() * random.normal());
+            *rotation *= UnitQuaternion::from_scaled_axis(error);
+        }
     }
 
     /// Interpolates by `s` towards another pose: each joint rotates about one axis.

@@ -50,17 +50,19 @@ impl Random {
 /// A slow random function of time: a few sines of unrelated frequencies and random phases.
 ///
 /// Evaluated at any time in any order, and smooth, so that it has a velocity and an acceleration.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wander {
     sines: [(f64, f64, f64); Wander::SINES], // amplitude, rad/s, phase
 }
 
 impl Wander {
     const SINES: usize = 5;
+    /// Zero at all times.
+    pub const NONE: Wander = Wander { sines: [(0.0, 0.0, 0.0); Wander::SINES] };
 
     /// One of standard deviation `sigma` with frequencies between two bounds in hertz.
     pub fn new(random: &mut Random, sigma: f64, slowest_hz: f64, fastest_hz: f64) -> Wander {
-        let mut sines = [(0.0, 0.0, 0.0); Wander::SINES];
+        let Wander { mut sines } = Wander::NONE;
         let mut power = 0.0;
         for (index, sine) in sines.iter_mut().enumerate() {
             let fraction = (index as f64 + random.unit()) / Wander::SINES as f64;

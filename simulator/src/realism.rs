@@ -40,9 +40,10 @@ impl Severity {
 pub struct Realism {
     /// Each foot has its own, changing pressure point: 20 mm forward and 7 mm sideways (1-σ) from the common line.
     pub feet: Severity,
-    /// The hands carry unequal fractions of a load: the right one between 20 and 80 %. And each has its own grip point:
-    /// along the hand from the palm's hollow to the middle of the first phalanges (21 mm before to 21 mm beyond the
-    /// knuckles), 5 to 25 mm on the palm's side of the hand's middle, and up to 12 mm off its axis.
+    /// The hands are 0.30 to 0.45 m apart on a box, and carry unequal fractions of it: the right one between 0 and
+    /// 100 %. And each has its own grip point: along the hand from the palm's hollow to the middle of the first phalanges
+    /// (21 mm before to 21 mm beyond the knuckles), 5 to 25 mm on the palm's side of the hand's middle, and up to 12 mm
+    /// off its axis.
     pub hands: Severity,
     /// The centre of a box is 22 to 42 mm beyond the grips, away from the body: 83 to 103 mm ahead of the wrists and 40
     /// to 50 mm beyond the hands' centres of mass were measured, so the hands sloped by 45° and the knuckles were 61 mm
@@ -116,6 +117,9 @@ impl Realism {
     pub fn habits(&self, seed: u64) -> Habits {
         let mut random = Random::new(seed, "hands");
         let right_hand_fraction = 0.5 + self.hands.factor().min(1.0) * (random.between(0.0, 1.0) - 0.5);
+        let mut random = Random::new(seed, "box width");
+        let hands_apart_m =
+            Habits::ORDINARY.hands_apart_m + self.hands.factor().min(1.0) * random.between(-0.075, 0.075);
         let mut random = Random::new(seed, "grips");
         let grip_off_m = std::array::from_fn(|_| {
             [random.between(-0.012, 0.012), random.between(-0.021, 0.021), random.between(-0.025, -0.005)]
@@ -124,6 +128,7 @@ impl Realism {
         let mut random = Random::new(seed, "load place");
         let load_ahead_m = self.load_place.factor() * random.between(0.022, 0.042);
         Habits {
+            hands_apart_m,
             right_hand_fraction,
             foot_press_m: [0.020, 0.007].map(|sigma_m| self.feet.factor() * sigma_m),
             grip_off_m,
@@ -143,9 +148,9 @@ impl Realism {
         }
     }
 
-    /// Drift of the plate's zero at the station with this seed.
-    pub fn zero_drift(&self, seed: u64) -> ZeroDrift {
-        ZeroDrift::new(self.plate_zero.factor(), seed)
+    /// Drift of the zero of the first plate (0) or the second at the station with this seed.
+    pub fn zero_drift(&self, seed: u64, plate: u32) -> ZeroDrift {
+        ZeroDrift::new(self.plate_zero.factor(), seed, plate)
     }
 
     /// Clocks of the station with this seed.
@@ -212,6 +217,7 @@ mod tests {
         for seed in 0..100 {
             let habits = Realism::REALISTIC.habits(seed);
             assert!((0.022..0.042).contains(&habits.load_ahead_m) && habits.squeeze_ratio == 0.0);
+            assert!((0.30..0.45).contains(&habits.hands_apart_m), "{habits:?}");
             apart = [apart[0].min(habits.right_hand_fraction), apart[1].max(habits.right_hand_fraction)];
             for [across_m, along_m, palmar_m] in habits.grip_off_m {
                 assert!(across_m.abs() <= 0.012 && along_m.abs() <= 0.021, "{habits:?}");
@@ -223,11 +229,15 @@ mod tests {
             assert!((-555.0..-228.0).contains(&clocks.plate_drift_ppm), "{clocks:?}");
             let exact = Realism::IDEAL.clocks(seed);
             assert_eq!([exact.plate_late_s, exact.plate_drift_ppm, exact.suit_rate_ppm], [0.0; 3]);
-            let drift = Realism::REALISTIC.zero_drift(seed).at(100.0);
-            assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.65, "{drift:?}");
-            assert_eq!(Realism::IDEAL.zero_drift(seed), ZeroDrift::NONE);
+            let drifts = [0, 1].map(|plate| Realism::REALISTIC.zero_drift(seed, plate));
+            assert_ne!(drifts[0], drifts[1]);
+            for drift in drifts.map(|drift| drift.at(100.0)) {
+                assert!(drift.force_n.amax() <= 2.0 && drift.moment_nm.amax() <= 0.65, "{drift:?}");
+            }
+            assert_eq!(Realism::IDEAL.zero_drift(seed, 1), ZeroDrift::NONE);
         }
-        assert!(apart[0] < 0.25 && apart[1] > 0.75, "{apart:?}");
+        let [least, most] = apart;
+        assert!((0.0..0.05).contains(&least) && (0.95..=1.0).contains(&most), "{apart:?}");
         assert_eq!(Realism::REALISTIC.suit_noise(), SuitNoise::REALISTIC);
         let ideal = Realism::IDEAL.suit_noise();
         assert_eq!((ideal.soft_tissue_m_per_rad, ideal.drift_m), (0.0, [0.0; 3]));

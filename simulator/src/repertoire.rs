@@ -116,16 +116,27 @@ pub const REPERTOIRE: &[(&str, Intention)] = &[
     ),
 ];
 
+/// Arms in front with a box that is low, close, stretched out, and raised.
+pub const BOX_LOW: Arm = arm(50.0, 85.0, 63.0, 25.0);
+const BOX_CLOSE: Arm = arm(20.0, 80.0, 76.0, 85.0);
+const BOX_STRETCHED: Arm = arm(75.0, 85.0, 42.0, 15.0);
+const BOX_RAISED: Arm = arm(125.0, 85.0, 65.0, 20.0);
+
+/// Arms with a box from close (0) to stretched out (1): the more the elbow is bent, the more the arm is rotated outwards.
+pub fn box_in_front(stretched: f64) -> Arm {
+    let between = |close: f64, far: f64| close + stretched * (far - close);
+    arm(
+        between(BOX_CLOSE.elevation_deg, BOX_STRETCHED.elevation_deg),
+        between(BOX_CLOSE.forward_deg, BOX_STRETCHED.forward_deg),
+        between(BOX_CLOSE.outward_deg, BOX_STRETCHED.outward_deg),
+        between(BOX_CLOSE.elbow_deg, BOX_STRETCHED.elbow_deg),
+    )
+}
+
 /// A box lifted from a table: reach for it, hold it close, stretch it out, raise it, set it back.
 pub const LIFTING: [Intention; 5] = {
-    let reach = Intention { pelvis_drop: 0.04, ..lean(15.0, 15.0).arms(arm(50.0, 85.0, 63.0, 25.0)) };
-    [
-        reach,
-        S.arms(arm(20.0, 80.0, 76.0, 85.0)),
-        S.arms(arm(75.0, 85.0, 42.0, 15.0)),
-        S.arms(arm(125.0, 85.0, 65.0, 20.0)),
-        reach,
-    ]
+    let reach = Intention { pelvis_drop: 0.04, ..lean(15.0, 15.0).at_box(BOX_LOW) };
+    [reach, S.at_box(BOX_CLOSE), S.at_box(BOX_STRETCHED), S.at_box(BOX_RAISED), reach]
 };
 
 #[cfg(test)]

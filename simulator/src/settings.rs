@@ -94,7 +94,7 @@ impl SimulationSettings {
         self.habits = Realism::REALISTIC.habits(seed);
         self.plate.latency_s = clocks.plate_late_s;
         self.plate.rate_hz *= 1.0 + 1e-6 * clocks.plate_drift_ppm;
-        self.plate.zero = Realism::REALISTIC.zero_drift(seed);
+        self.plate.zero = Realism::REALISTIC.zero_drift(seed, 0);
         self
     }
 }

@@ -12,6 +12,9 @@ use crate::dynamics::Wrench;
 use crate::motion::Worker;
 use crate::truth::foot_forces;
 
+/// Independent noise streams of the plates.
+pub const PLATE_NOISE: [&str; 2] = ["plate noise", "second plate noise"];
+
 /// Ground reaction on the left and right foot at a time, about the world's origin; the sum is
 /// [`Worker::ground_reaction`].
 ///

@@ -7,6 +7,7 @@ use equipoise_core::message::Validity;
 use equipoise_simulator::GRAVITY_M_PER_S2;
 use equipoise_simulator::intention::{Arm, Intention};
 use equipoise_simulator::random::Random;
+use equipoise_simulator::repertoire::BOX_LOW;
 use equipoise_simulator::truth::back::BackLoad;
 use nalgebra::Vector3;
 
@@ -125,12 +126,12 @@ pub struct Findings {
 
 /// Bends and squats, each with a return to standing.
 fn bends_and_squats() -> Vec<Intention> {
-    let arm = |elevation_deg| Arm { elevation_deg, forward_deg: 85.0, outward_deg: 40.0, elbow_deg: 15.0 };
-    let stand = Intention::STAND.arms(arm(30.0));
+    let arm = |elevation_deg| Arm { elevation_deg, ..BOX_LOW };
+    let stand = Intention::STAND.at_box(arm(30.0));
     let bend = |pelvis_deg: f64, flex_deg: f64| Intention {
         pelvis_deg: [pelvis_deg, 0.0, 0.0],
         trunk_flex_deg: flex_deg,
-        ..stand.arms(arm(60.0))
+        ..stand.at_box(arm(60.0))
     };
     let squat = Intention { pelvis_drop: 0.25, ..bend(30.0, 10.0) };
     let aside = Intention { trunk_side_deg: 20.0, ..bend(10.0, 15.0) };
@@ -269,6 +270,11 @@ fn dose_table(dose: &[DoseErrors], count: usize) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_hands_are_at_the_box_in_every_posture() {
+        assert!(bends_and_squats().iter().all(|intention| intention.at_box));
+    }
 
     #[test]
     fn one_subject_bends_squats_and_lifts() {

@@ -2,7 +2,8 @@
 
 use equipoise_core::cycle::Settings;
 use equipoise_core::message::Validity;
-use equipoise_simulator::intention::{Arm, Intention};
+use equipoise_simulator::intention::Intention;
+use equipoise_simulator::repertoire::{BOX_LOW, LIFTING};
 
 use crate::sensors::Rig;
 use crate::session::{Session, Snapshot};
@@ -68,10 +69,8 @@ struct Sums {
 /// Squat lifts and bends at a natural pace, about 11 s; `with_box`: a box is picked up in the first squat and put down
 /// in the second. `see` receives every new state, and the lag in use, s.
 pub fn lift_round(session: &mut Session, with_box: bool, pause_s: f64, mut see: impl FnMut(&Snapshot, f64)) {
-    let arm =
-        |elevation_deg, elbow_deg| Arm { elevation_deg, forward_deg: 85.0, outward_deg: 40.0, elbow_deg };
-    let stand = Intention::STAND.arms(arm(20.0, 70.0));
-    let low = stand.arms(arm(45.0, 10.0));
+    let stand = LIFTING[1];
+    let low = stand.at_box(BOX_LOW);
     let squat = Intention { pelvis_drop: 0.32, pelvis_deg: [35.0, 0.0, 0.0], ..low };
     let bend = Intention { pelvis_deg: [40.0, 0.0, 0.0], trunk_flex_deg: 35.0, ..low };
     let script = [(squat, 1.3), (stand, 1.4), (squat, 1.2), (stand, 1.3), (bend, 1.2), (stand, 1.5)];
@@ -168,7 +167,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     let crowd = crowd.subjects();
     let mut skew = Table::new(
         format!(
-            "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, mean 1-sigma"
+            "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, RMS 1-sigma"
         ),
         &[
             "plate delay",

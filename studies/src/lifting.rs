@@ -5,7 +5,7 @@ use equipoise_core::message::{State, Validity};
 use equipoise_core::overload::Level;
 
 use crate::sensors::{Ground, Rig};
-use crate::session::{Session, Snapshot};
+use crate::session::{Output, Session, Snapshot};
 use crate::subject::{Crowd, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
@@ -27,7 +27,7 @@ const _: () = assert!(Validity::NAMES.len() <= REASONS);
 /// How often torques were reported, and the reasons if not.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PublicationTally {
-    /// New states.
+    /// New states, or ticks.
     pub samples: u64,
     /// Those with torques.
     pub published: u64,
@@ -40,15 +40,24 @@ pub struct PublicationTally {
 impl PublicationTally {
     /// Adds a state.
     pub fn add(&mut self, state: &State) {
-        self.samples += 1;
-        let valid = state.validity();
-        for (count, (reason, _)) in self.withheld.iter_mut().zip(Validity::NAMES) {
-            *count += u64::from(valid.any_of(*reason) && valid.any_of(Validity::INVALIDATES_TORQUES));
-        }
+        self.add_validity(state.validity(), publishes_torques(state));
         if publishes_torques(state) {
-            self.published += 1;
             let above = [Level::Orange, Level::Red, Level::AboveMax].map(|level| level as u32);
             self.coloured += u64::from(state.joint_level.iter().any(|level| above.contains(level)));
+        }
+    }
+
+    /// Adds the output at a tick, for fractions of the time. Without a current state torques are withheld.
+    pub fn add_output(&mut self, output: &Output) {
+        let is_valid = !output.validity.any_of(Validity::INVALIDATES_TORQUES);
+        self.add_validity(output.validity, is_valid && output.is_current);
+    }
+
+    fn add_validity(&mut self, valid: Validity, is_published: bool) {
+        self.samples += 1;
+        self.published += u64::from(is_published);
+        for (count, (reason, _)) in self.withheld.iter_mut().zip(Validity::NAMES) {
+            *count += u64::from(valid.any_of(*reason) && !is_published);
         }
     }
 

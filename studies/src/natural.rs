@@ -6,6 +6,7 @@ use equipoise_core::message::Validity;
 use equipoise_core::message::command::CommandKind;
 use equipoise_simulator::intention::{Arm, Intention};
 use equipoise_simulator::random::Random;
+use equipoise_simulator::repertoire::{BOX_LOW, box_in_front};
 
 use crate::clocks::{self, Reading};
 use crate::lifting::PublicationTally;
@@ -102,12 +103,12 @@ impl Movements {
         false
     }
 
-    fn arm(&mut self, elevation_deg: f64, elbow_deg: f64) -> Arm {
+    /// Arms of a movement differ a little from one to the next.
+    fn varied(&mut self, arm: Arm) -> Arm {
         Arm {
-            elevation_deg: elevation_deg + self.random.between(-10.0, 10.0),
-            forward_deg: 85.0,
-            outward_deg: 40.0,
-            elbow_deg: elbow_deg + self.random.between(0.0, 15.0),
+            elevation_deg: arm.elevation_deg + self.random.between(-10.0, 10.0),
+            elbow_deg: arm.elbow_deg + self.random.between(-7.5, 7.5),
+            ..arm
         }
     }
 
@@ -122,7 +123,7 @@ impl Movements {
             pelvis_drop: self.random.between(0.22, 0.34),
             pelvis_deg: [tilt_deg, 0.0, 0.0],
             trunk_flex_deg: self.random.between(5.0, 25.0),
-            ..Intention::STAND.arms(self.arm(50.0, 10.0))
+            ..Intention::STAND.at_box(self.varied(BOX_LOW))
         }
     }
 
@@ -133,7 +134,7 @@ impl Movements {
             pelvis_deg: [tilt_deg, 0.0, 0.3 * twist_deg],
             trunk_flex_deg: self.random.between(20.0, 35.0),
             trunk_twist_deg: twist_deg,
-            ..Intention::STAND.arms(self.arm(50.0, 10.0))
+            ..Intention::STAND.at_box(self.varied(BOX_LOW))
         }
     }
 
@@ -143,7 +144,7 @@ impl Movements {
         Intention {
             pelvis_deg: [0.0, 0.0, 0.3 * twist_deg],
             trunk_twist_deg: twist_deg,
-            ..Intention::STAND.arms(self.arm(20.0 + 55.0 * out, 80.0 * (1.0 - out)))
+            ..Intention::STAND.at_box(self.varied(box_in_front(out)))
         }
     }
 

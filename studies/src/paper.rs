@@ -145,7 +145,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     torques.note("before, lifting: mean published magnitude; '-': not published, below the load threshold");
     torques.note(
-        "true: mean magnitude by inverse dynamics, with the ground reaction at the common centre of pressure",
+        "true: mean magnitude by inverse dynamics of the motion with the box minus without it, forces under each foot at its own pressure point and at each hand",
     );
     torques.note("error: RMS length of the difference vector; published: samples of both sides");
     vec![identification, torques]

@@ -16,6 +16,8 @@ use crate::tally::{percent, quartiles};
 
 /// Poses that identify the worker before the first restart.
 const POSES_MAX: u32 = 20;
+/// Work before the first box is lifted: the longest movement, s.
+pub const BEGINS_S: f64 = 3.0;
 /// Range of a device's or the daemon's downtime, s.
 const AWAY_S: [f64; 2] = [0.4, 4.0];
 /// Maximum distance of the suit's new origin from the old one along each axis, m.
@@ -135,6 +137,8 @@ pub fn restarts(subject: &Subject, of: impl Fn(&mut Random) -> Restart) -> Vec<O
     session.identify(POSES_MAX);
     let mut movements = Movements::of(subject);
     let mut random = Random::new(subject.seed, "restarts");
+    // The hands come from the last pose to the sides of a box.
+    movements.work(&mut session, BEGINS_S, |_| false);
     (0..RESTARTS).map(|_| one(&mut session, &mut movements, of(&mut random), &mut random)).collect()
 }
 

@@ -5,12 +5,12 @@ use equipoise_core::message::suit::SuitBlocks;
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_simulator::dynamics::Wrench;
 use equipoise_simulator::motion::Worker;
-use equipoise_simulator::noise::{PlateNoise, Suit, SuitNoise, ZeroDrift};
+use equipoise_simulator::noise::{Insoles, PlateNoise, Suit, SuitNoise, ZeroDrift};
 use equipoise_simulator::random::Random;
 use equipoise_simulator::realism::Realism;
 use equipoise_simulator::suit_sender::{Streams, SuitWorld, frame};
-use equipoise_simulator::two_plates::{self, ground_reaction_per_foot, insole_sample};
-use nalgebra::Vector2;
+use equipoise_simulator::two_plates::{self, PLATE_NOISE, ground_reaction_per_foot, insole_sample};
+use nalgebra::{Vector2, Vector3};
 
 /// Simulated time 0, CLOCK_MONOTONIC: a time of 0 ns means "never" to the core.
 pub const EPOCH_NS: u64 = 1_000_000_000;
@@ -62,10 +62,12 @@ pub struct Rig {
     pub suit_noise: SuitNoise,
     /// White noise of the suit's positions per axis and sample, m.
     pub suit_white_m: f64,
-    /// The plate's errors, independent for each sample.
+    /// The errors of each plate, independent for each sample.
     pub plate_noise: PlateNoise,
-    /// Drift of the plate's zero from time 0 on.
-    pub plate_zero: ZeroDrift,
+    /// Drift of the zero of the first plate and the second from time 0 on.
+    pub plate_zero: [ZeroDrift; 2],
+    /// The insoles' errors.
+    pub insoles: Insoles,
     /// The ground device.
     pub ground: Ground,
     /// The errors of the accelerations that the suit sends; `None` if it sends none.
@@ -92,7 +94,8 @@ impl Rig {
         suit_noise: SuitNoise::ORDINARY,
         suit_white_m: 0.0,
         plate_noise: PlateNoise::ORDINARY,
-        plate_zero: ZeroDrift::NONE,
+        plate_zero: [ZeroDrift::NONE; 2],
+        insoles: Insoles::NONE,
         ground: Ground::Plate,
         accelerations: None,
         suit_world: SuitWorld { origin_m: [0.0; 3], yaw_rad: 0.0 },
@@ -111,7 +114,8 @@ impl Rig {
         let clocks = realism.clocks(seed);
         Rig {
             suit_noise: realism.suit_noise(),
-            plate_zero: realism.zero_drift(seed),
+            plate_zero: [0, 1].map(|plate| realism.zero_drift(seed, plate)),
+            insoles: Insoles::new(seed),
             ground_late_s: clocks.plate_late_s,
             ground_drift_ppm: clocks.plate_drift_ppm,
             suit_rate_ppm: clocks.suit_rate_ppm,
@@ -194,34 +198,31 @@ pub fn suit_sample(worker: &Worker, suit: &Suit, rig: &Rig, seed: u64, number: u
     sample
 }
 
-/// The plate's sample of that number; the same seed gives each number the same noise as the live simulation.
+/// The ground device's sample of that number; the same seed gives each number of a plate the same noise as the live
+/// simulation.
 pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> GroundSample {
     let time_s = f64::from(number) / f64::from(rig.plate_hz);
-    let on_person = worker.ground_reaction(time_s);
-    // The sensor measures the opposite, including its noise.
-    let zero = rig.plate_zero.at(time_s);
-    let felt =
-        Wrench { force_n: zero.force_n - on_person.force_n, moment_nm: zero.moment_nm - on_person.moment_nm };
-    let felt = rig.plate_noise.on(felt, &mut Random::numbered(seed, "plate noise", number));
     let time_ns = rig.ground_stamp_ns(number);
-    if rig.ground != Ground::Plate {
-        // Under the ankles, and without noise: these devices are compared by the quantities that they measure, not by
-        // accuracy.
-        let feet = ground_reaction_per_foot(worker, time_s, [Vector2::zeros(); 2]);
-        let published = match rig.ground {
-            Ground::Insoles => insole_sample(worker, time_s, &feet),
-            Ground::TwoPlates | Ground::Plate => two_plates::ground_sample(&feet),
-        };
-        return GroundSample {
-            sample_time_ns: time_ns,
-            sample_time_sigma_ns: TIME_SIGMA_NS,
-            arrival_ns: time_ns,
-            published_ns: time_ns,
-            sequence: u64::from(number) + 1,
-            device_counter: number,
-            ..published
-        };
-    }
+    let feet = || ground_reaction_per_foot(worker, time_s, [Vector2::zeros(); 2]);
+    let plate = |which: usize, centre_m: Vector3<f64>, on_person: Wrench| {
+        let mut random = Random::numbered(seed, PLATE_NOISE[which], number);
+        measured(&on_person, centre_m, rig.plate_zero[which].at(time_s), rig.plate_noise, &mut random)
+    };
+    let published = match rig.ground {
+        Ground::Plate => {
+            let Wrench { force_n, moment_nm } = plate(0, Vector3::zeros(), worker.ground_reaction(time_s));
+            GroundSample { force_n: force_n.into(), moment_nm: moment_nm.into(), ..Zeroable::zeroed() }
+        }
+        Ground::TwoPlates => {
+            let feet = feet();
+            two_plates::ground_sample(&[0, 1].map(|foot| {
+                // The middle of each plate is below the ankle.
+                let [x, y, _] = worker.stance().ankle_m[foot].into();
+                plate(foot, Vector3::new(x, y, 0.0), feet[foot])
+            }))
+        }
+        Ground::Insoles => rig.insoles.on(insole_sample(worker, time_s, &feet()), time_s),
+    };
     GroundSample {
         sample_time_ns: time_ns,
         sample_time_sigma_ns: TIME_SIGMA_NS,
@@ -229,8 +230,91 @@ pub fn ground_sample(worker: &Worker, rig: &Rig, seed: u64, number: u32) -> Grou
         published_ns: time_ns,
         sequence: u64::from(number) + 1,
         device_counter: number,
-        force_n: (-felt.force_n).into(),
-        moment_nm: (-felt.moment_nm).into(),
-        ..Zeroable::zeroed()
+        ..published
+    }
+}
+
+/// Wrench on the person as a plate measures it whose sensor is at `centre_m`, about the world's origin.
+fn measured(
+    on_person: &Wrench,
+    centre_m: Vector3<f64>,
+    zero: Wrench,
+    noise: PlateNoise,
+    random: &mut Random,
+) -> Wrench {
+    let about_centre_nm = on_person.moment_nm - centre_m.cross(&on_person.force_n);
+    // The sensor measures the opposite, including its noise.
+    let felt =
+        Wrench { force_n: zero.force_n - on_person.force_n, moment_nm: zero.moment_nm - about_centre_nm };
+    let felt = noise.on(felt, random);
+    Wrench { force_n: -felt.force_n, moment_nm: -felt.moment_nm - centre_m.cross(&felt.force_n) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::subject::Subject;
+
+    /// Errors on one foot.
+    struct FootErrors {
+        vertical_n: f64,
+        cop_m: [f64; 2],
+    }
+
+    /// Errors of a ground device on a foot during a second from this time on, at 1 kHz.
+    fn errors(ground: Ground, foot: usize, from_s: f64) -> Vec<FootErrors> {
+        let subject = Subject::somebody(6);
+        let worker = Worker::with_habits(subject.person(), subject.seed, subject.habits());
+        let rigs = [Rig { ground, ..subject.rig() }, Rig { ground, ..Rig::PERFECT }];
+        let first = (from_s * f64::from(Rig::PERFECT.plate_hz)) as u32;
+        let numbers = first..first + Rig::PERFECT.plate_hz;
+        numbers
+            .map(|number| {
+                let [seen, exact] = rigs.map(|rig| ground_sample(&worker, &rig, subject.seed, number));
+                let cop_m = [0, 1].map(|axis| seen.foot_cop_m[foot][axis] - exact.foot_cop_m[foot][axis]);
+                FootErrors { vertical_n: seen.foot_vertical_n[foot] - exact.foot_vertical_n[foot], cop_m }
+            })
+            .collect()
+    }
+
+    fn mean_and_deviation(values: impl Iterator<Item = f64>) -> [f64; 2] {
+        let values: Vec<f64> = values.collect();
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let middle = mean(&values);
+        let squares: Vec<f64> = values.iter().map(|value| (value - middle).powi(2)).collect();
+        [middle, mean(&squares).sqrt()]
+    }
+
+    #[test]
+    fn each_of_two_plates_has_noise_and_zero_drift_of_its_own() {
+        let early = [0, 1].map(|foot| errors(Ground::TwoPlates, foot, 0.0));
+        let drifts_n = [0, 1].map(|foot: usize| {
+            let late = errors(Ground::TwoPlates, foot, 200.0);
+            let [[before_n, deviation_n], [after_n, _]] =
+                [&early[foot], &late].map(|all| mean_and_deviation(all.iter().map(|error| error.vertical_n)));
+            assert!((0.9..1.1).contains(&deviation_n), "{deviation_n} N");
+            for axis in 0..2 {
+                // 0.3 N m over some 350 N.
+                let [_, deviation_m] = mean_and_deviation(early[foot].iter().map(|error| error.cop_m[axis]));
+                assert!((0.000_4..0.002).contains(&deviation_m), "{deviation_m} m");
+            }
+            after_n - before_n
+        });
+        // At most 0.005 N/s in each of four sensors.
+        assert!(drifts_n.iter().all(|drift_n| (0.1..4.0).contains(&drift_n.abs())), "{drifts_n:?}");
+        assert!((drifts_n[0] - drifts_n[1]).abs() > 0.1, "{drifts_n:?}");
+        let products = early[0].iter().zip(&early[1]).map(|(left, right)| left.vertical_n * right.vertical_n);
+        let [covariance_n2, _] = mean_and_deviation(products);
+        assert!(covariance_n2.abs() < 0.15, "{covariance_n2}");
+    }
+
+    #[test]
+    fn insoles_have_an_error_of_force_and_of_the_centre_of_pressure() {
+        for foot in 0..2 {
+            for FootErrors { vertical_n, cop_m } in errors(Ground::Insoles, foot, 10.0) {
+                assert!((0.1..60.0).contains(&vertical_n.abs()), "{vertical_n} N");
+                assert!((0.000_1..0.03).contains(&cop_m[0].hypot(cop_m[1])), "{cop_m:?}");
+            }
+        }
     }
 }

@@ -14,7 +14,7 @@ use crate::sensors::{EPOCH_NS, Rig, ground_sample, simulated_s, suit_sample};
 use crate::subject::Subject;
 
 /// The loop's default period: 200 Hz. The daemon's 1 kHz only repeats the same values; each new state is evaluated once.
-const TICK_NS: u64 = 5_000_000;
+pub(crate) const TICK_NS: u64 = 5_000_000;
 /// Interval between suit samples during a leap of time, ns.
 const GLIMPSE_NS: u64 = 200_000_000;
 /// Interval between ground samples during a leap, s: no gap, after which the lag in use would have to be proved again.
@@ -65,8 +65,21 @@ pub struct Session {
     silent_until_ns: [u64; 2],
     /// Undeclared fault of a sensor.
     fault: (Fault, Injection),
-    /// Invalid reasons to watch for, and when the first of them was reported, s.
-    notice: (Validity, Option<f64>),
+    /// Outputs at every tick, if recorded.
+    outputs: Option<Vec<Output>>,
+    /// Time of the newest state, ns.
+    new_ns: u64,
+}
+
+/// Output of the estimator at one tick, as a consumer reads it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Output {
+    /// Time of the tick, s.
+    pub time_s: f64,
+    /// Validity of the latest state.
+    pub validity: Validity,
+    /// Whether that state is as new as the suit's rate allows; otherwise the estimator has rejected or lost samples.
+    pub is_current: bool,
 }
 
 /// Start of the suit's software.
@@ -103,7 +116,8 @@ impl Session {
             suit_start: SuitStart::default(),
             silent_until_ns: [0; 2],
             fault: (Fault::None, Injection::default()),
-            notice: (Validity::default(), None),
+            outputs: None,
+            new_ns: 0,
         }
     }
 
@@ -180,14 +194,14 @@ impl Session {
         [begins_s, begins_s + fault.lasts_s()]
     }
 
-    /// Watches for these invalid reasons from now on.
-    pub fn notice(&mut self, reasons: Validity) {
-        self.notice = (reasons, None);
+    /// Records the output at every tick from now on.
+    pub fn record_outputs(&mut self) {
+        self.outputs = Some(Vec::new());
     }
 
-    /// When the first of them was reported, whatever sample time the state has, s.
-    pub fn noticed_s(&self) -> Option<f64> {
-        self.notice.1
+    /// Ends the recording and returns it.
+    pub fn take_outputs(&mut self) -> Vec<Output> {
+        self.outputs.take().unwrap_or_default()
     }
 
     /// Kills the daemon and restarts it after this time, s, with its saved state; its adapters count sessions from
@@ -284,15 +298,30 @@ impl Session {
         let (fault, injection) = &mut self.fault;
         injection.put(*fault, simulated_s(now_ns), &mut suit, &mut ground);
         let tick = Tick { cycle: self.cycle, due_ns: now_ns };
+        let before_ns = self.memory.state.suit_sample_time_ns;
         step(
             &self.settings,
             &mut self.memory,
             tick,
             Inputs { suit: &suit, ground: &ground, body: None, command },
         );
-        let (reasons, noticed_s) = &mut self.notice;
-        if noticed_s.is_none() && self.memory.state.validity().any_of(*reasons) {
-            *noticed_s = Some(simulated_s(now_ns));
+        self.record_output(before_ns);
+    }
+
+    /// `before_ns`: the previous state's suit sample time.
+    fn record_output(&mut self, before_ns: u64) {
+        let state = &self.memory.state;
+        if state.suit_sample_time_ns != before_ns {
+            self.new_ns = self.now_ns;
+        }
+        if let Some(outputs) = &mut self.outputs {
+            // A state's age at a tick is at most a period of the suit and one of the loop.
+            let age_max_ns = 1_000_000_000 / u64::from(self.rig.suit_hz) + self.tick_ns;
+            outputs.push(Output {
+                time_s: simulated_s(self.now_ns),
+                validity: state.validity(),
+                is_current: self.now_ns - self.new_ns <= age_max_ns,
+            });
         }
     }
 

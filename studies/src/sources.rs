@@ -182,13 +182,14 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use equipoise_simulator::noise::Insoles;
     use equipoise_simulator::realism::{Realism, Severity};
 
     /// Rigid bones and exact clocks: only the ground device differs.
-    fn of(ground: Ground) -> Findings {
+    fn of(ground: Ground, insoles: Insoles) -> Findings {
         let realism = Realism { soft_tissue: Severity::Ideal, clocks: Severity::Ideal, ..Realism::REALISTIC };
         let subject = Subject { realism, ..Subject::somebody(5) };
-        findings(&subject, Accelerations::Positions, Rig { ground, ..subject.rig() })
+        findings(&subject, Accelerations::Positions, Rig { ground, insoles, ..subject.rig() })
     }
 
     /// Measured centres of pressure of natural motion by time, a suit without error, m.
@@ -230,8 +231,8 @@ mod tests {
     }
 
     #[test]
-    fn insoles_tell_what_two_plates_tell_but_for_the_shear() {
-        let (plates, insoles) = (of(Ground::TwoPlates), of(Ground::Insoles));
+    fn insoles_without_error_measure_what_two_plates_measure_except_the_shear() {
+        let [plates, insoles] = [Ground::TwoPlates, Ground::Insoles].map(|ground| of(ground, Insoles::NONE));
         let mm = |cop: &CopErrors| 1e3 * cop.distance_rms_m();
         assert!(mm(&insoles.still) < 6.0, "{} mm standing", mm(&insoles.still));
         // With insoles, only the suit measures the body's acceleration in motion; with plates shear does.

@@ -35,7 +35,7 @@ enum Act {
 
 /// The arms hang, so that the wrists, whose limits are lowest, carry the box with a short lever.
 const CARRY_LOW: Intention =
-    Intention::STAND.arms(Arm { elevation_deg: 8.0, forward_deg: 85.0, outward_deg: 63.0, elbow_deg: 5.0 });
+    Intention::STAND.at_box(Arm { elevation_deg: 8.0, forward_deg: 85.0, outward_deg: 63.0, elbow_deg: 5.0 });
 
 /// When each part of a lift begins, s: reach for the box, take it, carry it low, stretch it out, set it back.
 const ACTS: [(f64, Act); 6] = [
@@ -141,8 +141,8 @@ impl LiftSums {
         for (sums, (_, name)) in self.joints.iter_mut().zip(JOINTS_SHOWN) {
             let Some(joint) = Joint::named(name).map(Joint::index) else { continue };
             let published = Vector3::from(state.torque_nm[joint]);
-            // The published torque includes motion, so compare it with the true torque in motion; the forces of both
-            // feet act at the common centre of pressure, as in Eq. 15.
+            // The published torque includes motion, so compare it with the true torque in motion, where the force of
+            // each foot acts at its own pressure point.
             let real = truth.overload_in_motion_nm[joint];
             sums.published_nm += published.norm();
             sums.true_nm += real.norm();
@@ -179,6 +179,18 @@ impl LiftSums {
         let is_decided = !matches!(level, Level::None | Level::Undecided);
         if is_decided && self.peak.is_none_or(|highest| peak.limit_ratio() > highest.limit_ratio()) {
             self.peak = Some(peak);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_posture_of_a_lift_holds_the_box() {
+        for (at_s, act) in ACTS {
+            assert!(!matches!(act, Act::Posture(Intention { at_box: false, .. })), "{at_s} s: {act:?}");
         }
     }
 }

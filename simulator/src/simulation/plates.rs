@@ -13,10 +13,7 @@ use crate::dynamics::Wrench;
 use crate::plate::Plate;
 use crate::plate_server::{PlateServer, Request};
 use crate::random::Random;
-use crate::two_plates::ground_reaction_per_foot;
-
-/// Independent noise streams of the plates.
-const NOISE: [&str; 2] = ["plate noise", "second plate noise"];
+use crate::two_plates::{PLATE_NOISE, ground_reaction_per_foot};
 
 /// Load of the plates.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -88,7 +85,7 @@ impl Shared {
             let time_s = clock.time_s();
             let felt = plate.felt(&plate.in_the_station(&self.pressed(which, time_s)));
             // Each sample has independent noise, whether or not those before it were requested.
-            let mut random = Random::numbered(self.settings.seed, NOISE[which], number - 1);
+            let mut random = Random::numbered(self.settings.seed, PLATE_NOISE[which], number - 1);
             let mut felt = settings.noise.on(felt, &mut random);
             if request == Some(Request::SetBias) {
                 (bias, reset_s) = (felt, time_s);
