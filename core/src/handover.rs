@@ -24,7 +24,7 @@ use crate::body::anthropometry::ANKLE_HEIGHT;
 use crate::body::{JOINTS, Joint, SEGMENTS, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
-use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
+use crate::overload::{self, FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
 use crate::sesc::{Phi, centre_of_mass};
 
 use coordinates::{COORDINATES, Coordinates, WRIST};
@@ -322,6 +322,7 @@ impl Holding<'_> {
             grip_m,
             eta,
             feet: FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] },
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         };
         let torque_nm = overload::torque_vectors(pose, &loading).map(Into::into);

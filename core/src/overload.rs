@@ -26,7 +26,7 @@ use crate::frame::{Pose, StationWorld};
 use crate::math;
 
 pub use errors::LoadingSigma;
-pub use feet::{FootLoads, FootReaction};
+pub use feet::{FootDeviation, FootLoads, FootReaction};
 pub use level::{Level, Levels};
 pub use limits::TorqueLimits;
 pub use load_position::LoadPosition;
@@ -51,6 +51,8 @@ pub struct Loading {
     pub eta: [f64; 2],
     /// Distribution of the ground reaction between the feet.
     pub feet: FootLoads,
+    /// Deviation from that distribution: an error; [`FootDeviation::NONE`] for the estimate.
+    pub deviation: FootDeviation,
     /// Horizontal forces of the motion.
     pub swing: Swing,
 }

@@ -6,9 +6,10 @@
 //! slope of the handles as far as the wrists move.
 
 use equipoise_core::body::{Segment, Side};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::balance::{Balanced, Standing, grips_m};
+use crate::feet::FeetDivision;
 use crate::intention::Intention;
 use crate::kinematics::down_the_tree;
 use crate::motion::BodyState;
@@ -265,7 +266,7 @@ pub fn at_rest(standing: &Standing<'_>, body: &Balanced) -> BodyState {
         right_hand_fraction: 0.5,
         load_ahead_m: Vector3::zeros(),
         squeeze_n: Vector3::zeros(),
-        foot_press_m: [Vector2::zeros(); 2],
+        feet: FeetDivision::EVEN,
         foot_stands: [true; 2],
     }
 }

@@ -5,6 +5,7 @@
 
 use std::str::FromStr;
 
+use crate::feet::FeetHabits;
 use crate::motion::Habits;
 use crate::noise::{SuitNoise, ZeroDrift};
 use crate::random::Random;
@@ -38,7 +39,8 @@ impl Severity {
 /// Severity of every phenomenon of the simulated person and of the sensors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Realism {
-    /// Each foot has its own, changing pressure point: 20 mm forward and 7 mm sideways (1-σ) from the common line.
+    /// Each foot has its own, changing pressure point (1-σ): 20 mm ahead of or behind the line common to both, while
+    /// both carry the same force, and 7 mm sideways.
     pub feet: Severity,
     /// The hands carry unequal fractions of a load: the right one between 20 and 80 %. And each has its own grip point:
     /// along the hand from the palm's hollow to the middle of the first phalanges (21 mm before to 21 mm beyond the
@@ -125,12 +127,17 @@ impl Realism {
         let load_ahead_m = self.load_place.factor() * random.between(0.022, 0.042);
         Habits {
             right_hand_fraction,
-            foot_press_m: [0.020, 0.007].map(|sigma_m| self.feet.factor() * sigma_m),
+            feet: self.feet_habits(),
             grip_off_m,
             load_ahead_m,
             squeeze_ratio: 0.5 * self.squeeze.factor(),
             ..Habits::ORDINARY
         }
+    }
+
+    fn feet_habits(&self) -> FeetHabits {
+        let [ahead_m, aside_m] = [0.020, 0.007].map(|sigma_m| self.feet.factor() * sigma_m);
+        FeetHabits { ahead_m, aside_m }
     }
 
     /// An ordinary suit on this body.

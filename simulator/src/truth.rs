@@ -6,6 +6,7 @@
 //! the hand requires `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
 
 pub mod back;
+pub mod feet;
 pub mod hold;
 pub mod in_motion;
 
@@ -18,6 +19,7 @@ use crate::kinematics::centre_m;
 use crate::motion::{BodyState, DIFFERENCE_S, Worker};
 use crate::person::Person;
 use back::BackLoad;
+use feet::foot_forces;
 use in_motion::Difference;
 
 /// A force on a segment.
@@ -156,42 +158,4 @@ fn holding_nm(origin_m: &[Vector3<f64>; SEGMENTS], forces: &[Force]) -> [Vector3
         let centre = origin_m[joint.segment().index()];
         -beyond.map(|force| (force.at_m - centre).cross(&force.force_n)).sum::<Vector3<f64>>()
     })
-}
-
-/// The ground's vertical forces on the left and right foot, with their points of action, for a centre of pressure and a
-/// vertical force.
-///
-/// The pressure points are the ankles, offset by [`BodyState::foot_press_m`] and by `press_m` (world axes, m); the feet
-/// share the force so that its resultant acts at the centre of pressure. The part of it off the line between both
-/// shifts both equally. A foot in the air carries nothing.
-pub fn foot_forces(
-    body: &BodyState,
-    press_m: [Vector2<f64>; 2],
-    cop_m: Vector2<f64>,
-    vertical_n: f64,
-) -> [Force; 2] {
-    let at_m = std::array::from_fn(|k| {
-        let ankle_m = body.origin_m[Side::BOTH[k].foot().index()].xy();
-        ankle_m + body.foot_press_m[k] + press_m[k]
-    });
-    let (load_fraction, at_m) = match body.foot_stands {
-        [true, false] => ([1.0, 0.0], [cop_m, at_m[1]]),
-        [false, true] => ([0.0, 1.0], [at_m[0], cop_m]),
-        _ => {
-            let load_fraction = load_fractions(at_m, cop_m);
-            let off_the_line = cop_m - (at_m[0] * load_fraction[0] + at_m[1] * load_fraction[1]);
-            (load_fraction, at_m.map(|at_m| at_m + off_the_line))
-        }
-    };
-    std::array::from_fn(|k| Force {
-        on: Side::BOTH[k].foot(),
-        at_m: at_m[k].push(0.0),
-        force_n: Vector3::z() * (load_fraction[k] * vertical_n),
-    })
-}
-
-fn load_fractions([left, right]: [Vector2<f64>; 2], cop_m: Vector2<f64>) -> [f64; 2] {
-    let line = left - right;
-    let left_fraction = ((cop_m - right).dot(&line) / line.norm_squared()).clamp(0.0, 1.0);
-    [left_fraction, 1.0 - left_fraction]
 }

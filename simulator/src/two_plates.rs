@@ -10,13 +10,13 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::dynamics::Wrench;
 use crate::motion::Worker;
-use crate::truth::foot_forces;
+use crate::truth::feet::foot_forces;
 
 /// Ground reaction on the left and right foot at a time, about the world's origin; the sum is
 /// [`Worker::ground_reaction`].
 ///
 /// `press_m` is the pressure point of each foot, from its ankle along the world's axes, m, in addition to
-/// [`crate::motion::BodyState::foot_press_m`]; zero is directly under the ankles. Shear and the moment about the
+/// [`crate::motion::BodyState::feet`]; zero is directly under the ankles. Shear and the moment about the
 /// vertical are distributed as the vertical force is.
 pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> [Wrench; 2] {
     let whole = worker.ground_reaction(time_s);

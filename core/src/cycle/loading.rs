@@ -19,10 +19,10 @@ use crate::message::{GroundSample, Validity};
 use crate::motion::{Load, Unloaded};
 use crate::overload::load_position::{ANOTHER_GRIP_SIGMAS, LoadPosition, Measured};
 use crate::overload::sharing::project;
-use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing, Torque};
+use crate::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swing, Torque};
 
-/// 1-σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
-/// axes, m: measured on people who lift objects on two plates.
+/// 1-σ of the points of action under the feet, m: forward from the line common to both, and sideways of each foot, in its
+/// axes ([`LoadingSigma::press_m`]); measured on people who lift objects on two plates.
 const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
 /// Tolerance for a CoP outside the modelled foot outlines, m.
 pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
@@ -208,6 +208,7 @@ impl Carrying<'_> {
             grip_m: hands.grip_m,
             eta: hands.eta,
             feet: self.foot_loads(settings, body_offset_m),
+            deviation: FootDeviation::NONE,
             swing: Swing {
                 force_n: hands.swing_n,
                 body_n: [0, 1]

@@ -28,8 +28,8 @@ pub struct LoadingSigma {
     pub load_ahead_m: [f64; 2],
     /// σ of a measured fraction of the ground reaction under one foot, in [0, 0.5].
     pub zeta: f64,
-    /// σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
-    /// axes, m. Used only if it is not measured.
+    /// σ of the points of action under the feet, m: forward from the line common to both, while both carry the same force
+    /// ([`FootDeviation::apart_m`]), and sideways of each foot, in its axes. Used only if they are not measured.
     pub press_m: [f64; 2],
     /// σ per axis of the load's position if that by the two CoPs contradicts that in the hands, m; an error of either.
     pub contradiction_m: f64,
@@ -78,33 +78,47 @@ impl LoadingSigma {
             if let FootLoads::Measured { cop_m, .. } = &mut off[4 + axis].feet {
                 cop_m.iter_mut().for_each(|cop_m| cop_m[axis] += self.cop_measured_m);
             }
-            for (foot, side) in Side::BOTH.into_iter().enumerate() {
-                let ahead = pose.world_from_segment[side.foot().index()] * Vector3::x();
-                let level = math::hypot([ahead.x, ahead.y]).max(1e-9);
-                let forward = [ahead.x / level, ahead.y / level];
-                let direction = if axis == 0 { forward } else { [-forward[1], forward[0]] };
-                let off = &mut off[6 + 2 * foot + axis].feet;
-                if let FootLoads::Geometry { press_m, .. } | FootLoads::Fractions { press_m, .. } = off {
-                    for (press, direction) in press_m[foot].iter_mut().zip(direction) {
-                        *press += direction * self.press_m[axis];
-                    }
-                }
-            }
         }
-        if let FootLoads::Fractions { zeta, .. } | FootLoads::Measured { zeta, .. } = &mut off[10].feet {
-            *zeta = [zeta[0] - self.zeta, zeta[1] + self.zeta];
-        }
-        off[11].eta = [loading.eta[0] - self.eta, loading.eta[1] + self.eta];
+        self.change_feet(pose, &mut off);
+        off[10].eta = [loading.eta[0] - self.eta, loading.eta[1] + self.eta];
         let [x, y] = self.load_ahead_m;
-        off[12].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
-        off[13].delta_f_n += self.delta_f_n;
+        off[11].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
+        off[12].delta_f_n += self.delta_f_n;
         let load_ratio = loading.delta_f_n / loading.vertical_n;
         for axis in 0..2 {
-            off[14 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
-            off[16 + axis].cop_measured_m[axis] += self.contradiction_m * load_ratio;
+            off[13 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
+            off[15 + axis].cop_measured_m[axis] += self.contradiction_m * load_ratio;
         }
         off
     }
+
+    /// The sources of error under the feet.
+    fn change_feet(&self, pose: &Pose<StationWorld>, off: &mut [Loading; SOURCES]) {
+        let forward = Side::BOTH.map(|side| {
+            let ahead = pose.world_from_segment[side.foot().index()] * Vector3::x();
+            level([ahead.x, ahead.y])
+        });
+        let ahead = level([0, 1].map(|axis| forward[0][axis] + forward[1][axis]));
+        if let FootLoads::Geometry { .. } | FootLoads::Fractions { .. } = off[6].feet {
+            off[6].deviation.apart_m = ahead.map(|part| part * self.press_m[0]);
+        }
+        for (foot, [x, y]) in forward.into_iter().enumerate() {
+            let off = &mut off[7 + foot].feet;
+            if let FootLoads::Geometry { press_m, .. } | FootLoads::Fractions { press_m, .. } = off {
+                press_m[foot][0] -= y * self.press_m[1];
+                press_m[foot][1] += x * self.press_m[1];
+            }
+        }
+        if let FootLoads::Fractions { zeta, .. } | FootLoads::Measured { zeta, .. } = &mut off[9].feet {
+            *zeta = [zeta[0] - self.zeta, zeta[1] + self.zeta];
+        }
+    }
+}
+
+/// Unit vector in the direction of a horizontal one.
+fn level(vector: [f64; 2]) -> [f64; 2] {
+    let length = math::hypot(vector).max(1e-9);
+    vector.map(|part| part / length)
 }
 
 impl LoadingSigma {
@@ -133,7 +147,7 @@ impl LoadingSigma {
     }
 }
 
-/// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), point of action under the left
-/// foot (forward, sideways) and the right one, ζ, η, load ahead of the grips, force, contradictory position of the load
-/// (x, y) as an error of the grips and of the measured CoP.
-pub(super) const SOURCES: usize = 18;
+/// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), points of action under the feet
+/// (forward of both, sideways of the left one and of the right one), ζ, η, load ahead of the grips, force, contradictory
+/// position of the load (x, y) as an error of the grips and of the measured CoP.
+pub(super) const SOURCES: usize = 17;

@@ -46,6 +46,26 @@ pub enum FootLoads {
     },
 }
 
+/// Deviation from what [`FootLoads`] assumes. It does not apply to [`FootLoads::Common`], and not to one foot alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FootDeviation {
+    /// Point of action under the left foot from the line common to both feet, while both carry the same force, world x
+    /// and y, m; that under the right foot is opposite. Foot k of any two has `2 (1 − ζ_k)` times as much, so the
+    /// resultant and ζ do not change.
+    pub apart_m: [f64; 2],
+}
+
+impl FootDeviation {
+    /// None.
+    pub const NONE: FootDeviation = FootDeviation { apart_m: [0.0; 2] };
+
+    /// Deviation of the points of action under both feet with these load fractions, m.
+    fn points_m(&self, zeta: [f64; 2]) -> [[f64; 2]; 2] {
+        let weight = [2.0 * zeta[1], -2.0 * zeta[0]];
+        weight.map(|weight| self.apart_m.map(|apart_m| weight * apart_m))
+    }
+}
+
 /// Maximum deviation of the feet's CoPs from the common one, m; beyond it they belong to another plate.
 const FEET_OFF_MAX_M: f64 = 0.03;
 
@@ -107,7 +127,7 @@ pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2]
     };
     let under_feet = |zeta: [f64; 2], at_m: [[f64; 2]; 2]| {
         let off = offset_from_resultant(cop_m, zeta, at_m);
-        reactions_at(loading, zeta, at_m.map(|at_m| [at_m[0] + off[0], at_m[1] + off[1]]))
+        reactions_at(loading, zeta, at_m.map(|at_m| sum(at_m, off)))
     };
     match loading.feet {
         FootLoads::Common { zeta } => zeta.map(|zeta| FootReaction {
@@ -150,18 +170,23 @@ fn reactions_at(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) ->
     let right_without = (zeta[1] + moved).clamp(0.0, 1.0);
     let without = [1.0 - right_without, right_without];
     let rest = offset_from_resultant(*cop_estimated_m, without, foot_cop_m);
+    let [off_with_m, off_without_m] = [zeta, without].map(|zeta| loading.deviation.points_m(zeta));
     core::array::from_fn(|foot| FootReaction {
         with_n: zeta[foot] * loading.vertical_n,
-        with_m: foot_cop_m[foot],
+        with_m: sum(foot_cop_m[foot], off_with_m[foot]),
         without_n: without[foot] * loading.weight_n(),
-        without_m: [0, 1].map(|axis| foot_cop_m[foot][axis] + rest[axis]),
+        without_m: sum(sum(foot_cop_m[foot], rest), off_without_m[foot]),
     })
+}
+
+fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] + b[0], a[1] + b[1]]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::overload::Swing;
+    use crate::overload::{FootDeviation, Swing};
     use nalgebra::Vector3;
 
     const ANKLE_M: [[f64; 2]; 2] = [[0.0, 0.13], [0.01, -0.13]];
@@ -177,6 +202,7 @@ mod tests {
             grip_m: [Vector3::zeros(); 2],
             eta: [0.5; 2],
             feet,
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         }
     }
@@ -209,7 +235,8 @@ mod tests {
                         estimated_m,
                     ),
                 ] {
-                    let feet = reactions(&loading, ANKLE_M);
+                    let deviation = FootDeviation { apart_m: [0.03, -0.01] };
+                    let feet = reactions(&Loading { deviation, ..loading }, ANKLE_M);
                     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b} {loading:?}");
                     near(feet.iter().map(|foot| foot.with_n).sum(), loading.vertical_n);
                     near(feet.iter().map(|foot| foot.without_n).sum(), loading.weight_n());

@@ -32,6 +32,7 @@ fn loaded(pose: &Pose<StationWorld>, load_n: f64) -> Loading {
         grip_m,
         eta: [0.5; 2],
         feet: FootLoads::Common { zeta: [0.5; 2] },
+        deviation: FootDeviation::NONE,
         swing: Swing::NONE,
     }
 }
@@ -270,6 +271,30 @@ fn the_sigma_of_zeta_follows_from_the_points_of_action_under_the_feet() {
     let expected = 1e-5 * core::f64::consts::FRAC_1_SQRT_2 / (left - right).abs();
     let found = zeta_sigma(&pose, &loading, &sigma);
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+    // One foot ahead of the common line and the other behind it by as much leave ζ unchanged.
+    assert_eq!(zeta_sigma(&pose, &loading, &LoadingSigma { press_m: [0.02, 0.0], ..NO_SIGMA }), 0.0);
+}
+
+#[test]
+fn the_forward_sigma_of_the_feet_is_the_distance_of_each_from_the_common_line() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    let no_press = [[0.0; 2]; 2];
+    let sigma = LoadingSigma { press_m: [0.02, 0.0], ..NO_SIGMA };
+    for feet in [
+        FootLoads::Geometry { press_m: no_press, stands: [true; 2] },
+        FootLoads::Fractions { zeta: [0.5; 2], press_m: no_press },
+    ] {
+        loading.feet = feet;
+        // Half of the load's 60 N on each foot, 20 mm ahead of or behind the common line.
+        for name in ["LeftAnkle", "RightHip"] {
+            let found = spread_nm(&torques(&pose, &loading, &sigma), name);
+            assert!((found - 30.0 * 0.02).abs() < 1e-9, "{feet:?} {name}: {found}");
+        }
+        assert_eq!(spread_nm(&torques(&pose, &loading, &sigma), "L5S1"), 0.0);
+    }
+    loading.feet = FootLoads::Measured { zeta: [0.5; 2], cop_m: [[0.05, 0.1], [0.05, -0.1]] };
+    assert_eq!(spread_nm(&torques(&pose, &loading, &sigma), "LeftAnkle"), 0.0);
 }
 
 #[test]

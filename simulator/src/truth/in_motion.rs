@@ -7,7 +7,8 @@
 use equipoise_core::body::{JOINTS, Joint};
 use nalgebra::{Vector2, Vector3};
 
-use super::{Force, foot_forces};
+use super::Force;
+use super::feet::foot_forces;
 use crate::dynamics::Wrench;
 use crate::motion::BodyState;
 
@@ -66,6 +67,7 @@ impl Difference<'_> {
 mod tests {
     use super::*;
     use crate::GRAVITY_M_PER_S2;
+    use crate::feet::FeetHabits;
     use crate::motion::{Habits, Worker};
     use crate::person::Person;
     use crate::realism::Realism;
@@ -86,7 +88,11 @@ mod tests {
 
     #[test]
     fn a_motionless_body_has_the_static_overload() {
-        let habits = Habits { foot_press_m: [0.02, 0.007], load_ahead_m: 0.045, ..Habits::NONE };
+        let habits = Habits {
+            feet: FeetHabits { ahead_m: 0.02, aside_m: 0.007 },
+            load_ahead_m: 0.045,
+            ..Habits::NONE
+        };
         let truth = Truth::of(&lifting(habits), 20.0);
         assert!((truth.load_force_n.z + BOX_KG * GRAVITY_M_PER_S2).abs() < 1e-9);
         for joint in Joint::ALL {
