@@ -19,7 +19,7 @@ use crate::kinematics::centre_m;
 use crate::motion::{BodyState, DIFFERENCE_S, Worker};
 use crate::person::Person;
 use back::BackLoad;
-use feet::foot_forces;
+use feet::{Load, NO_PRESS_M, foot_forces};
 use in_motion::Difference;
 
 /// A force on a segment.
@@ -87,8 +87,10 @@ impl Truth {
         let load_m = body.load_m();
         let with_load_m = (com_m.xy() * body_n + load_m.xy() * load_n) / (body_n + load_n);
         let down = -Vector3::z();
-        let feet = |cop_m, vertical_n| foot_forces(&body, [Vector2::zeros(); 2], cop_m, vertical_n);
-        let (without, with) = (feet(com_m.xy(), body_n), feet(with_load_m, body_n + load_n));
+        let (without, with) = (
+            foot_forces(&body, NO_PRESS_M, com_m.xy(), body_n, Load::Removed),
+            foot_forces(&body, NO_PRESS_M, with_load_m, body_n + load_n, Load::Carried),
+        );
         let load_force_in_motion_n = ground_without_load.force_n - ground.force_n;
         let in_motion = Difference {
             body: &body,
@@ -123,10 +125,10 @@ pub fn static_overload_nm(person: &Person, body: &BodyState) -> [Vector3<f64>; J
     let com_m = centre_m(&person.segment_mass_kg, &body.com_m);
     let [body_n, load_n] = [person.mass_kg, body.load_kg].map(|mass_kg| mass_kg * GRAVITY_M_PER_S2);
     let with_load_m = (com_m.xy() * body_n + body.load_m().xy() * load_n) / (body_n + load_n);
-    let feet = |cop_m, vertical_n| foot_forces(body, [Vector2::zeros(); 2], cop_m, vertical_n);
-    let with = feet(with_load_m, body_n + load_n);
+    let without = foot_forces(body, NO_PRESS_M, com_m.xy(), body_n, Load::Removed);
+    let with = foot_forces(body, NO_PRESS_M, with_load_m, body_n + load_n, Load::Carried);
     let hands = on_hands(body, -Vector3::z() * load_n);
-    overload_nm(&body.origin_m, &feet(com_m.xy(), body_n), &[with.to_vec(), hands].concat())
+    overload_nm(&body.origin_m, &without, &[with.to_vec(), hands].concat())
 }
 
 /// Forces of a load on the hands: its weight (with its inertia), and its squeezing force.

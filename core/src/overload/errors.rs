@@ -31,6 +31,13 @@ pub struct LoadingSigma {
     /// σ of the points of action under the feet, m: forward from the line common to both, while both carry the same force
     /// ([`FootDeviation::apart_m`]), and sideways of each foot, in its axes. Used only if they are not measured.
     pub press_m: [f64; 2],
+    /// σ of how the feet divide the ground reaction without the load, besides the rule of [`super::feet`]: the points of
+    /// action, forward and sideways, opposite under both feet ([`FootDeviation::unloaded_apart_m`]), m, and ζ.
+    pub unloaded_press_m: [f64; 2],
+    /// See [`LoadingSigma::unloaded_press_m`]; in [0, 0.5].
+    pub unloaded_zeta: f64,
+    /// σ of the division of the horizontal forces between the feet ([`FootDeviation::shear`]), in [0, 0.5].
+    pub shear: f64,
     /// σ per axis of the load's position if that by the two CoPs contradicts that in the hands, m; an error of either.
     pub contradiction_m: f64,
     /// σ of each segment's orientation per axis, rad.
@@ -56,6 +63,9 @@ impl LoadingSigma {
         load_ahead_m: [0.0; 2],
         zeta: 0.0,
         press_m: [0.0; 2],
+        unloaded_press_m: [0.0; 2],
+        unloaded_zeta: 0.0,
+        shear: 0.0,
         contradiction_m: 0.0,
         orientation_rad: 0.0,
         heading_rad: 0.0,
@@ -112,6 +122,11 @@ impl LoadingSigma {
         if let FootLoads::Fractions { zeta, .. } | FootLoads::Measured { zeta, .. } = &mut off[9].feet {
             *zeta = [zeta[0] - self.zeta, zeta[1] + self.zeta];
         }
+        off[17].deviation.unloaded_zeta = self.unloaded_zeta;
+        off[18].deviation.unloaded_apart_m = ahead.map(|part| part * self.unloaded_press_m[0]);
+        off[19].deviation.unloaded_apart_m =
+            [-ahead[1], ahead[0]].map(|part| part * self.unloaded_press_m[1]);
+        off[20].deviation.shear = self.shear;
     }
 }
 
@@ -149,5 +164,6 @@ impl LoadingSigma {
 
 /// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), points of action under the feet
 /// (forward of both, sideways of the left one and of the right one), ζ, η, load ahead of the grips, force, contradictory
-/// position of the load (x, y) as an error of the grips and of the measured CoP.
-pub(super) const SOURCES: usize = 17;
+/// position of the load (x, y) as an error of the grips and of the measured CoP; without the load ζ and the points of
+/// action (forward, sideways); division of the horizontal forces.
+pub(super) const SOURCES: usize = 21;

@@ -53,17 +53,30 @@ pub struct FootDeviation {
     /// and y, m; that under the right foot is opposite. Foot k of any two has `2 (1 − ζ_k)` times as much, so the
     /// resultant and ζ do not change.
     pub apart_m: [f64; 2],
+    /// The same in addition, without the load only.
+    pub unloaded_apart_m: [f64; 2],
+    /// Right foot's ζ without the load, while both feet carry the same force.
+    pub unloaded_zeta: f64,
+    /// Right foot's fraction of the horizontal forces and of the free moment less its ζ, while both carry the same.
+    pub shear: f64,
 }
 
 impl FootDeviation {
     /// None.
-    pub const NONE: FootDeviation = FootDeviation { apart_m: [0.0; 2] };
+    pub const NONE: FootDeviation =
+        FootDeviation { apart_m: [0.0; 2], unloaded_apart_m: [0.0; 2], unloaded_zeta: 0.0, shear: 0.0 };
 
-    /// Deviation of the points of action under both feet with these load fractions, m.
-    fn points_m(&self, zeta: [f64; 2]) -> [[f64; 2]; 2] {
-        let weight = [2.0 * zeta[1], -2.0 * zeta[0]];
-        weight.map(|weight| self.apart_m.map(|apart_m| weight * apart_m))
+    /// Fractions of both feet that deviate by this from ζ while both carry the same force; a foot that carries nothing
+    /// does not deviate.
+    pub(super) fn divided(deviation: f64, zeta: [f64; 2]) -> [f64; 2] {
+        let moved = 4.0 * zeta[0] * zeta[1] * deviation;
+        [zeta[0] - moved, zeta[1] + moved].map(|zeta| zeta.clamp(0.0, 1.0))
     }
+}
+
+/// Deviation of the points of action under both feet with these load fractions, m.
+fn opposite_m(apart_m: [f64; 2], zeta: [f64; 2]) -> [[f64; 2]; 2] {
+    [2.0 * zeta[1], -2.0 * zeta[0]].map(|weight| apart_m.map(|apart_m| weight * apart_m))
 }
 
 /// Maximum deviation of the feet's CoPs from the common one, m; beyond it they belong to another plate.
@@ -168,9 +181,11 @@ fn reactions_at(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) ->
     let moved: f64 = (0..2).map(|axis| along[axis] * (cop_estimated_m[axis] - cop_measured_m[axis])).sum();
     let moved = if square > TOO_CLOSE_M * TOO_CLOSE_M { moved / square } else { 0.0 };
     let right_without = (zeta[1] + moved).clamp(0.0, 1.0);
-    let without = [1.0 - right_without, right_without];
+    let deviation = &loading.deviation;
+    let without = FootDeviation::divided(deviation.unloaded_zeta, [1.0 - right_without, right_without]);
     let rest = offset_from_resultant(*cop_estimated_m, without, foot_cop_m);
-    let [off_with_m, off_without_m] = [zeta, without].map(|zeta| loading.deviation.points_m(zeta));
+    let off_with_m = opposite_m(deviation.apart_m, zeta);
+    let off_without_m = opposite_m(sum(deviation.apart_m, deviation.unloaded_apart_m), without);
     core::array::from_fn(|foot| FootReaction {
         with_n: zeta[foot] * loading.vertical_n,
         with_m: sum(foot_cop_m[foot], off_with_m[foot]),
@@ -235,7 +250,12 @@ mod tests {
                         estimated_m,
                     ),
                 ] {
-                    let deviation = FootDeviation { apart_m: [0.03, -0.01] };
+                    let deviation = FootDeviation {
+                        apart_m: [0.03, -0.01],
+                        unloaded_apart_m: [0.01, 0.02],
+                        unloaded_zeta: -0.04,
+                        shear: 0.1,
+                    };
                     let feet = reactions(&Loading { deviation, ..loading }, ANKLE_M);
                     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b} {loading:?}");
                     near(feet.iter().map(|foot| foot.with_n).sum(), loading.vertical_n);
