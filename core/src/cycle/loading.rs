@@ -7,7 +7,7 @@ use super::cop_estimate::Estimate;
 use super::differentiate::Instant;
 use super::ground::Ground;
 use super::identify::Identified;
-use super::load_in_hands::{GRIP_SIGMA_M, LoadInHands, hold_load, locate_load};
+use super::load_in_hands::{LoadInHands, hold_load, locate_load};
 use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
 use super::{foot_outline, support};
@@ -19,21 +19,8 @@ use crate::message::{GroundSample, Validity};
 use crate::motion::{Load, Unloaded};
 use crate::overload::load_position::{ANOTHER_GRIP_SIGMAS, LoadPosition, Measured};
 use crate::overload::sharing::project;
-use crate::overload::{
-    self, FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing, Torque,
-};
+use crate::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swing, Torque};
 
-/// 1-σ of the points of action under the feet, m: forward from the line common to both, and sideways of each foot, in its
-/// axes ([`LoadingSigma::press_m`]); measured on people who lift objects on two plates.
-const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
-/// 1-σ of the division of the ground reaction between the feet without the load, at a load of [`UNLOADED_AT_N`] and in
-/// proportion to it ([`LoadingSigma::unloaded_press_m`], m, and ζ), and of that of the horizontal forces. Assumed: never
-/// measured. ζ as that of the pressure points; the leg torques' errors with two plates are then those of recorded lifts.
-const UNLOADED_PRESS_SIGMA_M: [f64; 2] = [0.005, 0.002];
-const UNLOADED_ZETA_SIGMA: f64 = 0.02;
-const SHEAR_SIGMA: f64 = 0.1;
-/// Weight of the box of the recordings, 11.3 kg, N.
-const UNLOADED_AT_N: f64 = 11.3 * GRAVITY_M_PER_S2;
 /// Tolerance for a CoP outside the modelled foot outlines, m.
 pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
 
@@ -239,7 +226,6 @@ impl Carrying<'_> {
     ) -> LoadingSigma {
         let (ground, stance) = (&self.ground.sigma, &self.estimate.stance);
         let zeta = if feet_are_measured { (ground.force_n / self.force.vertical_n).min(0.5) } else { 0.0 };
-        let by_load = self.force.delta_f_n / UNLOADED_AT_N;
         LoadingSigma {
             cop_measured_m: ground.cop_m,
             cop_estimated_m: body_cop.map(|cop| cop.sigma),
@@ -249,15 +235,11 @@ impl Carrying<'_> {
             eta: hands.eta_sigma,
             load_ahead_m: hands.ahead_sigma_m,
             zeta,
-            press_m: PRESS_SIGMA_M,
-            unloaded_press_m: UNLOADED_PRESS_SIGMA_M.map(|sigma_m| by_load * sigma_m),
-            unloaded_zeta: by_load * UNLOADED_ZETA_SIGMA,
-            shear: SHEAR_SIGMA,
             contradiction_m: hands.contradiction_m,
             orientation_rad: settings.suit_orientation_sigma_rad(),
             heading_rad: self.instant.heading_sigma_rad,
-            grip_m: GRIP_SIGMA_M,
             origin_m: self.origin_sigma_m(settings),
+            ..LoadingSigma::of_contacts(self.force.delta_f_n)
         }
     }
 

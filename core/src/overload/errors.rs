@@ -2,11 +2,24 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::Loading;
 use super::feet::FootLoads;
+use super::load_position::GRIP_SIGMA_M;
+use super::{GRAVITY_M_PER_S2, Loading};
 use crate::body::{SEGMENTS, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
+
+/// 1-σ of the points of action under the feet ([`LoadingSigma::press_m`]), m: measured on people who lift objects on two
+/// plates.
+const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
+/// 1-σ of the division of the ground reaction without the load ([`LoadingSigma::unloaded_press_m`], m, and ζ) at a load
+/// of [`UNLOADED_AT_N`], in proportion to it: assumed. ζ as by the sideways error of the pressure points.
+const UNLOADED_PRESS_SIGMA_M: [f64; 2] = [0.005, 0.002];
+const UNLOADED_ZETA_SIGMA: f64 = 0.02;
+/// Weight of the box of the recordings, 11.3 kg, N.
+const UNLOADED_AT_N: f64 = 11.3 * GRAVITY_M_PER_S2;
+/// 1-σ of the division of the horizontal forces ([`LoadingSigma::shear`]): assumed.
+const SHEAR_SIGMA: f64 = 0.1;
 
 /// 1-σ of the inputs of the overload.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -72,6 +85,19 @@ impl LoadingSigma {
         grip_m: [0.0; 3],
         origin_m: [Vector3::new(0.0, 0.0, 0.0); SEGMENTS],
     };
+
+    /// The contacts of hands and feet with a load of this weight, N; no other errors.
+    pub fn of_contacts(delta_f_n: f64) -> LoadingSigma {
+        let by_load = delta_f_n / UNLOADED_AT_N;
+        LoadingSigma {
+            press_m: PRESS_SIGMA_M,
+            unloaded_press_m: UNLOADED_PRESS_SIGMA_M.map(|sigma_m| by_load * sigma_m),
+            unloaded_zeta: by_load * UNLOADED_ZETA_SIGMA,
+            shear: SHEAR_SIGMA,
+            grip_m: GRIP_SIGMA_M,
+            ..LoadingSigma::EXACT
+        }
+    }
 
     /// One loading per source of error, changed by 1-σ of that source.
     pub(super) fn errors(&self, pose: &Pose<StationWorld>, loading: &Loading) -> [Loading; SOURCES] {
