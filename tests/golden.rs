@@ -12,7 +12,7 @@ use bytemuck::Zeroable;
 use equipoise_core::body::{Anthropometry, Joint, SEGMENTS, Segment, Side, Skeleton};
 use equipoise_core::frame::{self, Pose, StationWorld, SuitWorld};
 use equipoise_core::motion::{Accelerations, History, MassDistribution, Snapshot};
-use equipoise_core::overload::{self, FootLoads, Loading, LoadingSigma, Swing};
+use equipoise_core::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swing};
 use equipoise_core::sesc::{self, Phi};
 use nalgebra::Vector3;
 use serde::Deserialize;
@@ -94,6 +94,7 @@ impl Case {
                 .map(|side| Vector3::from(*self.hand_point_m.get(name(side)).unwrap_or(&[0.0; 3]))),
             eta: of(&self.eta),
             feet: FootLoads::Common { zeta: of(&self.zeta) },
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         }
     }

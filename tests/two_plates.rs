@@ -7,11 +7,14 @@
 
 use equipoise_core::body::{Joint, Side};
 use equipoise_core::frame::{Pose, StationWorld};
-use equipoise_core::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing};
+use equipoise_core::overload::{
+    self, FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing,
+};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::person::Person;
-use equipoise_simulator::truth::{Force, Truth, foot_forces, overload_nm};
+use equipoise_simulator::truth::feet::foot_forces;
+use equipoise_simulator::truth::{Force, Truth, overload_nm};
 use equipoise_simulator::two_plates::{ground_reaction_per_foot, ground_sample};
 use nalgebra::{Vector2, Vector3};
 
@@ -71,6 +74,7 @@ fn errors_nm(worker: &Worker, press_m: [Vector2<f64>; 2], unloaded: [[f64; 2]; 2
             grip_m,
             eta: [0.5; 2],
             feet,
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         };
         let torques = overload::torques(&pose, &loading, &EXACT);

@@ -5,7 +5,7 @@ use equipoise_core::body::{Anthropometry, Segment, Sex, Side, Skeleton};
 use equipoise_core::frame::{Pose, StationWorld, wxyz};
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::overload::sharing::project;
-use equipoise_core::overload::{FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing};
+use equipoise_core::overload::{FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing};
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_core::pose_suggestion::posture;
 use equipoise_core::sesc::{Phi, centre_of_mass};
@@ -96,6 +96,7 @@ impl Worker {
             grip_m,
             eta: [0.5; 2],
             feet: FootLoads::Common { zeta: [1.0 - right, right] },
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         };
         let sigma = LoadingSigma {

@@ -7,6 +7,10 @@
 //! hands being at the part and on the centre of pressure being where people keep it: the most probable posture is found
 //! by Levenberg and Marquardt's method, and the covariance around it is that of Laplace's approximation. The torques
 //! are those of Eq. 15 with the centre of pressure that the part causes.
+//!
+//! The contacts are unavailable before the handover, too: η is uniform between one hand and the other, the part's centre
+//! as far ahead of the grips as that of any load, each with the prior of [`crate::overload::load_position`]; grips and
+//! feet have the errors of [`LoadingSigma::of_contacts`].
 
 mod coordinates;
 pub mod experience;
@@ -24,12 +28,16 @@ use crate::body::anthropometry::ANKLE_HEIGHT;
 use crate::body::{JOINTS, Joint, SEGMENTS, Side, Skeleton};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
-use crate::overload::{self, FootLoads, GRAVITY_M_PER_S2, Loading, Swing, TorqueLimits};
+use crate::overload::load_position::{AHEAD_M, AHEAD_SIGMA_M, EVEN, EVEN_SIGMA};
+use crate::overload::{
+    self, FootDeviation, FootLoads, GRAVITY_M_PER_S2, Loading, LoadingSigma, Swing, TorqueLimits,
+};
 use crate::sesc::{Phi, centre_of_mass};
 
 use coordinates::{COORDINATES, Coordinates, WRIST};
 use experience::LimitRatio;
 use solve::Solution;
+use worst::{HandFractions, worst};
 
 /// The worker's body.
 #[derive(Debug, Clone, Copy)]
@@ -147,8 +155,6 @@ impl Part {
     }
 }
 
-/// 1-σ of the fraction of a part in one hand: hands that hold a part evenly differ by a tenth of its weight.
-const ETA_SIGMA: f64 = 0.05;
 /// Largest distance of the hands from the part in a solution, m: beyond it the part is out of reach.
 const MISS_MAX_M: f64 = 3.0 * coordinates::HAND_SIGMA_M;
 /// Largest deviation of a hand's slope from that of the handles in a solution, σ: beyond it the part is infeasible.
@@ -183,24 +189,13 @@ impl Infeasible {
 pub struct Prediction {
     /// The most probable pose.
     pub pose: Pose<StationWorld>,
-    /// Limit ratio of each joint: overload torque over τ_max, which fatigue reduces.
+    /// Limit ratio of each joint while both hands carry the same: overload torque over τ_max, which fatigue reduces.
     pub limit_ratio: [f64; JOINTS],
-    /// The joint with the largest limit ratio.
+    /// The joint with the largest of them.
     pub worst: Joint,
-    /// 1-σ of its limit ratio: of the posture, the body model, the mass and its distribution over the hands.
-    pub worst_sigma: f64,
-}
-
-impl Prediction {
-    /// The largest limit ratio.
-    pub fn worst_limit_ratio(&self) -> f64 {
-        self.limit_ratio[self.worst.index()]
-    }
-
-    /// The largest limit ratio with its 1-σ.
-    pub fn worst_with_sigma(&self) -> LimitRatio {
-        LimitRatio { value: self.worst_limit_ratio(), sigma: self.worst_sigma }
-    }
+    /// The largest limit ratio of a joint: mean over the fractions of the part in the hands ([`worst::worst`]), and 1-σ of
+    /// the posture, the body model, the mass and the contacts.
+    pub worst_ratio: LimitRatio,
 }
 
 /// Predicts how a worker holds a part with the middle between the grips at `at_m` (world, m), and the overload there.
@@ -226,11 +221,12 @@ pub fn predict(
         return Err(Infeasible::OutOfBalance);
     }
     let limit_ratio = holding.limit_ratios(&pose, grip_m, &Changed::NONE);
-    let worst = Joint::ALL.into_iter().fold(Joint::ALL[0], |worst, joint| {
-        if limit_ratio[joint.index()] > limit_ratio[worst.index()] { joint } else { worst }
-    });
-    let worst_sigma = holding.sigma(&solution, worst, limit_ratio[worst.index()]);
-    Ok(Prediction { pose, limit_ratio, worst, worst_sigma })
+    let sigma = holding.sigmas(&solution, &limit_ratio);
+    let ratio = core::array::from_fn(|joint| LimitRatio { value: limit_ratio[joint], sigma: sigma[joint] });
+    let hands = HandFractions { eta: [EVEN; 2], sigma: EVEN_SIGMA };
+    let (worst, worst_ratio) = worst(&ratio, &hands)
+        .map_or((Joint::ALL[0], LimitRatio { value: f64::NAN, sigma: f64::NAN }), |it| (it.joint, it.ratio));
+    Ok(Prediction { pose, limit_ratio, worst, worst_ratio })
 }
 
 /// Inputs of one prediction.
@@ -251,10 +247,12 @@ struct Changed {
     cop_m: [f64; 2],
     /// Fraction of the part in the right hand.
     eta: f64,
+    /// Distance of the part's centre ahead of the grips, m.
+    ahead_m: f64,
 }
 
 impl Changed {
-    const NONE: Changed = Changed { mass_kg: 0.0, cop_m: [0.0; 2], eta: 0.0 };
+    const NONE: Changed = Changed { mass_kg: 0.0, cop_m: [0.0; 2], eta: 0.0, ahead_m: 0.0 };
 }
 
 impl Holding<'_> {
@@ -294,10 +292,38 @@ impl Holding<'_> {
     fn cop_off_m(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2]) -> [f64; 2] {
         let com = centre_of_mass(pose, &self.body.phi);
         let (body_n, part_n) = (self.body.mass_kg * GRAVITY_M_PER_S2, self.part_n());
-        let load = 0.5 * (grip_m[0] + grip_m[1]);
+        let load = 0.5 * (grip_m[0] + grip_m[1]) + self.ahead(AHEAD_M);
         let cop = (com * body_n + load * part_n) / (body_n + part_n) - self.feet.middle_m();
         let off = self.world_from_feet.inverse() * cop;
         [off.x - coordinates::COP_AHEAD_M, off.y]
+    }
+
+    /// Vector of this length away from the person, perpendicular to the line between the grips.
+    fn ahead(&self, metres: f64) -> Vector3<f64> {
+        self.world_from_feet * Vector3::new(metres, 0.0, 0.0)
+    }
+
+    /// Inputs of Eq. 15.
+    fn loading(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2], off: &Changed) -> Loading {
+        let com = centre_of_mass(pose, &self.body.phi);
+        let body_n = self.body.mass_kg * GRAVITY_M_PER_S2;
+        let part_n = self.part_n() + off.mass_kg * GRAVITY_M_PER_S2;
+        let eta = [1.0 - EVEN - off.eta, EVEN + off.eta];
+        let grip_m = grip_m.map(|grip_m| grip_m + self.ahead(AHEAD_M + off.ahead_m));
+        let load = grip_m[0] * eta[0] + grip_m[1] * eta[1];
+        let alone_m = [com.x + off.cop_m[0], com.y + off.cop_m[1]];
+        let with_part = |axis: usize| (alone_m[axis] * body_n + load[axis] * part_n) / (body_n + part_n);
+        Loading {
+            cop_measured_m: [with_part(0), with_part(1)],
+            cop_estimated_m: alone_m,
+            vertical_n: body_n + part_n,
+            delta_f_n: part_n,
+            grip_m,
+            eta,
+            feet: FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] },
+            deviation: FootDeviation::NONE,
+            swing: Swing::NONE,
+        }
     }
 
     /// Overload of each joint over its limit.
@@ -307,50 +333,53 @@ impl Holding<'_> {
         grip_m: [Vector3<f64>; 2],
         off: &Changed,
     ) -> [f64; JOINTS] {
-        let com = centre_of_mass(pose, &self.body.phi);
-        let body_n = self.body.mass_kg * GRAVITY_M_PER_S2;
-        let part_n = self.part_n() + off.mass_kg * GRAVITY_M_PER_S2;
-        let eta = [0.5 - off.eta, 0.5 + off.eta];
-        let load = grip_m[0] * eta[0] + grip_m[1] * eta[1];
-        let alone_m = [com.x + off.cop_m[0], com.y + off.cop_m[1]];
-        let with_part = |axis: usize| (alone_m[axis] * body_n + load[axis] * part_n) / (body_n + part_n);
-        let loading = Loading {
-            cop_measured_m: [with_part(0), with_part(1)],
-            cop_estimated_m: alone_m,
-            vertical_n: body_n + part_n,
-            delta_f_n: part_n,
-            grip_m,
-            eta,
-            feet: FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] },
-            swing: Swing::NONE,
-        };
-        let torque_nm = overload::torque_vectors(pose, &loading).map(Into::into);
-        let limit_nm = self.body.limits.along_nm(pose, &torque_nm);
-        core::array::from_fn(|joint| {
-            let left = unfatigued(self.body.fatigue[joint]);
-            Vector3::from(torque_nm[joint]).norm() / (limit_nm[joint] * left)
-        })
+        let torque_nm = overload::torque_vectors(pose, &self.loading(pose, grip_m, off));
+        let limit_nm = self.limits_nm(pose, &torque_nm);
+        core::array::from_fn(|joint| torque_nm[joint].norm() / limit_nm[joint])
     }
 
-    /// 1-σ of a joint's limit ratio.
-    fn sigma(&self, solution: &Solution, joint: Joint, limit_ratio: f64) -> f64 {
-        let slope: Coordinates = core::array::from_fn(|index| {
+    /// Limit of each joint in the direction of its torque, which fatigue reduces, N m.
+    fn limits_nm(&self, pose: &Pose<StationWorld>, torque_nm: &[Vector3<f64>; JOINTS]) -> [f64; JOINTS] {
+        let limit_nm = self.body.limits.along_nm(pose, &torque_nm.map(Into::into));
+        core::array::from_fn(|joint| limit_nm[joint] * unfatigued(self.body.fatigue[joint]))
+    }
+
+    /// 1-σ of each joint's limit ratio.
+    fn sigmas(&self, solution: &Solution, limit_ratio: &[f64; JOINTS]) -> [f64; JOINTS] {
+        let mut slopes = [[0.0; COORDINATES]; JOINTS];
+        for index in 0..COORDINATES {
             let mut moved = solution.coordinates;
             moved[index] += solve::STEP;
             let (pose, grip_m) = self.pose(&moved);
-            (self.limit_ratios(&pose, grip_m, &Changed::NONE)[joint.index()] - limit_ratio) / solve::STEP
-        });
+            let ratio = self.limit_ratios(&pose, grip_m, &Changed::NONE);
+            for joint in 0..JOINTS {
+                slopes[joint][index] = (ratio[joint] - limit_ratio[joint]) / solve::STEP;
+            }
+        }
         let (pose, grip_m) = self.pose(&solution.coordinates);
-        let of = |off: &Changed| self.limit_ratios(&pose, grip_m, off)[joint.index()] - limit_ratio;
         let cop_m = self.body.cop_sigma_m;
         let others = [
-            of(&Changed { mass_kg: self.part.mass_sigma_kg, ..Changed::NONE }),
-            of(&Changed { cop_m: [cop_m, 0.0], ..Changed::NONE }),
-            of(&Changed { cop_m: [0.0, cop_m], ..Changed::NONE }),
-            of(&Changed { eta: ETA_SIGMA, ..Changed::NONE }),
+            Changed { mass_kg: self.part.mass_sigma_kg, ..Changed::NONE },
+            Changed { cop_m: [cop_m, 0.0], ..Changed::NONE },
+            Changed { cop_m: [0.0, cop_m], ..Changed::NONE },
+            Changed { eta: EVEN_SIGMA, ..Changed::NONE },
+            Changed { ahead_m: AHEAD_SIGMA_M, ..Changed::NONE },
         ];
-        let square: f64 = others.iter().map(|off| off * off).sum();
-        math::sqrt(square + solution.variance_along(&slope))
+        let others = others.map(|off| self.limit_ratios(&pose, grip_m, &off));
+        let contacts = self.contact_sigmas(&pose, grip_m);
+        core::array::from_fn(|joint| {
+            let offs = others.iter().map(|ratio| ratio[joint] - limit_ratio[joint]);
+            let square: f64 = offs.chain([contacts[joint]]).map(|off| off * off).sum();
+            math::sqrt(square + solution.variance_along(&slopes[joint]))
+        })
+    }
+
+    /// The part of it that the places of grips and feet have.
+    fn contact_sigmas(&self, pose: &Pose<StationWorld>, grip_m: [Vector3<f64>; 2]) -> [f64; JOINTS] {
+        let loading = self.loading(pose, grip_m, &Changed::NONE);
+        let torques = overload::torques(pose, &loading, &LoadingSigma::of_contacts(loading.delta_f_n));
+        let limit_nm = self.limits_nm(pose, &torques.map(|torque| torque.torque_nm));
+        core::array::from_fn(|joint| torques[joint].sigma_nm / limit_nm[joint])
     }
 
     /// Residuals of the posture: the coordinates over their zones, the hands' misses and the balance over their σ.

@@ -26,7 +26,7 @@ use crate::frame::{Pose, StationWorld};
 use crate::math;
 
 pub use errors::LoadingSigma;
-pub use feet::{FootLoads, FootReaction};
+pub use feet::{FootDeviation, FootLoads, FootReaction};
 pub use level::{Level, Levels};
 pub use limits::TorqueLimits;
 pub use load_position::LoadPosition;
@@ -51,12 +51,14 @@ pub struct Loading {
     pub eta: [f64; 2],
     /// Distribution of the ground reaction between the feet.
     pub feet: FootLoads,
+    /// Deviation from that distribution: an error; [`FootDeviation::NONE`] for the estimate.
+    pub deviation: FootDeviation,
     /// Horizontal forces of the motion.
     pub swing: Swing,
 }
 
 /// Horizontal forces that accelerate load and body; the ground provides them at the walking surface, through each foot,
-/// together with the free moment, in proportion to its vertical force.
+/// together with the free moment, in proportion to its vertical force ([`FootDeviation::shear`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swing {
     /// The load's mass times the hands' acceleration, N.
@@ -177,7 +179,7 @@ pub fn zeta_sigma(pose: &Pose<StationWorld>, loading: &Loading, sigma: &LoadingS
 struct Acting<'a> {
     loading: &'a Loading,
     feet: [FootReaction; 2],
-    /// Fractions of the vertical force with and without the load, per foot.
+    /// Fractions of the horizontal forces with and without the load, per foot.
     fractions: [[f64; 2]; 2],
 }
 
@@ -185,7 +187,10 @@ impl<'a> Acting<'a> {
     fn new(pose: &Pose<StationWorld>, loading: &'a Loading) -> Acting<'a> {
         let feet = loading.foot_reactions(pose);
         let per_n = [loading.vertical_n, loading.weight_n()].map(f64::recip);
-        let fractions = feet.each_ref().map(|foot| [foot.with_n * per_n[0], foot.without_n * per_n[1]]);
+        let [left, right] = feet.each_ref().map(|foot| [foot.with_n * per_n[0], foot.without_n * per_n[1]]);
+        let divided = [0, 1]
+            .map(|case: usize| FootDeviation::divided(loading.deviation.shear, [left[case], right[case]]));
+        let fractions = [0, 1].map(|foot: usize| [divided[0][foot], divided[1][foot]]);
         Acting { loading, feet, fractions }
     }
 

@@ -102,7 +102,7 @@ mod tests {
             right_hand_fraction: 0.5,
             load_ahead_m: Vector3::zeros(),
             squeeze_n: Vector3::zeros(),
-            foot_press_m: [Vector2::zeros(); 2],
+            feet: crate::feet::FeetDivision::EVEN,
             foot_stands: [true; 2],
         }
     }

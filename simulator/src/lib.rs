@@ -1,7 +1,8 @@
 //! A simulated human on the real wires, with its own physics.
 //!
 //! Layers, lowest first: [`random`] → [`person`] → [`kinematics`] → [`leg`] → [`stance`] → [`pose`] → [`balance`] →
-//! [`intention`] → [`repertoire`], [`limits`], [`reach`], [`grasp`] → [`schedule`] → [`march`], [`stomp`], [`walk`] → [`motion`] →
+//! [`intention`] → [`repertoire`], [`limits`], [`reach`], [`grasp`] → [`schedule`] → [`march`], [`stomp`], [`walk`],
+//! [`feet`] → [`motion`] →
 //! [`realism`], [`dynamics`] → [`truth`] → [`two_plates`], [`colour`] → [`noise`], [`burden`] → [`plate_fault`] →
 //! [`scene`]; [`wires`] → [`wire`], [`plate`], [`ports`] → [`suit_sender`], [`plate_server`] (through [`faults`]),
 //! [`clock`] → [`devices`] → [`simulation`], [`player`]; [`cobot`]. Geometry, masses and dynamics are the simulator's own: it
@@ -19,6 +20,7 @@ pub mod colour;
 pub mod devices;
 pub mod dynamics;
 pub mod faults;
+pub mod feet;
 pub mod grasp;
 pub mod intention;
 pub mod kinematics;

@@ -10,6 +10,7 @@ use std::f64::consts::TAU;
 use crate::GRAVITY_M_PER_S2;
 use crate::balance::{Standing, Start, grips_m};
 use crate::dynamics::{Wrench, ground_reaction};
+use crate::feet::{Feet, FeetDivision, FeetHabits};
 use crate::grasp::hold_box;
 use crate::intention::Intention;
 use crate::kinematics::Rotations;
@@ -31,8 +32,6 @@ const GRASP_S: f64 = 0.3;
 const LEAN_S: f64 = 1.2;
 /// Duration of reaching for a part, and of standing up after it, s.
 const REACH_S: f64 = 1.8;
-/// Frequencies at which the pressure point of a foot changes: from minutes of standing to a few poses of work, Hz.
-pub(crate) const PRESS_HZ: [f64; 2] = [0.01, 0.3];
 /// A foot whose ankle is higher than in standing by this is in the air, m.
 const LIFTED_M: f64 = 0.002;
 
@@ -55,9 +54,8 @@ pub struct Habits {
     pub hands_apart_m: f64,
     /// Fraction of a box carried by the right hand, in [0, 1].
     pub right_hand_fraction: f64,
-    /// Standard deviation of each foot's pressure point from the line common to both, forward and sideways in the
-    /// foot's axes, m. It changes slowly, and independently under both feet.
-    pub foot_press_m: [f64; 2],
+    /// How the feet divide the ground reaction.
+    pub feet: FeetHabits,
     /// Grip point of each hand, relative to the person's average, hand's axes (left; the right mirrors Y), m.
     pub grip_off_m: [[f64; 3]; 2],
     /// Horizontal distance of a box's centre beyond the line between the grips, away from the body, m.
@@ -77,7 +75,7 @@ impl Habits {
         balance_error_m: 0.008,
         hands_apart_m: 0.375,
         right_hand_fraction: 0.5,
-        foot_press_m: [0.0; 2],
+        feet: FeetHabits::EVEN,
         grip_off_m: [[0.0; 3]; 2],
         load_ahead_m: 0.0,
         squeeze_ratio: 0.0,
@@ -115,8 +113,8 @@ pub struct BodyState {
     pub load_ahead_m: Vector3<f64>,
     /// Squeezing force of the box on the left hand, N; its opposite acts on the right hand.
     pub squeeze_n: Vector3<f64>,
-    /// Pressure points of the left and right foot, relative to the line common to both, m ([`Habits::foot_press_m`]).
-    pub foot_press_m: [Vector2<f64>; 2],
+    /// How the feet divide the ground reaction ([`Habits::feet`]).
+    pub feet: FeetDivision,
     /// Which feet are on the floor: left, right.
     pub foot_stands: [bool; 2],
 }
@@ -165,8 +163,7 @@ pub struct Worker {
     walk: Walk,
     deviation: Random,
     sway: [Wander; 4],
-    /// For each foot, forward and sideways.
-    foot_press: [[Wander; 2]; 2],
+    feet: Feet,
 }
 
 impl Worker {
@@ -185,10 +182,6 @@ impl Worker {
         let [forward, aside] = habits.sway_m;
         let sway = [forward, aside, habits.sway_rad, habits.sway_rad]
             .map(|sigma| Wander::new(&mut random, sigma, 0.03, 1.0));
-        let mut random = Random::new(seed, "foot press");
-        let foot_press = std::array::from_fn(|_| {
-            habits.foot_press_m.map(|sigma_m| Wander::new(&mut random, sigma_m, PRESS_HZ[0], PRESS_HZ[1]))
-        });
         let (pose, balance_m) = (Intention::STAND.pose(), usual_balance_m(&person, &stance));
         let aim = Aim { pose, at_box: 0.0, balance_m, load_down_rad: 0.0 };
         let walk = Walk::new(&person, &stance);
@@ -204,7 +197,7 @@ impl Worker {
             walk,
             deviation: Random::new(seed, "deviation from the pose"),
             sway,
-            foot_press,
+            feet: Feet::new(&habits.feet, seed),
         }
     }
 
@@ -375,10 +368,6 @@ impl Worker {
         let leftwards = body.world_from_segment[Segment::T8.index()] * Vector3::y();
         let ahead = leftwards.cross(&Vector3::z()).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
         let squeeze_n = self.habits.squeeze_ratio * load_kg * GRAVITY_M_PER_S2;
-        let foot_press_m = std::array::from_fn(|k| {
-            let [forward, aside] = [0, 1].map(|axis: usize| self.foot_press[k][axis].at(time_s));
-            (stance.world_from_foot[k] * Vector3::new(forward, aside, 0.0)).xy()
-        });
         BodyState {
             time_s,
             origin_m: body.origin_m,
@@ -389,7 +378,7 @@ impl Worker {
             right_hand_fraction: self.habits.right_hand_fraction,
             load_ahead_m: inclined(ahead, aim.load_down_rad) * self.habits.load_ahead_m,
             squeeze_n: apart * squeeze_n,
-            foot_press_m,
+            feet: self.feet.at(time_s),
             foot_stands: stance.ankle_m.map(|ankle_m| ankle_m.z < self.person.ankle_height_m + LIFTED_M),
         }
     }

@@ -6,8 +6,9 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::colour::{SuitColour, joint_rad};
 use crate::dynamics::Wrench;
+use crate::feet::DRAWN_HZ;
 use crate::kinematics::{Rotations, chain_m};
-use crate::motion::{BodyState, PRESS_HZ};
+use crate::motion::BodyState;
 use crate::person::Person;
 use crate::random::{Random, Wander};
 
@@ -219,7 +220,7 @@ impl Insoles {
         let mut random = Random::new(seed, "insole gain");
         let gain = [0, 1].map(|_: usize| 1.0 + Insoles::GAIN_SIGMA * random.normal());
         let mut random = Random::new(seed, "insole centre of pressure");
-        let [slowest_hz, fastest_hz] = PRESS_HZ;
+        let [slowest_hz, fastest_hz] = DRAWN_HZ;
         let cop = std::array::from_fn(|_| {
             std::array::from_fn(|_| Wander::new(&mut random, Insoles::COP_SIGMA_M, slowest_hz, fastest_hz))
         });

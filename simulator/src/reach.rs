@@ -6,12 +6,14 @@
 //! slope of the handles as far as the wrists move.
 
 use equipoise_core::body::{Segment, Side};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use crate::GRAVITY_M_PER_S2;
 use crate::balance::{Balanced, Standing, grips_m};
+use crate::feet::FeetDivision;
 use crate::intention::Intention;
 use crate::kinematics::down_the_tree;
-use crate::motion::BodyState;
+use crate::motion::{BodyState, Habits};
 use crate::person::Person;
 use crate::pose::Pose;
 use crate::random::Random;
@@ -253,19 +255,43 @@ fn bend_arms(
     }
 }
 
-/// The state of a body that holds a part at rest in a posture.
-pub fn at_rest(standing: &Standing<'_>, body: &Balanced) -> BodyState {
+/// How a person who holds a part touches it and the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contacts {
+    /// See [`Habits::right_hand_fraction`].
+    pub right_hand_fraction: f64,
+    /// See [`Habits::load_ahead_m`].
+    pub load_ahead_m: f64,
+    /// See [`Habits::squeeze_ratio`].
+    pub squeeze_ratio: f64,
+    /// The feet at this time.
+    pub feet: FeetDivision,
+}
+
+impl Contacts {
+    /// Contacts of a person with these habits, whose feet divide the ground reaction in this way.
+    pub fn of(habits: &Habits, feet: FeetDivision) -> Contacts {
+        let &Habits { right_hand_fraction, load_ahead_m, squeeze_ratio, .. } = habits;
+        Contacts { right_hand_fraction, load_ahead_m, squeeze_ratio, feet }
+    }
+}
+
+/// The state of a body that holds a part at rest in a posture. The grips are those of the person ([`Person::grip_m`]).
+pub fn at_rest(standing: &Standing<'_>, body: &Balanced, part: &HeldPart, contacts: &Contacts) -> BodyState {
+    let grip_m = grips_m(standing.person, &body.origin_m, &body.world_from_segment);
+    let apart = (grip_m[0] - grip_m[1]).try_normalize(1e-6).unwrap_or_else(Vector3::zeros);
+    let ahead = part.aside.cross(&Vector3::z());
     BodyState {
         time_s: 0.0,
         origin_m: body.origin_m,
         world_from_segment: body.world_from_segment,
         com_m: body.com_m,
-        grip_m: grips_m(standing.person, &body.origin_m, &body.world_from_segment),
+        grip_m,
         load_kg: standing.load_kg,
-        right_hand_fraction: 0.5,
-        load_ahead_m: Vector3::zeros(),
-        squeeze_n: Vector3::zeros(),
-        foot_press_m: [Vector2::zeros(); 2],
+        right_hand_fraction: contacts.right_hand_fraction,
+        load_ahead_m: inclined(ahead, part.load_down_rad()) * contacts.load_ahead_m,
+        squeeze_n: apart * (contacts.squeeze_ratio * standing.load_kg * GRAVITY_M_PER_S2),
+        feet: contacts.feet,
         foot_stands: [true; 2],
     }
 }
@@ -274,6 +300,7 @@ pub fn at_rest(standing: &Standing<'_>, body: &Balanced) -> BodyState {
 mod tests {
     use super::*;
     use crate::limits;
+    use crate::realism::Realism;
     use crate::stance::Stance;
 
     #[test]
@@ -336,6 +363,23 @@ mod tests {
         assert!((hand_deg - 20.0).abs() < 3.0, "{hand_deg}");
         let [forearm_deg, hand_deg] = slopes_deg(Some(80_f64.to_radians()));
         assert!((hand_deg - forearm_deg - WRIST_DEG[1]).abs() < 5.0, "{forearm_deg} {hand_deg}");
+    }
+
+    #[test]
+    fn a_part_at_rest_has_the_contacts_of_its_holder() {
+        let person = Person::nominal(1.77, 72.0);
+        let stance = Stance::shoulder_wide(&person);
+        let standing = Standing { person: &person, com_m: &person.com_m, stance: &stance, load_kg: 6.0 };
+        let middle_m = Vector3::new(0.4, 0.0, 1.0);
+        let part = HeldPart { middle_m, width_m: 0.35, aside: Vector3::y(), slope_rad: Some(LEVEL_RAD) };
+        let (_, body) = reach(&standing, &ReachHabits::of(3), &part).unwrap();
+        let habits = Realism::SEVERE.habits(3);
+        let feet = FeetDivision { ahead_m: 0.02, ..FeetDivision::EVEN };
+        let state = at_rest(&standing, &body, &part, &Contacts::of(&habits, feet));
+        assert_eq!((state.right_hand_fraction, state.feet), (habits.right_hand_fraction, feet));
+        assert!(habits.load_ahead_m > 0.04 && (state.right_hand_fraction - 0.5).abs() > 0.01, "{habits:?}");
+        assert!((state.load_ahead_m - Vector3::x() * habits.load_ahead_m).norm() < 1e-12);
+        assert!((state.squeeze_n.norm() - habits.squeeze_ratio * 6.0 * GRAVITY_M_PER_S2).abs() < 1e-9);
     }
 
     #[test]

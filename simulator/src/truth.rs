@@ -6,6 +6,7 @@
 //! the hand requires `(a − o) × m g ẑ` at every joint between the hand and the pelvis.
 
 pub mod back;
+pub mod feet;
 pub mod hold;
 pub mod in_motion;
 
@@ -18,6 +19,7 @@ use crate::kinematics::centre_m;
 use crate::motion::{BodyState, DIFFERENCE_S, Worker};
 use crate::person::Person;
 use back::BackLoad;
+use feet::{Load, NO_PRESS_M, foot_forces};
 use in_motion::Difference;
 
 /// A force on a segment.
@@ -85,8 +87,10 @@ impl Truth {
         let load_m = body.load_m();
         let with_load_m = (com_m.xy() * body_n + load_m.xy() * load_n) / (body_n + load_n);
         let down = -Vector3::z();
-        let feet = |cop_m, vertical_n| foot_forces(&body, [Vector2::zeros(); 2], cop_m, vertical_n);
-        let (without, with) = (feet(com_m.xy(), body_n), feet(with_load_m, body_n + load_n));
+        let (without, with) = (
+            foot_forces(&body, NO_PRESS_M, com_m.xy(), body_n, Load::Removed),
+            foot_forces(&body, NO_PRESS_M, with_load_m, body_n + load_n, Load::Carried),
+        );
         let load_force_in_motion_n = ground_without_load.force_n - ground.force_n;
         let in_motion = Difference {
             body: &body,
@@ -121,10 +125,10 @@ pub fn static_overload_nm(person: &Person, body: &BodyState) -> [Vector3<f64>; J
     let com_m = centre_m(&person.segment_mass_kg, &body.com_m);
     let [body_n, load_n] = [person.mass_kg, body.load_kg].map(|mass_kg| mass_kg * GRAVITY_M_PER_S2);
     let with_load_m = (com_m.xy() * body_n + body.load_m().xy() * load_n) / (body_n + load_n);
-    let feet = |cop_m, vertical_n| foot_forces(body, [Vector2::zeros(); 2], cop_m, vertical_n);
-    let with = feet(with_load_m, body_n + load_n);
+    let without = foot_forces(body, NO_PRESS_M, com_m.xy(), body_n, Load::Removed);
+    let with = foot_forces(body, NO_PRESS_M, with_load_m, body_n + load_n, Load::Carried);
     let hands = on_hands(body, -Vector3::z() * load_n);
-    overload_nm(&body.origin_m, &feet(com_m.xy(), body_n), &[with.to_vec(), hands].concat())
+    overload_nm(&body.origin_m, &without, &[with.to_vec(), hands].concat())
 }
 
 /// Forces of a load on the hands: its weight (with its inertia), and its squeezing force.
@@ -156,42 +160,4 @@ fn holding_nm(origin_m: &[Vector3<f64>; SEGMENTS], forces: &[Force]) -> [Vector3
         let centre = origin_m[joint.segment().index()];
         -beyond.map(|force| (force.at_m - centre).cross(&force.force_n)).sum::<Vector3<f64>>()
     })
-}
-
-/// The ground's vertical forces on the left and right foot, with their points of action, for a centre of pressure and a
-/// vertical force.
-///
-/// The pressure points are the ankles, offset by [`BodyState::foot_press_m`] and by `press_m` (world axes, m); the feet
-/// share the force so that its resultant acts at the centre of pressure. The part of it off the line between both
-/// shifts both equally. A foot in the air carries nothing.
-pub fn foot_forces(
-    body: &BodyState,
-    press_m: [Vector2<f64>; 2],
-    cop_m: Vector2<f64>,
-    vertical_n: f64,
-) -> [Force; 2] {
-    let at_m = std::array::from_fn(|k| {
-        let ankle_m = body.origin_m[Side::BOTH[k].foot().index()].xy();
-        ankle_m + body.foot_press_m[k] + press_m[k]
-    });
-    let (load_fraction, at_m) = match body.foot_stands {
-        [true, false] => ([1.0, 0.0], [cop_m, at_m[1]]),
-        [false, true] => ([0.0, 1.0], [at_m[0], cop_m]),
-        _ => {
-            let load_fraction = load_fractions(at_m, cop_m);
-            let off_the_line = cop_m - (at_m[0] * load_fraction[0] + at_m[1] * load_fraction[1]);
-            (load_fraction, at_m.map(|at_m| at_m + off_the_line))
-        }
-    };
-    std::array::from_fn(|k| Force {
-        on: Side::BOTH[k].foot(),
-        at_m: at_m[k].push(0.0),
-        force_n: Vector3::z() * (load_fraction[k] * vertical_n),
-    })
-}
-
-fn load_fractions([left, right]: [Vector2<f64>; 2], cop_m: Vector2<f64>) -> [f64; 2] {
-    let line = left - right;
-    let left_fraction = ((cop_m - right).dot(&line) / line.norm_squared()).clamp(0.0, 1.0);
-    [left_fraction, 1.0 - left_fraction]
 }

@@ -10,7 +10,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::dynamics::Wrench;
 use crate::motion::Worker;
-use crate::truth::foot_forces;
+use crate::truth::feet::{Load, foot_contacts};
 
 /// Independent noise streams of the plates.
 pub const PLATE_NOISE: [&str; 2] = ["plate noise", "second plate noise"];
@@ -19,17 +19,12 @@ pub const PLATE_NOISE: [&str; 2] = ["plate noise", "second plate noise"];
 /// [`Worker::ground_reaction`].
 ///
 /// `press_m` is the pressure point of each foot, from its ankle along the world's axes, m, in addition to
-/// [`crate::motion::BodyState::foot_press_m`]; zero is directly under the ankles. Shear and the moment about the
-/// vertical are distributed as the vertical force is.
+/// [`crate::motion::BodyState::feet`]; zero is directly under the ankles.
 pub fn ground_reaction_per_foot(worker: &Worker, time_s: f64, press_m: [Vector2<f64>; 2]) -> [Wrench; 2] {
     let whole = worker.ground_reaction(time_s);
-    let feet = foot_forces(&worker.sample(time_s), press_m, whole.cop_m(), whole.force_n.z);
-    let fractions = feet.map(|foot| foot.force_n.z / whole.force_n.z);
-    let parts = [0, 1].map(|k| Wrench::at(feet[k].at_m, whole.force_n * fractions[k]));
-    let turning = whole.moment_nm.z - parts[0].moment_nm.z - parts[1].moment_nm.z;
-    [0, 1].map(|k| Wrench {
-        moment_nm: parts[k].moment_nm + Vector3::z() * (turning * fractions[k]),
-        ..parts[k]
+    foot_contacts(&worker.sample(time_s), press_m, &whole, Load::Carried).map(|foot| {
+        let force = Wrench::at(foot.force.at_m, foot.force.force_n);
+        Wrench { moment_nm: force.moment_nm + foot.couple_nm, ..force }
     })
 }
 

@@ -82,7 +82,7 @@ struct Choices {
     #[arg(long, default_value_t = 1, value_name = "SEED")]
     seed: u64,
     /// Deviation of body, contacts and sensors from ideal ones: ideal, realistic or severe, then changes of single phenomena
-    /// (feet, hands, load_place, squeeze, soft_tissue, suit_world, clocks, plate_zero), as in `realistic,feet=ideal`
+    /// (feet, feet_change, hands, load_place, squeeze, soft_tissue, suit_world, clocks, plate_zero), as in `realistic,feet=ideal`
     #[arg(long, default_value = "realistic", value_name = "SEVERITY")]
     realism: Realism,
     /// Print JSON

@@ -300,13 +300,7 @@ impl Stamps {
 
 impl Clock {
     fn of(first: &Frame, rate_hz: f64) -> Clock {
-        Clock {
-            rate_hz,
-            first: Stamps::of(first),
-            lead_ns: 0,
-            ahead_ns: 0,
-            steps: WallClockSteps::default(),
-        }
+        Clock { rate_hz, first: Stamps::of(first), lead_ns: 0, ahead_ns: 0, steps: WallClockSteps::default() }
     }
 
     fn time_ns(&mut self, frame: &Frame) -> Result<u64, &'static str> {

@@ -9,13 +9,10 @@ use crate::frame::{Pose, StationWorld};
 use crate::kalman::STATES;
 use crate::math;
 use crate::overload;
-use crate::overload::load_position::{ANOTHER_GRIP_SIGMAS, ByModel, EVEN_SIGMA, LoadPosition, Measured};
+use crate::overload::load_position::{
+    ANOTHER_GRIP_SIGMAS, ByModel, EVEN_SIGMA, GRIP_SIGMA_M, LoadPosition, Measured,
+};
 use crate::overload::sharing::{TOO_CLOSE_M, project};
-
-/// 1-σ of the point of action on the hand, in addition to the uncertainty ahead, m, each of a uniform distribution.
-/// Across the hand: the middle third of its breadth at the knuckles, 84 mm. Along it: from the hollow of the palm to
-/// the middle of the first phalanges, 42 mm. Normal to the palm: the middle of handles and edges 10 to 50 mm thick.
-pub(super) const GRIP_SIGMA_M: [f64; 3] = [0.0081, 0.0121, 0.0058];
 
 /// Position of a load in the hands.
 pub(super) struct LoadInHands {

@@ -7,7 +7,7 @@ use super::cop_estimate::Estimate;
 use super::differentiate::Instant;
 use super::ground::Ground;
 use super::identify::Identified;
-use super::load_in_hands::{GRIP_SIGMA_M, LoadInHands, hold_load, locate_load};
+use super::load_in_hands::{LoadInHands, hold_load, locate_load};
 use super::prediction::Prediction;
 use super::settings::{Motion, Settings};
 use super::{foot_outline, support};
@@ -19,11 +19,8 @@ use crate::message::{GroundSample, Validity};
 use crate::motion::{Load, Unloaded};
 use crate::overload::load_position::{ANOTHER_GRIP_SIGMAS, LoadPosition, Measured};
 use crate::overload::sharing::project;
-use crate::overload::{self, FootLoads, Loading, LoadingSigma, Swing, Torque};
+use crate::overload::{self, FootDeviation, FootLoads, Loading, LoadingSigma, Swing, Torque};
 
-/// 1-σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
-/// axes, m: measured on people who lift objects on two plates.
-const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
 /// Tolerance for a CoP outside the modelled foot outlines, m.
 pub(super) const SUPPORT_MARGIN_M: f64 = 0.02;
 
@@ -208,6 +205,7 @@ impl Carrying<'_> {
             grip_m: hands.grip_m,
             eta: hands.eta,
             feet: self.foot_loads(settings, body_offset_m),
+            deviation: FootDeviation::NONE,
             swing: Swing {
                 force_n: hands.swing_n,
                 body_n: [0, 1]
@@ -237,12 +235,11 @@ impl Carrying<'_> {
             eta: hands.eta_sigma,
             load_ahead_m: hands.ahead_sigma_m,
             zeta,
-            press_m: PRESS_SIGMA_M,
             contradiction_m: hands.contradiction_m,
             orientation_rad: settings.suit_orientation_sigma_rad(),
             heading_rad: self.instant.heading_sigma_rad,
-            grip_m: GRIP_SIGMA_M,
             origin_m: self.origin_sigma_m(settings),
+            ..LoadingSigma::of_contacts(self.force.delta_f_n)
         }
     }
 

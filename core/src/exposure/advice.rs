@@ -47,7 +47,7 @@ mod tests {
     use super::*;
     use crate::body::{JOINTS, SEGMENTS, Side, Skeleton};
     use crate::frame::{Pose, StationWorld};
-    use crate::overload::{FootLoads, Loading, LoadingSigma, Swing, leverage, torques};
+    use crate::overload::{FootDeviation, FootLoads, Loading, LoadingSigma, Swing, leverage, torques};
     use nalgebra::{UnitQuaternion, Vector3};
 
     const NO_SIGMA: LoadingSigma = LoadingSigma::EXACT;
@@ -73,6 +73,7 @@ mod tests {
             grip_m,
             eta: ETA,
             feet: FootLoads::Common { zeta: ZETA },
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         }
     }

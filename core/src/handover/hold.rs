@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::experience::{Experience, LimitRatio};
 use super::worst::{HandFractions, worst};
-use super::{Body, ETA_SIGMA, FootPlacement, PLACE_MAX_M, Part, WIDTH_M, predict, unfatigued};
+use super::{Body, FootPlacement, PLACE_MAX_M, Part, WIDTH_M, predict, unfatigued};
 use crate::body::{JOINTS, Joint, Side};
 use crate::math;
 use crate::message::{State, Validity};
@@ -14,6 +14,8 @@ use crate::static_pose::SPAN_NS;
 /// Largest computed cosine of a hand's slope that counts as a level hand: above 1, because the load may be farther ahead
 /// of the grip than [`AHEAD_M`] (1-σ 14 mm).
 const COSINE_MAX: f64 = 1.2;
+/// Fraction of the load in one hand below which the other hand alone holds it: assumed.
+const ETA_MIN: f64 = 0.1;
 
 /// A part that was held.
 #[derive(Debug, Clone, Copy)]
@@ -37,7 +39,7 @@ impl Hold {
         let body = Body { fatigue: self.fatigue, ..*body };
         let place_m = self.feet.place_m(self.position_m, height_m);
         predict(&body, &self.feet, &self.part, self.position_m)
-            .is_ok_and(|it| experience.observe(place_m, it.worst_limit_ratio(), self.measured))
+            .is_ok_and(|it| experience.observe(place_m, it.worst_ratio.value, self.measured))
     }
 }
 
@@ -58,7 +60,7 @@ impl HoldDetector {
     /// backward, the hold begins again.
     ///
     /// Returns a hold once static pose and load cover two windows of the static pose detector without a common sample
-    /// (0.6 s) in one stance, with every torque valid and the load evenly in both hands.
+    /// (0.6 s) in one stance, with every torque valid and the load in both hands.
     pub fn ingest(&mut self, state: &State, grip_m: &[[f64; 3]; 2]) -> Option<Hold> {
         let step_ns = state.suit_sample_time_ns.checked_sub(self.newest_ns);
         self.newest_ns = state.suit_sample_time_ns;
@@ -85,10 +87,9 @@ impl HoldDetector {
     }
 }
 
-/// Whether the load is as evenly in both hands as predictions assume, within 3 σ.
+/// Whether both hands hold the load, as predictions assume; they include all fractions.
 fn is_in_both_hands(state: &State) -> bool {
-    let sigma = math::hypot([ETA_SIGMA, state.hand_load_fraction_sigma]);
-    (state.hand_load_fraction[0] - 0.5).abs() <= 3.0 * sigma
+    state.hand_load_fraction.iter().all(|eta| *eta >= ETA_MIN)
 }
 
 /// A hand that holds a part.
@@ -247,11 +248,11 @@ mod tests {
     }
 
     #[test]
-    fn interrupted_uneven_and_invalid_holds_are_not_used() {
+    fn interrupted_one_handed_and_invalid_holds_are_not_used() {
         let changes: [fn(&mut State); 4] = [
             |state| state.static_pose = 0,
             |state| state.valid = Validity::MODEL_CHANGED.0,
-            |state| state.hand_load_fraction = [0.3, 0.7],
+            |state| state.hand_load_fraction = [0.05, 0.95],
             |state| state.stance += state.cycle as u32,
         ];
         for (number, change) in changes.into_iter().enumerate() {

@@ -90,8 +90,7 @@ impl Planning<'_> {
     pub fn at(&self, place_m: Vector3<f64>, slope_rad: Option<f64>) -> Place {
         let position_m = self.feet.world_m(place_m, self.height_m);
         let predicted = predict(self.body, self.feet, &self.part.with_slope(slope_rad), position_m);
-        let predicted =
-            predicted.map(|it| (it.worst, self.experience.correct(place_m, it.worst_with_sigma())));
+        let predicted = predicted.map(|it| (it.worst, self.experience.correct(place_m, it.worst_ratio)));
         Place { place_m, position_m, slope_rad, predicted }
     }
 

@@ -67,8 +67,8 @@ fn turned_and_moved_feet_have_the_same_overload() {
     let place = Vector3::new(0.45, 0.1, 1.1);
     let here = predict(&body(), &feet, &PART, place).unwrap();
     let there = predict(&body(), &moved, &PART, turn * place + by).unwrap();
-    assert!((here.worst_limit_ratio() - there.worst_limit_ratio()).abs() < 1e-4);
-    assert!((here.worst_sigma - there.worst_sigma).abs() < 1e-3 * here.worst_sigma);
+    assert!((here.worst_ratio.value - there.worst_ratio.value).abs() < 1e-4);
+    assert!((here.worst_ratio.sigma - there.worst_ratio.sigma).abs() < 1e-3 * here.worst_ratio.sigma);
 }
 
 #[test]
@@ -124,7 +124,7 @@ fn overload_grows_with_distance_and_mass_and_fatigue() {
     }
     let place = Vector3::new(0.45, 0.0, 1.1);
     let limit_ratio =
-        |body: &Body, part: &Part| predict(body, &feet(), part, place).unwrap().worst_limit_ratio();
+        |body: &Body, part: &Part| predict(body, &feet(), part, place).unwrap().worst_ratio.value;
     let usual = limit_ratio(&body(), &PART);
     assert!(limit_ratio(&body(), &Part { mass_kg: 12.0, ..PART }) > 1.8 * usual);
     let mut tired = body();
@@ -144,7 +144,7 @@ fn places_out_of_reach_are_refused() {
 #[test]
 fn sigma_grows_with_that_of_mass_and_body_model() {
     let place = Vector3::new(0.5, 0.0, 1.1);
-    let sigma = |body: &Body, part: &Part| predict(body, &feet(), part, place).unwrap().worst_sigma;
+    let sigma = |body: &Body, part: &Part| predict(body, &feet(), part, place).unwrap().worst_ratio.sigma;
     let usual = sigma(&body(), &PART);
     assert!(sigma(&body(), &Part { mass_sigma_kg: 2.0, ..PART }) > usual);
     assert!(usual > 0.0);

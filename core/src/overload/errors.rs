@@ -2,11 +2,24 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::Loading;
 use super::feet::FootLoads;
+use super::load_position::GRIP_SIGMA_M;
+use super::{GRAVITY_M_PER_S2, Loading};
 use crate::body::{SEGMENTS, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
+
+/// 1-σ of the points of action under the feet ([`LoadingSigma::press_m`]), m: measured on people who lift objects on two
+/// plates.
+const PRESS_SIGMA_M: [f64; 2] = [0.020, 0.007];
+/// 1-σ of the division of the ground reaction without the load ([`LoadingSigma::unloaded_press_m`], m, and ζ) at a load
+/// of [`UNLOADED_AT_N`], in proportion to it: assumed. ζ as by the sideways error of the pressure points.
+const UNLOADED_PRESS_SIGMA_M: [f64; 2] = [0.005, 0.002];
+const UNLOADED_ZETA_SIGMA: f64 = 0.02;
+/// Weight of the box of the recordings, 11.3 kg, N.
+const UNLOADED_AT_N: f64 = 11.3 * GRAVITY_M_PER_S2;
+/// 1-σ of the division of the horizontal forces ([`LoadingSigma::shear`]): assumed.
+const SHEAR_SIGMA: f64 = 0.1;
 
 /// 1-σ of the inputs of the overload.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,9 +41,16 @@ pub struct LoadingSigma {
     pub load_ahead_m: [f64; 2],
     /// σ of a measured fraction of the ground reaction under one foot, in [0, 0.5].
     pub zeta: f64,
-    /// σ of the point of action under each foot relative to the line common to both, forward and sideways in the foot's
-    /// axes, m. Used only if it is not measured.
+    /// σ of the points of action under the feet, m: forward from the line common to both, while both carry the same force
+    /// ([`FootDeviation::apart_m`]), and sideways of each foot, in its axes. Used only if they are not measured.
     pub press_m: [f64; 2],
+    /// σ of how the feet divide the ground reaction without the load, besides the rule of [`super::feet`]: the points of
+    /// action, forward and sideways, opposite under both feet ([`FootDeviation::unloaded_apart_m`]), m, and ζ.
+    pub unloaded_press_m: [f64; 2],
+    /// See [`LoadingSigma::unloaded_press_m`]; in [0, 0.5].
+    pub unloaded_zeta: f64,
+    /// σ of the division of the horizontal forces between the feet ([`FootDeviation::shear`]), in [0, 0.5].
+    pub shear: f64,
     /// σ per axis of the load's position if that by the two CoPs contradicts that in the hands, m; an error of either.
     pub contradiction_m: f64,
     /// σ of each segment's orientation per axis, rad.
@@ -56,12 +76,28 @@ impl LoadingSigma {
         load_ahead_m: [0.0; 2],
         zeta: 0.0,
         press_m: [0.0; 2],
+        unloaded_press_m: [0.0; 2],
+        unloaded_zeta: 0.0,
+        shear: 0.0,
         contradiction_m: 0.0,
         orientation_rad: 0.0,
         heading_rad: 0.0,
         grip_m: [0.0; 3],
         origin_m: [Vector3::new(0.0, 0.0, 0.0); SEGMENTS],
     };
+
+    /// The contacts of hands and feet with a load of this weight, N; no other errors.
+    pub fn of_contacts(delta_f_n: f64) -> LoadingSigma {
+        let by_load = delta_f_n / UNLOADED_AT_N;
+        LoadingSigma {
+            press_m: PRESS_SIGMA_M,
+            unloaded_press_m: UNLOADED_PRESS_SIGMA_M.map(|sigma_m| by_load * sigma_m),
+            unloaded_zeta: by_load * UNLOADED_ZETA_SIGMA,
+            shear: SHEAR_SIGMA,
+            grip_m: GRIP_SIGMA_M,
+            ..LoadingSigma::EXACT
+        }
+    }
 
     /// One loading per source of error, changed by 1-σ of that source.
     pub(super) fn errors(&self, pose: &Pose<StationWorld>, loading: &Loading) -> [Loading; SOURCES] {
@@ -78,33 +114,52 @@ impl LoadingSigma {
             if let FootLoads::Measured { cop_m, .. } = &mut off[4 + axis].feet {
                 cop_m.iter_mut().for_each(|cop_m| cop_m[axis] += self.cop_measured_m);
             }
-            for (foot, side) in Side::BOTH.into_iter().enumerate() {
-                let ahead = pose.world_from_segment[side.foot().index()] * Vector3::x();
-                let level = math::hypot([ahead.x, ahead.y]).max(1e-9);
-                let forward = [ahead.x / level, ahead.y / level];
-                let direction = if axis == 0 { forward } else { [-forward[1], forward[0]] };
-                let off = &mut off[6 + 2 * foot + axis].feet;
-                if let FootLoads::Geometry { press_m, .. } | FootLoads::Fractions { press_m, .. } = off {
-                    for (press, direction) in press_m[foot].iter_mut().zip(direction) {
-                        *press += direction * self.press_m[axis];
-                    }
-                }
-            }
         }
-        if let FootLoads::Fractions { zeta, .. } | FootLoads::Measured { zeta, .. } = &mut off[10].feet {
-            *zeta = [zeta[0] - self.zeta, zeta[1] + self.zeta];
-        }
-        off[11].eta = [loading.eta[0] - self.eta, loading.eta[1] + self.eta];
+        self.change_feet(pose, &mut off);
+        off[10].eta = [loading.eta[0] - self.eta, loading.eta[1] + self.eta];
         let [x, y] = self.load_ahead_m;
-        off[12].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
-        off[13].delta_f_n += self.delta_f_n;
+        off[11].grip_m = loading.grip_m.map(|grip_m| grip_m + Vector3::new(x, y, 0.0));
+        off[12].delta_f_n += self.delta_f_n;
         let load_ratio = loading.delta_f_n / loading.vertical_n;
         for axis in 0..2 {
-            off[14 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
-            off[16 + axis].cop_measured_m[axis] += self.contradiction_m * load_ratio;
+            off[13 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
+            off[15 + axis].cop_measured_m[axis] += self.contradiction_m * load_ratio;
         }
         off
     }
+
+    /// The sources of error under the feet.
+    fn change_feet(&self, pose: &Pose<StationWorld>, off: &mut [Loading; SOURCES]) {
+        let forward = Side::BOTH.map(|side| {
+            let ahead = pose.world_from_segment[side.foot().index()] * Vector3::x();
+            level([ahead.x, ahead.y])
+        });
+        let ahead = level([0, 1].map(|axis| forward[0][axis] + forward[1][axis]));
+        if let FootLoads::Geometry { .. } | FootLoads::Fractions { .. } = off[6].feet {
+            off[6].deviation.apart_m = ahead.map(|part| part * self.press_m[0]);
+        }
+        for (foot, [x, y]) in forward.into_iter().enumerate() {
+            let off = &mut off[7 + foot].feet;
+            if let FootLoads::Geometry { press_m, .. } | FootLoads::Fractions { press_m, .. } = off {
+                press_m[foot][0] -= y * self.press_m[1];
+                press_m[foot][1] += x * self.press_m[1];
+            }
+        }
+        if let FootLoads::Fractions { zeta, .. } | FootLoads::Measured { zeta, .. } = &mut off[9].feet {
+            *zeta = [zeta[0] - self.zeta, zeta[1] + self.zeta];
+        }
+        off[17].deviation.unloaded_zeta = self.unloaded_zeta;
+        off[18].deviation.unloaded_apart_m = ahead.map(|part| part * self.unloaded_press_m[0]);
+        off[19].deviation.unloaded_apart_m =
+            [-ahead[1], ahead[0]].map(|part| part * self.unloaded_press_m[1]);
+        off[20].deviation.shear = self.shear;
+    }
+}
+
+/// Unit vector in the direction of a horizontal one.
+fn level(vector: [f64; 2]) -> [f64; 2] {
+    let length = math::hypot(vector).max(1e-9);
+    vector.map(|part| part / length)
 }
 
 impl LoadingSigma {
@@ -133,7 +188,8 @@ impl LoadingSigma {
     }
 }
 
-/// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), point of action under the left
-/// foot (forward, sideways) and the right one, ζ, η, load ahead of the grips, force, contradictory position of the load
-/// (x, y) as an error of the grips and of the measured CoP.
-pub(super) const SOURCES: usize = 18;
+/// Sources of error: estimated CoP (x, y), body's position (x, y), measured CoP (x, y), points of action under the feet
+/// (forward of both, sideways of the left one and of the right one), ζ, η, load ahead of the grips, force, contradictory
+/// position of the load (x, y) as an error of the grips and of the measured CoP; without the load ζ and the points of
+/// action (forward, sideways); division of the horizontal forces.
+pub(super) const SOURCES: usize = 21;

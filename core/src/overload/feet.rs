@@ -5,10 +5,11 @@
 //! ζ ankle)`, and ζ is the projection of the CoP on the line between the ankles.
 //!
 //! The forces *without* the load cannot be measured, but their resultant is determined: weight W, acting at Ĉ_wo. Of
-//! the displacement from C_wt back to Ĉ_wo, the part along the line between the two centres shifts weight between the
-//! feet; the rest (across that line, or beyond the point at which a foot is unloaded) shifts both feet's centres
-//! equally. So Σ f_k = W and Σ f_k c_k = W Ĉ_wo hold by construction, and with both centres in one position the rule is
-//! Eq. 15.
+//! the displacement from C_wt back to Ĉ_wo, the part along the line between the ankles shifts weight between the feet;
+//! the rest (across that line, or beyond the point at which a foot is unloaded) shifts both feet's centres equally:
+//! people who stand side by side balance sideways by loading the other leg, and forward by both ankles (Winter et al.,
+//! Journal of Neurophysiology 75 (1996) 2334–2343). So Σ f_k = W and Σ f_k c_k = W Ĉ_wo hold by construction, and with
+//! both centres in one position the rule is Eq. 15.
 
 use super::Loading;
 use super::sharing::{TOO_CLOSE_M, project};
@@ -44,6 +45,39 @@ pub enum FootLoads {
         /// Centres of pressure of the feet, world x and y, m.
         cop_m: [[f64; 2]; 2],
     },
+}
+
+/// Deviation from what [`FootLoads`] assumes. It does not apply to [`FootLoads::Common`], and not to one foot alone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FootDeviation {
+    /// Point of action under the left foot from the line common to both feet, while both carry the same force, world x
+    /// and y, m; that under the right foot is opposite. Foot k of any two has `2 (1 − ζ_k)` times as much, so the
+    /// resultant and ζ do not change.
+    pub apart_m: [f64; 2],
+    /// The same in addition, without the load only.
+    pub unloaded_apart_m: [f64; 2],
+    /// Right foot's ζ without the load, while both feet carry the same force.
+    pub unloaded_zeta: f64,
+    /// Right foot's fraction of the horizontal forces and of the free moment less its ζ, while both carry the same.
+    pub shear: f64,
+}
+
+impl FootDeviation {
+    /// None.
+    pub const NONE: FootDeviation =
+        FootDeviation { apart_m: [0.0; 2], unloaded_apart_m: [0.0; 2], unloaded_zeta: 0.0, shear: 0.0 };
+
+    /// Fractions of both feet that deviate by this from ζ while both carry the same force; a foot that carries nothing
+    /// does not deviate.
+    pub(super) fn divided(deviation: f64, zeta: [f64; 2]) -> [f64; 2] {
+        let moved = 4.0 * zeta[0] * zeta[1] * deviation;
+        [zeta[0] - moved, zeta[1] + moved].map(|zeta| zeta.clamp(0.0, 1.0))
+    }
+}
+
+/// Deviation of the points of action under both feet with these load fractions, m.
+fn opposite_m(apart_m: [f64; 2], zeta: [f64; 2]) -> [[f64; 2]; 2] {
+    [2.0 * zeta[1], -2.0 * zeta[0]].map(|weight| apart_m.map(|apart_m| weight * apart_m))
 }
 
 /// Maximum deviation of the feet's CoPs from the common one, m; beyond it they belong to another plate.
@@ -107,7 +141,7 @@ pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2]
     };
     let under_feet = |zeta: [f64; 2], at_m: [[f64; 2]; 2]| {
         let off = offset_from_resultant(cop_m, zeta, at_m);
-        reactions_at(loading, zeta, at_m.map(|at_m| [at_m[0] + off[0], at_m[1] + off[1]]))
+        reactions_at(loading, ankle_m, zeta, at_m.map(|at_m| sum(at_m, off)))
     };
     match loading.feet {
         FootLoads::Common { zeta } => zeta.map(|zeta| FootReaction {
@@ -131,7 +165,7 @@ pub fn reactions(loading: &Loading, ankle_m: [[f64; 2]; 2]) -> [FootReaction; 2]
             })
         }
         FootLoads::Fractions { zeta, press_m } => under_feet(zeta, pressed_m(press_m)),
-        FootLoads::Measured { zeta, cop_m } => reactions_at(loading, zeta, cop_m),
+        FootLoads::Measured { zeta, cop_m } => reactions_at(loading, ankle_m, zeta, cop_m),
     }
 }
 
@@ -140,28 +174,43 @@ fn offset_from_resultant(point_m: [f64; 2], zeta: [f64; 2], [left, right]: [[f64
     [0, 1].map(|axis| point_m[axis] - zeta[0] * left[axis] - zeta[1] * right[axis])
 }
 
-fn reactions_at(loading: &Loading, zeta: [f64; 2], foot_cop_m: [[f64; 2]; 2]) -> [FootReaction; 2] {
+fn reactions_at(
+    loading: &Loading,
+    ankle_m: [[f64; 2]; 2],
+    zeta: [f64; 2],
+    foot_cop_m: [[f64; 2]; 2],
+) -> [FootReaction; 2] {
     let Loading { cop_measured_m, cop_estimated_m, .. } = loading;
-    let [left, right] = foot_cop_m;
-    let along = [right[0] - left[0], right[1] - left[1]];
-    let square = along[0] * along[0] + along[1] * along[1];
-    let moved: f64 = (0..2).map(|axis| along[axis] * (cop_estimated_m[axis] - cop_measured_m[axis])).sum();
-    let moved = if square > TOO_CLOSE_M * TOO_CLOSE_M { moved / square } else { 0.0 };
+    let between = |[from, to]: [[f64; 2]; 2]| [to[0] - from[0], to[1] - from[1]];
+    let line = between(ankle_m);
+    let length_m = math::hypot(line);
+    let along_m = |[x, y]: [f64; 2]| (line[0] * x + line[1] * y) / length_m;
+    let apart_m = along_m(between(foot_cop_m));
+    let moved_m = along_m(between([*cop_measured_m, *cop_estimated_m]));
+    // False for NaN.
+    let moved = if apart_m > TOO_CLOSE_M { moved_m / apart_m } else { 0.0 };
     let right_without = (zeta[1] + moved).clamp(0.0, 1.0);
-    let without = [1.0 - right_without, right_without];
+    let deviation = &loading.deviation;
+    let without = FootDeviation::divided(deviation.unloaded_zeta, [1.0 - right_without, right_without]);
     let rest = offset_from_resultant(*cop_estimated_m, without, foot_cop_m);
+    let off_with_m = opposite_m(deviation.apart_m, zeta);
+    let off_without_m = opposite_m(sum(deviation.apart_m, deviation.unloaded_apart_m), without);
     core::array::from_fn(|foot| FootReaction {
         with_n: zeta[foot] * loading.vertical_n,
-        with_m: foot_cop_m[foot],
+        with_m: sum(foot_cop_m[foot], off_with_m[foot]),
         without_n: without[foot] * loading.weight_n(),
-        without_m: [0, 1].map(|axis| foot_cop_m[foot][axis] + rest[axis]),
+        without_m: sum(sum(foot_cop_m[foot], rest), off_without_m[foot]),
     })
+}
+
+fn sum(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    [a[0] + b[0], a[1] + b[1]]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::overload::Swing;
+    use crate::overload::{FootDeviation, Swing};
     use nalgebra::Vector3;
 
     const ANKLE_M: [[f64; 2]; 2] = [[0.0, 0.13], [0.01, -0.13]];
@@ -177,6 +226,7 @@ mod tests {
             grip_m: [Vector3::zeros(); 2],
             eta: [0.5; 2],
             feet,
+            deviation: FootDeviation::NONE,
             swing: Swing::NONE,
         }
     }
@@ -209,7 +259,13 @@ mod tests {
                         estimated_m,
                     ),
                 ] {
-                    let feet = reactions(&loading, ANKLE_M);
+                    let deviation = FootDeviation {
+                        apart_m: [0.03, -0.01],
+                        unloaded_apart_m: [0.01, 0.02],
+                        unloaded_zeta: -0.04,
+                        shear: 0.1,
+                    };
+                    let feet = reactions(&Loading { deviation, ..loading }, ANKLE_M);
                     let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b} {loading:?}");
                     near(feet.iter().map(|foot| foot.with_n).sum(), loading.vertical_n);
                     near(feet.iter().map(|foot| foot.without_n).sum(), loading.weight_n());
@@ -234,6 +290,22 @@ mod tests {
         for (foot, y) in feet.iter().zip([0.13, -0.13]) {
             assert!((foot.without_n - 350.0).abs() < 1e-9);
             assert!((foot.without_m[0] - 0.02).abs() < 1e-12 && (foot.without_m[1] - y).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_shift_across_the_line_between_the_ankles_moves_the_places_and_not_the_fractions_however_the_feet_press()
+     {
+        let pressing = [[0.02, 0.13], [0.08, -0.13]];
+        let zeta = [0.4, 0.6];
+        let common_x = 0.4 * 0.02 + 0.6 * 0.08;
+        let feet = reactions(
+            &measured(zeta, pressing, [common_x - 0.04, 0.26 * 0.4 - 0.13]),
+            [[0.0, 0.13], [0.0, -0.13]],
+        );
+        for ((foot, zeta), [x, y]) in feet.iter().zip(zeta).zip(pressing) {
+            assert!((foot.without_n - 700.0 * zeta).abs() < 1e-9, "{feet:?}");
+            assert!((foot.without_m[0] - (x - 0.04)).abs() < 1e-12 && (foot.without_m[1] - y).abs() < 1e-12);
         }
     }
 

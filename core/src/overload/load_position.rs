@@ -22,7 +22,11 @@ pub const EVEN_SIGMA: f64 = 0.289;
 /// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for
 /// the centre of a box; the variance of a uniform distribution is the square of its width over 12.
 pub const AHEAD_M: f64 = 0.025;
-const AHEAD_SIGMA_M: f64 = 0.0144;
+pub const AHEAD_SIGMA_M: f64 = 0.0144;
+/// 1-σ of the point of action on the hand, in addition to the uncertainty ahead, m, each of a uniform distribution.
+/// Across the hand: the middle third of its breadth at the knuckles, 84 mm. Along it: from the hollow of the palm to
+/// the middle of the first phalanges, 42 mm. Normal to the palm: the middle of handles and edges 10 to 50 mm thick.
+pub const GRIP_SIGMA_M: [f64; 3] = [0.0081, 0.0121, 0.0058];
 /// Correlation time of the CoPs' errors besides the body model's: from one posture of work to the next, s.
 const POSTURE_S: f64 = 2.0;
 /// Averaging time, because grips change, s: older measurements have less weight.

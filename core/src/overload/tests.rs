@@ -32,6 +32,7 @@ fn loaded(pose: &Pose<StationWorld>, load_n: f64) -> Loading {
         grip_m,
         eta: [0.5; 2],
         feet: FootLoads::Common { zeta: [0.5; 2] },
+        deviation: FootDeviation::NONE,
         swing: Swing::NONE,
     }
 }
@@ -270,6 +271,72 @@ fn the_sigma_of_zeta_follows_from_the_points_of_action_under_the_feet() {
     let expected = 1e-5 * core::f64::consts::FRAC_1_SQRT_2 / (left - right).abs();
     let found = zeta_sigma(&pose, &loading, &sigma);
     assert!((found / expected - 1.0).abs() < 1e-3, "{found} {expected}");
+    // One foot ahead of the common line and the other behind it by as much leave ζ unchanged.
+    assert_eq!(zeta_sigma(&pose, &loading, &LoadingSigma { press_m: [0.02, 0.0], ..NO_SIGMA }), 0.0);
+}
+
+#[test]
+fn the_forward_sigma_of_the_feet_is_the_distance_of_each_from_the_common_line() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    let no_press = [[0.0; 2]; 2];
+    let sigma = LoadingSigma { press_m: [0.02, 0.0], ..NO_SIGMA };
+    for feet in [
+        FootLoads::Geometry { press_m: no_press, stands: [true; 2] },
+        FootLoads::Fractions { zeta: [0.5; 2], press_m: no_press },
+    ] {
+        loading.feet = feet;
+        // Half of the load's 60 N on each foot, 20 mm ahead of or behind the common line.
+        for name in ["LeftAnkle", "RightHip"] {
+            let found = spread_nm(&torques(&pose, &loading, &sigma), name);
+            assert!((found - 30.0 * 0.02).abs() < 1e-9, "{feet:?} {name}: {found}");
+        }
+        assert_eq!(spread_nm(&torques(&pose, &loading, &sigma), "L5S1"), 0.0);
+    }
+    loading.feet = FootLoads::Measured { zeta: [0.5; 2], cop_m: [[0.05, 0.1], [0.05, -0.1]] };
+    assert_eq!(spread_nm(&torques(&pose, &loading, &sigma), "LeftAnkle"), 0.0);
+}
+
+#[test]
+fn the_sigma_of_the_division_without_the_load_counts_with_the_body_s_weight_in_legs_alone() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    let cop_m = Side::BOTH.map(|side| [loading.cop_measured_m[0], pose.origin_of(side.foot()).y]);
+    for feet in [
+        FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] },
+        FootLoads::Measured { zeta: [0.5; 2], cop_m },
+    ] {
+        loading.feet = feet;
+        let near = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        // Half of 700 N, 5 mm ahead and behind; 2 mm to each side.
+        let sigma = LoadingSigma { unloaded_press_m: [0.005, 0.002], ..NO_SIGMA };
+        let torque = torques(&pose, &loading, &sigma);
+        near(spread_nm(&torque, "LeftAnkle"), 350.0 * math::hypot([0.005, 0.002]));
+        assert_eq!(spread_nm(&torque, "L5S1"), 0.0);
+        let torque = torques(&pose, &loading, &LoadingSigma { unloaded_zeta: 0.02, ..NO_SIGMA });
+        let deviation = FootDeviation { unloaded_zeta: 0.02, ..FootDeviation::NONE };
+        let moved = torque_vectors(&pose, &Loading { deviation, ..loading });
+        let hip = Joint::named("RightHip").unwrap().index();
+        let change_nm = (moved[hip] - torque[hip].torque_nm).norm();
+        assert!(change_nm > 0.5, "{change_nm}");
+        near(spread_nm(&torque, "RightHip"), change_nm);
+        assert_eq!((spread_nm(&torque, "RightWrist"), spread_nm(&torque, "L5S1")), (0.0, 0.0));
+    }
+}
+
+#[test]
+fn the_sigma_of_the_shear_counts_with_the_load_s_swing_times_the_height_of_the_joint() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    loading.feet = FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] };
+    loading.swing = Swing { force_n: [12.0, 0.0], body_n: [0.0; 2], surface_z_m: 0.0 };
+    let torque = torques(&pose, &loading, &LoadingSigma { shear: 0.1, ..NO_SIGMA });
+    for name in ["LeftHip", "RightKnee"] {
+        let height_m = pose.origin_of(Joint::named(name).unwrap().segment()).z;
+        let found = spread_nm(&torque, name);
+        assert!((found - 0.1 * 12.0 * height_m).abs() < 1e-9, "{name}: {found}");
+    }
+    assert_eq!(spread_nm(&torque, "RightShoulder"), 0.0);
 }
 
 #[test]

@@ -5,18 +5,12 @@
 //! free moment about the vertical, each at its own centre of pressure.
 
 use equipoise_core::body::{JOINTS, Joint};
-use nalgebra::{Vector2, Vector3};
+use nalgebra::Vector3;
 
-use super::{Force, foot_forces};
+use super::Force;
+use super::feet::{Contact, Load, NO_PRESS_M, foot_contacts};
 use crate::dynamics::Wrench;
 use crate::motion::BodyState;
-
-/// A force and a couple on a segment.
-#[derive(Debug, Clone, Copy)]
-struct Contact {
-    force: Force,
-    couple_nm: Vector3<f64>,
-}
 
 /// Differences between the motion with and the motion without the box.
 #[derive(Debug, Clone, Copy)]
@@ -35,29 +29,19 @@ impl Difference<'_> {
     /// Torque that the box requires of each joint in this motion, world axes, N m.
     pub fn overload_nm(&self) -> [Vector3<f64>; JOINTS] {
         let hands = self.on_hands.iter().map(|force| Contact { force: *force, couple_nm: Vector3::zeros() });
-        let without = self.feet(&self.without).map(|foot| Contact {
-            force: Force { force_n: -foot.force.force_n, ..foot.force },
-            couple_nm: -foot.couple_nm,
-        });
-        let all: Vec<Contact> = self.feet(&self.with).into_iter().chain(hands).chain(without).collect();
+        let without =
+            foot_contacts(self.body, NO_PRESS_M, &self.without, Load::Removed).map(|foot| Contact {
+                force: Force { force_n: -foot.force.force_n, ..foot.force },
+                couple_nm: -foot.couple_nm,
+            });
+        let with = foot_contacts(self.body, NO_PRESS_M, &self.with, Load::Carried);
+        let all: Vec<Contact> = with.into_iter().chain(hands).chain(without).collect();
         Joint::ALL.map(|joint| {
             let centre_m = self.body.origin_m[joint.segment().index()];
             let beyond = all.iter().filter(|contact| contact.force.on.is_distal_to(joint.segment()));
             -beyond
                 .map(|Contact { force, couple_nm }| (force.at_m - centre_m).cross(&force.force_n) + couple_nm)
                 .sum::<Vector3<f64>>()
-        })
-    }
-
-    /// The ground's wrench, distributed over the feet: shear and free moment in proportion to the vertical force.
-    fn feet(&self, ground: &Wrench) -> [Contact; 2] {
-        let cop_m: Vector2<f64> = ground.cop_m();
-        let free_nm = ground.moment_nm - cop_m.push(0.0).cross(&ground.force_n);
-        let vertical_n = ground.force_n.z;
-        foot_forces(self.body, [Vector2::zeros(); 2], cop_m, vertical_n).map(|foot| {
-            let load_fraction = foot.force_n.z / vertical_n;
-            let force = Force { force_n: ground.force_n * load_fraction, ..foot };
-            Contact { force, couple_nm: free_nm * load_fraction }
         })
     }
 }
@@ -86,7 +70,7 @@ mod tests {
 
     #[test]
     fn a_motionless_body_has_the_static_overload() {
-        let habits = Habits { foot_press_m: [0.02, 0.007], load_ahead_m: 0.045, ..Habits::NONE };
+        let habits = Habits { feet: Realism::SEVERE.habits(5).feet, load_ahead_m: 0.045, ..Habits::NONE };
         let truth = Truth::of(&lifting(habits), 20.0);
         assert!((truth.load_force_n.z + BOX_KG * GRAVITY_M_PER_S2).abs() < 1e-9);
         for joint in Joint::ALL {
@@ -110,14 +94,12 @@ mod tests {
             let pelvis_m = truth.body.origin_m[Segment::Pelvis.index()];
             let up_n = -truth.load_force_in_motion_n;
             let spine = torque("L5S1") - (origin("L5S1") - pelvis_m).cross(&-up_n);
-            // Additional ground reaction, hip by hip: the fractions of both wrenches.
+            // Additional ground reaction, hip by hip.
             let hips = ["LeftHip", "RightHip"];
-            let on_foot_n = |ground: &Wrench, k: usize| {
-                let feet = foot_forces(&truth.body, [Vector2::zeros(); 2], ground.cop_m(), ground.force_n.z);
-                ground.force_n * (feet[k].force_n.z / ground.force_n.z)
-            };
+            let with = foot_contacts(&truth.body, NO_PRESS_M, &truth.ground, Load::Carried);
+            let without = foot_contacts(&truth.body, NO_PRESS_M, &truth.ground_without_load, Load::Removed);
             let legs: Vector3<f64> = std::array::from_fn::<_, 2, _>(|k| {
-                let more_n = on_foot_n(&truth.ground, k) - on_foot_n(&truth.ground_without_load, k);
+                let more_n = with[k].force.force_n - without[k].force.force_n;
                 torque(hips[k]) - (origin(hips[k]) - pelvis_m).cross(&more_n)
             })
             .iter()

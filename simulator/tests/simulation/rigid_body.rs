@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use equipoise_core::body::{SEGMENTS, Side};
 use equipoise_simulator::GRAVITY_M_PER_S2;
 use equipoise_simulator::dynamics::ground_reaction;
+use equipoise_simulator::feet::FeetDivision;
 use equipoise_simulator::kinematics::{coms_m, origins_m};
 use equipoise_simulator::motion::BodyState;
 use equipoise_simulator::person::Person;
@@ -95,7 +96,7 @@ fn body_state(person: &Person, case: &Value, state: &Value) -> BodyState {
         right_hand_fraction: 0.0,
         load_ahead_m: Vector3::zeros(),
         squeeze_n: Vector3::zeros(),
-        foot_press_m: [Vector2::zeros(); 2],
+        feet: FeetDivision::EVEN,
         foot_stands: [true; 2],
     }
 }

@@ -8,21 +8,13 @@ use nalgebra::Vector3;
 
 use equipoise_simulator::cobot::trial::{PART_KG, WIDTH_M};
 
+pub use crate::handover::Presentation;
 use crate::handover::grid;
 
 /// A place that was not reached excludes those within this distance, m.
 const EXCLUDED_M: f64 = 0.075;
 /// The part that is handed over.
 const PART: Part = Part { mass_kg: PART_KG, mass_sigma_kg: 0.0, width_m: WIDTH_M, slope_rad: None };
-
-/// How the part is presented.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Presentation {
-    /// Middle between the grips, station's world, m.
-    pub at_m: Vector3<f64>,
-    /// Slope of the handles ([`Part::slope_rad`]).
-    pub slope_rad: Option<f64>,
-}
 
 /// A presentation with its corrected limit ratio of the worst joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,14 +53,14 @@ impl Planner {
 
     /// A presentation and its corrected limit ratio.
     fn corrected(&self, part: Presentation, model: &Prediction) -> Candidate {
-        let corrected = self.experience.correct(part.at_m, model.worst_with_sigma());
+        let corrected = self.experience.correct(part.at_m, model.worst_ratio);
         Candidate { part, corrected }
     }
 
     /// Adds a measured limit ratio. One of an infeasible presentation has no prediction to compare with.
     pub fn observe(&mut self, part: Presentation, measured: LimitRatio) {
         if let Some(model) = self.predict(part) {
-            self.experience.observe(part.at_m, model.worst_limit_ratio(), measured);
+            self.experience.observe(part.at_m, model.worst_ratio.value, measured);
         }
     }
 
@@ -92,7 +84,7 @@ impl Planner {
         let best = self.best(0.0)?;
         let Some(model) = self.predict(from) else { return Some(best) };
         let there = self.predict(best.part)?;
-        let predicted = [model, there].map(|model| model.worst_with_sigma());
+        let predicted = [model, there].map(|model| model.worst_ratio);
         let gain = self.experience.difference([from.at_m, best.part.at_m], predicted);
         (gain.value > gain.sigma).then_some(best)
     }
