@@ -19,9 +19,10 @@ use crate::math;
 pub const EVEN: f64 = 0.5;
 /// … and its 1-σ: uniform between one hand and the other.
 pub const EVEN_SIGMA: f64 = 0.289;
-/// Prior mean and 1-σ of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for
-/// the centre of a box; the variance of a uniform distribution is the square of its width over 12.
+/// Prior mean of the distance of a load's centre ahead of the grips, m: between 0 for a handle and 50 mm for the centre
+/// of a box …
 pub const AHEAD_M: f64 = 0.025;
+/// … and its 1-σ: the variance of a uniform distribution is the square of its width over 12.
 pub const AHEAD_SIGMA_M: f64 = 0.0144;
 /// 1-σ of the point of action on the hand, in addition to the uncertainty ahead, m, each of a uniform distribution.
 /// Across the hand: the middle third of its breadth at the knuckles, 84 mm. Along it: from the hollow of the palm to
