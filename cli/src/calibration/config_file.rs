@@ -201,7 +201,7 @@ height_m = 1.7
         let check = |before: &str, after: &str, calibrated| {
             assert!(FILE.contains(before));
             fs::write(&path, FILE.replace(before, after)).unwrap();
-            super::check(&path, &active, calibrated).map_err(|error| error.to_string())
+            check(&path, &active, calibrated).map_err(|error| error.to_string())
         };
         for calibrated in [Calibrated::Frames, Calibrated::Latencies] {
             assert_eq!(check("height_m = 1.7", "height_m = 1.8", calibrated), Ok(()));
