@@ -1,7 +1,7 @@
 //! Torques of the legs by two plates against those by one, for simulated people who do not press under their ankles.
 //!
-//! The load of each foot without the carried load is not measurable. The core's rule and the simulator's split are the
-//! same, and would agree exactly; so these people press elsewhere once they carry nothing.
+//! The load of each foot without the carried load is not measurable. The core's rule is the mean of the simulator's split
+//! and would agree exactly with people without deviations; so these people press elsewhere once they carry nothing.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
@@ -13,7 +13,7 @@ use equipoise_core::overload::{
 use equipoise_core::pose_suggestion::library::LIBRARY;
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::person::Person;
-use equipoise_simulator::truth::feet::foot_forces;
+use equipoise_simulator::truth::feet::{Load, foot_forces};
 use equipoise_simulator::truth::{Force, Truth, overload_nm};
 use equipoise_simulator::two_plates::{ground_reaction_per_foot, ground_sample};
 use nalgebra::{Vector2, Vector3};
@@ -44,8 +44,8 @@ fn true_nm(truth: &Truth, press_m: [Vector2<f64>; 2], unloaded: [[f64; 2]; 2]) -
     let body = &truth.body;
     let (load_n, body_n) = (-truth.load_force_n.z, truth.ground.force_n.z + truth.load_force_n.z);
     let press_without_m = [0, 1].map(|k| press_m[k] + Vector2::from(unloaded[k]));
-    let without = foot_forces(body, press_without_m, truth.cop_without_load_m, body_n);
-    let with = foot_forces(body, press_m, truth.cop_with_load_m, body_n + load_n);
+    let without = foot_forces(body, press_without_m, truth.cop_without_load_m, body_n, Load::Removed);
+    let with = foot_forces(body, press_m, truth.cop_with_load_m, body_n + load_n, Load::Carried);
     let hands = [0, 1].map(|k| Force {
         on: Side::BOTH[k].hand(),
         at_m: body.grip_m[k],

@@ -150,6 +150,39 @@ fn sigma_grows_with_that_of_mass_and_body_model() {
     assert!(usual > 0.0);
 }
 
+#[test]
+fn the_predicted_ratio_includes_all_fractions_of_the_part_in_the_hands() {
+    let it = at(0.4, 0.0, 1.0).unwrap();
+    assert!(it.worst.name().ends_with("Wrist"), "{}", it.worst.name());
+    let even = it.limit_ratio[it.worst.index()];
+    // The larger of η and 1 − η, uniform, is 3/4 on average with a variance of 1/48: over 1/2.
+    assert!((it.worst_ratio.value / even - 1.5).abs() < 0.02, "{} {even}", it.worst_ratio.value);
+    assert!(it.worst_ratio.sigma > 2.0 * (1.0_f64 / 48.0).sqrt() * even, "{}", it.worst_ratio.sigma);
+}
+
+#[test]
+fn the_places_of_grips_and_load_in_the_hands_are_part_of_sigma() {
+    let place = Vector3::new(0.4, 0.0, 1.0);
+    let (body, feet) = (body(), feet());
+    let holding = Holding {
+        body: &body,
+        feet: &feet,
+        part: &PART,
+        at_m: place,
+        world_from_feet: feet.world_from_feet(),
+    };
+    let pose = predict(&body, &feet, &PART, place).unwrap().pose;
+    let grip_m = Side::BOTH.map(|side| pose.point_on(side.hand(), body.grip_m[side as usize]));
+    let wrist = Joint::named("LeftWrist").unwrap().index();
+    let even = holding.limit_ratios(&pose, grip_m, &Changed::NONE)[wrist];
+    let farther = Changed { ahead_m: AHEAD_SIGMA_M, ..Changed::NONE };
+    let more = holding.limit_ratios(&pose, grip_m, &farther)[wrist] / even;
+    // 14 mm more than the distance from the wrist to the grip, some 80 mm, and the 25 mm ahead of it.
+    assert!((1.08..1.25).contains(&more), "{more}");
+    let by_grip = holding.contact_sigmas(&pose, grip_m)[wrist] / even;
+    assert!((0.05..0.2).contains(&by_grip), "{by_grip}");
+}
+
 /// The best place of a search is as good as the best of all places.
 fn assert_search_is_complete(mass_kg: f64, experience: &experience::Experience) {
     use search::{Planning, REGION_M, places};

@@ -294,8 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_across_the_line_between_the_ankles_moves_the_places_and_not_the_fractions_however_the_feet_press()
-     {
+    fn a_shift_across_the_line_between_the_ankles_moves_the_places_and_not_the_fractions() {
         let pressing = [[0.02, 0.13], [0.08, -0.13]];
         let zeta = [0.4, 0.6];
         let common_x = 0.4 * 0.02 + 0.6 * 0.08;
