@@ -214,6 +214,7 @@ mod tests {
     use nalgebra::Vector3;
 
     const ANKLE_M: [[f64; 2]; 2] = [[0.0, 0.13], [0.01, -0.13]];
+    const SIDE_BY_SIDE_M: [[f64; 2]; 2] = [[0.0, 0.13], [0.0, -0.13]];
     const NO_PRESS: [[f64; 2]; 2] = [[0.0; 2]; 2];
     const APART: [[f64; 2]; 2] = [[0.02, 0.14], [0.09, -0.12]];
 
@@ -286,7 +287,7 @@ mod tests {
     fn weight_that_shifts_sideways_changes_fractions_and_not_the_places_of_the_feet() {
         let side_by_side = [[0.04, 0.13], [0.04, -0.13]];
         // With the load 0.6 on the right; without it equal, and 2 cm farther back.
-        let feet = reactions(&measured([0.4, 0.6], side_by_side, [0.02, 0.0]), ANKLE_M);
+        let feet = reactions(&measured([0.4, 0.6], side_by_side, [0.02, 0.0]), SIDE_BY_SIDE_M);
         for (foot, y) in feet.iter().zip([0.13, -0.13]) {
             assert!((foot.without_n - 350.0).abs() < 1e-9);
             assert!((foot.without_m[0] - 0.02).abs() < 1e-12 && (foot.without_m[1] - y).abs() < 1e-12);
@@ -298,10 +299,7 @@ mod tests {
         let pressing = [[0.02, 0.13], [0.08, -0.13]];
         let zeta = [0.4, 0.6];
         let common_x = 0.4 * 0.02 + 0.6 * 0.08;
-        let feet = reactions(
-            &measured(zeta, pressing, [common_x - 0.04, 0.26 * 0.4 - 0.13]),
-            [[0.0, 0.13], [0.0, -0.13]],
-        );
+        let feet = reactions(&measured(zeta, pressing, [common_x - 0.04, 0.26 * 0.4 - 0.13]), SIDE_BY_SIDE_M);
         for ((foot, zeta), [x, y]) in feet.iter().zip(zeta).zip(pressing) {
             assert!((foot.without_n - 700.0 * zeta).abs() < 1e-9, "{feet:?}");
             assert!((foot.without_m[0] - (x - 0.04)).abs() < 1e-12 && (foot.without_m[1] - y).abs() < 1e-12);
