@@ -32,7 +32,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE", conflicts_with = "config")]
     sign_key: Option<PathBuf>,
     /// Record nothing, but make a key to sign with: a secret key without a password, and FILE.pub, the public key
-    #[arg(long, value_name = "FILE", exclusive = true)]
+    // Not `exclusive`: the station may be in the environment.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "sign_key", "config", "seconds", "pictures_hz"])]
     new_key: Option<PathBuf>,
     /// Record for as long as the station runs, by the [recording] of a configuration: one file after the other, the oldest
     /// removed
