@@ -69,7 +69,7 @@ fn paths(source: &str) -> Vec<String> {
 
 fn is_shared(path: &str) -> bool {
     let below = |shared: &&str| path.strip_prefix(*shared).is_some_and(|rest| rest.starts_with("::"));
-    SHARED.contains(&path) || SHARED.iter().any(|shared| below(shared))
+    SHARED.contains(&path) || SHARED.iter().any(below)
 }
 
 #[test]
