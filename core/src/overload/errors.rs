@@ -42,14 +42,14 @@ pub struct LoadingSigma {
     /// σ of a measured fraction of the ground reaction under one foot, in [0, 0.5].
     pub zeta: f64,
     /// σ of the points of action under the feet, m: forward from the line common to both, while both carry the same force
-    /// ([`FootDeviation::apart_m`]), and sideways of each foot, in its axes. Used only if they are not measured.
+    /// (`FootDeviation::apart_m`), and sideways of each foot, in its axes. Used only if they are not measured.
     pub press_m: [f64; 2],
     /// σ of how the feet divide the ground reaction without the load, besides the rule of [`super::feet`]: the points of
-    /// action, forward and sideways, opposite under both feet ([`FootDeviation::unloaded_apart_m`]), m, and ζ.
+    /// action, forward and sideways, opposite under both feet (`FootDeviation::unloaded_apart_m`), m, and ζ.
     pub unloaded_press_m: [f64; 2],
     /// See [`LoadingSigma::unloaded_press_m`]; in [0, 0.5].
     pub unloaded_zeta: f64,
-    /// σ of the division of the horizontal forces between the feet ([`FootDeviation::shear`]), in [0, 0.5].
+    /// σ of the division of the horizontal forces between the feet (`FootDeviation::shear`), in [0, 0.5].
     pub shear: f64,
     /// σ per axis of the load's position if that by the two CoPs contradicts that in the hands, m; an error of either.
     pub contradiction_m: f64,
