@@ -142,7 +142,8 @@ impl BodyState {
 #[derive(Debug, Clone, Copy)]
 struct Aim {
     pose: Pose,
-    /// 1 with the hands at the sides of a box, otherwise 0.
+    /// 1 with the hands at the sides of a box, otherwise 0. Only between two poses at a box does the motion keep the
+    /// hands at its sides.
     at_box: f64,
     balance_m: Vector2<f64>,
     /// Inclination of the line from the grips to a load's centre below the horizontal, rad.
@@ -309,6 +310,9 @@ impl Worker {
 
     fn follow(&mut self, mut pose: Pose, at_box: f64, at_s: f64, over_s: f64) {
         pose.add_errors(self.habits.pose_error_rad, &mut self.deviation);
+        if at_box >= 1.0 {
+            pose = hold_box(&self.person, &pose, self.habits.hands_apart_m);
+        }
         let sigma_m = self.habits.balance_error_m;
         let error =
             Vector2::from_fn(|_, _| (sigma_m * self.deviation.normal()).clamp(-2.0 * sigma_m, 2.0 * sigma_m));
@@ -329,8 +333,8 @@ impl Worker {
             balance_m: from.balance_m.lerp(&to.balance_m, s),
             load_down_rad: mix(&from.load_down_rad, &to.load_down_rad, s),
         });
-        if aim.at_box > 0.0 {
-            aim.pose = hold_box(&self.person, &aim.pose, self.habits.hands_apart_m, aim.at_box);
+        if aim.at_box >= 1.0 {
+            aim.pose = hold_box(&self.person, &aim.pose, self.habits.hands_apart_m);
         }
         let [forward, aside, roll, pitch] = [0, 1, 2, 3].map(|i: usize| self.sway[i].at(time_s));
         let tilt = UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0));

@@ -344,7 +344,14 @@ impl Judge {
             )
         });
         let load_kg = about.map_or(0.0, |truth| truth.body.load_kg);
-        format!("{reasons:?}, load {load_kg:.1} kg{torque}")
+        let (force_n, sigma_n) = (state.ground_force_n[2], state.delta_f_sigma_n);
+        let forces_n: Vec<_> =
+            self.truths.1.iter().map(|truth| (truth.time_s, truth.ground.force_n.z)).collect();
+        let ages_ms = [state.suit_age_ns, state.ground_age_ns].map(|age_ns| age_ns as f64 * 1e-6);
+        let (skew_s, skew_sigma_s) = (state.suit_skew_s, state.suit_skew_sigma_s);
+        format!(
+            "{reasons:?}, load {load_kg:.1} kg, ground force {force_n:.1} N (of the external force ± {sigma_n:.1} N), truly {forces_n:.3?} (s, N), suit and ground {ages_ms:.1?} ms old, skew {skew_s:.4} ± {skew_sigma_s:.4} s{torque}"
+        )
     }
 
     /// The wrong values in words, each run of cycles once.
