@@ -7,6 +7,7 @@ use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use equipoise_files::atomic_file::TemporaryFile;
 use equipoise_files::open_regular;
 use equipoise_station::state_directory::{NoStateDirectory, StateDirectory};
 use equipoise_station::status::{self, Status};
@@ -189,7 +190,7 @@ impl SubjectExport {
     }
 
     /// Copies the files and the list of contents to a folder or a `.tar` file. A file that no longer exists is listed in
-    /// `unknown`. `progress` receives the completed fraction.
+    /// `unknown`, unless it was a write in progress, which is now complete. `progress` receives the completed fraction.
     ///
     /// # Errors
     /// The output exists, or a file cannot be copied.
@@ -197,12 +198,17 @@ impl SubjectExport {
         let mut output = Output::create(out)?;
         let total = self.files.iter().filter_map(|file| file.path.metadata().ok()).map(|file| file.len());
         let total = total.sum::<u64>().max(1);
-        let (mut copied, mut missing) = (0, Vec::new());
-        for file in &self.files {
+        let (mut copied, mut index) = (0, 0);
+        while let Some(file) = self.files.get(index) {
             let failed = || format!("cannot copy {}", file.path.display());
             let source = match open_regular(&file.path) {
                 Err(error) if error.kind() == ErrorKind::NotFound => {
-                    missing.push(file.path.clone());
+                    let file = self.files.remove(index);
+                    match file.written() {
+                        None => self.unknown.push(format!("{} was removed meanwhile", file.path.display())),
+                        Some(written) if self.files.iter().any(|other| other.path == written.path) => {}
+                        Some(written) => self.files.push(written),
+                    }
                     continue;
                 }
                 opened => opened.with_context(failed)?,
@@ -210,9 +216,8 @@ impl SubjectExport {
             let length = source.metadata().with_context(failed)?.len();
             let mut content = Counted { source, copied: &mut copied, total, progress: &mut *progress };
             output.add(&file.name, &mut content, length).with_context(failed)?;
+            index += 1;
         }
-        self.files.retain(|file| !missing.contains(&file.path));
-        self.unknown.extend(missing.iter().map(|path| format!("{} was removed meanwhile", path.display())));
         let index = serde_json::to_vec_pretty(&self.index(id))?;
         output.add(Path::new(INDEX), &mut &*index, index.len() as u64).context("cannot write the index")?;
         output.finish()
@@ -233,6 +238,16 @@ impl SubjectExport {
             recordings_not_copied: self.not_copied.iter().map(|path| path.display().to_string()).collect(),
             not_searched: &self.unknown,
         }
+    }
+}
+
+impl Found {
+    /// The file of which this one, a leftover, becomes the content when its write is complete.
+    fn written(&self) -> Option<Found> {
+        let name = self.path.file_name()?.to_str()?;
+        let target = TemporaryFile::named(name).filter(|_| self.content == Content::Leftover)?.target;
+        let path = self.path.with_file_name(target);
+        Some(Found { name: self.name.with_file_name(target), path, subjects: Vec::new(), ..*self })
     }
 }
 
@@ -257,5 +272,39 @@ impl<R: Read> Read for Counted<'_, R> {
         *self.copied += count as u64;
         (self.progress)(*self.copied as f64 / self.total as f64);
         Ok(count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_write_that_completes_meanwhile_is_exported_under_its_final_name() {
+        let state = tempfile::tempdir().expect("a folder");
+        let found = |name: &str, content| Found {
+            name: PathBuf::from(name),
+            path: state.path().join(name),
+            content,
+            subjects: Vec::new(),
+        };
+        std::fs::write(state.path().join("a.toml"), "a").expect("a file");
+        std::fs::write(state.path().join("b.toml"), "b").expect("a file");
+        let files = vec![
+            found("a.toml", Content::Profile),
+            found("a.toml.7-1.new", Content::Leftover),
+            found("b.toml.7-2.new", Content::Leftover),
+            found("c.toml", Content::Profile),
+        ];
+        let mut export = SubjectExport { files, ..SubjectExport::default() };
+        let out = state.path().join("out");
+        export.write("a", &out, &mut |_| {}).expect("an export");
+        let names: Vec<_> = export.files.iter().map(|file| file.name.display().to_string()).collect();
+        assert_eq!(names, ["a.toml", "b.toml"]);
+        assert_eq!(std::fs::read_to_string(out.join("b.toml")).expect("a copy"), "b");
+        assert_eq!(
+            export.unknown,
+            [format!("{} was removed meanwhile", state.path().join("c.toml").display())]
+        );
     }
 }
