@@ -242,10 +242,10 @@ impl SubjectExport {
 }
 
 impl Found {
-    /// The file of which this one, a leftover, becomes the content when its write is complete.
+    /// The file of which this one, if it is temporary, becomes the content when its write is complete.
     fn written(&self) -> Option<Found> {
         let name = self.path.file_name()?.to_str()?;
-        let target = TemporaryFile::named(name).filter(|_| self.content == Content::Leftover)?.target;
+        let target = TemporaryFile::named(name)?.target;
         let path = self.path.with_file_name(target);
         Some(Found { name: self.name.with_file_name(target), path, subjects: Vec::new(), ..*self })
     }
@@ -292,8 +292,8 @@ mod tests {
         std::fs::write(state.path().join("b.toml"), "b").expect("a file");
         let files = vec![
             found("a.toml", Content::Profile),
-            found("a.toml.7-1.new", Content::Leftover),
-            found("b.toml.7-2.new", Content::Leftover),
+            found("a.toml.7-1.new", Content::Profile),
+            found("b.toml.7-2.new", Content::Profile),
             found("c.toml", Content::Profile),
         ];
         let mut export = SubjectExport { files, ..SubjectExport::default() };
