@@ -17,10 +17,10 @@ pub mod receiver;
 pub mod refusal;
 
 pub use channels::{ChannelFault, Channels};
-pub use device::{GroundDevice, Want};
+pub use device::{Action, GroundDevice};
 pub use frame::{GroundFrame, Measures, SensorAxes, Wrench};
 pub use fusion::{Fusion, FusionKind, FusionSettings};
 pub use protocol::GroundProtocol;
-pub use reading::{FootLoad, Load, Reading, Taken, Tick};
+pub use reading::{Decoded, FootLoad, Load, Reading, Tick};
 pub use receiver::{GroundReceiver, GroundSettings};
 pub use refusal::GroundRefusal;

@@ -73,8 +73,8 @@ pub trait Protocol: Send {
     ///
     /// # Errors
     /// As [`Device::poll`].
-    fn hear(&mut self, _line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
-        heard.clear();
+    fn receive(&mut self, _line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+        received.clear();
         Ok(Asked::default())
     }
 
@@ -114,27 +114,27 @@ pub struct Connected<P> {
     /// Session of the present host.
     session: u64,
     /// Received in this session and not yet complete.
-    heard: Vec<u8>,
+    received: Vec<u8>,
 }
 
 impl<P: Protocol> Connected<P> {
     /// At the end of a line.
     pub fn new(protocol: P, line: Line) -> Connected<P> {
-        Connected { protocol, line, session: 0, heard: Vec::new() }
+        Connected { protocol, line, session: 0, received: Vec::new() }
     }
 }
 
 impl<P: Protocol> Device for Connected<P> {
     fn poll(&mut self, device_now_s: f64) -> io::Result<Asked> {
-        let heard = self.line.port().hear()?;
+        let received = self.line.port().receive()?;
         let session = self.line.port().session();
         if self.line.is_open() && session != self.session {
             self.session = session;
-            self.heard.clear();
+            self.received.clear();
             self.protocol.greet(&mut self.line)?;
         }
-        self.heard.extend(heard);
-        self.protocol.hear(&mut self.line, &mut self.heard, device_now_s)
+        self.received.extend(received);
+        self.protocol.receive(&mut self.line, &mut self.received, device_now_s)
     }
 
     fn rate_hz(&self) -> f64 {

@@ -51,7 +51,7 @@ struct Shared {
     suit_silent: AtomicBool,
     plate_silent: [AtomicBool; 2],
     plate_status: AtomicU32,
-    trouble: RwLock<Trouble>,
+    faults: RwLock<StationFaults>,
     /// Sample times of the newest sent samples of suit and plate, CLOCK_MONOTONIC.
     sent_ns: [AtomicU64; 2],
     /// Their send times, CLOCK_MONOTONIC.
@@ -62,7 +62,7 @@ struct Shared {
 
 /// Present faults of devices and network; may change at any time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Trouble {
+pub struct StationFaults {
     /// Sample rate of the suit, Hz.
     pub suit_rate_hz: f64,
     /// Faults of the suit's network.
@@ -108,8 +108,8 @@ impl Shared {
         }
     }
 
-    fn trouble(&self) -> Trouble {
-        *self.trouble.read().unwrap_or_else(PoisonError::into_inner)
+    fn faults(&self) -> StationFaults {
+        *self.faults.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn note_held_up(&self, sensor: usize, due_s: f64) {
@@ -128,28 +128,28 @@ impl Shared {
         let settings = &self.settings.suit;
         let suit = Suit::new(settings.noise, self.settings.seed);
         let mut luck = Random::new(self.settings.seed, "suit trouble");
-        let mut before = self.trouble();
+        let mut before = self.faults();
         self.pace(stop, 0, (settings.rate_hz, settings.latency_s), |clock| {
-            let trouble = self.trouble();
-            if trouble.restarts[0] != before.restarts[0] {
+            let faults = self.faults();
+            if faults.restarts[0] != before.restarts[0] {
                 clock.restart();
             }
-            clock.leap(trouble.suit_leapt.wrapping_sub(before.suit_leapt));
-            before = trouble;
+            clock.leap(faults.suit_leapt.wrapping_sub(before.suit_leapt));
+            before = faults;
             if self.suit_silent.load(Ordering::Relaxed) {
-                return Ok(trouble.suit_rate_hz);
+                return Ok(faults.suit_rate_hz);
             }
-            sender.set_faults(trouble.suit_faults);
-            if clock.counter() % trouble.suit_rate_hz.round().max(1.0) as u32 == 0 {
+            sender.set_faults(faults.suit_faults);
+            if clock.counter() % faults.suit_rate_hz.round().max(1.0) as u32 == 0 {
                 self.with_worker(|worker| sender.introduce(worker.person(), settings.avatar))?;
             }
             let time_s = clock.time_s();
             let device_ms = (f64::from(clock.counter()) / clock.rate_hz() * 1000.0) as u32;
             let device = (clock.counter(), device_ms);
             let mut seen = self.with_worker(|worker| {
-                frame_at(worker, &suit, trouble.suit_world, settings.streams, settings.avatar, time_s, device)
+                frame_at(worker, &suit, faults.suit_world, settings.streams, settings.avatar, time_s, device)
             });
-            if luck.happens(trouble.suit_nan) {
+            if luck.happens(faults.suit_nan) {
                 let sound = seen.position_m[0];
                 seen.position_m[0][2] = f64::NAN;
                 sender.send(&seen)?;
@@ -157,7 +157,7 @@ impl Shared {
             }
             sender.send(&seen)?;
             self.note_sent(0, time_s);
-            Ok(trouble.suit_rate_hz)
+            Ok(faults.suit_rate_hz)
         })
     }
 }
@@ -186,7 +186,7 @@ impl Simulation {
             .map(|second| PlateServer::bind(second.address, settings.plate.faults, seed))
             .transpose()?;
         let person = Person::new(settings.seed, settings.height_m, settings.mass_kg);
-        let trouble = Trouble {
+        let faults = StationFaults {
             suit_rate_hz: settings.suit.rate_hz,
             suit_faults: settings.suit.faults,
             suit_nan: 0.0,
@@ -203,7 +203,7 @@ impl Simulation {
             suit_silent: AtomicBool::new(false),
             plate_silent: [AtomicBool::new(false), AtomicBool::new(false)],
             plate_status: AtomicU32::new(0),
-            trouble: RwLock::new(trouble),
+            faults: RwLock::new(faults),
             sent_ns: [AtomicU64::new(0), AtomicU64::new(0)],
             sent_at_ns: [AtomicU64::new(0), AtomicU64::new(0)],
             held_up_ns: [AtomicU64::new(0), AtomicU64::new(0)],
@@ -346,8 +346,8 @@ impl SimulationHandle {
     }
 
     /// Changes the faults of devices and network, from the next sample on.
-    pub fn trouble(&self, change: impl FnOnce(&mut Trouble)) {
-        change(&mut self.shared.trouble.write().unwrap_or_else(PoisonError::into_inner));
+    pub fn change_faults(&self, change: impl FnOnce(&mut StationFaults)) {
+        change(&mut self.shared.faults.write().unwrap_or_else(PoisonError::into_inner));
     }
 
     /// Sample times of the newest sent samples of suit and plate, CLOCK_MONOTONIC ns; 0 for none.

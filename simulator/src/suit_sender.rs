@@ -221,7 +221,7 @@ impl SuitSender {
 
     fn send_all(&mut self, datagrams: impl IntoIterator<Item = Vec<u8>>) -> io::Result<()> {
         // Over TCP this connects the sender and detects a closed receiver.
-        let _nothing_is_said_to_it = self.0.port().hear()?;
+        let _ignored = self.0.port().receive()?;
         datagrams.into_iter().try_for_each(|datagram| self.0.send(&datagram, 1))
     }
 }

@@ -169,9 +169,9 @@ impl Rig {
             Chaos::Truncation => self.with_faults(Faults { truncate: 0.2, ..Faults::default() }),
             Chaos::Garbage => self.with_faults(Faults { garbage: 0.3, ..Faults::default() }),
             Chaos::NotANumber => {
-                self.person.trouble(|trouble| trouble.suit_nan = 0.3);
+                self.person.change_faults(|faults| faults.suit_nan = 0.3);
                 self.pass(LASTS);
-                self.person.trouble(|trouble| trouble.suit_nan = 0.0);
+                self.person.change_faults(|faults| faults.suit_nan = 0.0);
             }
             Chaos::ForeignAvatar => self.foreign_avatar(),
             Chaos::RateUp => self.with_rate(100.0),
@@ -179,15 +179,15 @@ impl Rig {
             Chaos::SuitUnplugged => self.unplugged(true, false),
             Chaos::PlateUnplugged => self.unplugged(false, true),
             Chaos::BothUnplugged => self.unplugged(true, true),
-            Chaos::SuitRestarts => self.person.trouble(|trouble| {
-                trouble.restarts[0] += 1;
+            Chaos::SuitRestarts => self.person.change_faults(|faults| {
+                faults.restarts[0] += 1;
                 // As after a new calibration.
-                trouble.suit_world.origin_m[0] += 0.3;
-                trouble.suit_world.origin_m[1] -= 0.2;
+                faults.suit_world.origin_m[0] += 0.3;
+                faults.suit_world.origin_m[1] -= 0.2;
             }),
-            Chaos::PlateRestarts => self.person.trouble(|trouble| trouble.restarts[1] += 1),
-            Chaos::CounterLeapsAhead => self.person.trouble(|trouble| trouble.suit_leapt += 5000),
-            Chaos::CounterLeapsBack => self.person.trouble(|trouble| trouble.suit_leapt -= 300),
+            Chaos::PlateRestarts => self.person.change_faults(|faults| faults.restarts[1] += 1),
+            Chaos::CounterLeapsAhead => self.person.change_faults(|faults| faults.suit_leapt += 5000),
+            Chaos::CounterLeapsBack => self.person.change_faults(|faults| faults.suit_leapt -= 300),
             Chaos::PlateFault => {
                 self.person.set_plate_status(0x8000_0000);
                 self.pass(LASTS);
@@ -207,7 +207,7 @@ impl Rig {
 
     fn with_faults(&mut self, faults: Faults) {
         let set = |person: &SimulationHandle, faults| {
-            person.trouble(|trouble| (trouble.suit_faults, trouble.plate_faults) = (faults, faults));
+            person.change_faults(|present| (present.suit_faults, present.plate_faults) = (faults, faults));
         };
         set(&self.person, faults);
         self.pass(LASTS);
@@ -215,9 +215,9 @@ impl Rig {
     }
 
     fn with_rate(&mut self, rate_hz: f64) {
-        self.person.trouble(|trouble| trouble.suit_rate_hz = rate_hz);
+        self.person.change_faults(|faults| faults.suit_rate_hz = rate_hz);
         self.pass(2 * LASTS);
-        self.person.trouble(|trouble| trouble.suit_rate_hz = SUIT_HZ);
+        self.person.change_faults(|faults| faults.suit_rate_hz = SUIT_HZ);
     }
 
     fn unplugged(&mut self, suit: bool, plate: bool) {
@@ -351,7 +351,7 @@ impl Rig {
         let memory = self.resources.judge_growth();
         self.failures.extend(memory.as_ref().err().map(|said| format!("memory: {said}")));
         println!(
-            "{} states judged, {:?} of them with suit and ground held up, {} not seen, {events} troubles; {}; {} of {} descriptors\n{}",
+            "{} states judged, {:?} of them with suit and ground held up, {} not seen, {events} faults; {}; {} of {} descriptors\n{}",
             self.judge.states,
             self.judge.excused,
             self.judge.missed,

@@ -72,16 +72,16 @@ pub struct Watch<'a> {
 pub fn draw(frame: &mut Frame<'_>, watch: &Watch<'_>) {
     let area = frame.area();
     let head = head(watch, area);
-    let trouble = health::incidents(watch, area.height);
+    let incidents = health::incidents(watch, area.height);
     let [top, wrong, body, foot] = Layout::vertical([
         Constraint::Length(head.len() as u16),
-        Constraint::Length(trouble.len() as u16),
+        Constraint::Length(incidents.len() as u16),
         Constraint::Min(0),
         Constraint::Length(1),
     ])
     .areas(area);
     frame.render_widget(Paragraph::new(head), top);
-    frame.render_widget(Paragraph::new(trouble), wrong);
+    frame.render_widget(Paragraph::new(incidents), wrong);
     match watch.state {
         Some(state) if body.width >= TWO_COLUMNS_FROM => two_columns(frame, watch, state, body),
         Some(state) => below(frame, watch, state, body),

@@ -16,7 +16,7 @@ pub mod text;
 
 pub use framing::Framing;
 
-use super::reading::Taken;
+use super::reading::Decoded;
 
 /// One kind of device at the other end of a connection (datagrams, a TCP stream, a serial line).
 pub trait GroundDevice: Send {
@@ -29,12 +29,12 @@ pub trait GroundDevice: Send {
     }
 
     /// Processes a whole datagram, or any piece of a stream. Never panics, for any input.
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken);
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded);
 
     /// The next action of the connection; polled before each wait for bytes, at intervals of at most some tens of
-    /// milliseconds, and repeatedly until the result is [`Want::Nothing`].
-    fn wants(&mut self, _now_ns: u64) -> Want {
-        Want::Nothing
+    /// milliseconds, and repeatedly until the result is [`Action::Nothing`].
+    fn next_action(&mut self, _now_ns: u64) -> Action {
+        Action::Nothing
     }
 
     /// A last message before an orderly close of the connection.
@@ -55,7 +55,7 @@ pub trait GroundDevice: Send {
 
 /// An action that a device's decoder requests of its connection.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Want {
+pub enum Action {
     /// Wait for bytes.
     Nothing,
     /// Send these bytes.

@@ -2,7 +2,7 @@
 //! configured layout.
 
 use super::lead::Lead;
-use super::reading::{Taken, Tick};
+use super::reading::{Decoded, Tick};
 use super::refusal::GroundRefusal;
 use crate::sequence::{Place, Sequence};
 use crate::stride::TimeStride;
@@ -104,10 +104,10 @@ impl Order {
     }
 
     /// Registers data of a device without a counter: after a silence its readings begin a new sequence.
-    pub(super) fn register_arrival(&mut self, arrival_ns: u64, taken: &mut Taken) {
+    pub(super) fn register_arrival(&mut self, arrival_ns: u64, decoded: &mut Decoded) {
         let before_ns = self.last_arrival_ns.replace(arrival_ns);
         if before_ns.is_some_and(|before_ns| arrival_ns.saturating_sub(before_ns) > SILENCE_NS) {
-            taken.restarted();
+            decoded.restarted();
         }
     }
 
@@ -122,7 +122,7 @@ impl Order {
         &mut self,
         stamps: Stamps,
         arrival_ns: u64,
-        taken: &mut Taken,
+        decoded: &mut Decoded,
     ) -> Option<(Option<u32>, Tick)> {
         // Truncation is intended: the receiver takes sequences and counters modulo 2³².
         let sequence = stamps.sequence.map(|raw| self.sequence.take(raw) as u32);
@@ -140,10 +140,10 @@ impl Order {
             };
             match placed {
                 Ok(Gap::Lost(0)) => {}
-                Ok(Gap::Lost(lost)) => taken.lost(lost),
-                Ok(Gap::Rebooted) => taken.rebooted(),
+                Ok(Gap::Lost(lost)) => decoded.lost(lost),
+                Ok(Gap::Rebooted) => decoded.rebooted(),
                 Err(refusal) => {
-                    taken.refuse(refusal);
+                    decoded.refuse(refusal);
                     return None;
                 }
             }

@@ -1,7 +1,7 @@
 //! A device decoder and the receiver of its readings: bytes in, samples out.
 
-use super::device::{GroundDevice, Want};
-use super::reading::Taken;
+use super::device::{Action, GroundDevice};
+use super::reading::Decoded;
 use super::receiver::{GroundReceiver, GroundSettings};
 use super::refusal::GroundRefusal;
 use crate::counts::Counts;
@@ -11,7 +11,7 @@ use equipoise_core::message::GroundSample;
 pub struct GroundProtocol {
     device: Box<dyn GroundDevice>,
     receiver: GroundReceiver,
-    taken: Taken,
+    decoded: Decoded,
 }
 
 impl core::fmt::Debug for GroundProtocol {
@@ -23,7 +23,7 @@ impl core::fmt::Debug for GroundProtocol {
 impl GroundProtocol {
     /// Creates the state machine before any data.
     pub fn new(device: Box<dyn GroundDevice>, settings: GroundSettings) -> GroundProtocol {
-        GroundProtocol { device, receiver: GroundReceiver::new(settings), taken: Taken::default() }
+        GroundProtocol { device, receiver: GroundReceiver::new(settings), decoded: Decoded::default() }
     }
 
     /// The connection was opened (again).
@@ -40,13 +40,13 @@ impl GroundProtocol {
 
     /// Processes one datagram, or a piece of a stream, and appends its samples to `samples`, oldest first.
     pub fn receive(&mut self, bytes: &[u8], arrival_ns: u64, samples: &mut Vec<GroundSample>) {
-        self.device.take(bytes, arrival_ns, &mut self.taken);
-        self.receiver.receive(&mut self.taken, arrival_ns, samples);
+        self.device.take(bytes, arrival_ns, &mut self.decoded);
+        self.receiver.receive(&mut self.decoded, arrival_ns, samples);
     }
 
-    /// As [`GroundDevice::wants`].
-    pub fn wants(&mut self, now_ns: u64) -> Want {
-        self.device.wants(now_ns)
+    /// As [`GroundDevice::next_action`].
+    pub fn next_action(&mut self, now_ns: u64) -> Action {
+        self.device.next_action(now_ns)
     }
 
     /// As [`GroundDevice::close_command`].
@@ -92,6 +92,6 @@ mod tests {
         for now_ns in 0..1000 {
             protocol.opened(now_ns);
         }
-        assert!(protocol.taken.found.is_empty());
+        assert!(protocol.decoded.found.is_empty());
     }
 }

@@ -8,7 +8,7 @@ use super::refusal::GroundRefusal;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
     /// Count of what the device sends, wrapping: gaps are losses, steps back disorder. `None` if the device does not
-    /// count; the order is then that of arrival, and the decoder reports losses with [`Taken::lost`].
+    /// count; the order is then that of arrival, and the decoder reports losses with [`Decoded::lost`].
     pub sequence: Option<u32>,
     /// The device's clock.
     pub tick: Tick,
@@ -27,7 +27,7 @@ pub enum Tick {
     Counter(u32),
     /// The device's time, or a count that never wraps. A step back means that the device was restarted.
     Time(u64),
-    /// No time or order: readings are counted on arrival, including those reported by [`Taken::lost`].
+    /// No time or order: readings are counted on arrival, including those reported by [`Decoded::lost`].
     Uncounted,
 }
 
@@ -84,7 +84,7 @@ impl Load {
 
 /// Results of a decoder for the bytes it was given, in order.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Taken {
+pub struct Decoded {
     pub(super) found: Vec<Found>,
     pub(super) block_latency_ns: Option<u64>,
 }
@@ -98,7 +98,7 @@ pub(super) enum Found {
     Rebooted,
 }
 
-impl Taken {
+impl Decoded {
     /// Adds a valid reading.
     pub fn reading(&mut self, reading: Reading) {
         self.found.push(Found::Reading(reading));

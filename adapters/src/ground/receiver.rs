@@ -1,7 +1,7 @@
 //! Converts readings of any device to ground samples: order, loss, time, frame.
 
 use super::frame::{GroundFrame, Measures};
-use super::reading::{Found, Load, Reading, Taken, Tick};
+use super::reading::{Decoded, Found, Load, Reading, Tick};
 use super::refusal::GroundRefusal;
 use crate::counts::Counts;
 use crate::sequence::{Place, Sequence};
@@ -69,14 +69,14 @@ impl GroundReceiver {
         }
     }
 
-    /// Drains `taken`, the contents of one delivery, and appends its samples to `samples`, oldest first.
+    /// Drains `decoded`, the contents of one delivery, and appends its samples to `samples`, oldest first.
     ///
     /// `arrival_ns` is the delivery's arrival on CLOCK_MONOTONIC. `published_ns` is left at 0 for the publisher to set.
-    pub fn receive(&mut self, taken: &mut Taken, arrival_ns: u64, samples: &mut Vec<GroundSample>) {
-        self.block_latency_ns = taken.block_latency_ns.take().unwrap_or(self.block_latency_ns);
+    pub fn receive(&mut self, decoded: &mut Decoded, arrival_ns: u64, samples: &mut Vec<GroundSample>) {
+        self.block_latency_ns = decoded.block_latency_ns.take().unwrap_or(self.block_latency_ns);
         let first = samples.len();
         self.ticks.clear();
-        for found in taken.found.drain(..) {
+        for found in decoded.found.drain(..) {
             match found {
                 Found::Reading(reading) => {
                     self.counts.received += 1;

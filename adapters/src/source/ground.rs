@@ -5,7 +5,7 @@ use super::error::SourceError;
 use super::transport::Transport;
 use crate::clock::now_monotonic_ns;
 use crate::counts::{Counts, HealthReporter, Stream};
-use crate::ground::{GroundDevice, GroundProtocol, GroundRefusal, GroundSettings, Want};
+use crate::ground::{Action, GroundDevice, GroundProtocol, GroundRefusal, GroundSettings};
 use equipoise_core::message::{AdapterHealth, GroundSample, Printable};
 use std::time::Duration;
 
@@ -148,11 +148,11 @@ impl GroundSource {
     /// Executes the actions that the device requests.
     fn serve(&mut self, now_ns: u64) -> Result<(), SourceError> {
         for _ in 0..WANTS_MAX {
-            let done = match self.protocol.wants(now_ns) {
-                Want::Nothing => break,
-                Want::Send(bytes) => self.transport.send(&bytes),
-                Want::Speed(baud) => self.transport.set_speed(baud),
-                Want::Reopen(reason) => {
+            let done = match self.protocol.next_action(now_ns) {
+                Action::Nothing => break,
+                Action::Send(bytes) => self.transport.send(&bytes),
+                Action::Speed(baud) => self.transport.set_speed(baud),
+                Action::Reopen(reason) => {
                     (self.open, self.diagnostic) = (false, Some(reason));
                     break;
                 }

@@ -157,14 +157,14 @@ mod tests {
 
     /// Reads until this many bytes have arrived, or an error.
     fn take(line: &mut TcpLine, length: usize) -> Result<Vec<u8>, SourceError> {
-        let (began, mut taken) = (Instant::now(), Vec::new());
-        while taken.len() < length && began.elapsed() < PATIENCE {
+        let (began, mut received) = (Instant::now(), Vec::new());
+        while received.len() < length && began.elapsed() < PATIENCE {
             if let Some(incoming) = line.receive()? {
                 assert!(incoming.admitted && incoming.arrival_ns > 0);
-                taken.extend_from_slice(incoming.bytes);
+                received.extend_from_slice(incoming.bytes);
             }
         }
-        Ok(taken)
+        Ok(received)
     }
 
     #[test]

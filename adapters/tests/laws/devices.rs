@@ -13,7 +13,7 @@ use equipoise_adapters::ground::device::qtm::{Qtm, QtmSettings};
 use equipoise_adapters::ground::device::tec_gihan::{TecGihan, TecGihanSettings};
 use equipoise_adapters::ground::device::text::{Column, Framing, Numbered, Text, TextSettings};
 use equipoise_adapters::ground::plan::Plan;
-use equipoise_adapters::ground::{Channels, GroundDevice, GroundProtocol, GroundSettings, Want};
+use equipoise_adapters::ground::{Action, Channels, GroundDevice, GroundProtocol, GroundSettings};
 use equipoise_adapters::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 use equipoise_adapters::wire::{amti, bota, labamp, lsl, tec_gihan};
 use equipoise_simulator::wires;
@@ -23,7 +23,7 @@ use super::ground::{datagrams, sound, stream};
 
 /// The device at the other end: receives bytes and answers, and sends measurements.
 struct Other<'a> {
-    hears: Box<dyn FnMut(u8) -> Vec<u8> + 'a>,
+    receives: Box<dyn FnMut(u8) -> Vec<u8> + 'a>,
     measures: Box<dyn FnMut() -> Vec<u8> + 'a>,
 }
 
@@ -38,10 +38,10 @@ fn conversation(device: Box<dyn GroundDevice>, mut other: Other<'_>, bytes: &[u8
         steps += 1;
         now_ns += 3_000_000;
         for _ in 0..16 {
-            match protocol.wants(now_ns) {
-                Want::Nothing => break,
-                Want::Send(said) => pending.extend(said.into_iter().flat_map(&mut other.hears)),
-                Want::Reopen(_) => {
+            match protocol.next_action(now_ns) {
+                Action::Nothing => break,
+                Action::Send(said) => pending.extend(said.into_iter().flat_map(&mut other.receives)),
+                Action::Reopen(_) => {
                     pending.clear();
                     protocol.opened(now_ns);
                 }
@@ -100,7 +100,7 @@ pub(crate) fn amti(bytes: &[u8]) {
     let (mut said, dialogue) = (0_i16, &mut dialogue);
     let dialogue = std::cell::RefCell::new(dialogue);
     let other = Other {
-        hears: Box::new(|byte| dialogue.borrow_mut().hear(byte).into_iter().collect()),
+        receives: Box::new(|byte| dialogue.borrow_mut().receive(byte).into_iter().collect()),
         measures: Box::new(|| {
             said = said.wrapping_add(1);
             let counts = core::array::from_fn(|index| (said + index as i16) % 2000);
@@ -122,7 +122,7 @@ pub(crate) fn bota(bytes: &[u8]) {
     let dialogue = std::cell::RefCell::new(wires::bota::Dialogue::new(512));
     let mut timestamp_us = 0_u32;
     let other = Other {
-        hears: Box::new(|byte| dialogue.borrow_mut().hear(byte).unwrap_or_default().into_bytes()),
+        receives: Box::new(|byte| dialogue.borrow_mut().receive(byte).unwrap_or_default().into_bytes()),
         measures: Box::new(|| {
             timestamp_us = timestamp_us.wrapping_add(10_000);
             let frame =
@@ -155,11 +155,11 @@ pub(crate) fn labamp(bytes: &[u8]) {
 pub(crate) fn qtm(bytes: &[u8]) {
     let lab = || Box::new(Qtm::new(QtmSettings { plate: 1, divisor: 1 })) as Box<dyn GroundDevice>;
     stream(lab, bytes);
-    let (mut heard, mut frame) = (Vec::new(), 0_u32);
+    let (mut received, mut frame) = (Vec::new(), 0_u32);
     let other = Other {
-        hears: Box::new(|byte| {
-            heard.push(byte);
-            let Some((_, command)) = wires::qtm::take_packet(&mut heard) else { return Vec::new() };
+        receives: Box::new(|byte| {
+            received.push(byte);
+            let Some((_, command)) = wires::qtm::take_packet(&mut received) else { return Vec::new() };
             let answer = if command.starts_with("Version") { "Version set to 1.25" } else { "OK" };
             wires::qtm::text_packet(wires::qtm::Kind::Command, answer)
         }),
@@ -198,7 +198,7 @@ pub(crate) fn tec_gihan(bytes: &[u8]) {
         vec![wires::tec_gihan::PlateInfo::new(106, 0.04), wires::tec_gihan::PlateInfo::new(107, 0.05)];
     let dialogue = std::cell::RefCell::new(wires::tec_gihan::Dialogue::new(plates));
     let other = Other {
-        hears: Box::new(|byte| dialogue.borrow_mut().hear(byte).unwrap_or_default().into_bytes()),
+        receives: Box::new(|byte| dialogue.borrow_mut().receive(byte).unwrap_or_default().into_bytes()),
         measures: Box::new(|| {
             let mut dialogue = dialogue.borrow_mut();
             if dialogue.owed == 0 {

@@ -44,7 +44,7 @@ pub(crate) fn datagrams(device: impl Fn() -> Box<dyn GroundDevice>, bytes: &[u8]
             assert_eq!(sample.sequence, reported);
             assert!(sample.arrival_ns == arrival_ns);
         }
-        let _ = (protocol.diagnostic(), protocol.wants(arrival_ns));
+        let _ = (protocol.diagnostic(), protocol.next_action(arrival_ns));
     }
     assert_eq!(protocol.counts().published, reported);
 }

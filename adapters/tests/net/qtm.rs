@@ -24,7 +24,7 @@ fn frame(number: u32) -> Vec<u8> {
 }
 
 /// One received command; `None` after the end of the connection.
-fn heard(stream: &mut TcpStream) -> Option<String> {
+fn received(stream: &mut TcpStream) -> Option<String> {
     let mut head = [0; 8];
     stream.read_exact(&mut head).ok()?;
     let mut text = vec![0; u32::from_le_bytes(head[..4].try_into().unwrap()) as usize - 8];
@@ -38,9 +38,9 @@ fn serve(listener: &TcpListener, frames: u32) -> Vec<String> {
     let (mut stream, _) = listener.accept().unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
     stream.write_all(&packet(1, b"QTM RT Interface connected\0")).unwrap();
-    let mut words = vec![heard(&mut stream).unwrap()];
+    let mut words = vec![received(&mut stream).unwrap()];
     stream.write_all(&packet(1, b"Version set to 1.25\0")).unwrap();
-    words.push(heard(&mut stream).unwrap());
+    words.push(received(&mut stream).unwrap());
     let bytes: Vec<u8> = (1..=frames).flat_map(frame).collect();
     for piece in bytes.chunks(997) {
         stream.write_all(piece).unwrap();
@@ -49,7 +49,7 @@ fn serve(listener: &TcpListener, frames: u32) -> Vec<String> {
     stream.set_read_timeout(Some(Duration::from_millis(200))).unwrap();
     let mut rest = [0; 8];
     match stream.peek(&mut rest) {
-        Ok(1..) => words.extend(heard(&mut stream)),
+        Ok(1..) => words.extend(received(&mut stream)),
         Ok(0) => {}
         Err(error) => assert!(matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut), "{error}"),
     }

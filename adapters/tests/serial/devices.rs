@@ -68,7 +68,7 @@ fn a_plate_is_started_at_its_speed_and_found_again_after_it_was_pulled_out() {
             pair[0].session != pair[1].session || pair[0].sample_time_ns <= pair[1].sample_time_ns
         };
         assert!(samples.windows(2).all(is_ordered));
-        assert!(plate.heard().ends_with(&[0x52, 0x76, 0x51]), "{:x?}", plate.heard());
+        assert!(plate.received().ends_with(&[0x52, 0x76, 0x51]), "{:x?}", plate.received());
         plate.unplug();
         until(&mut source, "the loss of the port", |source, _| said(source, "is not there"));
     }
@@ -82,8 +82,8 @@ fn a_plate_is_stopped_when_its_reader_ends() {
     until(&mut source, "samples", |_, samples| samples.len() > 5);
     drop(source);
     let begun = Instant::now();
-    while !plate.heard().ends_with(&[0x51, 0x52]) {
-        assert!(begun.elapsed() < PATIENCE, "{:x?}", plate.heard());
+    while !plate.received().ends_with(&[0x51, 0x52]) {
+        assert!(begun.elapsed() < PATIENCE, "{:x?}", plate.received());
         std::thread::sleep(Duration::from_millis(5));
     }
 }

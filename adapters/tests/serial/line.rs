@@ -34,11 +34,11 @@ fn every_byte_comes_through_both_ways_as_it_was_sent() {
     device.say(&every);
     assert_eq!(all(&mut line), every, "no line end, no control character is meant");
     line.send(&every).unwrap();
-    let mut heard = Vec::new();
-    while heard.len() < every.len() {
-        heard.extend_from_slice(&device.heard());
+    let mut received = Vec::new();
+    while received.len() < every.len() {
+        received.extend_from_slice(&device.received());
     }
-    assert_eq!(heard, every);
+    assert_eq!(received, every);
     assert!(line.receive().unwrap().is_none(), "and nothing is echoed");
 }
 

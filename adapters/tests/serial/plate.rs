@@ -18,22 +18,22 @@ type Send = Box<dyn FnMut(u32) -> Vec<u8> + core::marker::Send>;
 /// A plate in its own thread.
 pub(crate) struct Plate {
     stop: Arc<AtomicBool>,
-    heard: Arc<Mutex<Vec<u8>>>,
+    received: Arc<Mutex<Vec<u8>>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Plate {
     /// Connects and starts the plate.
     pub(crate) fn plug(socket: &Socket, mut send: Send) -> Plate {
-        let (stop, heard) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
-        let (stopping, hears) = (Arc::clone(&stop), Arc::clone(&heard));
+        let (stop, received) = (Arc::new(AtomicBool::new(false)), Arc::new(Mutex::new(Vec::new())));
+        let (stopping, receives) = (Arc::clone(&stop), Arc::clone(&received));
         let device = socket.plug();
         let thread = std::thread::spawn(move || {
             let (mut baud, mut streams, mut number) = (57_600, false, 0);
             while !stopping.load(Relaxed) {
-                for byte in device.heard() {
+                for byte in device.received() {
                     if device.speed() == baud {
-                        hears.lock().unwrap().push(byte);
+                        receives.lock().unwrap().push(byte);
                         answer(byte, &device, &mut baud, &mut streams);
                     }
                 }
@@ -44,12 +44,12 @@ impl Plate {
                 std::thread::sleep(Duration::from_millis(2));
             }
         });
-        Plate { stop, heard, thread: Some(thread) }
+        Plate { stop, received, thread: Some(thread) }
     }
 
     /// Bytes received at the plate's own speed.
-    pub(crate) fn heard(&self) -> Vec<u8> {
-        self.heard.lock().unwrap().clone()
+    pub(crate) fn received(&self) -> Vec<u8> {
+        self.received.lock().unwrap().clone()
     }
 
     pub(crate) fn unplug(self) {}

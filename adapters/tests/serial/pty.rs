@@ -45,7 +45,7 @@ impl Device {
     }
 
     /// Bytes sent to the device; empty after a timeout.
-    pub(crate) fn heard(&self) -> Vec<u8> {
+    pub(crate) fn received(&self) -> Vec<u8> {
         let while_ = Timespec { tv_sec: 0, tv_nsec: 10_000_000 };
         let mut wait = [PollFd::new(&self.far, PollFlags::IN)];
         if poll(&mut wait, Some(&while_)).unwrap() == 0 || !wait[0].revents().contains(PollFlags::IN) {

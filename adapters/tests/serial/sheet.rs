@@ -1,7 +1,7 @@
 //! A real plate's calibration sheet, if it is next to the workspace: it may be read, but not redistributed.
 
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, METRE_PER_INCH, NEWTON_PER_LBF, Rate};
-use equipoise_adapters::ground::{GroundFrame, GroundProtocol, GroundSettings, SensorAxes, Want};
+use equipoise_adapters::ground::{Action, GroundFrame, GroundProtocol, GroundSettings, SensorAxes};
 use equipoise_adapters::wire::amti::{CHANNELS, Frame};
 use std::path::PathBuf;
 
@@ -38,7 +38,7 @@ fn pressed(matrix: [[f64; CHANNELS]; 6], vertical: [i16; 4]) -> (f64, [f64; 2]) 
     protocol.opened(now_ns);
     loop {
         now_ns += 20_000_000;
-        if let Want::Send(said) = protocol.wants(now_ns) {
+        if let Action::Send(said) = protocol.next_action(now_ns) {
             let starts = said == [0x51];
             protocol.receive(if starts { &[0x55] } else { &said }, now_ns, &mut samples);
             if starts {

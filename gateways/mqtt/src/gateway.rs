@@ -13,10 +13,10 @@ use tracing::{info, warn};
 
 use crate::document::{self, Summary};
 use crate::mailbox::{Mailbox, Sending, mailbox};
-use crate::session::{PATIENCE, Session, Target, Trouble};
+use crate::session::{PATIENCE, Session, SessionError, Target};
 
 /// Longest error text in the log.
-const TROUBLE_CHARS_MAX: usize = 500;
+const ERROR_CHARS_MAX: usize = 500;
 const BACKOFF_MIN: Duration = Duration::from_millis(500);
 const BACKOFF_MAX: Duration = Duration::from_secs(30);
 
@@ -113,12 +113,12 @@ impl Connection {
                 self.serve(session, &mut acknowledged)
             });
             self.shared.connected.store(false, Ordering::Relaxed);
-            let Err(trouble) = outcome else { return };
+            let Err(error) = outcome else { return };
             if acknowledged > 0 {
                 (backoff, logged) = (BACKOFF_MIN, None);
             }
             // The text may come from the broker, so it is made printable and limited in length.
-            let text = Printable { text: &trouble.to_string(), chars_max: TROUBLE_CHARS_MAX }.to_string();
+            let text = Printable { text: &error.to_string(), chars_max: ERROR_CHARS_MAX }.to_string();
             if logged.as_ref() != Some(&text) {
                 warn!("{text}; retrying, at intervals of up to {} s", BACKOFF_MAX.as_secs());
                 logged = Some(text);
@@ -131,20 +131,20 @@ impl Connection {
     }
 
     /// Sends until the mailbox is closed or the connection fails; `acknowledged` counts acknowledged messages.
-    fn serve(&self, mut session: Session, acknowledged: &mut u64) -> Result<(), Trouble> {
+    fn serve(&self, mut session: Session, acknowledged: &mut u64) -> Result<(), SessionError> {
         self.shared.connected.store(true, Ordering::Relaxed);
         loop {
             let Some(message) = self.mailbox.take() else { return session.close() };
-            if let Err(trouble) = self.publish(&mut session, message) {
+            if let Err(error) = self.publish(&mut session, message) {
                 self.shared.failed.fetch_add(1, Ordering::Relaxed);
-                return Err(trouble);
+                return Err(error);
             }
             *acknowledged += 1;
             self.shared.sent.fetch_add(1, Ordering::Relaxed);
         }
     }
 
-    fn publish(&self, session: &mut Session, message: Message) -> Result<(), Trouble> {
+    fn publish(&self, session: &mut Session, message: Message) -> Result<(), SessionError> {
         session.publish(&format!("equipoise/{}/summary", self.station), message.summary)?;
         match message.state {
             Some(state) => session.publish(&format!("equipoise/{}/state", self.station), state),

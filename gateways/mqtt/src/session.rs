@@ -33,7 +33,7 @@ const OFFLINE: &str = "offline";
 
 /// Why the connection failed.
 #[derive(Debug, thiserror::Error)]
-pub enum Trouble {
+pub enum SessionError {
     /// Name resolution, TCP or TLS failed.
     #[error("the broker cannot be reached: {0}")]
     Io(#[from] io::Error),
@@ -173,7 +173,7 @@ impl Session {
     ///
     /// # Errors
     /// The connection failed, or the broker refused it.
-    pub fn open(target: &Target) -> Result<Session, Trouble> {
+    pub fn open(target: &Target) -> Result<Session, SessionError> {
         let deadline = Instant::now() + PATIENCE;
         let timed = Timed::new(connect(target, deadline)?, deadline);
         let stream = match &target.tls {
@@ -191,7 +191,7 @@ impl Session {
         Ok(session)
     }
 
-    fn introduce(&mut self, target: &Target) -> Result<(), Trouble> {
+    fn introduce(&mut self, target: &Target) -> Result<(), SessionError> {
         let mut hello = Connect::new(&target.client_id);
         hello.keep_alive = target.keep_alive_s;
         hello.last_will = Some(LastWill::new(&target.online_topic, OFFLINE, QoS::AtLeastOnce, true));
@@ -201,8 +201,8 @@ impl Session {
         self.send(&Packet::Connect(hello))?;
         match self.receive()? {
             Packet::ConnAck(answer) if answer.code == ConnectReturnCode::Success => Ok(()),
-            Packet::ConnAck(answer) => Err(Trouble::Refused(answer.code)),
-            other => Err(Trouble::Answer(format!("{other:?}"))),
+            Packet::ConnAck(answer) => Err(SessionError::Refused(answer.code)),
+            other => Err(SessionError::Answer(format!("{other:?}"))),
         }
     }
 
@@ -210,11 +210,11 @@ impl Session {
     ///
     /// # Errors
     /// No acknowledgement in time; the connection must be dropped.
-    pub fn publish(&mut self, topic: &str, payload: Vec<u8>) -> Result<(), Trouble> {
+    pub fn publish(&mut self, topic: &str, payload: Vec<u8>) -> Result<(), SessionError> {
         self.publish_as(topic, payload, false)
     }
 
-    fn publish_as(&mut self, topic: &str, payload: Vec<u8>, retain: bool) -> Result<(), Trouble> {
+    fn publish_as(&mut self, topic: &str, payload: Vec<u8>, retain: bool) -> Result<(), SessionError> {
         self.stream.timed().allow(PATIENCE);
         self.packet_id = self.packet_id.checked_add(1).unwrap_or(1);
         let mut message = Publish::new(topic, QoS::AtLeastOnce, payload);
@@ -227,7 +227,7 @@ impl Session {
         }
     }
 
-    fn publish_online(&mut self, online: &str) -> Result<(), Trouble> {
+    fn publish_online(&mut self, online: &str) -> Result<(), SessionError> {
         let topic = self.online_topic.clone();
         self.publish_as(&topic, online.as_bytes().to_vec(), true)
     }
@@ -237,23 +237,23 @@ impl Session {
     ///
     /// # Errors
     /// `offline` was not acknowledged; the broker then publishes the last will.
-    pub fn close(mut self) -> Result<(), Trouble> {
+    pub fn close(mut self) -> Result<(), SessionError> {
         self.publish_online(OFFLINE)?;
         self.send(&Packet::Disconnect)
     }
 
-    fn send(&mut self, packet: &Packet) -> Result<(), Trouble> {
+    fn send(&mut self, packet: &Packet) -> Result<(), SessionError> {
         let mut bytes = BytesMut::new();
-        packet.write(&mut bytes, usize::MAX).map_err(|error| Trouble::Answer(error.to_string()))?;
+        packet.write(&mut bytes, usize::MAX).map_err(|error| SessionError::Answer(error.to_string()))?;
         Ok(self.stream.write_all(&bytes)?)
     }
 
-    fn receive(&mut self) -> Result<Packet, Trouble> {
+    fn receive(&mut self) -> Result<Packet, SessionError> {
         loop {
             match Packet::read(&mut self.unread, PACKET_MAX) {
                 Ok(packet) => return Ok(packet),
                 Err(rumqttc::Error::InsufficientBytes(_)) => {}
-                Err(error) => return Err(Trouble::Answer(error.to_string())),
+                Err(error) => return Err(SessionError::Answer(error.to_string())),
             }
             let mut read = [0; 1024];
             match self.stream.read(&mut read)? {

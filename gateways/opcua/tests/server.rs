@@ -6,7 +6,7 @@
 mod support;
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use equipoise_core::message::Validity;
@@ -26,6 +26,9 @@ use support::{reading, silence};
 const PATIENCE: Duration = Duration::from_secs(90);
 /// Session time-out.
 const SESSION: Duration = Duration::from_secs(8);
+/// Keys and certificates of server and client.
+const KEYS: [&str; 4] =
+    ["pki/private/private.pem", "pki/own/cert.der", "client/private/private.pem", "client/own/cert.der"];
 
 struct Station {
     gateway: OpcUa,
@@ -38,7 +41,27 @@ impl Station {
     }
 
     fn with(keys: &str, on_end: impl FnOnce(String) + Send + 'static) -> Station {
+        // A new key takes seconds of CPU time, so all stations have those of the first.
+        static CONTENTS: OnceLock<[Vec<u8>; KEYS.len()]> = OnceLock::new();
+        let contents = CONTENTS.get_or_init(|| {
+            let first = Station::in_folder(tempfile::tempdir().unwrap(), "", |what| panic!("{what}"));
+            drop(first.client());
+            KEYS.map(|path| std::fs::read(first.folder.path().join(path)).unwrap())
+        });
         let folder = tempfile::tempdir().unwrap();
+        for (path, content) in KEYS.iter().zip(contents) {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(path, content).unwrap();
+        }
+        Station::in_folder(folder, keys, on_end)
+    }
+
+    fn in_folder(
+        folder: tempfile::TempDir,
+        keys: &str,
+        on_end: impl FnOnce(String) + Send + 'static,
+    ) -> Station {
         let users = folder.path().join("users");
         std::fs::write(&users, "plc:secret\n").unwrap();
         std::fs::set_permissions(&users, std::os::unix::fs::PermissionsExt::from_mode(0o600)).unwrap();

@@ -98,7 +98,7 @@ pub(super) struct Started {
     recipe: u8,
     /// Rest of a package that the network has not accepted yet; it must go out before the next package.
     rest: Vec<u8>,
-    heard: Vec<u8>,
+    received: Vec<u8>,
     took_at: Instant,
     /// When the last data package was received.
     heard_at: Instant,
@@ -157,11 +157,11 @@ impl Started {
         loop {
             match self.stream.read(&mut bytes) {
                 Ok(0) => return Err(io::Error::new(ErrorKind::ConnectionReset, "it closed the connection")),
-                Ok(count) => self.heard.extend(&bytes[..count]),
+                Ok(count) => self.received.extend(&bytes[..count]),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
                 Err(error) => return Err(error),
             }
-            while let Some((kind, payload)) = wire::take(&mut self.heard) {
+            while let Some((kind, payload)) = wire::take(&mut self.received) {
                 if kind == Kind::Data as u8 {
                     self.heard_at = Instant::now();
                 } else if kind == Kind::Text as u8 {
@@ -271,7 +271,7 @@ fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
         stream,
         recipe: number,
         rest: Vec::new(),
-        heard: Vec::new(),
+        received: Vec::new(),
         took_at: now,
         heard_at: now,
         texts,
@@ -282,24 +282,24 @@ fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
 fn recipe_number(answer: &[u8], recipe: &[Register], names: &[String]) -> Result<u8, LinkError> {
     let (number, types) = answer.split_first().map_or((0, &[][..]), |(number, types)| (*number, types));
     let types = String::from_utf8_lossy(types).into_owned();
-    let mut troubles = Vec::new();
+    let mut faults = Vec::new();
     for (at, name) in names.iter().enumerate() {
         let expected = if recipe[at].value.is_whole() { "INT32" } else { "DOUBLE" };
         match types.split(',').map(str::trim).nth(at) {
             Some(kind) if kind == expected => {}
             Some("IN_USE") => {
-                troubles.push(format!("{name} is written by another client: choose another number"));
+                faults.push(format!("{name} is written by another client: choose another number"));
             }
-            Some("NOT_FOUND") => troubles.push(format!("{name} does not exist on this controller")),
+            Some("NOT_FOUND") => faults.push(format!("{name} does not exist on this controller")),
             other => {
                 let other =
                     Printable { text: other.unwrap_or("not answered for"), chars_max: TYPE_CHARS_MAX };
-                troubles.push(format!("{name} is {other}, not {expected}"));
+                faults.push(format!("{name} is {other}, not {expected}"));
             }
         }
     }
-    if !troubles.is_empty() {
-        return Err(LinkError::Registers(format!("{}; see [gateways.rtde.registers]", troubles.join("; "))));
+    if !faults.is_empty() {
+        return Err(LinkError::Registers(format!("{}; see [gateways.rtde.registers]", faults.join("; "))));
     }
     if number == 0 {
         return Err(LinkError::Registers("it refuses the registers together".to_owned()));

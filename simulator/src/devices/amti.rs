@@ -24,10 +24,10 @@ impl Amti {
 }
 
 impl Protocol for Amti {
-    fn hear(&mut self, line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
         let Amti { dialogue, .. } = self;
         let zeroed = dialogue.zeroed;
-        line.converse(heard, |byte| (dialogue.hear(byte).map(|answer| [answer]), dialogue.baud))?;
+        line.converse(received, |byte| (dialogue.receive(byte).map(|answer| [answer]), dialogue.baud))?;
         Ok(Asked { zero: dialogue.zeroed != zeroed })
     }
 

@@ -26,8 +26,8 @@ impl Bota {
 }
 
 impl Protocol for Bota {
-    fn hear(&mut self, line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
-        line.converse(heard, |byte| (self.dialogue.hear(byte), self.dialogue.baud))?;
+    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+        line.converse(received, |byte| (self.dialogue.receive(byte), self.dialogue.baud))?;
         Ok(Asked::default())
     }
 

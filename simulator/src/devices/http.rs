@@ -25,7 +25,7 @@ pub struct Request {
 pub struct HttpPort {
     port: TcpPort,
     session: u64,
-    heard: Vec<u8>,
+    received: Vec<u8>,
 }
 
 impl HttpPort {
@@ -34,7 +34,7 @@ impl HttpPort {
     /// # Errors
     /// Those of the socket.
     pub fn bind(address: SocketAddr) -> io::Result<HttpPort> {
-        Ok(HttpPort { port: TcpPort::bind(address)?, session: 0, heard: Vec::new() })
+        Ok(HttpPort { port: TcpPort::bind(address)?, session: 0, received: Vec::new() })
     }
 
     /// The listening address.
@@ -47,16 +47,16 @@ impl HttpPort {
     /// # Errors
     /// Errors of the operating system.
     pub fn request(&mut self) -> io::Result<Option<Request>> {
-        let bytes = self.port.hear()?;
+        let bytes = self.port.receive()?;
         if self.port.session() != self.session {
             self.session = self.port.session();
-            self.heard.clear();
+            self.received.clear();
         }
-        self.heard.extend(bytes);
-        let request = parsed(&self.heard);
+        self.received.extend(bytes);
+        let request = parsed(&self.received);
         if request.is_some() {
-            self.heard.clear();
-        } else if self.heard.len() > REQUEST_MAX {
+            self.received.clear();
+        } else if self.received.len() > REQUEST_MAX {
             self.port.hang_up();
         }
         Ok(request)
@@ -88,15 +88,15 @@ impl HttpPort {
 }
 
 /// Parses a complete request.
-fn parsed(heard: &[u8]) -> Option<Request> {
-    let end = heard.windows(4).position(|four| four == b"\r\n\r\n")?;
-    let head = String::from_utf8_lossy(&heard[..end]).into_owned();
+fn parsed(received: &[u8]) -> Option<Request> {
+    let end = received.windows(4).position(|four| four == b"\r\n\r\n")?;
+    let head = String::from_utf8_lossy(&received[..end]).into_owned();
     let length: usize = head
         .lines()
         .filter_map(|line| line.split_once(':'))
         .find(|(key, _)| key.eq_ignore_ascii_case("content-length"))
         .map_or(Some(0), |(_, value)| value.trim().parse().ok())?;
-    let body = heard.get(end + 4..end + 4 + length)?;
+    let body = received.get(end + 4..end + 4 + length)?;
     let mut words = head.split_whitespace();
     let (method, target) = (words.next()?.to_owned(), words.next()?);
     let path = target.split('?').next().unwrap_or(target).to_owned();

@@ -116,7 +116,12 @@ impl LabAmp {
 }
 
 impl Protocol for LabAmp {
-    fn hear(&mut self, stream: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(
+        &mut self,
+        stream: &mut Line,
+        received: &mut Vec<u8>,
+        _device_now_s: f64,
+    ) -> io::Result<Asked> {
         if let Some(request) = self.http.request()? {
             match labamp::answer(&request.path, &request.body, &LabAmp::signals(), self.rate_hz) {
                 Some((answer, asked)) => {
@@ -127,7 +132,7 @@ impl Protocol for LabAmp {
             }
         }
         // The stream has no requests.
-        heard.clear();
+        received.clear();
         Ok(Asked::default())
     }
 

@@ -63,10 +63,10 @@ impl Line {
     /// Those of the port.
     pub fn converse<Answer: AsRef<[u8]>>(
         &mut self,
-        heard: &mut Vec<u8>,
+        received: &mut Vec<u8>,
         mut dialogue: impl FnMut(u8) -> (Option<Answer>, u32),
     ) -> io::Result<()> {
-        for byte in heard.drain(..) {
+        for byte in received.drain(..) {
             let (answer, baud) = dialogue(byte);
             if let Some(answer) = answer {
                 self.answer(answer.as_ref())?;

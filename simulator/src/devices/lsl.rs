@@ -118,9 +118,9 @@ impl Protocol for Lsl {
         Ok(())
     }
 
-    fn hear(&mut self, feed: &mut Line, heard: &mut Vec<u8>, device_now_s: f64) -> io::Result<Asked> {
+    fn receive(&mut self, feed: &mut Line, received: &mut Vec<u8>, device_now_s: f64) -> io::Result<Asked> {
         self.answer_questions(device_now_s)?;
-        while let Some(request) = take_request(heard) {
+        while let Some(request) = take_request(received) {
             match request {
                 Request::FullInfo => feed.answer(self.info.to_xml(true).as_bytes())?,
                 Request::ShortInfo(query) if self.info.matches(&query) => {

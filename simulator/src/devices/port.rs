@@ -8,7 +8,7 @@ pub trait Port: Send {
     ///
     /// # Errors
     /// Errors of the operating system; an absent host is no error.
-    fn hear(&mut self) -> io::Result<Vec<u8>>;
+    fn receive(&mut self) -> io::Result<Vec<u8>>;
 
     /// Whether a host is connected.
     fn is_open(&self) -> bool;
@@ -19,7 +19,7 @@ pub trait Port: Send {
     /// Sends bytes unchanged; does nothing without a host. Bytes that a slow host does not accept are lost.
     ///
     /// # Errors
-    /// As [`Self::hear`].
+    /// As [`Self::receive`].
     fn write(&mut self, bytes: &[u8]) -> io::Result<()>;
 
     /// Whether each call of [`Self::write`] is a separate datagram.

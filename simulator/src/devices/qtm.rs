@@ -90,8 +90,8 @@ impl Protocol for Qtm {
         if on { Ok(()) } else { line.answer(&packet(Kind::Event, &[SHUTTING_DOWN])) }
     }
 
-    fn hear(&mut self, line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
-        while let Some((kind, text)) = take_packet(heard) {
+    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+        while let Some((kind, text)) = take_packet(received) {
             if kind == Kind::Command as u32 {
                 self.execute(line, &text)?;
             }

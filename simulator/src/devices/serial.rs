@@ -93,10 +93,10 @@ impl SerialPort {
 }
 
 impl Port for SerialPort {
-    fn hear(&mut self) -> io::Result<Vec<u8>> {
+    fn receive(&mut self) -> io::Result<Vec<u8>> {
         let Some(master) = &mut self.master else { return Ok(Vec::new()) };
         let mut bytes = [0; 4096];
-        let heard = match master.read(&mut bytes) {
+        let received = match master.read(&mut bytes) {
             Ok(length) => bytes[..length].to_vec(),
             Err(error) if error.kind() == ErrorKind::WouldBlock => Vec::new(),
             // The kernel's error if no host has the line open.
@@ -108,7 +108,7 @@ impl Port for SerialPort {
         };
         self.look()?;
         // At another baud rate the bits differ.
-        Ok(if self.host == Host::There { heard } else { Vec::new() })
+        Ok(if self.host == Host::There { received } else { Vec::new() })
     }
 
     fn is_open(&self) -> bool {
@@ -215,22 +215,22 @@ mod tests {
     fn host_and_device_hear_each_other_at_one_speed_only() {
         let folder = tempfile::tempdir().unwrap();
         let mut port = SerialPort::new(&folder.path().join("plate"), 460_800).unwrap();
-        port.hear().unwrap();
+        port.receive().unwrap();
         assert!(!port.is_open());
         port.write(b"into the void").unwrap();
         let mut host = opened(&port, 460_800);
         host.write_all(b"hello").unwrap();
-        assert_eq!((port.hear().unwrap(), port.is_open(), port.session()), (b"hello".to_vec(), true, 1));
+        assert_eq!((port.receive().unwrap(), port.is_open(), port.session()), (b"hello".to_vec(), true, 1));
         port.write(b"here").unwrap();
         assert_eq!(read(&mut host), b"here");
         port.set_baud(115_200);
         host.write_all(b"hello").unwrap();
-        assert_eq!(port.hear().unwrap(), b"");
+        assert_eq!(port.receive().unwrap(), b"");
         port.write(b"here").unwrap();
         let noise = read(&mut host);
         assert!(noise.len() == 4 && noise != b"here");
         drop(host);
-        port.hear().unwrap();
+        port.receive().unwrap();
         assert!(!port.is_open());
     }
 
@@ -239,14 +239,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut port = SerialPort::new(&folder.path().join("plate"), 1_000_000).unwrap();
         let mut host = opened(&port, 1_000_000);
-        port.hear().unwrap();
+        port.receive().unwrap();
         port.unplug();
         assert!(!port.name().exists());
         let ended = host.read(&mut [0; 8]);
         assert!(ended.is_err() || ended.unwrap() == 0, "the host gets an error");
         port.plug().unwrap();
         let mut host = opened(&port, 1_000_000);
-        port.hear().unwrap();
+        port.receive().unwrap();
         port.write(b"again").unwrap();
         assert_eq!((read(&mut host), port.session()), (b"again".to_vec(), 2));
         let name = port.name().to_owned();

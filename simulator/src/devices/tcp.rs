@@ -97,7 +97,7 @@ impl TcpPort {
 }
 
 impl Port for TcpPort {
-    fn hear(&mut self) -> io::Result<Vec<u8>> {
+    fn receive(&mut self) -> io::Result<Vec<u8>> {
         // An error is either "no peer" or a peer that has closed the connection already.
         while let Some(Ok((host, _))) = self.listener.as_ref().map(TcpListener::accept) {
             self.host.connect(host)?;
@@ -173,7 +173,7 @@ impl TcpOutPort {
 }
 
 impl Port for TcpOutPort {
-    fn hear(&mut self) -> io::Result<Vec<u8>> {
+    fn receive(&mut self) -> io::Result<Vec<u8>> {
         self.knock()?;
         Ok(self.host.read())
     }
@@ -232,8 +232,8 @@ mod tests {
         let mut port = TcpPort::bind("127.0.0.1:0".parse().unwrap()).unwrap();
         let mut host = TcpStream::connect(port.address()).unwrap();
         host.write_all(b"hello").unwrap();
-        let heard = until(|| Some(port.hear().unwrap()).filter(|bytes| !bytes.is_empty()));
-        assert_eq!((heard, port.session()), (b"hello".to_vec(), 1));
+        let received = until(|| Some(port.receive().unwrap()).filter(|bytes| !bytes.is_empty()));
+        assert_eq!((received, port.session()), (b"hello".to_vec(), 1));
         port.write(b"here").unwrap();
         let mut reported = [0; 4];
         host.read_exact(&mut reported).unwrap();
@@ -243,7 +243,7 @@ mod tests {
         assert!(TcpStream::connect(port.address()).is_err());
         port.plug().unwrap();
         let _again = TcpStream::connect(port.address()).unwrap();
-        until(|| port.hear().map(|_| port.is_open()).unwrap().then_some(()));
+        until(|| port.receive().map(|_| port.is_open()).unwrap().then_some(()));
         assert_eq!(port.session(), 2);
     }
 }

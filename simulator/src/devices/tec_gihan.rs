@@ -48,9 +48,9 @@ impl TecGihan {
 }
 
 impl Protocol for TecGihan {
-    fn hear(&mut self, line: &mut Line, heard: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
+    fn receive(&mut self, line: &mut Line, received: &mut Vec<u8>, _device_now_s: f64) -> io::Result<Asked> {
         let (zeroed, state) = (self.dialogue.zeroed, self.dialogue.state);
-        line.converse(heard, |byte| (self.dialogue.hear(byte), BAUD))?;
+        line.converse(received, |byte| (self.dialogue.receive(byte), BAUD))?;
         if state != self.dialogue.state {
             self.clear();
         }

@@ -25,7 +25,7 @@ impl UdpPort {
 }
 
 impl Port for UdpPort {
-    fn hear(&mut self) -> io::Result<Vec<u8>> {
+    fn receive(&mut self) -> io::Result<Vec<u8>> {
         Ok(Vec::new())
     }
 

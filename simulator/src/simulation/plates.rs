@@ -68,15 +68,15 @@ impl Shared {
         let (plate, rate_hz) = self.plate(which);
         let mut bias = Wrench { force_n: Vector3::zeros(), moment_nm: Vector3::zeros() };
         let mut reset_s = 0.0;
-        let mut before = self.trouble();
+        let mut before = self.faults();
         let mut number = 0_u32;
         self.pace(stop, 1, (rate_hz, settings.latency_s), |clock| {
-            let trouble = self.trouble();
-            if trouble.restarts[1] != before.restarts[1] {
+            let faults = self.faults();
+            if faults.restarts[1] != before.restarts[1] {
                 clock.restart();
                 server.restart();
             }
-            before = trouble;
+            before = faults;
             number = number.wrapping_add(1);
             let request = server.poll();
             if !server.has_client() && request.is_none() {
@@ -99,7 +99,7 @@ impl Shared {
             let unbiased =
                 Wrench { force_n: felt.force_n - bias.force_n, moment_nm: felt.moment_nm - bias.moment_nm };
             let status = self.plate_status.load(Ordering::Relaxed);
-            server.set_faults(trouble.plate_faults);
+            server.set_faults(faults.plate_faults);
             server.send(plate.record(&unbiased, clock.counter(), status))?;
             if which == 0 {
                 self.note_sent(1, time_s);

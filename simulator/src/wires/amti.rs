@@ -40,7 +40,7 @@ impl Dialogue {
     }
 
     /// Processes one byte of the host; returns the answer and its baud rate: an echo goes out at the old one.
-    pub fn hear(&mut self, byte: u8) -> Option<u8> {
+    pub fn receive(&mut self, byte: u8) -> Option<u8> {
         let second = u8::from(self.plates == 2);
         match byte {
             STOP => {
@@ -135,16 +135,16 @@ mod tests {
     #[test]
     fn the_dialogue_goes_as_the_public_receiver_has_it() {
         let mut plate = Dialogue::new(1);
-        assert_eq!(plate.hear(0x52), None);
-        assert_eq!(plate.hear(0x66), Some(0x66));
+        assert_eq!(plate.receive(0x52), None);
+        assert_eq!(plate.receive(0x66), Some(0x66));
         assert_eq!((plate.baud, plate.rate_hz), (115_200, 100.0));
-        assert_eq!(plate.hear(0x53), Some(0x54));
-        assert_eq!(plate.hear(0x51), Some(0x55));
-        assert!(plate.streaming && plate.hear(0x76).is_none());
-        plate.hear(0x52);
+        assert_eq!(plate.receive(0x53), Some(0x54));
+        assert_eq!(plate.receive(0x51), Some(0x55));
+        assert!(plate.streaming && plate.receive(0x76).is_none());
+        plate.receive(0x52);
         assert!(!plate.streaming && plate.baud == FIRST_BAUD);
         let mut two = Dialogue::new(2);
-        assert_eq!([0x53, 0x51].map(|byte| two.hear(byte)), [Some(0x64), Some(0x56)]);
+        assert_eq!([0x53, 0x51].map(|byte| two.receive(byte)), [Some(0x64), Some(0x56)]);
     }
 
     #[test]

@@ -68,7 +68,7 @@ impl Dialogue {
     }
 
     /// Processes a byte of the host; returns the answer.
-    pub fn hear(&mut self, byte: u8) -> Option<String> {
+    pub fn receive(&mut self, byte: u8) -> Option<String> {
         match byte {
             b'C' if self.line.is_empty() => {
                 self.running = false;
@@ -117,8 +117,8 @@ mod tests {
     fn it_is_set_up_and_runs_again() {
         let mut device = Dialogue::new(512);
         assert_eq!(device.rate_hz(), 100.0);
-        let mut say = |text: &str| text.bytes().filter_map(|byte| device.hear(byte)).collect::<String>();
-        assert_eq!(say("f,256,0,0,1\r\n"), "", "it runs, and hears nothing but C");
+        let mut say = |text: &str| text.bytes().filter_map(|byte| device.receive(byte)).collect::<String>();
+        assert_eq!(say("f,256,0,0,1\r\n"), "", "it runs, and receives nothing but C");
         assert_eq!(say("C"), "r,0,C,0\r\n");
         assert_eq!(say("c,0,1,0,2"), "r,0,c,0\r\n");
         assert_eq!(say("f,256,0,0,1\r\n"), "r,0,f,0\r\n");

@@ -108,7 +108,7 @@ impl Dialogue {
     }
 
     /// Processes a byte of the host; returns the answer.
-    pub fn hear(&mut self, byte: u8) -> Option<String> {
+    pub fn receive(&mut self, byte: u8) -> Option<String> {
         if byte != b'\n' {
             self.line.push(byte);
             return None;
@@ -183,7 +183,8 @@ mod tests {
     #[test]
     fn a_host_learns_the_plate_and_polls_blocks() {
         let mut controller = Dialogue::new(vec![PlateInfo::new(106, -0.042)]);
-        let mut say = |text: &str| text.bytes().filter_map(|byte| controller.hear(byte)).collect::<String>();
+        let mut say =
+            |text: &str| text.bytes().filter_map(|byte| controller.receive(byte)).collect::<String>();
         assert_eq!(say("STATE\nFPCOUNT\nFPSERIAL_0\n"), "IDLE\nFPCOUNT_1\nFPSERIAL_0_0106\n");
         assert_eq!(say("FP_0106_GET_AZ0\n"), "AZ0_-0.042\n");
         let scales = say("FP_0106_GETFS\n");

@@ -4,9 +4,9 @@
 mod dialogue;
 
 use super::framing::{Framing, missing};
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
-use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 pub use crate::units::{METRE_PER_INCH, NEWTON_PER_LBF};
 use crate::wire::amti::{CHANNELS, Command, FRAME_SIZE, Frame, SPEED_FAST, SPEED_SLOW};
@@ -123,7 +123,7 @@ impl Amti {
         }
     }
 
-    fn read(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn read(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.stream.push(bytes);
         while let Some(found) = self.stream.next(Frame::parse) {
             match found {
@@ -131,16 +131,16 @@ impl Amti {
                     if self.passed > 0 {
                         let since_ns = arrival_ns.saturating_sub(self.framed_ns);
                         let frames = missing(self.passed, FRAME_SIZE, since_ns, self.settings.rate.hz());
-                        taken.lost(u32::try_from(frames).unwrap_or(u32::MAX));
+                        decoded.lost(u32::try_from(frames).unwrap_or(u32::MAX));
                     }
                     (self.passed, self.framed_ns) = (0, arrival_ns);
                     self.framing.frame();
                     let reading = self.reading(&frame);
-                    taken.reading(reading);
+                    decoded.reading(reading);
                 }
                 Found::Passed { bytes, .. } => {
                     if self.passed == 0 {
-                        taken.refuse(GroundRefusal::Garbage);
+                        decoded.refuse(GroundRefusal::Garbage);
                     }
                     self.passed += bytes;
                     self.framing.passed(bytes);
@@ -157,31 +157,31 @@ impl GroundDevice for Amti {
         self.dialogue.begin(now_ns);
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         if self.dialogue.is_streaming() {
             if arrival_ns.saturating_sub(self.last_ns) > SILENCE_NS {
                 // The count of frames lost in the silence is unavailable.
-                taken.restarted();
+                decoded.restarted();
             }
             self.last_ns = arrival_ns;
-            self.read(bytes, arrival_ns, taken);
+            self.read(bytes, arrival_ns, decoded);
         } else if let Some(rest) = self.dialogue.ingest(bytes, arrival_ns) {
             self.stream.clear();
             self.passed = 0;
-            taken.restarted();
+            decoded.restarted();
             self.last_ns = arrival_ns;
             self.framed_ns = arrival_ns;
-            self.read(rest, arrival_ns, taken);
+            self.read(rest, arrival_ns, decoded);
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         let silent = now_ns.saturating_sub(self.last_ns) > SILENCE_NS;
         if self.dialogue.is_streaming() && (silent || self.framing.is_hopeless()) {
             self.framing.hope_again();
             self.dialogue.begin(now_ns);
         }
-        self.dialogue.wants(now_ns)
+        self.dialogue.next_action(now_ns)
     }
 
     fn close_command(&mut self) -> Option<Vec<u8>> {

@@ -1,6 +1,6 @@
 //! Requests a stream, and repeats the request while the device is silent; common to all devices that stream on request.
 
-use super::Want;
+use super::Action;
 
 /// Retry interval of a lost request, …
 const RETRY_NS: u64 = 100_000_000;
@@ -49,15 +49,15 @@ impl Asking {
         self.requests = 0;
     }
 
-    pub(super) fn wants(&mut self, now_ns: u64) -> Want {
+    pub(super) fn next_action(&mut self, now_ns: u64) -> Action {
         let pause_ns = if self.requests < QUICK_RETRIES { RETRY_NS } else { SLOW_RETRY_NS };
         let streams = self.last_data_ns.is_some_and(|last_ns| now_ns.saturating_sub(last_ns) < SILENCE_NS);
         if streams || (self.requests > 0 && now_ns.saturating_sub(self.last_request_ns) < pause_ns) {
-            return Want::Nothing;
+            return Action::Nothing;
         }
         self.last_request_ns = now_ns;
         self.requests = self.requests.saturating_add(1);
         self.asked = true;
-        Want::Send(self.request.clone())
+        Action::Send(self.request.clone())
     }
 }

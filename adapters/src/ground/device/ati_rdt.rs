@@ -3,9 +3,9 @@
 mod scale;
 
 use super::asking::Asking;
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
-use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::ati_rdt::{Command, Record, Records, Request};
 pub use scale::Page;
@@ -101,15 +101,15 @@ impl AtiRdt {
     }
 
     /// While the scale is unavailable: stops the stream, and after an interval requests the settings page again.
-    fn wants_page(&mut self, now_ns: u64, why: String) -> Want {
+    fn wants_page(&mut self, now_ns: u64, why: String) -> Action {
         if self.asking.is_answer() || self.asking.take_streaming() {
-            return Want::Send(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec());
+            return Action::Send(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec());
         }
         if now_ns.saturating_sub(self.judged_ns) < JUDGED_AGAIN_NS {
-            return Want::Nothing;
+            return Action::Nothing;
         }
         self.judged_ns = now_ns;
-        Want::Reopen(why)
+        Action::Reopen(why)
     }
 }
 
@@ -122,7 +122,7 @@ impl GroundDevice for AtiRdt {
         self.restarted = false;
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         if core::mem::take(&mut self.fresh)
             && let Some(page) = Page::from_bytes(bytes)
         {
@@ -130,32 +130,32 @@ impl GroundDevice for AtiRdt {
             return;
         }
         let Ok(records) = Records::parse(bytes) else {
-            taken.refuse(GroundRefusal::Length);
+            decoded.refuse(GroundRefusal::Length);
             return;
         };
         self.asking.register_arrival(arrival_ns);
         let Ok(scale) = self.scale else {
-            taken.refuse(GroundRefusal::UnknownKind);
+            decoded.refuse(GroundRefusal::UnknownKind);
             return;
         };
         if self.asking.is_answer() {
-            taken.restarted();
+            decoded.restarted();
         }
         for record in records {
             let reading = self.reading(&record, scale);
-            taken.reading(reading);
+            decoded.reading(reading);
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         if let Err(why) = &self.scale {
             let why = why.clone();
             return self.wants_page(now_ns, why);
         }
         if core::mem::take(&mut self.restarted) {
-            return Want::Reopen("the ATI device was restarted: its settings are read again".to_owned());
+            return Action::Reopen("the ATI device was restarted: its settings are read again".to_owned());
         }
-        self.asking.wants(now_ns)
+        self.asking.next_action(now_ns)
     }
 
     fn close_command(&mut self) -> Option<Vec<u8>> {

@@ -2,10 +2,10 @@
 
 use super::asking::Asking;
 use super::framing::missing;
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::channels::Channels;
 use crate::ground::order::{Order, Stamps, Trust};
-use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::frame::{Found, FrameForm, Frames, Length, Look, Number, Place, Tag};
 
@@ -135,17 +135,17 @@ impl Binary {
         }
     }
 
-    fn datagram(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn datagram(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         let fits = match self.frames.form().length {
             Length::Fixed(length) => bytes.len().is_multiple_of(length),
             Length::InHead { .. } => true,
         };
         if bytes.is_empty() || !fits {
             self.unframed = self.unframed.saturating_add(bytes.len());
-            return taken.refuse(GroundRefusal::Length);
+            return decoded.refuse(GroundRefusal::Length);
         }
         if self.asking.as_mut().is_some_and(Asking::is_answer) {
-            taken.restarted();
+            decoded.restarted();
         }
         let mut rest = bytes;
         while !rest.is_empty() {
@@ -153,23 +153,23 @@ impl Binary {
             let length = match form.look(rest) {
                 Look::Frame(frame) => {
                     (self.passed, self.unframed) = (0, 0);
-                    self.reader.frame(frame, arrival_ns, taken);
+                    self.reader.frame(frame, arrival_ns, decoded);
                     self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                     frame.len()
                 }
                 Look::Other(frame) => {
-                    taken.refuse(GroundRefusal::UnknownKind);
+                    decoded.refuse(GroundRefusal::UnknownKind);
                     frame.len()
                 }
                 Look::TooFew => {
-                    taken.refuse(GroundRefusal::Length);
+                    decoded.refuse(GroundRefusal::Length);
                     rest.len()
                 }
                 Look::Nothing => {
                     let damaged = form.begins_damaged(rest);
-                    taken.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
+                    decoded.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
                     if damaged && self.reader.counts_nothing() {
-                        taken.lost(u32::try_from(self.reader.scans()).unwrap_or(u32::MAX));
+                        decoded.lost(u32::try_from(self.reader.scans()).unwrap_or(u32::MAX));
                     }
                     self.unframed = self.unframed.saturating_add(rest.len());
                     // After a damaged length field, the position of the next frame is unknown.
@@ -183,13 +183,13 @@ impl Binary {
         }
     }
 
-    fn stream(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn stream(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.frames.push(bytes);
         while let Some(found) = self.frames.advance() {
             match found {
                 Found::Frame(frame) => {
                     if self.asking.as_mut().is_some_and(Asking::is_answer) {
-                        taken.restarted();
+                        decoded.restarted();
                     }
                     self.unframed = 0;
                     let passed = core::mem::take(&mut self.passed);
@@ -198,18 +198,22 @@ impl Binary {
                         let since_ns = before_ns.map_or(0, |before_ns| arrival_ns.saturating_sub(before_ns));
                         let rate_hz = self.reader.settings.rate_hz.unwrap_or_default();
                         let frames = missing(passed, frame.len(), since_ns, rate_hz);
-                        taken.lost(u32::try_from(frames * self.reader.scans()).unwrap_or(u32::MAX));
+                        decoded.lost(u32::try_from(frames * self.reader.scans()).unwrap_or(u32::MAX));
                     }
-                    self.reader.frame(frame, arrival_ns, taken);
+                    self.reader.frame(frame, arrival_ns, decoded);
                     self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                 }
                 Found::Other => {
                     (self.passed, self.unframed) = (0, 0);
-                    taken.refuse(GroundRefusal::UnknownKind);
+                    decoded.refuse(GroundRefusal::UnknownKind);
                 }
                 Found::Passed { bytes, damaged } => {
                     if self.passed == 0 {
-                        taken.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
+                        decoded.refuse(if damaged {
+                            GroundRefusal::Checksum
+                        } else {
+                            GroundRefusal::Garbage
+                        });
                     }
                     self.passed = self.passed.saturating_add(bytes);
                     self.unframed = self.unframed.saturating_add(bytes);
@@ -228,19 +232,19 @@ impl GroundDevice for Binary {
         self.unframed = 0;
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         if self.reader.counts_nothing() {
-            self.reader.order.register_arrival(arrival_ns, taken);
+            self.reader.order.register_arrival(arrival_ns, decoded);
         }
         if self.reader.settings.datagrams {
-            self.datagram(bytes, arrival_ns, taken);
+            self.datagram(bytes, arrival_ns, decoded);
         } else {
-            self.stream(bytes, arrival_ns, taken);
+            self.stream(bytes, arrival_ns, decoded);
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
-        self.asking.as_mut().map_or(Want::Nothing, |asking| asking.wants(now_ns))
+    fn next_action(&mut self, now_ns: u64) -> Action {
+        self.asking.as_mut().map_or(Action::Nothing, |asking| asking.next_action(now_ns))
     }
 
     fn close_command(&mut self) -> Option<Vec<u8>> {
@@ -270,16 +274,16 @@ impl Reader {
         self.settings.scans.count.max(1)
     }
 
-    fn frame(&mut self, frame: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn frame(&mut self, frame: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         for scan in 0..self.scans() {
             // The format was validated to contain all fields; a missing one would be refused as not a number.
-            if self.scan(frame, scan, arrival_ns, taken).is_none() {
-                taken.refuse(GroundRefusal::Number);
+            if self.scan(frame, scan, arrival_ns, decoded).is_none() {
+                decoded.refuse(GroundRefusal::Number);
             }
         }
     }
 
-    fn scan(&mut self, frame: &[u8], scan: usize, arrival_ns: u64, taken: &mut Taken) -> Option<()> {
+    fn scan(&mut self, frame: &[u8], scan: usize, arrival_ns: u64, decoded: &mut Decoded) -> Option<()> {
         let settings = &self.settings;
         let scans = settings.scans.count.max(1) as u64;
         for (field, value) in settings.fields.iter().zip(&mut self.values) {
@@ -305,7 +309,7 @@ impl Reader {
         let status = settings.status.map_or(Some(0), |place| place.masked(frame))?;
         let trigger = settings.trigger.as_ref().is_some_and(|tag| tag.fits(frame));
         let stamps = Stamps { sequence, counter, time_ns: time };
-        let Some((sequence, tick)) = self.order.place(stamps, arrival_ns, taken) else { return Some(()) };
+        let Some((sequence, tick)) = self.order.place(stamps, arrival_ns, decoded) else { return Some(()) };
         self.count = self.count.wrapping_add(1);
         let own = match (tick, sequence) {
             (Tick::Counter(count), _) | (_, Some(count)) => count,
@@ -319,7 +323,7 @@ impl Reader {
         let load = settings.channels.load(&self.values);
         // A status of more than 32 bits is invalid if any bit is set.
         let status = u32::try_from(status).unwrap_or(u32::MAX);
-        taken.reading(Reading { sequence, tick, device_counter, status, load });
+        decoded.reading(Reading { sequence, tick, device_counter, status, load });
         Some(())
     }
 }

@@ -1,10 +1,10 @@
 //! Bota and Rokubi sensors over a serial line: only received, or set up first.
 
 use super::framing::Framing;
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
 use crate::ground::lead::Lead;
-use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::bota::{FRAME_SIZE, Frame, HEADER, setup, status};
 use crate::wire::sliding::{Found, Sliding};
@@ -47,7 +47,7 @@ pub struct Bota {
     step: usize,
     asked_ns: Option<u64>,
     unanswered: u32,
-    heard: Vec<u8>,
+    received: Vec<u8>,
     last_ns: u64,
     silent: bool,
     raw: bool,
@@ -65,7 +65,7 @@ impl Bota {
             step: 0,
             asked_ns: None,
             unanswered: 0,
-            heard: Vec::new(),
+            received: Vec::new(),
             last_ns: 0,
             silent: false,
             raw: false,
@@ -78,28 +78,32 @@ impl Bota {
     }
 
     /// Searches for an answer among frames that still arrive; returns the bytes after it.
-    fn hear<'a>(&mut self, bytes: &'a [u8], answer: &str) -> Option<&'a [u8]> {
-        let before = self.heard.len();
-        self.heard.extend_from_slice(bytes);
-        let place = self.heard.windows(answer.len()).position(|window| window == answer.as_bytes());
+    fn receive<'a>(&mut self, bytes: &'a [u8], answer: &str) -> Option<&'a [u8]> {
+        let before = self.received.len();
+        self.received.extend_from_slice(bytes);
+        let place = self.received.windows(answer.len()).position(|window| window == answer.as_bytes());
         if place.is_none() {
-            self.heard.drain(..self.heard.len().saturating_sub(ANSWER_MAX));
+            self.received.drain(..self.received.len().saturating_sub(ANSWER_MAX));
         }
         let end = (place? + answer.len()).saturating_sub(before);
-        self.heard.clear();
+        self.received.clear();
         (self.step, self.asked_ns, self.unanswered) = (self.step + 1, None, 0);
         bytes.get(end..)
     }
 
-    fn read(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn read(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.stream.push(bytes);
         while let Some(found) = self.stream.next(Frame::parse) {
             match found {
-                Found::Frame(frame) => self.frame(&frame, arrival_ns, taken),
+                Found::Frame(frame) => self.frame(&frame, arrival_ns, decoded),
                 Found::Passed { bytes, first } => {
                     let damaged = first == HEADER;
                     if !core::mem::replace(&mut self.passing, true) {
-                        taken.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
+                        decoded.refuse(if damaged {
+                            GroundRefusal::Checksum
+                        } else {
+                            GroundRefusal::Garbage
+                        });
                     }
                     self.framing.passed(bytes);
                 }
@@ -107,17 +111,17 @@ impl Bota {
         }
     }
 
-    fn frame(&mut self, frame: &Frame, arrival_ns: u64, taken: &mut Taken) {
+    fn frame(&mut self, frame: &Frame, arrival_ns: u64, decoded: &mut Decoded) {
         self.passing = false;
         self.framing.frame();
         self.raw = frame.status & status::RAW != 0;
         match self.clock.follow(frame.timestamp_us, arrival_ns) {
-            Step::Stands => return taken.refuse(GroundRefusal::Duplicate),
+            Step::Stands => return decoded.refuse(GroundRefusal::Duplicate),
             Step::Forward { lost: 0 } => {}
-            Step::Forward { lost } => taken.lost(lost),
-            Step::Rebooted => taken.rebooted(),
+            Step::Forward { lost } => decoded.lost(lost),
+            Step::Rebooted => decoded.rebooted(),
         }
-        taken.reading(Reading {
+        decoded.reading(Reading {
             sequence: None,
             tick: Tick::Counter(frame.timestamp_us),
             device_counter: frame.timestamp_us,
@@ -133,41 +137,41 @@ impl Bota {
 impl GroundDevice for Bota {
     fn opened(&mut self, now_ns: u64) {
         self.stream.clear();
-        self.heard.clear();
+        self.received.clear();
         self.framing.restart(self.settings.baud);
         self.clock = Clock::default();
         (self.step, self.asked_ns, self.unanswered) = (0, None, 0);
         (self.last_ns, self.silent) = (now_ns, false);
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         (self.last_ns, self.silent) = (arrival_ns, false);
         match self.due() {
-            None => self.read(bytes, arrival_ns, taken),
+            None => self.read(bytes, arrival_ns, decoded),
             Some((_, answer)) => {
-                if let (Some(rest), None) = (self.hear(bytes, answer), self.due()) {
+                if let (Some(rest), None) = (self.receive(bytes, answer), self.due()) {
                     self.stream.clear();
-                    self.read(rest, arrival_ns, taken);
+                    self.read(rest, arrival_ns, decoded);
                 }
             }
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         self.silent = now_ns.saturating_sub(self.last_ns) > SILENCE_NS;
-        let Some((said, _)) = self.due() else { return Want::Nothing };
+        let Some((said, _)) = self.due() else { return Action::Nothing };
         match self.asked_ns {
-            Some(asked_ns) if now_ns.saturating_sub(asked_ns) < ANSWER_NS => return Want::Nothing,
+            Some(asked_ns) if now_ns.saturating_sub(asked_ns) < ANSWER_NS => return Action::Nothing,
             // The sensor may have executed some of the commands: restart the set-up from the first.
             Some(_) if self.step > 0 => {
                 (self.step, self.asked_ns, self.unanswered) = (0, None, self.unanswered + 1);
-                return self.wants(now_ns);
+                return self.next_action(now_ns);
             }
             Some(_) => self.unanswered += 1,
             None => {}
         }
         self.asked_ns = Some(now_ns);
-        Want::Send(said.into_bytes())
+        Action::Send(said.into_bytes())
     }
 
     fn diagnostic(&self) -> Option<String> {

@@ -5,9 +5,9 @@
 mod mean;
 
 use self::mean::{Decimator, Mean};
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
-use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::labamp::talk::{Metadata, Signal};
 use crate::wire::labamp::{Content, Data, Deframer, Event, Frame, Malformed};
@@ -115,10 +115,10 @@ impl LabAmp {
         }
     }
 
-    fn event(&mut self, event: Event, taken: &mut Taken) {
+    fn event(&mut self, event: Event, decoded: &mut Decoded) {
         let over = match event {
             Event::Overrun => {
-                taken.refuse(GroundRefusal::Overrun);
+                decoded.refuse(GroundRefusal::Overrun);
                 // The lost data have no number: the time of the next frame reveals their count.
                 if let Phase::Frames(frames) = &mut self.phase {
                     frames.decimator.missing_frames(1);
@@ -127,11 +127,11 @@ impl LabAmp {
             }
             Event::TimeSkew => {
                 // The times of the frames reveal the size of the clock step.
-                taken.refuse(GroundRefusal::DeviceStatus);
+                decoded.refuse(GroundRefusal::DeviceStatus);
                 return;
             }
             Event::Other(_) => {
-                taken.refuse(GroundRefusal::UnknownKind);
+                decoded.refuse(GroundRefusal::UnknownKind);
                 return;
             }
             Event::Closed => {
@@ -147,19 +147,19 @@ impl LabAmp {
 }
 
 impl LabAmp {
-    fn frame(&mut self, frame: Result<Frame<'_>, Malformed>, taken: &mut Taken) {
+    fn frame(&mut self, frame: Result<Frame<'_>, Malformed>, decoded: &mut Decoded) {
         let Phase::Frames(frames) = &mut self.phase else { return };
         let frame = match frame {
             Ok(frame) => frame,
             Err(error @ Malformed::Front { front }) => {
                 // A later protocol version, in either byte order, or no frame at all.
                 let later = matches!(front, [2..=9, 0, ..] | [0, 2..=9, ..]);
-                taken.refuse(if later { GroundRefusal::Version } else { GroundRefusal::Garbage });
+                decoded.refuse(if later { GroundRefusal::Version } else { GroundRefusal::Garbage });
                 self.over = Some(format!("{error}: its stream is opened again"));
                 return;
             }
             Err(Malformed::Length { .. }) => {
-                taken.refuse(GroundRefusal::Length);
+                decoded.refuse(GroundRefusal::Length);
                 return;
             }
         };
@@ -168,28 +168,28 @@ impl LabAmp {
         let steps = before.map_or(1, |before| frame.sequence.wrapping_sub(before)).cast_signed();
         frames.decimator.missing_frames(u32::try_from(steps.saturating_sub(1)).unwrap_or(0));
         match frame.content {
-            Content::Data(data) => frames.data(&frame, &data, taken),
-            Content::Event(event) => self.event(event, taken),
-            Content::Other => taken.refuse(GroundRefusal::UnknownKind),
+            Content::Data(data) => frames.data(&frame, &data, decoded),
+            Content::Event(event) => self.event(event, decoded),
+            Content::Other => decoded.refuse(GroundRefusal::UnknownKind),
         }
     }
 }
 
 impl Frames {
-    fn data(&mut self, frame: &Frame<'_>, data: &Data<'_>, taken: &mut Taken) {
+    fn data(&mut self, frame: &Frame<'_>, data: &Data<'_>, decoded: &mut Decoded) {
         let channels = self.fitted.count();
         if data.count() == 0 || !data.count().is_multiple_of(channels) {
-            taken.refuse(GroundRefusal::Length);
+            decoded.refuse(GroundRefusal::Length);
             return;
         }
         let scans = data.count() / channels;
-        taken.block_latency((scans as f64 / self.rate_hz * 1e9) as u64);
-        self.decimator.frame(data.time_ns, scans, taken);
+        decoded.block_latency((scans as f64 / self.rate_hz * 1e9) as u64);
+        self.decimator.frame(data.time_ns, scans, decoded);
         let mut numbers = data.numbers();
         for _ in 0..scans {
             if let Some(Mean { time_ns, values }) = self.decimator.scan(&mut numbers) {
                 let load = self.fitted.load(values);
-                taken.reading(Reading {
+                decoded.reading(Reading {
                     sequence: None,
                     tick: Tick::Time(time_ns),
                     device_counter: frame.sequence,
@@ -208,7 +208,7 @@ impl GroundDevice for LabAmp {
         self.last_ns = now_ns;
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         self.last_ns = arrival_ns;
         let mut bytes = bytes;
         if let Phase::Channels(line) = &mut self.phase {
@@ -216,7 +216,7 @@ impl GroundDevice for LabAmp {
             // description.
             if self.over.is_some() {
                 if !bytes.is_empty() {
-                    taken.refuse(GroundRefusal::UnknownKind);
+                    decoded.refuse(GroundRefusal::UnknownKind);
                 }
                 return;
             }
@@ -226,7 +226,7 @@ impl GroundDevice for LabAmp {
             if end.is_none() {
                 if line.len() > LINE_MAX {
                     line.clear();
-                    taken.refuse(GroundRefusal::TooLong);
+                    decoded.refuse(GroundRefusal::TooLong);
                 }
                 return;
             }
@@ -236,29 +236,29 @@ impl GroundDevice for LabAmp {
         }
         let Phase::Frames(frames) = &mut self.phase else {
             if !bytes.is_empty() {
-                taken.refuse(GroundRefusal::UnknownKind);
+                decoded.refuse(GroundRefusal::UnknownKind);
             }
             return;
         };
         let mut deframer = core::mem::take(&mut frames.deframer);
         deframer.push(bytes);
         while let Some(frame) = deframer.next_frame() {
-            self.frame(frame, taken);
+            self.frame(frame, decoded);
         }
         if let Phase::Frames(frames) = &mut self.phase {
             frames.deframer = deframer;
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         if let Some(why) = self.over.take() {
-            return Want::Reopen(why);
+            return Action::Reopen(why);
         }
         if matches!(self.phase, Phase::Frames(_)) && now_ns.saturating_sub(self.last_ns) > SILENCE_NS {
             self.last_ns = now_ns;
-            return Want::Reopen("Kistler's LabAmp fell silent: its stream is opened again".to_owned());
+            return Action::Reopen("Kistler's LabAmp fell silent: its stream is opened again".to_owned());
         }
-        Want::Nothing
+        Action::Nothing
     }
 
     fn diagnostic(&self) -> Option<String> {

@@ -3,9 +3,9 @@
 //! The stream begins with its description, which the transport requests, terminated by a zero byte; the samples follow.
 //! Sample times are the sender's: their offset and drift are estimated from the earliest arrivals, as for every device.
 
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::plan::{DeviceChannel, Fitted, Plan, Whose};
-use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::lsl::{Feed, Item, StreamInfo, feed_request};
 
@@ -149,7 +149,7 @@ impl GroundDevice for Lsl {
         self.since_ns = now_ns;
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         let mut bytes = bytes;
         if let Phase::Info(xml) = &mut self.phase {
             let end = bytes.iter().position(|byte| *byte == 0);
@@ -158,7 +158,7 @@ impl GroundDevice for Lsl {
             if end.is_none() {
                 if xml.len() > INFO_MAX {
                     xml.clear();
-                    taken.refuse(GroundRefusal::TooLong);
+                    decoded.refuse(GroundRefusal::TooLong);
                 }
                 return;
             }
@@ -168,7 +168,7 @@ impl GroundDevice for Lsl {
         }
         let Phase::Feed(samples) = &mut self.phase else {
             if !bytes.is_empty() {
-                taken.refuse(GroundRefusal::UnknownKind);
+                decoded.refuse(GroundRefusal::UnknownKind);
             }
             return;
         };
@@ -180,12 +180,12 @@ impl GroundDevice for Lsl {
                 Ok(Item::Sample { time_s, values }) => {
                     (self.since_ns, self.silent) = (arrival_ns, false);
                     let Some(time_ns) = time_ns(time_s, samples.newest_ns, samples.period_ns) else {
-                        taken.refuse(GroundRefusal::Number);
+                        decoded.refuse(GroundRefusal::Number);
                         continue;
                     };
                     samples.newest_ns = Some(time_ns);
                     samples.count = samples.count.wrapping_add(1);
-                    taken.reading(Reading {
+                    decoded.reading(Reading {
                         sequence: None,
                         tick: Tick::Time(time_ns),
                         device_counter: samples.count,
@@ -194,7 +194,7 @@ impl GroundDevice for Lsl {
                     });
                 }
                 Err(error) => {
-                    taken.refuse(GroundRefusal::Garbage);
+                    decoded.refuse(GroundRefusal::Garbage);
                     broken = Some(format!("the stream is opened again: {error}"));
                 }
             }
@@ -204,17 +204,17 @@ impl GroundDevice for Lsl {
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         if let Some(why) = self.over.take() {
-            return Want::Reopen(why);
+            return Action::Reopen(why);
         }
         self.silent = now_ns.saturating_sub(self.since_ns) > SILENCE_NS;
         match &mut self.phase {
             Phase::Feed(samples) if !samples.asked => {
                 samples.asked = true;
-                Want::Send(feed_request(&samples.info))
+                Action::Send(feed_request(&samples.info))
             }
-            Phase::Feed(_) | Phase::Info(_) => Want::Nothing,
+            Phase::Feed(_) | Phase::Info(_) => Action::Nothing,
         }
     }
 

@@ -7,9 +7,9 @@
 //! not documented: it must be configured, or determined by trial.
 
 use super::text::{Column, Framing, Judge, Text, TextSettings};
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::channels::{ChannelFault, Channels, Sole};
-use crate::ground::reading::Taken;
+use crate::ground::reading::Decoded;
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::text_line::{Decimal, Delimiter, LineForm, Unit};
 
@@ -177,12 +177,12 @@ impl GroundDevice for Moticon {
         self.text.opened(now_ns);
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
-        self.text.take(bytes, arrival_ns, taken);
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
+        self.text.take(bytes, arrival_ns, decoded);
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
-        self.text.wants(now_ns)
+    fn next_action(&mut self, now_ns: u64) -> Action {
+        self.text.next_action(now_ns)
     }
 
     fn diagnostic(&self) -> Option<String> {

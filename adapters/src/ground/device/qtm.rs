@@ -10,9 +10,9 @@
 mod pace;
 
 use self::pace::Pace;
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
-use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::qtm::{Deframer, Event, Frame, Malformed, Packet, PlateForce, VERSION, command};
 
@@ -121,17 +121,17 @@ impl Qtm {
     }
 
     /// Converts the forces of a frame to readings.
-    fn frame(&mut self, frame: &Frame<'_>, arrival_ns: u64, taken: &mut Taken) {
+    fn frame(&mut self, frame: &Frame<'_>, arrival_ns: u64, decoded: &mut Decoded) {
         self.step = Step::Streaming { since_ns: arrival_ns };
         let forces = match frame.plate(self.settings.plate) {
             Ok(Some(forces)) => forces,
             Ok(None) => {
                 self.diagnostic = Some(self.plate_missing(&frame.plates()));
-                taken.refuse(GroundRefusal::UnknownKind);
+                decoded.refuse(GroundRefusal::UnknownKind);
                 return;
             }
             Err(_) => {
-                taken.refuse(GroundRefusal::Length);
+                decoded.refuse(GroundRefusal::Length);
                 return;
             }
         };
@@ -141,8 +141,8 @@ impl Qtm {
         for force in &forces {
             self.check_moment(force);
         }
-        for due in self.pace.frame(frame, first, forces, taken) {
-            taken.reading(reading(&due.force, due.time_ns, due.counter));
+        for due in self.pace.frame(frame, first, forces, decoded) {
+            decoded.reading(reading(&due.force, due.time_ns, due.counter));
         }
     }
 
@@ -200,37 +200,37 @@ impl GroundDevice for Qtm {
         (self.broken, self.contradictions) = (None, 0);
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         let mut deframer = core::mem::take(&mut self.deframer);
         deframer.push(bytes);
         while let Some(packet) = deframer.next_packet() {
             match packet {
-                Ok(Packet::Frame(frame)) => self.frame(&frame, arrival_ns, taken),
+                Ok(Packet::Frame(frame)) => self.frame(&frame, arrival_ns, decoded),
                 Ok(Packet::Text(text)) => self.text(text),
                 Ok(Packet::Error(text)) => self.refused(text),
                 Ok(Packet::Event(event)) => self.event(event),
                 Ok(Packet::NoMoreData) => self.nothing_measured(),
-                Ok(Packet::Other(_)) => taken.refuse(GroundRefusal::UnknownKind),
+                Ok(Packet::Other(_)) => decoded.refuse(GroundRefusal::UnknownKind),
                 Err(error @ Malformed::Size { .. }) => {
                     self.broken = Some(error);
-                    taken.refuse(GroundRefusal::Garbage);
+                    decoded.refuse(GroundRefusal::Garbage);
                 }
-                Err(_) => taken.refuse(GroundRefusal::Length),
+                Err(_) => decoded.refuse(GroundRefusal::Length),
             }
         }
         self.deframer = deframer;
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         if let Some(broken) = self.broken {
             let why = format!("{broken}; check ground.address");
             self.diagnostic = Some(why.clone());
-            return Want::Reopen(why);
+            return Action::Reopen(why);
         }
         match self.step {
             Step::Connected => {
                 self.step = Step::VersionRequested { at_ns: now_ns };
-                Want::Send(command(&format!("Version {VERSION}")))
+                Action::Send(command(&format!("Version {VERSION}")))
             }
             Step::VersionRequested { at_ns } if now_ns.saturating_sub(at_ns) > ANSWER_NS => {
                 let answer = self.refusal.take().unwrap_or_else(|| "it does not answer".to_owned());
@@ -239,11 +239,11 @@ impl GroundDevice for Qtm {
                      2021 or later?"
                 );
                 self.diagnostic = Some(why.clone());
-                Want::Reopen(why)
+                Action::Reopen(why)
             }
             Step::VersionAccepted => {
                 self.step = Step::Streaming { since_ns: now_ns };
-                Want::Send(command(&match self.settings.divisor {
+                Action::Send(command(&match self.settings.divisor {
                     1 => "StreamFrames AllFrames Force".to_owned(),
                     divisor => format!("StreamFrames FrequencyDivisor:{divisor} ForceSingle"),
                 }))
@@ -253,9 +253,9 @@ impl GroundDevice for Qtm {
                 if self.diagnostic.is_none() {
                     self.nothing_measured();
                 }
-                self.wants(now_ns)
+                self.next_action(now_ns)
             }
-            Step::VersionRequested { .. } | Step::Streaming { .. } => Want::Nothing,
+            Step::VersionRequested { .. } | Step::Streaming { .. } => Action::Nothing,
         }
     }
 

@@ -6,9 +6,9 @@
 mod dialogue;
 
 use self::dialogue::{Dialogue, Known, Next};
-use super::{GroundDevice, Want};
+use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
-use crate::ground::reading::{Load, Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Load, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::tec_gihan::{FullScales, Line, Range, Rate, block_size, plate_samples};
 
@@ -110,7 +110,7 @@ impl TecGihan {
         })
     }
 
-    fn take_block(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take_block(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         let TecGihanSettings { plate, rate, range, .. } = self.settings;
         let Phase::Measuring(blocks) = &mut self.phase else { return };
         let room = blocks.size - blocks.block.len();
@@ -122,12 +122,12 @@ impl TecGihan {
             return;
         }
         if core::mem::take(&mut blocks.fresh) {
-            taken.restarted();
+            decoded.restarted();
         }
-        taken.block_latency(rate.block_ns());
+        decoded.block_latency(rate.block_ns());
         for counts in plate_samples(&blocks.block, plate - 1, rate) {
             let [fx, fy, fz, mx, my, mz] = blocks.scales.scaled(range, counts);
-            taken.reading(Reading {
+            decoded.reading(Reading {
                 sequence: None,
                 tick: Tick::Uncounted,
                 device_counter: 0,
@@ -159,21 +159,21 @@ impl GroundDevice for TecGihan {
         self.restart_block();
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         if core::mem::take(&mut self.owed.incomplete) {
-            taken.refuse(GroundRefusal::Incomplete);
+            decoded.refuse(GroundRefusal::Incomplete);
         }
         match core::mem::take(&mut self.owed.lost) {
             0 => {}
-            lost => taken.lost(lost),
+            lost => decoded.lost(lost),
         }
         match &mut self.phase {
-            Phase::Talking(dialogue) => dialogue.take(bytes, taken),
-            Phase::Measuring(_) => self.take_block(bytes, arrival_ns, taken),
+            Phase::Talking(dialogue) => dialogue.take(bytes, decoded),
+            Phase::Measuring(_) => self.take_block(bytes, arrival_ns, decoded),
         }
     }
 
-    fn wants(&mut self, now_ns: u64) -> Want {
+    fn next_action(&mut self, now_ns: u64) -> Action {
         if let Some((what, partly)) = self.broken(now_ns) {
             self.diagnostic = Some(format!(
                 "the controller sent {what}: it is stopped and started again; check the cable, and that the line has \
@@ -185,19 +185,19 @@ impl GroundDevice for TecGihan {
         match &mut self.phase {
             Phase::Measuring(blocks) if blocks.due => {
                 (blocks.due, blocks.since_ns) = (false, now_ns);
-                Want::Send(Line::NextBlock.to_bytes())
+                Action::Send(Line::NextBlock.to_bytes())
             }
-            Phase::Measuring(_) => Want::Nothing,
+            Phase::Measuring(_) => Action::Nothing,
             Phase::Talking(dialogue) => match dialogue.next(now_ns) {
-                Next::Wait => Want::Nothing,
-                Next::Say(line) => Want::Send(line.to_bytes()),
+                Next::Wait => Action::Nothing,
+                Next::Say(line) => Action::Send(line.to_bytes()),
                 Next::Start(known) => {
                     self.began(&known, now_ns);
-                    Want::Send(Line::Start.to_bytes())
+                    Action::Send(Line::Start.to_bytes())
                 }
                 Next::GiveUp(why) => {
                     self.diagnostic = Some(why.clone());
-                    Want::Reopen(why)
+                    Action::Reopen(why)
                 }
             },
         }

@@ -3,7 +3,7 @@
 use super::GroundDevice;
 use crate::ground::channels::Channels;
 use crate::ground::order::{Order, Stamps};
-use crate::ground::reading::{Reading, Taken, Tick};
+use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::text_line::{Fields, LineForm, Lines, Malformed, Unit};
 
@@ -154,10 +154,10 @@ impl TextSettings {
     }
 
     /// Refuses an unreadable line; with a counter, the next line reveals the loss.
-    fn damaged(&self, refusal: GroundRefusal, taken: &mut Taken) {
-        taken.refuse(refusal);
+    fn damaged(&self, refusal: GroundRefusal, decoded: &mut Decoded) {
+        decoded.refuse(refusal);
         if self.counts_nothing() {
-            taken.lost(1);
+            decoded.lost(1);
         }
     }
 }
@@ -174,14 +174,14 @@ impl<J: Judge> GroundDevice for Text<J> {
         self.reader.order.reset();
     }
 
-    fn take(&mut self, bytes: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         let Text { settings, lines, reader } = self;
         if settings.counts_nothing() {
-            reader.order.register_arrival(arrival_ns, taken);
+            reader.order.register_arrival(arrival_ns, decoded);
         }
         let mut each = |line: Result<&[u8], _>| match line {
-            Ok(line) => reader.line(settings, line, arrival_ns, taken),
-            Err(_) => settings.damaged(GroundRefusal::TooLong, taken),
+            Ok(line) => reader.line(settings, line, arrival_ns, decoded),
+            Err(_) => settings.damaged(GroundRefusal::TooLong, decoded),
         };
         lines.take(bytes, &mut each);
         if settings.framing == Framing::Datagrams {
@@ -214,7 +214,7 @@ impl<J: Judge> GroundDevice for Text<J> {
 }
 
 impl<J: Judge> Reader<J> {
-    fn line(&mut self, settings: &TextSettings, line: &[u8], arrival_ns: u64, taken: &mut Taken) {
+    fn line(&mut self, settings: &TextSettings, line: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         if self.header_left > 0 {
             self.header_left -= 1;
             return;
@@ -228,20 +228,20 @@ impl<J: Judge> Reader<J> {
             Ok(Some(stamps)) => {
                 (self.wrong, self.fault) = (0, None);
                 // A line refused as contradictory was not lost: it has its place in the sequence.
-                let Some((sequence, tick)) = self.order.place(stamps, arrival_ns, taken) else {
+                let Some((sequence, tick)) = self.order.place(stamps, arrival_ns, decoded) else {
                     self.untimely = self.untimely.saturating_add(1);
                     return;
                 };
                 self.untimely = 0;
                 if let Err(refusal) = self.judge.judge(&self.values) {
-                    return taken.refuse(refusal);
+                    return decoded.refuse(refusal);
                 }
                 let device_counter = match (sequence, tick) {
                     (Some(count), _) | (None, Tick::Counter(count)) => count,
                     _ => 0,
                 };
                 let load = settings.channels.load(&self.values);
-                taken.reading(Reading { sequence, tick, device_counter, status: 0, load });
+                decoded.reading(Reading { sequence, tick, device_counter, status: 0, load });
             }
             Err(fault) => {
                 self.wrong = self.wrong.saturating_add(1);
@@ -250,7 +250,7 @@ impl<J: Judge> Reader<J> {
                     Malformed::Fields { .. } => GroundRefusal::Fields,
                     Malformed::Number { .. } => GroundRefusal::Number,
                 };
-                settings.damaged(refusal, taken);
+                settings.damaged(refusal, decoded);
             }
         }
     }

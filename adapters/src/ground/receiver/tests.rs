@@ -13,8 +13,8 @@ fn reading(force_n: f64, sequence: Option<u32>) -> Found {
 fn run(found: impl IntoIterator<Item = Found>) -> (Vec<GroundSample>, GroundReceiver) {
     let (mut receiver, mut samples) = (GroundReceiver::new(GroundSettings::default()), Vec::new());
     for (index, found) in found.into_iter().enumerate() {
-        let mut taken = Taken { found: vec![found], block_latency_ns: None };
-        receiver.receive(&mut taken, 1000 * MS + index as u64 * 10 * MS, &mut samples);
+        let mut decoded = Decoded { found: vec![found], block_latency_ns: None };
+        receiver.receive(&mut decoded, 1000 * MS + index as u64 * 10 * MS, &mut samples);
     }
     (samples, receiver)
 }

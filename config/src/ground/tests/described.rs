@@ -5,7 +5,7 @@ use equipoise_adapters::counts::Counts;
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, Rate};
 use equipoise_adapters::ground::device::ati_rdt::{AtiRdt, RdtSettings};
 use equipoise_adapters::ground::device::bota::{Bota, BotaSettings};
-use equipoise_adapters::ground::{GroundDevice, GroundProtocol, Want};
+use equipoise_adapters::ground::{Action, GroundDevice, GroundProtocol};
 use equipoise_adapters::wire::amti::{CHANNELS, Command, Frame as AmtiFrame, STARTED_ONE};
 use equipoise_adapters::wire::ati_rdt::Record;
 use equipoise_adapters::wire::bota::{Frame as BotaFrame, SPEED};
@@ -152,9 +152,9 @@ fn start(plate: &mut GroundProtocol) {
     let mut now_ns = 0;
     while now_ns < 5000 * MS {
         now_ns += 20 * MS;
-        let answer = match plate.wants(now_ns) {
-            Want::Send(message) if message == [Command::Rate50 as u8] => message,
-            Want::Send(message) if message == [Command::Start as u8] => vec![STARTED_ONE],
+        let answer = match plate.next_action(now_ns) {
+            Action::Send(message) if message == [Command::Rate50 as u8] => message,
+            Action::Send(message) if message == [Command::Start as u8] => vec![STARTED_ONE],
             _ => continue,
         };
         let is_started = answer == [STARTED_ONE];
@@ -228,9 +228,9 @@ fn rdt_described_is_rdt() {
         for _ in 0..200 {
             now_ns += if random.next(60) == 0 { 900 * MS } else { 10 * MS };
             // A polled device that is polled again after a silence restarts its counter.
-            let wants = pair.protocols.each_mut().map(|protocol| protocol.wants(now_ns));
-            assert_eq!(wants[0], wants[1]);
-            if matches!(wants[0], Want::Send(_)) && random.next(2) == 0 {
+            let actions = pair.protocols.each_mut().map(|protocol| protocol.next_action(now_ns));
+            assert_eq!(actions[0], actions[1]);
+            if matches!(actions[0], Action::Send(_)) && random.next(2) == 0 {
                 sequence = 1;
             }
             let mut datagram = Vec::new();

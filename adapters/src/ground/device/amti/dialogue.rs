@@ -8,7 +8,7 @@
 //! makers' receivers assume, or at the fast one, is determined by alternating.
 
 use super::Rate;
-use crate::ground::device::Want;
+use crate::ground::device::Action;
 use crate::wire::amti::{Command, SPEED_FAST, SPEED_SLOW, STARTED_ONE, STARTED_TWO};
 
 const MS: u64 = 1_000_000;
@@ -98,22 +98,24 @@ impl Dialogue {
     }
 
     /// The next action; each is returned once.
-    pub(super) fn wants(&mut self, now_ns: u64) -> Want {
+    pub(super) fn next_action(&mut self, now_ns: u64) -> Action {
         let is_waiting = now_ns < self.until_ns;
-        let send = |command: Command| Want::Send(vec![command as u8]);
+        let send = |command: Command| Action::Send(vec![command as u8]);
         match self.step {
-            Step::FastSpeed => self.enter(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
+            Step::FastSpeed => self.enter(Step::FastStop, now_ns, Action::Speed(SPEED_FAST)),
             Step::FastStop => self.enter(Step::CommandSpeed, now_ns + SETTLE_NS, send(Command::Stop)),
-            _ if is_waiting => Want::Nothing,
-            Step::CommandSpeed => self.enter(Step::CommandStop, now_ns, Want::Speed(self.command_speed())),
+            _ if is_waiting => Action::Nothing,
+            Step::CommandSpeed => self.enter(Step::CommandStop, now_ns, Action::Speed(self.command_speed())),
             Step::CommandStop => self.enter(Step::Rate, now_ns + SETTLE_NS, send(Command::Stop)),
             Step::Rate => self.enter(Step::RateAnswer, now_ns + ANSWER_NS, send(self.rate.command())),
-            Step::StreamSpeed => self.enter(Step::Start, now_ns + SETTLE_NS, Want::Speed(self.rate.speed())),
+            Step::StreamSpeed => {
+                self.enter(Step::Start, now_ns + SETTLE_NS, Action::Speed(self.rate.speed()))
+            }
             Step::Start => self.enter(Step::StartAnswer, now_ns + ANSWER_NS, send(Command::Start)),
             Step::RateAnswer => self.fail(Fault::NoAnswer, now_ns),
             Step::StartAnswer => self.fail(Fault::NoStart, now_ns),
-            Step::Pause => self.enter(Step::FastStop, now_ns, Want::Speed(SPEED_FAST)),
-            Step::Streaming => Want::Nothing,
+            Step::Pause => self.enter(Step::FastStop, now_ns, Action::Speed(SPEED_FAST)),
+            Step::Streaming => Action::Nothing,
         }
     }
 
@@ -133,7 +135,7 @@ impl Dialogue {
             return None;
         };
         if self.step == Step::RateAnswer {
-            let _ = self.enter(Step::StreamSpeed, now_ns, Want::Nothing);
+            let _ = self.enter(Step::StreamSpeed, now_ns, Action::Nothing);
             return None;
         }
         if bytes.get(position) == Some(&STARTED_TWO) {
@@ -166,16 +168,16 @@ impl Dialogue {
     }
 
     /// Enters the next step with its timeout; returns the action that leads to it.
-    fn enter(&mut self, next: Step, until_ns: u64, want: Want) -> Want {
+    fn enter(&mut self, next: Step, until_ns: u64, action: Action) -> Action {
         (self.step, self.until_ns, self.bytes_before_answer) = (next, until_ns, 0);
-        want
+        action
     }
 
     /// Counts a failure, stops the plate and pauses.
-    fn fail(&mut self, fault: Fault, now_ns: u64) -> Want {
+    fn fail(&mut self, fault: Fault, now_ns: u64) -> Action {
         self.failures = self.failures.saturating_add(1);
         self.fault = Some(fault);
         let pause_ns = if fault == Fault::TwoPlates { TWO_PAUSE_NS } else { PAUSE_NS };
-        self.enter(Step::Pause, now_ns + pause_ns, Want::Send(vec![Command::Stop as u8]))
+        self.enter(Step::Pause, now_ns + pause_ns, Action::Send(vec![Command::Stop as u8]))
     }
 }

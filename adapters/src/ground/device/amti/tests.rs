@@ -17,13 +17,13 @@ fn settings() -> AmtiSettings {
 /// Simulated plate that follows the protocol, with a simulated clock.
 struct Bench {
     device: Amti,
-    taken: Taken,
+    decoded: Decoded,
     now_ns: u64,
     line_baud: u32,
     /// Line speed of the plate.
     plate_baud: u32,
     /// Bytes received at the plate's own speed.
-    heard: Vec<u8>,
+    received: Vec<u8>,
     deaf: bool,
     started: u8,
 }
@@ -32,11 +32,11 @@ impl Bench {
     fn new(settings: AmtiSettings) -> Bench {
         let mut bench = Bench {
             device: Amti::new(settings),
-            taken: Taken::default(),
+            decoded: Decoded::default(),
             now_ns: 1_000 * MS,
             line_baud: SPEED_SLOW,
             plate_baud: SPEED_SLOW,
-            heard: Vec::new(),
+            received: Vec::new(),
             deaf: false,
             started: STARTED_ONE,
         };
@@ -46,12 +46,12 @@ impl Bench {
 
     fn say(&mut self, bytes: &[u8]) {
         if self.line_baud == self.plate_baud {
-            self.device.take(bytes, self.now_ns, &mut self.taken);
+            self.device.take(bytes, self.now_ns, &mut self.decoded);
         }
     }
 
     fn plate_hears(&mut self, command: u8) {
-        self.heard.push(command);
+        self.received.push(command);
         match command {
             0x72 => self.say(&[0x72]),
             0x66 | 0x76 => {
@@ -72,21 +72,21 @@ impl Bench {
             }
             self.run(20);
         }
-        panic!("it never streams; heard: {:x?}", self.heard);
+        panic!("it never streams; received: {:x?}", self.received);
     }
 
     fn run(&mut self, ms: u64) {
         for _ in 0..ms / 20 {
             self.now_ns += 20 * MS;
             loop {
-                match self.device.wants(self.now_ns) {
-                    Want::Nothing => break,
-                    Want::Speed(baud) => self.line_baud = baud,
-                    Want::Send(bytes) if self.line_baud == self.plate_baud && !self.deaf => {
+                match self.device.next_action(self.now_ns) {
+                    Action::Nothing => break,
+                    Action::Speed(baud) => self.line_baud = baud,
+                    Action::Send(bytes) if self.line_baud == self.plate_baud && !self.deaf => {
                         bytes.into_iter().for_each(|byte| self.plate_hears(byte));
                     }
-                    Want::Send(_) => {}
-                    Want::Reopen(why) => panic!("{why}"),
+                    Action::Send(_) => {}
+                    Action::Reopen(why) => panic!("{why}"),
                 }
             }
         }
@@ -97,7 +97,7 @@ impl Bench {
             Load::Wrench(wrench) => wrench,
             Load::Part { .. } | Load::Soles(_) => panic!("a plate of six channels feels all"),
         };
-        self.taken.readings().map(load).collect()
+        self.decoded.readings().map(load).collect()
     }
 }
 
@@ -109,7 +109,7 @@ fn frame(counts: [i16; CHANNELS]) -> [u8; FRAME_SIZE] {
 fn a_plate_is_stopped_set_to_its_rate_and_started_and_its_counts_become_forces() {
     let mut bench = Bench::new(AmtiSettings { force_unit_n: 4.0, moment_unit_nm: 0.5, ..settings() });
     bench.link();
-    assert_eq!(bench.heard, [0x52, 0x76, 0x51]);
+    assert_eq!(bench.received, [0x52, 0x76, 0x51]);
     assert_eq!(bench.line_baud, SPEED_FAST);
     bench.say(&frame([1, 2, 3, 4, 5, 6, 10, 20, 30, 40, 50, 60]));
     let want = Wrench { force_n: [24.0, 48.0, 72.0], moment_nm: [12.0, 15.0, 18.0] };
@@ -122,7 +122,7 @@ fn a_plate_that_was_left_streaming_is_stopped_at_its_own_speed() {
     let mut bench = Bench::new(settings());
     bench.plate_baud = SPEED_FAST;
     bench.link();
-    assert_eq!(bench.heard, [0x52, 0x52, 0x76, 0x51]);
+    assert_eq!(bench.received, [0x52, 0x52, 0x76, 0x51]);
 }
 
 #[test]
@@ -157,11 +157,11 @@ fn two_plates_on_one_line_are_refused_with_what_to_do() {
 fn a_plate_that_falls_silent_is_brought_back() {
     let mut bench = Bench::new(settings());
     bench.link();
-    bench.heard.clear();
+    bench.received.clear();
     bench.plate_baud = SPEED_SLOW;
     bench.run(540);
     bench.link();
-    assert_eq!(bench.heard, [0x52, 0x76, 0x51]);
+    assert_eq!(bench.received, [0x52, 0x76, 0x51]);
 }
 
 #[test]
@@ -177,7 +177,7 @@ fn noise_costs_what_it_hit_and_is_counted() {
         bench.say(piece);
     }
     assert_eq!(bench.loads().len(), 4);
-    assert_eq!(bench.taken.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage; 3]);
+    assert_eq!(bench.decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage; 3]);
 }
 
 #[test]
@@ -189,7 +189,7 @@ fn missing_samples_are_found_from_the_gap_in_time() {
     // Executes and answers every request at once.
     for _ in 0..100 {
         now_ns += 20 * MS;
-        if let Want::Send(bytes) = protocol.wants(now_ns) {
+        if let Action::Send(bytes) = protocol.next_action(now_ns) {
             let answer = if bytes == [0x51] { vec![STARTED_ONE] } else { bytes };
             protocol.receive(&answer, now_ns, &mut samples);
             if answer == [STARTED_ONE] {
@@ -221,7 +221,7 @@ fn the_trigger_is_seen_and_is_no_fault() {
     bench.say(&Frame { counts: [0; CHANNELS], trigger: true }.to_bytes());
     bench.say(&frame([0; CHANNELS]));
     let seen: Vec<_> =
-        bench.taken.readings().map(|reading| (reading.device_counter, reading.status)).collect();
+        bench.decoded.readings().map(|reading| (reading.device_counter, reading.status)).collect();
     assert_eq!(seen, [(1 | TRIGGER, 0), (2, 0)]);
 }
 
@@ -229,7 +229,7 @@ fn the_trigger_is_seen_and_is_no_fault() {
 fn a_wrong_speed_is_named_and_asked_about_again() {
     let mut bench = Bench::new(settings());
     bench.link();
-    bench.heard.clear();
+    bench.received.clear();
     for _ in 0..40 {
         bench.say(&[0xE6; FRAME_SIZE]);
     }
@@ -238,7 +238,7 @@ fn a_wrong_speed_is_named_and_asked_about_again() {
     );
     bench.run(20);
     bench.link();
-    assert_eq!(bench.heard, [0x52, 0x52, 0x76, 0x51], "it is brought to its speed again");
+    assert_eq!(bench.received, [0x52, 0x52, 0x76, 0x51], "it is brought to its speed again");
     bench.say(&frame([0; CHANNELS]));
     assert_eq!(bench.device.diagnostic(), None);
 }

@@ -17,7 +17,7 @@ fn plate(settings: GroundSettings) -> GroundProtocol {
 
 /// Makes the device request a new stream, as after a silence.
 fn request(protocol: &mut GroundProtocol) {
-    assert!(matches!(protocol.wants(u64::MAX), Want::Send(_)));
+    assert!(matches!(protocol.next_action(u64::MAX), Action::Send(_)));
 }
 
 fn receive(receiver: &mut GroundProtocol, record: Record, arrival_ns: u64) -> Vec<GroundSample> {
@@ -57,12 +57,12 @@ fn settings(counts_per_newton: Option<f64>, counts_per_newton_metre: Option<f64>
 /// Result of 1 000 000 counts of force and torque with this page, or why there is none.
 fn with_page(settings: RdtSettings, page: Result<&str, &str>) -> Result<[f64; 2], String> {
     let mut device = AtiRdt::new(settings);
-    let mut taken = Taken::default();
+    let mut decoded = Decoded::default();
     device.opened(0);
-    device.take(&Page::to_bytes(page), 0, &mut taken);
+    device.take(&Page::to_bytes(page), 0, &mut decoded);
     let record = Record { force_counts: [1_000_000; 3], torque_counts: [1_000_000; 3], ..SOUND };
-    device.take(&record.to_bytes(), 1, &mut taken);
-    let reading = taken.readings().next().copied();
+    device.take(&record.to_bytes(), 1, &mut decoded);
+    let reading = decoded.readings().next().copied();
     match (reading.map(|reading| reading.load), device.diagnostic()) {
         (Some(Load::Wrench(wrench)), None) => Ok([wrench.force_n[2], wrench.moment_nm[2]]),
         (None, Some(why)) => Err(why),
@@ -113,16 +113,16 @@ fn counts_that_contradict_the_page_are_refused_and_without_a_page_they_are_taken
 #[test]
 fn the_source_of_each_setting_is_reported() {
     let mut device = AtiRdt::new(settings(Some(2e6), Some(5e5)));
-    let mut taken = Taken::default();
+    let mut decoded = Decoded::default();
     assert_eq!(device.note(), None);
-    device.take(&Page::to_bytes(Ok(XML)), 0, &mut taken);
+    device.take(&Page::to_bytes(Ok(XML)), 0, &mut decoded);
     let note = device.note().unwrap();
     assert!(
         note.contains("2000000 counts per newton, 500000 per newton metre, and sends 1000 records a second"),
         "{note}"
     );
     device.opened(1);
-    device.take(&Page::to_bytes(Err("connection refused")), 1, &mut taken);
+    device.take(&Page::to_bytes(Err("connection refused")), 1, &mut decoded);
     assert!(device.note().unwrap().starts_with("connection refused; the configured scale is used"));
 }
 
@@ -130,48 +130,51 @@ fn the_source_of_each_setting_is_reported() {
 fn a_device_whose_page_is_refused_is_stopped_and_its_page_read_again() {
     const S: u64 = 1_000_000_000;
     let mut device = AtiRdt::new(settings(Some(1e6), Some(1e6)));
-    let mut taken = Taken::default();
-    let stop = Want::Send(vec![0x12, 0x34, 0, 0, 0, 0, 0, 0]);
+    let mut decoded = Decoded::default();
+    let stop = Action::Send(vec![0x12, 0x34, 0, 0, 0, 0, 0, 0]);
     device.opened(S);
     assert_eq!(
-        device.wants(S),
-        Want::Send(vec![0x12, 0x34, 0, 2, 0, 0, 0, 0]),
+        device.next_action(S),
+        Action::Send(vec![0x12, 0x34, 0, 2, 0, 0, 0, 0]),
         "counts are configured: it may start"
     );
-    device.take(&Page::to_bytes(Ok(XML)), S, &mut taken);
-    assert_eq!(device.wants(S), stop);
-    assert_eq!(device.wants(2 * S), Want::Nothing);
-    device.take(&SOUND.to_bytes(), 2 * S, &mut taken);
-    assert_eq!(taken.readings().count(), 0);
-    assert_eq!(device.wants(2 * S), stop, "it did not hear");
-    assert!(matches!(device.wants(6 * S), Want::Reopen(why) if Some(&why) == device.diagnostic().as_ref()));
+    device.take(&Page::to_bytes(Ok(XML)), S, &mut decoded);
+    assert_eq!(device.next_action(S), stop);
+    assert_eq!(device.next_action(2 * S), Action::Nothing);
+    device.take(&SOUND.to_bytes(), 2 * S, &mut decoded);
+    assert_eq!(decoded.readings().count(), 0);
+    assert_eq!(device.next_action(2 * S), stop, "it did not hear");
+    assert!(
+        matches!(device.next_action(6 * S), Action::Reopen(why) if Some(&why) == device.diagnostic().as_ref())
+    );
     device.opened(7 * S);
     let agreed = XML.replace("2000000", "1000000").replace("500000", "1000000");
-    device.take(&Page::to_bytes(Ok(&agreed)), 7 * S, &mut taken);
+    device.take(&Page::to_bytes(Ok(&agreed)), 7 * S, &mut decoded);
     assert_eq!(device.diagnostic(), None);
-    assert!(matches!(device.wants(7 * S), Want::Send(_)));
+    assert!(matches!(device.next_action(7 * S), Action::Send(_)));
 }
 
 #[test]
 fn a_device_that_was_restarted_may_say_something_else() {
     let mut device = AtiRdt::new(settings(None, None));
-    let mut taken = Taken::default();
-    device.take(&Page::to_bytes(Ok(XML)), 0, &mut taken);
+    let mut decoded = Decoded::default();
+    device.take(&Page::to_bytes(Ok(XML)), 0, &mut decoded);
     let counted = |count: u32| Record { ft_sequence: count, ..SOUND }.to_bytes();
     for count in [50_000, 50_007, 49_990] {
-        device.take(&counted(count), 1, &mut taken);
+        device.take(&counted(count), 1, &mut decoded);
     }
-    assert!(!matches!(device.wants(2), Want::Reopen(_)), "records overtake each other");
-    device.take(&counted(3), 3, &mut taken);
-    assert!(matches!(device.wants(4), Want::Reopen(_)));
+    assert!(!matches!(device.next_action(2), Action::Reopen(_)), "records overtake each other");
+    device.take(&counted(3), 3, &mut decoded);
+    assert!(matches!(device.next_action(4), Action::Reopen(_)));
 }
 
 #[test]
 fn loss_repetition_and_disorder_are_counted_over_the_wrap() {
     let mut receiver = plate(GroundSettings::default());
     let sent = [u32::MAX - 1, u32::MAX, u32::MAX, 2, 0, 3];
-    let taken: Vec<usize> = sent.iter().map(|&index| receive(&mut receiver, at(index), 1000).len()).collect();
-    assert_eq!(taken, [1, 1, 0, 1, 0, 1]);
+    let decoded: Vec<usize> =
+        sent.iter().map(|&index| receive(&mut receiver, at(index), 1000).len()).collect();
+    assert_eq!(decoded, [1, 1, 0, 1, 0, 1]);
     let counts = receiver.counts();
     assert_eq!((counts.received, counts.published, counts.lost), (6, 4, 2));
     assert_eq!(counts.refused[GroundRefusal::Duplicate.index()], 1);

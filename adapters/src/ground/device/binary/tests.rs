@@ -194,14 +194,14 @@ fn a_device_that_is_asked_is_asked_again_when_it_falls_silent() {
     let asked =
         BinarySettings { request: Some(b"go".to_vec()), close_command: Some(b"halt".to_vec()), ..settings() };
     let mut protocol = GroundProtocol::new(Box::new(Binary::new(asked)), GroundSettings::default());
-    let go = Want::Send(b"go".to_vec());
+    let go = Action::Send(b"go".to_vec());
     protocol.opened(0);
     assert_eq!(
-        (protocol.wants(0), protocol.wants(50 * MS), protocol.wants(100 * MS)),
-        (go.clone(), Want::Nothing, go.clone())
+        (protocol.next_action(0), protocol.next_action(50 * MS), protocol.next_action(100 * MS)),
+        (go.clone(), Action::Nothing, go.clone())
     );
     protocol.receive(&frame(200), 110 * MS, &mut Vec::new());
-    assert_eq!((protocol.wants(600 * MS), protocol.wants(611 * MS)), (Want::Nothing, go));
+    assert_eq!((protocol.next_action(600 * MS), protocol.next_action(611 * MS)), (Action::Nothing, go));
     // The sequence restarts from zero; this is not a loss.
     protocol.receive(&frame(0), 700 * MS, &mut Vec::new());
     assert_eq!((protocol.counts().lost, protocol.counts().published), (0, 2));
@@ -252,11 +252,11 @@ proptest! {
         let settings = if timed { with_time(settings()) } else { settings() };
         let read = |pieces: &[&[u8]]| {
             let mut device = Binary::new(settings.clone());
-            let mut taken = Taken::default();
+            let mut decoded = Decoded::default();
             for piece in pieces {
-                device.take(piece, 0, &mut taken);
+                device.take(piece, 0, &mut decoded);
             }
-            taken
+            decoded
         };
         let mut cuts: Vec<usize> = cuts.into_iter().map(|cut| usize::from(cut) % (stream.len() + 1)).chain([0, stream.len()]).collect();
         cuts.sort_unstable();
@@ -264,7 +264,7 @@ proptest! {
         prop_assert_eq!(read(&pieces), read(&[&stream]));
         let mut datagrams = Binary::new(BinarySettings { datagrams: true, ..settings.clone() });
         for piece in pieces {
-            datagrams.take(piece, 0, &mut Taken::default());
+            datagrams.take(piece, 0, &mut Decoded::default());
         }
     }
 }

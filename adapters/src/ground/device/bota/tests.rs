@@ -31,30 +31,30 @@ fn at(index: u32) -> [u8; FRAME_SIZE] {
 
 #[test]
 fn a_frame_is_a_reading_with_the_sensors_own_time() {
-    let (mut device, mut taken) = (listening(), Taken::default());
+    let (mut device, mut decoded) = (listening(), Decoded::default());
     device.opened(0);
-    device.take(&frame(1234).to_bytes(), 5, &mut taken);
-    let reading = *taken.readings().next().unwrap();
+    device.take(&frame(1234).to_bytes(), 5, &mut decoded);
+    let reading = *decoded.readings().next().unwrap();
     let Load::Wrench(wrench) = reading.load else { panic!("{reading:?}") };
     assert_eq!(wrench.force_n, [1.0, 2.0, -700.0]);
     assert!((wrench.moment_nm[2] - 0.3).abs() < 1e-7);
     assert_eq!((reading.tick, reading.device_counter), (Tick::Counter(1234), 1234));
-    assert_eq!(device.wants(0), Want::Nothing, "it is only listened to");
+    assert_eq!(device.next_action(0), Action::Nothing, "it is only listened to");
 }
 
 #[test]
 fn only_what_forbids_to_use_a_sample_is_its_status() {
-    let (mut device, mut taken) = (listening(), Taken::default());
+    let (mut device, mut decoded) = (listening(), Decoded::default());
     for (index, bits) in
         [status::LATE, status::OVERRANGE, status::INVALID | 0xFF00, status::RAW].into_iter().enumerate()
     {
         let bytes = Frame { status: bits, ..frame(index as u32 * PERIOD_US) }.to_bytes();
-        device.take(&bytes, 0, &mut taken);
+        device.take(&bytes, 0, &mut decoded);
     }
-    let statuses: Vec<u32> = taken.readings().map(|reading| reading.status).collect();
+    let statuses: Vec<u32> = decoded.readings().map(|reading| reading.status).collect();
     assert_eq!(statuses, [0, 2, 4, 8]);
     assert!(device.diagnostic().unwrap().contains("no forces: set it to calibrated values"));
-    device.take(&at(4), 0, &mut taken);
+    device.take(&at(4), 0, &mut decoded);
     assert_eq!(device.diagnostic(), None);
 }
 
@@ -130,9 +130,9 @@ fn a_clock_that_stands_is_named_and_dates_nothing() {
 fn silence_and_a_wrong_speed_are_named_and_end_by_themselves() {
     let mut protocol = protocol(listening());
     let mut samples = Vec::new();
-    assert_eq!(protocol.wants(1000 * MS), Want::Nothing);
+    assert_eq!(protocol.next_action(1000 * MS), Action::Nothing);
     assert_eq!(protocol.diagnostic(), None);
-    protocol.wants(2100 * MS);
+    protocol.next_action(2100 * MS);
     assert!(protocol.diagnostic().unwrap().contains("nothing comes from the Bota sensor"));
     protocol.receive(&[0x5A; 800], 2200 * MS, &mut samples);
     let said = protocol.diagnostic().unwrap();
@@ -148,29 +148,32 @@ fn silence_and_a_wrong_speed_are_named_and_end_by_themselves() {
 fn a_sensor_is_set_up_among_its_frames_and_asked_again_from_the_start() {
     let mut protocol = protocol(Bota::new(BotaSettings { baud: SPEED, sinc: Some(256) }));
     let mut samples = Vec::new();
-    let say = |said: &str| Want::Send(said.as_bytes().to_vec());
-    assert_eq!(protocol.wants(0), say("C"));
-    assert_eq!(protocol.wants(10 * MS), Want::Nothing);
+    let say = |said: &str| Action::Send(said.as_bytes().to_vec());
+    assert_eq!(protocol.next_action(0), say("C"));
+    assert_eq!(protocol.next_action(10 * MS), Action::Nothing);
     protocol.receive(&at(1), 20 * MS, &mut samples);
     protocol.receive(b"r,0,", 30 * MS, &mut samples);
     protocol.receive(b"C,0", 30 * MS, &mut samples);
-    assert_eq!(protocol.wants(40 * MS), say("c,0,1,0,4"));
+    assert_eq!(protocol.next_action(40 * MS), say("c,0,1,0,4"));
     // Without an answer, the set-up restarts.
-    assert_eq!(protocol.wants(1100 * MS), say("C"));
+    assert_eq!(protocol.next_action(1100 * MS), say("C"));
     for (answer, next) in [("r,0,C,0", "c,0,1,0,4"), ("r,0,c,0", "f,256,0,0,1"), ("r,0,f,0", "R")] {
         protocol.receive(answer.as_bytes(), 1200 * MS, &mut samples);
-        assert_eq!(protocol.wants(1300 * MS), say(next));
+        assert_eq!(protocol.next_action(1300 * MS), say(next));
     }
     assert!(samples.is_empty(), "frames of the old filter are not used");
     protocol.receive(&[b"r,0,R,0".as_slice(), &at(5)].concat(), 1400 * MS, &mut samples);
-    assert_eq!((samples.len(), protocol.wants(1500 * MS), protocol.diagnostic()), (1, Want::Nothing, None));
+    assert_eq!(
+        (samples.len(), protocol.next_action(1500 * MS), protocol.diagnostic()),
+        (1, Action::Nothing, None)
+    );
 }
 
 #[test]
 fn a_sensor_that_does_not_answer_is_named() {
     let mut protocol = protocol(Bota::new(BotaSettings { baud: 115_200, sinc: Some(512) }));
     for second in 0..3 {
-        assert!(matches!(protocol.wants(second * 1100 * MS), Want::Send(_)));
+        assert!(matches!(protocol.next_action(second * 1100 * MS), Action::Send(_)));
     }
     let said = protocol.diagnostic().unwrap();
     assert!(

@@ -1,6 +1,6 @@
 //! Averages scans to readings, and counts scans missing between frames.
 
-use crate::ground::reading::Taken;
+use crate::ground::reading::Decoded;
 
 /// A longer gap is a clock step or a pause, so that the loss cannot be counted from it, s.
 const GAP_MAX_S: f64 = 60.0;
@@ -57,7 +57,7 @@ impl Decimator {
     }
 
     /// A frame begins: reports the loss before it and discards a partial mean.
-    pub(super) fn frame(&mut self, time_ns: u64, scans: usize, taken: &mut Taken) {
+    pub(super) fn frame(&mut self, time_ns: u64, scans: usize, decoded: &mut Decoded) {
         let missing_frames = core::mem::take(&mut self.missing_frames);
         if let Some(next_ns) = self.next_ns {
             let late_ns = time_ns as f64 - next_ns;
@@ -74,7 +74,7 @@ impl Decimator {
                 let readings = (f64::from(self.scans) + missing) / f64::from(self.decimate);
                 self.clear();
                 if missing > 0.0 {
-                    taken.lost(readings.round() as u32);
+                    decoded.lost(readings.round() as u32);
                 }
             }
         }

@@ -60,18 +60,18 @@ fn direct(names: [&str; 2], decimate: Option<u32>) -> LabAmp {
     LabAmp::new(LabAmpSettings { plan, decimate })
 }
 
-fn vertical(taken: &Taken) -> Vec<(u64, f64)> {
+fn vertical(decoded: &Decoded) -> Vec<(u64, f64)> {
     let one = |reading: &Reading| match (reading.tick, reading.load) {
         (Tick::Time(ns), Load::Wrench(wrench) | Load::Part { wrench, .. }) => (ns - T0_NS, wrench.force_n[2]),
         other => panic!("{other:?}"),
     };
-    taken.readings().map(one).collect()
+    decoded.readings().map(one).collect()
 }
 
 #[test]
 fn scans_become_means_with_the_time_of_their_middle() {
     let mut amp = direct(["Sensor-2", "plate 1"], Some(4));
-    let mut taken = Taken::default();
+    let mut decoded = Decoded::default();
     amp.opened(0);
     // 1 kHz, frames of three scans, means of four: a mean may span frames.
     let frame = |index: u32| {
@@ -81,24 +81,27 @@ fn scans_become_means_with_the_time_of_their_middle() {
     };
     let bytes = [opening(1000, &["Nm", "kN"]), frame(0), frame(1), frame(2), frame(3)].concat();
     for piece in bytes.chunks(7) {
-        amp.take(piece, MS, &mut taken);
+        amp.take(piece, MS, &mut decoded);
     }
-    assert_eq!(vertical(&taken), [(1_500_000, 1500.0), (5_500_000, 5500.0), (9_500_000, 9500.0)]);
-    let Load::Part { wrench: Wrench { moment_nm, .. }, .. } = taken.readings().next().unwrap().load else {
+    assert_eq!(vertical(&decoded), [(1_500_000, 1500.0), (5_500_000, 5500.0), (9_500_000, 9500.0)]);
+    let Load::Part { wrench: Wrench { moment_nm, .. }, .. } = decoded.readings().next().unwrap().load else {
         panic!()
     };
     assert_eq!(moment_nm, [0.5, 0.5, 0.0]);
-    assert_eq!(taken.block_latency_ns, Some(3 * MS));
-    assert_eq!((taken.refusals().count(), amp.diagnostic(), amp.wants(2 * MS)), (0, None, Want::Nothing));
+    assert_eq!(decoded.block_latency_ns, Some(3 * MS));
+    assert_eq!(
+        (decoded.refusals().count(), amp.diagnostic(), amp.next_action(2 * MS)),
+        (0, None, Action::Nothing)
+    );
 }
 
 #[test]
 fn without_a_wish_about_a_thousand_readings_a_second_are_left() {
     let mut amp = direct(["Sensor-2", "Sensor-1"], None);
-    let mut taken = Taken::default();
-    amp.take(&opening(62_500, &["Nm", "N"]), 0, &mut taken);
-    amp.take(&data(0, T0_NS, &[0.0; 2 * 625]), 0, &mut taken);
-    assert_eq!(vertical(&taken).len(), 625 / 63);
+    let mut decoded = Decoded::default();
+    amp.take(&opening(62_500, &["Nm", "N"]), 0, &mut decoded);
+    amp.take(&data(0, T0_NS, &[0.0; 2 * 625]), 0, &mut decoded);
+    assert_eq!(vertical(&decoded).len(), 625 / 63);
 }
 
 #[test]
@@ -106,10 +109,12 @@ fn eight_channels_follow_kistlers_formula() {
     let names = core::array::from_fn(|index| format!("Sensor-{}", index + 1));
     let plan = Plan::Eight { names, a_m: 0.12, b_m: 0.2 };
     let mut amp = LabAmp::new(LabAmpSettings { plan, decimate: Some(1) });
-    let mut taken = Taken::default();
-    amp.take(&opening(1000, &["N"; 8]), 0, &mut taken);
-    amp.take(&data(0, T0_NS, &[1.0, 2.0, 3.0, 4.0, 100.0, 200.0, 300.0, 400.0]), 0, &mut taken);
-    let Load::Wrench(Wrench { force_n, moment_nm }) = taken.readings().next().unwrap().load else { panic!() };
+    let mut decoded = Decoded::default();
+    amp.take(&opening(1000, &["N"; 8]), 0, &mut decoded);
+    amp.take(&data(0, T0_NS, &[1.0, 2.0, 3.0, 4.0, 100.0, 200.0, 300.0, 400.0]), 0, &mut decoded);
+    let Load::Wrench(Wrench { force_n, moment_nm }) = decoded.readings().next().unwrap().load else {
+        panic!()
+    };
     let near =
         |got: [f64; 3], want: [f64; 3]| got.iter().zip(want).all(|(got, want)| (got - want).abs() < 1e-9);
     assert!(near(force_n, [3.0, 7.0, 1000.0]), "{force_n:?}");
@@ -129,25 +134,25 @@ fn channels_that_are_not_there_or_in_no_unit_of_theirs_are_said_and_asked_for_ag
         (&["N", "N"], r#"is in "N", which is no unit of moment"#),
     ] {
         let mut amp = direct(["Sensor-2", "Sensor-1"], None);
-        let mut taken = Taken::default();
-        amp.take(&[opening(1000, units), data(0, T0_NS, &[1.0, 2.0])].concat(), 0, &mut taken);
-        let Want::Reopen(why) = amp.wants(MS) else { panic!() };
+        let mut decoded = Decoded::default();
+        amp.take(&[opening(1000, units), data(0, T0_NS, &[1.0, 2.0])].concat(), 0, &mut decoded);
+        let Action::Reopen(why) = amp.next_action(MS) else { panic!() };
         assert!(why.contains(said), "{why}");
-        assert_eq!((amp.diagnostic(), taken.readings().count()), (Some(why), 0));
-        assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::UnknownKind]);
+        assert_eq!((amp.diagnostic(), decoded.readings().count()), (Some(why), 0));
+        assert_eq!(decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::UnknownKind]);
     }
     let mut amp = direct(["Sensor-2", "Sensor-1"], None);
-    amp.take(b"{\"result\": 3}\n", 0, &mut Taken::default());
+    amp.take(b"{\"result\": 3}\n", 0, &mut Decoded::default());
     assert!(amp.diagnostic().unwrap().contains("result 3"));
     // Remaining bytes of an abandoned stream are not the first line of another.
     let good = [opening(1000, &["Nm", "N"]), data(0, T0_NS, &[1.0, 2.0])].concat();
-    let mut taken = Taken::default();
-    amp.take(&good, 0, &mut taken);
-    assert!(amp.diagnostic().is_some() && taken.readings().count() == 0);
-    assert!(matches!(amp.wants(MS), Want::Reopen(_)));
+    let mut decoded = Decoded::default();
+    amp.take(&good, 0, &mut decoded);
+    assert!(amp.diagnostic().is_some() && decoded.readings().count() == 0);
+    assert!(matches!(amp.next_action(MS), Action::Reopen(_)));
     amp.opened(MS);
-    amp.take(&good, MS, &mut taken);
-    assert_eq!((amp.diagnostic(), taken.refusals().count()), (None, 1));
+    amp.take(&good, MS, &mut decoded);
+    assert_eq!((amp.diagnostic(), decoded.refusals().count()), (None, 1));
 }
 
 #[test]
@@ -176,10 +181,10 @@ fn events_are_counted_or_end_the_stream() {
     assert_eq!((protocol.counts().lost, samples.last().unwrap().session), (4, 1));
     for code in [0, 3, 4] {
         protocol.receive(&event(10 + u32::from(code), code), 0, &mut samples);
-        assert!(matches!(protocol.wants(0), Want::Reopen(_)), "{code}");
+        assert!(matches!(protocol.next_action(0), Action::Reopen(_)), "{code}");
     }
-    assert_eq!(protocol.wants(0), Want::Nothing);
-    assert!(matches!(protocol.wants(4000 * MS), Want::Reopen(why) if why.contains("silent")));
+    assert_eq!(protocol.next_action(0), Action::Nothing);
+    assert!(matches!(protocol.next_action(4000 * MS), Action::Reopen(why) if why.contains("silent")));
 }
 
 #[test]
@@ -203,17 +208,17 @@ fn what_the_buffer_of_the_device_lost_is_lost_though_no_frame_is_missing() {
 fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
     for (rate_hz, decimate) in [(1, 1), (1, 100), (1000, 2)] {
         let mut amp = direct(["Sensor-2", "Sensor-1"], Some(decimate));
-        let mut taken = Taken::default();
+        let mut decoded = Decoded::default();
         let numbers = [0.0, 1.0].repeat(200);
         let sent = [opening(rate_hz, &["Nm", "N"]), data(0, 18_446_744_073_000_000_000, &numbers)];
-        amp.take(&sent.concat(), 0, &mut taken);
-        assert_eq!(taken.readings().count(), 200 / decimate as usize);
+        amp.take(&sent.concat(), 0, &mut decoded);
+        assert_eq!(decoded.readings().count(), 200 / decimate as usize);
     }
     for rate in ["1e-300", "1e300"] {
         let mut amp = direct(["Sensor-2", "Sensor-1"], None);
         let opening = String::from_utf8(opening(1000, &["Nm", "N"])).unwrap();
         let opening = opening.replace("\"samplingRate\":1000", &format!("\"samplingRate\":{rate}"));
-        amp.take(opening.as_bytes(), 0, &mut Taken::default());
+        amp.take(opening.as_bytes(), 0, &mut Decoded::default());
         assert!(
             amp.diagnostic().is_some_and(|said| said.contains("which none does")),
             "{rate}: {:?}",
@@ -225,20 +230,20 @@ fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
 #[test]
 fn frames_that_do_not_fit_are_reasons() {
     let mut amp = direct(["Sensor-2", "Sensor-1"], Some(1));
-    let mut taken = Taken::default();
-    amp.take(&opening(1000, &["Nm", "N"]), 0, &mut taken);
-    amp.take(&data(0, T0_NS, &[1.0; 3]), 0, &mut taken);
-    amp.take(&data(1, T0_NS, &[]), 0, &mut taken);
-    amp.take(&[2, 0, 1, 0, 16, 0, 0, 0], 0, &mut taken);
+    let mut decoded = Decoded::default();
+    amp.take(&opening(1000, &["Nm", "N"]), 0, &mut decoded);
+    amp.take(&data(0, T0_NS, &[1.0; 3]), 0, &mut decoded);
+    amp.take(&data(1, T0_NS, &[]), 0, &mut decoded);
+    amp.take(&[2, 0, 1, 0, 16, 0, 0, 0], 0, &mut decoded);
     assert_eq!(
-        taken.refusals().collect::<Vec<_>>(),
+        decoded.refusals().collect::<Vec<_>>(),
         [GroundRefusal::Length, GroundRefusal::Length, GroundRefusal::Version]
     );
-    assert!(matches!(amp.wants(0), Want::Reopen(why) if why.contains("version 1")));
-    let (mut amp, mut taken) = (direct(["Sensor-2", "Sensor-1"], Some(1)), Taken::default());
-    amp.take(&[opening(1000, &["Nm", "N"]), b"HTTP/1.1".to_vec()].concat(), 0, &mut taken);
-    assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
-    assert!(matches!(amp.wants(0), Want::Reopen(_)));
+    assert!(matches!(amp.next_action(0), Action::Reopen(why) if why.contains("version 1")));
+    let (mut amp, mut decoded) = (direct(["Sensor-2", "Sensor-1"], Some(1)), Decoded::default());
+    amp.take(&[opening(1000, &["Nm", "N"]), b"HTTP/1.1".to_vec()].concat(), 0, &mut decoded);
+    assert_eq!(decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
+    assert!(matches!(amp.next_action(0), Action::Reopen(_)));
     // A field that is not a number is reported, too, and not permanently.
     let mut protocol =
         GroundProtocol::new(Box::new(direct(["Sensor-2", "Sensor-1"], Some(2))), GroundSettings::default());
@@ -256,14 +261,14 @@ proptest::proptest! {
         opened: bool,
     ) {
         let mut amp = direct(["Sensor-2", "Sensor-1"], None);
-        let mut taken = Taken::default();
+        let mut decoded = Decoded::default();
         if opened {
-            amp.take(&opening(1000, &["Nm", "N"]), 0, &mut taken);
+            amp.take(&opening(1000, &["Nm", "N"]), 0, &mut decoded);
         }
         for piece in &pieces {
-            amp.take(piece, MS, &mut taken);
-            amp.wants(MS);
+            amp.take(piece, MS, &mut decoded);
+            amp.next_action(MS);
         }
-        proptest::prop_assert_eq!(taken.readings().count(), 0);
+        proptest::prop_assert_eq!(decoded.readings().count(), 0);
     }
 }

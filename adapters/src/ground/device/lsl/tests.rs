@@ -35,14 +35,14 @@ fn stream(units: [Option<&str>; 2]) -> Lsl {
     Lsl::new(LslSettings { plan, force_unit, moment_unit })
 }
 
-fn found(taken: &Taken) -> Vec<(u64, f64, f64)> {
+fn found(decoded: &Decoded) -> Vec<(u64, f64, f64)> {
     let one = |reading: &Reading| match (reading.tick, reading.load) {
         (Tick::Time(ns), Load::Part { wrench: Wrench { force_n, moment_nm }, .. }) => {
             (ns, force_n[2], moment_nm[0])
         }
         other => panic!("{other:?}"),
     };
-    taken.readings().map(one).collect()
+    decoded.readings().map(one).collect()
 }
 
 #[test]
@@ -53,7 +53,7 @@ fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
         let opening =
             String::from_utf8_lossy(&opening(1000, ["kN", "Nmm"])).replace(">1000<", &format!(">{rate}<"));
         let mut lsl = stream([None; 2]);
-        lsl.take(opening.as_bytes(), MS, &mut Taken::default());
+        lsl.take(opening.as_bytes(), MS, &mut Decoded::default());
         assert!(
             lsl.diagnostic().is_some_and(|said| said.contains("which none has")),
             "{rate}: {:?}",
@@ -65,24 +65,24 @@ fn times_at_the_end_of_their_range_and_rates_that_are_none_are_borne() {
 #[test]
 fn samples_come_with_the_senders_time_and_in_si_units() {
     let mut lsl = stream([None; 2]);
-    let mut taken = Taken::default();
+    let mut decoded = Decoded::default();
     lsl.opened(0);
     let sent = [sample(Some(5.0), 10.0, 0.7), sample(None, 20.0, 0.8), sample(Some(5.002), 30.0, 0.9)];
     let bytes = [opening(1000, ["kN", "Nmm"]), sent.concat()].concat();
     let mut requests = Vec::new();
     for piece in bytes.chunks(11) {
-        lsl.take(piece, MS, &mut taken);
-        if let Want::Send(request) = lsl.wants(MS) {
+        lsl.take(piece, MS, &mut decoded);
+        if let Action::Send(request) = lsl.next_action(MS) {
             requests.push(String::from_utf8(request).unwrap());
         }
     }
     let want = [(5_000_000_000, 700.0, 0.01), (5_001_000_000, 800.0, 0.02), (5_002_000_000, 900.0, 0.03)];
-    assert_eq!(found(&taken), want);
+    assert_eq!(found(&decoded), want);
     assert!(requests.len() == 1 && requests[0].starts_with("LSL:streamfeed/110 u-1\r\n"), "{requests:?}");
-    assert_eq!((lsl.diagnostic(), lsl.wants(2 * MS)), (None, Want::Nothing));
-    assert_eq!(lsl.wants(4000 * MS), Want::Nothing);
+    assert_eq!((lsl.diagnostic(), lsl.next_action(2 * MS)), (None, Action::Nothing));
+    assert_eq!(lsl.next_action(4000 * MS), Action::Nothing);
     assert!(lsl.diagnostic().unwrap().contains("sends nothing"));
-    lsl.take(&sample(None, 0.0, 0.0), 4001 * MS, &mut taken);
+    lsl.take(&sample(None, 0.0, 0.0), 4001 * MS, &mut decoded);
     assert_eq!(lsl.diagnostic(), None);
 }
 
@@ -113,33 +113,33 @@ fn a_unit_comes_from_the_stream_or_the_configuration_only() {
         (["N", "N"], [None; 2], Some("no unit of moment")),
     ] {
         let mut lsl = stream(declared);
-        let mut taken = Taken::default();
-        lsl.take(&[opening(1000, announced), sample(Some(1.0), 0.0, 1.0)].concat(), 0, &mut taken);
-        match (want, lsl.wants(0)) {
-            (Some(want), Want::Reopen(why)) => {
+        let mut decoded = Decoded::default();
+        lsl.take(&[opening(1000, announced), sample(Some(1.0), 0.0, 1.0)].concat(), 0, &mut decoded);
+        match (want, lsl.next_action(0)) {
+            (Some(want), Action::Reopen(why)) => {
                 assert!(why.contains(want) && why.contains("ground.lsl.force_unit"), "{why}");
-                assert_eq!((lsl.diagnostic(), taken.readings().count()), (Some(why), 0));
+                assert_eq!((lsl.diagnostic(), decoded.readings().count()), (Some(why), 0));
             }
-            (None, Want::Send(_)) => assert_eq!(found(&taken), [(1_000_000_000, 1000.0, 0.0)]),
+            (None, Action::Send(_)) => assert_eq!(found(&decoded), [(1_000_000_000, 1000.0, 0.0)]),
             other => panic!("{other:?}"),
         }
     }
     let plan = Plan::Direct { force: [None, None, Some("3".to_owned())], moment: [None, None, None] };
     let mut lsl = Lsl::new(LslSettings { plan, force_unit: None, moment_unit: None });
-    lsl.take(&opening(1000, ["N", "Nm"]), 0, &mut Taken::default());
+    lsl.take(&opening(1000, ["N", "Nm"]), 0, &mut Decoded::default());
     assert!(lsl.diagnostic().unwrap().contains("no channel 3 but 1 (Mx), 2 (Fz)"), "{:?}", lsl.diagnostic());
 }
 
 #[test]
 fn a_broken_feed_is_opened_again() {
     let mut lsl = stream([None; 2]);
-    let mut taken = Taken::default();
-    lsl.take(&[opening(1000, ["N", "Nm"]), vec![7]].concat(), 0, &mut taken);
-    assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
-    assert!(matches!(lsl.wants(0), Want::Reopen(why) if why.contains("0x07")));
+    let mut decoded = Decoded::default();
+    lsl.take(&[opening(1000, ["N", "Nm"]), vec![7]].concat(), 0, &mut decoded);
+    assert_eq!(decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::Garbage]);
+    assert!(matches!(lsl.next_action(0), Action::Reopen(why) if why.contains("0x07")));
     lsl.opened(MS);
-    lsl.take(&[opening(1000, ["N", "Nm"]), sample(Some(1.0), 0.0, 1.0)].concat(), 2 * MS, &mut taken);
-    assert_eq!((found(&taken).len(), lsl.diagnostic()), (1, None));
+    lsl.take(&[opening(1000, ["N", "Nm"]), sample(Some(1.0), 0.0, 1.0)].concat(), 2 * MS, &mut decoded);
+    assert_eq!((found(&decoded).len(), lsl.diagnostic()), (1, None));
 }
 
 proptest::proptest! {
@@ -154,7 +154,7 @@ proptest::proptest! {
         }
         for piece in &pieces {
             protocol.receive(piece, MS, &mut samples);
-            protocol.wants(MS);
+            protocol.next_action(MS);
         }
         proptest::prop_assert!(samples.iter().all(|sample| sample.force_n[2].is_finite()));
     }

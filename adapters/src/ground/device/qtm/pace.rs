@@ -1,6 +1,6 @@
 //! Sample times of the forces in a frame: QTM stamps camera frames, and a plate samples faster.
 
-use crate::ground::reading::Taken;
+use crate::ground::reading::Decoded;
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::qtm::{Frame, PlateForce};
 
@@ -49,24 +49,24 @@ impl Pace {
         frame: &Frame<'_>,
         first: u32,
         forces: Vec<PlateForce>,
-        taken: &mut Taken,
+        decoded: &mut Decoded,
     ) -> Vec<Due> {
         let stamp = Stamp { timestamp_us: frame.timestamp_us, number: frame.number };
         match self.newest {
             Some(newest) if newest.timestamp_us == stamp.timestamp_us => {
-                taken.refuse(GroundRefusal::Duplicate);
+                decoded.refuse(GroundRefusal::Duplicate);
                 return Vec::new();
             }
             // Time decreased: another measurement.
             Some(newest) if newest.timestamp_us > stamp.timestamp_us => self.reset(),
-            Some(newest) => self.follow(newest, stamp, forces.len(), taken),
+            Some(newest) => self.follow(newest, stamp, forces.len(), decoded),
             None => {}
         }
         self.newest = Some(stamp);
         let mut due = Vec::new();
         if forces.len() > 1 && self.interval_us.is_none() {
             if let Some((_, _, never_timed)) = self.held.replace((stamp, first, forces)) {
-                taken.lost(u32::try_from(never_timed.len()).unwrap_or(u32::MAX));
+                decoded.lost(u32::try_from(never_timed.len()).unwrap_or(u32::MAX));
             }
             return due;
         }
@@ -75,12 +75,12 @@ impl Pace {
         }
         self.spread(stamp, first, &forces, &mut due);
         if let (Some(interval_us), 2..) = (self.interval_us, forces.len()) {
-            taken.block_latency(interval_us.saturating_mul(NS_PER_US));
+            decoded.block_latency(interval_us.saturating_mul(NS_PER_US));
         }
         due
     }
 
-    fn follow(&mut self, newest: Stamp, stamp: Stamp, forces: usize, taken: &mut Taken) {
+    fn follow(&mut self, newest: Stamp, stamp: Stamp, forces: usize, decoded: &mut Decoded) {
         let elapsed_us = stamp.timestamp_us - newest.timestamp_us;
         let steps = u64::from(stamp.number.wrapping_sub(newest.number)) / u64::from(self.divisor);
         let lost = match (stamp.number == newest.number, self.interval_us) {
@@ -96,7 +96,7 @@ impl Pace {
         }
         self.interval_us = Some((elapsed_us / (lost + 1)).max(1));
         if lost > 0 {
-            taken.lost(u32::try_from(lost.saturating_mul(forces as u64)).unwrap_or(u32::MAX));
+            decoded.lost(u32::try_from(lost.saturating_mul(forces as u64)).unwrap_or(u32::MAX));
         }
     }
 

@@ -1,7 +1,7 @@
 //! Dialogue from an open line to a measuring controller: one command after the other.
 
 use super::TecGihanSettings;
-use crate::ground::reading::Taken;
+use crate::ground::reading::Decoded;
 use crate::ground::refusal::GroundRefusal;
 use crate::wire::tec_gihan::{Answer, BAUD, FullScales, Line, PLATES_MAX, State};
 
@@ -85,7 +85,7 @@ impl Dialogue {
     }
 
     /// Collects lines that answer the pending command; discards other input.
-    pub(super) fn take(&mut self, bytes: &[u8], taken: &mut Taken) {
+    pub(super) fn take(&mut self, bytes: &[u8], decoded: &mut Decoded) {
         for byte in bytes {
             let Step::Asking { line, .. } = self.step else {
                 self.line.clear();
@@ -93,7 +93,7 @@ impl Dialogue {
             };
             if *byte != b'\n' {
                 if self.line.len() == LINE_MAX && !core::mem::replace(&mut self.overlong, true) {
-                    taken.refuse(GroundRefusal::TooLong);
+                    decoded.refuse(GroundRefusal::TooLong);
                 }
                 if !self.overlong {
                     self.line.push(*byte);
@@ -107,7 +107,7 @@ impl Dialogue {
             }
             match line.answer(&said) {
                 Some(answer) => self.step = Step::Answered { line, answer },
-                None => taken.refuse(GroundRefusal::Garbage),
+                None => decoded.refuse(GroundRefusal::Garbage),
             }
         }
     }

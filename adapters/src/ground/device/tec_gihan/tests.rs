@@ -6,17 +6,17 @@ const MS: u64 = 1_000_000;
 /// Simulated controller with two plates of serial numbers 106 and 107, written from the protocol document.
 #[derive(Default)]
 struct Controller {
-    heard: Vec<String>,
+    received: Vec<String>,
     asleep: bool,
     measuring: bool,
     blocks: u32,
 }
 
 impl Controller {
-    fn hear(&mut self, bytes: &[u8]) -> Vec<u8> {
+    fn receive(&mut self, bytes: &[u8]) -> Vec<u8> {
         let line = String::from_utf8(bytes.to_vec()).unwrap().trim_end_matches('\n').to_owned();
         assert_eq!(bytes.last(), Some(&b'\n'));
-        self.heard.push(line.clone());
+        self.received.push(line.clone());
         let text = match line.as_str() {
             "STATE" if self.asleep => "SLEEP\n",
             "STATE" => "IDLE\n",
@@ -74,8 +74,8 @@ fn talk(
 ) -> Vec<f64> {
     let (mut samples, mut under_way) = (Vec::new(), Vec::new());
     for ms in ms {
-        while let Want::Send(bytes) = protocol.wants(ms * MS) {
-            let mut answer = controller.hear(&bytes);
+        while let Action::Send(bytes) = protocol.next_action(ms * MS) {
+            let mut answer = controller.receive(&bytes);
             harm(controller.blocks, &mut answer);
             // A block takes its duration before it is sent.
             under_way.push((if answer.len() > 1000 { ms + 99 } else { ms }, answer));
@@ -114,8 +114,8 @@ fn the_dialogue_is_the_makers_and_each_block_is_asked_for() {
         "START",
         "DT",
     ];
-    assert_eq!(controller.heard[..want.len()], want);
-    assert!(controller.heard[want.len()..].iter().all(|line| line == "DT"));
+    assert_eq!(controller.received[..want.len()], want);
+    assert!(controller.received[want.len()..].iter().all(|line| line == "DT"));
     assert!(forces.len() > 500);
     for (index, force) in forces.iter().enumerate() {
         assert_eq!(*force, index as f64);
@@ -131,7 +131,7 @@ fn the_dialogue_is_the_makers_and_each_block_is_asked_for() {
 fn a_sleeping_controller_is_woken() {
     let (mut protocol, mut controller) = (protocol(), Controller { asleep: true, ..Controller::default() });
     let forces = talk(&mut protocol, &mut controller, 0..2000, |_, _| {});
-    assert!(controller.heard.contains(&"WAKE".to_owned()) && !forces.is_empty());
+    assert!(controller.received.contains(&"WAKE".to_owned()) && !forces.is_empty());
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn a_short_or_noisy_block_is_detected_and_restarted() {
         let (mut protocol, mut controller) = (protocol(), Controller::default());
         let forces = talk(&mut protocol, &mut controller, 0..4000, harm);
         assert_eq!(
-            controller.heard.iter().filter(|line| *line == "START").count(),
+            controller.received.iter().filter(|line| *line == "START").count(),
             2,
             "{:?}",
             protocol.diagnostic()
@@ -170,11 +170,11 @@ fn silence_and_wrong_answers_are_said() {
     let (mut now, mut asked) = (0, 0);
     let why = loop {
         now += 10 * MS;
-        match device.wants(now) {
-            Want::Reopen(why) => break why,
-            Want::Send(bytes) => {
+        match device.next_action(now) {
+            Action::Reopen(why) => break why,
+            Action::Send(bytes) => {
                 asked += u32::from(bytes == b"STATE\n");
-                device.take(b"\xff\xfe?\n", now, &mut Taken::default());
+                device.take(b"\xff\xfe?\n", now, &mut Decoded::default());
             }
             _ => {}
         }
@@ -183,15 +183,15 @@ fn silence_and_wrong_answers_are_said() {
     assert!(why.contains("does not answer STATE") && why.contains("ground.serial.port"), "{why}");
     assert_eq!(device.diagnostic(), Some(why));
 
-    let mut taken = Taken::default();
+    let mut decoded = Decoded::default();
     let mut device = plate();
-    while !matches!(device.wants(now), Want::Send(bytes) if bytes == b"STATE\n") {
+    while !matches!(device.next_action(now), Action::Send(bytes) if bytes == b"STATE\n") {
         now += 10 * MS;
     }
-    device.take(&[b'a'; 10_000], now, &mut taken);
-    device.take(b"\nERR_2\n", now, &mut taken);
-    assert_eq!(taken.refusals().collect::<Vec<_>>(), [GroundRefusal::TooLong]);
-    let Want::Reopen(why) = device.wants(now) else { panic!() };
+    device.take(&[b'a'; 10_000], now, &mut decoded);
+    device.take(b"\nERR_2\n", now, &mut decoded);
+    assert_eq!(decoded.refusals().collect::<Vec<_>>(), [GroundRefusal::TooLong]);
+    let Action::Reopen(why) = device.next_action(now) else { panic!() };
     assert!(why.contains("error of its own"), "{why}");
 }
 
@@ -200,9 +200,9 @@ fn a_surface_the_plate_knows_better_is_said() {
     let mut device = TecGihan::new(TecGihanSettings { surface_height_m: 0.0, ..plate().settings });
     let mut controller = Controller::default();
     for ms in 0..1000 {
-        while let Want::Send(bytes) = device.wants(ms * MS) {
-            let answer = controller.hear(&bytes);
-            device.take(&answer, ms * MS, &mut Taken::default());
+        while let Action::Send(bytes) = device.next_action(ms * MS) {
+            let answer = controller.receive(&bytes);
+            device.take(&answer, ms * MS, &mut Decoded::default());
             if device.diagnostic().is_some() {
                 break;
             }
@@ -220,7 +220,7 @@ proptest::proptest! {
         for (index, piece) in pieces.iter().enumerate() {
             let now = index as u64 * 100 * MS;
             for _ in 0..8 {
-                if protocol.wants(now) == Want::Nothing { break; }
+                if protocol.next_action(now) == Action::Nothing { break; }
             }
             protocol.receive(piece, now, &mut samples);
         }

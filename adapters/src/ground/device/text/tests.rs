@@ -126,13 +126,13 @@ fn a_header_stands_at_the_start_of_every_connection_and_not_elsewhere() {
 #[test]
 fn lines_that_never_fit_are_reported_in_words() {
     let mut text = Text::new(settings(Framing::Datagrams));
-    let mut taken = Taken::default();
+    let mut decoded = Decoded::default();
     for _ in 0..TROUBLE {
         assert_eq!(text.diagnostic(), None);
-        text.take(b"1,0;2;3\n", 0, &mut taken);
+        text.take(b"1,0;2;3\n", 0, &mut decoded);
     }
     assert!(text.diagnostic().is_some_and(|said| said.contains("3 fields, and 5 are expected")));
-    text.take(b"1,0;2;3;4;5\n", 0, &mut taken);
+    text.take(b"1,0;2;3;4;5\n", 0, &mut decoded);
     assert_eq!(text.diagnostic(), None);
 }
 
@@ -172,9 +172,9 @@ fn channels_may_be_scaled_and_stand_in_any_order() {
         sequence: None,
         ..settings(Framing::Stream)
     };
-    let mut taken = Taken::default();
-    Text::new(settings).take(b"1 n/a n/a 300\n", 0, &mut taken);
-    let reading = taken.readings().next().unwrap();
+    let mut decoded = Decoded::default();
+    Text::new(settings).take(b"1 n/a n/a 300\n", 0, &mut decoded);
+    let reading = decoded.readings().next().unwrap();
     assert_eq!(reading.tick, Tick::Uncounted);
     assert!(matches!(reading.load, Load::Part { wrench, .. } if wrench.force_n == [-299.5, 11.0, 600.0]));
 }
@@ -198,11 +198,11 @@ proptest! {
         }
         let read = |pieces: &[&[u8]]| {
             let mut text = Text::new(settings(Framing::Stream));
-            let mut taken = Taken::default();
+            let mut decoded = Decoded::default();
             for piece in pieces {
-                text.take(piece, 0, &mut taken);
+                text.take(piece, 0, &mut decoded);
             }
-            taken
+            decoded
         };
         let mut cuts: Vec<usize> =
             cuts.into_iter().map(|cut| usize::from(cut) % (stream.len() + 1)).chain([0, stream.len()]).collect();
@@ -215,9 +215,9 @@ proptest! {
     fn garbage_never_panics_and_takes_no_room(pieces in proptest::collection::vec(proptest::collection::vec(any::<u8>(), 0..400), 0..10)) {
         for framing in [Framing::Datagrams, Framing::Stream, Framing::Joined] {
             let mut text = Text::new(settings(framing));
-            let mut taken = Taken::default();
+            let mut decoded = Decoded::default();
             for piece in &pieces {
-                text.take(piece, 0, &mut taken);
+                text.take(piece, 0, &mut decoded);
             }
         }
     }
