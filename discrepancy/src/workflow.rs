@@ -16,7 +16,7 @@ pub mod survey;
 
 use anyhow::bail;
 use equipoise_config::Config;
-use equipoise_core::cycle::{Memory, Settings};
+use equipoise_core::cycle::Settings;
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::SkippedData;
 
@@ -92,18 +92,4 @@ impl Reconcile<'_> {
         }
         Ok(Compared { session, identified, found, skipped })
     }
-}
-
-/// Initial memory: based on the recording's first checkpoint, if any, which preserves its tare.
-fn memory_at_first(reconcile: &Reconcile<'_>, survey: &Survey) -> Box<Memory> {
-    let settings = reconcile.settings();
-    let mut memory = bytemuck::zeroed_box::<Memory>();
-    match survey.first_memory() {
-        Some(first) => {
-            bytemuck::bytes_of_mut(&mut *memory).copy_from_slice(bytemuck::bytes_of(first));
-            memory.restart_keeping_tare(&settings);
-        }
-        None => memory.start(&settings),
-    }
-    memory
 }

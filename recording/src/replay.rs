@@ -5,8 +5,8 @@
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
 //! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
 //!
-//! Layers, lowest first: `capture_file` → `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
-//! [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
+//! Layers, lowest first: `capture_file` → `samples`, `pcap`, [`survey`] → [`input`] → `pending` → `feed` → [`score`], [`residual`] →
+//! `machine` → [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
 
 mod capture_file;
 pub mod cross_validation;
@@ -23,6 +23,7 @@ pub mod residual;
 pub mod samples;
 pub mod score;
 pub mod summary;
+pub mod survey;
 
 use std::path::Path;
 
@@ -72,7 +73,8 @@ impl Replay<'_> {
     /// As [`Replay::run`], and the error of `write`.
     pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
-        let mut machine = Machine::new(self.config.settings());
+        let settings = self.config.settings();
+        let mut machine = Machine::new(settings, survey.initial_memory(&settings));
         let mut summary = Summary::new(self.input.started_ns(), self.residual_s);
         match self.input {
             Input::Recording(recording) if survey.cycles > 0 => {
@@ -93,14 +95,10 @@ impl Replay<'_> {
                 })?;
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
-                if self.as_recorded && start == Start::Empty {
-                    let reason = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
-                    summary.skipped.rejected.push(reason.to_owned());
-                }
             }
             input => {
                 let mut samples = input.samples(self.config)?;
-                let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
+                let ran = free::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
                     let state = machine.step(tick, inputs);
                     summary.ingest(state, self.config.period_ns());
                     write(state)
@@ -114,6 +112,10 @@ impl Replay<'_> {
                     ran => ran?,
                 }
             }
+        }
+        if let Some(cause) = survey.memory_unavailable() {
+            let states = "the states are not those of the live loop";
+            summary.skipped.rejected.push(format!("{cause}: replayed without its tare and its worker, so {states}"));
         }
         summary.scored = machine.into_scored();
         Ok(summary)

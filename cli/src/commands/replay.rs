@@ -17,8 +17,8 @@ use crate::progress_bar::Bar;
 ///
 /// A recording of `equipoise record` gives the live loop's states again, byte for byte, and says so. Imports and
 /// captures (.csv, .mvnx, .pcap, .pcapng) are replayed at the configured loop rate. With --config or --model a recording's
-/// cycles are computed afresh with other settings, and not compared. Of a model that was found in this very recording
-/// every effect holds in its own span; elsewhere those that lasted to the end hold all the time.
+/// cycles are computed afresh with other settings and the recorded tare, and not compared. Of a model that was found in
+/// this very recording every effect holds in its own span; elsewhere those that lasted to the end hold all the time.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise replay shift.mcap --out shift.jsonl\n\nExit code 3: part of the data was \

@@ -10,3 +10,4 @@ mod hidden_load;
 mod make;
 mod memory;
 mod models;
+mod tare;

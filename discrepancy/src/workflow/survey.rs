@@ -4,9 +4,9 @@
 use anyhow::bail;
 use equipoise_adapters::recording::Entry;
 use equipoise_config::Config;
-use equipoise_core::cycle::{Checkpoint, Memory};
-use equipoise_core::message::{CommandKind, GroundSample, SuitSample};
+use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_recording::replay;
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::Sample;
 
@@ -22,9 +22,8 @@ pub struct Survey {
     /// Mean vertical force of each second since the begin in which a person stands on the plate, N.
     weight_n: Vec<(f64, f64)>,
     second: Second,
-    /// Times of tares of the empty plate, ns.
-    pub(super) tares_ns: Vec<u64>,
-    first: Option<Box<Checkpoint>>,
+    /// Its cycles, checkpoints and tares.
+    pub(super) recorded: replay::survey::Survey,
 }
 
 /// Statistics of one stream.
@@ -74,22 +73,15 @@ impl Survey {
             ground: Stream::default(),
             weight_n: Vec::new(),
             second: Second::default(),
-            tares_ns: Vec::new(),
-            first: None,
+            recorded: replay::survey::Survey::default(),
         };
         if let Input::Recording(recording) = input {
             // Stop at damage: later passes stop at the same entry and report it.
             for timed in recording.entries().map_while(Result::ok) {
-                match timed.entry {
-                    Entry::Suit(sample) => survey.ingest_suit(&sample),
-                    Entry::Ground(sample) => survey.ingest_ground(&sample),
-                    Entry::Cycle(cycle) if cycle.command == CommandKind::Tare as u32 => {
-                        survey.tares_ns.push(cycle.due_ns);
-                    }
-                    Entry::Checkpoint(checkpoint) if survey.first.is_none() => {
-                        survey.first = checkpoint.memory().is_some().then_some(checkpoint);
-                    }
-                    _ => {}
+                match &timed.entry {
+                    Entry::Suit(sample) => survey.ingest_suit(sample),
+                    Entry::Ground(sample) => survey.ingest_ground(sample),
+                    entry => survey.recorded.ingest(entry),
                 }
             }
         } else {
@@ -155,11 +147,6 @@ impl Survey {
             self.seconds(self.suit.first_ns.max(self.ground.first_ns)),
             self.seconds(self.suit.last_ns.min(self.ground.last_ns)),
         ]
-    }
-
-    /// The loop's memory at the start of the recording.
-    pub(super) fn first_memory(&self) -> Option<&Memory> {
-        self.first.as_ref().and_then(|checkpoint| checkpoint.memory())
     }
 
     /// Whether both streams exist with changing data.

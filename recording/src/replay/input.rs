@@ -5,16 +5,16 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
-use equipoise_adapters::recording::{Entry, Recording, Reloaded};
+use equipoise_adapters::recording::{Recording, Reloaded};
 use equipoise_config::method::MASS_KG;
 use equipoise_config::model::LoadedModel;
 use equipoise_config::{Config, SuitPosition};
-use equipoise_core::cycle::memory::MEMORY_VERSION;
-use equipoise_core::cycle::{Checkpoint, Settings};
+use equipoise_core::cycle::Settings;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 
 use super::capture_file::CaptureFile;
 use super::samples::{Sample, Samples, SkippedData};
+use super::survey::Survey;
 
 /// Default stature, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;
@@ -43,19 +43,6 @@ pub enum Input {
     Mvnx(CaptureFile),
     /// Network traffic.
     Pcap(CaptureFile),
-}
-
-/// How many messages of each kind a recording holds.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Survey {
-    /// Suit and ground samples.
-    pub samples: u64,
-    /// Cycle records.
-    pub cycles: u64,
-    /// Checkpoints from which this release can resume.
-    pub checkpoints: u64,
-    /// Why the last unusable checkpoint was refused.
-    pub checkpoint_refused: Option<String>,
 }
 
 /// A configuration and its origin.
@@ -116,21 +103,13 @@ impl Input {
         }
     }
 
-    /// Counts the messages in the file, all 0 for a capture. Reads the file once.
+    /// Surveys the recording; empty for a capture. Reads the file once.
     pub fn survey(&self) -> Survey {
         let mut survey = Survey::default();
         if let Input::Recording(recording) = self {
             // Stop at damage: the replay stops at the same entry and reports it.
             for timed in recording.entries().map_while(Result::ok) {
-                match timed.entry {
-                    Entry::Suit(_) | Entry::Ground(_) => survey.samples += 1,
-                    Entry::Cycle(_) => survey.cycles += 1,
-                    Entry::Checkpoint(checkpoint) => match refusal(&checkpoint) {
-                        None => survey.checkpoints += 1,
-                        refused => survey.checkpoint_refused = refused,
-                    },
-                    _ => {}
-                }
+                survey.ingest(&timed.entry);
             }
         }
         survey
@@ -200,15 +179,6 @@ impl Input {
             config.suit.position.get_or_insert(SuitPosition::Absolute);
         }
     }
-}
-
-/// Why the replay cannot resume from a checkpoint.
-fn refusal(checkpoint: &Checkpoint) -> Option<String> {
-    if checkpoint.memory_version != MEMORY_VERSION {
-        let found = checkpoint.memory_version;
-        return Some(format!("another version of Equipoise made it (memory {found}, here {MEMORY_VERSION})"));
-    }
-    checkpoint.memory().is_none().then(|| "a number in it is out of range".to_owned())
 }
 
 /// The mean vertical force as a mass, if plausible for a person.

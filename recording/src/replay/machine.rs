@@ -14,10 +14,8 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    /// Starts with an empty memory.
-    pub(super) fn new(settings: Settings) -> Machine {
-        let mut memory = bytemuck::zeroed_box::<Memory>();
-        memory.start(&settings);
+    /// Starts with this memory.
+    pub(super) fn new(settings: Settings, memory: Box<Memory>) -> Machine {
         let mut table = memory.clone();
         table.identification.identifying = 0;
         Machine { settings, memory, table, scored: Vec::new() }
