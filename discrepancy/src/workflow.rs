@@ -83,12 +83,16 @@ impl Reconcile<'_> {
         survey.check_weight(poses_s, self.config)?;
         let identified = identify::identify(self, &survey, progress)?;
         let found = self.given.find(&identified.phases(samples_s))?;
-        let (session, skipped) = session::compare(self, &survey, &identified, &found, progress)?;
+        let (session, mut skipped) = session::compare(self, &survey, &identified, &found, progress)?;
         if session.blocks.is_empty() {
             bail!(
                 "no usable block: in {} there is no interval of 0.2 s with both feet on the plate and data of suit and plate",
                 found.description
             );
+        }
+        if let Some(cause) = survey.recorded.memory_unavailable() {
+            let missing = "the tare and the worker from before it are missing";
+            skipped.rejected.push(format!("{cause}: {missing}"));
         }
         Ok(Compared { session, identified, found, skipped })
     }

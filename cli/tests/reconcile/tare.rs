@@ -41,4 +41,23 @@ fn a_tare_before_the_recording_is_applied() {
     for found_kg in [compared.session.mass_kg, validated.mass_kg] {
         assert!((found_kg - mass_kg).abs() < 2.0, "{found_kg} {mass_kg}");
     }
+    assert!(compared.skipped.rejected.is_empty(), "{:?}", compared.skipped);
+}
+
+#[test]
+fn a_memory_of_another_release_is_reported_as_missing() {
+    let mut script = Script { work_s: 20.0, ..Script::ordinary() };
+    script.rig.plate_hz = 200;
+    let mut memory = bytemuck::zeroed_box::<Memory>();
+    memory.start(&Config::parse(&script.config(), "test").unwrap().settings());
+    memory.version = MEMORY_VERSION + 1;
+    let directory = tempfile::tempdir().unwrap();
+    let recording = directory.path().join("older.mcap");
+    script.samples().write_from(&recording, &script.config(), EPOCH_NS, Some(&memory));
+    let output = equipoise().arg("reconcile").arg(&recording).output().unwrap();
+    let text = describe_output(&output);
+    assert_eq!(output.status.code(), Some(3), "{text}");
+    for phrase in ["another version of Equipoise made it", "tare and the worker from before it are missing"] {
+        assert!(text.contains(phrase), "{text}");
+    }
 }
