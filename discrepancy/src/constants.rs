@@ -27,8 +27,6 @@ pub(crate) const TICK_NS: u64 = 4_000_000;
 pub(crate) const IDENTIFY_DELAY_S: f64 = 0.15;
 /// Samples of a stream, at least. Unit: 1. Origin: chosen.
 pub(crate) const SAMPLES_MIN: u64 = 60;
-/// From a recording's header to its first sample, at most; beyond, the clocks differ. Unit: ns. Origin: chosen.
-pub(crate) const HEADER_AHEAD_MAX_NS: u64 = 600_000_000_000;
 /// Deviation from the expected body weight, at most; beyond, the subjects differ. Unit: 1. Origin: chosen.
 pub(crate) const WEIGHT_DEVIATION_MAX: f64 = 0.15;
 /// With more vertical force a person stands on the plate. Unit: N. Origin: chosen.

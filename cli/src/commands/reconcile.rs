@@ -119,9 +119,10 @@ fn evaluate(arguments: &Arguments, file: &Path, folder: Option<&Path>) -> anyhow
         check_verdicts(folder, chosen.config.loaded_model.as_ref().map(LoadedModel::file))?;
     }
     let mut head = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
-    if let Some(model) = &mut chosen.config.loaded_model {
-        model.fit_to(file)?;
+    if let Some(mut model) = chosen.config.loaded_model.take() {
+        model.fit_to(file, input.begin_ns(&chosen.config)?)?;
         head += &format!("{}\n", model.describe());
+        chosen.config.loaded_model = Some(model);
     }
     let config = chosen.config;
     let reconcile = Reconcile { input: &input, config: &config, given: arguments.given()? };

@@ -66,11 +66,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let as_recorded = arguments.config.is_none() && arguments.model.is_none();
     let mut text = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
-    if let Some(model) = &mut chosen.config.loaded_model {
+    if let Some(mut model) = chosen.config.loaded_model.take() {
         if !as_recorded {
-            model.fit_to(file)?;
+            model.fit_to(file, input.begin_ns(&chosen.config)?)?;
         }
         text += &format!("{}\n", model.describe());
+        chosen.config.loaded_model = Some(model);
     }
     let work: Option<Span> = super::span("--work", arguments.work.as_deref())?;
     let residual_s = work.map(|span| [span.from_s, span.to_s]);

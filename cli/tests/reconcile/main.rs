@@ -10,4 +10,5 @@ mod hidden_load;
 mod make;
 mod memory;
 mod models;
+mod spans;
 mod tare;

@@ -11,7 +11,7 @@ use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::Sample;
 
 use super::Progress;
-use crate::constants::{HEADER_AHEAD_MAX_NS, SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
+use crate::constants::{SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
 
 /// Content of a recording.
 #[derive(Debug)]
@@ -68,7 +68,7 @@ impl Survey {
     pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
         progress(Progress { doing: "reading the recording", fraction: 0.0 });
         let mut survey = Survey {
-            begin_ns: input.started_ns(),
+            begin_ns: input.begin_ns(config)?,
             suit: Stream::default(),
             ground: Stream::default(),
             weight_n: Vec::new(),
@@ -94,10 +94,6 @@ impl Survey {
             }
         }
         survey.end_second();
-        let first_ns = survey.first_ns();
-        if first_ns.checked_sub(survey.begin_ns).is_none_or(|before_ns| before_ns > HEADER_AHEAD_MAX_NS) {
-            survey.begin_ns = first_ns;
-        }
         Ok(survey)
     }
 
@@ -129,11 +125,6 @@ impl Survey {
     /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
     pub fn begin_ns(&self) -> u64 {
         self.begin_ns
-    }
-
-    fn first_ns(&self) -> u64 {
-        let streams = [&self.suit, &self.ground].into_iter().filter(|stream| stream.samples > 0);
-        streams.map(|stream| stream.first_ns).min().unwrap_or(self.begin_ns)
     }
 
     /// A time of the recording relative to the origin, s.

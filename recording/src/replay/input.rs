@@ -11,11 +11,14 @@ use equipoise_config::model::LoadedModel;
 use equipoise_config::{Config, SuitPosition};
 use equipoise_core::cycle::Settings;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_core::time::NS_PER_S;
 
 use super::capture_file::CaptureFile;
 use super::samples::{Sample, Samples, SkippedData};
 use super::survey::Survey;
 
+/// From the start of a recording to its first sample, at most, ns; beyond, the clocks differ.
+const START_AHEAD_MAX_NS: u64 = 600 * NS_PER_S;
 /// Default stature, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;
 /// Configuration for captures without one: the manufacturers' default ports and scales.
@@ -79,6 +82,28 @@ impl Input {
             Input::Recording(recording) => recording.header().started_monotonic_ns,
             Input::Csv(_) | Input::Mvnx(_) | Input::Pcap(_) => TIME_BASE_NS,
         }
+    }
+
+    /// Time origin of spans in s, CLOCK_MONOTONIC ns: [`Input::started_ns`], unless the samples have another clock.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn begin_ns(&self, config: &Config) -> anyhow::Result<u64> {
+        let (mut suit_ns, mut ground_ns) = (None, None);
+        for sample in self.samples(config)? {
+            match sample {
+                Sample::Suit(sample) => suit_ns = suit_ns.or(Some(sample.sample_time_ns)),
+                Sample::Ground(sample) => ground_ns = ground_ns.or(Some(sample.sample_time_ns)),
+                Sample::Body(_) => {}
+            }
+            if suit_ns.is_some() && ground_ns.is_some() {
+                break;
+            }
+        }
+        let started_ns = self.started_ns();
+        let first_ns = suit_ns.into_iter().chain(ground_ns).min().unwrap_or(started_ns);
+        let is_ahead = first_ns.checked_sub(started_ns).is_some_and(|ahead_ns| ahead_ns <= START_AHEAD_MAX_NS);
+        Ok(if is_ahead { started_ns } else { first_ns })
     }
 
     /// The samples in the order of delivery.
