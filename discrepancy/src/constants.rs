@@ -440,8 +440,6 @@ pub(crate) const SERIES_INTERVAL_S: f64 = 0.25;
 pub(crate) const MINUTES_FROM_S: f64 = 300.0;
 /// Valid torques for a headline or a recommendation, at least. Unit: s. Origin: chosen.
 pub(crate) const STATEMENT_TIME_MIN_S: f64 = 5.0;
-/// A subject is attached within this time of its change. Unit: ns. Origin: derived, above the recorder's interval of 1 s.
-pub(crate) const SUBJECT_ATTACHED_WITHIN_NS: u64 = 3_000_000_000;
 /// States that wait for the records of their cycles, which a recorder writes later. Unit: 1. Origin: chosen.
 pub(crate) const REORDER_BUFFER: usize = 512;
 /// Time limit of printing; the report of a shift takes seconds. Unit: s. Origin: chosen.

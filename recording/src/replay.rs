@@ -25,11 +25,13 @@ pub mod score;
 pub mod summary;
 pub mod survey;
 
+use std::collections::VecDeque;
 use std::path::Path;
 
 use anyhow::bail;
-use equipoise_adapters::recording::RecordingHeader;
+use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_config::Config;
+use equipoise_core::cycle::Settings;
 use equipoise_core::message::State;
 
 use input::Input;
@@ -38,6 +40,7 @@ use output::Output;
 use recorded::Start;
 use samples::SkippedData;
 pub use summary::Summary;
+use survey::{SubjectChange, Survey};
 
 /// A replay and its options.
 #[derive(Debug)]
@@ -89,7 +92,11 @@ impl Replay<'_> {
                 };
                 let reloads = self.input.reloads()?;
                 let reloads = self.as_recorded.then_some(&reloads);
-                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state, period_ns| {
+                let later = match start {
+                    Start::Checkpoint => VecDeque::new(),
+                    Start::Empty => self.later_subjects(&survey, recording),
+                };
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, later, |state, period_ns| {
                     summary.ingest(state, if period_ns > 0 { period_ns } else { self.config.period_ns() });
                     write(state)
                 })?;
@@ -119,6 +126,18 @@ impl Replay<'_> {
         }
         summary.scored = machine.into_scored();
         Ok(summary)
+    }
+
+    /// Due time of the first cycle, ns, and settings of each later subject.
+    fn later_subjects(&self, survey: &Survey, recording: &Recording) -> VecDeque<(u64, Settings)> {
+        let settings = self.config.settings();
+        let changes = survey.subject_changes(recording.header()).into_iter();
+        let later = changes.map(|SubjectChange { at_ns, subjects: [_, id] }| {
+            // The configured mass is that of the configured subject.
+            let mass_kg = settings.mass_kg.filter(|_| id == self.config.subject.id);
+            (at_ns, Settings { mass_kg, ..settings })
+        });
+        later.collect()
     }
 
     /// The header of a recording of results: the input's, with the active configuration.

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 use equipoise_config::Config;
 use equipoise_core::cycle::Tare;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
-use equipoise_core::message::State;
+use equipoise_core::message::{CommandKind, State};
 
 use crate::replay_recorded_cycles::{CONFIG, CYCLES, live, live_with};
 
@@ -29,6 +29,39 @@ fn the_tare_is_the_recorded_one() {
     assert!(text.contains("another version") && text.contains("without its tare"), "{text}");
     assert!(!summary.is_complete());
     assert_ne!(readings(&states), expected);
+}
+
+#[test]
+fn another_worker_begins_without_the_model_of_the_one_before() {
+    let configured = format!("{CONFIG}mass_kg = 70.0\n");
+    // Loaded at cycle 800 or with the daemon restarted there, and attached later or earlier.
+    for (command, restarts, attached) in
+        [(Some(CommandKind::SubjectLoad), false, 1300), (None, true, 1300), (None, true, 799)]
+    {
+        let commands: Vec<(u64, CommandKind)> = command.map(|command| (800, command)).into_iter().collect();
+        let mut live = live(&[101], &commands);
+        for record in live.cycles.iter_mut().filter(|record| restarts && record.cycle >= 800) {
+            record.cycle -= 799;
+        }
+        for (id, is_other) in [("anon-1", false), ("anon-2", true)] {
+            live.subjects = vec![(attached, id)];
+            let (summary, states) = live.replay_with(&configured);
+            // The first state is that of cycle 2.
+            let masses_kg = [797, 798, 1400].map(|index| states[index].mass_kg);
+            let has_body = [797, 798].map(|index| states[index].com_m[2] > 0.5);
+            let text = summary.to_string();
+            if is_other {
+                assert_eq!((masses_kg, has_body), ([70.0, 0.0, 0.0], [true, false]), "{text}");
+            } else {
+                assert_eq!((masses_kg, has_body), ([70.0; 3], [true; 2]), "{text}");
+            }
+            assert_eq!(text.contains("another worker from cycle"), is_other, "{text}");
+            assert_eq!(summary.is_complete(), !is_other, "{text}");
+        }
+        // For a configuration of the later worker its mass is known.
+        let (_, states) = live.replay_with(&configured.replace("anon-1", "anon-2"));
+        assert_eq!(states[1400].mass_kg, 70.0);
+    }
 }
 
 #[test]

@@ -33,7 +33,7 @@ pub(crate) const CYCLES: u64 = 1500;
 
 /// All published messages of a run.
 pub(crate) struct Live {
-    cycles: Vec<CycleRecord>,
+    pub(crate) cycles: Vec<CycleRecord>,
     pub(crate) states: Vec<State>,
     checkpoints: Vec<Box<Checkpoint>>,
     suit: Vec<SuitSample>,
@@ -41,6 +41,8 @@ pub(crate) struct Live {
     pub(crate) format: u64,
     /// The recorder's data on reloads.
     reloads: Vec<(u64, Reloaded)>,
+    /// Cycles after which the recorder attached the profile of another subject, and its pseudonym.
+    pub(crate) subjects: Vec<(u64, &'static str)>,
 }
 
 /// The number of a reload in cycle 900.
@@ -74,6 +76,7 @@ pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64,
         ground: Vec::new(),
         format: MEMORY_VERSION,
         reloads: Vec::new(),
+        subjects: Vec::new(),
     };
     let t_pose_m = Skeleton::nominal(1.77).t_pose_m();
     for cycle in 1..=CYCLES {
@@ -153,6 +156,10 @@ impl Live {
         let mut recorder = Recorder::create(&path, &header).unwrap();
         for (number, reloaded) in &self.reloads {
             recorder.add_reload(START_NS, *number, reloaded).unwrap();
+        }
+        for (cycle, id) in &self.subjects {
+            let profile = format!("subject = \"{id}\"\n");
+            recorder.add_subject(START_NS + cycle * 1_000_000, &profile).unwrap();
         }
         for burst in 0..CYCLES / 10 {
             let of_burst = |time_ns: u64| (time_ns - START_NS) / 10_000_000 == burst;
