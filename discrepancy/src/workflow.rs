@@ -5,12 +5,13 @@
 //! of the frozen model with the plate's measurements ([`crate::compare`]). The engine determines effects;
 //! this module provides files and cycle.
 //!
-//! Layers, lowest first: [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
+//! Layers, lowest first: [`survey`] → `subjects` → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
 
 mod cutoff;
 pub mod identify;
 pub mod output;
 mod session;
+mod subjects;
 pub mod summary;
 pub mod survey;
 
@@ -72,7 +73,10 @@ impl Reconcile<'_> {
     /// # Errors
     /// What the recording lacks, or which span is unusable.
     pub fn compare(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Compared> {
-        let survey = Survey::of(self.input, self.config, progress)?;
+        let mut survey = Survey::of(self.input, self.config, 0..u64::MAX, progress)?;
+        if let Some(part_ns) = subjects::part_ns(self, &survey)? {
+            survey = Survey::of(self.input, self.config, part_ns, progress)?;
+        }
         survey.check()?;
         let samples_s = survey.samples_s();
         self.given.check(samples_s)?;

@@ -11,4 +11,5 @@ mod make;
 mod memory;
 mod models;
 mod spans;
+mod subjects;
 mod tare;

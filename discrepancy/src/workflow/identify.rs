@@ -5,7 +5,6 @@ use std::cell::Cell;
 use anyhow::bail;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
 use equipoise_recording::replay::free;
-use equipoise_recording::replay::samples::Sample;
 
 use crate::constants::{IDENTIFY_DELAY_S, TICK_NS};
 use crate::spans::Shown;
@@ -129,9 +128,9 @@ impl<'a> Pass<'a> {
         let done = Cell::new(false);
         let end_s = self.span_s[1];
         let samples = self.reconcile.input.samples(self.reconcile.config)?;
-        let samples = samples
-            .take_while(|_| !done.get())
-            .filter(|sample| self.survey.seconds(sample_time_ns(sample)) <= end_s);
+        let samples = samples.take_while(|_| !done.get()).filter(|sample| {
+            self.survey.covers(sample.time_ns()) && self.survey.seconds(sample.time_ns()) <= end_s
+        });
         free::run(samples, TICK_NS, &recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
             let now_s = self.survey.seconds(tick.due_ns);
             progress(Progress { doing: "identifying the worker", fraction: now_s / end_s.max(1e-9) });
@@ -188,13 +187,5 @@ impl<'a> Pass<'a> {
         found.worker = Some(frozen(&memory.identification));
         found.poses = memory.identification.poses_used;
         found.motion_samples = u64::from(memory.state.motion_samples_used);
-    }
-}
-
-fn sample_time_ns(sample: &Sample) -> u64 {
-    match sample {
-        Sample::Suit(sample) => sample.sample_time_ns,
-        Sample::Ground(sample) => sample.sample_time_ns,
-        Sample::Body(body) => body.published_ns,
     }
 }

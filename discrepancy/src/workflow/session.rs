@@ -1,4 +1,4 @@
-//! Compares the frozen subject model with the plate over the whole recording.
+//! Compares the frozen subject model with the plate over the whole time of the subject.
 
 use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Motion, Tick, step};
@@ -14,7 +14,7 @@ use super::survey::Survey;
 use super::{Progress, Reconcile, cutoff};
 use crate::constants::TICK_NS;
 
-/// Runs the frozen subject model over the recording.
+/// Runs the frozen subject model over the subject's part of the recording.
 pub(super) fn compare(
     reconcile: &Reconcile<'_>,
     survey: &Survey,
@@ -36,7 +36,8 @@ pub(super) fn compare(
     let mut samples = reconcile.input.samples(reconcile.config)?;
     let length_s = survey.samples_s()[1];
     let (mut pushed_ns, mut held_ns) = (0, 0);
-    free::run(samples.by_ref(), TICK_NS, &survey.recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
+    let of_subject = samples.by_ref().filter(|sample| survey.covers(sample.time_ns()));
+    free::run(of_subject, TICK_NS, &survey.recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
         let fraction = survey.seconds(tick.due_ns) / length_s.max(1e-9);
         progress(Progress { doing: "comparing model and plate", fraction });
         let state = *step(&settings, &mut memory, tick, inputs);

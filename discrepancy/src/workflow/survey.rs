@@ -1,8 +1,10 @@
-//! Checks that a recording meets the requirements of a comparison: both streams, both with changing data, of one
-//! subject.
+//! Checks that a recording, or the part of one subject, meets the requirements of a comparison: both streams, both with
+//! changing data.
+
+use std::ops::Range;
 
 use anyhow::bail;
-use equipoise_adapters::recording::Entry;
+use equipoise_adapters::recording::{Entry, TimedEntry};
 use equipoise_config::Config;
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
@@ -17,12 +19,14 @@ use crate::constants::{SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
 #[derive(Debug)]
 pub struct Survey {
     begin_ns: u64,
+    /// The part that is used, CLOCK_MONOTONIC ns.
+    part_ns: Range<u64>,
     suit: Stream,
     ground: Stream,
     /// Mean vertical force of each second since the begin in which a person stands on the plate, N.
     weight_n: Vec<(f64, f64)>,
     second: Second,
-    /// Its cycles, checkpoints and tares.
+    /// Its cycles, checkpoints and commands.
     pub(super) recorded: replay::survey::Survey,
 }
 
@@ -61,14 +65,20 @@ impl Stream {
 }
 
 impl Survey {
-    /// Reads the input once.
+    /// Reads the input once, and uses the data of a part of it, CLOCK_MONOTONIC ns.
     ///
     /// # Errors
     /// The input cannot be read.
-    pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
+    pub fn of(
+        input: &Input,
+        config: &Config,
+        part_ns: Range<u64>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> anyhow::Result<Survey> {
         progress(Progress { doing: "reading the recording", fraction: 0.0 });
         let mut survey = Survey {
             begin_ns: input.begin_ns(config)?,
+            part_ns: part_ns.clone(),
             suit: Stream::default(),
             ground: Stream::default(),
             weight_n: Vec::new(),
@@ -77,7 +87,8 @@ impl Survey {
         };
         if let Input::Recording(recording) = input {
             // Stop at damage: later passes stop at the same entry and report it.
-            for timed in recording.entries().map_while(Result::ok) {
+            let entries = recording.entries().map_while(Result::ok);
+            for timed in entries.filter(|timed| part_ns.contains(&time_ns(timed))) {
                 match &timed.entry {
                     Entry::Suit(sample) => survey.ingest_suit(sample),
                     Entry::Ground(sample) => survey.ingest_ground(sample),
@@ -120,6 +131,11 @@ impl Survey {
             self.weight_n.push((self.second.number as f64, mean_n));
         }
         self.second = Second::default();
+    }
+
+    /// Whether a time is in the part that is used, ns.
+    pub(super) fn covers(&self, time_ns: u64) -> bool {
+        self.part_ns.contains(&time_ns)
     }
 
     /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
@@ -217,5 +233,18 @@ impl Survey {
             );
         }
         Ok(())
+    }
+}
+
+/// Time of an entry, CLOCK_MONOTONIC ns.
+fn time_ns(timed: &TimedEntry) -> u64 {
+    match &timed.entry {
+        Entry::Suit(sample) => sample.sample_time_ns,
+        Entry::Ground(sample) => sample.sample_time_ns,
+        // Its log time is that of messages before it; the state in its memory is of its cycle.
+        Entry::Checkpoint(checkpoint) => {
+            checkpoint.memory().map_or(timed.log_time_ns, |memory| memory.state.time_ns)
+        }
+        _ => timed.log_time_ns,
     }
 }
