@@ -37,11 +37,11 @@ fn a_recording_of_several_workers_needs_spans_of_one() {
         let workers = "of several workers, and a model is of one: anon-1 until 28.0 s, then anon-2; give --identify";
         assert!(refusal.contains(workers), "{refusal}");
     }
-    let refusal = compared("anon-1", Some("28:44"), Some("46:60")).unwrap_err();
+    let refusal = compared("anon-1", Some("28.5:44"), Some("46:60")).unwrap_err();
     assert!(refusal.contains("the worker of the given spans is anon-2, and the configuration is anon-1's"), "{refusal}");
 
     for (id, identify, work) in
-        [("anon-1", "0:20", None), ("anon-1", "0:16", Some("18:28")), ("anon-2", "28:44", None)]
+        [("anon-1", "0:20", None), ("anon-1", "0:16", Some("18:27.5")), ("anon-2", "28.5:44", None)]
     {
         let found = compared(id, Some(identify), work).unwrap();
         let is_second = id == "anon-2";

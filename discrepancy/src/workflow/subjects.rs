@@ -6,6 +6,8 @@ use anyhow::bail;
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::survey::SubjectChange;
 
+use crate::spans::Span;
+
 use super::Reconcile;
 use super::survey::Survey;
 
@@ -20,11 +22,11 @@ pub(super) fn part_ns(reconcile: &Reconcile<'_>, survey: &Survey) -> anyhow::Res
     let changes_s: Vec<f64> = changes.iter().map(|change| survey.seconds(change.at_ns)).collect();
     let given = &reconcile.given;
     let spans = [given.identify, given.reference, given.work].into_iter().flatten();
-    let ends = spans.flat_map(|span| {
-        let [begins, ends] = [span.from_s.next_up(), span.to_s];
-        [begins, ends].map(|time_s| changes_s.partition_point(|change_s| *change_s < time_s))
-    });
-    let mut parts: Vec<usize> = ends.collect();
+    let parts_of = |span: Span| {
+        let first = changes_s.partition_point(|change_s| *change_s <= span.from_s);
+        [first, changes_s.partition_point(|change_s| *change_s < span.to_s)]
+    };
+    let mut parts: Vec<usize> = spans.flat_map(parts_of).collect();
     parts.dedup();
     let [part] = parts[..] else {
         let until = |(change, time_s): (&SubjectChange, &f64)| {
