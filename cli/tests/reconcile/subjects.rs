@@ -41,7 +41,7 @@ fn a_recording_of_several_workers_needs_spans_of_one() {
     assert!(refusal.contains("the worker of the given spans is anon-2, and the configuration is anon-1's"), "{refusal}");
 
     for (id, identify, work) in
-        [("anon-1", "0:20", None), ("anon-1", "0:16", Some("18:27.5")), ("anon-2", "28.5:44", None)]
+        [("anon-1", "0:16", None), ("anon-1", "0:16", Some("18:27.5")), ("anon-2", "28.5:44", None)]
     {
         let found = compared(id, Some(identify), work).unwrap();
         let is_second = id == "anon-2";
