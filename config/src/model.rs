@@ -18,7 +18,7 @@ pub struct LoadedModel {
     /// The file's text, which recordings store.
     pub text: String,
     file: ModelFile,
-    spans_hold: bool,
+    spans: Spans,
 }
 
 impl LoadedModel {
@@ -38,15 +38,17 @@ impl LoadedModel {
     /// As [`LoadedModel::read`].
     pub fn parse(text: String, name: String) -> Result<LoadedModel, ModelFileError> {
         let file = ModelFile::parse(&text, &name)?;
-        Ok(LoadedModel { name, text, file, spans_hold: false })
+        Ok(LoadedModel { name, text, file, spans: Spans::OpenEndedForEver })
     }
 
-    /// Applies every effect within its time span if the file was made from this recording.
+    /// Applies every effect within its time span if the file was made from this recording, which begins at `begin_ns`,
+    /// CLOCK_MONOTONIC.
     ///
     /// # Errors
     /// The recording cannot be read.
-    pub fn fit_to(&mut self, recording: &Path) -> std::io::Result<()> {
-        self.spans_hold = self.file.provenance.is_some() && self.file.is_of(&sha256_of(recording)?);
+    pub fn fit_to(&mut self, recording: &Path, begin_ns: u64) -> std::io::Result<()> {
+        let is_origin = self.file.provenance.is_some() && self.file.is_of(&sha256_of(recording)?);
+        self.spans = if is_origin { Spans::Hold { begin_ns } } else { Spans::OpenEndedForEver };
         Ok(())
     }
 
@@ -57,16 +59,16 @@ impl LoadedModel {
 
     /// The model that the loop runs.
     pub fn model(&self) -> Model {
-        self.file.model(self.spans()).0
+        self.file.model(self.spans).0
     }
 
     /// One sentence on the active and the omitted effects.
     pub fn describe(&self) -> String {
-        let (_, left_out) = self.file.model(self.spans());
+        let (_, left_out) = self.file.model(self.spans);
         let running = self.file.effects.iter().filter(|fitted| !left_out.contains(fitted));
         let names = |all: Vec<String>| if all.is_empty() { "nothing".to_owned() } else { all.join(", ") };
         let mut text = format!("model {}: {}", self.name, names(running.map(Fitted::name).collect()));
-        if self.spans_hold {
+        if self.spans != Spans::OpenEndedForEver {
             text += ", each in the span of this recording in which it was found";
         }
         let (rejected, ended): (Vec<&Fitted>, Vec<&Fitted>) =
@@ -83,10 +85,6 @@ impl LoadedModel {
             text += &format!("; {}, to tell {} from {}", ask.what(), ask.between[0], ask.between[1]);
         }
         text
-    }
-
-    fn spans(&self) -> Spans {
-        if self.spans_hold { Spans::Hold } else { Spans::OpenEndedForEver }
     }
 }
 
@@ -128,15 +126,15 @@ mod tests {
         assert_eq!(spans(&loaded), [[0.0, f64::INFINITY]]);
         let text = "model m.toml: plate_offset; left out, since it ended before the recording it was found in did: plate_yaw";
         assert_eq!(loaded.describe(), text);
-        loaded.fit_to(&here).unwrap();
+        loaded.fit_to(&here, 7).unwrap();
         assert_eq!(spans(&loaded), [[1.0, f64::INFINITY], [1.0, 1.5]]);
         assert!(
             loaded.describe().contains("plate_offset, plate_yaw, each in the span"),
             "{}",
             loaded.describe()
         );
-        loaded.fit_to(&elsewhere).unwrap();
+        loaded.fit_to(&elsewhere, 7).unwrap();
         assert_eq!(spans(&loaded).len(), 1);
-        assert!(loaded.fit_to(&folder.path().join("none")).is_err());
+        assert!(loaded.fit_to(&folder.path().join("none"), 7).is_err());
     }
 }

@@ -118,7 +118,10 @@ pub struct ModelFile {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Spans {
     /// For the recording that the file was made from: every effect in its span.
-    Hold,
+    Hold {
+        /// Begin of the recording, CLOCK_MONOTONIC ns.
+        begin_ns: u64,
+    },
     /// For any other recording and live: effects that lasted to the end, without limits.
     OpenEndedForEver,
 }
@@ -161,14 +164,18 @@ impl ModelFile {
 
     /// The model for the loop, and the effects that it leaves out.
     pub fn model(&self, spans: Spans) -> (Model, Vec<&Fitted>) {
+        let origin_ns = match spans {
+            Spans::Hold { begin_ns } => Some(begin_ns),
+            Spans::OpenEndedForEver => None,
+        };
         let is_applied =
-            |fitted: &&Fitted| !fitted.is_rejected() && (spans == Spans::Hold || fitted.open_ended);
+            |fitted: &&Fitted| !fitted.is_rejected() && (origin_ns.is_some() || fitted.open_ended);
         let (applied, left_out): (Vec<&Fitted>, Vec<&Fitted>) = self.effects.iter().partition(is_applied);
         let mut terms = [None; TERMS_MAX];
         for (term, fitted) in terms.iter_mut().zip(applied) {
             *term = Some(fitted.term(spans));
         }
-        (Model { terms }, left_out)
+        (Model { terms, origin_ns }, left_out)
     }
 
     /// The effects that an engineer rejected.
@@ -188,8 +195,8 @@ impl Fitted {
     fn term(&self, spans: Spans) -> Term {
         let span_s = match (spans, self.open_ended) {
             (Spans::OpenEndedForEver, _) => [0.0, f64::INFINITY],
-            (Spans::Hold, true) => [self.span_s[0], f64::INFINITY],
-            (Spans::Hold, false) => self.span_s,
+            (Spans::Hold { .. }, true) => [self.span_s[0], f64::INFINITY],
+            (Spans::Hold { .. }, false) => self.span_s,
         };
         Term { effect: self.effect, place: self.place, shape: self.shape, value: self.value, span_s }
     }

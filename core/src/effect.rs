@@ -106,7 +106,7 @@ pub struct Parameter {
 /// Data of one instant from which an effect's columns are computed. Station world: X forward, Y left, Z up.
 #[derive(Debug, Clone, Copy)]
 pub struct Observation {
-    /// Time since the station's first snapshot (the start of the recording), s. Drifts and sways start at time zero:
+    /// Time since the origin of the spans ([`Model::origin_ns`]), s. Drifts and sways start at time zero:
     /// [`Term::columns`] subtracts the start of the term's span.
     pub time_s: f64,
     /// Body mass, kg.
@@ -276,12 +276,12 @@ pub struct Term {
     pub shape: f64,
     /// The parameters, in the order and units of [`Effect::parameters`].
     pub value: [f64; PARAMETERS_MAX],
-    /// Interval in which it applies, s since the station's first snapshot; the end may be infinite.
+    /// Interval in which it applies, s since [`Model::origin_ns`]; the end may be infinite.
     pub span_s: [f64; 2],
 }
 
 impl Term {
-    /// Whether it applies at a time, s since the station's first snapshot.
+    /// Whether it applies at a time, s since [`Model::origin_ns`].
     pub fn applies_at(&self, time_s: f64) -> bool {
         (self.span_s[0]..self.span_s[1]).contains(&time_s)
     }
@@ -302,6 +302,9 @@ impl Term {
 pub struct Model {
     /// The terms.
     pub terms: [Option<Term>; TERMS_MAX],
+    /// Time zero of the spans, CLOCK_MONOTONIC ns: the begin of the recording in which they were found; `None`: the
+    /// station's first snapshot.
+    pub origin_ns: Option<u64>,
 }
 
 impl Model {
@@ -310,7 +313,7 @@ impl Model {
         self.terms.iter().all(Option::is_none)
     }
 
-    /// The terms that apply at a time, s since the station's first snapshot.
+    /// The terms that apply at a time, s since the origin of the spans.
     pub fn at(&self, time_s: f64) -> impl Iterator<Item = &Term> {
         self.terms.iter().flatten().filter(move |term| term.applies_at(time_s))
     }

@@ -27,8 +27,6 @@ pub(crate) const TICK_NS: u64 = 4_000_000;
 pub(crate) const IDENTIFY_DELAY_S: f64 = 0.15;
 /// Samples of a stream, at least. Unit: 1. Origin: chosen.
 pub(crate) const SAMPLES_MIN: u64 = 60;
-/// From a recording's header to its first sample, at most; beyond, the clocks differ. Unit: ns. Origin: chosen.
-pub(crate) const HEADER_AHEAD_MAX_NS: u64 = 600_000_000_000;
 /// Deviation from the expected body weight, at most; beyond, the subjects differ. Unit: 1. Origin: chosen.
 pub(crate) const WEIGHT_DEVIATION_MAX: f64 = 0.15;
 /// With more vertical force a person stands on the plate. Unit: N. Origin: chosen.
@@ -442,8 +440,6 @@ pub(crate) const SERIES_INTERVAL_S: f64 = 0.25;
 pub(crate) const MINUTES_FROM_S: f64 = 300.0;
 /// Valid torques for a headline or a recommendation, at least. Unit: s. Origin: chosen.
 pub(crate) const STATEMENT_TIME_MIN_S: f64 = 5.0;
-/// A subject is attached within this time of its change. Unit: ns. Origin: derived, above the recorder's interval of 1 s.
-pub(crate) const SUBJECT_ATTACHED_WITHIN_NS: u64 = 3_000_000_000;
 /// States that wait for the records of their cycles, which a recorder writes later. Unit: 1. Origin: chosen.
 pub(crate) const REORDER_BUFFER: usize = 512;
 /// Time limit of printing; the report of a shift takes seconds. Unit: s. Origin: chosen.

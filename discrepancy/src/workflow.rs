@@ -5,18 +5,19 @@
 //! of the frozen model with the plate's measurements ([`crate::compare`]). The engine determines effects;
 //! this module provides files and cycle.
 //!
-//! Layers, lowest first: [`survey`] → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
+//! Layers, lowest first: [`survey`] → `subjects` → [`identify`], `cutoff` → `session` → this file → [`output`], [`summary`].
 
 mod cutoff;
 pub mod identify;
 pub mod output;
 mod session;
+mod subjects;
 pub mod summary;
 pub mod survey;
 
 use anyhow::bail;
 use equipoise_config::Config;
-use equipoise_core::cycle::{Memory, Settings};
+use equipoise_core::cycle::Settings;
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::SkippedData;
 
@@ -72,7 +73,10 @@ impl Reconcile<'_> {
     /// # Errors
     /// What the recording lacks, or which span is unusable.
     pub fn compare(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Compared> {
-        let survey = Survey::of(self.input, self.config, progress)?;
+        let mut survey = Survey::of(self.input, self.config, 0..u64::MAX, progress)?;
+        if let Some(part_ns) = subjects::part_ns(self, &survey)? {
+            survey = Survey::of(self.input, self.config, part_ns, progress)?;
+        }
         survey.check()?;
         let samples_s = survey.samples_s();
         self.given.check(samples_s)?;
@@ -83,27 +87,17 @@ impl Reconcile<'_> {
         survey.check_weight(poses_s, self.config)?;
         let identified = identify::identify(self, &survey, progress)?;
         let found = self.given.find(&identified.phases(samples_s))?;
-        let (session, skipped) = session::compare(self, &survey, &identified, &found, progress)?;
+        let (session, mut skipped) = session::compare(self, &survey, &identified, &found, progress)?;
         if session.blocks.is_empty() {
             bail!(
                 "no usable block: in {} there is no interval of 0.2 s with both feet on the plate and data of suit and plate",
                 found.description
             );
         }
+        if let Some(cause) = survey.recorded.memory_unavailable() {
+            let missing = "the tare and the worker from before it are missing";
+            skipped.rejected.push(format!("{cause}: {missing}"));
+        }
         Ok(Compared { session, identified, found, skipped })
     }
-}
-
-/// Initial memory: based on the recording's first checkpoint, if any, which preserves its tare.
-fn memory_at_first(reconcile: &Reconcile<'_>, survey: &Survey) -> Box<Memory> {
-    let settings = reconcile.settings();
-    let mut memory = bytemuck::zeroed_box::<Memory>();
-    match survey.first_memory() {
-        Some(first) => {
-            bytemuck::bytes_of_mut(&mut *memory).copy_from_slice(bytemuck::bytes_of(first));
-            memory.restart_keeping_tare(&settings);
-        }
-        None => memory.start(&settings),
-    }
-    memory
 }

@@ -26,7 +26,7 @@ pub(crate) struct Source<'a> {
     pub(crate) states: &'a Recording,
     /// Recording with the samples from which the states were computed; often the same.
     pub(crate) samples: &'a Recording,
-    /// Whether a replay computed the states from the samples without the live loop's memory, so without its tare.
+    /// Whether a replay computed the states from the samples without the live loop's memory, so without its lag.
     pub(crate) is_replayed: bool,
     /// Begin and end, s since the begin of the recording.
     pub(crate) span_s: Option<[f64; 2]>,
@@ -196,7 +196,8 @@ impl Survey {
         self.lags.ingest(timed);
     }
 
-    /// Ends the samples. Without cycle records the states were computed by a replay, which begins without tare and lag.
+    /// Ends the samples. Without cycle records the states were computed by a replay, which begins without a lag, and
+    /// without a tare unless there is a checkpoint.
     fn begin_states(&mut self, source: Source<'_>) {
         let is_fresh = source.is_replayed || !self.has_cycles;
         self.tares.begin_with(is_fresh.then(Tare::zeroed));

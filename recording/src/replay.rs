@@ -5,8 +5,8 @@
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
 //! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
 //!
-//! Layers, lowest first: `capture_file` → `samples`, `pcap` → [`input`] → `waiting` → `feed` → [`score`], [`residual`] → `machine` →
-//! [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
+//! Layers, lowest first: `capture_file` → `samples`, `pcap`, [`survey`] → [`input`] → `pending` → `feed` → [`score`], [`residual`] →
+//! `machine` → [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
 
 mod capture_file;
 pub mod cross_validation;
@@ -23,12 +23,15 @@ pub mod residual;
 pub mod samples;
 pub mod score;
 pub mod summary;
+pub mod survey;
 
+use std::collections::VecDeque;
 use std::path::Path;
 
 use anyhow::bail;
-use equipoise_adapters::recording::RecordingHeader;
+use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_config::Config;
+use equipoise_core::cycle::Settings;
 use equipoise_core::message::State;
 
 use input::Input;
@@ -37,6 +40,7 @@ use output::Output;
 use recorded::Start;
 use samples::SkippedData;
 pub use summary::Summary;
+use survey::{SubjectChange, Survey};
 
 /// A replay and its options.
 #[derive(Debug)]
@@ -72,7 +76,8 @@ impl Replay<'_> {
     /// As [`Replay::run`], and the error of `write`.
     pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
-        let mut machine = Machine::new(self.config.settings());
+        let settings = self.config.settings();
+        let mut machine = Machine::new(settings, survey.initial_memory(&settings));
         let mut summary = Summary::new(self.input.started_ns(), self.residual_s);
         match self.input {
             Input::Recording(recording) if survey.cycles > 0 => {
@@ -87,20 +92,20 @@ impl Replay<'_> {
                 };
                 let reloads = self.input.reloads()?;
                 let reloads = self.as_recorded.then_some(&reloads);
-                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state, period_ns| {
+                let later = match start {
+                    Start::Checkpoint => VecDeque::new(),
+                    Start::Empty => self.later_subjects(&survey, recording),
+                };
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, later, |state, period_ns| {
                     summary.ingest(state, if period_ns > 0 { period_ns } else { self.config.period_ns() });
                     write(state)
                 })?;
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
-                if self.as_recorded && start == Start::Empty {
-                    let reason = "the recording has no checkpoint: started afresh, so these are not the live loop's states";
-                    summary.skipped.rejected.push(reason.to_owned());
-                }
             }
             input => {
                 let mut samples = input.samples(self.config)?;
-                let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
+                let ran = free::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
                     let state = machine.step(tick, inputs);
                     summary.ingest(state, self.config.period_ns());
                     write(state)
@@ -115,8 +120,24 @@ impl Replay<'_> {
                 }
             }
         }
+        if let Some(cause) = survey.memory_unavailable() {
+            let states = "the states are not those of the live loop";
+            summary.skipped.rejected.push(format!("{cause}: replayed without its tare and its worker, so {states}"));
+        }
         summary.scored = machine.into_scored();
         Ok(summary)
+    }
+
+    /// Due time of the first cycle, ns, and settings of each later subject.
+    fn later_subjects(&self, survey: &Survey, recording: &Recording) -> VecDeque<(u64, Settings)> {
+        let settings = self.config.settings();
+        let changes = survey.subject_changes(recording.header()).into_iter();
+        let later = changes.map(|SubjectChange { at_ns, subjects: [_, id] }| {
+            // The configured mass is that of the configured subject.
+            let mass_kg = settings.mass_kg.filter(|_| id == self.config.subject.id);
+            (at_ns, Settings { mass_kg, ..settings })
+        });
+        later.collect()
     }
 
     /// The header of a recording of results: the input's, with the active configuration.

@@ -92,18 +92,32 @@ impl RecordingHeader {
     /// The pseudonyms of all subjects, in order, each once, from the profiles. `configured` is used only if the
     /// recording began without a profile.
     pub fn subjects(&self, configured: &str) -> Vec<String> {
-        let named = |text: &String| {
-            let profile: toml::Table = text.parse().ok()?;
-            profile.get("subject")?.as_str().map(str::to_owned)
-        };
-        let first = named(&self.subject_toml).unwrap_or_else(|| configured.to_owned());
+        let first = pseudonym(&self.subject_toml).unwrap_or_else(|| configured.to_owned());
+        let later = self.later_subjects_toml.iter().filter_map(|text| pseudonym(text));
         let mut all = Vec::new();
-        for id in std::iter::once(first).chain(self.later_subjects_toml.iter().filter_map(named)) {
+        for id in std::iter::once(first).chain(later) {
             if !id.is_empty() && !all.contains(&id) {
                 all.push(id);
             }
         }
         all
+    }
+
+    /// The changes of the subject, in order: log time of the profile, CLOCK_MONOTONIC ns, and the pseudonyms before and
+    /// after. A subject without a profile has the name in the recording's configuration.
+    pub fn subject_changes(&self) -> Vec<(u64, [String; 2])> {
+        let config: toml::Table = self.config_toml.parse().unwrap_or_default();
+        let configured = config.get("subject").and_then(|subject| subject.get("id")?.as_str());
+        let first = pseudonym(&self.subject_toml).or_else(|| configured.map(str::to_owned));
+        let mut last = first.unwrap_or_default();
+        let mut changes = Vec::new();
+        for (at_ns, text) in self.later_subjects_ns.iter().zip(&self.later_subjects_toml) {
+            if let Some(id) = pseudonym(text).filter(|id| *id != last) {
+                changes.push((*at_ns, [last, id.clone()]));
+                last = id;
+            }
+        }
+        changes
     }
 
     pub(super) fn metadata(&self) -> BTreeMap<String, String> {
@@ -168,6 +182,12 @@ impl RecordingHeader {
     }
 }
 
+/// The pseudonym in a profile.
+fn pseudonym(profile_toml: &str) -> Option<String> {
+    let profile: toml::Table = profile_toml.parse().ok()?;
+    profile.get("subject")?.as_str().map(str::to_owned)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -198,5 +218,21 @@ mod tests {
         assert_eq!(header.subjects("anon-1"), ["anon-1", "anon-2"]);
         header.subject_toml = profile("anon-3");
         assert_eq!(header.subjects("anon-1"), ["anon-3", "anon-2", "anon-1"]);
+    }
+
+    #[test]
+    fn a_change_of_the_subject_has_another_pseudonym() {
+        let profile = |subject: &str| format!("subject = \"{subject}\"\n");
+        let mut header = RecordingHeader {
+            config_toml: "[subject]\nid = \"anon-1\"\n".to_owned(),
+            later_subjects_toml: ["anon-1", "anon-2", "anon-2", "anon-1"].map(profile).to_vec(),
+            later_subjects_ns: vec![10, 20, 30, 40],
+            ..RecordingHeader::default()
+        };
+        let change = |at_ns, ids: [&str; 2]| (at_ns, ids.map(str::to_owned));
+        let later = [change(20, ["anon-1", "anon-2"]), change(40, ["anon-2", "anon-1"])];
+        assert_eq!(header.subject_changes(), later);
+        header.subject_toml = profile("anon-3");
+        assert_eq!(header.subject_changes()[0], change(10, ["anon-3", "anon-1"]));
     }
 }

@@ -51,7 +51,7 @@ pub(super) struct Arguments {
     /// Model file of the effects already found; those that `equipoise model reject` marked are not considered again
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// Identification poses: begin and end, seconds since the recording's begin
+    /// Identification poses: begin and end, seconds since the recording's begin; with several workers, of one of them
     #[arg(long, value_name = "A:B")]
     identify: Option<String>,
     /// Work known to be clean
@@ -119,9 +119,10 @@ fn evaluate(arguments: &Arguments, file: &Path, folder: Option<&Path>) -> anyhow
         check_verdicts(folder, chosen.config.loaded_model.as_ref().map(LoadedModel::file))?;
     }
     let mut head = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
-    if let Some(model) = &mut chosen.config.loaded_model {
-        model.fit_to(file)?;
+    if let Some(mut model) = chosen.config.loaded_model.take() {
+        model.fit_to(file, input.begin_ns(&chosen.config)?)?;
         head += &format!("{}\n", model.describe());
+        chosen.config.loaded_model = Some(model);
     }
     let config = chosen.config;
     let reconcile = Reconcile { input: &input, config: &config, given: arguments.given()? };
@@ -192,14 +193,14 @@ fn print_json(finding: &Finding, one_line: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Rejects the configuration of another worker: its model would be of another body.
+/// Rejects the configuration of a worker who is not in the recording: its model would be of another body.
 fn same_subject(input: &Input, chosen: &Chosen) -> anyhow::Result<()> {
     let Input::Recording(recording) = input else { return Ok(()) };
     let Ok(own) = Config::parse(&recording.header().config_toml, "the recording's configuration") else {
         return Ok(());
     };
     let [recorded, configured] = [&own.subject.id, &chosen.config.subject.id];
-    if recorded != configured {
+    if recorded != configured && !recording.header().subjects(recorded).contains(configured) {
         bail!(
             "the recording is of {recorded}, and the configuration is {configured}'s; give a configuration of {recorded} \
              with --config, or omit it to use the recording's own"

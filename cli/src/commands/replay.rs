@@ -17,8 +17,8 @@ use crate::progress_bar::Bar;
 ///
 /// A recording of `equipoise record` gives the live loop's states again, byte for byte, and says so. Imports and
 /// captures (.csv, .mvnx, .pcap, .pcapng) are replayed at the configured loop rate. With --config or --model a recording's
-/// cycles are computed afresh with other settings, and not compared. Of a model that was found in this very recording
-/// every effect holds in its own span; elsewhere those that lasted to the end hold all the time.
+/// cycles are computed afresh with other settings and the recorded tare, and not compared. Of a model that was found in
+/// this very recording every effect holds in its own span; elsewhere those that lasted to the end hold all the time.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Example: equipoise replay shift.mcap --out shift.jsonl\n\nExit code 3: part of the data was \
@@ -66,11 +66,12 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<Outcome> {
     }
     let as_recorded = arguments.config.is_none() && arguments.model.is_none();
     let mut text = format!("{}\nconfiguration: {}\n", file.display(), chosen.origin);
-    if let Some(model) = &mut chosen.config.loaded_model {
+    if let Some(mut model) = chosen.config.loaded_model.take() {
         if !as_recorded {
-            model.fit_to(file)?;
+            model.fit_to(file, input.begin_ns(&chosen.config)?)?;
         }
         text += &format!("{}\n", model.describe());
+        chosen.config.loaded_model = Some(model);
     }
     let work: Option<Span> = super::span("--work", arguments.work.as_deref())?;
     let residual_s = work.map(|span| [span.from_s, span.to_s]);

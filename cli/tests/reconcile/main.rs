@@ -10,3 +10,6 @@ mod hidden_load;
 mod make;
 mod memory;
 mod models;
+mod spans;
+mod subjects;
+mod tare;

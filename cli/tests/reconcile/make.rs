@@ -177,6 +177,8 @@ impl Ordered {
 pub(crate) struct Samples {
     pub(crate) suit: Vec<SuitSample>,
     pub(crate) ground: Vec<GroundSample>,
+    /// Time of a change of the subject, ns, and its pseudonym.
+    pub(crate) later_subject: Option<(u64, &'static str)>,
 }
 
 impl Samples {
@@ -194,6 +196,9 @@ impl Samples {
             ..RecordingHeader::default()
         };
         let mut recorder = Recorder::create(path, &header).unwrap();
+        if let Some((at_ns, id)) = self.later_subject {
+            recorder.add_subject(at_ns, &format!("subject = \"{id}\"\n")).unwrap();
+        }
         if let Some(memory) = memory {
             let mut checkpoint: Box<Checkpoint> = bytemuck::zeroed_box();
             checkpoint.take(1, memory);

@@ -9,4 +9,5 @@ mod replay_captures;
 mod replay_latency;
 mod replay_model;
 mod replay_real_person;
+mod replay_recomputed;
 mod replay_recorded_cycles;

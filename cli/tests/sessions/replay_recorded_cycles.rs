@@ -9,14 +9,14 @@ use equipoise_config::Config;
 use equipoise_core::body::{SEGMENTS, Skeleton};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
-use equipoise_core::cycle::{Inputs, Memory, Tick, step};
+use equipoise_core::cycle::{Inputs, Memory, Tare, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::{Replay, Summary};
 
 use crate::common::{describe_output, equipoise};
 
-const CONFIG: &str = r#"
+pub(crate) const CONFIG: &str = r#"
 station = "test"
 [suit]
 source = "mvn-udp"
@@ -29,18 +29,20 @@ id = "anon-1"
 height_m = 1.77
 "#;
 const START_NS: u64 = 5_000_000_000;
-const CYCLES: u64 = 1500;
+pub(crate) const CYCLES: u64 = 1500;
 
 /// All published messages of a run.
-struct Live {
-    cycles: Vec<CycleRecord>,
-    states: Vec<State>,
+pub(crate) struct Live {
+    pub(crate) cycles: Vec<CycleRecord>,
+    pub(crate) states: Vec<State>,
     checkpoints: Vec<Box<Checkpoint>>,
     suit: Vec<SuitSample>,
     ground: Vec<GroundSample>,
-    format: u64,
+    pub(crate) format: u64,
     /// The recorder's data on reloads.
     reloads: Vec<(u64, Reloaded)>,
+    /// Cycles after which the recorder attached the profile of another subject, and its pseudonym.
+    pub(crate) subjects: Vec<(u64, &'static str)>,
 }
 
 /// The number of a reload in cycle 900.
@@ -56,10 +58,16 @@ fn config() -> Config {
 }
 
 /// A slightly swaying worker. Checkpoints are taken after the named cycles, commands given before them.
-fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
+pub(crate) fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
+    live_with(&Tare::zeroed(), checkpoint_after, commands)
+}
+
+/// The same on a plate that was tared before.
+pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
     let mut settings = config().settings();
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&settings);
+    memory.resume_tare(tare);
     let mut live = Live {
         cycles: Vec::new(),
         states: Vec::new(),
@@ -68,6 +76,7 @@ fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
         ground: Vec::new(),
         format: MEMORY_VERSION,
         reloads: Vec::new(),
+        subjects: Vec::new(),
     };
     let t_pose_m = Skeleton::nominal(1.77).t_pose_m();
     for cycle in 1..=CYCLES {
@@ -148,6 +157,10 @@ impl Live {
         for (number, reloaded) in &self.reloads {
             recorder.add_reload(START_NS, *number, reloaded).unwrap();
         }
+        for (cycle, id) in &self.subjects {
+            let profile = format!("subject = \"{id}\"\n");
+            recorder.add_subject(START_NS + cycle * 1_000_000, &profile).unwrap();
+        }
         for burst in 0..CYCLES / 10 {
             let of_burst = |time_ns: u64| (time_ns - START_NS) / 10_000_000 == burst;
             for record in self.cycles.iter().filter(|record| of_burst(record.due_ns)) {
@@ -176,12 +189,23 @@ impl Live {
         let directory = tempfile::tempdir().unwrap();
         replay(&self.record(directory.path()))
     }
+
+    /// With a given configuration.
+    pub(crate) fn replay_with(&self, config: &str) -> (Summary, Vec<State>) {
+        let directory = tempfile::tempdir().unwrap();
+        let input = Input::open(&self.record(directory.path())).unwrap();
+        run(&input, &Config::parse(config, "test").unwrap(), false).unwrap()
+    }
 }
 
 fn replay(path: &Path) -> anyhow::Result<(Summary, Vec<State>)> {
     let input = Input::open(path)?;
     let chosen = input.configuration(None)?;
-    let replay = Replay { input: &input, config: &chosen.config, as_recorded: true, residual_s: None };
+    run(&input, &chosen.config, true)
+}
+
+fn run(input: &Input, config: &Config, as_recorded: bool) -> anyhow::Result<(Summary, Vec<State>)> {
+    let replay = Replay { input, config, as_recorded, residual_s: None };
     let mut states = Vec::new();
     let summary = replay.run_with(|state| {
         states.push(*state);
@@ -330,17 +354,6 @@ fn without_a_checkpoint_it_is_replayed_from_an_empty_memory_and_reported() {
     // From the first cycle that took a sample.
     assert_eq!(states.len() as u64, CYCLES - 2);
     assert!(!summary.is_complete() && summary.to_string().contains("no checkpoint"), "{summary}");
-}
-
-#[test]
-fn with_another_rate_the_phases_last_as_recorded() {
-    let directory = tempfile::tempdir().unwrap();
-    let input = Input::open(&live(&[101], &[]).record(directory.path())).unwrap();
-    let config = Config::parse(&CONFIG.replace("[suit]", "[loop]\nrate_hz = 100\n[suit]"), "test").unwrap();
-    assert_eq!(config.period_ns(), 10_000_000);
-    let replay = Replay { input: &input, config: &config, as_recorded: false, residual_s: None };
-    let summary = replay.run_with(|_| Ok(())).unwrap();
-    assert_eq!(summary.phase_ns.iter().sum::<u64>(), 1_000_000 * summary.cycles);
 }
 
 #[test]

@@ -317,7 +317,7 @@ mod tests {
         let read = ModelFile::parse(&rejected, "m.toml").unwrap();
         assert!(!read.effects[0].is_rejected() && read.effects[1].is_rejected(), "{rejected}");
         assert_eq!(read.effects[1].review.as_ref().unwrap().reason, "it is \"bolted\"");
-        let (model, left_out) = read.model(super::super::Spans::Hold);
+        let (model, left_out) = read.model(super::super::Spans::Hold { begin_ns: 0 });
         assert_eq!((model.terms.iter().flatten().count(), left_out.len()), (1, 1));
         // The last verdict counts.
         let confirmed = with_review(&rejected, 1, &review(Verdict::Confirmed, "it was pushed")).unwrap();

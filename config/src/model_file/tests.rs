@@ -52,12 +52,13 @@ fn what_stands_in_a_file_is_what_runs() {
     assert_eq!((drift.shape, drift.value), (40.0, [0.02, 0.0, 0.0, 0.0]));
     assert_eq!((worn.name().as_str(), drift.name().as_str()), ("worn_mass T8", "plate_drift"));
 
-    let (here, none) = file.model(Spans::Hold);
+    let (here, none) = file.model(Spans::Hold { begin_ns: 7 });
     assert!(none.is_empty());
+    assert_eq!(here.origin_ns, Some(7));
     let spans: Vec<_> = here.terms.iter().flatten().map(|term| term.span_s).collect();
     assert_eq!(spans, [[120.0, f64::INFINITY], [10.0, 20.0]]);
     let (elsewhere, left_out) = file.model(Spans::OpenEndedForEver);
-    assert_eq!(elsewhere.terms.iter().flatten().count(), 1);
+    assert_eq!((elsewhere.terms.iter().flatten().count(), elsewhere.origin_ns), (1, None));
     assert_eq!(elsewhere.terms[0].unwrap().span_s, [0.0, f64::INFINITY]);
     assert_eq!(left_out, [drift]);
 

@@ -92,13 +92,6 @@ impl Memory {
         self.pose_request.restart(settings);
     }
 
-    /// Restarts from the streams and keeps only the tare, which stays valid until the next one.
-    pub fn restart_keeping_tare(&mut self, settings: &Settings) {
-        let tare = self.align.tare;
-        self.start(settings);
-        self.align.tare = tare;
-    }
-
     /// Replaces the subject as a whole; [`crate::message::CommandKind::SubjectLoad`] informs the cycle.
     pub fn replace_subject(&mut self, subject: &SubjectState) {
         self.identification = subject.identification;

@@ -28,7 +28,7 @@ const RECENT: usize = 74;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub(super) struct ModelTerms {
-    /// Time of the station's first snapshot, the origin of all spans; 0 before it.
+    /// Time of the station's first snapshot; 0 before it.
     first_snapshot_ns: u64,
     /// Changes at the last snapshots: CoP, m, vertical force, N.
     recent: [[f64; 3]; RECENT],
@@ -43,7 +43,7 @@ pub(super) struct ModelTerms {
 }
 
 impl ModelTerms {
-    /// Restarts with another model; spans still start at the station's first snapshot.
+    /// Restarts with another model; the station's first snapshot stays the same.
     pub(super) fn restart(&mut self) {
         *self = ModelTerms { first_snapshot_ns: self.first_snapshot_ns, ..Zeroable::zeroed() };
     }
@@ -55,18 +55,16 @@ impl ModelTerms {
             && self.filter.iter().all(LowPass::is_sound)
     }
 
-    /// Time since the station's first snapshot, s; 0 before it.
-    fn since_start_s(&self, time_ns: u64) -> f64 {
-        if self.first_snapshot_ns == 0 {
-            0.0
-        } else {
-            time_ns.saturating_sub(self.first_snapshot_ns) as f64 * 1e-9
-        }
+    /// Time since the origin of the model's spans, s; 0 before it.
+    fn since_origin_s(&self, model: &Model, time_ns: u64) -> f64 {
+        let first_ns = (self.first_snapshot_ns > 0).then_some(self.first_snapshot_ns);
+        let origin_ns = model.origin_ns.or(first_ns);
+        origin_ns.map_or(0.0, |origin_ns| time_ns.saturating_sub(origin_ns) as f64 * 1e-9)
     }
 
     /// Lag of the suit at a time, s.
     pub(super) fn suit_lag_s(&self, model: &Model, time_ns: u64) -> f64 {
-        let lags = model.at(self.since_start_s(time_ns)).filter(|term| term.effect == Effect::SuitLag);
+        let lags = model.at(self.since_origin_s(model, time_ns)).filter(|term| term.effect == Effect::SuitLag);
         lags.map(|term| term.shape).sum()
     }
 
@@ -161,7 +159,7 @@ impl ModelTerms {
         let mass_kg = if subject.mass_kg > 0.0 { subject.mass_kg } else { sample.force_n[2] / specific };
         let feet = Side::BOTH.map(|side| pose.origin_of(side.foot()) + pose.origin_of(side.toe()));
         Some(Observation {
-            time_s: self.since_start_s(snapshot.time_ns),
+            time_s: self.since_origin_s(&settings.model, snapshot.time_ns),
             mass_kg,
             floor_m: sample.surface_z_m,
             feet_m: [0, 1].map(|axis| 0.25 * (feet[0][axis] + feet[1][axis])),

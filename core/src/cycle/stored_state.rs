@@ -73,6 +73,11 @@ impl StoredState {
 }
 
 impl Memory {
+    /// Readings of the empty plate, which are subtracted from all its readings.
+    pub fn tare(&self) -> &Tare {
+        &self.align.tare
+    }
+
     /// Restores a stored tare. Returns whether it is sound; if not, nothing changes.
     pub fn resume_tare(&mut self, tare: &Tare) -> bool {
         let sound = tare.is_sound();

@@ -10,6 +10,7 @@ use equipoise_latency::{PathHistograms, Report as PathReport};
 use equipoise_recording::replay::Replay;
 use equipoise_recording::replay::input::{Chosen, Input};
 use equipoise_recording::replay::samples::Sample;
+use equipoise_recording::replay::survey::SUBJECT_ATTACHED_WITHIN_NS;
 
 use super::back::Back;
 use super::exposure::Exposure;
@@ -18,7 +19,7 @@ use super::lifts::Lifts;
 use super::period::Period;
 use super::quality::Quality;
 use super::records::Records;
-use crate::constants::{REORDER_BUFFER, SUBJECT_ATTACHED_WITHIN_NS};
+use crate::constants::REORDER_BUFFER;
 
 /// Origin of the states.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

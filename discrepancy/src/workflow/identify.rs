@@ -4,15 +4,13 @@ use std::cell::Cell;
 
 use anyhow::bail;
 use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, Tick, step};
-use equipoise_core::message::CommandKind;
 use equipoise_recording::replay::free;
-use equipoise_recording::replay::samples::Sample;
 
 use crate::constants::{IDENTIFY_DELAY_S, TICK_NS};
 use crate::spans::Shown;
 
 use super::survey::Survey;
-use super::{Progress, Reconcile, memory_at_first};
+use super::{Progress, Reconcile};
 
 /// A subject with a frozen model.
 #[derive(Debug)]
@@ -49,7 +47,7 @@ pub fn identify(
     survey: &Survey,
     progress: &mut dyn FnMut(Progress),
 ) -> anyhow::Result<Identified> {
-    let stored = survey.first_memory().filter(|memory| memory.identification.identified == 1);
+    let stored = survey.recorded.first_memory().filter(|memory| memory.identification.identified == 1);
     if let (Some(memory), None) = (stored, reconcile.given.identify) {
         return Ok(Identified {
             worker: frozen(&memory.identification),
@@ -124,23 +122,22 @@ impl<'a> Pass<'a> {
     }
 
     fn run(&self, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Identified> {
-        let mut memory = memory_at_first(self.reconcile, self.survey);
+        let recorded = &self.survey.recorded;
+        let mut memory = recorded.initial_memory(&self.settings);
         let mut found = Found::default();
         let done = Cell::new(false);
         let end_s = self.span_s[1];
         let samples = self.reconcile.input.samples(self.reconcile.config)?;
-        let samples = samples
-            .take_while(|_| !done.get())
-            .filter(|sample| self.survey.seconds(sample_time_ns(sample)) <= end_s);
-        let mut tares = self.survey.tares_ns.iter().copied().peekable();
-        free::run(samples, TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
+        let samples = samples.take_while(|_| !done.get()).filter(|sample| {
+            self.survey.covers(sample.time_ns()) && self.survey.seconds(sample.time_ns()) <= end_s
+        });
+        free::run(samples, TICK_NS, &recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
             let now_s = self.survey.seconds(tick.due_ns);
             progress(Progress { doing: "identifying the worker", fraction: now_s / end_s.max(1e-9) });
-            let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
             if memory.identification.identified == 0 {
                 memory.identification.identifying = u64::from(now_s >= self.span_s[0] + IDENTIFY_DELAY_S);
             }
-            step(&self.settings, &mut memory, tick, Inputs { command, ..inputs });
+            step(&self.settings, &mut memory, tick, inputs);
             self.ingest(&memory, &mut found);
             done.set(found.identified_s.is_some());
             Ok(())
@@ -190,13 +187,5 @@ impl<'a> Pass<'a> {
         found.worker = Some(frozen(&memory.identification));
         found.poses = memory.identification.poses_used;
         found.motion_samples = u64::from(memory.state.motion_samples_used);
-    }
-}
-
-fn sample_time_ns(sample: &Sample) -> u64 {
-    match sample {
-        Sample::Suit(sample) => sample.sample_time_ns,
-        Sample::Ground(sample) => sample.sample_time_ns,
-        Sample::Body(body) => body.published_ns,
     }
 }

@@ -1,8 +1,7 @@
-//! Compares the frozen subject model with the plate over the whole recording.
+//! Compares the frozen subject model with the plate over the whole time of the subject.
 
 use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Motion, Tick, step};
-use equipoise_core::message::CommandKind;
 use equipoise_recording::replay::free;
 use equipoise_recording::replay::samples::SkippedData;
 
@@ -12,10 +11,10 @@ use crate::spans::Found;
 
 use super::identify::Identified;
 use super::survey::Survey;
-use super::{Progress, Reconcile, cutoff, memory_at_first};
+use super::{Progress, Reconcile, cutoff};
 use crate::constants::TICK_NS;
 
-/// Runs the frozen subject model over the recording.
+/// Runs the frozen subject model over the subject's part of the recording.
 pub(super) fn compare(
     reconcile: &Reconcile<'_>,
     survey: &Survey,
@@ -32,17 +31,16 @@ pub(super) fn compare(
     // A configuration for slowly sampled data requests a longer window.
     options.half_window_s = options.half_window_s.max(settings.half_window_ns() as f64 * 1e-9);
     let mut comparison = Comparison::new(worker, options);
-    let mut memory = memory_at_first(reconcile, survey);
+    let mut memory = survey.recorded.initial_memory(&settings);
     memory.identification = *identified.worker;
     let mut samples = reconcile.input.samples(reconcile.config)?;
-    let mut tares = survey.tares_ns.iter().copied().peekable();
     let length_s = survey.samples_s()[1];
     let (mut pushed_ns, mut held_ns) = (0, 0);
-    free::run(samples.by_ref(), TICK_NS, |tick: Tick, inputs: Inputs<'_>| {
+    let of_subject = samples.by_ref().filter(|sample| survey.covers(sample.time_ns()));
+    free::run(of_subject, TICK_NS, &survey.recorded.tares_ns, |tick: Tick, inputs: Inputs<'_>| {
         let fraction = survey.seconds(tick.due_ns) / length_s.max(1e-9);
         progress(Progress { doing: "comparing model and plate", fraction });
-        let command = tares.next_if(|due_ns| *due_ns <= tick.due_ns).map(|_| CommandKind::Tare);
-        let state = *step(&settings, &mut memory, tick, Inputs { command, ..inputs });
+        let state = *step(&settings, &mut memory, tick, inputs);
         if state.suit_sample_time_ns != held_ns {
             held_ns = state.suit_sample_time_ns;
             comparison.hold(held_ns, state.static_pose == 1);

@@ -1,30 +1,33 @@
-//! Checks that a recording meets the requirements of a comparison: both streams, both with changing data, of one
-//! subject.
+//! Checks that a recording, or the part of one subject, meets the requirements of a comparison: both streams, both with
+//! changing data.
+
+use std::ops::Range;
 
 use anyhow::bail;
-use equipoise_adapters::recording::Entry;
+use equipoise_adapters::recording::{Entry, TimedEntry};
 use equipoise_config::Config;
-use equipoise_core::cycle::{Checkpoint, Memory};
-use equipoise_core::message::{CommandKind, GroundSample, SuitSample};
+use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_recording::replay;
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::samples::Sample;
 
 use super::Progress;
-use crate::constants::{HEADER_AHEAD_MAX_NS, SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
+use crate::constants::{SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
 
 /// Content of a recording.
 #[derive(Debug)]
 pub struct Survey {
     begin_ns: u64,
+    /// The part that is used, CLOCK_MONOTONIC ns.
+    part_ns: Range<u64>,
     suit: Stream,
     ground: Stream,
     /// Mean vertical force of each second since the begin in which a person stands on the plate, N.
     weight_n: Vec<(f64, f64)>,
     second: Second,
-    /// Times of tares of the empty plate, ns.
-    pub(super) tares_ns: Vec<u64>,
-    first: Option<Box<Checkpoint>>,
+    /// Its cycles, checkpoints and commands.
+    pub(super) recorded: replay::survey::Survey,
 }
 
 /// Statistics of one stream.
@@ -62,34 +65,34 @@ impl Stream {
 }
 
 impl Survey {
-    /// Reads the input once.
+    /// Reads the input once, and uses the data of a part of it, CLOCK_MONOTONIC ns.
     ///
     /// # Errors
     /// The input cannot be read.
-    pub fn of(input: &Input, config: &Config, progress: &mut dyn FnMut(Progress)) -> anyhow::Result<Survey> {
+    pub fn of(
+        input: &Input,
+        config: &Config,
+        part_ns: Range<u64>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> anyhow::Result<Survey> {
         progress(Progress { doing: "reading the recording", fraction: 0.0 });
         let mut survey = Survey {
-            begin_ns: input.started_ns(),
+            begin_ns: input.begin_ns(config)?,
+            part_ns: part_ns.clone(),
             suit: Stream::default(),
             ground: Stream::default(),
             weight_n: Vec::new(),
             second: Second::default(),
-            tares_ns: Vec::new(),
-            first: None,
+            recorded: replay::survey::Survey::default(),
         };
         if let Input::Recording(recording) = input {
             // Stop at damage: later passes stop at the same entry and report it.
-            for timed in recording.entries().map_while(Result::ok) {
-                match timed.entry {
-                    Entry::Suit(sample) => survey.ingest_suit(&sample),
-                    Entry::Ground(sample) => survey.ingest_ground(&sample),
-                    Entry::Cycle(cycle) if cycle.command == CommandKind::Tare as u32 => {
-                        survey.tares_ns.push(cycle.due_ns);
-                    }
-                    Entry::Checkpoint(checkpoint) if survey.first.is_none() => {
-                        survey.first = checkpoint.memory().is_some().then_some(checkpoint);
-                    }
-                    _ => {}
+            let entries = recording.entries().map_while(Result::ok);
+            for timed in entries.filter(|timed| part_ns.contains(&time_ns(timed))) {
+                match &timed.entry {
+                    Entry::Suit(sample) => survey.ingest_suit(sample),
+                    Entry::Ground(sample) => survey.ingest_ground(sample),
+                    entry => survey.recorded.ingest(entry),
                 }
             }
         } else {
@@ -102,10 +105,6 @@ impl Survey {
             }
         }
         survey.end_second();
-        let first_ns = survey.first_ns();
-        if first_ns.checked_sub(survey.begin_ns).is_none_or(|before_ns| before_ns > HEADER_AHEAD_MAX_NS) {
-            survey.begin_ns = first_ns;
-        }
         Ok(survey)
     }
 
@@ -134,14 +133,14 @@ impl Survey {
         self.second = Second::default();
     }
 
+    /// Whether a time is in the part that is used, ns.
+    pub(super) fn covers(&self, time_ns: u64) -> bool {
+        self.part_ns.contains(&time_ns)
+    }
+
     /// Time origin t = 0, CLOCK_MONOTONIC ns of the recording.
     pub fn begin_ns(&self) -> u64 {
         self.begin_ns
-    }
-
-    fn first_ns(&self) -> u64 {
-        let streams = [&self.suit, &self.ground].into_iter().filter(|stream| stream.samples > 0);
-        streams.map(|stream| stream.first_ns).min().unwrap_or(self.begin_ns)
     }
 
     /// A time of the recording relative to the origin, s.
@@ -155,11 +154,6 @@ impl Survey {
             self.seconds(self.suit.first_ns.max(self.ground.first_ns)),
             self.seconds(self.suit.last_ns.min(self.ground.last_ns)),
         ]
-    }
-
-    /// The loop's memory at the start of the recording.
-    pub(super) fn first_memory(&self) -> Option<&Memory> {
-        self.first.as_ref().and_then(|checkpoint| checkpoint.memory())
     }
 
     /// Whether both streams exist with changing data.
@@ -239,5 +233,18 @@ impl Survey {
             );
         }
         Ok(())
+    }
+}
+
+/// Time of an entry, CLOCK_MONOTONIC ns.
+fn time_ns(timed: &TimedEntry) -> u64 {
+    match &timed.entry {
+        Entry::Suit(sample) => sample.sample_time_ns,
+        Entry::Ground(sample) => sample.sample_time_ns,
+        // Its log time is that of messages before it; the state in its memory is of its cycle.
+        Entry::Checkpoint(checkpoint) => {
+            checkpoint.memory().map_or(timed.log_time_ns, |memory| memory.state.time_ns)
+        }
+        _ => timed.log_time_ns,
     }
 }

@@ -2,7 +2,7 @@
 
 use equipoise_adapters::recording::{Entry, TimedEntry};
 use equipoise_core::cycle::alignment::GAP_MAX_NS;
-use equipoise_core::cycle::{StoredState, Tare};
+use equipoise_core::cycle::Tare;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Component, GroundSample};
 
@@ -18,11 +18,8 @@ impl TareHistory {
     pub(super) fn ingest(&mut self, timed: &TimedEntry) {
         match &timed.entry {
             Entry::Checkpoint(checkpoint) => {
-                if let Some(memory) = checkpoint.memory() {
-                    let mut stored = bytemuck::zeroed_box::<StoredState>();
-                    stored.copy_from(memory);
-                    self.changes.push((timed.log_time_ns, Some(stored.tare)));
-                }
+                let tare = checkpoint.memory().map(|memory| (timed.log_time_ns, Some(*memory.tare())));
+                self.changes.extend(tare);
             }
             Entry::Cycle(cycle) if cycle.command == CommandKind::Tare as u32 => {
                 self.changes.push((cycle.due_ns, None));
@@ -31,13 +28,12 @@ impl TareHistory {
         }
     }
 
-    /// The tare at the begin: `first` if states were computed without a stored one, otherwise that of the first
-    /// checkpoint unless a command replaced it before.
+    /// The tare at the begin: that of the first checkpoint unless a command replaced it before; without a checkpoint
+    /// `first`. A replay begins with the same tare and repeats the commands.
     pub(super) fn begin_with(&mut self, first: Option<Tare>) {
         self.changes.sort_by_key(|(time_ns, _)| *time_ns);
-        if let Some(tare) = first {
-            self.changes.retain(|(_, tare)| tare.is_none());
-            self.changes.insert(0, (0, Some(tare)));
+        if self.changes.iter().all(|(_, tare)| tare.is_none()) {
+            self.changes.splice(..0, first.map(|tare| (0, Some(tare))));
         } else if let Some((time_ns, Some(_))) = self.changes.first_mut() {
             *time_ns = 0;
         }
@@ -149,6 +145,7 @@ fn free_moment_nm(sample: &GroundSample, tare: &Tare) -> Option<f64> {
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
+    use equipoise_core::cycle::{Checkpoint, Memory, Settings};
     use equipoise_core::message::CycleRecord;
 
     /// A sample of a force at a point of the surface with a free moment, plus an offset of the plate.
@@ -218,5 +215,19 @@ mod tests {
         }
         assert!((moments.at(0) - 1.0).abs() < 1e-9 && moments.at(1).is_nan());
         assert!(history(None, &[]).at(100).is_none(), "no checkpoint: the tare is unavailable");
+    }
+
+    #[test]
+    fn a_replay_begins_with_the_tare_of_the_first_checkpoint() {
+        let tare = Tare { force_n: [1.0, -2.0, 30.0], ..Tare::zeroed() };
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&Settings::for_height(1.77));
+        memory.resume_tare(&tare);
+        let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
+        checkpoint.take(1, &memory);
+        let mut history = TareHistory::default();
+        history.ingest(&TimedEntry { log_time_ns: 500, entry: Entry::Checkpoint(checkpoint) });
+        history.begin_with(Some(Tare::zeroed()));
+        assert_eq!([0, 900].map(|time_ns| history.at(time_ns)), [Some(&tare); 2]);
     }
 }

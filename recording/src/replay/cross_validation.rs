@@ -18,6 +18,7 @@ use super::free;
 use super::input::Input;
 use super::samples::Sample;
 use super::score::{SampleSelection, Scored};
+use super::survey::Survey;
 use verdict::ErrorSamples;
 pub use verdict::{Block, CrossValidation};
 
@@ -84,6 +85,7 @@ enum Training {
 struct Pass<'a> {
     input: &'a Input,
     config: &'a Config,
+    survey: Survey,
     settings: Settings,
     selection: SampleSelection,
     /// Maximum number of poses or motion samples used.
@@ -134,13 +136,12 @@ impl<'a> Pass<'a> {
         // Disable the stop rule.
         let stop = StopRule::PredictedCop { sigma_m: 0.0 };
         let settings = Settings { stop, poses_min: u64::MAX, ..config.settings() };
-        Pass { input, config, settings, selection, poses_max: None }
+        Pass { input, config, survey: input.survey(), settings, selection, poses_max: None }
     }
 
     /// Runs over the whole input and identifies the subject, or evaluates a frozen model.
     fn run(&self, training: Training, frozen: Option<&Identification>) -> anyhow::Result<PassResult> {
-        let mut memory = bytemuck::zeroed_box::<Memory>();
-        memory.start(&self.settings);
+        let mut memory = self.survey.initial_memory(&self.settings);
         if let Some(worker) = frozen {
             memory.identification = *worker;
         }
@@ -152,7 +153,8 @@ impl<'a> Pass<'a> {
             }
             _ => true,
         });
-        free::run(samples, self.config.period_ns(), |tick: Tick, inputs: Inputs<'_>| {
+        let (period_ns, tares_ns) = (self.config.period_ns(), &self.survey.tares_ns);
+        free::run(samples, period_ns, tares_ns, |tick: Tick, inputs: Inputs<'_>| {
             let before_ns = memory.state.suit_sample_time_ns;
             let accepted = self.poses_max.is_none_or(|most| diverse.accepts(&memory, most));
             memory.identification.identifying = u64::from(accepted && !matches!(training, Training::Never));

@@ -48,6 +48,8 @@ pub struct Fidelity {
     pub unknown_settings_at: Option<u64>,
     /// The first cycle of a restarted daemon, whose settings the recording lacks; the replay ends there.
     pub unknown_daemon_at: Option<u64>,
+    /// The first cycle of a later subject, of whom a replay from an empty memory has no data.
+    pub other_subject_at: Option<u64>,
     /// Damage that ended reading before the end of the file.
     pub damage: Option<String>,
 }
@@ -93,7 +95,7 @@ impl Fidelity {
             && self.is_complete()
     }
 
-    /// Whether the recording is complete.
+    /// Whether the recording contains all that the replay needs.
     pub fn is_complete(&self) -> bool {
         self.cycles_missing == 0
             && self.cycles_lacking_samples == 0
@@ -102,6 +104,7 @@ impl Fidelity {
             && self.uncertain == 0
             && self.unknown_settings_at.is_none()
             && self.unknown_daemon_at.is_none()
+            && self.other_subject_at.is_none()
             && self.damage.is_none()
     }
 }
@@ -155,6 +158,13 @@ impl fmt::Display for Fidelity {
                 f,
                 "stopped at cycle {cycle} of a restarted daemon: the recording lacks its configuration; replay with --config \
                  to continue"
+            )?;
+        }
+        if let Some(cycle) = self.other_subject_at {
+            writeln!(
+                f,
+                "another worker from cycle {cycle} on: identified again, since a replay with other settings has no profile and \
+                 no shift of a later worker"
             )?;
         }
         if let Some(damage) = &self.damage {

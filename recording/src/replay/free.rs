@@ -2,6 +2,7 @@
 
 use anyhow::bail;
 use equipoise_core::cycle::{Inputs, Tick};
+use equipoise_core::message::CommandKind;
 use equipoise_core::time::NS_PER_S;
 
 use super::samples::Sample;
@@ -11,7 +12,8 @@ use super::samples::Sample;
 const SILENCE_NS: u64 = 10 * NS_PER_S;
 
 /// Calls `step` for every tick; a sample is passed to the first tick whose due time is at or after its delivery, or to
-/// a later one.
+/// a later one. Tares of the empty plate at `tares_ns`, in order, are repeated: recorded samples are those before the
+/// tare.
 ///
 /// The last tick ingests the last sample.
 ///
@@ -20,12 +22,14 @@ const SILENCE_NS: u64 = 10 * NS_PER_S;
 pub fn run(
     samples: impl Iterator<Item = Sample>,
     period_ns: u64,
+    tares_ns: &[u64],
     mut step: impl FnMut(Tick, Inputs<'_>) -> anyhow::Result<()>,
 ) -> anyhow::Result<()> {
     let mut samples = samples.peekable();
     let Some(mut due_ns) = samples.peek().map(Sample::delivered_ns) else {
         bail!("there is no sample of suit or ground in it that can be used");
     };
+    let mut tares_ns = tares_ns.iter().copied().peekable();
     let (mut suit, mut ground, mut cycle) = (Vec::new(), Vec::new(), 0);
     loop {
         suit.clear();
@@ -40,10 +44,9 @@ pub fn run(
             }
         }
         cycle += 1;
-        step(
-            Tick { cycle, due_ns },
-            Inputs { suit: &suit, ground: &ground, body: body.as_ref(), command: None },
-        )?;
+        let command = tares_ns.next_if(|at_ns| *at_ns <= due_ns).map(|_| CommandKind::Tare);
+        let inputs = Inputs { suit: &suit, ground: &ground, body: body.as_ref(), command };
+        step(Tick { cycle, due_ns }, inputs)?;
         let Some(next) = samples.peek() else { return Ok(()) };
         let ahead_ns = next.delivered_ns() - due_ns;
         let slots = if ahead_ns > SILENCE_NS { ahead_ns / period_ns } else { 1 };
@@ -62,12 +65,25 @@ mod tests {
             Sample::Ground(Box::new(GroundSample { arrival_ns, ..GroundSample::zeroed() }))
         });
         let mut ticks = Vec::new();
-        run(samples, period_ns, |tick, inputs| {
+        run(samples, period_ns, &[], |tick, inputs| {
             ticks.push((tick.cycle, tick.due_ns, inputs.ground.len()));
             Ok(())
         })
         .unwrap();
         ticks
+    }
+
+    #[test]
+    fn a_tare_is_repeated_at_the_first_tick_at_or_after_it() {
+        let samples = [100, 150]
+            .map(|arrival_ns| Sample::Ground(Box::new(GroundSample { arrival_ns, ..GroundSample::zeroed() })));
+        let mut tared = Vec::new();
+        run(samples.into_iter(), 10, &[105, 120, 900], |tick, inputs| {
+            tared.extend(inputs.command.map(|command| (tick.due_ns, command)));
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(tared, [(110, CommandKind::Tare), (120, CommandKind::Tare)]);
     }
 
     #[test]
@@ -86,6 +102,6 @@ mod tests {
 
     #[test]
     fn nothing_to_replay_is_an_error() {
-        assert!(run(std::iter::empty(), 10, |_, _| Ok(())).is_err());
+        assert!(run(std::iter::empty(), 10, &[], |_, _| Ok(())).is_err());
     }
 }

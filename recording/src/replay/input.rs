@@ -5,17 +5,20 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use equipoise_adapters::capture::csv::TIME_BASE_NS;
-use equipoise_adapters::recording::{Entry, Recording, Reloaded};
+use equipoise_adapters::recording::{Recording, Reloaded};
 use equipoise_config::method::MASS_KG;
 use equipoise_config::model::LoadedModel;
 use equipoise_config::{Config, SuitPosition};
-use equipoise_core::cycle::memory::MEMORY_VERSION;
-use equipoise_core::cycle::{Checkpoint, Settings};
+use equipoise_core::cycle::Settings;
 use equipoise_core::overload::GRAVITY_M_PER_S2;
+use equipoise_core::time::NS_PER_S;
 
 use super::capture_file::CaptureFile;
 use super::samples::{Sample, Samples, SkippedData};
+use super::survey::Survey;
 
+/// From the start of a recording to its first sample, at most, ns; beyond, the clocks differ.
+const START_AHEAD_MAX_NS: u64 = 600 * NS_PER_S;
 /// Default stature, m.
 const DEFAULT_HEIGHT_M: f64 = 1.75;
 /// Configuration for captures without one: the manufacturers' default ports and scales.
@@ -43,19 +46,6 @@ pub enum Input {
     Mvnx(CaptureFile),
     /// Network traffic.
     Pcap(CaptureFile),
-}
-
-/// How many messages of each kind a recording holds.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Survey {
-    /// Suit and ground samples.
-    pub samples: u64,
-    /// Cycle records.
-    pub cycles: u64,
-    /// Checkpoints from which this release can resume.
-    pub checkpoints: u64,
-    /// Why the last unusable checkpoint was refused.
-    pub checkpoint_refused: Option<String>,
 }
 
 /// A configuration and its origin.
@@ -94,6 +84,28 @@ impl Input {
         }
     }
 
+    /// Time origin of spans in s, CLOCK_MONOTONIC ns: [`Input::started_ns`], unless the samples have another clock.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn begin_ns(&self, config: &Config) -> anyhow::Result<u64> {
+        let (mut suit_ns, mut ground_ns) = (None, None);
+        for sample in self.samples(config)? {
+            match sample {
+                Sample::Suit(sample) => suit_ns = suit_ns.or(Some(sample.sample_time_ns)),
+                Sample::Ground(sample) => ground_ns = ground_ns.or(Some(sample.sample_time_ns)),
+                Sample::Body(_) => {}
+            }
+            if suit_ns.is_some() && ground_ns.is_some() {
+                break;
+            }
+        }
+        let started_ns = self.started_ns();
+        let first_ns = suit_ns.into_iter().chain(ground_ns).min().unwrap_or(started_ns);
+        let is_ahead = first_ns.checked_sub(started_ns).is_some_and(|ahead_ns| ahead_ns <= START_AHEAD_MAX_NS);
+        Ok(if is_ahead { started_ns } else { first_ns })
+    }
+
     /// The samples in the order of delivery.
     ///
     /// # Errors
@@ -116,21 +128,13 @@ impl Input {
         }
     }
 
-    /// Counts the messages in the file, all 0 for a capture. Reads the file once.
+    /// Surveys the recording; empty for a capture. Reads the file once.
     pub fn survey(&self) -> Survey {
         let mut survey = Survey::default();
         if let Input::Recording(recording) = self {
             // Stop at damage: the replay stops at the same entry and reports it.
             for timed in recording.entries().map_while(Result::ok) {
-                match timed.entry {
-                    Entry::Suit(_) | Entry::Ground(_) => survey.samples += 1,
-                    Entry::Cycle(_) => survey.cycles += 1,
-                    Entry::Checkpoint(checkpoint) => match refusal(&checkpoint) {
-                        None => survey.checkpoints += 1,
-                        refused => survey.checkpoint_refused = refused,
-                    },
-                    _ => {}
-                }
+                survey.ingest(&timed.entry);
             }
         }
         survey
@@ -200,15 +204,6 @@ impl Input {
             config.suit.position.get_or_insert(SuitPosition::Absolute);
         }
     }
-}
-
-/// Why the replay cannot resume from a checkpoint.
-fn refusal(checkpoint: &Checkpoint) -> Option<String> {
-    if checkpoint.memory_version != MEMORY_VERSION {
-        let found = checkpoint.memory_version;
-        return Some(format!("another version of Equipoise made it (memory {found}, here {MEMORY_VERSION})"));
-    }
-    checkpoint.memory().is_none().then(|| "a number in it is out of range".to_owned())
 }
 
 /// The mean vertical force as a mass, if plausible for a person.

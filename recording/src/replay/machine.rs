@@ -1,6 +1,6 @@
 //! Runs the loop's memory and a second one that keeps the model of the table; both receive every cycle.
 
-use equipoise_core::cycle::{Inputs, Memory, Settings, Tick, step};
+use equipoise_core::cycle::{Inputs, Memory, Settings, SubjectState, Tick, step};
 use equipoise_core::message::{CommandKind, State};
 
 use super::score::{SampleSelection, Scored};
@@ -14,10 +14,8 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    /// Starts with an empty memory.
-    pub(super) fn new(settings: Settings) -> Machine {
-        let mut memory = bytemuck::zeroed_box::<Memory>();
-        memory.start(&settings);
+    /// Starts with this memory.
+    pub(super) fn new(settings: Settings, memory: Box<Memory>) -> Machine {
         let mut table = memory.clone();
         table.identification.identifying = 0;
         Machine { settings, memory, table, scored: Vec::new() }
@@ -31,6 +29,16 @@ impl Machine {
             self.table.identification.reset_to_prior(&self.settings);
         }
         self.table.identification.identifying = 0;
+    }
+
+    /// Replaces the subject by one without data, with these settings from the next step on.
+    pub(super) fn begin_subject(&mut self, settings: &Settings) {
+        self.settings = *settings;
+        let mut subject = bytemuck::zeroed_box::<SubjectState>();
+        subject.identification.start(settings);
+        self.memory.replace_subject(&subject);
+        subject.identification.identifying = 0;
+        self.table.replace_subject(&subject);
     }
 
     /// Changes the settings from the next step on.
@@ -56,8 +64,9 @@ impl Machine {
         let before_ns = self.memory.state.suit_sample_time_ns;
         step(&self.settings, &mut self.memory, tick, inputs);
         // The table's model ignores commands that concern identification.
-        let command =
-            inputs.command.filter(|command| matches!(command, CommandKind::Tare | CommandKind::Reload));
+        let command = inputs.command.filter(|command| {
+            matches!(command, CommandKind::Tare | CommandKind::Reload | CommandKind::SubjectLoad)
+        });
         step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
         if self.memory.state.suit_sample_time_ns != before_ns {
             self.scored.extend(Scored::of(

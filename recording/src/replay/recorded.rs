@@ -1,6 +1,6 @@
 //! Replays the cycles of a recording: the same ticks, samples and commands, hence the same states.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use equipoise_adapters::recording::Recording;
 use equipoise_core::cycle::Checkpoint;
@@ -22,7 +22,8 @@ pub(super) enum Start {
 }
 
 /// Calls `write` with the state of every replayed cycle and its recorded period, ns. `settings` are those of the recording's reloads by number;
-/// `None` ignores reloads and restarts of the daemon and keeps the machine's own settings.
+/// `None` ignores reloads and restarts of the daemon and keeps the machine's own settings. From an empty memory,
+/// `subjects` are the later subjects: due time of their first cycle, ns, and their settings.
 ///
 /// # Errors
 /// The error of `write`.
@@ -31,6 +32,7 @@ pub(super) fn run(
     machine: &mut Machine,
     start: Start,
     settings: Option<&BTreeMap<u64, Settings>>,
+    subjects: VecDeque<(u64, Settings)>,
     mut write: impl FnMut(&State, u64) -> anyhow::Result<()>,
 ) -> anyhow::Result<Fidelity> {
     let mut feed = Feed::new(recording);
@@ -38,6 +40,7 @@ pub(super) fn run(
         machine,
         start,
         settings,
+        subjects,
         exact: false,
         running: false,
         last: None,
@@ -62,6 +65,7 @@ struct Run<'a> {
     machine: &'a mut Machine,
     start: Start,
     settings: Option<&'a BTreeMap<u64, Settings>>,
+    subjects: VecDeque<(u64, Settings)>,
     /// Whether the memory equals the live loop's, byte for byte.
     exact: bool,
     running: bool,
@@ -92,7 +96,10 @@ impl Run<'_> {
         if !self.running {
             return self.begin(resume);
         }
-        let command = CommandKind::from_number(record.command);
+        let command = match self.begin_subject(tick) {
+            true => Some(CommandKind::SubjectLoad),
+            false => CommandKind::from_number(record.command),
+        };
         let is_command_valid = record.command == 0 || command.is_some();
         if !complete {
             self.fidelity.cycles_lacking_samples += 1;
@@ -126,6 +133,18 @@ impl Run<'_> {
             self.fidelity.compare_early(self.machine.memory().early(), early);
         }
         true
+    }
+
+    /// Begins with a later subject if this is its first cycle; returns whether it is. The data that the daemon loaded from
+    /// its profile belong to other settings, so it begins without data.
+    fn begin_subject(&mut self, tick: Tick) -> bool {
+        let mut begins = false;
+        while let Some((_, settings)) = self.subjects.pop_front_if(|(at_ns, _)| *at_ns <= tick.due_ns) {
+            self.machine.begin_subject(&settings);
+            self.fidelity.other_subject_at.get_or_insert(tick.cycle);
+            begins = true;
+        }
+        begins
     }
 
     /// Counts gaps and restarts; returns whether to replay the cycle.

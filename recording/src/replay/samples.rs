@@ -34,6 +34,15 @@ pub enum Sample {
 }
 
 impl Sample {
+    /// Time of the sample, CLOCK_MONOTONIC ns.
+    pub fn time_ns(&self) -> u64 {
+        match self {
+            Sample::Suit(sample) => sample.sample_time_ns,
+            Sample::Ground(sample) => sample.sample_time_ns,
+            Sample::Body(body) => body.published_ns,
+        }
+    }
+
     /// Delivery time to the loop: time of publication, or of arrival if it was not published. CLOCK_MONOTONIC ns.
     pub fn delivered_ns(&self) -> u64 {
         match self {
