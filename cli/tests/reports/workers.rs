@@ -176,7 +176,7 @@ fn a_worker_without_valid_loads_has_no_reported_risk() {
     };
     let states: Vec<State> = (1..300).map(state).collect();
     let page = report("unjudged.html", &recording("unjudged.mcap", &states, |_| CycleRecord::zeroed()));
-    for expected in ["the low-back load was never valid: see data quality", "joint fatigue is unavailable"] {
+    for expected in ["no lift with a valid low-back load: see data quality", "joint fatigue is unavailable"] {
         assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
     }
     for absent in ["joint fatigue accumulated", "high-risk job with a probability", "Damage of the low back"]

@@ -193,7 +193,6 @@ impl Facts {
             self.periods.push(Period::on(self.surface_z_m));
             self.identification = Identification::default();
             self.lifts.change_subject(state);
-            self.back.change_subject();
         }
         let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
         let State { cycle, time_ns, lifts, .. } = *state;

@@ -114,7 +114,7 @@ fn workers(facts: &Facts) -> Table {
             length(period.high_s()).into(),
             period.lifts.lifts.len().to_string().into(),
             or_none(period.back.peak, |[peak_n, sigma_n, _]| format!("{peak_n:.0} ± {sigma_n:.0}")),
-            or_none(period.back.assessed_dose(), |[_, probability]| format!("{:.0} %", 100.0 * probability)),
+            or_none(period.back.dose, |[_, probability]| format!("{:.0} %", 100.0 * probability)),
         ]);
     }
     table
