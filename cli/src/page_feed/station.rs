@@ -35,7 +35,7 @@ const REQUEST_VALID_NS: u64 = 5 * NS_PER_S;
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Interval between points of the history.
 const POINT_INTERVAL: Duration = Duration::from_millis(500);
-/// Interval of checkpoint requests during identification and until there are parameters; each costs 32 µs of one cycle.
+/// Interval of checkpoint requests during identification; each costs 32 µs of one cycle.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(1);
 /// Timeout of the daemon's reply to the request.
 const TIMEOUT: Duration = Duration::from_millis(500);
@@ -192,15 +192,11 @@ pub(super) fn start_collecting(
                     station_data.collected().history.push(state);
                 }
             }
-            let lacks_parameters = station_data.collected().history.newest_parameters().is_none();
-            let wants_checkpoint = state.is_some_and(|state| {
-                state.phase == Phase::Identifying as u32
-                    || lacks_parameters && state.predicted_cop_sigma_m > 0.0
-            });
+            let identifying = state.is_some_and(|state| state.phase == Phase::Identifying as u32);
             if !station_data.is_requested() {
                 close(&mut subscriptions);
             } else if let Some(open) = &mut subscriptions {
-                if !matches!(open.update(&station_data, wants_checkpoint), Ok(true)) {
+                if !matches!(open.update(&station_data, identifying), Ok(true)) {
                     close(&mut subscriptions);
                 }
             } else {
@@ -253,7 +249,7 @@ impl Subscriptions {
     }
 
     /// Ingests all pending messages; returns `false` if the bus was replaced.
-    fn update(&mut self, station_data: &StationData, wants_checkpoint: bool) -> Result<bool, BusError> {
+    fn update(&mut self, station_data: &StationData, identifying: bool) -> Result<bool, BusError> {
         if self.bus_watch.is_replaced() {
             return Ok(false);
         }
@@ -282,7 +278,7 @@ impl Subscriptions {
             collected.history.push_parameters(parameters);
         }
         drop(collected);
-        if wants_checkpoint
+        if identifying
             && self
                 .checkpoint_requested
                 .is_none_or(|checkpoint_requested| checkpoint_requested.elapsed() >= CHECKPOINT_INTERVAL)
