@@ -132,13 +132,16 @@ function showFacts(facts) {
   element("model-report").hidden = !facts?.report;
   element("model-no-report").hidden = Boolean(facts?.report);
   element("report").hidden = !facts?.report;
+  // Since the first of an unbroken sequence of viewers.
+  const measured = { span: facts?.latency_span_s >= 0 ? span(facts.latency_span_s) : MISSING };
+  setText(element("latency-title"), t("ui.latency", measured));
   const micro = (ns) => (ns / 1000).toFixed(ns < 100_000 ? 1 : 0);
   const stages = (facts?.latency?.stages ?? []).filter(({ count }) => count > 0);
   rows("latency", stages.map((one) => [one.stage, ...[one.p50_ns, one.p99_ns, one.p99_9_ns, one.max_ns].map(micro)]), stages.map(({ definition }) => definition));
   const { latency, daemon } = facts ?? {};
   const loop = [["cycles", latency?.cycles], ["deadlines", latency?.deadlines_missed], ["skipped", latency?.slots_skipped],
     ["faults", daemon?.loop_faults?.join(" + ")], ["subject", daemon && (daemon.subject || t("ui.unnamed"))]];
-  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`)], ["dd", value ?? MISSING]].map(([kind, text]) =>
+  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`, measured)], ["dd", value ?? MISSING]].map(([kind, text]) =>
     Object.assign(document.createElement(kind), { textContent: text }))));
   incidents.show(facts?.incidents);
 }
