@@ -29,7 +29,7 @@ use std::path::Path;
 use anyhow::bail;
 use equipoise_adapters::recording::RecordingHeader;
 use equipoise_config::Config;
-use equipoise_core::message::State;
+use equipoise_core::message::{CycleRecord, State};
 
 use input::Input;
 use machine::Machine;
@@ -61,7 +61,7 @@ impl Replay<'_> {
             Some(path) => Output::create(path, &self.result_header())?,
             None => Output::discard(),
         };
-        let summary = self.run_with(|state| output.write(state))?;
+        let summary = self.run_with_records(|state, record| output.write(state, record))?;
         output.finish()?;
         Ok(summary)
     }
@@ -71,6 +71,14 @@ impl Replay<'_> {
     /// # Errors
     /// As [`Replay::run`], and the error of `write`.
     pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
+        self.run_with_records(|state, _| write(state))
+    }
+
+    /// As [`Replay::run_with`], with the record of the replayed cycle; `None` if no cycles were recorded.
+    fn run_with_records(
+        &self,
+        mut write: impl FnMut(&State, Option<&CycleRecord>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
         let mut machine = Machine::new(self.config.settings());
         let mut summary = Summary::new(self.input.started_ns(), self.residual_s);
@@ -87,10 +95,14 @@ impl Replay<'_> {
                 };
                 let reloads = self.input.reloads()?;
                 let reloads = self.as_recorded.then_some(&reloads);
-                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state, period_ns| {
-                    summary.ingest(state, if period_ns > 0 { period_ns } else { self.config.period_ns() });
-                    write(state)
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, |state, record| {
+                    let period_ns = Some(record.period_ns).filter(|period_ns| *period_ns > 0);
+                    summary.ingest(state, period_ns.unwrap_or(self.config.period_ns()));
+                    write(state, Some(record))
                 })?;
+                if summary.cycles == 0 && survey.samples == 0 {
+                    bail!("there is no sample of suit or ground in it that can be used");
+                }
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
                 if self.as_recorded && start == Start::Empty {
@@ -103,7 +115,7 @@ impl Replay<'_> {
                 let ran = free::run(samples.by_ref(), self.config.period_ns(), |tick, inputs| {
                     let state = machine.step(tick, inputs);
                     summary.ingest(state, self.config.period_ns());
-                    write(state)
+                    write(state, None)
                 });
                 summary.skipped = samples.skipped();
                 match ran {
@@ -119,7 +131,7 @@ impl Replay<'_> {
         Ok(summary)
     }
 
-    /// The header of a recording of results: the input's, with the active configuration.
+    /// The header of a recording of results: the input's, with the active configuration, outside the hash chain.
     fn result_header(&self) -> RecordingHeader {
         let base = match self.input {
             Input::Recording(recording) => recording.header().clone(),
@@ -130,6 +142,7 @@ impl Replay<'_> {
             started_monotonic_ns: self.input.started_ns(),
             config_toml: self.config.clone().for_recording().to_toml(),
             model_toml: self.config.model_toml(),
+            previous: None,
             ..base
         }
     }

@@ -297,6 +297,9 @@ fn start<W: Write + Seek>(sink: W, header: &RecordingHeader) -> Result<Writer<W>
     for (name, text) in header.attachments() {
         attach(&mut writer, header.started_monotonic_ns, header.started_unix_ns, name.to_owned(), text)?;
     }
+    for (text, at_ns) in header.later_subjects_toml.iter().zip(&header.later_subjects_ns) {
+        attach(&mut writer, *at_ns, 0, LATER_SUBJECT_NAME.to_owned(), text)?;
+    }
     writer.flush()?;
     Ok(writer)
 }

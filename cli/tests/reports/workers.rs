@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bytemuck::Zeroable;
-use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_adapters::recording::{Predecessor, Recorder, Recording, RecordingHeader};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, Validity};
 use equipoise_studies::subject::Subject;
 
@@ -132,8 +132,13 @@ fn a_restart_with_another_subject_begins_a_period() {
 fn with_another_rate_times_are_those_of_the_recorded_cycles() {
     let recording = session().file("cycles.mcap");
     let config_toml = config(&Subject::of_the_paper(5));
-    let header = RecordingHeader { config_toml: config_toml.clone(), ..RecordingHeader::default() };
+    let header = RecordingHeader {
+        config_toml: config_toml.clone(),
+        previous: Some(Predecessor { file: "before.mcap".to_owned(), sha256: "0a".repeat(32) }),
+        ..RecordingHeader::default()
+    };
     let mut recorder = Recorder::create(&recording, &header).unwrap();
+    recorder.add_subject(1_000_000_000, "subject = \"anon-77\"\n").unwrap();
     for sequence in 1..=400_u64 {
         let sample_time_ns = sequence * 5_000_000;
         let sample = GroundSample {
@@ -164,6 +169,22 @@ fn with_another_rate_times_are_those_of_the_recorded_cycles() {
     assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
     let page = Page::read(&out);
     assert_eq!(page.cell("Invalid reasons", "suit_stale", "time"), "2.0 s", "{}", page.text);
+
+    // A recording of the same states has the same times and subjects, but no place in the chain of its input.
+    let states = session().file("other-rate.mcap");
+    let ended = equipoise(&["replay", text(&recording), "--config", text(&other), "--out", text(&states)]);
+    assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
+    let ended = equipoise(&["report", text(&states), "--out", text(&out)]);
+    assert_eq!(ended.status.code(), Some(0), "{ended:?}");
+    let page = Page::read(&out);
+    assert_eq!(page.cell("Invalid reasons", "suit_stale", "time"), "2.0 s", "{}", page.text);
+    let [input, result] = [&recording, &states].map(|path| Recording::open(path).unwrap());
+    assert_eq!(result.header().previous, None);
+    assert_eq!(result.header().later_subjects_toml, ["subject = \"anon-77\"\n"]);
+    assert_eq!(result.header().later_subjects_ns, input.header().later_subjects_ns);
+    // It contains no samples, so it cannot be replayed.
+    let ended = equipoise(&["replay", text(&states)]);
+    assert_eq!(ended.status.code(), Some(1), "{ended:?}");
 }
 
 #[test]
