@@ -85,6 +85,12 @@ impl Reloaded {
     }
 }
 
+/// The pseudonym in a subject's profile, TOML.
+pub fn pseudonym(profile_toml: &str) -> Option<String> {
+    let profile: toml::Table = profile_toml.parse().ok()?;
+    profile.get("subject")?.as_str().map(str::to_owned)
+}
+
 /// The name of a later subject's attachment.
 pub(super) const LATER_SUBJECT_NAME: &str = "subject.later.toml";
 
@@ -92,13 +98,9 @@ impl RecordingHeader {
     /// The pseudonyms of all subjects, in order, each once, from the profiles. `configured` is used only if the
     /// recording began without a profile.
     pub fn subjects(&self, configured: &str) -> Vec<String> {
-        let named = |text: &String| {
-            let profile: toml::Table = text.parse().ok()?;
-            profile.get("subject")?.as_str().map(str::to_owned)
-        };
-        let first = named(&self.subject_toml).unwrap_or_else(|| configured.to_owned());
+        let first = pseudonym(&self.subject_toml).unwrap_or_else(|| configured.to_owned());
         let mut all = Vec::new();
-        for id in std::iter::once(first).chain(self.later_subjects_toml.iter().filter_map(named)) {
+        for id in std::iter::once(first).chain(self.later_subjects_toml.iter().filter_map(|text| pseudonym(text))) {
             if !id.is_empty() && !all.contains(&id) {
                 all.push(id);
             }

@@ -19,9 +19,9 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     if found.before > 0 {
         section.paragraph(format!("{} lifts were counted before it began.", found.before));
     }
-    if !facts.changes_s.is_empty() {
+    if facts.periods.len() > 1 {
         section.paragraph(
-            "The lifts are of all workers, by time; a lift in progress at a change of worker is not counted.",
+            "The lifts are of all workers and shifts, by time; a lift in progress at their change is not counted.",
         );
     }
     if found.under_way() {
