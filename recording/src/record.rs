@@ -5,6 +5,7 @@
 //! can be replayed exactly.
 
 pub mod authenticity;
+mod finished_files;
 mod pictures;
 mod ports;
 pub mod service;

@@ -1,6 +1,6 @@
 //! Records for as long as the station runs: one file after another, within the limits of the disk space.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
@@ -12,6 +12,7 @@ use equipoise_files::sha256_with;
 use equipoise_station::status;
 use tracing::{info, warn};
 
+use super::finished_files::FinishedFiles;
 use super::ports::Daemons;
 use super::signature::{Signer, SigningKey};
 use super::storage::{Limits, RecordingStore, has_jumped};
@@ -77,6 +78,7 @@ pub fn serve(
                     until.reason.set(NEXT_DAEMON);
                 }
                 info!("{} {}; {}", out.display(), until.reason.get(), tap.summary);
+                retention.finished.borrow_mut().push(&out);
                 signer.start(&out, &sha256);
                 previous = Some(Predecessor { file: file_name(&out), sha256 });
             }
@@ -191,13 +193,15 @@ struct Retention<'a> {
     newest: Option<SystemTime>,
     started: Instant,
     clock_suspect: Cell<bool>,
+    finished: RefCell<FinishedFiles>,
 }
 
 impl<'a> Retention<'a> {
     fn new(store: &'a RecordingStore, config: &'a RecordingConfig) -> anyhow::Result<Retention<'a>> {
         let newest = store.newest().context("looking at old recordings")?;
         let (cleared, clock_suspect) = (Cell::new(None), Cell::new(false));
-        Ok(Retention { store, config, cleared, newest, started: Instant::now(), clock_suspect })
+        let finished = RefCell::new(FinishedFiles::new(SystemTime::now()));
+        Ok(Retention { store, config, cleared, newest, started: Instant::now(), clock_suspect, finished })
     }
 
     /// Limits the rate of removals: space of removed files may not be released yet.
@@ -211,6 +215,7 @@ impl<'a> Retention<'a> {
 
     fn clear(&self) -> anyhow::Result<()> {
         let (mut limits, now) = (limits_of(self.config), SystemTime::now());
+        self.finished.borrow_mut().follow_clock(now);
         limits.age = limits.age.filter(|age| !self.is_clock_suspect(now, *age));
         let cleared = self.store.clear(&limits, now).context("clearing old recordings away")?;
         for (path, reason) in &cleared.removed {
