@@ -126,13 +126,29 @@ impl Recorder {
     ///
     /// # Errors
     /// [`WriteError::Write`] if a part cannot be written.
-    pub fn finish(mut self) -> Result<String, WriteError> {
+    pub fn finish(self) -> Result<String, WriteError> {
+        let path = self.path.clone();
+        let (file, sha256) = self.close()?;
+        file.sync_all().map_err(|error| WriteError::Write { path, source: McapError::Io(error) })?;
+        Ok(sha256)
+    }
+
+    /// As [`Recorder::finish`], but does not wait for the disk, to which another thread writes
+    /// ([`Recorder::second_handle`]).
+    ///
+    /// # Errors
+    /// As [`Recorder::finish`].
+    pub fn finish_unsynchronised(self) -> Result<String, WriteError> {
+        self.close().map(|(_, sha256)| sha256)
+    }
+
+    fn close(mut self) -> Result<(File, String), WriteError> {
         let path = self.path.clone();
         let failed = |source| WriteError::Write { path: path.clone(), source };
         self.writer.finish().map_err(failed)?;
         let file = self.writer.into_inner();
         let file = file.into_inner().map_err(|error| failed(McapError::Io(error.into_error())))?;
-        file.finish().map_err(|error| failed(McapError::Io(error)))
+        Ok(file.finish())
     }
 }
 

@@ -14,7 +14,7 @@ use tracing::{info, warn};
 
 use super::finished_files::FinishedFiles;
 use super::ports::Daemons;
-use super::signature::{Signer, SigningKey};
+use super::signature::{Finisher, SigningKey};
 use super::storage::{Limits, RecordingStore, has_jumped};
 use super::summary::RecordSummary;
 use super::{Progress, Tap};
@@ -56,7 +56,7 @@ pub fn serve(
     let directory = base.join(&config.directory);
     let store = RecordingStore::open(&directory, station)
         .with_context(|| format!("recording.directory: cannot make {}", directory.display()))?;
-    let mut signer = Signer::new(signing_key(config, base)?);
+    let mut finisher = Finisher::new(signing_key(config, base)?);
     store.remove_unfinished_signatures();
     let retention = Retention::new(&store, config)?;
     retention.clear_if_due()?;
@@ -73,13 +73,13 @@ pub fn serve(
         let announce = || info!("recording station {station} to {}", out.display());
         let contents = (config.pictures_hz, Daemons::One);
         match tap.record(&out, previous, contents, &|progress| until.is_over(progress), announce) {
-            Ok(sha256) => {
+            Ok((sha256, syncer)) => {
                 if tap.ports.is_next_daemon() {
                     until.reason.set(NEXT_DAEMON);
                 }
                 info!("{} {}; {}", out.display(), until.reason.get(), tap.summary);
                 retention.finished.borrow_mut().push(&out);
-                signer.start(&out, &sha256);
+                finisher.start(&out, &sha256, || syncer.finish())?;
                 previous = Some(Predecessor { file: file_name(&out), sha256 });
             }
             // Errors are expected after the bus was replaced.
@@ -94,10 +94,12 @@ pub fn serve(
         }
         tap = match next_tap(tap, station, stopping, heartbeat)? {
             ControlFlow::Continue(next) => next,
-            ControlFlow::Break(summary) => return Ok(summary),
+            ControlFlow::Break(summary) => return finisher.finish().map(|()| summary),
         };
     }
-    Ok(tap.summary)
+    let summary = tap.summary;
+    drop(tap);
+    finisher.finish().map(|()| summary)
 }
 
 /// The subscriptions for the next file, after a wait for a daemon if none runs; the summary once `stopping`.
