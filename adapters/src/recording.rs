@@ -23,7 +23,7 @@ pub mod writer;
 
 pub use error::ReadError;
 pub use hashed_file::HashedFile;
-pub use header::{Predecessor, RecordingHeader, Reloaded};
+pub use header::{Predecessor, RecordingHeader, Reloaded, pseudonym};
 pub use reader::{Entries, Recording};
 pub use topic::{Entry, Recorded, TimedEntry};
 pub use writer::{ExtraChannel, Recorder, WriteError};

@@ -5,6 +5,7 @@
 //! can be replayed exactly.
 
 pub mod authenticity;
+mod finished_files;
 mod pictures;
 mod ports;
 pub mod service;
@@ -17,7 +18,7 @@ use std::cell::Cell;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use anyhow::{anyhow, bail};
+use anyhow::{Context, anyhow, bail};
 use bytemuck::Zeroable;
 use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
@@ -89,7 +90,8 @@ pub fn record(
             Err(error) => Err(error.context(replaced)),
         };
     }
-    let sha256 = recorded?;
+    let (sha256, syncer) = recorded?;
+    syncer.finish()?;
     if removed.get() {
         bail!(
             "{} was removed or replaced while it was written: recording ends, and what it held is gone",
@@ -187,7 +189,8 @@ impl Tap {
     }
 
     /// Records into a new file, the successor of `previous`, until `ending` returns true, or up to the first message of
-    /// the next daemon with [`Daemons::One`]; returns its SHA-256. `contents`: pictures per second, and the daemons.
+    /// the next daemon with [`Daemons::One`]; returns its SHA-256, and the thread that still writes it to the disk.
+    /// `contents`: pictures per second, and the daemons.
     fn record(
         &mut self,
         out: &Path,
@@ -195,10 +198,11 @@ impl Tap {
         contents: (f64, Daemons),
         ending: &dyn Fn(&Progress<'_>) -> bool,
         started: impl FnOnce(),
-    ) -> anyhow::Result<String> {
+    ) -> anyhow::Result<(String, Syncer)> {
         let mut sink = self.begin(out, previous, contents)?;
         self.life = sink.life;
-        let syncer = sink.recorder.second_handle().map(|file| Syncer::start(out, file));
+        let file = sink.recorder.second_handle().context("the recording has no second handle")?;
+        let mut syncer = Syncer::start(out, file);
         started();
         let (ports, summary) = (&mut self.ports, &mut self.summary);
         let (bus, bus_directory) = (&self.bus, &self.bus_directory);
@@ -225,12 +229,12 @@ impl Tap {
                 flushed = Instant::now();
                 sink.record_subject()?;
                 sink.recorder.flush()?;
-                syncer.as_ref().map_or(Ok(()), Syncer::check)?;
+                syncer.check()?;
             }
         }
         ports.fetch(&mut sink, summary)?;
         sink.record_subject()?;
-        Ok(sink.recorder.finish()?)
+        Ok((sink.recorder.finish_unsynchronised()?, syncer))
     }
 }
 

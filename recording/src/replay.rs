@@ -32,7 +32,7 @@ use anyhow::bail;
 use equipoise_adapters::recording::{Recording, RecordingHeader};
 use equipoise_config::Config;
 use equipoise_core::cycle::Settings;
-use equipoise_core::message::State;
+use equipoise_core::message::{CycleRecord, State};
 
 use input::Input;
 use machine::Machine;
@@ -65,7 +65,7 @@ impl Replay<'_> {
             Some(path) => Output::create(path, &self.result_header())?,
             None => Output::discard(),
         };
-        let summary = self.run_with(|state| output.write(state))?;
+        let summary = self.run_with_records(|state, record| output.write(state, record))?;
         output.finish()?;
         Ok(summary)
     }
@@ -75,6 +75,14 @@ impl Replay<'_> {
     /// # Errors
     /// As [`Replay::run`], and the error of `write`.
     pub fn run_with(&self, mut write: impl FnMut(&State) -> anyhow::Result<()>) -> anyhow::Result<Summary> {
+        self.run_with_records(|state, _| write(state))
+    }
+
+    /// As [`Replay::run_with`], with the record of the replayed cycle; `None` if no cycles were recorded.
+    fn run_with_records(
+        &self,
+        mut write: impl FnMut(&State, Option<&CycleRecord>) -> anyhow::Result<()>,
+    ) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
         let settings = self.config.settings();
         let mut machine = Machine::new(settings, survey.initial_memory(&settings));
@@ -96,10 +104,14 @@ impl Replay<'_> {
                     Start::Checkpoint => VecDeque::new(),
                     Start::Empty => self.later_subjects(&survey, recording),
                 };
-                let fidelity = recorded::run(recording, &mut machine, start, reloads, later, |state, period_ns| {
-                    summary.ingest(state, if period_ns > 0 { period_ns } else { self.config.period_ns() });
-                    write(state)
+                let fidelity = recorded::run(recording, &mut machine, start, reloads, later, |state, record| {
+                    let period_ns = Some(record.period_ns).filter(|period_ns| *period_ns > 0);
+                    summary.ingest(state, period_ns.unwrap_or(self.config.period_ns()));
+                    write(state, Some(record))
                 })?;
+                if summary.cycles == 0 && survey.samples == 0 {
+                    bail!("there is no sample of suit or ground in it that can be used");
+                }
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
             }
@@ -108,7 +120,7 @@ impl Replay<'_> {
                 let ran = free::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
                     let state = machine.step(tick, inputs);
                     summary.ingest(state, self.config.period_ns());
-                    write(state)
+                    write(state, None)
                 });
                 summary.skipped = samples.skipped();
                 match ran {
@@ -140,7 +152,7 @@ impl Replay<'_> {
         later.collect()
     }
 
-    /// The header of a recording of results: the input's, with the active configuration.
+    /// The header of a recording of results: the input's, with the active configuration, outside the hash chain.
     fn result_header(&self) -> RecordingHeader {
         let base = match self.input {
             Input::Recording(recording) => recording.header().clone(),
@@ -151,6 +163,7 @@ impl Replay<'_> {
             started_monotonic_ns: self.input.started_ns(),
             config_toml: self.config.clone().for_recording().to_toml(),
             model_toml: self.config.model_toml(),
+            previous: None,
             ..base
         }
     }

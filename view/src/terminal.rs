@@ -130,18 +130,13 @@ pub(crate) fn shift(state: &State) -> String {
         1 => "1 lift".to_owned(),
         count => format!("{count} lifts"),
     };
-    let risk_percent = 100.0 * state.dose_probability;
+    let risk = words::assessed_dose(state)
+        .map(|[_, probability]| format!("risk of a day like this {:.0} %", 100.0 * probability));
     let (index, tired) =
         state.fatigue.iter().copied().enumerate().fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
-    let joint = words::joint(Joint::ALL[index]);
-    match (state.lifts, tired > 0.0) {
-        (0, false) => lifts,
-        (_, false) => format!("{lifts}, risk of a day like this {risk_percent:.0} %"),
-        _ => format!(
-            "{lifts}, risk of a day like this {risk_percent:.0} %, most tired {joint} {:.0} %",
-            100.0 * tired
-        ),
-    }
+    let fatigue = (tired > 0.0)
+        .then(|| format!("most tired {} {:.0} %", words::joint(Joint::ALL[index]), 100.0 * tired));
+    [Some(lifts), risk, fatigue].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn fatigue(state: &State, joint: Joint) -> String {
@@ -238,7 +233,7 @@ mod tests {
         state.fatigue[knee] = 0.31;
         (state.lifted_mass_kg, state.lifted_mass_sigma_kg) = (10.0, 0.3);
         (state.l5s1_compression_n, state.l5s1_compression_sigma_n) = (2410.0, 390.0);
-        (state.lifts, state.dose_probability) = (12, 0.07);
+        (state.lifts, state.dose_damage, state.dose_probability) = (12, 1e-4, 0.07);
         state.advice_direction = [-1.0, 0.0, 0.0];
         state.advice_gain_nm_per_cm = 0.49;
         state.segment_origin_m[Segment::LeftUpperLeg.index()] = [0.0, 0.2, 0.9];
@@ -300,6 +295,14 @@ mod tests {
         let block = dashboard(&moving, "station-1", None);
         assert!(!block.contains("98 N") && !block.contains("2410"), "{block}");
         assert!(block.contains("12 lifts"), "sums are always shown: {block}");
+    }
+
+    #[test]
+    fn before_the_first_lift_there_is_no_risk() {
+        let mut state = State { lifts: 0, dose_damage: 0.0, dose_probability: 0.0, ..carrying() };
+        assert_eq!(shift(&state), "0 lifts, most tired left knee 31 %");
+        state.fatigue = State::zeroed().fatigue;
+        assert_eq!(shift(&state), "0 lifts");
     }
 
     #[test]

@@ -246,6 +246,12 @@ pub fn torque_nm(state: &State, joint: Joint) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
+/// Damage of the low back (1 is failure) and probability of a high-risk job; `None` before a lift has added damage: an
+/// unknown risk is not zero.
+pub fn assessed_dose(state: &State) -> Option<[f64; 2]> {
+    (state.dose_damage > 0.0).then_some([state.dose_damage, state.dose_probability])
+}
+
 /// A level for people: colours alone say nothing to the colour-blind. Tables and figures next to a torque say of
 /// what it is; only a sentence needs the word for it, and there is no place for it there.
 pub fn level(number: u32) -> &'static str {

@@ -18,10 +18,9 @@ impl HashedFile {
         HashedFile { file, hash: Sha256::default() }
     }
 
-    /// Waits until the bytes are on the disk; returns their SHA-256, 64 hexadecimal digits.
-    pub(super) fn finish(self) -> io::Result<String> {
-        self.file.sync_all()?;
-        Ok(self.hash.finish())
+    /// The file, and the SHA-256 of its bytes, 64 hexadecimal digits.
+    pub(super) fn finish(self) -> (File, String) {
+        (self.file, self.hash.finish())
     }
 }
 

@@ -85,6 +85,12 @@ impl Reloaded {
     }
 }
 
+/// The pseudonym in a subject's profile, TOML.
+pub fn pseudonym(profile_toml: &str) -> Option<String> {
+    let profile: toml::Table = profile_toml.parse().ok()?;
+    profile.get("subject")?.as_str().map(str::to_owned)
+}
+
 /// The name of a later subject's attachment.
 pub(super) const LATER_SUBJECT_NAME: &str = "subject.later.toml";
 

@@ -126,13 +126,29 @@ impl Recorder {
     ///
     /// # Errors
     /// [`WriteError::Write`] if a part cannot be written.
-    pub fn finish(mut self) -> Result<String, WriteError> {
+    pub fn finish(self) -> Result<String, WriteError> {
+        let path = self.path.clone();
+        let (file, sha256) = self.close()?;
+        file.sync_all().map_err(|error| WriteError::Write { path, source: McapError::Io(error) })?;
+        Ok(sha256)
+    }
+
+    /// As [`Recorder::finish`], but does not wait for the disk, to which another thread writes
+    /// ([`Recorder::second_handle`]).
+    ///
+    /// # Errors
+    /// As [`Recorder::finish`].
+    pub fn finish_unsynchronised(self) -> Result<String, WriteError> {
+        self.close().map(|(_, sha256)| sha256)
+    }
+
+    fn close(mut self) -> Result<(File, String), WriteError> {
         let path = self.path.clone();
         let failed = |source| WriteError::Write { path: path.clone(), source };
         self.writer.finish().map_err(failed)?;
         let file = self.writer.into_inner();
         let file = file.into_inner().map_err(|error| failed(McapError::Io(error.into_error())))?;
-        file.finish().map_err(|error| failed(McapError::Io(error)))
+        Ok(file.finish())
     }
 }
 
@@ -296,6 +312,9 @@ fn start<W: Write + Seek>(sink: W, header: &RecordingHeader) -> Result<Writer<W>
     writer.write_metadata(&Metadata { name: METADATA_NAME.to_owned(), metadata: header.metadata() })?;
     for (name, text) in header.attachments() {
         attach(&mut writer, header.started_monotonic_ns, header.started_unix_ns, name.to_owned(), text)?;
+    }
+    for (text, at_ns) in header.later_subjects_toml.iter().zip(&header.later_subjects_ns) {
+        attach(&mut writer, *at_ns, 0, LATER_SUBJECT_NAME.to_owned(), text)?;
     }
     writer.flush()?;
     Ok(writer)

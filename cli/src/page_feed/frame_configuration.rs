@@ -3,7 +3,7 @@
 use equipoise_config::Config;
 use equipoise_config::method::StopConfig;
 use equipoise_config::model_file::{Ask, ModelFile};
-use equipoise_station::status;
+use equipoise_station::status::Status;
 
 /// Values of a configuration and its model that frames contain.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -50,9 +50,8 @@ pub(super) struct ConfigurationWatch {
 }
 
 impl ConfigurationWatch {
-    /// The values that a station's daemon uses, if its configuration or model has changed since the last call.
-    pub(super) fn changed(&mut self, station: &str) -> Option<FrameConfiguration> {
-        let status = status::read(station)?;
+    /// The values that a daemon uses, if its configuration or model has changed since the last call.
+    pub(super) fn changed(&mut self, status: Status) -> Option<FrameConfiguration> {
         self.changed_by([status.config_toml, status.model_toml])
     }
 

@@ -57,16 +57,26 @@ struct Point {
     cop_sigma_m: f64,
     nis: f64,
     poses: u32,
+    motion_samples: u32,
 }
 
-/// The last ten minutes.
+/// The last ten minutes of one identification of one worker.
 #[derive(Debug, Default)]
 pub(super) struct History {
+    /// Id of the worker; empty if unnamed.
+    subject: String,
     points: VecDeque<Point>,
     parameters: VecDeque<Parameters>,
 }
 
 impl History {
+    /// Discards the history of another worker.
+    pub(super) fn set_subject(&mut self, subject: &str) {
+        if self.subject != subject {
+            *self = History { subject: subject.to_owned(), ..History::default() };
+        }
+    }
+
     /// One point more.
     pub(super) fn push(&mut self, state: &State) {
         let t_s = seconds(state.time_ns);
@@ -74,12 +84,21 @@ impl History {
         if self.points.back().is_some_and(|last| last.t_s >= t_s) {
             return;
         }
+        // Fewer poses or samples: identification began again.
+        let began_again = |last: &Point| {
+            state.poses_used < last.poses || state.motion_samples_used < last.motion_samples
+        };
+        if self.points.back().is_some_and(began_again) {
+            self.points.clear();
+            self.parameters.clear();
+        }
         self.points.push_back(Point {
             t_s,
             variance_max_m2: state.variance_max_m2,
             cop_sigma_m: state.predicted_cop_sigma_m,
             nis: state.nis,
             poses: state.poses_used,
+            motion_samples: state.motion_samples_used,
         });
         if self.points.len() > POINTS_MAX {
             self.points.pop_front();
@@ -115,6 +134,7 @@ impl History {
             "predicted_cop_sigma_m": column(|point| point.cop_sigma_m),
             "nis": column(|point| point.nis),
             "poses_used": self.points.iter().map(|point| point.poses).collect::<Vec<_>>(),
+            "motion_samples_used": self.points.iter().map(|point| point.motion_samples).collect::<Vec<_>>(),
             "parameters": self.parameters,
         })
     }
@@ -153,6 +173,28 @@ mod tests {
         assert_eq!(history.parameters.len(), 1);
         history.push_parameters(parameters(3, "Pelvis y"));
         assert_eq!(history.parameters.len(), 1);
+    }
+
+    #[test]
+    fn one_picture_holds_one_identification_of_one_worker() {
+        let state = |second: u64, poses_used, motion_samples_used| State {
+            time_ns: second * 1_000_000_000,
+            poses_used,
+            motion_samples_used,
+            ..State::zeroed()
+        };
+        for (next, points) in [(state(2, 5, 9), 2), (state(2, 4, 9), 1), (state(2, 5, 8), 1)] {
+            let mut history = History::default();
+            history.set_subject("anon-1");
+            history.push(&state(1, 5, 9));
+            history.push_parameters(parameters(5, "Pelvis x"));
+            history.push(&next);
+            assert_eq!((history.points.len(), history.parameters.len()), (points, points - 1));
+            history.set_subject("anon-1");
+            assert_eq!(history.points.len(), points);
+            history.set_subject("anon-2");
+            assert_eq!((history.points.len(), history.parameters.len()), (0, 0));
+        }
     }
 
     #[test]

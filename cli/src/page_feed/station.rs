@@ -58,7 +58,8 @@ pub(super) struct StationData {
 struct Collected {
     incidents: Option<Incidents>,
     adapters: [Option<AdapterHealth>; 2],
-    latency: Option<Report>,
+    /// With the time over which it was measured, s.
+    latency: Option<(Report, f64)>,
     history: History,
 }
 
@@ -101,7 +102,8 @@ impl Station for StationData {
             })),
             "incidents": incidents,
             "adapters": collected.adapters.iter().flatten().map(adapter).collect::<Vec<_>>(),
-            "latency": collected.latency,
+            "latency": collected.latency.as_ref().map(|(report, _)| report),
+            "latency_span_s": collected.latency.as_ref().map(|(_, span_s)| span_s),
             "parameters": collected.history.newest_parameters(),
             "report": self.report.as_ref().is_some_and(|path| path.is_file()),
         })
@@ -179,8 +181,11 @@ pub(super) fn start_collecting(
             drop(newest);
             if status_read.is_none_or(|status_read| status_read.elapsed() >= STATUS_INTERVAL) {
                 status_read = Some(Instant::now());
-                if let Some(changed) = watch.changed(&station_data.station) {
-                    *frame_configuration.lock().unwrap_or_else(PoisonError::into_inner) = changed;
+                if let Some(facts) = status::read(&station_data.station) {
+                    station_data.collected().history.set_subject(&facts.subject);
+                    if let Some(changed) = watch.changed(facts) {
+                        *frame_configuration.lock().unwrap_or_else(PoisonError::into_inner) = changed;
+                    }
                 }
             }
             if point_time.elapsed() >= POINT_INTERVAL {
@@ -191,10 +196,10 @@ pub(super) fn start_collecting(
             }
             let identifying = state.is_some_and(|state| state.phase == Phase::Identifying as u32);
             if !station_data.is_requested() {
-                close(&mut subscriptions);
+                close(&mut subscriptions, &station_data);
             } else if let Some(open) = &mut subscriptions {
                 if !matches!(open.update(&station_data, identifying), Ok(true)) {
-                    close(&mut subscriptions);
+                    close(&mut subscriptions, &station_data);
                 }
             } else {
                 subscriptions = Subscriptions::open(&station_data.station).ok();
@@ -204,10 +209,11 @@ pub(super) fn start_collecting(
     })
 }
 
-fn close(subscriptions: &mut Option<Subscriptions>) {
-    if let Some(mut subscriptions) = subscriptions.take()
-        && subscriptions.bus_watch.is_replaced_now()
-    {
+fn close(subscriptions: &mut Option<Subscriptions>, station_data: &StationData) {
+    let Some(mut subscriptions) = subscriptions.take() else { return };
+    // It ends with the subscription.
+    station_data.collected().latency = None;
+    if subscriptions.bus_watch.is_replaced_now() {
         // Dropping the old ports would remove files of the new bus that have the same names, so leak them.
         std::mem::forget(subscriptions);
     }
@@ -270,7 +276,8 @@ impl Subscriptions {
         for health in adapters {
             collected.adapters[usize::from(health.stream != 1)] = Some(health);
         }
-        collected.latency = Some(Report::of(&self.path));
+        let span_s = seconds(now_ns().saturating_sub(self.since_ns));
+        collected.latency = Some((Report::of(&self.path), span_s));
         if let Some(parameters) = parameters {
             collected.history.push_parameters(parameters);
         }

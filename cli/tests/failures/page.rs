@@ -85,7 +85,11 @@ fn it_waits_for_a_daemon_and_continues_without_it() {
     assert!(station.run(&["status"]).assert_done().contains(&format!("page http://{address}/")));
 
     let all_is_known = |facts: &serde_json::Value| {
-        facts["incidents"].is_array() && facts["daemon"].is_object() && facts["adapters"][0].is_object()
+        facts["incidents"].is_array()
+            && facts["daemon"].is_object()
+            && facts["adapters"][0].is_object()
+            && facts["latency"]["cycles"].as_u64() > Some(0)
+            && facts["latency_span_s"].as_f64() > Some(0.0)
     };
     wait_for("the station's facts", || station_facts(address).filter(all_is_known));
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use bytemuck::Zeroable;
-use equipoise_adapters::recording::{Recorder, RecordingHeader};
+use equipoise_adapters::recording::{Predecessor, Recorder, Recording, RecordingHeader};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, Validity};
 use equipoise_studies::subject::Subject;
 
@@ -13,8 +13,13 @@ use crate::session::{config, equipoise, session, text};
 /// As the recorder writes: the record of a cycle some states after its state.
 const RECORDS_BEHIND: usize = 20;
 
-/// A recording of these states, with a record for each.
-fn recording(name: &str, states: &[State], record: impl Fn(&State) -> CycleRecord) -> PathBuf {
+/// A recording of these states, with a record for each and the subjects attached later, each with its time, s.
+fn recording(
+    name: &str,
+    states: &[State],
+    subjects: &[(f64, &str)],
+    record: impl Fn(&State) -> CycleRecord,
+) -> PathBuf {
     let path = session().file(name);
     let header = RecordingHeader {
         config_toml: config(&Subject::of_the_paper(5)),
@@ -31,7 +36,9 @@ fn recording(name: &str, states: &[State], record: impl Fn(&State) -> CycleRecor
             recorder.write(due.due_ns, &due).unwrap();
         }
     }
-    recorder.add_subject(states[states.len() - 1].time_ns, "subject = \"anon-77\"\n").unwrap();
+    for (time_s, id) in subjects {
+        recorder.add_subject((time_s * 1e9) as u64, &format!("subject = {id:?}\n")).unwrap();
+    }
     recorder.finish().unwrap();
     path
 }
@@ -57,7 +64,8 @@ fn a_change_of_worker_is_reported_and_adds_no_lifts() {
             }
         })
         .collect();
-    let recording = recording("workers.mcap", &states, |state| CycleRecord {
+    let subjects = [(3.5, "anon-77"), (6.5, "anon-1")];
+    let recording = recording("workers.mcap", &states, &subjects, |state| CycleRecord {
         command: if state.cycle == 300 { CommandKind::SubjectLoad as u32 } else { 0 },
         period_ns: 10_000_000,
         ..CycleRecord::zeroed()
@@ -73,9 +81,9 @@ fn a_change_of_worker_is_reported_and_adds_no_lifts() {
         .map(|row| [0, 1, 2, 3, 7].map(|cell| row[cell].as_str()).into())
         .collect();
     let expected = [
-        ["1", "0.0", "3.0", "3.0 s", "0"],
-        ["2", "3.0", "6.0", "3.0 s", "0"],
-        ["3", "6.0", "9.0", "3.0 s", "0"],
+        ["anon-1", "0.0", "3.0", "3.0 s", "0"],
+        ["anon-77", "3.0", "6.0", "3.0 s", "0"],
+        ["anon-1", "6.0", "9.0", "3.0 s", "0"],
     ];
     assert_eq!(workers, expected);
     let poses = page.rows("Identification");
@@ -99,16 +107,23 @@ fn a_restart_that_begins_a_new_shift_keeps_the_lifts_before() {
             cycle: if number < 400 { number } else { number - 399 },
             time_ns: number * 10_000_000,
             lifts: if number < 400 { (number / 100) as u32 } else { 0 },
+            poses_used: 12,
+            converged: 1,
             dose_damage: if number < 400 { 1e-3 } else { 0.0 },
             ..State::zeroed()
         })
         .collect();
-    let recording =
-        recording("shifts.mcap", &states, |_| CycleRecord { period_ns: 10_000_000, ..CycleRecord::zeroed() });
+    let record = |_: &State| CycleRecord { period_ns: 10_000_000, ..CycleRecord::zeroed() };
+    let recording = recording("shifts.mcap", &states, &[], record);
     let page = report("shifts.html", &recording);
     assert_eq!(page.rows("Lifts").len(), 3, "{}", page.text);
-    let lifts: Vec<&str> = page.rows("Workers").iter().map(|row| row[7].as_str()).collect();
-    assert_eq!(lifts, ["3", "0"]);
+    let rows: Vec<[&str; 2]> = page.rows("Workers").iter().map(|row| [0, 7].map(|cell| &*row[cell])).collect();
+    assert_eq!(rows, [["anon-1", "3"], ["anon-1", "0"]]);
+    assert!(page.text.contains("A new shift of the same worker began"), "{}", page.text);
+    assert!(!page.text.contains("The worker changed"), "{}", page.text);
+    // The identification is still that of the begin.
+    assert!(page.text.contains("identified when the recording began"), "{}", page.text);
+    assert_eq!(page.rows("Identification")[0][..2], ["12", "0.0"]);
 }
 
 #[test]
@@ -121,7 +136,7 @@ fn a_restart_with_another_subject_begins_a_period() {
             ..State::zeroed()
         })
         .collect();
-    let recording = recording("restart.mcap", &states, |_| CycleRecord::zeroed());
+    let recording = recording("restart.mcap", &states, &[(5.99, "anon-77")], |_| CycleRecord::zeroed());
     let page = report("restart.html", &recording);
     let workers: Vec<&str> = page.rows("Workers").iter().map(|row| row[0].as_str()).collect();
     assert_eq!(workers, ["anon-1", "anon-77"]);
@@ -132,8 +147,13 @@ fn a_restart_with_another_subject_begins_a_period() {
 fn with_another_rate_times_are_those_of_the_recorded_cycles() {
     let recording = session().file("cycles.mcap");
     let config_toml = config(&Subject::of_the_paper(5));
-    let header = RecordingHeader { config_toml: config_toml.clone(), ..RecordingHeader::default() };
+    let header = RecordingHeader {
+        config_toml: config_toml.clone(),
+        previous: Some(Predecessor { file: "before.mcap".to_owned(), sha256: "0a".repeat(32) }),
+        ..RecordingHeader::default()
+    };
     let mut recorder = Recorder::create(&recording, &header).unwrap();
+    recorder.add_subject(1_000_000_000, "subject = \"anon-77\"\n").unwrap();
     for sequence in 1..=400_u64 {
         let sample_time_ns = sequence * 5_000_000;
         let sample = GroundSample {
@@ -164,6 +184,22 @@ fn with_another_rate_times_are_those_of_the_recorded_cycles() {
     assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
     let page = Page::read(&out);
     assert_eq!(page.cell("Invalid reasons", "suit_stale", "time"), "2.0 s", "{}", page.text);
+
+    // A recording of the same states has the same times and subjects, but no place in the chain of its input.
+    let states = session().file("other-rate.mcap");
+    let ended = equipoise(&["replay", text(&recording), "--config", text(&other), "--out", text(&states)]);
+    assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
+    let ended = equipoise(&["report", text(&states), "--out", text(&out)]);
+    assert_eq!(ended.status.code(), Some(0), "{ended:?}");
+    let page = Page::read(&out);
+    assert_eq!(page.cell("Invalid reasons", "suit_stale", "time"), "2.0 s", "{}", page.text);
+    let [input, result] = [&recording, &states].map(|path| Recording::open(path).unwrap());
+    assert_eq!(result.header().previous, None);
+    assert_eq!(result.header().later_subjects_toml, ["subject = \"anon-77\"\n"]);
+    assert_eq!(result.header().later_subjects_ns, input.header().later_subjects_ns);
+    // It contains no samples, so it cannot be replayed.
+    let ended = equipoise(&["replay", text(&states)]);
+    assert_eq!(ended.status.code(), Some(1), "{ended:?}");
 }
 
 #[test]
@@ -175,8 +211,8 @@ fn a_worker_without_valid_loads_has_no_reported_risk() {
         ..State::zeroed()
     };
     let states: Vec<State> = (1..300).map(state).collect();
-    let page = report("unjudged.html", &recording("unjudged.mcap", &states, |_| CycleRecord::zeroed()));
-    for expected in ["the low-back load was never valid: see data quality", "joint fatigue is unavailable"] {
+    let page = report("unjudged.html", &recording("unjudged.mcap", &states, &[], |_| CycleRecord::zeroed()));
+    for expected in ["no lift with a valid low-back load: see data quality", "joint fatigue is unavailable"] {
         assert!(page.text.contains(expected), "{expected} is not in {}", page.text);
     }
     for absent in ["joint fatigue accumulated", "high-risk job with a probability", "Damage of the low back"]
@@ -196,7 +232,7 @@ fn times_are_those_of_the_daemon_of_each_record() {
             ..State::zeroed()
         })
         .collect();
-    let recording = recording("rates.mcap", &states, |state| CycleRecord {
+    let recording = recording("rates.mcap", &states, &[], |state| CycleRecord {
         period_ns: if state.time_ns <= 2_000_000_000 { 10_000_000 } else { 5_000_000 },
         ..CycleRecord::zeroed()
     });

@@ -1,6 +1,7 @@
 //! Load and cumulative dose of the low back.
 
 use equipoise_core::message::{State, Validity};
+use equipoise_view::words;
 
 use super::series::Series;
 
@@ -17,13 +18,11 @@ pub struct Back {
     pub damage: Series,
     /// Duration of valid compression, s.
     pub valid_s: f64,
-    /// Part of it since the current subject is in use.
-    valid_of_subject_s: f64,
     /// Largest compression, its 1-σ and its time: N, N, s.
     pub peak: Option<[f64; 3]>,
     /// Integral of the compression over its valid time, N s.
     compression_n_s: f64,
-    /// Final damage (1 is failure) and probability of a high-risk job.
+    /// Final damage (1 is failure) and probability of a high-risk job; `None` before a lift has added damage.
     pub dose: Option<[f64; 2]>,
 }
 
@@ -34,7 +33,6 @@ impl Back {
             self.compression_n.push(time_s, newtons);
             self.moment_nm.push(time_s, state.l5s1_moment_nm);
             self.valid_s += step_s;
-            self.valid_of_subject_s += step_s;
             self.compression_n_s += newtons * step_s;
             if self.peak.is_none_or(|[peak_n, ..]| newtons > peak_n) {
                 self.peak = Some([newtons, state.l5s1_compression_sigma_n, time_s]);
@@ -44,18 +42,7 @@ impl Back {
             self.lifted_kg.push(time_s, mass_kg);
         }
         self.damage.push(time_s, state.dose_damage);
-        self.dose = Some([state.dose_damage, state.dose_probability]);
-    }
-
-    /// From the next state on another subject is in use, with a separate dose.
-    pub fn change_subject(&mut self) {
-        self.valid_of_subject_s = 0.0;
-    }
-
-    /// The final dose; `None` if there is no basis for it: the compression was never valid, and no damage had
-    /// accumulated before.
-    pub fn assessed_dose(&self) -> Option<[f64; 2]> {
-        self.dose.filter(|[damage, _]| self.valid_of_subject_s > 0.0 || *damage > 0.0)
+        self.dose = words::assessed_dose(state);
     }
 
     /// Mean compression while valid, N.
@@ -73,10 +60,10 @@ mod tests {
     fn only_valid_values_count() {
         let mut back = Back::default();
         back.ingest(&State { valid: Validity::NOT_IDENTIFIED.0, ..State::zeroed() }, 0.5, 0.5);
-        assert_eq!(back.assessed_dose(), None, "an unknown risk is not zero");
+        assert_eq!(back.dose, None, "an unknown risk is not zero");
         let carried = State { valid: Validity::NOT_IDENTIFIED.0, dose_damage: 1e-4, ..State::zeroed() };
         back.ingest(&carried, 0.6, 0.5);
-        assert_eq!(back.assessed_dose(), Some([1e-4, 0.0]), "damage from before the recording");
+        assert_eq!(back.dose, Some([1e-4, 0.0]), "damage from before the recording");
         let state = State { l5s1_compression_n: 2000.0, l5s1_compression_sigma_n: 200.0, ..State::zeroed() };
         back.ingest(&state, 1.0, 0.5);
         back.ingest(&State { l5s1_compression_n: 1000.0, ..state }, 2.0, 0.5);
@@ -85,9 +72,6 @@ mod tests {
         assert_eq!(back.compression_n.points().len(), 2);
         // Without a load the low-back values remain valid.
         back.ingest(&State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..state }, 4.0, 0.5);
-        assert_eq!(back.valid_s, 1.5);
-        back.change_subject();
-        back.ingest(&State { valid: Validity::NOT_IDENTIFIED.0, ..State::zeroed() }, 5.0, 0.5);
-        assert_eq!((back.assessed_dose(), back.valid_s), (None, 1.5), "no valid value of this worker");
+        assert_eq!((back.dose, back.valid_s), (None, 1.5), "valid values without a lift give no risk");
     }
 }

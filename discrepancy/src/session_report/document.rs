@@ -68,13 +68,13 @@ fn numbers(facts: &Facts) -> Vec<[String; 3]> {
         number("Lifts", facts.lifts.lifts.len().to_string(), "completed in the recording"),
         number("Torques reported", valid_percent, "of the time; otherwise withheld, with the invalid reason"),
     ];
-    numbers.push(match facts.back.assessed_dose() {
+    numbers.push(match facts.back.dose {
         Some([damage, probability]) => {
             let explanation =
                 format!("probability of a high-risk job, from the low-back dose (damage {damage:.2e})");
             number("Risk", format!("{:.0} %", 100.0 * probability), &explanation)
         }
-        None => number("Risk", "-".to_owned(), "the low-back load was never valid: see data quality"),
+        None => number("Risk", "-".to_owned(), "no lift with a valid low-back load: see data quality"),
     });
     let last = facts.identification.poses.last();
     if let Some(sigma_m) = last.and_then(|pose| pose.cop_sigma_m) {

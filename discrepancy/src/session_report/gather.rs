@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use equipoise_adapters::recording::{Entry, Recording, RecordingHeader};
+use equipoise_adapters::recording::{Entry, Recording, RecordingHeader, pseudonym};
 use equipoise_config::Config;
 use equipoise_core::exposure::dose::LIFT_MIN_S;
 use equipoise_core::message::State;
@@ -16,7 +16,7 @@ use super::back::Back;
 use super::exposure::Exposure;
 use super::identification::Identification;
 use super::lifts::Lifts;
-use super::period::Period;
+use super::period::{Cause, Period};
 use super::quality::Quality;
 use super::records::Records;
 use crate::constants::REORDER_BUFFER;
@@ -45,9 +45,7 @@ pub struct Facts {
     pub config_origin: String,
     /// Pseudonyms of the subjects, in order; empty if none is named.
     pub subjects: Vec<String>,
-    /// Times of subject changes, s since the begin of the recording.
-    pub changes_s: Vec<f64>,
-    /// The session by worker, in order.
+    /// The session by worker and shift, in order.
     pub periods: Vec<Period>,
     /// Number of states.
     pub cycles: u64,
@@ -76,6 +74,8 @@ pub struct Facts {
     surface_z_m: f64,
     records: Records,
     last: Option<Last>,
+    /// Time of the first state of the last period; 0 for the first one.
+    period_begin_ns: u64,
 }
 
 /// Data of the previous state, for comparison with the next one.
@@ -98,6 +98,8 @@ impl Facts {
             _ => RecordingHeader::default(),
         };
         let surface_z_m = surface_z_m(input, &chosen.config);
+        let first = pseudonym(&header.subject_toml).unwrap_or_else(|| chosen.config.subject.id.clone());
+        let first = Some(first).filter(|id| !id.is_empty());
         let mut facts = Facts {
             name: name.to_owned(),
             source: Source::Recorded,
@@ -105,8 +107,7 @@ impl Facts {
             header,
             config: chosen.config,
             config_origin: chosen.origin,
-            changes_s: Vec::new(),
-            periods: vec![Period::on(surface_z_m)],
+            periods: vec![Period::on(surface_z_m, None, first)],
             cycles: 0,
             span_s: None,
             identification: Identification::default(),
@@ -122,6 +123,7 @@ impl Facts {
             surface_z_m,
             records: Records::default(),
             last: None,
+            period_begin_ns: 0,
         };
         if let Input::Recording(recording) = input {
             facts.read(recording, as_recorded);
@@ -189,12 +191,8 @@ impl Facts {
         self.cycles += 1;
         let [from_s, _] = self.span_s.unwrap_or([time_s; 2]);
         self.span_s = Some([from_s, time_s]);
-        if self.begins_period(state) {
-            self.changes_s.push(time_s);
-            self.periods.push(Period::on(self.surface_z_m));
-            self.identification = Identification::default();
-            self.lifts.change_subject(state);
-            self.back.change_subject();
+        if let Some(last) = self.last.filter(|last| self.begins_period(*last, state)) {
+            self.begin_period(last, state);
         }
         let stopped = self.last.is_some_and(|last| self.records.has_stop(last.time_ns, state.time_ns));
         let State { cycle, time_ns, lifts, .. } = *state;
@@ -216,12 +214,40 @@ impl Facts {
         self.records.period_ns(state.time_ns).unwrap_or(self.config.period_ns())
     }
 
+    fn begin_period(&mut self, last: Last, state: &State) {
+        let previous = self.periods.last().and_then(|period| period.subject.clone());
+        let subject = match self.records.has_deletion(last.time_ns, state.time_ns) {
+            true => None,
+            false => self.attached_at(state.time_ns).or_else(|| previous.clone()),
+        };
+        let cause = if subject != previous {
+            Cause::Worker
+        } else if self.records.has_load(last.time_ns, state.time_ns) {
+            Cause::Load
+        } else {
+            Cause::Shift
+        };
+        if cause != Cause::Shift {
+            self.identification = Identification::default();
+        }
+        self.lifts.change_subject(state);
+        self.periods.push(Period::on(self.surface_z_m, Some(cause), subject));
+        self.period_begin_ns = state.time_ns;
+    }
+
+    /// The pseudonym of the last subject that was attached since the last period began and until shortly after a time.
+    fn attached_at(&self, time_ns: u64) -> Option<String> {
+        let since_ns = self.period_begin_ns..=time_ns.saturating_add(SUBJECT_ATTACHED_WITHIN_NS);
+        let header = &self.header;
+        let mut attached = header.later_subjects_ns.iter().zip(&header.later_subjects_toml);
+        attached.rfind(|(at_ns, _)| since_ns.contains(*at_ns)).and_then(|(_, text)| pseudonym(text))
+    }
+
     /// Whether the subject was changed or a new shift began since the previous state: according to a record, or to a
     /// change in the number of lifts that is impossible within one shift of one subject, where it can only decrease one
     /// by one (`subject undo-lift`) and increases at a limited rate. A restart of the daemon restores the last saved
     /// number, which may be lower by one, begins a new shift at 0, or is with another configured subject.
-    fn begins_period(&self, state: &State) -> bool {
-        let Some(last) = self.last else { return false };
+    fn begins_period(&self, last: Last, state: &State) -> bool {
         if self.records.has_load(last.time_ns, state.time_ns)
             || state.cycle <= last.cycle && self.is_subject_attached(last.time_ns, state.time_ns)
         {

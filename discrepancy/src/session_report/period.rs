@@ -1,4 +1,4 @@
-//! The part of a session in which one worker's profile was in use.
+//! The part of a session with one worker and one dose.
 
 use equipoise_core::message::State;
 use equipoise_core::overload::Level;
@@ -7,9 +7,24 @@ use super::back::Back;
 use super::exposure::{Exposure, JointExposure};
 use super::lifts::Lifts;
 
-/// Exposure, lifts and low back of one worker.
+/// Why a period began.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Cause {
+    /// The worker changed.
+    Worker,
+    /// The profile of the same worker was loaded.
+    Load,
+    /// A new shift of the same worker, or a restart of the daemon that lost lifts.
+    Shift,
+}
+
+/// Exposure, lifts and low back of one worker in one shift.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Period {
+    /// Why it began; `None` for the begin of the recording.
+    pub cause: Option<Cause>,
+    /// Pseudonym of the worker; `None` if unnamed.
+    pub subject: Option<String>,
     /// Times of the first and last state, s since the beginning of the recording.
     pub span_s: Option<[f64; 2]>,
     /// Exposure of the joints.
@@ -22,8 +37,8 @@ pub struct Period {
 
 impl Period {
     /// A period without states on a walking surface at this height in the world, m.
-    pub fn on(surface_z_m: f64) -> Period {
-        Period { lifts: Lifts::on(surface_z_m), ..Period::default() }
+    pub fn on(surface_z_m: f64, cause: Option<Cause>, subject: Option<String>) -> Period {
+        Period { cause, subject, lifts: Lifts::on(surface_z_m), ..Period::default() }
     }
 
     /// Adds one state, which represents `step_s`.

@@ -15,7 +15,7 @@ use super::lifts::Lift;
 /// Changes of the job, derived from the largest loads of the session.
 pub(super) fn recommendations(facts: &Facts) -> Section {
     let mut section = Section::new("Recommendations");
-    // Low-back values and dose are also valid without a load, torques are not.
+    // Low-back values are also valid without a load, torques are not; the dose may precede the recording.
     let has_torques = facts.exposure.valid_s >= STATEMENT_TIME_MIN_S;
     if !has_torques {
         section.paragraph(format!(
@@ -115,7 +115,7 @@ fn compression(facts: &Facts) -> Option<Text> {
 
 /// The dose, if the largest probability of a high-risk job of a worker is at least 50 %.
 fn risk(facts: &Facts) -> Option<Text> {
-    let doses = facts.periods.iter().filter_map(|period| period.back.assessed_dose());
+    let doses = facts.periods.iter().filter_map(|period| period.back.dose);
     let probability = doses.map(|[_, probability]| probability).max_by(f64::total_cmp)?;
     (probability >= 0.5).then(|| {
         strong("Dose").plain(format!(

@@ -7,6 +7,7 @@ use equipoise_core::message::command::CommandKind;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Records {
     loads_ns: Vec<u64>,
+    deletions_ns: Vec<u64>,
     stops_ns: Vec<u64>,
     /// Start and length of each period setting, both ns.
     periods_ns: Vec<[u64; 2]>,
@@ -20,6 +21,9 @@ impl Records {
         if matches!(command, Some(CommandKind::SubjectLoad | CommandKind::SubjectDelete)) {
             self.loads_ns.push(record.due_ns);
         }
+        if command == Some(CommandKind::SubjectDelete) {
+            self.deletions_ns.push(record.due_ns);
+        }
         if command == Some(CommandKind::IdentifyStop) {
             self.stops_ns.push(record.due_ns);
         }
@@ -32,6 +36,11 @@ impl Records {
     /// Whether a subject was loaded after one state and until the next, both ns.
     pub fn has_load(&self, after_ns: u64, until_ns: u64) -> bool {
         any_within(&self.loads_ns, after_ns, until_ns)
+    }
+
+    /// Whether the subject in use was deleted after one state and until the next, both ns.
+    pub fn has_deletion(&self, after_ns: u64, until_ns: u64) -> bool {
+        any_within(&self.deletions_ns, after_ns, until_ns)
     }
 
     /// Whether a command ended the identification after one state and until the next, both ns.
@@ -65,12 +74,14 @@ mod tests {
             (20, 2, CommandKind::Tare as u32),
             (21, 2, CommandKind::IdentifyStop as u32),
             (22, 2, 0),
+            (40, 2, CommandKind::SubjectDelete as u32),
         ] {
             records.ingest(&CycleRecord { due_ns, period_ns, command, ..CycleRecord::zeroed() });
         }
         assert_eq!([9, 15, 19, 20, 99].map(|time_ns| records.period_ns(time_ns)), [5, 5, 5, 2, 2].map(Some));
         assert!(records.has_load(10, 15) && records.has_load(12, 20), "also where its own state is missing");
         assert!(!records.has_load(15, 22) && !records.has_load(0, 14));
+        assert!(records.has_load(22, 40) && records.has_deletion(22, 40) && !records.has_deletion(0, 22));
         assert!(records.has_stop(20, 21) && !records.has_stop(21, 30) && !records.has_stop(0, 20));
     }
 }

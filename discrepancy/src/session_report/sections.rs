@@ -18,6 +18,7 @@ use crate::report::svg::{Axis, LegendKey, Mark, Plot, Scale, Style};
 use super::document::{length, subject};
 use super::exposure::Peak;
 use super::gather::{Facts, Source};
+use super::period::{Cause, Period};
 use super::series::Series;
 use super::strips::strips;
 
@@ -71,20 +72,34 @@ pub(super) fn session(facts: &Facts) -> Section {
     section
 }
 
-/// A note if the numbers belong to several subjects.
+/// A note if the numbers belong to several workers or shifts.
 fn several(facts: &Facts) -> Option<String> {
-    if facts.changes_s.is_empty() {
-        return None;
-    }
-    let times: Vec<String> = facts.changes_s.iter().map(|time_s| format!("{time_s:.1} s")).collect();
-    Some(format!(
-        "The worker changed at t = {}: times, peaks and largest fatigues are of several workers together; dose, risk and \
-         the final values are of the last one, with what that worker's shift had before.",
-        times.join(", ")
-    ))
+    let begun_at = |(cause, what): (Cause, &str)| {
+        let begun = facts.periods.iter().filter(|period| period.cause == Some(cause));
+        let times: Vec<String> = begun.map(|period| format!("{:.1} s", begin_s(period))).collect();
+        (!times.is_empty()).then(|| format!("{what} at t = {}", times.join(", ")))
+    };
+    let causes = [
+        (Cause::Worker, "The worker changed"),
+        (Cause::Load, "The profile of the same worker was loaded"),
+        (Cause::Shift, "A new shift of the same worker began, or a restart of the daemon lost lifts,"),
+    ];
+    let begun: Vec<String> = causes.into_iter().filter_map(begun_at).collect();
+    (!begun.is_empty()).then(|| {
+        format!(
+            "{}: times, peaks and largest fatigues are of all rows of the table Workers together; dose, risk and the final \
+             values are of the last one, with what that worker's shift had before.",
+            begun.join(". ")
+        )
+    })
 }
 
-/// One row for each worker.
+/// Time of a period's first state, s since the begin of the recording.
+fn begin_s(period: &Period) -> f64 {
+    period.span_s.unwrap_or_default()[0]
+}
+
+/// One row for each worker and shift.
 fn workers(facts: &Facts) -> Table {
     let mut table = Table::new(&[
         "worker",
@@ -98,12 +113,11 @@ fn workers(facts: &Facts) -> Table {
         ">L5/S1 at most, N",
         ">risk",
     ]);
-    let named = facts.subjects.len() == facts.periods.len();
     for (index, period) in facts.periods.iter().enumerate() {
         let [from_s, to_s] = period.span_s.unwrap_or_default();
         let worst = period.exposure.worst();
         let peak = worst.and_then(|joint| period.exposure.joints[joint.index()].peak);
-        let name = if named { facts.subjects[index].clone() } else { (index + 1).to_string() };
+        let name = period.subject.clone().unwrap_or_else(|| (index + 1).to_string());
         table.rows.push(vec![
             name.into(),
             format!("{from_s:.1}").into(),
@@ -114,7 +128,7 @@ fn workers(facts: &Facts) -> Table {
             length(period.high_s()).into(),
             period.lifts.lifts.len().to_string().into(),
             or_none(period.back.peak, |[peak_n, sigma_n, _]| format!("{peak_n:.0} ± {sigma_n:.0}")),
-            or_none(period.back.assessed_dose(), |[_, probability]| format!("{:.0} %", 100.0 * probability)),
+            or_none(period.back.dose, |[_, probability]| format!("{:.0} %", 100.0 * probability)),
         ]);
     }
     table
@@ -128,13 +142,15 @@ fn software(version: &str) -> String {
 pub(super) fn identification(facts: &Facts) -> Section {
     let mut section = Section::new("Identification");
     let found = &facts.identification;
-    if let Some(changed_s) = facts.changes_s.last() {
+    let is_load = |period: &&Period| matches!(period.cause, Some(Cause::Worker | Cause::Load));
+    let loaded_s = facts.periods.iter().rfind(is_load).map(begin_s);
+    if let Some(loaded_s) = loaded_s {
         section.paragraph(format!(
-            "The worker changed last at t = {changed_s:.1} s; what follows is of the one since then."
+            "The last worker was loaded at t = {loaded_s:.1} s; what follows is since then."
         ));
     }
     section.paragraph(match (found.identified_before, found.converged_s) {
-        (true, _) if !facts.changes_s.is_empty() => "The worker was identified when loaded.".to_owned(),
+        (true, _) if loaded_s.is_some() => "The worker was identified when loaded.".to_owned(),
         (true, _) => "The worker was identified when the recording began.".to_owned(),
         (false, Some(time_s)) if found.stopped => {
             format!(

@@ -1,6 +1,6 @@
 //! Records for as long as the station runs: one file after another, within the limits of the disk space.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
@@ -12,8 +12,9 @@ use equipoise_files::sha256_with;
 use equipoise_station::status;
 use tracing::{info, warn};
 
+use super::finished_files::FinishedFiles;
 use super::ports::Daemons;
-use super::signature::{Signer, SigningKey};
+use super::signature::{Finisher, SigningKey};
 use super::storage::{Limits, RecordingStore, has_jumped};
 use super::summary::RecordSummary;
 use super::{Progress, Tap};
@@ -55,7 +56,7 @@ pub fn serve(
     let directory = base.join(&config.directory);
     let store = RecordingStore::open(&directory, station)
         .with_context(|| format!("recording.directory: cannot make {}", directory.display()))?;
-    let mut signer = Signer::new(signing_key(config, base)?);
+    let mut finisher = Finisher::new(signing_key(config, base)?);
     store.remove_unfinished_signatures();
     let retention = Retention::new(&store, config)?;
     retention.clear_if_due()?;
@@ -72,12 +73,13 @@ pub fn serve(
         let announce = || info!("recording station {station} to {}", out.display());
         let contents = (config.pictures_hz, Daemons::One);
         match tap.record(&out, previous, contents, &|progress| until.is_over(progress), announce) {
-            Ok(sha256) => {
+            Ok((sha256, syncer)) => {
                 if tap.ports.is_next_daemon() {
                     until.reason.set(NEXT_DAEMON);
                 }
                 info!("{} {}; {}", out.display(), until.reason.get(), tap.summary);
-                signer.start(&out, &sha256);
+                retention.finished.borrow_mut().push(&out);
+                finisher.start(&out, &sha256, || syncer.finish())?;
                 previous = Some(Predecessor { file: file_name(&out), sha256 });
             }
             // Errors are expected after the bus was replaced.
@@ -92,10 +94,12 @@ pub fn serve(
         }
         tap = match next_tap(tap, station, stopping, heartbeat)? {
             ControlFlow::Continue(next) => next,
-            ControlFlow::Break(summary) => return Ok(summary),
+            ControlFlow::Break(summary) => return finisher.finish().map(|()| summary),
         };
     }
-    Ok(tap.summary)
+    let summary = tap.summary;
+    drop(tap);
+    finisher.finish().map(|()| summary)
 }
 
 /// The subscriptions for the next file, after a wait for a daemon if none runs; the summary once `stopping`.
@@ -191,13 +195,15 @@ struct Retention<'a> {
     newest: Option<SystemTime>,
     started: Instant,
     clock_suspect: Cell<bool>,
+    finished: RefCell<FinishedFiles>,
 }
 
 impl<'a> Retention<'a> {
     fn new(store: &'a RecordingStore, config: &'a RecordingConfig) -> anyhow::Result<Retention<'a>> {
         let newest = store.newest().context("looking at old recordings")?;
         let (cleared, clock_suspect) = (Cell::new(None), Cell::new(false));
-        Ok(Retention { store, config, cleared, newest, started: Instant::now(), clock_suspect })
+        let finished = RefCell::new(FinishedFiles::new(SystemTime::now()));
+        Ok(Retention { store, config, cleared, newest, started: Instant::now(), clock_suspect, finished })
     }
 
     /// Limits the rate of removals: space of removed files may not be released yet.
@@ -211,6 +217,7 @@ impl<'a> Retention<'a> {
 
     fn clear(&self) -> anyhow::Result<()> {
         let (mut limits, now) = (limits_of(self.config), SystemTime::now());
+        self.finished.borrow_mut().follow_clock(now);
         limits.age = limits.age.filter(|age| !self.is_clock_suspect(now, *age));
         let cleared = self.store.clear(&limits, now).context("clearing old recordings away")?;
         for (path, reason) in &cleared.removed {

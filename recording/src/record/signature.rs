@@ -128,42 +128,85 @@ impl Read for Hashed {
     }
 }
 
-/// Signs finished recordings in a thread of its own, one at a time, while the next one is being written.
-pub(super) struct Signer {
+/// Waits for the disk and signs finished recordings in threads of its own, one at a time, while the next one is being
+/// written.
+pub(super) struct Finisher {
     key: Option<Arc<SigningKey>>,
-    running: Option<JoinHandle<()>>,
+    running: Option<JoinHandle<anyhow::Result<()>>>,
 }
 
-impl Signer {
+impl Finisher {
     /// Without a key nothing is signed.
-    pub(super) fn new(key: Option<SigningKey>) -> Signer {
-        Signer { key: key.map(Arc::new), running: None }
+    pub(super) fn new(key: Option<SigningKey>) -> Finisher {
+        Finisher { key: key.map(Arc::new), running: None }
     }
 
-    /// Starts to sign a recording; waits for the one before, if that is not yet signed.
-    pub(super) fn start(&mut self, recording: &Path, sha256: &str) {
-        let Some(key) = self.key.clone() else { return };
-        self.wait();
+    /// Starts to finish a recording, after the one before; `synchronise` waits until it is on the disk.
+    ///
+    /// # Errors
+    /// An earlier one could not be written.
+    pub(super) fn start(
+        &mut self,
+        recording: &Path,
+        sha256: &str,
+        synchronise: impl FnOnce() -> anyhow::Result<()> + Send + 'static,
+    ) -> anyhow::Result<()> {
+        self.running.take_if(|thread| thread.is_finished()).map_or(Ok(()), join)?;
+        let (before, key) = (self.running.take(), self.key.clone());
         let (recording, sha256) = (recording.to_owned(), sha256.to_owned());
-        let sign = move || match key.sign(&recording, &sha256) {
-            Ok(()) => info!("{} is signed", recording.display()),
-            Err(error) => warn!("{} stays unsigned: {error:#}", recording.display()),
+        let finish = move || {
+            let before = before.map_or(Ok(()), join);
+            synchronise()?;
+            match key.map(|key| key.sign(&recording, &sha256)) {
+                None => {}
+                Some(Ok(())) => info!("{} is signed", recording.display()),
+                Some(Err(error)) => warn!("{} stays unsigned: {error:#}", recording.display()),
+            }
+            before
         };
-        match std::thread::Builder::new().name("sign".to_owned()).spawn(sign) {
-            Ok(thread) => self.running = Some(thread),
-            Err(error) => warn!("a recording stays unsigned: cannot start a thread: {error}"),
-        }
+        let thread = std::thread::Builder::new().name("finish".to_owned()).spawn(finish);
+        self.running = Some(thread.context("cannot start a thread that finishes the recording")?);
+        Ok(())
     }
 
-    fn wait(&mut self) {
-        if self.running.take().is_some_and(|thread| thread.join().is_err()) {
-            warn!("a recording stays unsigned: the signing thread has panicked");
+    /// Waits for all recordings.
+    ///
+    /// # Errors
+    /// One could not be written.
+    pub(super) fn finish(&mut self) -> anyhow::Result<()> {
+        self.running.take().map_or(Ok(()), join)
+    }
+}
+
+fn join(thread: JoinHandle<anyhow::Result<()>>) -> anyhow::Result<()> {
+    thread.join().unwrap_or_else(|_| Err(anyhow!("the thread that finishes a recording panicked")))
+}
+
+impl Drop for Finisher {
+    fn drop(&mut self) {
+        if let Err(error) = self.finish() {
+            warn!("{error:#}");
         }
     }
 }
 
-impl Drop for Signer {
-    fn drop(&mut self) {
-        self.wait();
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn a_slow_disk_delays_no_later_recording_and_its_error_is_returned() {
+        let mut finisher = Finisher::new(None);
+        let (release, held) = crossbeam_channel::bounded::<()>(0);
+        let slow = move || -> anyhow::Result<()> {
+            held.recv_timeout(Duration::from_secs(10))?;
+            Err(anyhow!("the disk is full"))
+        };
+        finisher.start(Path::new("a.mcap"), "", slow).unwrap();
+        finisher.start(Path::new("b.mcap"), "", || Ok(())).unwrap();
+        release.send_timeout((), Duration::from_secs(60)).expect("the first one is still being written");
+        assert_eq!(finisher.finish().unwrap_err().to_string(), "the disk is full");
+        finisher.finish().unwrap();
     }
 }

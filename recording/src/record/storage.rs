@@ -16,7 +16,7 @@ use super::signature::{SIGNATURE_ENDING, signature_of};
 pub struct Limits {
     /// Total size of all files, bytes.
     pub total_bytes: u64,
-    /// Maximum time since a file's last change; `None`: no limit.
+    /// Maximum time since a file was written, by its date and number; `None`: no limit.
     pub age: Option<Duration>,
     /// Minimum free space of the disk, bytes.
     pub free_bytes: u64,
@@ -38,6 +38,17 @@ struct RecordingFile {
     changed: SystemTime,
 }
 
+impl RecordingFile {
+    /// Time since its last change; `None` while it is in the future.
+    ///
+    /// A wrong clock may have set the change before the file's number, which is not below the start of the file before
+    /// it: the later one counts, unless a clock that was ahead has set it in the future.
+    fn age(&self, now: SystemTime) -> Option<Duration> {
+        let numbered = SystemTime::UNIX_EPOCH.checked_add(Duration::from_secs(self.number));
+        [Some(self.changed), numbered].into_iter().flatten().filter_map(|at| now.duration_since(at).ok()).min()
+    }
+}
+
 /// Result of a cleanup.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Cleared {
@@ -48,7 +59,7 @@ pub struct Cleared {
 }
 
 const EXTENSION: &str = ".mcap";
-/// Digits of the seconds since 1970, with leading zeros so that names sort by time.
+/// Digits of the seconds since 1970, with leading zeros so that names sort by number.
 const DIGITS: usize = 10;
 
 impl RecordingStore {
@@ -98,8 +109,11 @@ impl RecordingStore {
         remove_abandoned_files(&self.directory, is_signature);
     }
 
-    /// An unused name `STATION.SECONDS.mcap`, with the first free second from `unix_s` on.
+    /// An unused name `STATION.SECONDS.mcap`, with the first free second from `unix_s` on, but after all other files: the
+    /// clock may be wrong, and names must sort by the order of recording.
     pub fn next(&self, unix_s: u64) -> PathBuf {
+        let newest = self.files().ok().and_then(|files| Some(files.last()?.number));
+        let unix_s = newest.map_or(unix_s, |newest| unix_s.max(newest.saturating_add(1)));
         let path = |second: u64| self.directory.join(format!("{}{second:0DIGITS$}{EXTENSION}", self.prefix));
         (unix_s..).map(path).find(|path| path.symlink_metadata().is_err()).unwrap_or_else(|| path(unix_s))
     }
@@ -119,8 +133,7 @@ impl RecordingStore {
         Ok(self.files()?.last().map(|file| file.changed))
     }
 
-    /// The files of the series by last change, oldest first. The name contains the time of creation, possibly before
-    /// the clock was set.
+    /// The files of the series in the order of recording.
     fn files(&self) -> io::Result<Vec<RecordingFile>> {
         let mut files = Vec::new();
         for entry in fs::read_dir(&self.directory)? {
@@ -135,7 +148,7 @@ impl RecordingStore {
                 files.push(RecordingFile { path: entry.path(), number, bytes: facts.len(), changed });
             }
         }
-        files.sort_by_key(|file| (file.changed, file.number));
+        files.sort_by_key(|file| file.number);
         Ok(files)
     }
 
@@ -158,8 +171,7 @@ impl RecordingStore {
         let mut total: u64 = files.iter().map(|file| file.bytes).sum();
         let mut cleared = Cleared { removed: Vec::new(), free_bytes: free_bytes()? };
         let is_old = |file: &RecordingFile| {
-            let age = now.duration_since(file.changed).ok();
-            age.zip(limits.age).is_some_and(|(age, limit)| age > limit)
+            file.age(now).zip(limits.age).is_some_and(|(age, limit)| age > limit)
         };
         for file in files {
             let old = is_old(&file);
@@ -223,6 +235,12 @@ mod tests {
         path
     }
 
+    fn create_file_at(folder: &Path, number: u64, changed_s: u64) {
+        let path = create_file(folder, &format!("station-1.{number:010}.mcap"), 100);
+        let changed = SystemTime::UNIX_EPOCH + Duration::from_secs(changed_s);
+        File::options().append(true).open(path).unwrap().set_modified(changed).unwrap();
+    }
+
     fn names(folder: &Path) -> Vec<String> {
         let mut names: Vec<String> = fs::read_dir(folder)
             .unwrap()
@@ -235,16 +253,15 @@ mod tests {
     #[test]
     fn the_oldest_are_removed_until_the_total_is_below_the_limit() {
         let (folder, store) = store();
-        // The clock was wrong when the oldest file was created.
-        for (second, changed_s) in [(30, 2000), (90, 1000), (20, 1500)] {
-            let path = create_file(folder.path(), &format!("station-1.{second:010}.mcap"), 100);
-            let changed = SystemTime::UNIX_EPOCH + Duration::from_secs(changed_s);
-            File::options().append(true).open(path).unwrap().set_modified(changed).unwrap();
+        // The clock was wrong during the last and the first file.
+        for (second, changed_s) in [(30, 2000), (90, 1000), (20, 1 << 33)] {
+            create_file_at(folder.path(), second, changed_s);
         }
         let limits = Limits { total_bytes: 250, ..UNLIMITED };
         let cleared = store.clear(&limits, SystemTime::now()).unwrap();
         assert_eq!(cleared.removed.len(), 1);
-        assert_eq!(names(folder.path()), ["station-1.0000000020.mcap", "station-1.0000000030.mcap"]);
+        assert_eq!(names(folder.path()), ["station-1.0000000030.mcap", "station-1.0000000090.mcap"]);
+        assert_eq!(store.newest_finished().unwrap(), Some(folder.path().join("station-1.0000000090.mcap")));
         assert!(store.clear(&limits, SystemTime::now()).unwrap().removed.is_empty(), "enough is enough");
     }
 
@@ -286,6 +303,24 @@ mod tests {
         let limits = Limits { age: Some(DAY), ..UNLIMITED };
         assert!(store.clear(&limits, SystemTime::now()).unwrap().removed.is_empty());
         assert_eq!(store.clear(&limits, SystemTime::now() + 2 * DAY).unwrap().removed.len(), 1);
+    }
+
+    #[test]
+    fn a_wrong_clock_makes_no_file_old() {
+        let (folder, store) = store();
+        let now_s = 2_000_000_000;
+        let day_s = DAY.as_secs();
+        // The clock was at 1970 during the second file, and ahead during the third; the last one is right.
+        let files = [(now_s - 3 * day_s, now_s - 3 * day_s), (now_s - day_s, 10), (now_s + 9 * day_s, 1 << 33)];
+        for (number, changed_s) in files.into_iter().chain([(now_s + 9 * day_s + 1, now_s)]) {
+            create_file_at(folder.path(), number, changed_s);
+        }
+        let old = Limits { age: Some(2 * DAY), ..UNLIMITED };
+        let at = |second: u64| SystemTime::UNIX_EPOCH + Duration::from_secs(second);
+        assert_eq!(store.clear(&old, at(now_s)).unwrap().removed.len(), 1);
+        assert_eq!(store.clear(&old, at(now_s + day_s + 2)).unwrap().removed.len(), 1);
+        assert_eq!(names(folder.path()).len(), 2);
+        assert_eq!(store.clear(&old, at(now_s + 2 * day_s + 2)).unwrap().removed.len(), 1, "the last one");
     }
 
     #[test]
@@ -368,5 +403,7 @@ mod tests {
         assert!(first.ends_with("station-1.1700000000.mcap"));
         fs::write(&first, "").unwrap();
         assert!(store.next(1_700_000_000).ends_with("station-1.1700000001.mcap"));
+        assert!(store.next(1_800_000_000).ends_with("station-1.1800000000.mcap"));
+        assert!(store.next(10).ends_with("station-1.1700000001.mcap"), "the clock was set back");
     }
 }

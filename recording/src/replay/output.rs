@@ -1,4 +1,5 @@
-//! Writes the states of a replay as JSON lines, CSV, or a recording of states.
+//! Writes the states of a replay as JSON lines, CSV, or a recording of states and, as their period and the changes of
+//! the subject are in them, of the replayed cycle records.
 //!
 //! The CSV holds a subset, one line per cycle; an invalid value is an empty field, as its key is absent in the JSON:
 //!
@@ -27,7 +28,7 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_core::body::Joint;
-use equipoise_core::message::{State, Validity};
+use equipoise_core::message::{CycleRecord, State, Validity};
 use equipoise_view::state_json::{StateJson, level_name};
 use equipoise_view::words;
 
@@ -76,11 +77,11 @@ impl Output {
         Ok(Output { sink, started_ns: header.started_monotonic_ns, line: String::new() })
     }
 
-    /// Writes one state.
+    /// Writes one state, and into a recording the record of its cycle, if any.
     ///
     /// # Errors
     /// The system's error, for example a full disk.
-    pub(super) fn write(&mut self, state: &State) -> anyhow::Result<()> {
+    pub(super) fn write(&mut self, state: &State, record: Option<&CycleRecord>) -> anyhow::Result<()> {
         match &mut self.sink {
             Sink::Discard => {}
             Sink::Json(file) => {
@@ -94,7 +95,10 @@ impl Output {
                 csv_line(&mut self.line, state, self.started_ns)?;
                 file.write_all(self.line.as_bytes()).context("cannot write the result")?;
             }
-            Sink::Mcap(recorder) => recorder.write(state.time_ns, state)?,
+            Sink::Mcap(recorder) => {
+                recorder.write(state.time_ns, state)?;
+                record.map_or(Ok(()), |record| recorder.write(record.due_ns, record))?;
+            }
         }
         Ok(())
     }

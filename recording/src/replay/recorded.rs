@@ -21,9 +21,9 @@ pub(super) enum Start {
     Empty,
 }
 
-/// Calls `write` with the state of every replayed cycle and its recorded period, ns. `settings` are those of the recording's reloads by number;
-/// `None` ignores reloads and restarts of the daemon and keeps the machine's own settings. From an empty memory,
-/// `subjects` are the later subjects: due time of their first cycle, ns, and their settings.
+/// Calls `write` with the state and the record of every replayed cycle. `settings` are those of the recording's reloads
+/// by number; `None` ignores reloads and restarts of the daemon and keeps the machine's own settings. From an empty
+/// memory, `subjects` are the later subjects: due time of their first cycle, ns, and their settings.
 ///
 /// # Errors
 /// The error of `write`.
@@ -33,7 +33,7 @@ pub(super) fn run(
     start: Start,
     settings: Option<&BTreeMap<u64, Settings>>,
     subjects: VecDeque<(u64, Settings)>,
-    mut write: impl FnMut(&State, u64) -> anyhow::Result<()>,
+    mut write: impl FnMut(&State, &CycleRecord) -> anyhow::Result<()>,
 ) -> anyhow::Result<Fidelity> {
     let mut feed = Feed::new(recording);
     let mut run = Run {
@@ -51,7 +51,7 @@ pub(super) fn run(
     };
     while let Some(cycle) = feed.next_cycle() {
         if run.cycle(&mut feed, &cycle) {
-            write(run.machine.state(), cycle.record.period_ns)?;
+            write(run.machine.state(), &cycle.record)?;
         }
         if run.fidelity.unknown_settings_at.is_some() || run.fidelity.unknown_daemon_at.is_some() {
             break;

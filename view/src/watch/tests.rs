@@ -18,7 +18,7 @@ fn carrying() -> State {
     state.delta_f_n = [0.0, 0.0, 98.0665];
     (state.lifted_mass_kg, state.lifted_mass_sigma_kg) = (10.0, 0.3);
     (state.l5s1_compression_n, state.l5s1_compression_sigma_n) = (2410.0, 390.0);
-    (state.lifts, state.dose_probability) = (12, 0.07);
+    (state.lifts, state.dose_damage, state.dose_probability) = (12, 1e-4, 0.07);
     state.torque_limit_nm = [100.0; _];
     for (name, torque_nm, level) in [("RightElbow", 41.0, 2), ("RightHip", 12.0, 1), ("LeftKnee", 73.0, 3)] {
         let index = Joint::named(name).unwrap().index();

@@ -1,6 +1,6 @@
 // Time series charts: data and style; drawn by uPlot.
 import uPlot from "uplot";
-import { withGaps } from "./gaps.js";
+import { RESIDUAL_GAP_S, trailOf, withGaps } from "./gaps.js";
 import { colour } from "./theme.js";
 
 // Legible on both themes.
@@ -66,15 +66,14 @@ export class ResidualChart extends Chart {
     this.changed = true;
   }
 
-  // The measured CoP at each time; undefined where it is not valid.
   get trail() {
-    return this.rows.map(({ cop }) => cop);
+    return trailOf(this.rows);
   }
 
   paint() {
     if (!this.changed) return;
     this.changed = false;
-    this.show([0, 1, 2, 3, 4].map((i) => this.rows.map((row) => row[i])), 0.5);
+    this.show([0, 1, 2, 3, 4].map((i) => this.rows.map((row) => row[i])), RESIDUAL_GAP_S);
   }
 }
 

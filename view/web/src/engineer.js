@@ -2,6 +2,7 @@
 // sensors and commands.
 import { ConvergenceChart, PhiChart, ResidualChart } from "./charts.js";
 import { commands } from "./commands.js";
+import { History } from "./history.js";
 import { IncidentList, span } from "./incidents.js";
 import { JointTable } from "./joints.js";
 import { number } from "./numbers.js";
@@ -13,16 +14,13 @@ import { MISSING, quantities, withheldBy } from "./values.js";
 import { has, instruction, language, languageSwitch, reason, t } from "./words.js";
 
 const NUMBERS_EVERY_MS = 250;
-// As many as the server stores.
-const POINTS_MAX = 1200;
-const POINT_EVERY_S = 0.5;
 // Adapters publish their health once a second.
 const ADAPTER_SILENT_AFTER_S = 3;
 const CONNECTION = { waiting: ["ui.connecting", "connecting"], live: ["ui.live"], silent: ["ui.no_data", "silent"], lost: ["ui.no_connection", "lost"], ended: ["ui.ended", "ended"] };
 
 const element = (id) => document.getElementById(id);
 let charts = null;
-let history = { t: [], variance_max_m2: [], predicted_cop_sigma_m: [], nis: [], poses_used: [], parameters: [] };
+let history = new History();
 let numbersShown = -Infinity;
 let shownFacts = null;
 
@@ -35,7 +33,7 @@ const station = new Stream("/events/station", ["station"], redraw);
 
 // Curves from before this page was opened.
 fetch("/api/history").then((response) => (response.ok ? response.json() : null)).then((earlier) => {
-  if (earlier) history = earlier;
+  if (earlier) history = new History(earlier);
   redraw();
 }).catch(() => { /* the curves then start now */ });
 
@@ -48,7 +46,8 @@ function draw(now) {
   drawPlate(element("plate"), frame, charts.residual.trail);
   if (now - numbersShown < NUMBERS_EVERY_MS && frame) return;
   numbersShown = now;
-  if (frame) record(frame.state);
+  if (facts !== shownFacts) history.addFacts(facts);
+  if (frame) history.addState(frame.state);
   charts.residual.paint();
   charts.convergence.paint(history, frame?.cop_sigma_target_m);
   charts.phi.paint(history.parameters);
@@ -59,16 +58,6 @@ function draw(now) {
   showSensors(frame, facts);
   if (facts !== shownFacts) showFacts(facts);
   shownFacts = facts;
-}
-
-function record(state) {
-  const last = history.t.at(-1);
-  if (last !== undefined && state.t < last) for (const key of ["t", "variance_max_m2", "predicted_cop_sigma_m", "nis", "poses_used"]) history[key] = [];
-  if (last !== undefined && state.t - last < POINT_EVERY_S && state.t >= last) return;
-  for (const key of ["t", "variance_max_m2", "predicted_cop_sigma_m", "nis", "poses_used"]) {
-    history[key].push(state[key] ?? null);
-    if (history[key].length > POINTS_MAX) history[key].shift();
-  }
 }
 
 function showHead(frame, facts) {
@@ -143,21 +132,18 @@ function showFacts(facts) {
   element("model-report").hidden = !facts?.report;
   element("model-no-report").hidden = Boolean(facts?.report);
   element("report").hidden = !facts?.report;
+  // Since the first of an unbroken sequence of viewers.
+  const measured = { span: facts?.latency_span_s >= 0 ? span(facts.latency_span_s) : MISSING };
+  setText(element("latency-title"), t("ui.latency", measured));
   const micro = (ns) => (ns / 1000).toFixed(ns < 100_000 ? 1 : 0);
   const stages = (facts?.latency?.stages ?? []).filter(({ count }) => count > 0);
   rows("latency", stages.map((one) => [one.stage, ...[one.p50_ns, one.p99_ns, one.p99_9_ns, one.max_ns].map(micro)]), stages.map(({ definition }) => definition));
   const { latency, daemon } = facts ?? {};
   const loop = [["cycles", latency?.cycles], ["deadlines", latency?.deadlines_missed], ["skipped", latency?.slots_skipped],
     ["faults", daemon?.loop_faults?.join(" + ")], ["subject", daemon && (daemon.subject || t("ui.unnamed"))]];
-  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`)], ["dd", value ?? MISSING]].map(([kind, text]) =>
+  element("loop").replaceChildren(...loop.flatMap(([name, value]) => [["dt", t(`ui.${name}`, measured)], ["dd", value ?? MISSING]].map(([kind, text]) =>
     Object.assign(document.createElement(kind), { textContent: text }))));
   incidents.show(facts?.incidents);
-  if (facts?.parameters && facts.parameters.cycle !== history.parameters.at(-1)?.cycle) {
-    // Other names: another reduction; a lower cycle: the daemon was restarted. Start a new chart in both cases.
-    const last = history.parameters.at(-1);
-    const same = last?.names.join() === facts.parameters.names.join() && last.cycle < facts.parameters.cycle;
-    history.parameters = [...(same ? history.parameters.slice(-POINTS_MAX) : []), facts.parameters];
-  }
 }
 
 // Distinguishes a silent sensor (age of its newest sample in the loop) from a silent adapter (age of its health message).

@@ -9,7 +9,7 @@ export function feetOf({ segment_origin_m: origins, withheld }) {
   return origins && !withheld?.com ? FEET.map((foot) => foot.map((segment) => origins[segment])) : [];
 }
 
-// `trail`: earlier measured CoP.
+// `trail`: earlier measured CoP, in order, with nothing in gaps.
 export function drawPlate(canvas, frame, trail) {
   const { context, width, height } = prepared(canvas);
   if (!frame) return;

@@ -19,9 +19,9 @@ pub(in crate::session_report) fn lifts(facts: &Facts) -> Section {
     if found.before > 0 {
         section.paragraph(format!("{} lifts were counted before it began.", found.before));
     }
-    if !facts.changes_s.is_empty() {
+    if facts.periods.len() > 1 {
         section.paragraph(
-            "The lifts are of all workers, by time; a lift in progress at a change of worker is not counted.",
+            "The lifts are of all workers and shifts, by time; a lift in progress at their change is not counted.",
         );
     }
     if found.under_way() {
@@ -71,22 +71,22 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     if let Some(note) = several(facts) {
         section.paragraph(note);
     }
-    match facts.back.assessed_dose() {
+    match facts.back.dose {
         Some([damage, probability]) => section.paragraph(format!(
             "Cumulative damage of the low back after LiFFT (Gallagher 2017): {damage:.3e}, where 1 is failure. A day of \
              this dose is a high-risk job with a probability of {:.1} %.",
             100.0 * probability
         )),
         None => section.paragraph(
-            "The low-back load was never valid, so the dose is unavailable: see data quality for the reasons.",
+            "No lift with a valid low-back load ended, so dose and risk are unavailable: see data quality for the reasons.",
         ),
     }
-    if facts.back.valid_s <= 0.0 && facts.back.assessed_dose().is_some() {
+    if facts.back.valid_s <= 0.0 && facts.back.dose.is_some() {
         section.paragraph("All of it precedes this recording, in which the low-back load was never valid.");
     }
     let title = "Damage of the low back";
     let figure = over_time(facts, "damage", title, "damage", &facts.back.damage);
-    section.figures(figure.filter(|_| facts.back.assessed_dose().is_some()).into_iter().collect());
+    section.figures(figure.filter(|_| facts.back.dose.is_some()).into_iter().collect());
     let mut tired: Vec<Joint> = Joint::ALL.to_vec();
     tired.retain(|joint| facts.exposure.joints[joint.index()].fatigue_max > 0.0);
     tired.sort_by(|a, b| {
