@@ -83,8 +83,7 @@ pub(super) fn ingest(
         }
         alignment.push_suit(&sample);
         if subject.has_body() {
-            let period_ns = alignment.suit_period_ns();
-            let change = skew.update(settings, &sample, subject.anthropometry(), period_ns);
+            let change = skew.update(settings, &sample, subject.anthropometry());
             if change != LagChange::None {
                 lag_change = change;
             }

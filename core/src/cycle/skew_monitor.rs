@@ -7,7 +7,7 @@ use super::validity::CLOCK_SIGMA_MAX_S;
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
-use crate::static_pose::WINDOW;
+use crate::static_pose::SPAN_NS;
 use crate::time::skew::{Skew, SkewEstimator};
 
 /// An estimate with a larger 1-σ is not published and does not set the first lag, s: beyond it the alignment would be
@@ -151,16 +151,14 @@ impl SkewMonitor {
         settings: &Settings,
         suit: &SuitSample,
         body: &Anthropometry,
-        suit_period_ns: u64,
     ) -> LagChange {
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
         let is_first = self.ingest_suit(suit.sample_time_ns, height_m(suit, body), is_wanted);
         let sure = self.estimate().filter(Skew::is_precise);
         [self.published_s, self.published_sigma_s] =
             sure.map_or([0.0, 0.0], |skew| [skew.skew_s, skew.sigma_s]);
-        let window_s = WINDOW as f64 * suit_period_ns as f64 * 1e-9;
         if is_first {
-            LagChange::First { exceeds_window: self.target_s.abs() > window_s }
+            LagChange::First { exceeds_window: self.target_s.abs() > SPAN_NS as f64 * 1e-9 }
         } else {
             LagChange::None
         }
@@ -241,6 +239,35 @@ mod tests {
         }
         assert!(was_off[0] && was_off[1], "{was_off:?}");
         assert!(!watch.is_off() && (watch.lag_s() - 0.162).abs() < 0.005, "{}", watch.lag_s());
+    }
+
+    /// Whether the first lag of a suit with this period exceeds the window; the suit's stamps are late by `late_ms`.
+    fn first_lag_exceeds_window(period_ms: u64, late_ms: i64) -> bool {
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
+        let settings = Settings::for_height(1.7);
+        let mut body: Anthropometry = Zeroable::zeroed();
+        body.mass_fraction[0] = 1.0;
+        let mut suit: SuitSample = Zeroable::zeroed();
+        for ms in 0..30_000 {
+            let time_s = ms as f64 * 1e-3;
+            let force_n = [0.0, 0.0, 72.0 * (9.81 + height(time_s)[1])];
+            let sample_time_ns = (10_000 + ms) * MS_NS;
+            watch.ingest_ground(&GroundSample { sample_time_ns, force_n, ..Zeroable::zeroed() });
+            if ms.is_multiple_of(period_ms) {
+                suit.sample_time_ns = sample_time_ns.saturating_add_signed(late_ms * MS_NS as i64);
+                (suit.orientation_wxyz[0][0], suit.position_m[0][2]) = (1.0, height(time_s)[0]);
+                if let LagChange::First { exceeds_window } = watch.update(&settings, &suit, &body) {
+                    return exceeds_window;
+                }
+            }
+        }
+        panic!("no lag was found");
+    }
+
+    #[test]
+    fn the_first_lag_is_compared_with_the_window_of_a_static_pose_at_every_rate() {
+        assert!(first_lag_exceeds_window(33, -400), "30 Hz");
+        assert!(!first_lag_exceeds_window(4, 150), "240 Hz");
     }
 
     #[test]
