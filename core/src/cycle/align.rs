@@ -34,6 +34,7 @@ impl AlignState {
     pub(super) fn tare(&mut self) -> bool {
         let Some(tare) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
         self.tare.add(&tare);
+        self.plausibility.change_zero();
         true
     }
 
