@@ -30,12 +30,13 @@ pub(super) struct AlignState {
 }
 
 impl AlignState {
-    /// Tares the plate with its present readings; `false` if a person stands on it or it reports a fault.
-    pub(super) fn tare(&mut self) -> bool {
-        let Some(tare) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
+    /// Tares the plate with its present readings. Returns the change of the vertical force's zero, N; `None` if a person
+    /// stands on the plate or it reports a fault.
+    pub(super) fn tare(&mut self) -> Option<f64> {
+        let tare = self.alignment.tare(EMPTY_PLATE_N)?;
         self.tare.add(&tare);
         self.plausibility.change_zero();
-        true
+        Some(tare.force_n[2])
     }
 
     /// Whether every number is in range; a stored one is checked before use.

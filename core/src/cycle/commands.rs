@@ -26,8 +26,10 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             memory.model_changed_ns = tick.due_ns;
         }
         CommandKind::Tare => {
-            if memory.align.tare() {
-                memory.ground.force_offset.reset();
+            if let Some(zero_n) = memory.align.tare() {
+                if !memory.ground.reset_offset(settings, zero_n) {
+                    memory.identification.reset_weighing();
+                }
                 memory.prediction.noise.reset_shear();
                 memory.model_changed_ns = tick.due_ns;
             }

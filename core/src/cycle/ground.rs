@@ -11,6 +11,7 @@ use super::streams::Streams;
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::{Component, GroundSample, Validity};
+use crate::motion::unloaded::zero_limit_n;
 use crate::motion::{Envelope, ForceOffset};
 use crate::overload::GRAVITY_M_PER_S2;
 
@@ -202,6 +203,15 @@ impl GroundState {
             lacks_shear: u64::from(!ground.measures(Component::Shear)),
         };
         cop.ok()
+    }
+
+    /// Resets the force offset after a tare by `zero_n`, N. Returns whether the offset explains the tare, up to a rest
+    /// that it can track: the rest arose on the empty plate, or is part of the mass if that was weighed.
+    pub(super) fn reset_offset(&mut self, settings: &Settings, zero_n: f64) -> bool {
+        let rest_n = zero_n - self.force_offset.mean_n();
+        let sigma_n = self.force_offset.sigma_n(settings.force_sigma_n).max(settings.force_sigma_n);
+        self.force_offset.reset();
+        rest_n.abs() < zero_limit_n(sigma_n, settings.load_threshold_n)
     }
 
     /// Updates the force offset while no load is carried.

@@ -46,7 +46,7 @@ impl ForceOffset {
 
     /// Discards the offset: the plate's zero has changed.
     pub fn reset(&mut self) {
-        self.mass_kg = 0.0;
+        (self.mass_kg, self.mean_n) = (0.0, 0.0);
     }
 
     /// Ingests that `step_s` have passed.
