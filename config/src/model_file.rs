@@ -119,7 +119,8 @@ pub struct ModelFile {
 pub enum Spans {
     /// For the recording that the file was made from: every effect in its span.
     Hold,
-    /// For any other recording and live: effects that lasted to the end, without limits.
+    /// For any other recording and live: effects that lasted to the end, without limits. Those that grow with time
+    /// are left out.
     OpenEndedForEver,
 }
 
@@ -161,8 +162,9 @@ impl ModelFile {
 
     /// The model for the loop, and the effects that it leaves out.
     pub fn model(&self, spans: Spans) -> (Model, Vec<&Fitted>) {
+        let is_elsewhere = |fitted: &Fitted| fitted.open_ended && !fitted.grows_without_bound();
         let is_applied =
-            |fitted: &&Fitted| !fitted.is_rejected() && (spans == Spans::Hold || fitted.open_ended);
+            |fitted: &&Fitted| !fitted.is_rejected() && (spans == Spans::Hold || is_elsewhere(fitted));
         let (applied, left_out): (Vec<&Fitted>, Vec<&Fitted>) = self.effects.iter().partition(is_applied);
         let mut terms = [None; TERMS_MAX];
         for (term, fitted) in terms.iter_mut().zip(applied) {
@@ -192,6 +194,11 @@ impl Fitted {
             (Spans::Hold, false) => self.span_s,
         };
         Term { effect: self.effect, place: self.place, shape: self.shape, value: self.value, span_s }
+    }
+
+    /// Whether its size depends on the time since its recording's start, without a bound.
+    pub fn grows_without_bound(&self) -> bool {
+        self.effect.grows_without_bound(self.shape)
     }
 
     /// Whether an engineer rejected it.
