@@ -49,6 +49,8 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             // Filters and the static pose window contain results of the previous model.
             memory.clear_windows();
             memory.load.reset_position();
+            let lag_s = memory.prediction.terms.suit_lag_s(&settings.model, tick.due_ns);
+            memory.align.replace_model_lag(lag_s);
             memory.prediction.terms.restart();
             if memory.differentiation != settings.differentiation() {
                 memory.differentiation = settings.differentiation();

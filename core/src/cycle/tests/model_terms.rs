@@ -261,6 +261,36 @@ fn a_late_suit_is_dated_back_at_intake() {
     }
 }
 
+/// Half of a measured lag is subtracted by a model from the reload on: force and motion stay paired.
+#[test]
+fn a_model_with_a_lag_does_not_change_the_measured_one_in_total() {
+    let lag = model(&[term(Effect::SuitLag, Place::Whole, 0.02, [0.02, 0.0, 0.0, 0.0])]);
+    let mut bench = bench_with(&[], |_| {});
+    bench.memory.align.skew.resume(0.04, 0.0);
+    let reload = |bench: &mut Bench, model: Model| {
+        bench.settings.model = model;
+        bench.command(CommandKind::Reload);
+        bench.hold(&Person::real(), &postures()[0], None, 300);
+        bench.memory.align.skew.lag_s()
+    };
+    assert!((reload(&mut bench, lag) - 0.02).abs() < 1e-9);
+    assert!(bench.memory.align.skew.lag_sigma_s() > 0.0, "it was not measured again");
+    let mut stored = bytemuck::zeroed_box::<StoredState>();
+    stored.copy_from(&bench.memory);
+    for (model, lag_s) in [(lag, 0.02), (Model::default(), 0.04)] {
+        let mut again = Bench::new(|settings| settings.model = model);
+        assert!(again.memory.resume_registration(&stored.registration, &again.settings));
+        assert!((again.memory.align.skew.lag_s() - lag_s).abs() < 1e-9);
+    }
+    assert!((reload(&mut bench, Model::default()) - 0.04).abs() < 1e-9);
+
+    // Without a measurement the lag of the model applies.
+    bench.memory.align.skew.resume(0.0, 0.0);
+    assert_eq!(reload(&mut bench, lag), 0.0);
+    stored.copy_from(&bench.memory);
+    assert_eq!(stored.registration.suit_lag_s, 0.0);
+}
+
 /// A plate with a low pass: the estimate follows the prediction, delayed by the filter's time constant.
 #[test]
 fn a_low_pass_term_delays_and_attenuates_the_prediction() {
