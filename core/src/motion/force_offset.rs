@@ -49,6 +49,11 @@ impl ForceOffset {
         (self.mass_kg, self.mean_n) = (0.0, 0.0);
     }
 
+    /// Ingests that the offset may have changed by this 1-σ, N.
+    pub fn widen(&mut self, sigma_n: f64) {
+        self.variance_n2 += sigma_n * sigma_n;
+    }
+
     /// Ingests that `step_s` have passed.
     pub fn predict(&mut self, step_s: f64) {
         self.variance_n2 += WALK_N2_PER_S * step_s.max(0.0);
