@@ -71,11 +71,18 @@ impl LoadedModel {
         if self.spans != Spans::OpenEndedForEver {
             text += ", each in the span of this recording in which it was found";
         }
-        let (rejected, ended): (Vec<&Fitted>, Vec<&Fitted>) =
+        let (rejected, left_out): (Vec<&Fitted>, Vec<&Fitted>) =
             left_out.into_iter().partition(|fitted| fitted.is_rejected());
-        if !ended.is_empty() {
-            let ended = names(ended.into_iter().map(Fitted::name).collect());
-            text += &format!("; left out, since it ended before the recording it was found in did: {ended}");
+        let (growing, ended): (Vec<&Fitted>, Vec<&Fitted>) =
+            left_out.into_iter().partition(|fitted| fitted.open_ended);
+        for (why, fitted) in [
+            ("it ended before the recording it was found in did", ended),
+            ("it grows with time and its size is known in its recording only", growing),
+        ] {
+            if !fitted.is_empty() {
+                let fitted = names(fitted.into_iter().map(Fitted::name).collect());
+                text += &format!("; left out, since {why}: {fitted}");
+            }
         }
         for fitted in rejected {
             let reason = fitted.review.as_ref().map_or("", |review| review.reason.as_str());
@@ -136,5 +143,11 @@ mod tests {
         loaded.fit_to(&elsewhere, 7).unwrap();
         assert_eq!(spans(&loaded).len(), 1);
         assert!(loaded.fit_to(&folder.path().join("none"), 7).is_err());
+        let drift = TEXT.replace("HASH", expected).replace("plate_offset", "plate_drift").replace("dx_m", "vx_m_per_s");
+        let drift = drift.replace("value = 0.01", "value = 1e-4").replacen("unit = \"m\"", "unit = \"m/s\"", 1);
+        let loaded = LoadedModel::parse(drift, "m.toml".to_owned()).unwrap();
+        assert!(loaded.model().is_empty());
+        let text = "plate_yaw; left out, since it grows with time and its size is known in its recording only: plate_drift";
+        assert!(loaded.describe().ends_with(text), "{}", loaded.describe());
     }
 }

@@ -122,7 +122,8 @@ pub enum Spans {
         /// Begin of the recording, CLOCK_MONOTONIC ns.
         begin_ns: u64,
     },
-    /// For any other recording and live: effects that lasted to the end, without limits.
+    /// For any other recording and live: effects that lasted to the end, without limits. Those that grow with time
+    /// are left out.
     OpenEndedForEver,
 }
 
@@ -168,8 +169,9 @@ impl ModelFile {
             Spans::Hold { begin_ns } => Some(begin_ns),
             Spans::OpenEndedForEver => None,
         };
+        let is_elsewhere = |fitted: &Fitted| fitted.open_ended && !fitted.grows_without_bound();
         let is_applied =
-            |fitted: &&Fitted| !fitted.is_rejected() && (origin_ns.is_some() || fitted.open_ended);
+            |fitted: &&Fitted| !fitted.is_rejected() && (origin_ns.is_some() || is_elsewhere(fitted));
         let (applied, left_out): (Vec<&Fitted>, Vec<&Fitted>) = self.effects.iter().partition(is_applied);
         let mut terms = [None; TERMS_MAX];
         for (term, fitted) in terms.iter_mut().zip(applied) {
@@ -199,6 +201,11 @@ impl Fitted {
             (Spans::Hold { .. }, false) => self.span_s,
         };
         Term { effect: self.effect, place: self.place, shape: self.shape, value: self.value, span_s }
+    }
+
+    /// Whether its size depends on the time since its recording's start, without a bound.
+    pub fn grows_without_bound(&self) -> bool {
+        self.effect.grows_without_bound(self.shape)
     }
 
     /// Whether an engineer rejected it.

@@ -30,6 +30,7 @@ pub(crate) use suit::without_lag_ns;
 use geometry::Column;
 
 use crate::body::{SEGMENTS, Segment, Side};
+use crate::math;
 use crate::message::ground::COP_MIN_VERTICAL_N;
 
 /// Maximum number of parameters of an effect.
@@ -311,6 +312,20 @@ impl Model {
     /// Whether it has no term.
     pub fn is_empty(&self) -> bool {
         self.terms.iter().all(Option::is_none)
+    }
+
+    /// Hash of its terms, to detect another model.
+    pub fn fingerprint(&self) -> u64 {
+        math::hash(self.terms.iter().flatten().flat_map(|term| {
+            let place = match term.place {
+                Place::Whole => 0,
+                Place::BothHands => 1,
+                Place::Hand(side) => 2 + side as u64,
+                Place::Segment(segment) => 4 + segment.index() as u64,
+            };
+            let numbers = term.value.into_iter().chain(term.span_s).chain([term.shape]);
+            [term.effect as u64, place].into_iter().chain(numbers.map(f64::to_bits))
+        }))
     }
 
     /// The terms that apply at a time, s since the origin of the spans.

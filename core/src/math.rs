@@ -1,6 +1,11 @@
-//! Elementary functions without the standard library.
+//! Elementary functions without the standard library, and a hash.
 
 use nalgebra::ComplexField;
+
+/// FNV-1a of words.
+pub(crate) fn hash(words: impl Iterator<Item = u64>) -> u64 {
+    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| (hash ^ word).wrapping_mul(0x0100_0000_01b3))
+}
 
 /// Square root.
 pub(crate) fn sqrt(value: f64) -> f64 {

@@ -68,6 +68,22 @@ fn what_stands_in_a_file_is_what_runs() {
 }
 
 #[test]
+fn what_grows_with_time_is_applied_to_its_recording_only() {
+    let applied = |effect: Effect, shape: f64, spans: Spans| {
+        let mut file = ModelFile::parse(TEXT, "m.toml").unwrap();
+        file.effects[0] = Fitted { effect, place: Place::Whole, shape, ..file.effects[0].clone() };
+        let (model, left_out) = file.model(spans);
+        let is_left_out = left_out.iter().any(|fitted| fitted.effect == effect && fitted.open_ended);
+        assert_eq!(model.terms.iter().flatten().any(|term| term.effect == effect && term.shape == shape), !is_left_out);
+        !is_left_out
+    };
+    for (effect, shape) in [(Effect::PlateDrift, 0.0), (Effect::SuitHeadingDrift, 0.0)] {
+        assert!(applied(effect, shape, Spans::Hold { begin_ns: 0 }) && !applied(effect, shape, Spans::OpenEndedForEver));
+    }
+    assert!(applied(Effect::PlateDrift, 90.0, Spans::OpenEndedForEver), "it has an end");
+}
+
+#[test]
 fn an_error_names_file_effect_key_and_the_nearest_name() {
     let with = |from: &str, to: &str| {
         assert!(TEXT.contains(from));

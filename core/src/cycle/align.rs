@@ -13,6 +13,7 @@ use super::skew_monitor::{LagChange, SkewMonitor};
 use super::streams::Streams;
 use super::tare::Tare;
 use super::{Inputs, Tick};
+use crate::effect::without_lag_ns;
 use crate::message::SuitSample;
 
 /// State of the stage.
@@ -30,11 +31,20 @@ pub(super) struct AlignState {
 }
 
 impl AlignState {
-    /// Tares the plate with its present readings; `false` if a person stands on it or it reports a fault.
-    pub(super) fn tare(&mut self) -> bool {
-        let Some(tare) = self.alignment.tare(EMPTY_PLATE_N) else { return false };
+    /// Tares the plate with its present readings. Returns the change of the vertical force's zero, N; `None` if a person
+    /// stands on the plate or it reports a fault.
+    pub(super) fn tare(&mut self) -> Option<f64> {
+        let tare = self.alignment.tare(EMPTY_PLATE_N)?;
         self.tare.add(&tare);
-        true
+        self.plausibility.change_zero();
+        Some(tare.force_n[2])
+    }
+
+    /// Replaces the suit's lag by the model, s. Samples that wait for the ground still have the previous stamps.
+    pub(super) fn replace_model_lag(&mut self, lag_s: f64) {
+        if self.skew.replace_model_lag(lag_s) {
+            self.alignment.drop_waiting();
+        }
     }
 
     /// Whether every number is in range; a stored one is checked before use.
@@ -73,7 +83,8 @@ pub(super) fn ingest(
     }
     let mut lag_change = LagChange::None;
     for sample in inputs.suit {
-        let sample_time_ns = terms.without_lag_ns(&settings.model, sample.sample_time_ns);
+        let model_lag_s = terms.suit_lag_s(&settings.model, sample.sample_time_ns);
+        let sample_time_ns = without_lag_ns(sample.sample_time_ns, model_lag_s);
         let sample = SuitSample { sample_time_ns, ..*sample };
         let bones = Bones::of(subject, settings);
         if !alignment.admits_suit(&sample, tick.due_ns)
@@ -83,8 +94,7 @@ pub(super) fn ingest(
         }
         alignment.push_suit(&sample);
         if subject.has_body() {
-            let period_ns = alignment.suit_period_ns();
-            let change = skew.update(settings, &sample, subject.anthropometry(), period_ns);
+            let change = skew.update(settings, &sample, subject.anthropometry(), model_lag_s);
             if change != LagChange::None {
                 lag_change = change;
             }

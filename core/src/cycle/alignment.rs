@@ -112,6 +112,11 @@ impl Alignment {
         self.suit_out = self.suit_out.max(self.suit_in.saturating_sub(SUIT_QUEUE as u64));
     }
 
+    /// Drops the suit samples that wait for the ground.
+    pub(super) fn drop_waiting(&mut self) {
+        self.suit_out = self.suit_in;
+    }
+
     /// Sets the delay of the suit's stamps relative to the ground's, ns.
     pub(super) fn set_lag_ns(&mut self, lag_ns: i64) {
         self.lag_ns = lag_ns;

@@ -26,8 +26,10 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             memory.model_changed_ns = tick.due_ns;
         }
         CommandKind::Tare => {
-            if memory.align.tare() {
-                memory.ground.force_offset.reset();
+            if let Some(zero_n) = memory.align.tare() {
+                if !memory.ground.reset_offset(settings, zero_n) {
+                    memory.identification.reset_weighing();
+                }
                 memory.prediction.noise.reset_shear();
                 memory.model_changed_ns = tick.due_ns;
             }
@@ -47,6 +49,7 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             // Filters and the static pose window contain results of the previous model.
             memory.clear_windows();
             memory.load.reset_position();
+            replace_model(settings, memory, tick);
             memory.prediction.terms.restart();
             if memory.differentiation != settings.differentiation() {
                 memory.differentiation = settings.differentiation();
@@ -74,6 +77,19 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             memory.model_changed_ns = tick.due_ns;
         }
     }
+}
+
+/// Revises what was measured with the previous model, unless it has the same terms.
+fn replace_model(settings: &Settings, memory: &mut Memory, tick: Tick) {
+    let fingerprint = settings.model.fingerprint();
+    if memory.model == fingerprint {
+        return;
+    }
+    memory.model = fingerprint;
+    let lag_s = memory.prediction.terms.suit_lag_s(&settings.model, tick.due_ns);
+    memory.align.replace_model_lag(lag_s);
+    memory.ground.widen_offset();
+    memory.identification.widen_stance_offset(settings);
 }
 
 impl Identification {

@@ -11,6 +11,7 @@ use super::streams::Streams;
 use crate::math;
 use crate::message::ground::NoCop;
 use crate::message::{Component, GroundSample, Validity};
+use crate::motion::unloaded::zero_limit_n;
 use crate::motion::{Envelope, ForceOffset};
 use crate::overload::GRAVITY_M_PER_S2;
 
@@ -18,6 +19,7 @@ use crate::overload::GRAVITY_M_PER_S2;
 const RATE_STEP_MAX_S: f64 = 0.07;
 /// 1-σ of a configured or stored mass, kg: clothing, a meal, bathroom scales.
 const OTHER_MASS_SIGMA_KG: f64 = 0.5;
+const OTHER_MASS_SIGMA_N: f64 = OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2;
 
 /// Wrench and centre of pressure of one sample.
 #[repr(C)]
@@ -118,7 +120,7 @@ pub(super) fn measure_ground(
 ) -> Ground {
     let (snapshot, step_s) = (&instant.snapshot, instant.step_s);
     state.force_offset.predict(step_s);
-    let mass_sigma_n = subject.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2);
+    let mass_sigma_n = subject.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_N);
     state.force_offset.apply_mass(subject.mass_kg, mass_sigma_n);
     let mut sigma = GroundSigma::of(snapshot.ground(), &state.force_offset, settings);
     let is_comparable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && state.last_is_usable == 1;
@@ -202,6 +204,21 @@ impl GroundState {
             lacks_shear: u64::from(!ground.measures(Component::Shear)),
         };
         cop.ok()
+    }
+
+    /// Resets the force offset after a tare by `zero_n`, N. Returns whether the offset explains the tare, up to a rest
+    /// that it can track: the rest arose on the empty plate, or is part of the mass if that was weighed.
+    pub(super) fn reset_offset(&mut self, settings: &Settings, zero_n: f64) -> bool {
+        let rest_n = zero_n - self.force_offset.mean_n();
+        let sigma_n = self.force_offset.sigma_n(settings.force_sigma_n).max(settings.force_sigma_n);
+        self.force_offset.reset();
+        rest_n.abs() < zero_limit_n(sigma_n, settings.load_threshold_n)
+    }
+
+    /// Makes the force offset as uncertain as with a mass from another source: the terms of another model may explain
+    /// what it has absorbed.
+    pub(super) fn widen_offset(&mut self) {
+        self.force_offset.widen(OTHER_MASS_SIGMA_N);
     }
 
     /// Updates the force offset while no load is carried.

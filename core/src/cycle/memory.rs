@@ -22,7 +22,7 @@ use crate::motion::History;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 19;
+pub const MEMORY_VERSION: u64 = 21;
 
 /// The loop's state between two steps. About 953 kB: allocate it in a `Box`.
 #[repr(C)]
@@ -58,6 +58,8 @@ pub struct Memory {
     pub exposure: Exposure,
     /// [`Settings::differentiation`] with which the motion errors were measured.
     pub(super) differentiation: [u64; 2],
+    /// [`crate::effect::Model::fingerprint`] of the model in use.
+    pub(super) model: u64,
     /// Time of the last external change of the model; 0 for never.
     pub(super) model_changed_ns: u64,
     /// Values of the newest instant.
@@ -87,6 +89,7 @@ impl Memory {
         bytemuck::bytes_of_mut(self).fill(0);
         self.version = MEMORY_VERSION;
         self.differentiation = settings.differentiation();
+        self.model = settings.model.fingerprint();
         self.identification.start(settings);
         self.publication.start();
         self.pose_request.restart(settings);

@@ -12,7 +12,7 @@ use super::identification::Identification;
 use super::settings::{Motion, Settings};
 use crate::body::{SEGMENTS, Side};
 use crate::effect::plate_lowpass::LowPass;
-use crate::effect::{Effect, Model, Observation, without_lag_ns};
+use crate::effect::{Effect, Model, Observation};
 use crate::frame::{Pose, StationWorld};
 use crate::motion::{History, Inertia};
 use crate::overload::GRAVITY_M_PER_S2;
@@ -66,11 +66,6 @@ impl ModelTerms {
     pub(super) fn suit_lag_s(&self, model: &Model, time_ns: u64) -> f64 {
         let lags = model.at(self.since_origin_s(model, time_ns)).filter(|term| term.effect == Effect::SuitLag);
         lags.map(|term| term.shape).sum()
-    }
-
-    /// Time of the newest sample without the suit's lag, ns.
-    pub(super) fn without_lag_ns(&self, model: &Model, time_ns: u64) -> u64 {
-        without_lag_ns(time_ns, self.suit_lag_s(model, time_ns))
     }
 
     /// Cutoff of the plate's filter at a time, Hz.

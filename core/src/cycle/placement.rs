@@ -13,6 +13,7 @@ use super::streams::Streams;
 use super::{foot_outline, insoles};
 use crate::anchor::Anchor;
 use crate::frame::{Pose, SuitWorld};
+use crate::math;
 use crate::message::suit::SuitBlocks;
 use crate::message::{GroundSample, SuitBody, SuitSample};
 use crate::motion::Snapshot;
@@ -103,7 +104,9 @@ pub(super) fn anchor(
         (snapshot.acceleration_m_per_s2, snapshot.has_acceleration) = (suit.acceleration_m_per_s2, 1);
     }
     if let Some(ground) = followed.ground {
-        snapshot.time_sigma_ns = snapshot.time_sigma_ns.max(ground.sample_time_sigma_ns);
+        // Each stream has its own clock fit. An unknown σ, `u64::MAX`, remains one.
+        let sigmas_ns = [snapshot.time_sigma_ns, ground.sample_time_sigma_ns].map(|sigma_ns| sigma_ns as f64);
+        snapshot.time_sigma_ns = math::hypot(sigmas_ns) as u64;
         let outlines = foot_outline::both(&pose, suit_body, settings.height_m);
         snapshot.ground = insoles::to_world(&ground, &pose, &outlines);
         snapshot.has_ground = 1;

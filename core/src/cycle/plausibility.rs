@@ -190,7 +190,7 @@ pub(super) struct Plausibility {
     channels: [Repeats; 6],
     poses: Repeats,
     jumps: JumpDetector,
-    /// Reading of the plate when the pose last changed.
+    /// Reading of the plate when the pose last changed; a time of 0 for none.
     reading_at_pose: Reading,
     /// Largest distance that a segment moved to the newest distinct pose, m.
     pose_step_m: f64,
@@ -267,7 +267,7 @@ impl Plausibility {
             sample.position_m == before.position_m && sample.orientation_wxyz == before.orientation_wxyz;
         let reading = self.jumps.newest();
         self.newest_reading_ns = reading.time_ns;
-        if self.poses.run == 0 {
+        if self.poses.run == 0 || self.reading_at_pose.time_ns == 0 {
             self.reading_at_pose = reading;
         }
         let [by_n, by_nm] = self.reading_at_pose.to(&reading);
@@ -301,6 +301,12 @@ impl Plausibility {
             self.moved_ns = time_ns;
         }
         agrees
+    }
+
+    /// Drops the plate's readings for comparison: a tare has changed their zero.
+    pub(super) fn change_zero(&mut self) {
+        self.jumps.restart();
+        self.reading_at_pose = Zeroable::zeroed();
     }
 
     /// See [`JumpDetector::ingest_weight_agreement`].

@@ -81,11 +81,10 @@ impl PoseRequestState {
     }
 }
 
-/// FNV-1a of poses and turns.
+/// Hash of poses and turns.
 fn hash(requests: &[Option<PoseRequest>]) -> u64 {
-    let words =
-        requests.iter().flatten().flat_map(|request| [request.pose as u64, request.turn_rad.to_bits()]);
-    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| (hash ^ word).wrapping_mul(0x0100_0000_01b3))
+    let requests = requests.iter().flatten();
+    math::hash(requests.flat_map(|request| [request.pose as u64, request.turn_rad.to_bits()]))
 }
 
 /// Distance from the suggested pose, rad; ends the request once the requested pose is held.

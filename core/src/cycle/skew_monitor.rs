@@ -7,7 +7,7 @@ use super::validity::CLOCK_SIGMA_MAX_S;
 use crate::body::{Anthropometry, SEGMENTS};
 use crate::math;
 use crate::message::{GroundSample, SuitSample};
-use crate::static_pose::WINDOW;
+use crate::static_pose::SPAN_NS;
 use crate::time::skew::{Skew, SkewEstimator};
 
 /// An estimate with a larger 1-σ is not published and does not set the first lag, s: beyond it the alignment would be
@@ -33,6 +33,8 @@ pub struct SkewMonitor {
     /// Target of the lag and the lag in use, s: positive if the suit is late.
     target_s: f64,
     applied_s: f64,
+    /// Lag of the model, already subtracted from the stamps, s.
+    model_lag_s: f64,
     /// Time of the newest suit sample, ns.
     time_ns: u64,
     /// 1 while the data contradict the lag in use.
@@ -84,9 +86,34 @@ impl SkewMonitor {
         is_first && self.target_s.abs() > OFF_MIN_S
     }
 
-    /// Restores a stored lag, s.
-    pub(super) fn resume(&mut self, lag_s: f64) {
-        (self.target_s, self.applied_s) = (lag_s, lag_s);
+    /// Restores a stored lag, s, of which the model subtracts a part; 0 if it was not measured.
+    pub(super) fn resume(&mut self, total_lag_s: f64, model_lag_s: f64) {
+        let lag_s = if total_lag_s == 0.0 { 0.0 } else { in_range(total_lag_s - model_lag_s) };
+        (self.target_s, self.applied_s, self.model_lag_s) = (lag_s, lag_s, model_lag_s);
+    }
+
+    /// Replaces the lag of the model, s. A measured lag remains the same in total; without a measurement that of the
+    /// model applies alone. Returns whether it differs from the previous one.
+    pub(super) fn replace_model_lag(&mut self, model_lag_s: f64) -> bool {
+        let by_s = model_lag_s - self.model_lag_s;
+        if self.is_measured() {
+            (self.target_s, self.applied_s) = (in_range(self.target_s - by_s), in_range(self.applied_s - by_s));
+        }
+        if by_s != 0.0 {
+            self.estimator.shift_heights(by_s);
+        }
+        self.model_lag_s = model_lag_s;
+        by_s != 0.0
+    }
+
+    /// Whether the data determined the lag in use; a target of 0 may be an estimate near 0.
+    fn is_measured(&self) -> bool {
+        self.target_s != 0.0 || self.estimate().is_some_and(|skew| skew.is_precise())
+    }
+
+    /// Measured delay of the suit's stamps with the model's part, s; 0 without a measurement.
+    pub(super) fn total_lag_s(&self) -> f64 {
+        if self.is_measured() { self.applied_s + self.model_lag_s } else { 0.0 }
     }
 
     /// Skew and drift at the newest suit sample; `None` until two windows of motion agree.
@@ -109,21 +136,29 @@ impl SkewMonitor {
         self.is_off == 1
     }
 
-    /// 1-σ of the lag in use, s; 0 if no lag is estimated or applied.
+    /// 1-σ of the lag in use, s; 0 if none is in use. One without an estimate was stored, or has just been contradicted.
     pub(super) fn lag_sigma_s(&self) -> f64 {
-        self.estimate()
-            .filter(|_| self.target_s != 0.0)
-            .map_or(0.0, |Skew { skew_s, sigma_s, .. }| math::hypot([skew_s - self.applied_s, sigma_s]))
+        match self.estimate() {
+            _ if self.target_s == 0.0 => 0.0,
+            Some(Skew { skew_s, sigma_s, .. }) => math::hypot([skew_s - self.applied_s, sigma_s]),
+            None => PRECISE_SIGMA_S,
+        }
     }
 
     /// Whether every number is in range; a stored one is checked before use.
     pub fn is_sound(&self) -> bool {
         self.estimator.is_sound()
             && [self.target_s, self.applied_s].iter().all(|lag_s| lag_s.abs() < LAG_MAX_S)
+            && self.model_lag_s.is_finite()
             && self.published_s.is_finite()
             && self.published_sigma_s.is_finite()
             && self.is_off <= 1
     }
+}
+
+/// A lag that the alignment can correct, s; 0 for a larger one.
+fn in_range(lag_s: f64) -> f64 {
+    if lag_s.abs() < LAG_MAX_S { lag_s } else { 0.0 }
 }
 
 impl Skew {
@@ -145,22 +180,22 @@ pub(super) enum LagChange {
 }
 
 impl SkewMonitor {
-    /// Ingests a suit sample of a subject, and updates the lag and the published skew.
+    /// Ingests a suit sample of a subject, without the lag of the model, and updates the lag and the published skew.
     pub(super) fn update(
         &mut self,
         settings: &Settings,
         suit: &SuitSample,
         body: &Anthropometry,
-        suit_period_ns: u64,
+        model_lag_s: f64,
     ) -> LagChange {
+        self.model_lag_s = model_lag_s;
         let is_wanted = settings.align_streams && settings.motion != Motion::Paper;
         let is_first = self.ingest_suit(suit.sample_time_ns, height_m(suit, body), is_wanted);
         let sure = self.estimate().filter(Skew::is_precise);
         [self.published_s, self.published_sigma_s] =
             sure.map_or([0.0, 0.0], |skew| [skew.skew_s, skew.sigma_s]);
-        let window_s = WINDOW as f64 * suit_period_ns as f64 * 1e-9;
         if is_first {
-            LagChange::First { exceeds_window: self.target_s.abs() > window_s }
+            LagChange::First { exceeds_window: self.target_s.abs() > SPAN_NS as f64 * 1e-9 }
         } else {
             LagChange::None
         }
@@ -241,6 +276,55 @@ mod tests {
         }
         assert!(was_off[0] && was_off[1], "{was_off:?}");
         assert!(!watch.is_off() && (watch.lag_s() - 0.162).abs() < 0.005, "{}", watch.lag_s());
+    }
+
+    /// Whether the first lag of a suit with this period exceeds the window; the suit's stamps are late by `late_ms`.
+    fn first_lag_exceeds_window(period_ms: u64, late_ms: i64) -> bool {
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
+        let settings = Settings::for_height(1.7);
+        let mut body: Anthropometry = Zeroable::zeroed();
+        body.mass_fraction[0] = 1.0;
+        let mut suit: SuitSample = Zeroable::zeroed();
+        for ms in 0..30_000 {
+            let time_s = ms as f64 * 1e-3;
+            let force_n = [0.0, 0.0, 72.0 * (9.81 + height(time_s)[1])];
+            let sample_time_ns = (10_000 + ms) * MS_NS;
+            watch.ingest_ground(&GroundSample { sample_time_ns, force_n, ..Zeroable::zeroed() });
+            if ms.is_multiple_of(period_ms) {
+                suit.sample_time_ns = sample_time_ns.saturating_add_signed(late_ms * MS_NS as i64);
+                (suit.orientation_wxyz[0][0], suit.position_m[0][2]) = (1.0, height(time_s)[0]);
+                if let LagChange::First { exceeds_window } = watch.update(&settings, &suit, &body, 0.0) {
+                    return exceeds_window;
+                }
+            }
+        }
+        panic!("no lag was found");
+    }
+
+    #[test]
+    fn the_first_lag_is_compared_with_the_window_of_a_static_pose_at_every_rate() {
+        assert!(first_lag_exceeds_window(33, -400), "30 Hz");
+        assert!(!first_lag_exceeds_window(4, 150), "240 Hz");
+    }
+
+    #[test]
+    fn a_measured_lag_remains_the_same_in_total_with_another_model() {
+        let mut watch: Box<SkewMonitor> = bytemuck::zeroed_box();
+        for index in 0..30 {
+            second(&mut watch, 1000 * index, true, |_| 138);
+        }
+        for (model_ms, from) in [(138, 30), (0, 60)] {
+            assert!(watch.replace_model_lag(1e-3 * model_ms as f64));
+            for index in from..from + 30 {
+                assert!((watch.total_lag_s() - 0.138).abs() < 0.005, "{index} s: {}", watch.total_lag_s());
+                assert!(!watch.is_off() && watch.lag_sigma_s() > 0.0, "{index} s");
+                second(&mut watch, 1000 * index, true, |_| 138 - model_ms);
+            }
+        }
+        assert!((watch.lag_s() - 0.138).abs() < 0.005 && !watch.replace_model_lag(0.0));
+        let mut unmeasured: Box<SkewMonitor> = bytemuck::zeroed_box();
+        assert!(unmeasured.replace_model_lag(0.138) && unmeasured.lag_s() == 0.0);
+        assert_eq!(unmeasured.total_lag_s(), 0.0);
     }
 
     #[test]

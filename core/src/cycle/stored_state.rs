@@ -36,7 +36,8 @@ pub struct Registration {
     pub suit_counter: u64,
     /// The suit's measured period, ns.
     pub suit_period_ns: u64,
-    /// Delay of the suit's stamps relative to the ground's, s; 0 if unavailable.
+    /// Delay of the suit's stamps relative to the ground's, with the part that a model subtracts, s; 0 if it was not
+    /// measured.
     pub suit_lag_s: f64,
 }
 
@@ -67,7 +68,7 @@ impl StoredState {
             suit_time_ns: memory.placement.suit_time_ns,
             suit_counter: memory.placement.suit_counter,
             suit_period_ns: memory.align.alignment.suit_period_ns(),
-            suit_lag_s: memory.align.skew.lag_s(),
+            suit_lag_s: memory.align.skew.total_lag_s(),
         };
     }
 }
@@ -106,7 +107,8 @@ impl Memory {
         self.align.alignment.expect_suit_period(registration.suit_period_ns);
         // Most of the lag is a property of the devices and survives a restart of the daemon; otherwise the estimator
         // detects the change.
-        self.align.skew.resume(registration.suit_lag_s);
+        let model_lag_s = self.prediction.terms.suit_lag_s(&settings.model, 0);
+        self.align.skew.resume(registration.suit_lag_s, model_lag_s);
         true
     }
 

@@ -32,6 +32,7 @@ mod sharing;
 mod shear;
 mod stages;
 mod stored_state;
+mod tare;
 use bench::*;
 
 fn lifted_box(person: &Person, posture: &Posture) -> Vector3<f64> {

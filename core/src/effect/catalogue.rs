@@ -125,6 +125,11 @@ impl Effect {
         if self == Effect::PlateDrift && shape > 0.0 { &plate::ENDING_DRIFT } else { self.parameters() }
     }
 
+    /// Whether it grows with time without a bound: outside its recording its size is unknown.
+    pub fn grows_without_bound(self, shape: f64) -> bool {
+        self == Effect::SuitHeadingDrift || (self == Effect::PlateDrift && shape == 0.0)
+    }
+
     /// Name with unit of the nonlinear parameter ([`super::Term::shape`]); `None` if all parameters are linear. For the
     /// lag and the low pass it is the parameter itself.
     pub const fn shape_name(self) -> Option<&'static str> {

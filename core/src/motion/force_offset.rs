@@ -46,7 +46,12 @@ impl ForceOffset {
 
     /// Discards the offset: the plate's zero has changed.
     pub fn reset(&mut self) {
-        self.mass_kg = 0.0;
+        (self.mass_kg, self.mean_n) = (0.0, 0.0);
+    }
+
+    /// Ingests that the offset may have changed by this 1-σ, N.
+    pub fn widen(&mut self, sigma_n: f64) {
+        self.variance_n2 += sigma_n * sigma_n;
     }
 
     /// Ingests that `step_s` have passed.

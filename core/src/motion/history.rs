@@ -32,7 +32,7 @@ pub struct Snapshot {
     pub stance_sigma_m: [f64; 2],
     /// 1 while both feet stand.
     pub both_feet_stand: u64,
-    /// 1-σ of the sample's time, ns.
+    /// 1-σ of the time between suit and ground, or of the suit's alone without a ground sample, ns.
     pub time_sigma_ns: u64,
     /// Segment origins, station world, m.
     pub origin_m: [[f64; 3]; SEGMENTS],

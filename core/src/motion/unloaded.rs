@@ -19,6 +19,11 @@ pub const SIGMAS_OF_A_LOAD: f64 = 2.5;
 /// Correlation time of errors of a motion, s: samples within it count as one.
 pub const CORRELATION_S: f64 = 0.5;
 
+/// Mean external force below which no load is carried, N.
+pub(crate) fn zero_limit_n(sigma_n: f64, threshold_n: f64) -> f64 {
+    (SIGMAS * sigma_n).min(0.5 * threshold_n)
+}
+
 /// 1-σ of the external force, N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForceSigma {
@@ -65,8 +70,8 @@ impl Unloaded {
             (self.impulse_n_s, self.length_s) = (0.0, 0.0);
             let mean_n = self.block_n_s.iter().sum::<f64>() / (BLOCKS as f64 * BLOCK_S);
             let sigma_n = math::hypot([sigma.at_rest_n, SWING_LEFT * sigma.by_motion_n]);
-            let gate_n = (SIGMAS * sigma_n).min(0.5 * threshold_n);
-            self.quiet = u64::from(self.filled == BLOCKS as u64 && mean_n.abs() < gate_n);
+            let is_zero = mean_n.abs() < zero_limit_n(sigma_n, threshold_n);
+            self.quiet = u64::from(self.filled == BLOCKS as u64 && is_zero);
         }
         self.is_quiet()
     }

@@ -224,6 +224,13 @@ impl SkewEstimator {
         self.correlate();
     }
 
+    /// Ingests that the suit's stamps are earlier by `by_s` from now on; windows with both kinds of stamps are dropped.
+    pub fn shift_heights(&mut self, by_s: f64) {
+        let mut track = self.track;
+        track.state[0] -= by_s;
+        *self = SkewEstimator { track, ..Zeroable::zeroed() };
+    }
+
     /// Skew and drift at a time, however large the σ; `None` until two windows agree, and after a contradiction.
     pub fn at(&self, time_ns: u64) -> Option<Skew> {
         if self.track.time_ns == 0 {

@@ -39,7 +39,7 @@ impl Identification {
         }
         match continuity {
             Continuity::Continuous => {}
-            Continuity::Gap => self.widen_stance_offset(),
+            Continuity::Gap => self.widen_stance_offset(settings),
             Continuity::NewWorld => self.new_stance(settings),
         }
     }
@@ -67,8 +67,12 @@ impl Identification {
     }
 
     /// After a gap in the suit's samples the stance offset is that of the last stance, because the anchor keeps its
-    /// shift, with an additional σ of `REGISTRATION_SIGMA_M`. Only for a suit that drifts.
-    fn widen_stance_offset(&mut self) {
+    /// shift, with an additional σ of `REGISTRATION_SIGMA_M`. Likewise with the terms of another model, which may explain
+    /// what it has absorbed. Only for a suit that drifts.
+    pub(in crate::cycle) fn widen_stance_offset(&mut self, settings: &Settings) {
+        if !settings.suit_drifts || !self.has_body() {
+            return;
+        }
         for axis in 0..2 {
             self.filter.add_process_noise(
                 self.reduction.count() + axis,

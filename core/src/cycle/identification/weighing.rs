@@ -59,7 +59,8 @@ impl Identification {
         is_weighed.then(|| GRAVITY_M_PER_S2 * self.weighing.sigma_kg())
     }
 
-    /// Discards a mass that was weighed while force and motion belonged to different instants.
+    /// Discards a mass that was weighed while force and motion belonged to different instants, or with another zero of
+    /// the plate. A mass from another source is kept.
     pub(in crate::cycle) fn reset_weighing(&mut self) {
         if self.mass_kg == self.weighing.in_use_kg {
             self.mass_kg = 0.0;

@@ -116,9 +116,14 @@ pub(super) struct JumpDetector {
 }
 
 impl JumpDetector {
-    /// The present reading, or one some ms old.
+    /// The present reading, or one some ms old; a time of 0 for none since a restart.
     pub(super) fn newest(&self) -> Reading {
         self.readings[1]
+    }
+
+    /// Drops the readings for comparison: those that follow are after a gap, or relative to another zero.
+    pub(super) fn restart(&mut self) {
+        *self = JumpDetector { difference_n2: self.difference_n2, ..Zeroable::zeroed() };
     }
 
     /// Ingests a reading; returns the time since which the readings are suspect, ns.
@@ -126,14 +131,8 @@ impl JumpDetector {
         let last = core::mem::replace(&mut self.last, now);
         let step_ns = now.time_ns.saturating_sub(last.time_ns);
         if step_ns > JUMP_GAP_MAX_NS {
-            let difference_n2 = self.difference_n2;
-            *self = JumpDetector {
-                readings: [now; 2],
-                last: now,
-                level: now,
-                difference_n2,
-                ..Zeroable::zeroed()
-            };
+            self.restart();
+            (self.readings, self.last, self.level) = ([now; 2], now, now);
             return None;
         }
         let compared = [self.readings[0], last];
@@ -220,7 +219,7 @@ impl JumpDetector {
     /// Sets the newest reading.
     #[cfg(test)]
     pub(super) fn set_newest_vertical_n(&mut self, vertical_n: f64) {
-        self.readings[1].vertical_n = vertical_n;
+        (self.readings[1].time_ns, self.readings[1].vertical_n) = (1, vertical_n);
     }
 
     pub(super) fn is_sound(&self) -> bool {

@@ -121,11 +121,11 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
-    /// Disturbances of the ground reaction.
+    /// Disturbances of the sensors.
     pub(in crate::cycle) disturbance: Disturbance,
 }
 
-/// Disturbances of the ground reaction; by default none.
+/// Disturbances of the sensors; by default none.
 #[derive(Clone, Copy, Default)]
 pub(in crate::cycle) struct Disturbance {
     /// Constant shear, N.
@@ -134,22 +134,30 @@ pub(in crate::cycle) struct Disturbance {
     pub(in crate::cycle) push_n: f64,
     /// Fraction of the weight under the right foot, which is next to the plate.
     pub(in crate::cycle) outside: f64,
+    /// Reading of the empty plate, N.
+    pub(in crate::cycle) zero_n: f64,
     /// `GroundDevice` bits.
     pub(in crate::cycle) devices: u32,
-    /// 1-σ of the sample times, ns.
+    /// 1-σ of the ground's sample times, ns.
     pub(in crate::cycle) time_sigma_ns: u64,
+    /// 1-σ of the suit's sample times, ns.
+    pub(in crate::cycle) suit_time_sigma_ns: u64,
 }
 
 impl Disturbance {
     fn of(self, ground: GroundSample) -> GroundSample {
-        let Disturbance { shear_n, push_n, outside, devices, time_sigma_ns } = self;
+        let Disturbance { shear_n, push_n, outside, zero_n, devices, time_sigma_ns, .. } = self;
         let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
         // Only the left foot is on the plate, which shifts the reaction to the left.
         let lateral_nm = 0.2 * outside * on_plate * fz;
         let unlike = 1.0 + 1e-12 * (ground.sequence % 2) as f64;
         GroundSample {
             // Exactly repeated values other than zero count as implausible.
-            force_n: [fx + shear_n[0] * unlike - push_n, fy + shear_n[1] * unlike, on_plate * fz],
+            force_n: [
+                fx + shear_n[0] * unlike - push_n,
+                fy + shear_n[1] * unlike,
+                on_plate * fz + zero_n * unlike,
+            ],
             moment_nm: [on_plate * mx + lateral_nm, on_plate * my - 1.2 * push_n, mz],
             devices,
             sample_time_sigma_ns: time_sigma_ns,
@@ -266,6 +274,7 @@ impl Bench {
             let mut suit: SuitSample = Zeroable::zeroed();
             suit.sample_time_ns = self.now_ns - 500_000 - self.settings.suit_latency_ns;
             suit.session = self.suit_session;
+            suit.sample_time_sigma_ns = self.disturbance.suit_time_sigma_ns;
             (suit.blocks, suit.com_m) = (SuitBlocks::CentreOfMass as u32, centre.into());
             suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);

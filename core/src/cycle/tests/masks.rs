@@ -38,6 +38,23 @@ fn an_uncertain_time_masks_state_and_early_state() {
 }
 
 #[test]
+fn the_time_errors_of_both_streams_add_up() {
+    let is_unsynchronised = |[ground_ns, suit_ns]: [u64; 2]| {
+        let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+        (bench.disturbance.time_sigma_ns, bench.disturbance.suit_time_sigma_ns) = (ground_ns, suit_ns);
+        bench.hold(&person, &posture(), None, 1000);
+        bench.state().validity().any_of(Validity::CLOCK_UNSYNCHRONISED)
+    };
+    assert!(is_unsynchronised([15_000_000; 2]), "the time between them has a σ of 21 ms");
+    for sigmas_ns in [[13_000_000; 2], [19_000_000, 0], [0, 19_000_000]] {
+        assert!(!is_unsynchronised(sigmas_ns), "{sigmas_ns:?}");
+    }
+    for sigmas_ns in [[u64::MAX, 0], [0, u64::MAX], [u64::MAX; 2]] {
+        assert!(is_unsynchronised(sigmas_ns), "{sigmas_ns:?}");
+    }
+}
+
+#[test]
 fn a_measured_centre_of_pressure_has_its_sigma_and_a_masked_one_has_none() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     bench.suit_silent = true;

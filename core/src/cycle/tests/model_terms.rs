@@ -265,6 +265,75 @@ fn a_late_suit_is_dated_back_at_intake() {
     }
 }
 
+/// The stance offset has absorbed 20 mm and the force offset 5 N, which terms of a new model explain: until both offsets
+/// are tracked again, their σ contains the error.
+#[test]
+fn another_model_makes_what_the_offsets_absorbed_uncertain() {
+    let person = Person::real();
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    let mut bench = bench(&[], |_| {});
+    bench.identify(&person);
+    bench.command(CommandKind::IdentifyStop);
+    bench.disturbance.zero_n = 5.0;
+    bench.hold_on_a_shifted_plate(&person, &posture, 0.02, 20_000);
+    let errors = |bench: &Bench| {
+        let state = bench.state();
+        assert!(!state.validity().any_of(Validity::INVALIDATES_DELTA_F), "{:?}", state.validity());
+        [[cop_error_m(state), state.cop_sigma_m[0]], [state.delta_f_n[2].abs(), state.delta_f_sigma_n]]
+    };
+    let [[cop_m, cop_sigma_m], [force_n, force_sigma_n]] = errors(&bench);
+    assert!(cop_m < 0.005 && cop_sigma_m < 0.005, "{cop_m} {cop_sigma_m}");
+    assert!(force_n < 2.0 && force_sigma_n < 3.0, "{force_n} {force_sigma_n}");
+
+    bench.command(CommandKind::Reload);
+    bench.hold_on_a_shifted_plate(&person, &posture, 0.02, 500);
+    let [[_, unchanged_m], [_, unchanged_n]] = errors(&bench);
+    assert!(unchanged_m < 0.005 && unchanged_n < 3.0, "the same model: {unchanged_m} {unchanged_n}");
+
+    bench.settings.model = model(&[
+        term(Effect::PlateOffset, Place::Whole, 0.0, [0.02, 0.0, 0.0, 0.0]),
+        term(Effect::ForceGain, Place::Whole, 0.0, [5.0 / (MASS_KG * GRAVITY_M_PER_S2), 0.0, 0.0, 0.0]),
+    ]);
+    bench.command(CommandKind::Reload);
+    bench.hold_on_a_shifted_plate(&person, &posture, 0.02, 500);
+    let [[cop_m, cop_sigma_m], [force_n, force_sigma_n]] = errors(&bench);
+    assert!(cop_m > 0.01 && cop_m < 2.0 * cop_sigma_m, "{cop_m} {cop_sigma_m}");
+    assert!(force_n > 3.0 && force_n < 2.0 * force_sigma_n, "{force_n} {force_sigma_n}");
+    bench.hold_on_a_shifted_plate(&person, &posture, 0.02, 6000);
+    let [[cop_m, _], [force_n, _]] = errors(&bench);
+    assert!(cop_m < 0.005 && force_n < 2.0, "tracked again: {cop_m} {force_n}");
+}
+
+/// Half of a measured lag is subtracted by a model from the reload on: force and motion stay paired.
+#[test]
+fn a_model_with_a_lag_does_not_change_the_measured_one_in_total() {
+    let lag = model(&[term(Effect::SuitLag, Place::Whole, 0.02, [0.02, 0.0, 0.0, 0.0])]);
+    let mut bench = bench_with(&[], |_| {});
+    bench.memory.align.skew.resume(0.04, 0.0);
+    let reload = |bench: &mut Bench, model: Model| {
+        bench.settings.model = model;
+        bench.command(CommandKind::Reload);
+        bench.hold(&Person::real(), &postures()[0], None, 300);
+        bench.memory.align.skew.lag_s()
+    };
+    assert!((reload(&mut bench, lag) - 0.02).abs() < 1e-9);
+    assert!(bench.memory.align.skew.lag_sigma_s() > 0.0, "it was not measured again");
+    let mut stored = bytemuck::zeroed_box::<StoredState>();
+    stored.copy_from(&bench.memory);
+    for (model, lag_s) in [(lag, 0.02), (Model::default(), 0.04)] {
+        let mut again = Bench::new(|settings| settings.model = model);
+        assert!(again.memory.resume_registration(&stored.registration, &again.settings));
+        assert!((again.memory.align.skew.lag_s() - lag_s).abs() < 1e-9);
+    }
+    assert!((reload(&mut bench, Model::default()) - 0.04).abs() < 1e-9);
+
+    // Without a measurement the lag of the model applies.
+    bench.memory.align.skew.resume(0.0, 0.0);
+    assert_eq!(reload(&mut bench, lag), 0.0);
+    stored.copy_from(&bench.memory);
+    assert_eq!(stored.registration.suit_lag_s, 0.0);
+}
+
 /// A plate with a low pass: the estimate follows the prediction, delayed by the filter's time constant.
 #[test]
 fn a_low_pass_term_delays_and_attenuates_the_prediction() {
