@@ -9,7 +9,7 @@ use tracing::{info, warn};
 use crate::active_configuration::{ActiveConfiguration, LoadedSubject};
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::station_file::StationFile;
+use crate::station_file::{RegistrationPart, StationFile};
 use crate::subjects::{self, DELETED, ProfileDestination, Subjects};
 
 /// The loop's initial memory and related data.
@@ -200,24 +200,27 @@ impl Restored {
             Some((_, Ok(_))) => self.warn("the tare is not used: a number of it is out of range".to_owned()),
             Some((_, Err(reason))) => self.warn(format!("the tare is not used: {reason}")),
         }
-        match station.registration.as_ref().map(|part| part.registration(config, now_ns())) {
-            None => {}
-            Some(Ok(registration)) if self.memory.resume_registration(&registration, settings) => {
-                self.report(
-                    "the position of the suit's world is restored, if the suit was not restarted".to_owned(),
-                );
-            }
-            Some(Ok(_)) => self.report("the stored position of the suit's world is not used".to_owned()),
-            Some(Err(reason)) => {
-                // Newly configured frames already describe the current position of the suit world.
-                let has_new_frames =
-                    station.registration.as_ref().is_some_and(|part| !part.is_in_frames_of(config));
-                if settings.suit_drifts && self.memory.identification.has_body() && !has_new_frames {
-                    self.memory.invalidate_registration();
-                }
-                self.report(format!("the position of the suit's world is estimated again: {reason}"));
-            }
+        if let Some(part) = station.registration.as_ref().filter(|_| settings.suit_drifts) {
+            self.restore_registration(config, settings, part);
         }
+    }
+
+    fn restore_registration(&mut self, config: &Config, settings: &Settings, part: &RegistrationPart) {
+        let restored = part.registration(config, now_ns()).and_then(|registration| {
+            let is_sound = self.memory.resume_registration(&registration, settings);
+            is_sound.then_some(()).ok_or_else(|| "a number of it is out of range".to_owned())
+        });
+        let outcome = match restored {
+            Ok(()) => "restored, if the suit was not restarted".to_owned(),
+            // Newly configured frames describe the present position of the suit world.
+            Err(reason) if !part.is_in_frames_of(config) => format!("that of the configuration: {reason}"),
+            // Also without a body: the next subject loaded may have one.
+            Err(reason) => {
+                self.memory.invalidate_registration();
+                format!("estimated again: {reason}")
+            }
+        };
+        self.report(format!("the position of the suit's world is {outcome}"));
     }
 
     fn report(&mut self, what: String) {
@@ -236,8 +239,8 @@ mod tests {
     use std::fs;
 
     use equipoise_core::body::{SEGMENTS, Skeleton};
-    use equipoise_core::cycle::Identification;
     use equipoise_core::cycle::identification::StoredSubject;
+    use equipoise_core::cycle::{Identification, StoredState};
     use equipoise_core::exposure::Shift;
     use equipoise_core::frame::{Pose, rotation};
     use equipoise_core::handover::experience::Experience;
@@ -297,6 +300,40 @@ mod tests {
     fn station(in_use: &str) -> String {
         let subject = SubjectPart::of(in_use, &config());
         StationFile { subject, ..StationFile::new("s") }.to_toml().unwrap()
+    }
+
+    /// The text of the station's file with the position of the suit's world since long before the start.
+    fn station_with_position(in_use: &str, frames: &Config) -> String {
+        let mut stored = bytemuck::zeroed_box::<StoredState>();
+        (stored.registration.suit_time_ns, stored.registration.suit_period_ns) = (1, 10_000_000);
+        let subject = SubjectPart::of(in_use, &config());
+        let registration = RegistrationPart::of(&stored, frames);
+        StationFile { subject, registration, ..StationFile::new("s") }.to_toml().unwrap()
+    }
+
+    fn stored(restored: &Restored) -> Box<StoredState> {
+        let mut stored = bytemuck::zeroed_box::<StoredState>();
+        stored.copy_from(&restored.memory);
+        stored
+    }
+
+    fn position_is_lost(restored: &Restored) -> bool {
+        stored(restored).registration.station_from_suit_sigma_rad >= core::f64::consts::PI
+    }
+
+    #[test]
+    fn an_outdated_position_of_the_suit_s_world_is_lost_also_for_a_subject_without_a_body() {
+        for in_use in ["alice", ""] {
+            let (.., restored) = restore(None, Some(&station_with_position(in_use, &config())));
+            assert_eq!(restored.memory.identification.has_body(), in_use == "alice");
+            assert!(position_is_lost(&restored), "{in_use}");
+            assert!(restored.messages.join("\n").contains("is estimated again"), "{:?}", restored.messages);
+        }
+        let mut moved = config();
+        moved.ground.frame.yaw_deg = 90.0;
+        let (.., restored) = restore(None, Some(&station_with_position("alice", &moved)));
+        assert!(!position_is_lost(&restored), "the configured frame is newer");
+        assert!(restored.messages.join("\n").contains("that of the configuration"), "{:?}", restored.messages);
     }
 
     #[test]
