@@ -322,6 +322,24 @@ mod tests {
     }
 
     #[test]
+    fn a_lost_position_of_the_suit_s_world_stays_lost_over_any_number_of_starts_without_the_suit() {
+        let (.., first) = restore(None, Some(&station_with_position("alice", &config())));
+        let again = |restored: &Restored, frames: &Config| {
+            let registration = RegistrationPart::of(&stored(restored), frames);
+            let file = StationFile { registration, ..StationFile::new("s") };
+            restore(None, Some(&file.to_toml().unwrap())).3
+        };
+        let second = again(&first, &config());
+        assert!(position_is_lost(&second) && position_is_lost(&again(&second, &config())));
+        assert!(second.messages.join("\n").contains("it was lost before"), "{:?}", second.messages);
+        let mut moved = config();
+        moved.ground.frame.yaw_deg = 90.0;
+        assert!(!position_is_lost(&again(&first, &moved)), "the configured frame is newer");
+        let (.., never) = restore(None, Some(&station("alice")));
+        assert!(!position_is_lost(&again(&never, &config())));
+    }
+
+    #[test]
     fn an_outdated_position_of_the_suit_s_world_is_lost_also_for_a_subject_without_a_body() {
         for in_use in ["alice", ""] {
             let (.., restored) = restore(None, Some(&station_with_position(in_use, &config())));
