@@ -3,6 +3,8 @@
 //! Written atomically (temporary file, fsync, rename), readable by owner and group only. A file that cannot be parsed
 //! is refused and never overwritten.
 
+#[cfg(test)]
+pub(crate) mod example;
 mod parts;
 
 use std::ffi::OsStr;

@@ -238,15 +238,11 @@ impl Restored {
 mod tests {
     use std::fs;
 
-    use equipoise_core::body::{SEGMENTS, Skeleton};
-    use equipoise_core::cycle::identification::StoredSubject;
-    use equipoise_core::cycle::{Identification, StoredState};
-    use equipoise_core::exposure::Shift;
-    use equipoise_core::frame::{Pose, rotation};
-    use equipoise_core::handover::experience::Experience;
+    use equipoise_core::cycle::StoredState;
     use equipoise_station::state_directory::StateDirectory;
 
     use super::*;
+    use crate::profile::example;
     use crate::station_file::SubjectPart;
 
     fn config() -> Config {
@@ -255,22 +251,8 @@ mod tests {
         Config::parse(text, "the test's").unwrap()
     }
 
-    /// The text of a profile with this number of lifts.
     fn profile(subject: &str, lifts: u64) -> String {
-        let settings = config().settings();
-        let mut worker = bytemuck::zeroed_box::<Identification>();
-        worker.start(&settings);
-        let origin = Skeleton::nominal(1.7).t_pose_m().map(Into::into);
-        let pose = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
-        while !worker.has_body() {
-            worker.update_skeleton(&pose, &settings);
-        }
-        let mut stored = bytemuck::zeroed_box::<StoredSubject>();
-        worker.store(&mut stored);
-        stored.poses_used = lifts;
-        let shift = Shift { lifts, ended: lifts, ..bytemuck::Zeroable::zeroed() };
-        let profile = Profile::of(subject, None, &stored, &shift, &Experience::default(), unix_s()).unwrap();
-        profile.to_toml().unwrap()
+        example::text(subject, lifts, &config().settings())
     }
 
     /// Restores with the profiles of alice (7 lifts) and, if given, bob's text and the station's text. Returns the
