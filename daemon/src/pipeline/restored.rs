@@ -295,7 +295,7 @@ mod tests {
 
     fn stored(restored: &Restored) -> Box<StoredState> {
         let mut stored = bytemuck::zeroed_box::<StoredState>();
-        stored.copy_from(&restored.memory);
+        stored.copy_from(&restored.memory, &config().settings());
         stored
     }
 
