@@ -52,11 +52,11 @@ fn cold_us(other: &mut [u8], mut run: impl FnMut()) -> Vec<f64> {
 
 fn main() {
     let mut criterion = equipoise_benches::criterion();
-    let memory = memory();
+    let (memory, settings) = (memory(), Settings::for_height(HEIGHT_M));
     let (mut kept, mut checkpoint) =
         (bytemuck::zeroed_box::<StoredState>(), bytemuck::zeroed_box::<Checkpoint>());
     let mut contenders = [
-        Contender::new("StoredState::copy_from", || black_box(&mut kept).copy_from(black_box(&memory))),
+        Contender::new("StoredState::copy_from", || black_box(&mut kept).copy_from(black_box(&memory), &settings)),
         Contender::new("Checkpoint::take", || black_box(&mut checkpoint).take(1, black_box(&memory))),
     ];
     let medians_us = compare(&mut criterion, "copy what survives", &mut contenders);
@@ -72,7 +72,7 @@ fn main() {
     let cold = [
         (
             "StoredState::copy_from",
-            cold_us(&mut other, || black_box(&mut kept).copy_from(black_box(&memory))),
+            cold_us(&mut other, || black_box(&mut kept).copy_from(black_box(&memory), &settings)),
         ),
         ("Checkpoint::take", cold_us(&mut other, || black_box(&mut checkpoint).take(1, black_box(&memory)))),
     ];

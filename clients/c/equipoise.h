@@ -57,7 +57,7 @@ extern "C" {
 #define EQUIPOISE_REASON_COP_NOT_MEASURED (UINT64_C(1) << 12)
 /* Quick motion raised the detection limit: the external force is below it, but a load cannot be excluded. */
 #define EQUIPOISE_REASON_LOAD_BELOW_DETECTION_LIMIT (UINT64_C(1) << 13)
-/* The subject's position on the plate is unavailable: the suit was restarted, or silent for long. */
+/* The subject's position on the plate is unavailable: the suit's registration is lost. */
 #define EQUIPOISE_REASON_POSITION_UNKNOWN (UINT64_C(1) << 14)
 /* The ground's readings are implausible for a body or a working device: jumps, repetitions, or traction. */
 #define EQUIPOISE_REASON_GROUND_IMPLAUSIBLE (UINT64_C(1) << 15)

@@ -36,8 +36,9 @@ const VALIDITY_INCIDENTS: [ValidityIncident; 5] = [
         reason: Validity::POSITION_UNKNOWN,
         incident: Incident::PositionUnknown,
         after: Duration::ZERO,
-        message: "the suit was restarted or was silent for long; the worker's position on the plate is estimated again \
-                   while they move without a load",
+        message: "the worker's position on the plate is no longer known, because the suit was restarted, jumped or was \
+                   silent for long, the computer was restarted, or the plate was moved; it is estimated again while the \
+                   worker moves without a load",
     },
     ValidityIncident {
         reason: Validity::GROUND_IMPLAUSIBLE,
@@ -227,6 +228,19 @@ impl Housekeeping {
     fn write_status(&self) {
         if let Err(error) = self.status.write() {
             warn!("cannot write {}: {error}", self.status.path.display());
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_message_of_a_lost_position_names_every_cause() {
+        let entry = VALIDITY_INCIDENTS.iter().find(|entry| entry.reason == Validity::POSITION_UNKNOWN).unwrap();
+        for cause in ["suit was restarted", "jumped", "silent for long", "computer was restarted", "plate was moved"] {
+            assert!(entry.message.contains(cause), "{cause}: {}", entry.message);
         }
     }
 }

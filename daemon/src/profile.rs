@@ -3,6 +3,8 @@
 //! Written atomically (temporary file, fsync, rename), readable by owner and group only. A file that cannot be parsed
 //! is refused and never overwritten.
 
+#[cfg(test)]
+pub(crate) mod example;
 mod parts;
 
 use std::ffi::OsStr;
@@ -45,6 +47,9 @@ pub struct Profile {
     pub parameters: usize,
     /// Body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
+    /// Its 1-σ, kg, if it was weighed; absent in older files.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    mass_sigma_kg: Option<f64>,
     /// Stature, m; absent in files of format 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     height_m: Option<f64>,
@@ -136,6 +141,7 @@ impl Profile {
             subject: subject.to_owned(),
             parameters: count,
             mass_kg: worker.mass_kg,
+            mass_sigma_kg: Some(worker.mass_sigma_kg).filter(|sigma_kg| *sigma_kg > 0.0),
             height_m: build.map(|build| build.height_m),
             sex: build.map(|build| build.sex),
             poses_used: worker.poses_used,
@@ -208,6 +214,7 @@ impl Profile {
             return Err("a number of θ or P is out of range, or one is missing".to_owned());
         }
         stored.mass_kg = self.mass_kg;
+        stored.mass_sigma_kg = self.mass_sigma_kg.unwrap_or(0.0);
         stored.poses_used = self.poses_used;
         stored.identified = u64::from(self.identified);
         let learning = self.learning.unwrap_or(settings.start_identifying);
@@ -406,7 +413,7 @@ mod tests {
             (0b101, 0b10, 2, 0);
         stored.poses_used = 70;
         stored.consistency.recent = [0.1, 0.2, 1.0 / 3.0, 4.0, 5.0];
-        stored.misfit_m2 = [1e-4, 4e-5];
+        (stored.misfit_m2, stored.mass_sigma_kg) = ([1e-4, 4e-5], 1.25);
         let shift = Shift { fatigue: [0.5; 22], damage: 1e-4, lifts: 3, ..Shift::zeroed() };
         let mut experience = Experience::default();
         for excess in [0.25, -0.1] {
@@ -430,5 +437,6 @@ mod tests {
         assert_eq!((again.suggested_before, again.unholdable, again.suggested), (0b101, 0b10, 2));
         assert_eq!((again.identifying, again.performed.count()), (0, 70));
         assert_eq!(again.misfit_m2, [1e-4, 4e-5]);
+        assert!((again.mass_sigma_kg - 1.25).abs() < 1e-9);
     }
 }

@@ -113,7 +113,7 @@ pub struct RegistrationPart {
     #[serde(default)]
     station_from_suit_sigma_rad: f64,
     station_from_suit_m: [f64; 2],
-    /// CLOCK_MONOTONIC.
+    /// CLOCK_MONOTONIC; 0 if the registration was lost and the suit has sent no sample since.
     suit_time_ns: u64,
     suit_counter: u64,
     suit_period_ns: u64,
@@ -249,7 +249,8 @@ impl TarePart {
 }
 
 impl RegistrationPart {
-    /// The registration; `None` without one, or if the start of the machine cannot be determined.
+    /// The registration, also a lost one before the first suit sample: without it a later start would use the configured
+    /// one. `None` without any, or if the start of the machine cannot be determined.
     pub fn of(copy: &StoredState, config: &Config) -> Option<RegistrationPart> {
         let Registration {
             station_from_suit_rad,
@@ -260,7 +261,8 @@ impl RegistrationPart {
             suit_period_ns,
             suit_lag_s,
         } = copy.registration;
-        (suit_time_ns > 0).then_some(RegistrationPart {
+        let is_lost = station_from_suit_sigma_rad >= core::f64::consts::PI;
+        (suit_time_ns > 0 || is_lost).then_some(RegistrationPart {
             boot: boot()?,
             frames: frames_of(config),
             station_from_suit_rad,
@@ -288,6 +290,9 @@ impl RegistrationPart {
         }
         if !self.is_in_frames_of(config) {
             return Err("[ground.frame] is another than it was".to_owned());
+        }
+        if self.suit_time_ns == 0 {
+            return Err("it was lost before, and the suit has sent no sample since".to_owned());
         }
         let age_ns = now_ns.saturating_sub(self.suit_time_ns);
         if age_ns > SHIFT_VALID_NS {

@@ -244,7 +244,7 @@ impl Loop {
     }
 
     fn fill_and_push(&mut self, mut copy: Box<StoredState>) {
-        copy.copy_from(&self.memory);
+        copy.copy_from(&self.memory, &self.settings);
         self.ends.control.count_copy();
         // Cannot fail: there are more slots than boxes.
         let _ = self.ends.copies.push((self.worker, copy));

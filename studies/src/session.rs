@@ -208,7 +208,7 @@ impl Session {
     /// zero. Returns whether the saved state could be used.
     pub fn restart_daemon(&mut self, down_s: f64) -> bool {
         let mut kept = bytemuck::zeroed_box::<StoredState>();
-        kept.copy_from(&self.memory);
+        kept.copy_from(&self.memory, &self.settings);
         self.memory.start(&self.settings);
         let comes_back = self.memory.identification.restore(&kept.subject, &self.settings)
             && self.memory.resume_tare(&kept.tare)

@@ -3,23 +3,20 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::differentiate::Instant;
-use super::identification::Identification;
+use super::identification::{Identification, OTHER_MASS_SIGMA_KG};
 use super::insoles::GroundSigma;
 use super::residual::Residual;
 use super::settings::{Motion, Settings};
 use super::streams::Streams;
 use crate::math;
 use crate::message::ground::NoCop;
-use crate::message::{Component, GroundSample, Validity};
+use crate::message::{Component, GroundDevice, GroundSample, Validity};
 use crate::motion::unloaded::zero_limit_n;
 use crate::motion::{Envelope, ForceOffset};
 use crate::overload::GRAVITY_M_PER_S2;
 
 /// Maximum interval between snapshots for a rate of change, s: two samples of the slowest suit, 30 Hz.
 const RATE_STEP_MAX_S: f64 = 0.07;
-/// 1-σ of a configured or stored mass, kg: clothing, a meal, bathroom scales.
-const OTHER_MASS_SIGMA_KG: f64 = 0.5;
-const OTHER_MASS_SIGMA_N: f64 = OTHER_MASS_SIGMA_KG * GRAVITY_M_PER_S2;
 
 /// Wrench and centre of pressure of one sample.
 #[repr(C)]
@@ -120,8 +117,7 @@ pub(super) fn measure_ground(
 ) -> Ground {
     let (snapshot, step_s) = (&instant.snapshot, instant.step_s);
     state.force_offset.predict(step_s);
-    let mass_sigma_n = subject.weighed_sigma_n().unwrap_or(OTHER_MASS_SIGMA_N);
-    state.force_offset.apply_mass(subject.mass_kg, mass_sigma_n);
+    state.force_offset.apply_mass(subject.mass_kg, subject.weight_sigma_n());
     let mut sigma = GroundSigma::of(snapshot.ground(), &state.force_offset, settings);
     let is_comparable = step_s > 0.0 && step_s < RATE_STEP_MAX_S && state.last_is_usable == 1;
     let before = is_comparable.then_some(state.last);
@@ -218,7 +214,7 @@ impl GroundState {
     /// Makes the force offset as uncertain as with a mass from another source: the terms of another model may explain
     /// what it has absorbed.
     pub(super) fn widen_offset(&mut self) {
-        self.force_offset.widen(OTHER_MASS_SIGMA_N);
+        self.force_offset.widen(GRAVITY_M_PER_S2 * OTHER_MASS_SIGMA_KG);
     }
 
     /// Updates the force offset while no load is carried.
@@ -230,6 +226,14 @@ impl GroundState {
     ) {
         if settings.motion != Motion::Paper && !instant.snapshot.ground.is_by_insoles_alone() {
             self.force_offset.update(residual.delta_f_n, instant.step_s, residual.sigma);
+        }
+    }
+
+    /// 1-σ of the vertical force by the devices of the last sample, N.
+    pub(super) fn device_sigma_n(&self, settings: &Settings) -> f64 {
+        match GroundDevice::are_insoles_alone(self.last.devices as u32) {
+            true => settings.insole_force_sigma_n,
+            false => settings.force_sigma_n,
         }
     }
 

@@ -31,6 +31,7 @@ pub use measurement::StanceSigma;
 use misfit::Misfit;
 use progress::{Progress, ROWS_PER_POSE};
 pub use stored_subject::StoredSubject;
+pub(super) use weighing::OTHER_MASS_SIGMA_KG;
 use weighing::Weighing;
 
 /// Number of suit samples averaged for the bone lengths.

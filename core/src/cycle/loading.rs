@@ -15,7 +15,7 @@ use crate::body::{JOINTS, SEGMENTS, Side};
 use crate::frame::{Pose, StationWorld};
 use crate::math;
 use crate::message::state::SharingSource;
-use crate::message::{GroundSample, Validity};
+use crate::message::{GroundDevice, GroundSample, Validity};
 use crate::motion::{Load, Unloaded};
 use crate::overload::load_position::{ANOTHER_GRIP_SIGMAS, LoadPosition, Measured};
 use crate::overload::sharing::project;
@@ -225,7 +225,10 @@ impl Carrying<'_> {
         feet_are_measured: bool,
     ) -> LoadingSigma {
         let (ground, stance) = (&self.ground.sigma, &self.estimate.stance);
-        let zeta = if feet_are_measured { (ground.force_n / self.force.vertical_n).min(0.5) } else { 0.0 };
+        // Next to a plate, only the insoles measure the fractions.
+        let by_insoles = self.instant.snapshot.ground.devices & GroundDevice::Insoles as u32 != 0;
+        let insole_n = if by_insoles { settings.insole_force_sigma_n } else { 0.0 };
+        let foot_n = if feet_are_measured { ground.force_n.max(insole_n) } else { 0.0 };
         LoadingSigma {
             cop_measured_m: ground.cop_m,
             cop_estimated_m: body_cop.map(|cop| cop.sigma),
@@ -234,7 +237,7 @@ impl Carrying<'_> {
             delta_f_n: self.force.sigma_n,
             eta: hands.eta_sigma,
             load_ahead_m: hands.ahead_sigma_m,
-            zeta,
+            zeta: (foot_n / self.force.vertical_n).min(0.5),
             contradiction_m: hands.contradiction_m,
             orientation_rad: settings.suit_orientation_sigma_rad(),
             heading_rad: self.instant.heading_sigma_rad,

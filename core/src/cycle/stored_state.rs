@@ -11,6 +11,7 @@ use super::settings::Settings;
 use super::skew_monitor::LAG_MAX_S;
 use super::tare::Tare;
 use crate::exposure::Shift;
+use crate::overload::GRAVITY_M_PER_S2;
 use crate::time::NS_PER_S;
 
 /// Maximum gap after which a stored anchor shift is better than the configured position, ns. Each step that the anchor
@@ -57,8 +58,13 @@ pub struct StoredState {
 
 impl StoredState {
     /// Copies the data to be stored from the memory.
-    pub fn copy_from(&mut self, memory: &Memory) {
+    pub fn copy_from(&mut self, memory: &Memory, settings: &Settings) {
         memory.identification.store(&mut self.subject);
+        // The device's error is common to all of a session, and another one at another station.
+        if self.subject.mass_sigma_kg > 0.0 {
+            let device_kg = memory.ground.device_sigma_n(settings) / GRAVITY_M_PER_S2;
+            self.subject.mass_sigma_kg = self.subject.mass_sigma_kg.max(device_kg);
+        }
         self.shift = memory.exposure.shift();
         self.tare = memory.align.tare;
         self.registration = Registration {

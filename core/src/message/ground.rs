@@ -87,6 +87,12 @@ impl GroundDevice {
         (GroundDevice::SecondPlate, "second_plate"),
         (GroundDevice::Insoles, "insoles"),
     ];
+
+    /// Whether a union of these bits is that of insoles without a plate.
+    pub fn are_insoles_alone(devices: u32) -> bool {
+        let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
+        devices & GroundDevice::Insoles as u32 != 0 && devices & plates == 0
+    }
 }
 
 /// Frame of each foot's centre of pressure.
@@ -173,8 +179,7 @@ impl GroundSample {
 
     /// Whether insoles measured it, and no plate.
     pub fn is_by_insoles_alone(&self) -> bool {
-        let plates = GroundDevice::Plate as u32 | GroundDevice::SecondPlate as u32;
-        self.devices & GroundDevice::Insoles as u32 != 0 && self.devices & plates == 0
+        GroundDevice::are_insoles_alone(self.devices)
     }
 
     /// Whether each foot was measured separately and consistently with the total: finite, with the same sum.

@@ -43,7 +43,7 @@ reasons! {
     COP_NOT_MEASURED = 12, "cop_not_measured";
     /// Quick motion raised the detection limit: the external force is below it, but a load cannot be excluded.
     LOAD_BELOW_DETECTION_LIMIT = 13, "load_below_detection_limit";
-    /// The subject's position on the plate is unavailable: the suit was restarted, or silent for long.
+    /// The subject's position on the plate is unavailable: the suit's registration is lost.
     POSITION_UNKNOWN = 14, "position_unknown";
     /// The ground's readings are implausible for a body or a working device: jumps, repetitions, or traction.
     GROUND_IMPLAUSIBLE = 15, "ground_implausible";

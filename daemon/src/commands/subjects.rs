@@ -19,7 +19,7 @@ use crate::profile::{Profile, unix_s};
 use crate::rings::{CommandEnds, SettingsSender};
 use crate::subjects::{DELETED, ProfileDestination, Subjects};
 
-/// Maximum wait for the saving thread before another subject is loaded.
+/// Maximum wait for the loop and for the saving thread before a subject is loaded.
 const SAVED_TIMEOUT: Duration = Duration::from_millis(500);
 const SAVED_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
@@ -44,6 +44,11 @@ pub(super) fn load(
 ) -> Answer {
     let id = parse_id(command)?;
     await_saved(&id, ends, subjects)?;
+    if is_in_use(&id, subjects) {
+        // Its file is up to half a second old.
+        copy_subject_in_use(ends)?;
+        await_saved(&id, ends, subjects)?;
+    }
     // Not live: a reload does not change it.
     let save = active_configuration.with(|active| active.config.subject.save_profile);
     // Before the profile is read, so that the last data of another station are in it.
@@ -160,24 +165,43 @@ pub(super) fn delete(
 /// Waits until the disk holds all that the loop has passed on of a subject, and a box is free for the last copy of the
 /// subject in use.
 fn await_saved(id: &str, ends: &CommandEnds, subjects: &Subjects) -> Result<(), String> {
+    // A subject loaded before has passed the loop.
+    let is_processed = || ends.worker.slots() > 0 && ends.control.copies_pending() == 0;
+    if wait_for(|| is_processed() && !subjects.is_unwritten(id)) {
+        return Ok(());
+    }
+    Err(if is_processed() {
+        format!(
+            "newer data of {id} are in memory and not on the disk yet: see the incident not_saved, and ask again"
+        )
+    } else {
+        "the disk is slow, and data of the subject in use could be lost; ask again".to_owned()
+    })
+}
+
+/// Requests a copy of the loop's subject and waits until it is made.
+fn copy_subject_in_use(ends: &mut CommandEnds) -> Result<(), String> {
+    push_command(ends, CommandKind::SubjectSave)?;
+    let is_taken = wait_for(|| ends.command.slots() == ends.command.buffer().capacity());
+    // The loop copies at the end of a cycle, after it has counted it.
+    let cycle = ends.control.last_cycle();
+    if is_taken && wait_for(|| ends.control.last_cycle() > cycle + 1) {
+        Ok(())
+    } else {
+        Err("the loop does not run; see `equipoise status`".to_owned())
+    }
+}
+
+/// Waits until a condition holds; returns whether it does.
+fn wait_for(condition: impl Fn() -> bool) -> bool {
     let started = Instant::now();
-    loop {
-        // A subject loaded before has passed the loop.
-        let is_processed = ends.worker.slots() > 0 && ends.control.copies_pending() == 0;
-        if is_processed && !subjects.is_unwritten(id) {
-            return Ok(());
-        }
+    while !condition() {
         if started.elapsed() > SAVED_TIMEOUT {
-            return Err(if is_processed {
-                format!(
-                    "newer data of {id} are in memory and not on the disk yet: see the incident not_saved, and ask again"
-                )
-            } else {
-                "the disk is slow, and data of the subject in use could be lost; ask again".to_owned()
-            });
+            return false;
         }
         std::thread::sleep(SAVED_POLL_INTERVAL);
     }
+    true
 }
 
 fn is_in_use(id: &str, subjects: &Subjects) -> bool {
@@ -221,11 +245,60 @@ fn push_worker(
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
+    use bytemuck::Zeroable;
+    use equipoise_config::Config;
+    use equipoise_core::message::CycleRecord;
     use equipoise_station::state_directory::StateDirectory;
 
     use super::*;
-    use crate::rings::Rings;
+    use crate::profile::example;
+    use crate::rings::{LoopEnds, Outcome, Rings};
     use crate::subjects::CONFIGURED;
+
+    /// A loop and a saving thread, which write this profile with a copy; returns the lifts of the subject loaded.
+    fn serve(loop_ends: &mut LoopEnds, path: &std::path::Path, profile: &str) -> Option<u64> {
+        for cycle in 1.. {
+            let command = loop_ends.command.pop().ok();
+            let state = State { cycle, ..State::zeroed() };
+            loop_ends.push_outcome(Outcome { state, record: CycleRecord::zeroed() });
+            match command {
+                Some(CommandKind::SubjectSave) => fs::write(path, profile).unwrap(),
+                Some(CommandKind::SubjectLoad) => break,
+                _ if loop_ends.control.is_stopping() => break,
+                _ => std::thread::sleep(Duration::from_millis(1)),
+            }
+        }
+        loop_ends.worker.pop().ok().map(|(_, worker)| worker.exposure.dose.lifts)
+    }
+
+    #[test]
+    fn the_subject_in_use_is_loaded_with_what_the_loop_has_of_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        fs::create_dir_all(state.profiles()).unwrap();
+        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
+                    id = \"alice\"\nheight_m = 1.7\n";
+        let config = Config::parse(text, "the test's").unwrap();
+        let [old, new] = [7, 8].map(|lifts| example::text("alice", lifts, &config.settings()));
+        let path = state.profile("alice");
+        fs::write(&path, old).unwrap();
+        let subjects = Subjects::new(state.clone(), "s", ProfileDestination::of(&state, "alice", None, true));
+        let Rings { mut commands, mut loop_ends, settings, .. } = Rings::new().unwrap();
+        let active = ActiveConfiguration { config, loaded: None, similar: None };
+        let active = SharedConfiguration::new(active, settings);
+        let mut command = Command { kind: CommandKind::SubjectLoad as u32, ..Command::zeroed() };
+        command.subject[..5].copy_from_slice(b"alice");
+        std::thread::scope(|scope| {
+            let the_loop = scope.spawn(|| serve(&mut loop_ends, &path, &new));
+            let answer = load(&command, &mut commands, &active, &subjects);
+            if answer.is_err() {
+                commands.control.stop();
+            }
+            assert_eq!(the_loop.join().unwrap(), Some(8), "{answer:?}");
+        });
+    }
 
     #[test]
     fn a_subject_is_loaded_only_once_its_newest_data_are_on_the_disk() {

@@ -9,7 +9,7 @@ use tracing::{info, warn};
 use crate::active_configuration::{ActiveConfiguration, LoadedSubject};
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::station_file::StationFile;
+use crate::station_file::{RegistrationPart, StationFile};
 use crate::subjects::{self, DELETED, ProfileDestination, Subjects};
 
 /// The loop's initial memory and related data.
@@ -200,24 +200,27 @@ impl Restored {
             Some((_, Ok(_))) => self.warn("the tare is not used: a number of it is out of range".to_owned()),
             Some((_, Err(reason))) => self.warn(format!("the tare is not used: {reason}")),
         }
-        match station.registration.as_ref().map(|part| part.registration(config, now_ns())) {
-            None => {}
-            Some(Ok(registration)) if self.memory.resume_registration(&registration, settings) => {
-                self.report(
-                    "the position of the suit's world is restored, if the suit was not restarted".to_owned(),
-                );
-            }
-            Some(Ok(_)) => self.report("the stored position of the suit's world is not used".to_owned()),
-            Some(Err(reason)) => {
-                // Newly configured frames already describe the current position of the suit world.
-                let has_new_frames =
-                    station.registration.as_ref().is_some_and(|part| !part.is_in_frames_of(config));
-                if settings.suit_drifts && self.memory.identification.has_body() && !has_new_frames {
-                    self.memory.invalidate_registration();
-                }
-                self.report(format!("the position of the suit's world is estimated again: {reason}"));
-            }
+        if let Some(part) = station.registration.as_ref().filter(|_| settings.suit_drifts) {
+            self.restore_registration(config, settings, part);
         }
+    }
+
+    fn restore_registration(&mut self, config: &Config, settings: &Settings, part: &RegistrationPart) {
+        let restored = part.registration(config, now_ns()).and_then(|registration| {
+            let is_sound = self.memory.resume_registration(&registration, settings);
+            is_sound.then_some(()).ok_or_else(|| "a number of it is out of range".to_owned())
+        });
+        let outcome = match restored {
+            Ok(()) => "restored, if the suit was not restarted".to_owned(),
+            // Newly configured frames describe the present position of the suit world.
+            Err(reason) if !part.is_in_frames_of(config) => format!("that of the configuration: {reason}"),
+            // Also without a body: the next subject loaded may have one.
+            Err(reason) => {
+                self.memory.invalidate_registration();
+                format!("estimated again: {reason}")
+            }
+        };
+        self.report(format!("the position of the suit's world is {outcome}"));
     }
 
     fn report(&mut self, what: String) {
@@ -235,15 +238,11 @@ impl Restored {
 mod tests {
     use std::fs;
 
-    use equipoise_core::body::{SEGMENTS, Skeleton};
-    use equipoise_core::cycle::Identification;
-    use equipoise_core::cycle::identification::StoredSubject;
-    use equipoise_core::exposure::Shift;
-    use equipoise_core::frame::{Pose, rotation};
-    use equipoise_core::handover::experience::Experience;
+    use equipoise_core::cycle::StoredState;
     use equipoise_station::state_directory::StateDirectory;
 
     use super::*;
+    use crate::profile::example;
     use crate::station_file::SubjectPart;
 
     fn config() -> Config {
@@ -252,22 +251,8 @@ mod tests {
         Config::parse(text, "the test's").unwrap()
     }
 
-    /// The text of a profile with this number of lifts.
     fn profile(subject: &str, lifts: u64) -> String {
-        let settings = config().settings();
-        let mut worker = bytemuck::zeroed_box::<Identification>();
-        worker.start(&settings);
-        let origin = Skeleton::nominal(1.7).t_pose_m().map(Into::into);
-        let pose = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
-        while !worker.has_body() {
-            worker.update_skeleton(&pose, &settings);
-        }
-        let mut stored = bytemuck::zeroed_box::<StoredSubject>();
-        worker.store(&mut stored);
-        stored.poses_used = lifts;
-        let shift = Shift { lifts, ended: lifts, ..bytemuck::Zeroable::zeroed() };
-        let profile = Profile::of(subject, None, &stored, &shift, &Experience::default(), unix_s()).unwrap();
-        profile.to_toml().unwrap()
+        example::text(subject, lifts, &config().settings())
     }
 
     /// Restores with the profiles of alice (7 lifts) and, if given, bob's text and the station's text. Returns the
@@ -297,6 +282,58 @@ mod tests {
     fn station(in_use: &str) -> String {
         let subject = SubjectPart::of(in_use, &config());
         StationFile { subject, ..StationFile::new("s") }.to_toml().unwrap()
+    }
+
+    /// The text of the station's file with the position of the suit's world since long before the start.
+    fn station_with_position(in_use: &str, frames: &Config) -> String {
+        let mut stored = bytemuck::zeroed_box::<StoredState>();
+        (stored.registration.suit_time_ns, stored.registration.suit_period_ns) = (1, 10_000_000);
+        let subject = SubjectPart::of(in_use, &config());
+        let registration = RegistrationPart::of(&stored, frames);
+        StationFile { subject, registration, ..StationFile::new("s") }.to_toml().unwrap()
+    }
+
+    fn stored(restored: &Restored) -> Box<StoredState> {
+        let mut stored = bytemuck::zeroed_box::<StoredState>();
+        stored.copy_from(&restored.memory, &config().settings());
+        stored
+    }
+
+    fn position_is_lost(restored: &Restored) -> bool {
+        stored(restored).registration.station_from_suit_sigma_rad >= core::f64::consts::PI
+    }
+
+    #[test]
+    fn a_lost_position_of_the_suit_s_world_stays_lost_over_any_number_of_starts_without_the_suit() {
+        let (.., first) = restore(None, Some(&station_with_position("alice", &config())));
+        let again = |restored: &Restored, frames: &Config| {
+            let registration = RegistrationPart::of(&stored(restored), frames);
+            let file = StationFile { registration, ..StationFile::new("s") };
+            restore(None, Some(&file.to_toml().unwrap())).3
+        };
+        let second = again(&first, &config());
+        assert!(position_is_lost(&second) && position_is_lost(&again(&second, &config())));
+        assert!(second.messages.join("\n").contains("it was lost before"), "{:?}", second.messages);
+        let mut moved = config();
+        moved.ground.frame.yaw_deg = 90.0;
+        assert!(!position_is_lost(&again(&first, &moved)), "the configured frame is newer");
+        let (.., never) = restore(None, Some(&station("alice")));
+        assert!(!position_is_lost(&again(&never, &config())));
+    }
+
+    #[test]
+    fn an_outdated_position_of_the_suit_s_world_is_lost_also_for_a_subject_without_a_body() {
+        for in_use in ["alice", ""] {
+            let (.., restored) = restore(None, Some(&station_with_position(in_use, &config())));
+            assert_eq!(restored.memory.identification.has_body(), in_use == "alice");
+            assert!(position_is_lost(&restored), "{in_use}");
+            assert!(restored.messages.join("\n").contains("is estimated again"), "{:?}", restored.messages);
+        }
+        let mut moved = config();
+        moved.ground.frame.yaw_deg = 90.0;
+        let (.., restored) = restore(None, Some(&station_with_position("alice", &moved)));
+        assert!(!position_is_lost(&restored), "the configured frame is newer");
+        assert!(restored.messages.join("\n").contains("that of the configuration"), "{:?}", restored.messages);
     }
 
     #[test]

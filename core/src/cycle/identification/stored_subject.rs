@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{BodySource, Consistency, Identification, SKELETON_SAMPLES};
+use super::{BodySource, Consistency, Identification, SKELETON_SAMPLES, Weighing};
 use crate::body::{JOINTS, SEGMENTS};
 use crate::cycle::settings::Settings;
 use crate::kalman::Filter;
@@ -24,6 +24,8 @@ pub struct StoredSubject {
     pub skeleton_m: [[f64; 3]; SEGMENTS],
     /// Body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
+    /// Its 1-σ, kg, if it was weighed, otherwise 0.
+    pub mass_sigma_kg: f64,
     /// θ and P; the part for the stance is not restored.
     pub filter: Filter,
     /// Poses performed, as compared by Eq. 11.
@@ -54,6 +56,7 @@ impl Identification {
         stored.has_body = u64::from(self.has_body());
         stored.skeleton_m = self.skeleton_m;
         stored.mass_kg = self.mass_kg;
+        stored.mass_sigma_kg = self.weighed_sigma_kg().unwrap_or(0.0);
         stored.filter.copy_from(&self.filter);
         stored.performed.copy_from(&self.performed);
         [stored.suggested_before, stored.unholdable] = self.planner.history();
@@ -77,6 +80,7 @@ impl Identification {
         self.skeleton_samples = SKELETON_SAMPLES;
         self.bones_from = BodySource::Stored as u64;
         self.mass_kg = stored.mass_kg;
+        self.weighing = Weighing::stored(stored.mass_kg, stored.mass_sigma_kg);
         self.reset_to_prior(settings);
         if stored.filter.count() != self.reduction.count() || !stored.filter.is_sound() {
             return false;

@@ -14,6 +14,9 @@ const BODY_MASS_KG: core::ops::RangeInclusive<f64> = 25.0..=250.0;
 /// Minimum time for an estimate of the mean's error, s.
 const SHORTEST_S: f64 = 2.0 * CORRELATION_S;
 
+/// 1-σ of a configured or stored mass, kg: clothing, a meal, bathroom scales.
+pub(in crate::cycle) const OTHER_MASS_SIGMA_KG: f64 = 0.5;
+
 /// Sums over snapshots without a load.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
@@ -32,6 +35,22 @@ pub(super) struct Weighing {
 }
 
 impl Weighing {
+    /// A stored mass and its 1-σ, kg: the sums of one independent sample if that is larger than
+    /// [`OTHER_MASS_SIGMA_KG`], otherwise none.
+    pub(super) fn stored(mass_kg: f64, sigma_kg: f64) -> Weighing {
+        if mass_kg <= 0.0 || sigma_kg <= OTHER_MASS_SIGMA_KG {
+            return Weighing::zeroed();
+        }
+        Weighing {
+            length_s: CORRELATION_S,
+            impulse_n_s: mass_kg * GRAVITY_M_PER_S2 * CORRELATION_S,
+            velocity_m_per_s: GRAVITY_M_PER_S2 * CORRELATION_S,
+            square_kg2_s: mass_kg * mass_kg * CORRELATION_S,
+            expected_kg2_s: sigma_kg * sigma_kg * CORRELATION_S,
+            in_use_kg: mass_kg,
+        }
+    }
+
     fn mass_kg(&self) -> f64 {
         self.impulse_n_s / self.velocity_m_per_s
     }
@@ -53,10 +72,15 @@ impl Weighing {
 }
 
 impl Identification {
-    /// 1-σ of the weight if the mass in use was weighed, N.
-    pub(in crate::cycle) fn weighed_sigma_n(&self) -> Option<f64> {
+    /// 1-σ of the mass in use if it was weighed, kg, without the error of the device.
+    pub(in crate::cycle) fn weighed_sigma_kg(&self) -> Option<f64> {
         let is_weighed = self.mass_kg > 0.0 && self.mass_kg == self.weighing.in_use_kg;
-        is_weighed.then(|| GRAVITY_M_PER_S2 * self.weighing.sigma_kg())
+        is_weighed.then(|| self.weighing.sigma_kg())
+    }
+
+    /// 1-σ of the weight, N.
+    pub(in crate::cycle) fn weight_sigma_n(&self) -> f64 {
+        GRAVITY_M_PER_S2 * self.weighed_sigma_kg().unwrap_or(OTHER_MASS_SIGMA_KG)
     }
 
     /// Discards a mass that was weighed while force and motion belonged to different instants, or with another zero of

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::body::Segment;
+use crate::message::GroundDevice;
 use crate::message::state::SharingSource;
 
 /// Both forearms forward, so that the hands are well apart and away from the trunk.
@@ -176,6 +177,25 @@ fn measured_feet_are_published_and_geometry_returns_without_them() {
         // Noise estimates updated in between may change the hand load fractions slightly.
         assert!((Vector3::from(*again) - Vector3::from(*before)).norm() < 0.1, "{again:?} {before:?}");
     }
+}
+
+#[test]
+fn the_fractions_measured_by_insoles_next_to_a_plate_have_the_error_of_the_insoles() {
+    let (person, mut bench) = identified();
+    let pose = person.pose(&carrying());
+    bench.feet_m = Some(Side::BOTH.map(|side| pose.origin_of(side.foot()).xy().into()));
+    let at = 0.5 * (grips(&person)[0] + grips(&person)[1]);
+    let insole_sigma = bench.settings.insole_force_sigma_n / ((MASS_KG + 8.0) * GRAVITY_M_PER_S2);
+    let mut sigma_with = |second: GroundDevice| {
+        bench.disturbance.devices = GroundDevice::Plate as u32 | second as u32;
+        bench.hold(&person, &carrying(), None, 300);
+        bench.hold(&person, &carrying(), Some((8.0, at)), 600);
+        assert_eq!(bench.state().sharing_source, SharingSource::Measured as u32);
+        bench.state().foot_load_fraction_sigma
+    };
+    let (insoles, plates) = (sigma_with(GroundDevice::Insoles), sigma_with(GroundDevice::SecondPlate));
+    assert!((insoles - insole_sigma).abs() < 0.01 * insole_sigma, "{insoles} {insole_sigma}");
+    assert!(plates > 0.0 && plates < 0.5 * insole_sigma, "{plates}");
 }
 
 #[test]

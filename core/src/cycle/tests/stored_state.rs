@@ -2,11 +2,12 @@
 
 use super::*;
 use crate::cycle::stored_state::SHIFT_VALID_NS;
+use crate::message::GroundDevice;
 use crate::pose_suggestion::coordinates;
 
 fn stored_state(memory: &Memory) -> Box<StoredState> {
     let mut stored = bytemuck::zeroed_box::<StoredState>();
-    stored.copy_from(memory);
+    stored.copy_from(memory, &Settings::for_height(HEIGHT_M));
     stored
 }
 
@@ -123,6 +124,36 @@ fn a_stored_registration_is_valid_for_the_same_suit_and_a_short_gap_only() {
     );
     let jumped = |stored: &mut StoredState| stored.registration.suit_counter -= 100;
     assert!((published_m(NS_PER_S / 2, &jumped) - new_drift_m).abs() < 1e-9, "another stream");
+}
+
+#[test]
+fn a_mass_weighed_on_insoles_is_as_uncertain_on_a_plate_as_the_insoles() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
+    let posture = postures()[0];
+    bench.disturbance.devices = GroundDevice::Insoles as u32;
+    bench.hold(&person, &posture, None, 3000);
+    let mut stored = stored_state(&bench.memory);
+    assert!((stored.subject.mass_kg - MASS_KG).abs() < 0.1, "{}", stored.subject.mass_kg);
+    let insoles_n = bench.settings.insole_force_sigma_n;
+    assert!((stored.subject.mass_sigma_kg - insoles_n / GRAVITY_M_PER_S2).abs() < 1e-9);
+    // Insoles with a gain error of 2 %.
+    stored.subject.mass_kg *= 1.02;
+    let on_a_plate = |stored: &StoredState, milliseconds| {
+        let mut again = restored_bench(&bench, stored, NS_PER_S);
+        again.disturbance.devices = GroundDevice::Plate as u32;
+        again.hold(&person, &posture, None, milliseconds);
+        again
+    };
+    let weighed_again = on_a_plate(&stored, 5000).memory.identification.mass_kg;
+    assert!((weighed_again - MASS_KG).abs() < 0.2, "{weighed_again}");
+    stored.subject.identified = 1;
+    let again = on_a_plate(&stored, 300);
+    let (off_n, sigma_n) = (again.state().delta_f_n[2], again.state().delta_f_sigma_n);
+    assert!(off_n < -10.0 && off_n.abs() < 2.0 * sigma_n, "{off_n} {sigma_n}");
+    let kept = stored_state(&again.memory).subject.mass_sigma_kg;
+    assert!((kept - stored.subject.mass_sigma_kg).abs() < 1e-9, "over another start: {kept}");
+    let off_n = on_a_plate(&stored, 8000).state().delta_f_n[2];
+    assert!(off_n.abs() < 3.0, "the force offset has it: {off_n}");
 }
 
 #[test]
