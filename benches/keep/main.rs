@@ -56,7 +56,9 @@ fn main() {
     let (mut kept, mut checkpoint) =
         (bytemuck::zeroed_box::<StoredState>(), bytemuck::zeroed_box::<Checkpoint>());
     let mut contenders = [
-        Contender::new("StoredState::copy_from", || black_box(&mut kept).copy_from(black_box(&memory), &settings)),
+        Contender::new("StoredState::copy_from", || {
+            black_box(&mut kept).copy_from(black_box(&memory), &settings)
+        }),
         Contender::new("Checkpoint::take", || black_box(&mut checkpoint).take(1, black_box(&memory))),
     ];
     let medians_us = compare(&mut criterion, "copy what survives", &mut contenders);

@@ -143,8 +143,12 @@ mod tests {
         loaded.fit_to(&elsewhere, 7).unwrap();
         assert_eq!(spans(&loaded).len(), 1);
         assert!(loaded.fit_to(&folder.path().join("none"), 7).is_err());
-        let drift = TEXT.replace("HASH", expected).replace("plate_offset", "plate_drift").replace("dx_m", "vx_m_per_s");
-        let drift = drift.replace("value = 0.01", "value = 1e-4").replacen("unit = \"m\"", "unit = \"m/s\"", 1);
+        let drift = TEXT
+            .replace("HASH", expected)
+            .replace("plate_offset", "plate_drift")
+            .replace("dx_m", "vx_m_per_s");
+        let drift =
+            drift.replace("value = 0.01", "value = 1e-4").replacen("unit = \"m\"", "unit = \"m/s\"", 1);
         let loaded = LoadedModel::parse(drift, "m.toml".to_owned()).unwrap();
         assert!(loaded.model().is_empty());
         let text = "plate_yaw; left out, since it grows with time and its size is known in its recording only: plate_drift";

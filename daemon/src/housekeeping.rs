@@ -238,8 +238,11 @@ mod tests {
 
     #[test]
     fn the_message_of_a_lost_position_names_every_cause() {
-        let entry = VALIDITY_INCIDENTS.iter().find(|entry| entry.reason == Validity::POSITION_UNKNOWN).unwrap();
-        for cause in ["suit was restarted", "jumped", "silent for long", "computer was restarted", "plate was moved"] {
+        let entry =
+            VALIDITY_INCIDENTS.iter().find(|entry| entry.reason == Validity::POSITION_UNKNOWN).unwrap();
+        for cause in
+            ["suit was restarted", "jumped", "silent for long", "computer was restarted", "plate was moved"]
+        {
             assert!(entry.message.contains(cause), "{cause}: {}", entry.message);
         }
     }

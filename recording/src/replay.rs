@@ -104,11 +104,12 @@ impl Replay<'_> {
                     Start::Checkpoint => VecDeque::new(),
                     Start::Empty => self.later_subjects(&survey, recording),
                 };
-                let fidelity = recorded::run(recording, &mut machine, start, reloads, later, |state, record| {
-                    let period_ns = Some(record.period_ns).filter(|period_ns| *period_ns > 0);
-                    summary.ingest(state, period_ns.unwrap_or(self.config.period_ns()));
-                    write(state, Some(record))
-                })?;
+                let fidelity =
+                    recorded::run(recording, &mut machine, start, reloads, later, |state, record| {
+                        let period_ns = Some(record.period_ns).filter(|period_ns| *period_ns > 0);
+                        summary.ingest(state, period_ns.unwrap_or(self.config.period_ns()));
+                        write(state, Some(record))
+                    })?;
                 if summary.cycles == 0 && survey.samples == 0 {
                     bail!("there is no sample of suit or ground in it that can be used");
                 }
@@ -134,7 +135,10 @@ impl Replay<'_> {
         }
         if let Some(cause) = survey.memory_unavailable() {
             let states = "the states are not those of the live loop";
-            summary.skipped.rejected.push(format!("{cause}: replayed without its tare and its worker, so {states}"));
+            summary
+                .skipped
+                .rejected
+                .push(format!("{cause}: replayed without its tare and its worker, so {states}"));
         }
         summary.scored = machine.into_scored();
         Ok(summary)

@@ -186,8 +186,7 @@ mod tests {
     #[test]
     fn the_document_lists_all_topics() {
         let document = include_str!("../../../docs/recordings.md");
-        let rows: Vec<&str> =
-            document.lines().filter(|line| line.starts_with("| `/equipoise/")).collect();
+        let rows: Vec<&str> = document.lines().filter(|line| line.starts_with("| `/equipoise/")).collect();
         for TopicTable { topic, .. } in TOPICS {
             let name = topic.trim_start_matches("/equipoise/");
             let is_listed = |row: &&str| [name, topic].iter().any(|one| row.contains(&format!("`{one}`")));

@@ -85,9 +85,8 @@ impl History {
             return;
         }
         // Fewer poses or samples: identification began again.
-        let began_again = |last: &Point| {
-            state.poses_used < last.poses || state.motion_samples_used < last.motion_samples
-        };
+        let began_again =
+            |last: &Point| state.poses_used < last.poses || state.motion_samples_used < last.motion_samples;
         if self.points.back().is_some_and(began_again) {
             self.points.clear();
             self.parameters.clear();

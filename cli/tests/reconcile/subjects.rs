@@ -34,11 +34,15 @@ fn a_recording_of_several_workers_needs_spans_of_one() {
     };
     for (identify, work) in [(None, None), (Some("0:20"), Some("30:50")), (None, Some("20:40"))] {
         let refusal = compared("anon-1", identify, work).unwrap_err();
-        let workers = "of several workers, and a model is of one: anon-1 until 28.0 s, then anon-2; give --identify";
+        let workers =
+            "of several workers, and a model is of one: anon-1 until 28.0 s, then anon-2; give --identify";
         assert!(refusal.contains(workers), "{refusal}");
     }
     let refusal = compared("anon-1", Some("28.5:44"), Some("46:60")).unwrap_err();
-    assert!(refusal.contains("the worker of the given spans is anon-2, and the configuration is anon-1's"), "{refusal}");
+    assert!(
+        refusal.contains("the worker of the given spans is anon-2, and the configuration is anon-1's"),
+        "{refusal}"
+    );
 
     for (id, identify, work) in
         [("anon-1", "0:16", None), ("anon-1", "0:16", Some("18:27.5")), ("anon-2", "28.5:44", None)]

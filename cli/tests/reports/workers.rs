@@ -117,7 +117,8 @@ fn a_restart_that_begins_a_new_shift_keeps_the_lifts_before() {
     let recording = recording("shifts.mcap", &states, &[], record);
     let page = report("shifts.html", &recording);
     assert_eq!(page.rows("Lifts").len(), 3, "{}", page.text);
-    let rows: Vec<[&str; 2]> = page.rows("Workers").iter().map(|row| [0, 7].map(|cell| &*row[cell])).collect();
+    let rows: Vec<[&str; 2]> =
+        page.rows("Workers").iter().map(|row| [0, 7].map(|cell| &*row[cell])).collect();
     assert_eq!(rows, [["anon-1", "3"], ["anon-1", "0"]]);
     assert!(page.text.contains("A new shift of the same worker began"), "{}", page.text);
     assert!(!page.text.contains("The worker changed"), "{}", page.text);

@@ -74,11 +74,17 @@ fn what_grows_with_time_is_applied_to_its_recording_only() {
         file.effects[0] = Fitted { effect, place: Place::Whole, shape, ..file.effects[0].clone() };
         let (model, left_out) = file.model(spans);
         let is_left_out = left_out.iter().any(|fitted| fitted.effect == effect && fitted.open_ended);
-        assert_eq!(model.terms.iter().flatten().any(|term| term.effect == effect && term.shape == shape), !is_left_out);
+        assert_eq!(
+            model.terms.iter().flatten().any(|term| term.effect == effect && term.shape == shape),
+            !is_left_out
+        );
         !is_left_out
     };
     for (effect, shape) in [(Effect::PlateDrift, 0.0), (Effect::SuitHeadingDrift, 0.0)] {
-        assert!(applied(effect, shape, Spans::Hold { begin_ns: 0 }) && !applied(effect, shape, Spans::OpenEndedForEver));
+        assert!(
+            applied(effect, shape, Spans::Hold { begin_ns: 0 })
+                && !applied(effect, shape, Spans::OpenEndedForEver)
+        );
     }
     assert!(applied(Effect::PlateDrift, 90.0, Spans::OpenEndedForEver), "it has an end");
 }

@@ -64,7 +64,8 @@ impl ModelTerms {
 
     /// Lag of the suit at a time, s.
     pub(super) fn suit_lag_s(&self, model: &Model, time_ns: u64) -> f64 {
-        let lags = model.at(self.since_origin_s(model, time_ns)).filter(|term| term.effect == Effect::SuitLag);
+        let lags =
+            model.at(self.since_origin_s(model, time_ns)).filter(|term| term.effect == Effect::SuitLag);
         lags.map(|term| term.shape).sum()
     }
 

@@ -97,7 +97,8 @@ impl SkewMonitor {
     pub(super) fn replace_model_lag(&mut self, model_lag_s: f64) -> bool {
         let by_s = model_lag_s - self.model_lag_s;
         if self.is_measured() {
-            (self.target_s, self.applied_s) = (in_range(self.target_s - by_s), in_range(self.applied_s - by_s));
+            (self.target_s, self.applied_s) =
+                (in_range(self.target_s - by_s), in_range(self.applied_s - by_s));
         }
         if by_s != 0.0 {
             self.estimator.shift_heights(by_s);

@@ -333,7 +333,11 @@ mod tests {
         moved.ground.frame.yaw_deg = 90.0;
         let (.., restored) = restore(None, Some(&station_with_position("alice", &moved)));
         assert!(!position_is_lost(&restored), "the configured frame is newer");
-        assert!(restored.messages.join("\n").contains("that of the configuration"), "{:?}", restored.messages);
+        assert!(
+            restored.messages.join("\n").contains("that of the configuration"),
+            "{:?}",
+            restored.messages
+        );
     }
 
     #[test]

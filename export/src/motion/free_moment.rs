@@ -1,8 +1,8 @@
 //! Moment about the vertical through the centre of pressure, from ground samples: states do not hold it.
 
 use equipoise_adapters::recording::{Entry, TimedEntry};
-use equipoise_core::cycle::alignment::GAP_MAX_NS;
 use equipoise_core::cycle::Tare;
+use equipoise_core::cycle::alignment::GAP_MAX_NS;
 use equipoise_core::message::command::CommandKind;
 use equipoise_core::message::{Component, GroundSample};
 

@@ -45,7 +45,11 @@ impl RecordingFile {
     /// it: the later one counts, unless a clock that was ahead has set it in the future.
     fn age(&self, now: SystemTime) -> Option<Duration> {
         let numbered = SystemTime::UNIX_EPOCH.checked_add(Duration::from_secs(self.number));
-        [Some(self.changed), numbered].into_iter().flatten().filter_map(|at| now.duration_since(at).ok()).min()
+        [Some(self.changed), numbered]
+            .into_iter()
+            .flatten()
+            .filter_map(|at| now.duration_since(at).ok())
+            .min()
     }
 }
 
@@ -170,9 +174,8 @@ impl RecordingStore {
         let files = self.files()?;
         let mut total: u64 = files.iter().map(|file| file.bytes).sum();
         let mut cleared = Cleared { removed: Vec::new(), free_bytes: free_bytes()? };
-        let is_old = |file: &RecordingFile| {
-            file.age(now).zip(limits.age).is_some_and(|(age, limit)| age > limit)
-        };
+        let is_old =
+            |file: &RecordingFile| file.age(now).zip(limits.age).is_some_and(|(age, limit)| age > limit);
         for file in files {
             let old = is_old(&file);
             let reason = if old {
@@ -311,7 +314,8 @@ mod tests {
         let now_s = 2_000_000_000;
         let day_s = DAY.as_secs();
         // The clock was at 1970 during the second file, and ahead during the third; the last one is right.
-        let files = [(now_s - 3 * day_s, now_s - 3 * day_s), (now_s - day_s, 10), (now_s + 9 * day_s, 1 << 33)];
+        let files =
+            [(now_s - 3 * day_s, now_s - 3 * day_s), (now_s - day_s, 10), (now_s + 9 * day_s, 1 << 33)];
         for (number, changed_s) in files.into_iter().chain([(now_s + 9 * day_s + 1, now_s)]) {
             create_file_at(folder.path(), number, changed_s);
         }

@@ -75,8 +75,9 @@ mod tests {
 
     #[test]
     fn a_tare_is_repeated_at_the_first_tick_at_or_after_it() {
-        let samples = [100, 150]
-            .map(|arrival_ns| Sample::Ground(Box::new(GroundSample { arrival_ns, ..GroundSample::zeroed() })));
+        let samples = [100, 150].map(|arrival_ns| {
+            Sample::Ground(Box::new(GroundSample { arrival_ns, ..GroundSample::zeroed() }))
+        });
         let mut tared = Vec::new();
         run(samples.into_iter(), 10, &[105, 120, 900], |tick, inputs| {
             tared.extend(inputs.command.map(|command| (tick.due_ns, command)));

@@ -102,7 +102,8 @@ impl Input {
         }
         let started_ns = self.started_ns();
         let first_ns = suit_ns.into_iter().chain(ground_ns).min().unwrap_or(started_ns);
-        let is_ahead = first_ns.checked_sub(started_ns).is_some_and(|ahead_ns| ahead_ns <= START_AHEAD_MAX_NS);
+        let is_ahead =
+            first_ns.checked_sub(started_ns).is_some_and(|ahead_ns| ahead_ns <= START_AHEAD_MAX_NS);
         Ok(if is_ahead { started_ns } else { first_ns })
     }
 

@@ -81,7 +81,9 @@ impl Survey {
     /// The changes of the subject, in order.
     pub fn subject_changes(&self, header: &RecordingHeader) -> Vec<SubjectChange> {
         let changes = header.subject_changes().into_iter();
-        changes.map(|(attached_ns, subjects)| SubjectChange { at_ns: self.changed_ns(attached_ns), subjects }).collect()
+        changes
+            .map(|(attached_ns, subjects)| SubjectChange { at_ns: self.changed_ns(attached_ns), subjects })
+            .collect()
     }
 
     /// Due time of the cycle that changed to the subject whose profile was attached at this time, ns.
@@ -89,7 +91,9 @@ impl Survey {
         let is_near = |time_ns: u64| time_ns.abs_diff(attached_ns) <= SUBJECT_ATTACHED_WITHIN_NS;
         let before = self.handovers_ns.iter().rfind(|[_, at_ns]| *at_ns <= attached_ns && is_near(*at_ns));
         // The status has another subject shortly before the loop, or long before the first cycle of a restarted daemon.
-        let after = |[last_ns, at_ns]: &&[u64; 2]| *at_ns > attached_ns && (*last_ns <= attached_ns || is_near(*last_ns));
+        let after = |[last_ns, at_ns]: &&[u64; 2]| {
+            *at_ns > attached_ns && (*last_ns <= attached_ns || is_near(*last_ns))
+        };
         let handover = before.or_else(|| self.handovers_ns.iter().find(after));
         handover.map_or(attached_ns, |[_, at_ns]| *at_ns)
     }
