@@ -319,7 +319,7 @@ fn a_model_with_a_lag_does_not_change_the_measured_one_in_total() {
     assert!((reload(&mut bench, lag) - 0.02).abs() < 1e-9);
     assert!(bench.memory.align.skew.lag_sigma_s() > 0.0, "it was not measured again");
     let mut stored = bytemuck::zeroed_box::<StoredState>();
-    stored.copy_from(&bench.memory);
+    stored.copy_from(&bench.memory, &bench.settings);
     for (model, lag_s) in [(lag, 0.02), (Model::default(), 0.04)] {
         let mut again = Bench::new(|settings| settings.model = model);
         assert!(again.memory.resume_registration(&stored.registration, &again.settings));
@@ -330,7 +330,7 @@ fn a_model_with_a_lag_does_not_change_the_measured_one_in_total() {
     // Without a measurement the lag of the model applies.
     bench.memory.align.skew.resume(0.0, 0.0);
     assert_eq!(reload(&mut bench, lag), 0.0);
-    stored.copy_from(&bench.memory);
+    stored.copy_from(&bench.memory, &bench.settings);
     assert_eq!(stored.registration.suit_lag_s, 0.0);
 }
 
