@@ -188,12 +188,6 @@ impl RecordingHeader {
     }
 }
 
-/// The pseudonym in a profile.
-fn pseudonym(profile_toml: &str) -> Option<String> {
-    let profile: toml::Table = profile_toml.parse().ok()?;
-    profile.get("subject")?.as_str().map(str::to_owned)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
