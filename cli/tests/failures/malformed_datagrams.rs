@@ -150,7 +150,10 @@ fn malformed_datagrams_are_counted_by_reason_only() {
     });
     assert!(monitor.state.cycle > before.cycle);
 
-    let status = station.status_when("an estimate", |status| status["state"]["cop_estimated"].is_array());
+    // Whether there is an estimate depends on the machine: a suit that was silent for long is located again only once it
+    // moves, and this one stands.
+    let status =
+        station.status_when("the suit's counts", |status| status["adapters"][0]["refused"].is_object());
     let refused = &status["adapters"][0]["refused"];
     for (what, reason, _) in FAULTS {
         assert!(refused[reason.name()].as_u64() >= Some(ROUNDS), "{what}: {refused}");
