@@ -14,6 +14,8 @@ pub const SUBJECT_ATTACHED_WITHIN_NS: u64 = 3 * NS_PER_S;
 pub struct Survey {
     /// Number of cycle records.
     pub cycles: u64,
+    /// Number of suit and ground samples.
+    pub samples: u64,
     /// Number of checkpoints from which this release can resume.
     pub checkpoints: u64,
     /// Why the last unusable checkpoint was refused.
@@ -58,6 +60,7 @@ impl Survey {
                 }
                 refused => self.checkpoint_refused = refused,
             },
+            Entry::Suit(_) | Entry::Ground(_) => self.samples += 1,
             _ => {}
         }
     }
