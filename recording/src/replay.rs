@@ -146,14 +146,14 @@ impl Replay<'_> {
 
     /// Due time of the first cycle, ns, and settings of each later subject.
     fn later_subjects(&self, survey: &Survey, recording: &Recording) -> VecDeque<(u64, Settings)> {
-        let settings = self.config.settings();
-        let changes = survey.subject_changes(recording.header()).into_iter();
-        let later = changes.map(|SubjectChange { at_ns, subjects: [_, id] }| {
+        let mut later = VecDeque::new();
+        for SubjectChange { at_ns, subjects: [_, id] } in survey.subject_changes(recording.header()) {
+            let mut settings = self.config.settings();
             // The configured mass is that of the configured subject.
-            let mass_kg = settings.mass_kg.filter(|_| id == self.config.subject.id);
-            (at_ns, Settings { mass_kg, ..settings })
-        });
-        later.collect()
+            settings.mass_kg = settings.mass_kg.filter(|_| id == self.config.subject.id);
+            later.push_back((at_ns, settings));
+        }
+        later
     }
 
     /// The header of a recording of results: the input's, with the active configuration, outside the hash chain.
