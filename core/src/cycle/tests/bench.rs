@@ -150,7 +150,7 @@ impl Disturbance {
         let ([fx, fy, fz], [mx, my, mz], on_plate) = (ground.force_n, ground.moment_nm, 1.0 - outside);
         // Only the left foot is on the plate, which shifts the reaction to the left.
         let lateral_nm = 0.2 * outside * on_plate * fz;
-        let unlike = 1.0 + 1e-12 * (ground.sequence % 2) as f64;
+        let unlike = 1.0 + 1e-9 * (ground.sequence % 2) as f64;
         GroundSample {
             // Exactly repeated values other than zero count as implausible.
             force_n: [

@@ -20,7 +20,7 @@ fn a_new_zero_is_no_jump_of_the_plate() {
         assert!(!bench.state().validity().any_of(Validity::GROUND_IMPLAUSIBLE));
     }
     let newest = bench.memory.align.alignment.newest_ground().unwrap();
-    assert!(newest.force_n[2].abs() < 1e-9, "{}", newest.force_n[2]);
+    assert!(newest.force_n[2].abs() < 1e-6, "{}", newest.force_n[2]);
     assert_eq!(bench.state().mass_kg, MASS_KG, "it was not weighed");
 }
 
@@ -28,7 +28,7 @@ fn a_new_zero_is_no_jump_of_the_plate() {
 fn weighed(person: &Person, zero_n: f64) -> Bench {
     let mut bench = Bench::new(|settings| settings.mass_kg = None);
     bench.disturbance.zero_n = zero_n;
-    bench.hold(person, &postures()[0], None, 2500);
+    bench.hold(person, &postures()[0], None, 4000);
     let expected_kg = MASS_KG + zero_n / GRAVITY_M_PER_S2;
     assert!((bench.state().mass_kg - expected_kg).abs() < 1e-6, "{}", bench.state().mass_kg);
     bench
@@ -43,7 +43,7 @@ fn a_mass_that_contains_the_previous_zero_is_weighed_again() {
         bench.hold(&person, &postures()[0], None, 100);
         assert!(bench.state().validity().any_of(Validity::MASS_UNKNOWN), "{zero_n}");
         bench.disturbance.outside = 0.0;
-        bench.hold(&person, &postures()[0], None, 3000);
+        bench.hold(&person, &postures()[0], None, 4000);
         let state = bench.state();
         assert!((state.mass_kg - MASS_KG).abs() < 1e-6, "{zero_n}: {}", state.mass_kg);
         assert!(!state.validity().any_of(Validity::INVALIDATES_DELTA_F), "{:?}", state.validity());
