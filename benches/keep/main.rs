@@ -57,7 +57,7 @@ fn main() {
         (bytemuck::zeroed_box::<StoredState>(), bytemuck::zeroed_box::<Checkpoint>());
     let mut contenders = [
         Contender::new("StoredState::copy_from", || {
-            black_box(&mut kept).copy_from(black_box(&memory), &settings)
+            black_box(&mut kept).copy_from(black_box(&memory), &settings);
         }),
         Contender::new("Checkpoint::take", || black_box(&mut checkpoint).take(1, black_box(&memory))),
     ];
