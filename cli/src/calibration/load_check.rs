@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 const EMPTY_S: f64 = 1.0;
 /// Duration of holding before the measurement begins, s: averages over a carry assume errors correlated over 2 s.
 const SETTLE_S: f64 = 2.0;
-/// A longer gap between two states restarts the interval, s.
+/// A longer gap between two states restarts the interval of empty hands and is not part of a measurement, s.
 const GAP_S: f64 = 0.2;
 /// A lifted mass below this fraction of the mass does not count as the mass.
 const LIFTED_RATIO: f64 = 0.5;
@@ -190,11 +190,14 @@ impl LoadCheck {
                 Some(Event::Ready(self.trials.len()))
             }
             Phase::Held { for_s } => {
-                let is_held = !valid.any_of(Validity::INVALIDATES_TORQUES)
-                    && state.lifted_mass_kg > LIFTED_RATIO * self.settings.mass_kg
-                    && !is_gap;
-                if !is_held {
+                let is_published = !valid.any_of(Validity::INVALIDATES_TORQUES);
+                let is_light = is_published && state.lifted_mass_kg <= LIFTED_RATIO * self.settings.mass_kg;
+                if is_light || valid.any_of(Validity::BELOW_LOAD_THRESHOLD) {
                     self.phase = Phase::Held { for_s: 0.0 };
+                    return None;
+                }
+                // An interruption, as of a sensor or of a busy computer, does not restart the measurement.
+                if !is_published || is_gap {
                     return None;
                 }
                 let now_s = for_s + step_s;
@@ -295,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn putting_the_mass_down_or_a_gap_restarts_the_trial() {
+    fn putting_the_mass_down_restarts_the_trial_and_an_interruption_does_not() {
         let mut check = LoadCheck::new(SETTINGS());
         let mut measured = 0;
         for tick in 0..2000 {
@@ -308,5 +311,15 @@ mod tests {
             }
         }
         assert_eq!((measured, check.trials().len()), (0, 0));
+        // From now on the mass is held; of each second, half is a gap and a tenth invalid.
+        for tick in 2200..3400 {
+            let (time_s, tenth) = (f64::from(tick) * 0.01, tick / 10 % 10);
+            let mut state = state(time_s, 10.0);
+            state.valid = if tenth == 7 { Validity::SUIT_STALE.0 } else { 0 };
+            if tenth > 4 {
+                check.ingest(&state);
+            }
+        }
+        assert_eq!(check.trials().len(), 1);
     }
 }

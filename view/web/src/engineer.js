@@ -133,7 +133,7 @@ function showFacts(facts) {
   element("model-no-report").hidden = Boolean(facts?.report);
   element("report").hidden = !facts?.report;
   // Since the first of an unbroken sequence of viewers.
-  const measured = { span: facts?.latency_span_s >= 0 ? span(facts.latency_span_s) : MISSING };
+  const measured = { span: Number.isFinite(facts?.latency_span_s) ? span(facts.latency_span_s) : MISSING };
   setText(element("latency-title"), t("ui.latency", measured));
   const micro = (ns) => (ns / 1000).toFixed(ns < 100_000 ? 1 : 0);
   const stages = (facts?.latency?.stages ?? []).filter(({ count }) => count > 0);
