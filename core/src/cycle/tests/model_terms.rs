@@ -273,7 +273,7 @@ fn another_model_makes_what_the_offsets_absorbed_uncertain() {
     let mut bench = bench(&[], |_| {});
     bench.identify(&person);
     bench.command(CommandKind::IdentifyStop);
-    let mut sigmas_after = |bench: &mut Bench, milliseconds| {
+    let sigmas_after = |bench: &mut Bench, milliseconds| {
         bench.hold(&person, &posture, None, milliseconds);
         let state = bench.state();
         assert!(!state.validity().any_of(Validity::INVALIDATES_DELTA_F), "{:?}", state.validity());
