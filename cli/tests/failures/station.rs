@@ -4,6 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Instant;
 
 use equipoise_daemon::stored_file::sealed;
 use equipoise_simulator::ports::free_address;
@@ -11,7 +12,7 @@ use equipoise_simulator::settings::SimulationSettings;
 use equipoise_simulator::simulation::{Simulation, SimulationHandle};
 use tempfile::TempDir;
 
-use crate::process::{Process, wait_for};
+use crate::process::{Process, TIMEOUT, wait_for};
 
 /// The station's name on its own bus.
 pub(crate) const NAME: &str = "bench";
@@ -173,9 +174,17 @@ poses_min = 1000
 
     /// Runs a command to its end.
     pub(crate) fn run(&self, arguments: &[&str]) -> Output {
-        let mut process = self.spawn(arguments);
-        let code = process.wait().code();
-        Output { code, stdout: process.stdout(), stderr: process.stderr() }
+        let started = Instant::now();
+        loop {
+            let mut process = self.spawn(arguments);
+            let code = process.wait().code();
+            let output = Output { code, stdout: process.stdout(), stderr: process.stderr() };
+            // The daemon loads no subject before the data of the previous one are on the disk, which may be busy.
+            let is_early = output.stderr.contains("the disk is slow");
+            if !is_early || started.elapsed() > TIMEOUT {
+                return output;
+            }
+        }
     }
 
     /// Starts a daemon with this configuration.
