@@ -9,7 +9,7 @@ use super::{foot_outline, insoles};
 use crate::body::gyration_m2;
 use crate::frame::{Pose, StationWorld};
 use crate::math;
-use crate::message::{GroundSample, SuitBody};
+use crate::message::SuitBody;
 use crate::motion::{History, Inertia, MassDistribution, Snapshot};
 
 /// Body and ground at one time, to which all later stages refer.
@@ -19,7 +19,7 @@ pub(super) struct Instant {
     pub(super) snapshot: Snapshot,
     /// Its pose.
     pub(super) pose: Pose<StationWorld>,
-    /// Accelerations; `None` without samples of suit and ground on both sides.
+    /// Accelerations; `None` without samples on both sides.
     pub(super) inertia: Option<Inertia>,
     /// Time since the previous instant, s.
     pub(super) step_s: f64,
@@ -58,10 +58,16 @@ pub(super) fn differentiate(
     let masses = MassDistribution { body: subject.anthropometry(), gyration_m2: &gyration_m2 };
     let (mut snapshot, inertia) = history.next(half_ns, settings.accelerations, &masses)?;
     let pose = snapshot.pose();
-    let inertia = inertia.filter(|inertia| {
-        let mean = |time_ns| align.alignment.ground_around(time_ns, inertia.half_window_ns);
-        inertia.is_by_suit || filter_ground(settings, &mut snapshot, &pose, suit_body, mean)
-    });
+    // The force that belongs to accelerations by positions is the mean over the same window.
+    let by_positions = inertia.is_some_and(|inertia| !inertia.is_by_suit);
+    if by_positions
+        && settings.motion != Motion::Paper
+        && let Some(time_ns) = snapshot.ground().map(|ground| ground.sample_time_ns)
+        && let Some(ground) = align.alignment.ground_around(time_ns, half_ns)
+    {
+        let outlines = foot_outline::both(&pose, suit_body, settings.height_m);
+        snapshot.ground = insoles::to_world(&ground, &pose, &outlines);
+    }
     Some(Instant {
         snapshot,
         pose,
@@ -71,111 +77,4 @@ pub(super) fn differentiate(
         place_is_lost: placement.registration.is_lost(),
         heading_sigma_rad: placement.registration.heading_sigma_rad(),
     })
-}
-
-/// The force that belongs to accelerations by positions is the mean over the same window. Returns whether it is
-/// available; without it, quick motion would appear as an external force.
-pub(super) fn filter_ground(
-    settings: &Settings,
-    snapshot: &mut Snapshot,
-    pose: &Pose<StationWorld>,
-    suit_body: Option<&SuitBody>,
-    mean: impl FnOnce(u64) -> Option<GroundSample>,
-) -> bool {
-    let has_mean = settings.motion != Motion::Paper;
-    let Some(ground) = snapshot.ground().filter(|_| has_mean) else { return true };
-    let Some(ground) = mean(ground.sample_time_ns) else { return false };
-    let outlines = foot_outline::both(pose, suit_body, settings.height_m);
-    snapshot.ground = insoles::to_world(&ground, pose, &outlines);
-    true
-}
-
-#[cfg(test)]
-mod tests {
-    extern crate std;
-    use std::boxed::Box;
-
-    use nalgebra::{UnitQuaternion, Vector3};
-
-    use super::*;
-    use crate::body::{SEGMENTS, Skeleton};
-    use crate::cycle::settings::Accelerations;
-    use crate::frame::SuitWorld;
-    use crate::overload::GRAVITY_M_PER_S2;
-
-    const MS_NS: u64 = 1_000_000;
-    const SUIT_PERIOD_NS: u64 = 4_166_667;
-    const MASS_KG: f64 = 80.0;
-    const OMEGA: f64 = 3.0 * core::f64::consts::TAU;
-    const AMPLITUDE_M: f64 = 0.01;
-
-    /// A wrench of a body that oscillates up and down.
-    fn ground_at(time_ns: u64) -> GroundSample {
-        let acceleration = -AMPLITUDE_M * OMEGA * OMEGA * math::sin_cos(OMEGA * time_ns as f64 * 1e-9).0;
-        GroundSample {
-            sample_time_ns: time_ns,
-            force_n: [0.0, 0.0, MASS_KG * (GRAVITY_M_PER_S2 + acceleration)],
-            ..bytemuck::Zeroable::zeroed()
-        }
-    }
-
-    fn pose_at(time_ns: u64) -> Pose<SuitWorld> {
-        let up_m = 0.95 + AMPLITUDE_M * math::sin_cos(OMEGA * time_ns as f64 * 1e-9).0;
-        let origin = Skeleton::nominal(1.77).t_pose_m().map(|at| Vector3::from(at) + up_m * Vector3::z());
-        Pose::new(origin, [UnitQuaternion::identity(); SEGMENTS])
-    }
-
-    /// Largest difference between force and inertia in two seconds, as a fraction of the true inertia, with a suit of 240
-    /// Hz that is `late_ns` later than the plate. `None` without accelerations.
-    fn unbalanced(half_window_ns: u64, late_ns: u64) -> Option<f64> {
-        let settings = Settings {
-            motion: Motion::Compensated { half_window_ns },
-            accelerations: Accelerations::Positions,
-            ..Settings::for_height(1.77)
-        };
-        let mut subject = bytemuck::zeroed_box::<Identification>();
-        subject.start(&settings);
-        while !subject.has_body() {
-            subject.update_skeleton(&pose_at(0), &settings);
-        }
-        let mut align = bytemuck::zeroed_box::<AlignState>();
-        let placement = bytemuck::zeroed_box::<Placement>();
-        let mut history: Box<History> = bytemuck::zeroed_box();
-        let (mut suit_ns, mut worst) = (0, None);
-        for now_ns in (1..3000).map(|millisecond| millisecond * MS_NS) {
-            align.alignment.push_ground(&ground_at(now_ns));
-            if now_ns < suit_ns + SUIT_PERIOD_NS + late_ns {
-                continue;
-            }
-            suit_ns += SUIT_PERIOD_NS;
-            let pose = pose_at(suit_ns);
-            let mut snapshot =
-                Snapshot::new(suit_ns, &pose, &pose.shifted(Vector3::zeros()), subject.anthropometry());
-            (snapshot.ground, snapshot.has_ground) = (ground_at(suit_ns), 1);
-            history.push(snapshot);
-            while let Some(instant) =
-                differentiate(&settings, &mut history, &align, &placement, &subject, None)
-            {
-                let Some(inertia) = instant.inertia.filter(|_| suit_ns > 1000 * MS_NS) else { continue };
-                let force = instant.snapshot.ground.force_n[2] / MASS_KG;
-                let off = (force - GRAVITY_M_PER_S2 - inertia.acceleration_m_per_s2[2]).abs();
-                worst = Some(off.max(worst.unwrap_or(0.0)));
-            }
-        }
-        worst.map(|off: f64| off / (AMPLITUDE_M * OMEGA * OMEGA))
-    }
-
-    #[test]
-    fn force_and_inertia_pass_the_same_filter_also_where_the_history_cuts_the_window() {
-        for half_window_ns in [70 * MS_NS, 250 * MS_NS] {
-            let off = unbalanced(half_window_ns, 0).unwrap();
-            assert!(off < 0.05, "{half_window_ns}: {off}");
-        }
-    }
-
-    #[test]
-    fn accelerations_without_a_force_of_the_same_window_are_not_used() {
-        assert!(unbalanced(70 * MS_NS, 450 * MS_NS).unwrap() < 0.05);
-        assert_eq!(unbalanced(70 * MS_NS, 560 * MS_NS), None);
-    }
 }

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 use super::Tick;
 use super::align::AlignState;
 use super::cop_estimate::Estimate;
-use super::differentiate::{Instant, filter_ground};
+use super::differentiate::Instant;
 use super::ground::{Ground, GroundState, measure_ground};
 use super::identification::{Identification, StanceSigma};
 use super::identify::Identified;
@@ -24,6 +24,7 @@ use super::prediction::{Prediction, PredictionState, predict_early};
 use super::settings::{Motion, Settings};
 use super::streams::Streams;
 use super::validity::time_is_uncertain;
+use super::{foot_outline, insoles};
 use crate::body::{JOINTS, Side, gyration_m2};
 use crate::math;
 use crate::message::state::AccelerationSource;
@@ -404,14 +405,18 @@ fn newest_instant(settings: &Settings, newest: &Newest<'_>) -> (Instant, Option<
     let grip_m = Side::BOTH.map(|side| Vector3::from(masses.body.grip_m(side.hand())));
     let span_ns = 2 * settings.half_window_ns();
     let motion = causal_motion(history, span_ns, settings.accelerations, &masses, grip_m);
-    let covered = motion.filter(|motion| {
-        let mean = |time_ns| align.alignment.ground_before(time_ns, motion.span_ns);
-        motion.inertia.is_by_suit || filter_ground(settings, &mut snapshot, &pose, suit_body, mean)
-    });
+    if let Some(motion) = motion.filter(|motion| !motion.inertia.is_by_suit)
+        && settings.motion != Motion::Paper
+        && let Some(time_ns) = snapshot.ground().map(|ground| ground.sample_time_ns)
+        && let Some(ground) = align.alignment.ground_before(time_ns, motion.span_ns)
+    {
+        let outlines = foot_outline::both(&pose, suit_body, settings.height_m);
+        snapshot.ground = insoles::to_world(&ground, &pose, &outlines);
+    }
     let instant = Instant {
         snapshot,
         pose,
-        inertia: covered.map(|motion| motion.inertia),
+        inertia: motion.map(|motion| motion.inertia),
         step_s: 0.0,
         suit_body: suit_body.copied(),
         place_is_lost: placement.registration.is_lost(),
