@@ -1,6 +1,6 @@
 """Headless Chromium over its debugging pipe, without another library: opens a page, reads what it shows, checks and pictures it.
 
-With PAGE_SHOTS=DIRECTORY pictures are written there, NAME-WIDTH-THEME.png. AXE names the file axe.min.js of axe-core.
+With PAGE_SHOTS=DIRECTORY pictures are written there: NAME-WIDTH-THEME.png, and films NAME.webp (program img2webp). AXE names the file axe.min.js of axe-core.
 """
 
 import base64
@@ -9,6 +9,7 @@ import json
 import os
 import select
 import subprocess
+import tempfile
 import time
 
 # Time in which a resized page must be as it stays, s.
@@ -267,6 +268,21 @@ class Browser:
         data = self.ask("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={**whole, "scale": 1})["data"]
         with open(os.path.join(SHOTS, f"{name}.png"), "wb") as file:
             file.write(base64.b64decode(data))
+
+    def film(self, name, lasts_s, period_s):
+        """The window for a while, as an animated picture."""
+        with tempfile.TemporaryDirectory() as folder:
+            frames, begun_s = [], time.monotonic()
+            while (at_s := time.monotonic() - begun_s) < lasts_s:
+                path = os.path.join(folder, f"{len(frames)}.png")
+                with open(path, "wb") as file:
+                    file.write(base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"]))
+                frames.append((at_s, path))
+                time.sleep(max(0.0, at_s + period_s - (time.monotonic() - begun_s)))
+            ends_s = [at_s for at_s, _ in frames[1:]] + [lasts_s]
+            shown = [["-d", str(round(1000 * (end_s - at_s))), path] for (at_s, path), end_s in zip(frames, ends_s)]
+            subprocess.run(["img2webp", "-loop", "0", "-lossy", "-q", "60", "-m", "6", *sum(shown, []), "-o", os.path.join(SHOTS, f"{name}.webp")],
+                           check=True, stdout=subprocess.DEVNULL)
 
     def close(self):
         self.process.terminate()

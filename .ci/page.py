@@ -286,6 +286,10 @@ def levels(browser, url):
             browser.select_language("it")
             browser.shoot("worker-orange-it")
             browser.select_language("en")
+    if SHOTS:
+        browser.open(url)
+        browser.look_until(in_3d, "a figure")
+        browser.film("worker", 15.0, 0.2)
     loaded(browser, url)
 
 

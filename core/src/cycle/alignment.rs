@@ -11,8 +11,8 @@ use crate::message::{GroundSample, Message, SuitSample};
 use crate::motion::end_kernel;
 use crate::time::NS_PER_S;
 
-/// Ground samples stored: 0.64 s at 1 kHz, for a suit with half a second of latency.
-const GROUND_RING: usize = 640;
+/// Ground samples stored: at 1 kHz, half a second for the latency of the suit and half a second for the longest window.
+const GROUND_RING: usize = 1024;
 /// Suit samples that may wait for the ground: half a second at 240 Hz.
 const SUIT_QUEUE: usize = 128;
 /// Maximum time that a suit sample waits for the ground, ns.

@@ -214,7 +214,12 @@ impl History {
             &window,
             snapshot,
         );
-        Some(Inertia { is_by_suit, ..Inertia::of(self.at(index), &motion, masses) })
+        let edges = [first, first + count as u64 - 1].into_iter();
+        let full = edges.filter(|edge| edge.abs_diff(index) == AHEAD_MAX as u64);
+        let half_window_ns = full
+            .map(|edge| self.at(edge).time_ns.abs_diff(self.at(index).time_ns))
+            .fold(half_window_ns, u64::min);
+        Some(Inertia { is_by_suit, half_window_ns, ..Inertia::of(self.at(index), &motion, masses) })
     }
 
     /// Passes every snapshot of the window around the last released one to `visit`, with its weight in a second

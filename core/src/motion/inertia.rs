@@ -72,6 +72,8 @@ pub struct Inertia {
     pub upper: UpperInertia,
     /// Whether the suit's own accelerations are included.
     pub is_by_suit: bool,
+    /// Half the window around the snapshot, ns: less than requested if the history stores less.
+    pub half_window_ns: u64,
 }
 
 impl Inertia {
@@ -82,6 +84,7 @@ impl Inertia {
         hand_acceleration_m_per_s2: [[0.0; 3]; 2],
         upper: UpperInertia::REST,
         is_by_suit: false,
+        half_window_ns: 0,
     };
 
     /// Sums over the segments: masses and centres by the table, scaled to this subject's bone lengths.
@@ -98,7 +101,7 @@ impl Inertia {
             hand_acceleration_m_per_s2: Side::BOTH
                 .map(|side| motion.acceleration_m_per_s2[side.hand().index()]),
             upper: UpperInertia::of(snapshot, motion, masses, &rates),
-            is_by_suit: false,
+            ..Inertia::REST
         }
     }
 
