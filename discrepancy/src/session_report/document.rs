@@ -21,6 +21,7 @@ pub fn document(facts: &Facts) -> Document {
             sections::session(facts),
             sections::identification(facts),
             sections::exposure(facts),
+            sections::body(facts),
             sections::lifts(facts),
             sections::dose(facts),
             sections::back(facts),
