@@ -6,10 +6,11 @@
 //!
 //! Layers, lowest first: [`series`], [`niosh`] → [`identification`], [`exposure`], [`lifts`], [`back`], [`quality`],
 //! [`body_positions`], [`records`] → [`period`] → [`gather`] → `strips`, `stick_figure` → `recommendations`, `sections` →
-//! [`document`](mod@document) → [`pdf`]
+//! `comparison` → [`document`](mod@document) → [`pdf`]
 
 pub mod back;
 pub mod body_positions;
+mod comparison;
 pub mod document;
 pub mod exposure;
 pub mod gather;

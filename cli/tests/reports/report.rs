@@ -167,6 +167,25 @@ fn the_body_over_time_is_bounded_and_begins_with_the_highest_load() {
 }
 
 #[test]
+fn with_one_configuration_several_recordings_keep_their_subjects() {
+    let session = session();
+    let [again, other, out] =
+        ["again.mcap", "other-subject.toml", "subjects.html"].map(|name| session.file(name));
+    std::fs::copy(&session.samples, &again).unwrap();
+    let subject = equipoise_studies::subject::Subject::of_the_paper(5);
+    std::fs::write(&other, crate::session::config(&subject).replace("anon-7", "anon-9")).unwrap();
+    let files = [text(&session.samples), text(&again)];
+    let ended = equipoise(&["report", files[0], files[1], "--config", text(&other), "--out", text(&out)]);
+    assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
+    let page = Page::read(&out);
+    assert_eq!(page.cell("Comparison", "comparable", "2: anon-7"), "yes");
+    let configuration = page.cell("Session 1: Session", "configuration", "value");
+    assert!(configuration.contains("with the recording's own [subject]"), "{configuration}");
+    let peaks = page.rows("Peak of each joint");
+    assert!(!peaks.is_empty() && peaks.iter().all(|row| row[1] == row[2]), "{peaks:?}");
+}
+
+#[test]
 fn samples_without_states_are_replayed_to_the_same_numbers() {
     let session = session();
     let (recorded, replayed) =
