@@ -442,5 +442,9 @@ pub(crate) const MINUTES_FROM_S: f64 = 300.0;
 pub(crate) const STATEMENT_TIME_MIN_S: f64 = 5.0;
 /// States that wait for the records of their cycles, which a recorder writes later. Unit: 1. Origin: chosen.
 pub(crate) const REORDER_BUFFER: usize = 512;
+/// Interval of the displayed positions of the body. Unit: s. Origin: display.
+pub(crate) const BODY_INTERVAL_S: f64 = 0.2;
+/// Displayed positions of the body, at most; beyond it the interval doubles. Unit: 1. Origin: budget: 0.3 MB of the page.
+pub(crate) const BODY_POSITIONS_MAX: usize = 240;
 /// Time limit of printing; the report of a shift takes seconds. Unit: s. Origin: chosen.
 pub(crate) const PRINT_TIMEOUT: Duration = Duration::from_secs(120);

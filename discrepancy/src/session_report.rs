@@ -5,9 +5,12 @@
 //! Invalid values are counted by reason and never drawn: lines break there.
 //!
 //! Layers, lowest first: [`series`], [`niosh`] → [`identification`], [`exposure`], [`lifts`], [`back`], [`quality`],
-//! [`records`] → [`period`] → [`gather`] → `strips`, `recommendations`, `sections` → [`document`](mod@document) → [`pdf`]
+//! [`body_positions`], [`records`] → [`period`] → [`gather`] → `strips`, `stick_figure` → `recommendations`, `sections` →
+//! `comparison` → [`document`](mod@document) → [`pdf`]
 
 pub mod back;
+pub mod body_positions;
+mod comparison;
 pub mod document;
 pub mod exposure;
 pub mod gather;
@@ -21,6 +24,7 @@ mod recommendations;
 pub mod records;
 mod sections;
 pub mod series;
+mod stick_figure;
 mod strips;
 
 pub use document::document;

@@ -135,6 +135,57 @@ fn identification_dose_and_quality_are_those_of_the_states() {
 }
 
 #[test]
+fn the_body_over_time_is_bounded_and_begins_with_the_highest_load() {
+    let page = report("body.html", &session().states);
+    let at = |index: usize, key: &str| {
+        let (_, attributes) = &page.elements[index];
+        attributes.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+    };
+    let is_button = |index: &usize| page.elements[*index].0 == "input";
+    let buttons: Vec<usize> = (0..page.elements.len()).filter(is_button).collect();
+    assert!((60..=240).contains(&buttons.len()), "{}", buttons.len());
+    for index in &buttons {
+        assert_eq!((at(*index, "type"), at(*index, "name")), (Some("radio"), Some("body")));
+        assert!(at(*index, "aria-label").unwrap().starts_with("t = "), "{:?}", page.elements[*index]);
+        assert_eq!(page.elements[index + 1].0, "svg", "each button has its drawing");
+    }
+    let checked: Vec<&str> = buttons
+        .iter()
+        .filter(|index| at(**index, "checked").is_some())
+        .map(|index| at(*index, "aria-label").unwrap())
+        .collect();
+    let highest = &page.rows("Minutes at each level")[0][0];
+    let percent = page.cell("Minutes at each level", highest, "of the limit");
+    assert_eq!(checked.len(), 1);
+    assert!(checked[0].contains(&format!(": {highest} {percent} ± ")), "{checked:?}, {highest} {percent}");
+    // Without a valid pose there is no figure.
+    let page = report(
+        "no-body.html",
+        &states("no-body.mcap", &[State { cycle: 1, time_ns: 10_000_000, ..State::zeroed() }], |_| {}),
+    );
+    assert!(page.text.contains("No pose of the suit was valid"), "{}", page.text);
+}
+
+#[test]
+fn with_one_configuration_several_recordings_keep_their_subjects() {
+    let session = session();
+    let [again, other, out] =
+        ["again.mcap", "other-subject.toml", "subjects.html"].map(|name| session.file(name));
+    std::fs::copy(&session.samples, &again).unwrap();
+    let subject = equipoise_studies::subject::Subject::of_the_paper(5);
+    std::fs::write(&other, crate::session::config(&subject).replace("anon-7", "anon-9")).unwrap();
+    let files = [text(&session.samples), text(&again)];
+    let ended = equipoise(&["report", files[0], files[1], "--config", text(&other), "--out", text(&out)]);
+    assert!(matches!(ended.status.code(), Some(0 | 3)), "{ended:?}");
+    let page = Page::read(&out);
+    assert_eq!(page.cell("Comparison", "comparable", "2: anon-7"), "yes");
+    let configuration = page.cell("Session 1: Session", "configuration", "value");
+    assert!(configuration.contains("with the recording's own [subject]"), "{configuration}");
+    let peaks = page.rows("Peak of each joint");
+    assert!(!peaks.is_empty() && peaks.iter().all(|row| row[1] == row[2]), "{peaks:?}");
+}
+
+#[test]
 fn samples_without_states_are_replayed_to_the_same_numbers() {
     let session = session();
     let (recorded, replayed) =

@@ -66,6 +66,11 @@ impl Section {
         self.pieces.push(Piece::Code { language, text: text.into() });
     }
 
+    /// Appends drawings of which the reader selects one.
+    pub fn scrubber(&mut self, scrubber: Scrubber) {
+        self.pieces.push(Piece::Scrubber(scrubber));
+    }
+
     /// Appends a row of drawings, unless there are none.
     pub fn figures(&mut self, figures: Vec<Figure>) {
         if !figures.is_empty() {
@@ -96,6 +101,8 @@ pub enum Piece {
     },
     /// Drawings in a row.
     Figures(Vec<Figure>),
+    /// Drawings of which the reader selects one.
+    Scrubber(Scrubber),
 }
 
 /// A table; cells of columns in `numeric` are right-aligned.
@@ -127,6 +134,36 @@ pub struct Figure {
     pub drawing: Drawing,
     /// Its caption; may be empty.
     pub caption: Text,
+}
+
+/// Drawings over time, one for each step; radio buttons in a strip select one, so that no script is needed.
+#[derive(Debug, Clone)]
+pub struct Scrubber {
+    /// Identifier, unique in its page.
+    pub name: String,
+    /// What is selected, and how.
+    pub label: String,
+    /// Height of a drawing, 540 wide.
+    pub height: f64,
+    /// SVG behind every step.
+    pub background: String,
+    /// The steps in order.
+    pub steps: Vec<Step>,
+    /// Index of the step that is selected first, and printed.
+    pub selected: usize,
+}
+
+/// A step of a scrubber.
+#[derive(Debug, Clone)]
+pub struct Step {
+    /// Text alternative.
+    pub label: String,
+    /// Colour of its bar in the strip.
+    pub colour: String,
+    /// Height of the bar over that of the strip.
+    pub fraction: f64,
+    /// Its SVG, in which external names are escaped already.
+    pub body: String,
 }
 
 /// A line of text.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::document::{Document, Figure, Inline, Piece, Table, Text};
+use super::document::{Document, Figure, Inline, Piece, Scrubber, Table, Text};
 use super::escape::xml;
 use super::svg;
 
@@ -63,7 +63,35 @@ fn piece(piece: &Piece, out: &mut String) {
             writeln!(out, "<pre tabindex=\"0\"><code>{}</code></pre>", xml(text.trim_end()))
         }
         Piece::Figures(all) => writeln!(out, "<div class=\"figures\">\n{}</div>", figures(all)),
+        Piece::Scrubber(content) => writeln!(out, "{}", scrubber(content)),
     };
+}
+
+/// A drawing follows its radio button; the style sheet displays that of the selected one.
+fn scrubber(scrubber: &Scrubber) -> String {
+    let Scrubber { height, background, steps, selected, .. } = scrubber;
+    let (name, label, width) = (xml(&scrubber.name), xml(&scrubber.label), svg::WIDTH);
+    let drawing = |body: &str| {
+        format!("<svg class=\"plot\" viewBox=\"0 0 {width} {height}\" aria-hidden=\"true\">{body}</svg>")
+    };
+    let mut out = format!(
+        "<fieldset class=\"scrubber\">\n<legend>{label}</legend>\n<div class=\"stage\">{}<div class=\"strip\">\n",
+        drawing(background)
+    );
+    for (index, step) in steps.iter().enumerate() {
+        let _ = writeln!(
+            out,
+            "<input type=\"radio\" name=\"{name}\" aria-label=\"{}\" \
+             style=\"--bar:{};--height:{:.0}%\"{}/>{}",
+            xml(&step.label),
+            xml(&step.colour),
+            100.0 * step.fraction,
+            if index == *selected { " checked=\"\"" } else { "" },
+            drawing(&step.body)
+        );
+    }
+    out.push_str("</div></div>\n</fieldset>");
+    out
 }
 
 fn figures(figures: &[Figure]) -> String {

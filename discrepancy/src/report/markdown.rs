@@ -29,6 +29,11 @@ pub(super) fn markdown(document: &Document) -> String {
 
 fn piece(piece: &Piece, out: &mut String) {
     match piece {
+        Piece::Scrubber(scrubber) => {
+            for step in &scrubber.steps {
+                let _ = writeln!(out, "- {}", escape::markdown(&step.label));
+            }
+        }
         Piece::Paragraph(line) => out.push_str(&format!("{}\n", text(line))),
         Piece::Note(line) => out.push_str(&format!("> {}\n", text(line))),
         Piece::Subheading(line) => out.push_str(&format!("### {}\n", text(line))),

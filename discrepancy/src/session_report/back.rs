@@ -20,8 +20,10 @@ pub struct Back {
     pub valid_s: f64,
     /// Largest compression, its 1-σ and its time: N, N, s.
     pub peak: Option<[f64; 3]>,
-    /// Integral of the compression over its valid time, N s.
-    compression_n_s: f64,
+    /// Integrals of the compression and of its 1-σ over the valid time, N s.
+    integral_n_s: [f64; 2],
+    /// Damage of the first state.
+    damage_before: Option<f64>,
     /// Final damage (1 is failure) and probability of a high-risk job; `None` before a lift has added damage.
     pub dose: Option<[f64; 2]>,
 }
@@ -33,7 +35,9 @@ impl Back {
             self.compression_n.push(time_s, newtons);
             self.moment_nm.push(time_s, state.l5s1_moment_nm);
             self.valid_s += step_s;
-            self.compression_n_s += newtons * step_s;
+            let [compression_n_s, sigma_n_s] = &mut self.integral_n_s;
+            *compression_n_s += newtons * step_s;
+            *sigma_n_s += state.l5s1_compression_sigma_n * step_s;
             if self.peak.is_none_or(|[peak_n, ..]| newtons > peak_n) {
                 self.peak = Some([newtons, state.l5s1_compression_sigma_n, time_s]);
             }
@@ -41,13 +45,19 @@ impl Back {
         if let Some(mass_kg) = state.unless(Validity::INVALIDATES_LIFTED_MASS, state.lifted_mass_kg) {
             self.lifted_kg.push(time_s, mass_kg);
         }
+        self.damage_before.get_or_insert(state.dose_damage);
         self.damage.push(time_s, state.dose_damage);
         self.dose = words::assessed_dose(state);
     }
 
-    /// Mean compression while valid, N.
-    pub fn mean_n(&self) -> Option<f64> {
-        (self.valid_s > 0.0).then(|| self.compression_n_s / self.valid_s)
+    /// Mean compression while valid, N, and the mean of its 1-σ: the errors of one session do not average out.
+    pub fn mean_n(&self) -> Option<[f64; 2]> {
+        (self.valid_s > 0.0).then(|| self.integral_n_s.map(|integral_n_s| integral_n_s / self.valid_s))
+    }
+
+    /// Damage since the first state; `None` as long as there is no dose.
+    pub fn added_damage(&self) -> Option<f64> {
+        Some(self.dose?[0] - self.damage_before?)
     }
 }
 
@@ -64,11 +74,12 @@ mod tests {
         let carried = State { valid: Validity::NOT_IDENTIFIED.0, dose_damage: 1e-4, ..State::zeroed() };
         back.ingest(&carried, 0.6, 0.5);
         assert_eq!(back.dose, Some([1e-4, 0.0]), "damage from before the recording");
+        assert_eq!(back.added_damage(), Some(1e-4), "of the second state");
         let state = State { l5s1_compression_n: 2000.0, l5s1_compression_sigma_n: 200.0, ..State::zeroed() };
         back.ingest(&state, 1.0, 0.5);
         back.ingest(&State { l5s1_compression_n: 1000.0, ..state }, 2.0, 0.5);
         back.ingest(&State { l5s1_compression_n: 9000.0, valid: Validity::MOVING.0, ..state }, 3.0, 0.5);
-        assert_eq!((back.peak, back.mean_n()), (Some([2000.0, 200.0, 1.0]), Some(1500.0)));
+        assert_eq!((back.peak, back.mean_n()), (Some([2000.0, 200.0, 1.0]), Some([1500.0, 200.0])));
         assert_eq!(back.compression_n.points().len(), 2);
         // Without a load the low-back values remain valid.
         back.ingest(&State { valid: Validity::BELOW_LOAD_THRESHOLD.0, ..state }, 4.0, 0.5);

@@ -26,6 +26,18 @@ pub struct Peak {
     pub load: Option<[f64; 2]>,
 }
 
+impl Peak {
+    /// The limit ratio with its 1-σ in per cent, as text; without σ for a zero torque, whose limit is unavailable.
+    pub fn percent(&self) -> String {
+        let Peak { limit_ratio, sigma_nm, torque_nm, .. } = *self;
+        if torque_nm > 0.0 {
+            format!("{:.0} % ± {:.0} %", 100.0 * limit_ratio, 100.0 * limit_ratio * sigma_nm / torque_nm)
+        } else {
+            format!("{:.0} %", 100.0 * limit_ratio)
+        }
+    }
+}
+
 /// Exposure of one joint.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct JointExposure {
@@ -49,6 +61,8 @@ pub type Column = [Option<Level>; JOINTS];
 pub struct Exposure {
     /// In the order of the joints' indices.
     pub joints: [JointExposure; JOINTS],
+    /// Time of each level as the highest of all joints, by the level's number, s.
+    pub highest_level_s: [f64; LEVELS],
     /// Duration of valid torques, s.
     pub valid_s: f64,
     /// Intervals of `COLUMN_S` by their number since the begin of the recording.
@@ -57,7 +71,12 @@ pub struct Exposure {
 
 impl Default for Exposure {
     fn default() -> Exposure {
-        Exposure { joints: [JointExposure::default(); JOINTS], valid_s: 0.0, columns: Vec::new() }
+        Exposure {
+            joints: [JointExposure::default(); JOINTS],
+            highest_level_s: [0.0; LEVELS],
+            valid_s: 0.0,
+            columns: Vec::new(),
+        }
     }
 }
 
@@ -74,9 +93,13 @@ impl Exposure {
         if self.columns.last().is_none_or(|(last, _)| *last != number) {
             self.columns.push((number, [None; JOINTS]));
         }
+        let mut highest_level = Level::None;
         for joint in Joint::ALL {
             let index = joint.index();
             let level = Level::from_number(state.joint_level[index]).unwrap_or(Level::None);
+            if severity(level) > severity(highest_level) {
+                highest_level = level;
+            }
             let exposure = &mut self.joints[index];
             exposure.level_s[level as usize] += step_s;
             exposure.ingest_joint(state, joint, time_s);
@@ -88,6 +111,14 @@ impl Exposure {
                 *highest = (*highest).into_iter().chain([level]).max_by_key(|level| severity(*level));
             }
         }
+        self.highest_level_s[highest_level as usize] += step_s;
+    }
+
+    /// The joint with the largest limit ratio, and its peak.
+    pub fn highest_peak(&self) -> Option<(Joint, Peak)> {
+        let peaks =
+            Joint::ALL.into_iter().filter_map(|joint| Some((joint, self.joints[joint.index()].peak?)));
+        peaks.max_by(|(_, a), (_, b)| a.limit_ratio.total_cmp(&b.limit_ratio))
     }
 
     /// The joint that was closest to its limit for the longest time; the larger peak decides between equal times.
@@ -147,6 +178,10 @@ mod tests {
         assert_eq!((joint.at(Level::Green), joint.at(Level::Red), joint.at(Level::None)), (0.01, 0.01, 0.0));
         assert_eq!(joint.peak.map(|peak| (peak.torque_nm, peak.limit_ratio)), Some((50.0, 0.5)));
         assert_eq!((exposure.valid_s, exposure.worst()), (0.02, Some(Joint::ALL[3])));
+        let highest_s = [Level::Green, Level::Red].map(|level| exposure.highest_level_s[level as usize]);
+        assert_eq!(highest_s, [0.01, 0.01]);
+        let highest = exposure.highest_peak().map(|(joint, peak)| (joint, peak.percent()));
+        assert_eq!(highest, Some((Joint::ALL[3], "50 % ± 0 %".to_owned())));
         assert_eq!(exposure.columns.len(), 1, "no valid torque in the second after");
         assert_eq!(exposure.columns[0].1[3], Some(Level::Red));
     }

@@ -13,6 +13,7 @@ use equipoise_recording::replay::samples::Sample;
 use equipoise_recording::replay::survey::SUBJECT_ATTACHED_WITHIN_NS;
 
 use super::back::Back;
+use super::body_positions::BodyPositions;
 use super::exposure::Exposure;
 use super::identification::Identification;
 use super::lifts::Lifts;
@@ -59,6 +60,8 @@ pub struct Facts {
     pub lifts: Lifts,
     /// Low back, load, dose.
     pub back: Back,
+    /// Positions of the body.
+    pub body: BodyPositions,
     /// Final body mass, kg; 0 if unavailable.
     pub mass_kg: f64,
     /// Percentiles of the path; `None` without cycle records.
@@ -69,9 +72,11 @@ pub struct Facts {
     pub rejected: Vec<String>,
     /// Result of the authenticity check, in one line; `None` for a capture.
     pub authenticity: Option<String>,
-    started_ns: u64,
+    /// Number of times that the settings were replaced during the recording; 0 if they were not those of the states.
+    pub reloads: usize,
     /// Height of the walking surface in the world, m.
-    surface_z_m: f64,
+    pub surface_z_m: f64,
+    started_ns: u64,
     records: Records,
     last: Option<Last>,
     /// Time of the first state of the last period; 0 for the first one.
@@ -104,6 +109,7 @@ impl Facts {
             name: name.to_owned(),
             source: Source::Recorded,
             subjects: header.subjects(&chosen.config.subject.id),
+            reloads: if as_recorded { header.reloads.len() } else { 0 },
             header,
             config: chosen.config,
             config_origin: chosen.origin,
@@ -114,6 +120,7 @@ impl Facts {
             exposure: Exposure::default(),
             lifts: Lifts::on(surface_z_m),
             back: Back::default(),
+            body: BodyPositions::default(),
             mass_kg: 0.0,
             path: None,
             quality: Quality::default(),
@@ -204,6 +211,7 @@ impl Facts {
         self.exposure.ingest(state, time_s, step_s);
         self.lifts.ingest(state, time_s, step_s);
         self.back.ingest(state, time_s, step_s);
+        self.body.ingest(state, time_s);
         self.quality.ingest(state, step_s);
         self.mass_kg = state.mass_kg;
     }

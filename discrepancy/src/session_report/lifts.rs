@@ -29,6 +29,14 @@ impl Lift {
     pub fn index(&self) -> Option<f64> {
         Some(self.mass_kg? / self.limit_kg.filter(|limit_kg| *limit_kg > 0.0)?)
     }
+
+    /// As [`Lift::index`], but infinite outside the range of the equation, where no mass is acceptable.
+    pub fn excess(&self) -> Option<f64> {
+        match self.limit_kg? {
+            limit_kg if limit_kg <= 0.0 => Some(f64::INFINITY),
+            _ => self.index(),
+        }
+    }
 }
 
 /// All lifts of a recording.

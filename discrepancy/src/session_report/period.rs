@@ -6,6 +6,7 @@ use equipoise_core::overload::Level;
 use super::back::Back;
 use super::exposure::{Exposure, JointExposure};
 use super::lifts::Lifts;
+use super::quality::Quality;
 
 /// Why a period began.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +34,8 @@ pub struct Period {
     pub lifts: Lifts,
     /// Low back, load, dose.
     pub back: Back,
+    /// Quality of the data.
+    pub quality: Quality,
 }
 
 impl Period {
@@ -48,6 +51,7 @@ impl Period {
         self.exposure.ingest(state, time_s, step_s);
         self.lifts.ingest(state, time_s, step_s);
         self.back.ingest(state, time_s, step_s);
+        self.quality.ingest(state, step_s);
     }
 
     /// The longest time of a joint at the levels high and overloaded, s.

@@ -69,6 +69,13 @@ impl Quality {
         self.adapters.insert(health.stream, *health);
     }
 
+    /// The flag of a set that was raised for the longest time, and this time, s; `None` if none was raised.
+    pub fn longest_of(&self, set: Validity) -> Option<(&'static str, f64)> {
+        let raised = Validity::NAMES.iter().zip(&self.reason_s);
+        let of_set = raised.filter(|((flag, _), raised_s)| set.any_of(*flag) && **raised_s > 0.0);
+        of_set.map(|((_, name), raised_s)| (*name, *raised_s)).max_by(|(_, a), (_, b)| a.total_cmp(b))
+    }
+
     /// The validity flags that were raised, with their durations, s.
     pub fn reasons(&self) -> impl Iterator<Item = (&'static str, f64)> {
         let raised = Validity::NAMES.iter().zip(&self.reason_s).filter(|(_, raised_s)| **raised_s > 0.0);
@@ -88,6 +95,9 @@ mod tests {
             quality.ingest(&State { cycle, valid, phase: 2, ..State::zeroed() }, 0.5);
         }
         assert_eq!(quality.reasons().map(|(_, raised_s)| raised_s).collect::<Vec<_>>(), [1.0, 0.5]);
+        assert_eq!(quality.longest_of(Validity::INVALIDATES_TORQUES), Some(("suit_stale", 1.0)));
+        assert_eq!(quality.longest_of(Validity::GROUND_STALE), Some(("ground_stale", 0.5)));
+        assert_eq!(quality.longest_of(Validity::MOVING), None);
         assert_eq!((quality.states_missing, quality.restarts), (2, 1));
         assert_eq!((quality.all_valid_s, quality.observed_s, quality.phase_s[2]), (1.0, 2.0, 2.0));
     }

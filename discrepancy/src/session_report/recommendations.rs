@@ -10,7 +10,6 @@ use crate::report::document::{Section, Text, strong};
 use super::document::length;
 use super::exposure::Peak;
 use super::gather::Facts;
-use super::lifts::Lift;
 
 /// Changes of the job, derived from the largest loads of the session.
 pub(super) fn recommendations(facts: &Facts) -> Section {
@@ -54,10 +53,9 @@ fn joints(facts: &Facts) -> Vec<Text> {
     high.into_iter()
         .map(|(joint, peak, high_s)| {
             let text = strong(capital(words::joint(joint))).plain(format!(
-                ": high or overloaded for {}, at most {:.0} % ± {:.0} % of its limit",
+                ": high or overloaded for {}, at most {} of its limit",
                 length(high_s),
-                100.0 * peak.limit_ratio,
-                100.0 * peak.limit_ratio * peak.sigma_nm / peak.torque_nm
+                peak.percent()
             ));
             match peak.load {
                 Some([mass_kg, reach_m]) => text.plain(format!(
@@ -74,12 +72,7 @@ fn joints(facts: &Facts) -> Vec<Text> {
 /// The lifts above their recommended weight limit.
 fn lifts(facts: &Facts) -> Option<Text> {
     let lifts = &facts.lifts.lifts;
-    let excess = |lift: &Lift| match lift.limit_kg? {
-        // Outside the range of the equation no mass is acceptable.
-        limit_kg if limit_kg <= 0.0 => Some(f64::INFINITY),
-        _ => lift.index(),
-    };
-    let excesses = lifts.iter().enumerate().filter_map(|(number, lift)| Some((number + 1, excess(lift)?)));
+    let excesses = lifts.iter().enumerate().filter_map(|(number, lift)| Some((number + 1, lift.excess()?)));
     let above: Vec<(usize, f64)> = excesses.filter(|(_, excess)| *excess > 1.0).collect();
     let (number, excess) = above.iter().copied().max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     let limit_kg = lifts[number - 1].limit_kg?;

@@ -1,5 +1,6 @@
 //! The sections of the report: text, tables and drawings.
 
+mod body;
 mod load;
 mod path;
 
@@ -22,6 +23,7 @@ use super::period::{Cause, Period};
 use super::series::Series;
 use super::strips::strips;
 
+pub(super) use body::body;
 pub(super) use load::{back, dose, lifts};
 pub(super) use path::{latency, quality};
 
@@ -41,11 +43,7 @@ pub(super) fn session(facts: &Facts) -> Section {
     }
     row("station", code(facts.config.station.as_str()));
     row("subject", code(subject(facts)));
-    let started = match header.started_unix_ns {
-        0 => "not in the recording".to_owned(),
-        unix_ns => format!("{:.0}", Timestamp::UNIX_EPOCH + Duration::from_nanos(unix_ns)),
-    };
-    row("begin", started.into());
+    row("begin", begin(facts).into());
     let [from_s, to_s] = facts.span_s.unwrap_or_default();
     row("states", format!("{}, t = {from_s:.3} s to {to_s:.3} s", facts.cycles).into());
     row("recorded with", software(&header.software_version).into());
@@ -70,6 +68,14 @@ pub(super) fn session(facts: &Facts) -> Section {
     }
     section.note(DISCLAIMER);
     section
+}
+
+/// Wall-clock time of the recording's begin.
+pub(super) fn begin(facts: &Facts) -> String {
+    match facts.header.started_unix_ns {
+        0 => "not in the recording".to_owned(),
+        unix_ns => format!("{:.0}", Timestamp::UNIX_EPOCH + Duration::from_nanos(unix_ns)),
+    }
 }
 
 /// A note if the numbers belong to several workers or shifts.
@@ -134,7 +140,8 @@ fn workers(facts: &Facts) -> Table {
     table
 }
 
-fn software(version: &str) -> String {
+/// A release by its version.
+pub(super) fn software(version: &str) -> String {
     if version.is_empty() { "unknown".to_owned() } else { format!("Equipoise {version}") }
 }
 

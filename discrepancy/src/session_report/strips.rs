@@ -31,6 +31,11 @@ const HEIGHTS: [(Level, f64); 5] = [
     (Level::AboveMax, 1.0),
 ];
 
+/// Height of a level's bar as a fraction of the highest one; 0 for `none`.
+pub(super) fn bar_fraction(level: Level) -> f64 {
+    HEIGHTS.iter().find(|(of, _)| *of == level).map_or(0.0, |(_, fraction)| *fraction)
+}
+
 /// Draws the joints with valid torques; `None` if there are none.
 pub(super) fn strips(exposure: &Exposure, span_s: [f64; 2], minutes: bool) -> Option<Drawing> {
     let joints: Vec<Joint> =

@@ -126,7 +126,7 @@ pub(in crate::session_report) fn back(facts: &Facts) -> Section {
         section.paragraph(note);
     }
     match (found.peak, found.mean_n()) {
-        (Some([peak_n, sigma_n, time_s]), Some(mean_n)) => section.paragraph(format!(
+        (Some([peak_n, sigma_n, time_s]), Some([mean_n, _])) => section.paragraph(format!(
             "Compression of the L5/S1 disc was reported for {}: {mean_n:.0} N on average, at most {peak_n:.0} ± {sigma_n:.0} \
              N at t = {time_s:.1} s.",
             length(found.valid_s)
