@@ -200,8 +200,8 @@ fn busy(start: impl Fn() -> Reader + Sync) {
     });
 }
 
-/// 50 datagrams wait for a second in the socket of a suspended reader, which has read `before` datagrams: it must output the
-/// newest one, with its age.
+/// 50 datagrams wait for a second in the socket of a suspended reader, which has read `before` datagrams: it must output
+/// the newest one, with its age.
 fn busy_after(before: u64, mut reader: Reader) {
     let mut sender = Sender::new();
     sender.send(&reader, before);
