@@ -1,5 +1,6 @@
 //! Common functions of commands and page that communicate with a running daemon.
 
+use std::cell::Cell;
 use std::time::{Duration, Instant};
 
 use anyhow::{anyhow, bail};
@@ -15,8 +16,10 @@ use equipoise_station::process_state::is_stopped;
 
 /// Timeout of a daemon's reply, and of its next state: a busy machine delays a process for seconds.
 const TIMEOUT: Duration = Duration::from_secs(20);
-/// The same if the daemon's process is stopped or absent.
+/// The same if the daemon's process is stopped.
 const STOPPED_TIMEOUT: Duration = Duration::from_secs(2);
+/// The same if no daemon is on the bus, also not at the end of this time.
+const ABSENT_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// Joins a station's bus as a client.
 pub(crate) fn join(station: &str, role: &str) -> anyhow::Result<Bus> {
@@ -99,8 +102,17 @@ fn daemon_of(bus: &Bus) -> Option<u32> {
 
 /// Whether the daemon of the station is no longer waited for after a time.
 fn end_of_wait(bus: &Bus) -> impl Fn(Duration) -> bool {
-    let daemon = daemon_of(bus);
-    move |waited| waited > TIMEOUT || (waited > STOPPED_TIMEOUT && daemon.is_none_or(is_stopped))
+    let daemon = Cell::new(daemon_of(bus));
+    move |waited| {
+        if daemon.get().is_none() && waited > ABSENT_TIMEOUT {
+            daemon.set(daemon_of(bus));
+        }
+        let is_over = match daemon.get() {
+            Some(process) => waited > STOPPED_TIMEOUT && is_stopped(process),
+            None => waited > ABSENT_TIMEOUT,
+        };
+        is_over || waited > TIMEOUT
+    }
 }
 
 /// Description of a daemon whose process exists but does not respond; `None` if there is none.

@@ -157,7 +157,7 @@ impl Housekeeping {
         }
     }
 
-    /// On change at once, and once a second for late subscribers.
+    /// On change at once, and once a second. A subscriber that joined receives the last message with the next poll.
     fn publish_incidents(&mut self, due: bool) {
         let changes = self.board.changes();
         let changed = changes != self.published_changes;
@@ -167,10 +167,12 @@ impl Housekeeping {
             self.status.set_incidents(self.board.messages());
             self.write_status();
         }
+        // A failed bus is reported by its other users.
         if changed || due {
             self.published_changes = changes;
-            // A failed bus is reported by its other users.
             let _ = self.incidents.send(&message);
+        } else {
+            let _ = self.incidents.update_connections();
         }
         if changed {
             let _ = self.events.notify(Event::IncidentsChanged);

@@ -254,12 +254,14 @@ impl Health {
         Ok(Health { publisher: bus.publisher()?, last: Instant::now() })
     }
 
-    /// Publishes if due; returns whether it was due.
+    /// Publishes if due; returns whether it was due. A subscriber that joined receives the last counts at once.
     fn publish_if_due(&mut self, health: impl FnOnce() -> AdapterHealth) -> Result<bool, BusError> {
         let is_due = self.last.elapsed() >= HEALTH_INTERVAL;
         if is_due {
             self.last = Instant::now();
             self.publisher.send(&health())?;
+        } else {
+            self.publisher.update_connections()?;
         }
         Ok(is_due)
     }

@@ -93,15 +93,19 @@ fn export(recording: &Path, out: &Path, topic: Topic) -> anyhow::Result<Summary>
 
 /// All tables of a recording, which must hold the same; and the footer.
 fn tables(folder: &TempDir, recording: &Path, topic: Topic) -> (Vec<Row>, BTreeMap<String, String>) {
-    let [csv, json, parquet] = ["csv", "jsonl", "parquet"].map(|ending| {
+    let exported = |ending: &str| {
         let out = folder.path().join(format!("{topic:?}.{ending}"));
         assert_eq!(export(recording, &out, topic).unwrap().rejected, [] as [String; 0]);
         out
-    });
-    let (rows, footer) = read_parquet(&parquet);
-    assert_eq!(read_csv(&csv), rows, "{topic:?}");
-    assert_eq!(read_json_lines(&json), rows, "{topic:?}");
-    (rows, footer)
+    };
+    std::thread::scope(|scope| {
+        let csv = scope.spawn(|| read_csv(&exported("csv")));
+        let json = scope.spawn(|| read_json_lines(&exported("jsonl")));
+        let (rows, footer) = read_parquet(&exported("parquet"));
+        assert_eq!(csv.join().unwrap(), rows, "{topic:?}");
+        assert_eq!(json.join().unwrap(), rows, "{topic:?}");
+        (rows, footer)
+    })
 }
 
 fn read_json_lines(path: &Path) -> Vec<Row> {

@@ -211,8 +211,10 @@ mod tests {
             Fault::IdentityQuaternions,
             Fault::IdentityArms,
         ];
-        for seed in [3, 4] {
-            for (fault, outcome) in faults(&Subject::somebody(seed), &wanted) {
+        let seeds = [3, 4];
+        let all = ask_all(&seeds, |seed| faults(&Subject::somebody(*seed), &wanted));
+        for (seed, outcomes) in seeds.iter().zip(all) {
+            for (fault, outcome) in outcomes {
                 let Outcome { wrong, noticed_s, back_s, tally, states, .. } = &outcome;
                 assert_eq!(wrong[0], 0, "{seed} {fault:?}: {outcome:?}");
                 assert_eq!(back_s.len(), 1, "{seed} {fault:?}: {outcome:?}");

@@ -259,9 +259,12 @@ mod tests {
         let (mut all_published, mut all_beyond) = (0, 0);
         // Motion that says little about the heading takes longer in one of 20 restarts of a suit (docs/state.md).
         let (mut times, mut late) = (0, 0);
-        for seed in 0..3 {
-            let subject = Subject::somebody(seed);
-            for outcome in restarts(&subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4]) {
+        let seeds = [0, 1, 2];
+        let all = ask_all(&seeds, |seed| {
+            restarts(&Subject::somebody(*seed), |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
+        });
+        for (seed, outcomes) in seeds.iter().zip(all) {
+            for outcome in outcomes {
                 let found_s = outcome.found_s.unwrap_or(f64::INFINITY);
                 assert!(found_s < AWAY_S[1] + SOON_S, "{seed}: {outcome:?}");
                 times += 1;

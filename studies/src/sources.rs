@@ -232,7 +232,8 @@ mod tests {
 
     #[test]
     fn insoles_without_error_measure_what_two_plates_measure_except_the_shear() {
-        let [plates, insoles] = [Ground::TwoPlates, Ground::Insoles].map(|ground| of(ground, Insoles::NONE));
+        let both = ask_all(&[Ground::TwoPlates, Ground::Insoles], |ground| of(*ground, Insoles::NONE));
+        let [plates, insoles] = both[..] else { panic!("{} results", both.len()) };
         let mm = |cop: &CopErrors| 1e3 * cop.distance_rms_m();
         assert!(mm(&insoles.still) < 6.0, "{} mm standing", mm(&insoles.still));
         // With insoles, only the suit measures the body's acceleration in motion; with plates shear does.

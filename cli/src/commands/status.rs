@@ -27,7 +27,7 @@ use crate::client;
 use crate::page_feed::PAGE_ROLE;
 use crate::provenance::Provenance;
 
-/// Timeout for adapter health and incidents, which are published once a second.
+/// Timeout for adapter health and incidents: the first ones are published a second after the start.
 const HEALTH_TIMEOUT: Duration = Duration::from_millis(1200);
 
 /// Width of the screen.

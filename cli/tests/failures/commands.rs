@@ -1,12 +1,16 @@
 //! Commands to a running daemon, without a daemon, and refused ones.
 
+use std::time::{Duration, Instant};
+
+use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::body::{Joint, Sex};
+use equipoise_core::message::{AdapterHealth, Incidents};
 use equipoise_core::overload::TorqueLimits;
 use rustix::process::Signal;
 
 use crate::monitor::Monitor;
 use crate::process::wait_for;
-use crate::station::Station;
+use crate::station::{NAME, Station};
 
 #[test]
 fn without_a_daemon_every_command_fails_with_a_message() {
@@ -29,6 +33,12 @@ fn without_a_daemon_every_command_fails_with_a_message() {
     ] {
         no_daemon(arguments);
     }
+    // A stopped daemon is waited for 2 s, an absent one is not. A busy machine may delay an attempt.
+    wait_for("a status that fails without that wait", || {
+        let started = Instant::now();
+        no_daemon(&["status"]);
+        (started.elapsed() < Duration::from_secs(2)).then_some(())
+    });
     assert!(station.run(&["subject", "list"]).assert_done().contains("no profiles in"));
     station.run(&["subject", "delete", "anon-1"]).assert_failed(1, &["there is no profile anon-1"]);
     station.run(&["status", "--station", "a/b"]).assert_failed(1, &["is no name for a station"]);
@@ -96,6 +106,50 @@ fn status_fits_on_a_screen_and_all_adds_the_details() {
         assert!(!status.contains(detail), "{detail}: {status}");
         assert!(all.assert_done().contains(detail), "{detail}: {}", all.stdout);
     }
+}
+
+/// `status` needs all three, which are published once a second.
+#[test]
+fn counts_and_incidents_reach_a_new_subscriber_before_the_next_are_published() {
+    let station = Station::new();
+    let _person = station.person();
+    let _daemon = station.daemon(&station.configuration());
+    let bus = |role: &str| {
+        let settings = BusSettings { station: NAME.to_owned(), role: role.to_owned(), root: station.root() };
+        Bus::join(&settings).expect("the bus")
+    };
+    let (before, after) = (bus("before"), bus("after"));
+    let mut earlier_health = before.subscriber::<AdapterHealth>(16).expect("a place for the counts");
+    let mut earlier_board = before.subscriber::<Incidents>(8).expect("a place for the incidents");
+    // Publication times of the newest messages: suit, ground, incidents.
+    let mut newest_ns = [0; 3];
+    let mut update = move || {
+        while let Some(health) = earlier_health.receive().expect("the bus") {
+            newest_ns[health.stream as usize - 1] = health.time_ns;
+        }
+        while let Some(board) = earlier_board.receive().expect("the bus") {
+            newest_ns[2] = board.time_ns;
+        }
+        newest_ns
+    };
+    wait_for("the first messages", || (!update().contains(&0)).then_some(()));
+    // Repeated if a message is published meanwhile.
+    wait_for("the same messages at a new subscriber", || {
+        let expected_ns = update();
+        let mut health = after.subscriber::<AdapterHealth>(16).expect("a place for the counts");
+        let mut board = after.subscriber::<Incidents>(8).expect("a place for the incidents");
+        let mut received_ns = [0; 3];
+        while received_ns != expected_ns && update() == expected_ns {
+            while let Some(health) = health.receive().expect("the bus") {
+                received_ns[health.stream as usize - 1] = health.time_ns;
+            }
+            while let Some(board) = board.receive().expect("the bus") {
+                received_ns[2] = board.time_ns;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        (received_ns == expected_ns).then_some(())
+    });
 }
 
 /// In a profile's `[shift]`.

@@ -5,13 +5,13 @@
 //! delay these.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+mod acceptance;
 mod adapters;
 mod calibration;
 mod commands;
 #[path = "../common/mod.rs"]
 mod common;
 mod consumers;
-mod demo;
 mod doctor;
 mod exclusive_publishers;
 mod flight;
@@ -23,7 +23,6 @@ mod insoles;
 mod install;
 mod kill_and_restart;
 mod latency;
-mod live;
 #[path = "../reconcile/make.rs"]
 #[expect(dead_code, reason = "the live model needs a part of it")]
 mod make;
@@ -33,12 +32,10 @@ mod monitor;
 mod network;
 mod null_pose;
 mod page;
-mod plan;
 mod plate;
 mod private;
 mod process;
 mod random_kills;
-mod reconcile_session;
 mod record_live;
 mod record_pictures;
 mod record_service;
@@ -55,7 +52,6 @@ mod streams;
 mod subject_deletion;
 mod subject_export;
 mod suit_sources;
-mod two_plates;
 mod two_stations;
 mod usage;
 mod watch;

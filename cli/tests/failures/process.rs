@@ -10,15 +10,17 @@ use rustix::process::{Pid, Signal, kill_process};
 /// Time limit of every wait, on a machine whose cores and disk have much other load.
 pub(crate) const TIMEOUT: Duration = Duration::from_secs(90);
 
-/// Polls until there is a result.
+/// Polls until there is a result. A pause is as long as the probe before it, within limits: a probe that starts a
+/// process would occupy a core.
 pub(crate) fn wait_for<T>(what: &str, mut probe: impl FnMut() -> Option<T>) -> T {
     let started = Instant::now();
     loop {
+        let probed = Instant::now();
         if let Some(found) = probe() {
             return found;
         }
         assert!(started.elapsed() < TIMEOUT, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(10));
+        std::thread::sleep(probed.elapsed().clamp(Duration::from_millis(10), Duration::from_millis(100)));
     }
 }
 

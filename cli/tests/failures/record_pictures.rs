@@ -23,7 +23,8 @@ fn until(what: &str, mut condition: impl FnMut() -> bool) {
     let started = Instant::now();
     while !condition() {
         assert!(started.elapsed() < Duration::from_secs(60), "{what}");
-        std::thread::sleep(Duration::from_millis(20));
+        // The conditions read whole files.
+        std::thread::sleep(Duration::from_millis(100));
     }
 }
 

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::OnceLock;
 
 use compiler::{Link, compile};
 use equipoise_simulator::cobot::motion::STEP_S;
@@ -131,17 +132,24 @@ impl Drop for Replay {
     }
 }
 
-fn cpp_program(scratch: &Path) -> Option<PathBuf> {
-    if !compiler::is_there("cpp") {
-        eprintln!("skipped: no compiler of C++ (CXX, or c++)");
-        return None;
-    }
-    let source = PathBuf::from(CLIENTS).join("cpp/handover_replay.cpp");
-    Some(compile(&source, Link::Static, scratch))
+/// The replay program in C++, compiled once for all tests; `None` without a compiler.
+fn cpp_program() -> Option<&'static Path> {
+    static PROGRAM: OnceLock<Option<PathBuf>> = OnceLock::new();
+    let program = PROGRAM.get_or_init(|| {
+        if !compiler::is_there("cpp") {
+            eprintln!("skipped: no compiler of C++ (CXX, or c++)");
+            return None;
+        }
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("handover_replay");
+        std::fs::create_dir_all(&folder).unwrap();
+        let source = PathBuf::from(CLIENTS).join("cpp/handover_replay.cpp");
+        Some(compile(&source, Link::Static, &folder))
+    });
+    program.as_deref()
 }
 
-fn cpp(scratch: &Path) -> Option<Replay> {
-    cpp_program(scratch).map(|program| Replay::start("C++", &mut Command::new(program)))
+fn cpp() -> Option<Replay> {
+    cpp_program().map(|program| Replay::start("C++", &mut Command::new(program)))
 }
 
 fn python() -> Option<Replay> {
@@ -211,9 +219,8 @@ fn line_of(line: &str) -> Line {
 
 #[test]
 fn both_decisions_match_the_test_vectors() {
-    let scratch = tempfile::tempdir().unwrap();
     let table = std::fs::read_to_string(Path::new(CLIENTS).join("handover_vectors.txt")).unwrap();
-    for mut replay in [cpp(scratch.path()), python()].into_iter().flatten() {
+    for mut replay in [cpp(), python()].into_iter().flatten() {
         let (mut case, mut cases) = ("", 0);
         let is_read = |line: &&str| !line.is_empty() && !line.starts_with('#') && !line.starts_with("turn ");
         for line in table.lines().filter(is_read) {
@@ -293,7 +300,7 @@ fn a_plan_file_is_new_only_with_another_text() {
             r#"{{"position_m": [0.5, 0.1, 1.1], "worst_limit_ratio": {ratio}, "worst_limit_ratio_sigma": 0.05}}"#
         )
     };
-    for mut replay in [cpp(scratch.path()), python()].into_iter().flatten() {
+    for mut replay in [cpp(), python()].into_iter().flatten() {
         let name = replay.name;
         let mut poll = |text: Option<String>, at_s: u64| -> u64 {
             if let Some(text) = text {
@@ -324,8 +331,7 @@ fn distance_m(a: [f64; 3], b: [f64; 3]) -> f64 {
 
 #[test]
 fn both_decisions_are_equal_on_random_readings() {
-    let scratch = tempfile::tempdir().unwrap();
-    let (Some(mut cpp), Some(mut python)) = (cpp(scratch.path()), python()) else { return };
+    let (Some(mut cpp), Some(mut python)) = (cpp(), python()) else { return };
     let mut random = Random::new(1, "handover");
     let (mut time_s, mut generation, mut commands) = (0.0, 0, [0_u32; 3]);
     let mut reading = Reading::at(0.0);
@@ -539,11 +545,10 @@ fn stops_after_losses(replay: Replay, seed: u64) -> Vec<(f64, Loss)> {
 
 #[test]
 fn the_cobot_stops_within_100_ms_of_each_of_1000_random_losses() {
-    let scratch = tempfile::tempdir().unwrap();
-    let Some(program) = cpp_program(scratch.path()) else { return };
+    let Some(program) = cpp_program() else { return };
     let stops_s: Vec<(f64, Loss)> = std::thread::scope(|scope| {
         let run = |seed| {
-            let replay = Replay::start("C++", &mut Command::new(&program));
+            let replay = Replay::start("C++", &mut Command::new(program));
             scope.spawn(move || stops_after_losses(replay, seed))
         };
         let running: Vec<_> = (1..=CONTROLLERS as u64).map(run).collect();

@@ -180,6 +180,7 @@ impl Ports {
                 sample.published_ns = now_monotonic_ns();
                 self.samples.send(&sample)?;
                 self.wake.notify(Event::NewSuit)?;
+                self.health.update_connections()?;
             }
             Message::Body(mut body) => {
                 body.published_ns = now_monotonic_ns();
