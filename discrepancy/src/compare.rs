@@ -91,11 +91,16 @@ impl Comparison {
             if time_s <= last.time_s {
                 return;
             }
-            if time_s - last.time_s > self.options.gap_max_s {
-                self.interrupt();
-            } else if snapshot.stance != last.stance {
-                self.masks.add(Reason::Step, time_s, self.options.stance_margin_s);
+            let has_gap = time_s - last.time_s > self.options.gap_max_s;
+            if snapshot.stance != last.stance {
+                // In a gap the step may be anywhere.
+                for at_s in [if has_gap { last.time_s } else { time_s }, time_s] {
+                    self.masks.add(Reason::Step, at_s, self.options.stance_margin_s);
+                }
                 self.filters = Filters::default();
+            }
+            if has_gap {
+                self.interrupt();
             }
         }
         self.last = Some(Last { time_s, stance: snapshot.stance });

@@ -265,19 +265,58 @@ fn phases(gram: &Gram<'_>, held: &HeldOut, floor: &Floor) -> Vec<PhaseGap> {
     list
 }
 
-/// Upper bounds of effects that were not detected: 95 % bound of the largest parameter of each effect, alone.
+/// Upper bounds of effects that were not detected, each alone: 95 % bound of its largest parameter in the unit of the
+/// first, over its variants.
 fn unseen(gram: &Gram<'_>) -> Vec<Unseen> {
     let mut list: Vec<Unseen> = Vec::new();
     for (index, term) in gram.terms.iter().enumerate() {
         let Some(candidate) = term.candidate.as_ref().filter(|_| !term.is_derived) else { continue };
-        let effect = candidate.name();
-        if candidate.is_shape_factor() || list.iter().any(|other| other.effect == effect) {
+        // Factors on a shape and large rotations are not about zero.
+        if candidate.mean.iter().any(|mean| *mean != 0.0) {
             continue;
         }
         let Some(estimate) = gram.estimate(&[index]) else { continue };
-        let parameter = &candidate.effect.parameters_of(candidate.shape)[0];
-        let at_most = estimate.value[0].abs() + 1.645 * estimate.sigma[0];
-        list.push(Unseen { effect, parameter: parameter.name.to_owned(), at_most, unit: parameter.unit });
+        let effect = candidate.name();
+        let parameters = candidate.effect.parameters_of(candidate.shape);
+        let unit =
+            list.iter().find(|other| other.effect == effect).map_or(parameters[0].unit, |other| other.unit);
+        for (k, parameter) in parameters.iter().enumerate().filter(|(_, parameter)| parameter.unit == unit) {
+            let at_most = estimate.value[k].abs() + 1.96 * estimate.sigma[k];
+            let (effect, parameter) = (effect.clone(), parameter.name.to_owned());
+            let bound = Unseen { effect, parameter, at_most, unit };
+            match list.iter_mut().find(|other| other.effect == bound.effect) {
+                Some(other) if other.at_most < at_most => *other = bound,
+                Some(_) => {}
+                None => list.push(bound),
+            }
+        }
     }
     list
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::effect::{Effect, Place};
+
+    use super::*;
+    use crate::candidate::Scope;
+    use crate::noise::Noise;
+    use crate::rows::Rows;
+    use crate::support::{END_S, REFERENCE_S, clean, hide};
+
+    #[test]
+    fn the_bound_of_an_effect_is_that_of_its_largest_parameter() {
+        let mut session = clean(5);
+        hide(&mut session, Effect::PlateOffset, Place::Whole, &[0.0, 0.03], [REFERENCE_S, END_S]);
+        let all = Rows::of(&session);
+        let rows = all.subset(&(0..all.len()).step_by(5).collect::<Vec<usize>>());
+        let noise = Noise::fit(&rows).unwrap();
+        let candidate = Candidate::new(Effect::PlateOffset, Place::Whole, 0.0, Scope::Work);
+        let gram = Gram::of(&rows, &noise, vec![candidate]);
+        let estimate = gram.estimate(&[0]).unwrap();
+        let [bound]: [Unseen; 1] = unseen(&gram).try_into().unwrap();
+        assert_eq!((bound.effect.as_str(), bound.parameter.as_str()), ("plate_offset", "dy_m"));
+        let two_sided = estimate.value[1].abs() + 1.96 * estimate.sigma[1];
+        assert!((bound.at_most - two_sided).abs() < 1e-12, "{bound:?} instead of {two_sided}");
+    }
 }

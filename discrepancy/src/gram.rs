@@ -85,7 +85,7 @@ pub(crate) struct Gram<'a> {
     pub(crate) terms: Vec<Term>,
     /// Directions marginalised as model error.
     pub(crate) marginalised: Vec<Vec<f64>>,
-    /// Those of them that are errors of the sensors, independent of the named effects.
+    /// Columns of the errors of the sensors among them, times their 1-σ; independent of the named effects.
     pub(crate) sensor_errors: Vec<Vec<f64>>,
     /// Components along them: of each column, and of the residual.
     along: Vec<Vec<f64>>,
@@ -178,8 +178,7 @@ impl<'a> Gram<'a> {
 
     /// The same for an error of the sensors, which belongs to no effect.
     pub(crate) fn marginalise_sensor_error(&mut self, column: &[f64], sigma: f64) {
-        let error = direction(column, sigma, &self.sensor_errors);
-        self.sensor_errors.push(error);
+        self.sensor_errors.push(column.iter().map(|value| sigma * value).collect());
         self.marginalise(column, sigma);
     }
 

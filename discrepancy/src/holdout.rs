@@ -77,10 +77,14 @@ pub(crate) fn held_out(gram: &Gram<'_>, accepted: &[usize], stances_m: &[[f64; 2
     Some(held)
 }
 
-/// Parameters without these blocks: their rows get infinite noise.
+/// Parameters without these blocks: their rows get infinite noise. Errors of the sensors are fitted as well.
 fn estimate_without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Option<Vec<f64>> {
-    let columns = gram.columns_of(accepted);
-    let (mean, sigma) = gram.priors(accepted);
+    let of_terms = gram.columns_of(accepted);
+    let (mut mean, mut sigma) = gram.priors(accepted);
+    let own = of_terms.iter().map(|&column| &gram.columns[column]);
+    let columns: Vec<&[f64]> = own.chain(&gram.sensor_errors).map(Vec::as_slice).collect();
+    mean.resize(columns.len(), 0.0);
+    sigma.resize(columns.len(), 1.0);
     let held_out = held_out_directions(gram, blocks)?;
     let along = |column: &[f64]| -> Vec<f64> {
         held_out
@@ -92,14 +96,15 @@ fn estimate_without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Op
             })
             .collect()
     };
-    let along_columns: Vec<Vec<f64>> = columns.iter().map(|&column| along(&gram.columns[column])).collect();
+    let along_columns: Vec<Vec<f64>> = columns.iter().map(|&column| along(column)).collect();
     let residual = along(&gram.residual);
     // Without the marginalised directions, which are not orthogonal to those of the left-out blocks.
-    let own = |column: usize, with: &[f64]| dot(&gram.columns[columns[column]], with);
     let products =
-        |i: usize, j: usize| own(i, &gram.columns[columns[j]]) - dot(&along_columns[i], &along_columns[j]);
-    let with_residual = |i: usize| own(i, &gram.residual) - dot(&along_columns[i], &residual);
-    Some(estimate(&products, &with_residual, &mean, &sigma)?.value)
+        |i: usize, j: usize| dot(columns[i], columns[j]) - dot(&along_columns[i], &along_columns[j]);
+    let with_residual = |i: usize| dot(columns[i], &gram.residual) - dot(&along_columns[i], &residual);
+    let mut value = estimate(&products, &with_residual, &mean, &sigma)?.value;
+    value.truncate(of_terms.len());
+    Some(value)
 }
 
 /// Orthonormal directions of the whitened rows that these blocks span, per channel: first row, and directions.
@@ -134,5 +139,38 @@ fn subtract_prediction(gram: &Gram<'_>, accepted: &[usize], value: &[f64], block
     for (index, predicted) in gram.predictions(accepted, value, block).enumerate() {
         held.of_term[index][row] = predicted;
         held.after[row].iter_mut().zip(predicted).for_each(|(after, part)| *after -= part);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::Side;
+    use equipoise_core::effect::{Effect, Place};
+
+    use super::*;
+    use crate::candidate::{Candidate, Scope};
+    use crate::noise::Noise;
+    use crate::support::{END_S, REFERENCE_S, clean, hide};
+
+    #[test]
+    fn an_error_of_the_sensors_does_not_bias_the_parameters_without_some_blocks() {
+        let mut session = clean(5);
+        let hand = Place::Hand(Side::Right);
+        hide(&mut session, Effect::HandLoad, hand, &[1.0], [REFERENCE_S, END_S]);
+        hide(&mut session, Effect::ForceGain, Place::Whole, &[0.1], [REFERENCE_S, END_S]);
+        let all = Rows::of(&session);
+        let rows = all.subset(&(0..all.len()).step_by(5).collect::<Vec<usize>>());
+        let noise = Noise::fit(&rows).unwrap();
+        let mut gram = Gram::of(&rows, &noise, Vec::new());
+        let gain = Candidate::new(Effect::ForceGain, Place::Whole, 0.0, Scope::Work);
+        for column in gram.whitened(gain.count(), |block| gain.columns(&rows, block)) {
+            gram.marginalise_sensor_error(&column, 0.1);
+        }
+        let term = gram.add_candidate(Candidate::new(Effect::HandLoad, hand, 0.0, Scope::Work));
+        let all_blocks = gram.estimate(&[term]).unwrap();
+        let value = estimate_without(&gram, &[term], &[rows.work_from + 5]).unwrap();
+        assert_eq!(value.len(), all_blocks.value.len());
+        let off_kg = (value[0] - all_blocks.value[0]).abs();
+        assert!(off_kg < all_blocks.sigma[0], "{value:?} instead of {all_blocks:?}");
     }
 }

@@ -89,6 +89,32 @@ impl Continuation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::support::clean;
+
+    #[test]
+    fn the_inertia_that_a_model_lacks_is_no_noise() {
+        let session = clean(5);
+        let mut without = session.clone();
+        without.has_inertia = false;
+        for block in &mut without.blocks {
+            let seen = &mut block.observation;
+            seen.cop_predicted_m = [seen.com_m[0], seen.com_m[1]];
+            (seen.slope, seen.slope_is_measured) = ([0.0; 2], false);
+            seen.force_predicted_n = [0.0, 0.0, seen.mass_kg * 9.81];
+        }
+        let [all, all_without] = [&session, &without].map(Rows::of);
+        for block in 0..all.len() {
+            let [one_m, other_m] = [&all, &all_without].map(|rows| rows.inertia_m(block));
+            let is_same = (0..2).all(|axis| (one_m[axis] - other_m[axis]).abs() < 1e-9);
+            assert!(is_same, "block {block}: {one_m:?} {other_m:?}");
+        }
+        let some: Vec<usize> = (0..all.len()).step_by(5).collect();
+        for axis in 0..3 {
+            let sizes = [&all, &all_without].map(|rows| force::fit(&rows.subset(&some), axis).unwrap());
+            let is_same = sizes[0].iter().zip(sizes[1]).all(|(one, other)| (one - other).abs() < 1e-3);
+            assert!(is_same, "axis {axis}: {sizes:?}");
+        }
+    }
 
     #[test]
     fn a_continuation_is_the_conditional_normal_distribution() {

@@ -4,7 +4,7 @@ use equipoise_core::effect;
 use thiserror::Error;
 
 use crate::answer::Residuals;
-use crate::block::{Block, Phase};
+use crate::block::{Block, Change, Phase};
 use crate::candidate;
 use crate::constants::{CLEAN_BLOCKS_MIN, DRAWS, LOG_ODDS_MIN, WORK_BLOCKS_MIN};
 use crate::finding::Finding;
@@ -179,19 +179,26 @@ fn check(session: &Session) -> Result<(), ReconcileError> {
 impl Block {
     /// Whether all values used are finite.
     fn is_finite(&self) -> bool {
-        let observation = &self.observation;
+        let seen = &self.observation;
+        let single = [seen.floor_m, seen.mass_kg, self.heading_rad];
+        let pairs = [seen.feet_m, seen.cop_predicted_m, seen.cop_measured_m, seen.turning_m, seen.slope];
         let vectors = [
-            observation.com_m,
-            observation.com_acceleration_m_per_s2,
-            observation.force_predicted_n,
-            observation.force_measured_n,
+            seen.com_m,
+            seen.com_acceleration_m_per_s2,
+            seen.force_predicted_n,
+            seen.force_measured_n,
+            self.com_velocity_m_per_s,
         ];
-        let pairs = [
-            observation.cop_predicted_m,
-            observation.cop_measured_m,
-            observation.turning_m,
-            observation.slope,
-        ];
-        vectors.iter().flatten().chain(pairs.iter().flatten()).all(|value| value.is_finite())
+        let bodies = seen.origin_m.iter().chain(&seen.origin_acceleration_m_per_s2).chain(&self.joint_rad);
+        let matrices = seen.rotation.iter().chain(&seen.rotation_acceleration_per_s2);
+        let bent = self.joint_weighted_rotation_acceleration.iter().flatten();
+        let is_finite =
+            |change: &Change| change.cop_m.iter().chain(&change.force_n).all(|value| value.is_finite());
+        single
+            .iter()
+            .chain(pairs.iter().chain(&self.turning_by_group_m).flatten())
+            .chain(vectors.iter().chain(bodies).chain(matrices.chain(bent).flatten()).flatten())
+            .all(|value| value.is_finite())
+            && self.by_lag.iter().chain(&self.by_cutoff).all(is_finite)
     }
 }

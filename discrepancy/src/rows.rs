@@ -5,7 +5,7 @@
 //! Effects of the work phase only are therefore zero in all rows before [`Rows::work_from`].
 
 use equipoise_core::body::{SEGMENTS, Segment};
-use equipoise_core::effect::{Columns, misaligned, misaligned_by_factor};
+use equipoise_core::effect::{self, Columns, Effect, Place, misaligned, misaligned_by_factor};
 
 use crate::block::{Block, Phase};
 use crate::constants::{BLOCKS_PER_POSE, BLOCKS_USED_MAX, ONSET_S, SAME_POSE_RAD};
@@ -73,11 +73,23 @@ impl<'a> Rows<'a> {
         if self.session.has_inertia { self.blocks[block].observation.slope } else { [0.0; 2] }
     }
 
-    /// Contribution of the body's inertia to the centre of pressure, m.
+    /// Contribution of the body's inertia to the centre of pressure, m; in a model without inertia, which predicts no
+    /// slope, by the suit's acceleration.
     pub(crate) fn inertia_m(&self, block: usize) -> [f64; 2] {
         let seen = &self.blocks[block].observation;
+        if !self.session.has_inertia {
+            return effect::columns(Effect::Inertia, Place::Whole, 0.0, seen).cop_m[0];
+        }
         let height_m = seen.com_m[2] - seen.floor_m;
         [0, 1].map(|axis| seen.turning_m[axis] - seen.slope[axis] * height_m)
+    }
+
+    /// Force of the body's inertia that the prediction lacks, N: all of it in a model without inertia.
+    pub(crate) fn lacking_inertia_n(&self, block: usize) -> [f64; 3] {
+        if self.session.has_inertia {
+            return [0.0; 3];
+        }
+        effect::columns(Effect::Inertia, Place::Whole, 0.0, &self.blocks[block].observation).force_n[0]
     }
 
     /// Time of a block, s.

@@ -5,6 +5,7 @@ mod support;
 
 use equipoise_core::body::{Segment, Side};
 use equipoise_core::effect::{Effect, Place};
+use equipoise_discrepancy::block::Block;
 use equipoise_discrepancy::finding::Verdict;
 use equipoise_discrepancy::session::{LeftOut, Session};
 use equipoise_discrepancy::{Options, Outcome, reconcile};
@@ -137,4 +138,22 @@ fn too_little_work_is_an_error_that_counts_what_was_left_out_and_why() {
                     acceleration of an impact; if both feet stood, a sensor of a leg is displaced: fasten it, and \
                     calibrate the suit";
     assert!(error.ends_with(expected), "{error}");
+}
+
+#[test]
+fn any_value_that_is_not_a_number_is_an_error() {
+    let damages: [fn(&mut Block); 4] = [
+        |block| block.observation.rotation[3][0][1] = f64::NAN,
+        |block| block.joint_rad[3][0] = f64::INFINITY,
+        |block| block.by_lag[0].cop_m[0] = f64::NAN,
+        |block| block.observation.force_measured_n[2] = f64::NAN,
+    ];
+    for damage in damages {
+        let mut session = clean(5);
+        let block = session.blocks.last_mut().unwrap();
+        damage(block);
+        let expected = format!("a value of the block at {:.1} s is not a number", block.observation.time_s);
+        let error = reconcile(&session, &Options::default(), &mut |_| {}).unwrap_err().to_string();
+        assert!(error.starts_with(&expected), "{error}");
+    }
 }

@@ -111,7 +111,7 @@ impl Person {
             let mass_kg = row.mass * mass_kg;
             let [across, along] =
                 row.gyration.map(|fraction| mass_kg * (fraction * row.length * height_m).powi(2));
-            let inertia = match long_axis(row.com) {
+            let inertia = match long_axis(row) {
                 0 => [along, across, across],
                 1 => [across, along, across],
                 _ => [across, across, along],
@@ -174,9 +174,12 @@ impl Person {
     }
 }
 
-/// The long axis of a segment: its centre's largest coordinate.
-fn long_axis(com: [f64; 3]) -> usize {
-    (0..3).max_by(|a, b| com[*a].abs().total_cmp(&com[*b].abs())).unwrap_or(2)
+/// The long axis of a segment: its centre's largest coordinate; a foot's origin is the ankle, which is above its axis.
+fn long_axis(row: &Average) -> usize {
+    if row.segment == Segment::LeftFoot {
+        return 0;
+    }
+    (0..3).max_by(|a, b| row.com[*a].abs().total_cmp(&row.com[*b].abs())).unwrap_or(2)
 }
 
 #[cfg(test)]
@@ -191,6 +194,15 @@ mod tests {
                 assert!(person.segment_mass_kg[segment.index()] > 0.0, "{segment:?}");
                 assert!(person.inertia_kg_m2[segment.index()].trace() > 0.0, "{segment:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_foot_turns_most_easily_about_its_length() {
+        let person = Person::nominal(1.77, 72.0);
+        for foot in [Segment::LeftFoot, Segment::RightFoot] {
+            let about = person.inertia_kg_m2[foot.index()].diagonal();
+            assert!(about.x < 0.5 * about.y && about.y == about.z, "{about}");
         }
     }
 

@@ -60,7 +60,8 @@ impl Outcome {
         self.states += 1;
         if !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
             let off_kg = (state.lifted_mass_kg - snapshot.worker.sample(snapshot.time_s).load_kg).abs();
-            self.wrong[0] += u64::from(off_kg > WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg));
+            self.wrong[0] +=
+                u64::from(exceeds(off_kg, WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg)));
         }
         if publishes_torques(state) {
             let is_wrong = (0..state.torque_nm.len()).any(|joint| {
@@ -69,14 +70,14 @@ impl Outcome {
                 let deviation = Matrix2::new(xx, xy, xy, yy)
                     .try_inverse()
                     .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());
-                off_nm.norm() > WRONG_NM && deviation > WRONG_SIGMAS
+                exceeds(off_nm.norm(), WRONG_NM) && exceeds(deviation, WRONG_SIGMAS)
             });
             self.wrong[1] += u64::from(is_wrong);
         }
         if !valid.any_of(Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED)) {
             let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
             let sigma_m = state.cop_sigma_m[0].hypot(state.cop_sigma_m[1]);
-            self.wrong[2] += u64::from(off_m.norm() > WRONG_M.max(WRONG_SIGMAS * sigma_m));
+            self.wrong[2] += u64::from(exceeds(off_m.norm(), WRONG_M.max(WRONG_SIGMAS * sigma_m)));
         }
     }
 
@@ -91,6 +92,11 @@ impl Outcome {
             *sum += count;
         }
     }
+}
+
+/// Whether an error is larger than a bound; one that is not a number is.
+fn exceeds(error: f64, bound: f64) -> bool {
+    error.is_nan() || error > bound
 }
 
 /// Invalid reasons that count as detection of a fault: those of torques, without those of an absent or small load.
@@ -197,6 +203,11 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
 mod tests {
     use super::*;
     use crate::session::TICK_NS;
+
+    #[test]
+    fn an_error_that_is_not_a_number_is_wrong() {
+        assert_eq!([2.9, 3.1, f64::NAN].map(|error| exceeds(error, 3.0)), [false, true, true]);
+    }
 
     #[test]
     fn no_fault_gives_a_wrong_valid_mass_and_sound_sensors_are_accepted() {

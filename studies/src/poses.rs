@@ -28,9 +28,9 @@ pub struct Course {
 }
 
 impl Course {
-    /// Number of poses after which the error stays below a bound; `None` if it never does.
+    /// Number of poses after which the error stays below a bound; `None` if it never does or is unknown.
     pub fn poses_to(&self, bound_m: f64) -> Option<usize> {
-        let above = self.error_m.iter().rposition(|error_m| *error_m >= bound_m);
+        let above = self.error_m.iter().rposition(|error_m| error_m.is_nan() || *error_m >= bound_m);
         match above {
             None => Some(0),
             Some(last) if last + 1 < self.error_m.len() => Some(last + 1),
@@ -162,6 +162,8 @@ mod tests {
         assert_eq!(to_10_mm(&[0.020, 0.005, 0.011, 0.009]), Some(3));
         assert_eq!(to_10_mm(&[0.009, 0.005]), Some(0));
         assert_eq!(to_10_mm(&[0.009, 0.015]), None);
+        // No held-out pose was static.
+        assert_eq!(to_10_mm(&[f64::NAN; 3]), None);
     }
 
     #[test]

@@ -50,17 +50,19 @@ impl Choice {
     pub(super) fn after(rows: &Rows<'_>) -> Option<Choice> {
         let last = *rows.blocks.last()?;
         let mut choice = Choice { blocks: Vec::new(), single: Vec::new() };
+        let offset_m = offset_m(rows, rows.len() - 1);
+        let stand = |rotation: &_, turn_deg, step_m| standing(last, offset_m, rotation, turn_deg, step_m);
         let straight = LIBRARY[0].world_from_segment();
         let step_m = [STEP_M, STEP_M];
-        choice.add(Ask { step_m, ..empty() }, vec![standing(last, &straight, 0.0, step_m)]);
-        let mut later = standing(last, &straight, 0.0, [0.0; 2]);
+        choice.add(Ask { step_m, ..empty() }, vec![stand(&straight, 0.0, step_m)]);
+        let mut later = stand(&straight, 0.0, [0.0; 2]);
         later.observation.time_s += STANDING_S;
         choice.add(Ask { still_s: STANDING_S, ..empty() }, vec![later]);
         choice.add(Ask { fast: true, ..empty() }, fastest(rows));
         for posture in LIBRARY {
             for turn_deg in TURNS_DEG {
                 let poses = vec![posture.name.to_owned()];
-                let block = standing(last, &posture.world_from_segment(), turn_deg, [0.0; 2]);
+                let block = stand(&posture.world_from_segment(), turn_deg, [0.0; 2]);
                 choice.add(Ask { poses, turn_deg, ..empty() }, vec![block]);
             }
         }
@@ -109,10 +111,18 @@ fn fastest(rows: &Rows<'_>) -> Vec<Block> {
     blocks.into_iter().map(repeated).collect()
 }
 
+/// Part of the predicted centre of pressure that is not the body's: the identified offset between suit and plate, m.
+fn offset_m(rows: &Rows<'_>, block: usize) -> [f64; 2] {
+    let seen = &rows.blocks[block].observation;
+    let inertia_m = if rows.session.has_inertia { rows.inertia_m(block) } else { [0.0; 2] };
+    [0, 1].map(|axis| seen.cop_predicted_m[axis] - seen.com_m[axis] - inertia_m[axis])
+}
+
 /// A static subject of this skeleton in a pose, turned by an angle from the present heading about the feet, and displaced
 /// forward and to the left from the present position.
 fn standing(
     last: &Block,
+    offset_m: [f64; 2],
     rotation: &[UnitQuaternion<f64>; SEGMENTS],
     turn_deg: f64,
     step_m: [f64; 2],
@@ -134,7 +144,7 @@ fn standing(
         .iter()
         .map(|segment| rotation[segment.index()] * Vector3::from(like.phi_m[segment.index()]))
         .fold(origin[0], |sum, part| sum + part);
-    let cop_m = [com.x, com.y];
+    let cop_m = [com.x + offset_m[0], com.y + offset_m[1]];
     let force_n = [0.0, 0.0, like.mass_kg * 9.81];
     let observation = Observation {
         time_s: like.time_s + UNTIL_EXPERIMENT_S,
@@ -193,4 +203,29 @@ fn origins_in_pose(
     }
     let shift = between_ankles_m(&seen) - between_ankles_m(&|segment| origin[segment.index()]) + step_m;
     origin.map(|origin| origin + shift)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::support::clean;
+
+    #[test]
+    fn a_pose_is_predicted_with_the_offset_between_suit_and_plate() {
+        let session = clean(5);
+        let mut shifted = session.clone();
+        let offset_m = [0.03, -0.02];
+        for block in &mut shifted.blocks {
+            let seen = &mut block.observation;
+            seen.cop_predicted_m = [0, 1].map(|axis| seen.cop_predicted_m[axis] + offset_m[axis]);
+            seen.cop_measured_m = [0, 1].map(|axis| seen.cop_measured_m[axis] + offset_m[axis]);
+        }
+        let choices = [&session, &shifted].map(|session| Choice::after(&Rows::of(session)).unwrap());
+        assert_eq!(choices[0].blocks.len(), choices[1].blocks.len());
+        for (block, with_offset) in choices[0].blocks.iter().zip(&choices[1].blocks) {
+            let seen = [block, with_offset].map(|block| block.observation.cop_predicted_m);
+            let off_m = |axis: usize| seen[1][axis] - seen[0][axis] - offset_m[axis];
+            assert!((0..2).all(|axis| off_m(axis).abs() < 1e-12), "{seen:?}");
+        }
+    }
 }

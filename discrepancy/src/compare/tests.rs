@@ -252,6 +252,22 @@ fn nothing_is_compared_around_a_step_a_lifted_foot_an_empty_plate_or_a_gap() {
 }
 
 #[test]
+fn nothing_is_compared_around_a_gap_with_a_step() {
+    let blocks = blocks(options(0.0, 12.0), 60.0, 10.0, |time_s, snapshot| {
+        if time_s >= 5.0 {
+            snapshot.stance = 1;
+            snapshot.time_ns += 1_000_000_000;
+        }
+    });
+    let between = |from_s: f64, to_s: f64| {
+        blocks.iter().filter(|block| (from_s..to_s).contains(&block.observation.time_s)).count()
+    };
+    assert_eq!(between(4.6, 6.4), 0);
+    let around = [between(3.0, 4.4), between(6.6, 10.8)];
+    assert!(around[0] >= 6 && around[1] >= 18, "{around:?}");
+}
+
+#[test]
 fn a_foot_that_seems_lifted_stands_while_the_other_alone_cannot_support_the_load() {
     let [left, right] = Side::BOTH.map(|side| skeleton().t_pose_m()[side.foot().index()]);
     let raised_for = |cop_y_m: f64| {

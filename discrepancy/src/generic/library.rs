@@ -73,15 +73,21 @@ fn forces(rows: &Rows<'_>) -> Vec<Entry> {
     list
 }
 
-/// A force in the world's axes at a point of the body, N.
+/// A force in the world's axes at a point of the body, N, as in the catalogue: its arm is relative to the centre of
+/// pressure of the chain, without the offset of the stance, and the vertical force is the measured one.
 fn force(rows: &Rows<'_>, block: usize, at_m: [f64; 3]) -> Columns {
     let seen = &rows.blocks[block].observation;
-    let under_m = if seen.slope_is_measured { seen.com_m[2] } else { seen.floor_m };
-    let weight_n = seen.force_predicted_n[2];
+    let height_m = seen.com_m[2] - seen.floor_m;
+    let chain_cop_m =
+        [0, 1].map(|axis| seen.com_m[axis] - seen.slope[axis] * height_m + seen.turning_m[axis]);
+    let [x_m, y_m] = [0, 1].map(|axis| at_m[axis] - chain_cop_m[axis]);
+    // Measured shear contains the force as if it acted at the centre of mass.
+    let up_m = at_m[2] - if seen.slope_is_measured { seen.com_m[2] } else { seen.floor_m };
+    let vertical_n = seen.force_measured_n[2];
     let mut columns = Columns::zero(3);
-    columns.cop_m[0] = [(at_m[2] - under_m) / weight_n, 0.0];
-    columns.cop_m[1] = [0.0, (at_m[2] - under_m) / weight_n];
-    columns.cop_m[2] = [0, 1].map(|axis| -(at_m[axis] - seen.cop_predicted_m[axis]) / weight_n);
+    columns.cop_m[0] = [up_m / vertical_n, 0.0];
+    columns.cop_m[1] = [0.0, up_m / vertical_n];
+    columns.cop_m[2] = [-x_m / vertical_n, -y_m / vertical_n];
     for axis in 0..3 {
         columns.force_n[axis][axis] = -1.0;
     }
@@ -175,5 +181,47 @@ pub(super) fn display_name(segment: Segment) -> String {
         Segment::T8 => "upper trunk".to_owned(),
         Segment::L5 | Segment::L3 | Segment::T12 => "lower trunk".to_owned(),
         _ => text,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::Side;
+
+    use super::*;
+    use crate::candidate::{Candidate, Scope};
+    use crate::support::clean;
+
+    #[test]
+    fn a_force_acts_as_a_contact_in_the_catalogue() {
+        let mut session = clean(5);
+        for block in &mut session.blocks {
+            let seen = &mut block.observation;
+            for (axis, shift_m) in [0.03, -0.02].into_iter().enumerate() {
+                seen.cop_predicted_m[axis] += shift_m;
+                seen.cop_measured_m[axis] += shift_m;
+            }
+            seen.force_measured_n[2] += 60.0;
+        }
+        for is_measured in [true, false] {
+            session.blocks.iter_mut().for_each(|block| block.observation.slope_is_measured = is_measured);
+            let rows = Rows::of(&session);
+            let contact = Candidate::new(Effect::HandContact, Place::Hand(Side::Right), 0.0, Scope::Work);
+            for block in rows.work_from..rows.len() {
+                let seen = &rows.blocks[block].observation;
+                let hand = Side::Right.hand().index();
+                let [_, grip_m] = seen.grip_m;
+                let grip_m = [0, 1, 2].map(|axis| {
+                    let from_origin_m = (0..3).map(|k| seen.rotation[hand][axis][k] * grip_m[k]).sum::<f64>();
+                    seen.origin_m[hand][axis] + from_origin_m
+                });
+                let (of_library, of_catalogue) = (force(&rows, block, grip_m), contact.columns(&rows, block));
+                for k in 0..3 {
+                    let off_m = |axis: usize| of_library.cop_m[k][axis] - of_catalogue.cop_m[k][axis];
+                    assert!((0..2).all(|axis| off_m(axis).abs() < 1e-12), "{of_library:?} {of_catalogue:?}");
+                    assert_eq!(of_library.force_n[k], of_catalogue.force_n[k]);
+                }
+            }
+        }
     }
 }

@@ -51,7 +51,9 @@ pub(super) fn fit(rows: &Rows<'_>, axis: usize) -> Option<Sizes> {
     let likelihood = ChannelLikelihood {
         fixed: fixed_covariance_n2(&some, axis),
         parts: std::array::from_fn(|part| (part != WHITE).then(|| unit_kernel(&some, axis, part))),
-        residual: Mat::from_fn(some.len(), 1, |block, _| some.force_residual_n(block, axis)),
+        residual: Mat::from_fn(some.len(), 1, |block, _| {
+            some.force_residual_n(block, axis) - some.lacking_inertia_n(block)[axis]
+        }),
         add_white,
     };
     likelihood.most_probable(&SizePrior {

@@ -20,6 +20,9 @@ pub const RIVAL_PROBABILITY_MIN: f64 = 0.05;
 /// The stated name of anything outside the catalogue.
 const OUTSIDE: &str = "outside the catalogue";
 
+/// Gap before and after, and noise floor, mm, in a finding.
+const GAP: [&str; 3] = ["before_mm", "after_mm", "noise_floor_mm"];
+
 /// Class of a session by its hidden effects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -43,14 +46,14 @@ pub struct Compared {
     pub truth: f64,
     /// Reported value.
     pub value: f64,
-    /// Its 1-σ.
+    /// Its 1-σ; 0 if value or σ is missing.
     pub sigma: f64,
 }
 
 impl Compared {
-    /// Error over σ.
+    /// Error over σ; infinite without a σ.
     pub fn off(&self) -> f64 {
-        (self.value - self.truth) / self.sigma
+        if self.sigma > 0.0 { (self.value - self.truth) / self.sigma } else { f64::INFINITY }
     }
 }
 
@@ -145,10 +148,16 @@ pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>,
         experiments: Vec::new(),
     };
     match printed {
-        Ok(finding) => judged.take(truth, finding, twin_mm),
+        Ok(finding) if is_complete(finding) => judged.take(truth, finding, twin_mm),
+        Ok(_) => judged.failure = Some("the finding lacks its verdict or its gap".to_owned()),
         Err(failure) => judged.failure = Some(failure.to_owned()),
     }
     judged
+}
+
+/// Whether a finding has a verdict and the numbers of its gap.
+fn is_complete(finding: &Value) -> bool {
+    finding["verdict"].is_string() && GAP.iter().all(|key| finding["gap"][key].is_number())
 }
 
 fn label_of(effect: &super::truth::Hidden) -> String {
@@ -200,8 +209,7 @@ impl Judged {
             })
             .flat_map(|(hidden, answer)| compare(hidden, answer))
             .collect();
-        let gap = |key: &str| finding["gap"][key].as_f64().unwrap_or(0.0);
-        self.gap_mm = ["before_mm", "after_mm", "noise_floor_mm"].map(gap);
+        self.gap_mm = GAP.map(|key| finding["gap"][key].as_f64().unwrap_or(0.0));
         let [before_mm, _, floor_mm] = self.gap_mm;
         let less_mm = (before_mm.powi(2) - truth.effect_mm.powi(2)).max(0.0).sqrt();
         self.oracle_mm = twin_mm.unwrap_or(less_mm.max(floor_mm));
@@ -238,12 +246,16 @@ impl Judged {
         }
     }
 
+    /// Whether there are names and all are right.
+    pub fn names_are_right(&self) -> bool {
+        !self.named.is_empty() && self.named.iter().all(|name| self.is_right(name))
+    }
+
     /// The finding against the truth.
     pub fn outcome(&self) -> Outcome {
-        let is_right = self.named.iter().all(|name| self.is_right(name));
         match (self.class, self.verdict.as_str()) {
             (Class::Clean, "none") | (Class::Outside, "unexplained") => Outcome::Right,
-            (_, "named") if is_right => Outcome::Right,
+            (_, "named") if self.names_are_right() => Outcome::Right,
             (_, "named") => Outcome::Wrong,
             _ => Outcome::Undecided,
         }
@@ -261,9 +273,9 @@ impl Judged {
         stated.map(|(name, probability)| (*probability, self.is_right(name)))
     }
 
-    /// Whether a clean session has another verdict than `none`.
+    /// Whether a clean session has another verdict than `none`, or no finding.
     pub fn is_false_alarm(&self) -> bool {
-        self.class == Class::Clean && !["none", "failed"].contains(&self.verdict.as_str())
+        self.class == Class::Clean && self.verdict != "none"
     }
 
     /// Ratio of the gap after to that of the oracle; 1 is optimal.
@@ -290,157 +302,21 @@ fn stated(finding: &Value) -> BTreeMap<String, f64> {
     stated
 }
 
+/// Every parameter of the hidden effect that the answer lists.
 fn compare(hidden: &super::truth::Hidden, answer: &Value) -> Vec<Compared> {
     let one = |(name, truth): (&String, &f64)| {
-        let estimate = &answer["parameters"][name];
+        let estimate = answer["parameters"].get(name)?;
+        let value = estimate["value"].as_f64();
+        let sigma = estimate["sigma"].as_f64().filter(|_| value.is_some());
         Some(Compared {
             name: format!("{} {name}", hidden.label()),
             truth: *truth,
-            value: estimate["value"].as_f64()?,
-            sigma: estimate["sigma"].as_f64().filter(|sigma| *sigma > 0.0)?,
+            value: value.unwrap_or_default(),
+            sigma: sigma.unwrap_or_default(),
         })
     };
     hidden.parameters.iter().filter_map(one).collect()
 }
 
 #[cfg(test)]
-pub(super) mod tests {
-    use super::*;
-    use crate::hidden::truth::{Hidden, Spans};
-    use serde_json::json;
-
-    /// Name, place and one parameter of a hidden effect.
-    type Thing = (&'static str, Option<(&'static str, &'static str)>, (&'static str, f64));
-
-    /// A truth with these hidden effects.
-    pub(crate) fn truth(hidden: &[Thing]) -> Truth {
-        let effect = |(name, place, (parameter, value)): &Thing| Hidden {
-            name: (*name).into(),
-            place: place.iter().map(|(what, place)| ((*what).into(), (*place).into())).collect(),
-            parameters: [((*parameter).into(), *value)].into(),
-            span_s: [180.0, 270.0],
-            flips_at_s: None,
-            size: 2.0,
-            from_beginning: false,
-            description: "in words".into(),
-        };
-        Truth {
-            session: "session-0001".into(),
-            seed: 1,
-            kind: hidden.first().map_or("clean".into(), |hidden| hidden.0.into()),
-            noise: "ordinary".into(),
-            height_m: 1.77,
-            mass_kg: 72.0,
-            spans: Spans { identify: [0.0, 60.0], reference: [60.0, 180.0], work: [180.0, 270.0] },
-            reports_reference: true,
-            length_s: 270.0,
-            places: Vec::new(),
-            turned: true,
-            effects: hidden.iter().map(effect).collect(),
-            effect_mm: 3.0,
-        }
-    }
-
-    /// A finding as the program prints it.
-    pub(crate) fn finding(
-        verdict: &str,
-        effects: &[(&str, Value, Value)],
-        candidates: &[(&str, f64)],
-    ) -> Value {
-        let effects = effects.iter().map(|(name, place, parameters)| {
-            json!({"name": name, "where": place, "parameters": parameters, "log_odds": 40.0,
-                   "probability": 0.98, "runner_up": null, "family": []})
-        });
-        let candidates = candidates
-            .iter()
-            .map(|(name, probability)| json!({"name": name, "log_odds": 20.0, "probability": probability}));
-        json!({
-            "verdict": verdict,
-            "effects": effects.collect::<Vec<_>>(),
-            "candidates": candidates.collect::<Vec<_>>(),
-            "set_aside": [], "unexplained": [], "spans": [], "ask_next": null, "model": null,
-            "gap": {"before_mm": 5.0, "after_mm": 4.2, "noise_floor_mm": 3.8, "held_out": true, "per_axis": {}},
-        })
-    }
-
-    const LOAD: Thing = ("hand_load", Some(("hand", "right")), ("mass_kg", 0.5));
-
-    fn mass(value: f64) -> Value {
-        json!({"mass_kg": {"value": value, "sigma": 0.05, "unit": "kg"}})
-    }
-
-    #[test]
-    fn the_right_name_at_the_right_place_is_exact_and_its_parameter_is_compared() {
-        let answer = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(judged.exact && judged.family && judged.found == 1);
-        assert!((judged.parameters[0].off() - 1.6).abs() < 1e-9);
-        // √(5² − 3²) = 4.
-        assert!((judged.oracle_mm - 4.0).abs() < 1e-12);
-        assert!((judged.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
-        assert!((judge(&truth(&[LOAD]), Ok(&answer), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
-    }
-
-    #[test]
-    fn a_forearm_is_family_of_its_hand_and_the_other_hand_is_wrong() {
-        let forearm = finding("named", &[("worn_mass", json!({"segment": "RightForearm"}), mass(0.5))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&forearm), None, 1.0);
-        assert!(!judged.exact && judged.family && judged.parameters.is_empty());
-        let left = finding("named", &[("hand_load", json!({"hand": "left"}), mass(0.5))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&left), None, 1.0);
-        assert!(!judged.exact && !judged.family && judged.found == 0);
-    }
-
-    #[test]
-    fn an_ambiguous_answer_is_right_if_its_set_holds_the_truth() {
-        let candidates =
-            [("plate_gain", 0.6), ("plate_crosstalk", 0.2), ("hand_load right", 0.15), ("plate_yaw", 0.03)];
-        let answer = finding("ambiguous", &[], &candidates);
-        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(!judged.exact && judged.family);
-        let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
-        assert!(!judge(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
-    }
-
-    #[test]
-    fn effects_with_the_same_columns_are_one_name_with_the_larger_probability() {
-        let candidates = [("segment_misalignment T8", 0.8), ("unbalanced_parameters T8", 0.0)];
-        let judged = judge(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
-        assert_eq!(judged.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
-    }
-
-    #[test]
-    fn a_declared_substitute_is_right_in_the_outcome_and_in_its_stated_probability() {
-        let mut hidden = truth(&[("outside", None, ("mm", 20.0))]);
-        hidden.kind = "outside spine_shape".into();
-        let of = |segment: &str| {
-            let answer =
-                finding("named", &[("segment_misalignment", json!({"segment": segment}), json!({}))], &[]);
-            let judged = judge(&hidden, Ok(&answer), None, 1.0);
-            (judged.outcome(), judged.statements().collect::<Vec<_>>())
-        };
-        assert_eq!(of("T8"), (Outcome::Right, vec![(0.98, true)]));
-        assert_eq!(of("Pelvis"), (Outcome::Wrong, vec![(0.98, false)]));
-    }
-
-    #[test]
-    fn a_word_about_a_clean_session_is_a_false_alarm_and_silence_is_not() {
-        let clean = truth(&[]);
-        let said = finding("named", &[("plate_yaw", json!({}), json!({}))], &[]);
-        assert!(judge(&clean, Ok(&said), None, 1.0).is_false_alarm());
-        assert!(!judge(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
-    }
-
-    #[test]
-    fn both_of_a_pair_must_be_found_and_a_failure_is_reported() {
-        let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
-        let both = finding(
-            "named",
-            &[("plate_yaw", json!({}), json!({})), ("hand_load", json!({"hand": "right"}), mass(0.5))],
-            &[],
-        );
-        assert_eq!(judge(&truth(&[LOAD, yaw]), Ok(&both), None, 1.0).found, 2);
-        let failed = judge(&truth(&[LOAD, yaw]), Err("no still poses"), None, 1.0);
-        assert!(failed.verdict == "failed" && failed.found == 0 && failed.failure.is_some());
-    }
-}
+pub(super) mod tests;

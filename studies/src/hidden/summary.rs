@@ -47,15 +47,19 @@ const CRITERIA: [Criterion; 12] = [
         one.named.first().is_some_and(|first| one.is_right(first))
     }),
     ("single from the detectable size on: verdict named, all names right", is_detectable, |one| {
-        is_named(one) && one.named.iter().all(|name| one.is_right(name))
+        is_named(one) && one.names_are_right()
     }),
     ("single from the detectable size on: verdict named, a wrong name", is_detectable, |one| {
-        is_named(one) && !one.named.iter().all(|name| one.is_right(name))
+        is_named(one) && !one.names_are_right()
     }),
     ("pairs: both found", |one| one.class == Class::Pair, |one| one.found == 2),
     ("pairs: at least one found", |one| one.class == Class::Pair, |one| one.found > 0),
     ("clean: verdict named (false positive)", |one| one.class == Class::Clean, is_named),
-    ("clean: verdict other than none", |one| one.class == Class::Clean, Judged::is_false_alarm),
+    (
+        "clean: verdict other than none, or no finding",
+        |one| one.class == Class::Clean,
+        Judged::is_false_alarm,
+    ),
     (
         "outside the catalogue: unexplained, ambiguous or a declared family",
         |one| one.class == Class::Outside,

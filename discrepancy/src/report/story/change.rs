@@ -102,7 +102,7 @@ fn unseen(all: &[Unseen]) -> Table {
     let mut table = Table::new(&["effect", "description", "parameter", ">upper bound (95 %)"]);
     let kind = |each: &Unseen| each.effect.split(' ').next().unwrap_or_default().to_owned();
     for (n, first) in all.iter().enumerate() {
-        let same = |each: &&Unseen| kind(each) == kind(first) && each.parameter == first.parameter;
+        let same = |each: &&Unseen| kind(each) == kind(first) && each.unit == first.unit;
         if all[..n].iter().any(|each| same(&each)) {
             continue;
         }
