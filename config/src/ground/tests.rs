@@ -231,6 +231,12 @@ fn errors_in_channels_are_reported_with_key_and_line() {
     assert!(refusal(KISTLER, "38.117", "0").contains("not zero"));
     assert!(refusal(KISTLER, "\"fz4\"", "\"fz5\"").contains("no channel is called `fz4`"));
     assert!(refusal(KISTLER, "a_m = 0.12", "a_m = -0.12").contains("a and b"));
+    let message = refusal(KISTLER, "b_m = 0.20", "b_m = 200");
+    assert!(message.starts_with("ground.channels.kistler.b_m: 200 is not from 0.01 to 2 m"), "{message}");
+    let message = refusal(CELLS, "{ channel = \"back_left\"", "{ channel = \"front_left\"");
+    assert!(message.contains("`front_left` is the channel of two cells"), "{message}");
+    let message = refusal(AMTI, "channels = [\"g0\", \"g1\"", "channels = [\"g0\", \"g0\"");
+    assert!(message.starts_with("ground.channels.matrix.channels: channel `g0` is named twice"), "{message}");
     let other = TEXT.replace("[ground.channels.wrench]", "[ground.channels.wrnch]");
     let message = Config::parse(&other, "c.toml").unwrap_err().to_string();
     assert!(message.contains("did you mean `wrench`?"), "{message}");
