@@ -223,10 +223,10 @@ fn kistler(
 ) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.kistler";
     z_down::check_kistler(ground)?;
-    for (key, metres) in [("a_m", config.a_m), ("b_m", config.b_m)] {
+    for (name, metres) in [("a_m", config.a_m), ("b_m", config.b_m)] {
         if !SENSOR_DISTANCES_M.contains(&metres) {
             let what = format!("{metres} is not from 0.01 to 2 m, as a and b of a plate's sheet are");
-            return Err(DescriptionError::new(format!("ground.channels.kistler.{key}"), what));
+            return Err(DescriptionError::new(format!("ground.channels.kistler.{name}"), what));
         }
     }
     let mut find = |name| names.find(name, key);
