@@ -97,7 +97,8 @@ fn check_distinct<'a>(key: &'static str, names: impl IntoIterator<Item = &'a Str
     let mut before: Vec<&String> = Vec::new();
     for name in names {
         if before.iter().any(|other| other.eq_ignore_ascii_case(name)) {
-            let what = format!("channel {name:?} is named twice, and each component has a channel of its own");
+            let what =
+                format!("channel {name:?} is named twice, and each component has a channel of its own");
             return Err((key, what));
         }
         before.push(name);
@@ -108,11 +109,9 @@ fn check_distinct<'a>(key: &'static str, names: impl IntoIterator<Item = &'a Str
 impl LabAmpConfig {
     fn plan(&self) -> Result<Plan, (&'static str, String)> {
         match (&self.eight, &self.direct) {
-            (Some(eight), None) => Ok(Plan::Eight {
-                names: eight.names().map(Clone::clone),
-                a_m: eight.a_m,
-                b_m: eight.b_m,
-            }),
+            (Some(eight), None) => {
+                Ok(Plan::Eight { names: eight.names().map(Clone::clone), a_m: eight.a_m, b_m: eight.b_m })
+            }
             (None, Some(direct)) => Ok(Plan::Direct { force: direct.force(), moment: direct.moment() }),
             _ => Err(("ground.labamp", NO_SECTION.to_owned())),
         }

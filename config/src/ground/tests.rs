@@ -320,6 +320,29 @@ fn errors_in_a_binary_format_are_reported_with_key_and_line() {
 }
 
 #[test]
+fn bits_beyond_a_number_and_bits_of_two_numbers_are_refused() {
+    let message = refusal(BOTA, "mask = 0x000e", "mask = 0x1000e");
+    assert!(message.starts_with("ground.binary.status: must be a number without a sign"), "{message}");
+    let g0 = "name = \"g0\", at = 0, type = ";
+    let message = refusal(AMTI, &format!("{g0}\"u16\""), &format!("{g0}\"u8\""));
+    assert!(
+        message.contains("`g0`: a mask names bits of a number") && message.contains("beyond"),
+        "{message}"
+    );
+    for at in [3, 5] {
+        let message = refusal(BOTA, "name = \"fy\", at = 7", &format!("name = \"fy\", at = {at}"));
+        assert!(message.starts_with("ground.binary.fields: `fy` has bits of `fx`"), "{message}");
+    }
+    let g1 = "{ name = \"g1\", at = 2, type = \"u16\", mask = 0x0fff";
+    let of_one_word = AMTI.replace(g1, "{ name = \"g1\", at = 0, type = \"u16\", mask = 0xf000");
+    assert!(AMTI.contains(g1) && Config::parse(&of_one_word, "c.toml").is_ok());
+    let counter = "sequence = { at = 0, type = ";
+    let message =
+        refusal(RDT, &format!("{counter}\"u32\" }}"), &format!("{counter}\"u16\", modulus = 65537 }}"));
+    assert!(message.starts_with("ground.binary.sequence: its 16 bits wrap at 65536"), "{message}");
+}
+
+#[test]
 fn insoles_need_their_size_and_their_sides() {
     assert!(refusal(MOTICON, "length_m = 0.2486", "length_m = 24.86").contains("no insole's length"));
     let message = refusal(MOTICON, "y_to = \"medial\"", "");
