@@ -204,7 +204,7 @@ async def judge(port, scratch, gateway, demo, start):
 
     client = await until("a server", connected)
     nodes = await nodes_of(client)
-    assert len(nodes) == 18 + JOINTS * len(PER_JOINT), sorted(nodes)
+    assert len(nodes) == 19 + JOINTS * len(PER_JOINT), sorted(nodes)
     for joint in {path.split("/")[1] for path in nodes if path.startswith("Joints/")}:
         assert {path.split("/")[2] for path in nodes if path.startswith(f"Joints/{joint}/")} == PER_JOINT
     for path, unit in UNITS.items():

@@ -270,9 +270,18 @@ impl GroundConfig {
         }))
     }
 
+    /// The source of a device that sends blocks, also if another process reads it with the keys of this section.
+    fn block_source(&self) -> GroundSourceKind {
+        match self.source {
+            GroundSourceKind::External if self.tec_gihan.is_some() => GroundSourceKind::TecGihan,
+            GroundSourceKind::External if self.labamp.is_some() => GroundSourceKind::KistlerLabamp,
+            source => source,
+        }
+    }
+
     /// Duration of a block of samples; 0 if the device sends samples individually.
     pub(super) fn block_ns(&self) -> u64 {
-        match self.source {
+        match self.block_source() {
             GroundSourceKind::TecGihan => tec_gihan::block_ns(self),
             GroundSourceKind::KistlerLabamp => labamp::block_ns(self),
             _ => 0,
@@ -281,7 +290,7 @@ impl GroundConfig {
 
     /// The key that determines the length of blocks, if the device sends blocks.
     pub(super) fn gathers(&self) -> Option<&'static str> {
-        match self.source {
+        match self.block_source() {
             GroundSourceKind::TecGihan => Some("ground.tec_gihan.rate_hz"),
             GroundSourceKind::KistlerLabamp => Some("ground.labamp.rate_hz"),
             _ => None,
@@ -290,7 +299,7 @@ impl GroundConfig {
 
     /// Samples per second according to the configuration; `None` if it does not state them.
     pub(super) fn configured_rate_hz(&self) -> Option<f64> {
-        match self.source {
+        match self.block_source() {
             GroundSourceKind::TecGihan => Some(tec_gihan::rate_hz(self)),
             GroundSourceKind::KistlerLabamp => labamp::samples_hz(self),
             _ => None,

@@ -301,7 +301,16 @@ impl StaticPoseConfig {
         between("static_pose.joint_deg", self.joint_deg, 0.05, 45.0)?;
         between("static_pose.cop_mm", self.cop_mm, 0.1, 100.0)?;
         between("static_pose.new_pose_deg", self.new_pose_deg, 0.1, 90.0)?;
-        between("static_pose.weight_percent", self.weight_percent, 0.1, 50.0)
+        between("static_pose.weight_percent", self.weight_percent, 0.1, 50.0)?;
+        // A pose that is held counts once: its own variation must not make it a new one.
+        if self.new_pose_deg < self.joint_deg {
+            let what = format!(
+                "{} is less than joint_deg, {}, by which a joint of a held pose may vary: it would count several times",
+                self.new_pose_deg, self.joint_deg
+            );
+            return Err(("static_pose.new_pose_deg", what));
+        }
+        Ok(())
     }
 
     pub(super) fn apply(&self, settings: &mut Settings) {

@@ -122,6 +122,28 @@ fn a_page_for_the_whole_network_needs_a_token() {
 }
 
 #[test]
+fn each_receiver_of_datagrams_is_named_once_with_its_address() {
+    let to = |addresses: &str| format!("{SMALLEST}[gateways.udp]\nto = [{addresses}]\n");
+    assert!(Config::parse(&to("\"192.0.2.17:7411\", \"192.0.2.17:7412\""), "c.toml").is_ok());
+    for address in ["192.0.2.17:0", "0.0.0.0:7411", "[::]:7411", "255.255.255.255:7411"] {
+        let message = refusal(&to(&format!("\"{address}\"")));
+        assert!(message.contains(&format!("gateways.udp.to: {address} is no receiver")), "{message}");
+    }
+    let message = refusal(&to("\"192.0.2.17:7411\", \"192.0.2.17:7411\""));
+    assert!(message.contains("gateways.udp.to: 192.0.2.17:7411 is named twice"), "{message}");
+}
+
+#[test]
+fn a_pose_is_new_only_by_more_than_a_held_one_varies() {
+    let with = |keys: &str| format!("{SMALLEST}[static_pose]\n{keys}\n");
+    assert!(Config::parse(&with("joint_deg = 7.0"), "c.toml").is_ok());
+    for keys in ["joint_deg = 7.1", "new_pose_deg = 0.9"] {
+        let message = refusal(&with(keys));
+        assert!(message.contains("static_pose.new_pose_deg: ") && message.contains("joint_deg"), "{message}");
+    }
+}
+
+#[test]
 fn a_station_with_a_path_in_its_name_is_refused() {
     assert!(refusal(&SMALLEST.replace("station-1", "../etc")).contains("c.toml, line 2: station:"));
 }

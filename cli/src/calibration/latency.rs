@@ -47,7 +47,7 @@ pub fn settings_to_change(config: &Config, before: Latencies, after: Latencies) 
     }
 }
 
-/// Advice if another process reads the late sensor: only that process's configuration file counts.
+/// Advice if another process reads the late sensor: its file dates the samples, and the daemon's the expected arrival.
 pub fn external_setting(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     let (table, ms) = after.changed(before)?;
     let (external, more_ms) = match table {
@@ -55,7 +55,10 @@ pub fn external_setting(config: &Config, before: Latencies, after: Latencies) ->
         _ => (config.ground.source == GroundSourceKind::External, ms - before.ground_ms),
     };
     external.then(|| {
-        format!("add {more_ms} to [{table}] latency_ms in the file of the process that reads the {table}, and restart it")
+        format!(
+            "add {more_ms} to [{table}] latency_ms in the file of the process that reads the {table} and in the daemon's, \
+             and restart both"
+        )
     })
 }
 

@@ -22,7 +22,8 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 /// Run one adapter as a process of its own, for a daemon with --sensors-apart or with source = "external"
 ///
 /// SIGHUP reads the configuration again and reopens the sensor. While a daemon runs with another [suit] or [ground], the
-/// adapter keeps that of the daemon, or publishes nothing. With source = "external" in this file it ends at once.
+/// adapter keeps that of the daemon, or publishes nothing. A daemon with source = "external" in [ground] must have the
+/// other keys of this file. With source = "external" in this file it ends at once.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise adapter suit --config /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
@@ -161,19 +162,38 @@ fn run_once(
 }
 
 /// Why this adapter's section must not be used: the daemon has another one, so its tare, latency and model refer to other
-/// samples. `None` without a daemon, or if the daemon leaves the sensor to another file.
+/// samples. `None` without a daemon.
 fn differs_from_daemon(stream: Stream, config: &Config) -> Option<String> {
     let daemon = status::read(&config.station)?.config_toml;
     let (name, station) = (stream.name(), &config.station);
     let section = daemon.parse::<toml::Table>().ok()?.remove(name)?;
-    let source = section.get("source").and_then(toml::Value::as_str);
-    if source == Some("external") || config.section(name).as_ref() == Some(&section) {
-        return None;
-    }
+    let remedy = difference(stream, config.section(name)?, section)?;
     Some(format!(
         "[{name}] in this adapter's file differs from that of the running daemon of station {station}: nothing is \
-         published until equipoise is restarted"
+         published until {remedy}"
     ))
+}
+
+/// What ends the difference between an adapter's section and the daemon's; `None` if the samples of this section are
+/// those that the daemon's tare, frames and latency refer to.
+fn difference(stream: Stream, own: toml::Value, of_daemon: toml::Value) -> Option<&'static str> {
+    let is_external = of_daemon.get("source").and_then(toml::Value::as_str) == Some("external");
+    match (stream, is_external) {
+        // The daemon uses no key that describes the suit's device.
+        (Stream::Suit, true) => None,
+        (Stream::Ground, true) => (without_source(own) != without_source(of_daemon)).then_some(
+            "equipoise runs with the same [ground], except source = \"external\", or with --sensors-apart and this file",
+        ),
+        (_, false) => (own != of_daemon).then_some("equipoise is restarted"),
+    }
+}
+
+/// A section without its `source`.
+fn without_source(mut section: toml::Value) -> toml::Value {
+    if let Some(keys) = section.as_table_mut() {
+        keys.remove("source");
+    }
+    section
 }
 
 /// Compares the section in use with the daemon's, in a thread of its own so that no sample waits for a file.
@@ -223,4 +243,35 @@ fn reread(stream: Stream, path: &Path, before: Config) -> Config {
         Err(error) => warn!("{error}; the configuration before stays in force"),
     }
     before
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_daemon_with_an_external_ground_has_the_same_ground_except_its_source() {
+        let config = |source: &str, keys: &str| {
+            let text = format!(
+                "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"{source}\"\n\
+                 counts_per_newton = 1e6\ncounts_per_newton_metre = 1e6\n{keys}[subject]\nid = \"a\"\nheight_m = 1.7\n"
+            );
+            Config::parse(&text, "the test's").unwrap().section("ground").unwrap()
+        };
+        let own = config("ati-rdt", "");
+        let of = |daemon: toml::Value| difference(Stream::Ground, own.clone(), daemon);
+        assert_eq!(of(config("ati-rdt", "")), None);
+        assert_eq!(of(config("external", "")), None);
+        let moved = "[ground.frame]\nyaw_deg = 90.0\n";
+        assert_eq!(of(config("ati-rdt", moved)), Some("equipoise is restarted"));
+        for changed in [moved, "latency_ms = 5.0\n", "measures = \"reaction\"\n"] {
+            assert!(
+                of(config("external", changed)).is_some_and(|remedy| remedy.contains("external")),
+                "{changed}"
+            );
+        }
+        let suit = |text: &str| text.parse::<toml::Table>().map(toml::Value::Table).unwrap();
+        let forwarded = suit("source = \"external\"\nlatency_ms = 0.0");
+        assert_eq!(difference(Stream::Suit, suit("source = \"mvn-udp\"\navatar = 1"), forwarded), None);
+    }
 }

@@ -57,7 +57,9 @@ impl MqttConfig {
         between("gateways.mqtt.rate_hz", self.rate_hz, 0.1, 10.0)?;
         let wrong = |key, what: &str| Err((key, what.to_owned()));
         let plain = |letter: char| letter.is_ascii_alphanumeric() || ".-:_".contains(letter);
-        if self.broker.is_empty() || !self.broker.chars().all(plain) {
+        // Only an address of IPv6 has colons; others come before a port.
+        let has_port = self.broker.contains(':') && self.broker.parse::<IpAddr>().is_err();
+        if self.broker.is_empty() || has_port || !self.broker.chars().all(plain) {
             return wrong(
                 "gateways.mqtt.broker",
                 "give only its name or address: no scheme, no path; the port is a key",
@@ -126,7 +128,9 @@ mod tests {
     #[test]
     fn what_does_not_fit_together_is_refused() {
         let tls = "broker = \"b\"\nca_file = \"ca.pem\"\n";
-        assert_eq!(refused("broker = \"mqtts://b\""), Some("gateways.mqtt.broker"));
+        for broker in ["mqtts://b", "b:1883", "127.0.0.1:1883"] {
+            assert_eq!(refused(&format!("broker = \"{broker}\"")), Some("gateways.mqtt.broker"), "{broker}");
+        }
         assert_eq!(
             refused(&format!("{tls}certificate_file = \"c\"")),
             Some("gateways.mqtt.certificate_file")

@@ -1,6 +1,6 @@
 //! `[gateways.opcua]`
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -70,7 +70,9 @@ impl OpcUaConfig {
             return Ok(());
         };
         let plain = |letter: char| letter.is_ascii_alphanumeric() || ".-:".contains(letter);
-        if host.is_empty() || !host.chars().all(plain) {
+        // Only an address of IPv6 has colons; others come before a port.
+        let has_port = host.contains(':') && host.parse::<IpAddr>().is_err();
+        if host.is_empty() || has_port || !host.chars().all(plain) {
             let what = format!("{host:?} is neither a name nor an address: no scheme, no port, no path");
             return Err(("gateways.opcua.host", what));
         }
@@ -106,6 +108,8 @@ mod tests {
         assert!(refused(users).is_some_and(|what| what.starts_with("gateways.opcua.host")));
         assert_eq!(refused(&format!("{users}host = \"station-1.plant.example\"")), None);
         assert!(refused(&format!("{users}host = \"opc.tcp://x/\"")).is_some());
+        assert!(refused(&format!("{users}host = \"station-1:4840\"")).is_some());
+        assert_eq!(refused(&format!("{users}host = \"2001:db8::7\"")), None);
     }
 
     #[test]

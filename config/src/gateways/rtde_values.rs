@@ -61,10 +61,16 @@ pub enum Value {
     LiftedMassSigmaKg,
     /// Horizontal distance from the middle of the ankles to the load, m.
     ReachM,
+    /// 1-σ of the same distance, m.
+    ReachSigmaM,
     /// Vertical external force, N.
     DeltaFzN,
+    /// 1-σ of the vertical external force, N.
+    DeltaFzSigmaN,
     /// Compression of the L5/S1 disc, N.
     L5s1CompressionN,
+    /// 1-σ of the compression of the L5/S1 disc, N.
+    L5s1CompressionSigmaN,
     /// Direction in which moving the load relieves the worst joint: world X.
     AdviceX,
     /// The same direction, world Y.
@@ -75,6 +81,8 @@ pub enum Value {
     Level(Joint),
     /// Overload torque of one joint, N m.
     TorqueNm(Joint),
+    /// 1-σ of the overload torque of one joint, N m.
+    SigmaNm(Joint),
     /// Fatigue of one joint, 0 to 1.
     Fatigue(Joint),
 }
@@ -87,10 +95,10 @@ const LIFTED: Option<Validity> = Some(Validity::INVALIDATES_LIFTED_MASS);
 
 /// All values except those per joint.
 #[rustfmt::skip]
-const ROWS: [Row; 22] = [
+const ROWS: [Row; 25] = [
     (Value::Sequence, "sequence", true, None, "increments with each package, 1 to 2³¹ − 1, then 1 again; 0: not written yet"),
     (Value::State, "state", true, None, "1: there is a current state; 0: not written yet; otherwise there is none: 2 silent, 3 stale, 4 other_clock, 5 bus"),
-    (Value::DaemonLife, "daemon_life", true, None, "increments when the daemon restarts (sums restart), not when `subject load` or `subject delete` changes the subject, which raises `model_changed` in `valid` for a second; 0: no daemon yet; 1 again after a restart of the gateway"),
+    (Value::DaemonLife, "daemon_life", true, None, "increments when the daemon restarts (sums restart), not with another subject (`model_changed` in `valid`); 0: no daemon yet; 1 again after a restart of the gateway"),
     (Value::Valid, "valid", true, None, "invalid reasons (bits); −1 without a state"),
     (Value::Usable, "usable", true, None, "groups of valid values (bits); 0 without a state"),
     (Value::Unavailable, "unavailable", true, None, "quantities that the station's sensors do not provide (bits)"),
@@ -105,8 +113,11 @@ const ROWS: [Row; 22] = [
     (Value::LiftedMassKg, "lifted_mass_kg", false, LIFTED, "mass in the hands, kg"),
     (Value::LiftedMassSigmaKg, "lifted_mass_sigma_kg", false, LIFTED, "1-σ of `lifted_mass_kg`, kg"),
     (Value::ReachM, "reach_m", false, TORQUES, "horizontal distance of the load from the midpoint of the ankles, m"),
+    (Value::ReachSigmaM, "reach_sigma_m", false, TORQUES, "1-σ of `reach_m`, m"),
     (Value::DeltaFzN, "delta_fz_n", false, Some(Validity::INVALIDATES_DELTA_F), "vertical external force, N"),
+    (Value::DeltaFzSigmaN, "delta_fz_sigma_n", false, Some(Validity::INVALIDATES_DELTA_F), "1-σ of `delta_fz_n`, N"),
     (Value::L5s1CompressionN, "l5s1_compression_n", false, Some(Validity::INVALIDATES_LOW_BACK), "compression of the L5/S1 disc, N"),
+    (Value::L5s1CompressionSigmaN, "l5s1_compression_sigma_n", false, Some(Validity::INVALIDATES_LOW_BACK), "1-σ of `l5s1_compression_n`, N"),
     (Value::AdviceX, "advice_x", false, TORQUES, "relieving direction of load motion, unit vector, world X; all three 0: none"),
     (Value::AdviceY, "advice_y", false, TORQUES, "world Y"),
     (Value::AdviceZ, "advice_z", false, TORQUES, "world Z, up"),
@@ -121,7 +132,9 @@ impl Value {
         }
         Joint::ALL
             .into_iter()
-            .flat_map(|joint| [Value::Level(joint), Value::TorqueNm(joint), Value::Fatigue(joint)])
+            .flat_map(|joint| {
+                [Value::Level(joint), Value::TorqueNm(joint), Value::SigmaNm(joint), Value::Fatigue(joint)]
+            })
             .find(|value| value.name() == name)
     }
 
@@ -130,6 +143,7 @@ impl Value {
         match self {
             Value::Level(joint) => format!("level_{}", joint.name()),
             Value::TorqueNm(joint) => format!("torque_{}_nm", joint.name()),
+            Value::SigmaNm(joint) => format!("sigma_{}_nm", joint.name()),
             Value::Fatigue(joint) => format!("fatigue_{}", joint.name()),
             _ => self.row().map_or_else(String::new, |(_, name, ..)| (*name).to_owned()),
         }
@@ -147,7 +161,7 @@ impl Value {
     /// Validity flags that invalidate it; `None` for values that are always valid.
     pub fn needs(self) -> Option<Validity> {
         match self {
-            Value::Level(_) | Value::TorqueNm(_) => TORQUES,
+            Value::Level(_) | Value::TorqueNm(_) | Value::SigmaNm(_) => TORQUES,
             Value::Fatigue(_) => None,
             _ => self.row().and_then(|(_, _, _, needs, _)| *needs),
         }

@@ -1,6 +1,6 @@
 //! `[gateways.udp]`
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +25,20 @@ impl UdpConfig {
     pub(super) fn check(&self) -> Checked {
         if self.to.is_empty() {
             return Err(("gateways.udp.to", "name at least one address, as \"192.0.2.17:7411\"".to_owned()));
+        }
+        for (index, address) in self.to.iter().enumerate() {
+            let is_broadcast = matches!(address.ip(), IpAddr::V4(ip) if ip.is_broadcast());
+            if address.port() == 0 || address.ip().is_unspecified() || is_broadcast {
+                let what = format!("{address} is no receiver: name its own address and port");
+                return Err(("gateways.udp.to", what));
+            }
+            if self.to[..index].contains(address) {
+                let what = format!(
+                    "{address} is named twice: its receiver would count every second datagram as old, which means a second \
+                     sender"
+                );
+                return Err(("gateways.udp.to", what));
+            }
         }
         between("gateways.udp.rate_hz", self.rate_hz, 50.0, 1000.0)
     }

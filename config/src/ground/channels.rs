@@ -11,6 +11,8 @@ pub(super) use soles::size as insole_size;
 pub use soles::{CopUnit, InsolesConfig, TowardsX, TowardsY};
 pub use units::{ForceConfig, LengthConfig, MomentConfig};
 
+use std::ops::RangeInclusive;
+
 use equipoise_adapters::ground::Channels;
 use equipoise_adapters::ground::channels::{Cell, Centre, ChannelFault, Direct, EightChannels};
 use serde::{Deserialize, Serialize};
@@ -133,6 +135,8 @@ pub struct CentreConfig {
 }
 
 const SECTION: &str = "ground.channels";
+/// Distances of a plate's sensors from its middle, m: numbers in millimetres are outside.
+const SENSOR_DISTANCES_M: RangeInclusive<f64> = 0.01..=2.0;
 
 /// Converts the section to the adapter's channels.
 pub(super) fn channels(ground: &GroundConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
@@ -181,6 +185,10 @@ fn wrench(config: &WrenchConfig, names: &mut Names<'_>) -> Result<Channels, Desc
 fn matrix(config: &MatrixConfig, names: &mut Names<'_>) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.matrix.channels";
     let columns = config.channels.iter().map(|name| names.find(name, key)).collect::<Result<Vec<_>, _>>()?;
+    if let Some(twice) = (1..columns.len()).find(|column| columns[..*column].contains(&columns[*column])) {
+        let what = format!("channel `{}` is named twice", config.channels[twice]);
+        return Err(DescriptionError::new(key, what));
+    }
     if !config.zero.is_empty() && config.zero.len() != columns.len() {
         let what = format!("{} numbers, and there are {} channels", config.zero.len(), columns.len());
         return Err(DescriptionError::new("ground.channels.matrix.zero", what));
@@ -215,6 +223,12 @@ fn kistler(
 ) -> Result<Channels, DescriptionError> {
     let key = "ground.channels.kistler";
     z_down::check_kistler(ground)?;
+    for (name, metres) in [("a_m", config.a_m), ("b_m", config.b_m)] {
+        if !SENSOR_DISTANCES_M.contains(&metres) {
+            let what = format!("{metres} is not from 0.01 to 2 m, as a and b of a plate's sheet are");
+            return Err(DescriptionError::new(format!("ground.channels.kistler.{name}"), what));
+        }
+    }
     let mut find = |name| names.find(name, key);
     let channels = [
         find("fx12")?,
@@ -265,7 +279,7 @@ fn cells(
             "must be \"reaction\" for load cells, which read positive when pressed, and ground.frame.axes \"z-up\"",
         ));
     }
-    let mut found = Vec::new();
+    let mut found: Vec<Cell> = Vec::new();
     for entry in &config.cells {
         let CellConfig { channel, x_m, y_m } = entry.get_ref();
         if !(x_m.abs() <= 5.0 && y_m.abs() <= 5.0) {
@@ -275,10 +289,13 @@ fn cells(
                 "a place is given in metres from the plate's origin",
             ));
         }
-        let channel = names
+        let index = names
             .find(channel, key)
             .map_err(|error| DescriptionError { span: Some(entry.span()), ..error })?;
-        found.push(Cell { channel, at_m: [*x_m, *y_m] });
+        if found.iter().any(|cell| cell.channel == index) {
+            return Err(DescriptionError::at(entry, key, format!("`{channel}` is the channel of two cells")));
+        }
+        found.push(Cell { channel: index, at_m: [*x_m, *y_m] });
     }
     Channels::cells(names.count(), &found, config.force.into()).map_err(fault("cells"))
 }

@@ -85,24 +85,33 @@ const NO_ADDRESS: &str = "must be given for Kistler's LabAmp: its address and po
 const NO_SECTION: &str =
     "must be given for Kistler's LabAmp, with either [ground.labamp.eight] or [ground.labamp.direct]";
 
+impl EightConfig {
+    /// The channels in the order of [`Plan::Eight`].
+    fn names(&self) -> [&String; 8] {
+        [&self.fx12, &self.fx34, &self.fy14, &self.fy23, &self.fz1, &self.fz2, &self.fz3, &self.fz4]
+    }
+}
+
+/// Checks that no channel is named twice: one reading would count as two components.
+fn check_distinct<'a>(key: &'static str, names: impl IntoIterator<Item = &'a String>) -> Checked {
+    let mut before: Vec<&String> = Vec::new();
+    for name in names {
+        if before.iter().any(|other| other.eq_ignore_ascii_case(name)) {
+            let what =
+                format!("channel {name:?} is named twice, and each component has a channel of its own");
+            return Err((key, what));
+        }
+        before.push(name);
+    }
+    Ok(())
+}
+
 impl LabAmpConfig {
     fn plan(&self) -> Result<Plan, (&'static str, String)> {
         match (&self.eight, &self.direct) {
-            (Some(eight), None) => Ok(Plan::Eight {
-                names: [
-                    &eight.fx12,
-                    &eight.fx34,
-                    &eight.fy14,
-                    &eight.fy23,
-                    &eight.fz1,
-                    &eight.fz2,
-                    &eight.fz3,
-                    &eight.fz4,
-                ]
-                .map(Clone::clone),
-                a_m: eight.a_m,
-                b_m: eight.b_m,
-            }),
+            (Some(eight), None) => {
+                Ok(Plan::Eight { names: eight.names().map(Clone::clone), a_m: eight.a_m, b_m: eight.b_m })
+            }
             (None, Some(direct)) => Ok(Plan::Direct { force: direct.force(), moment: direct.moment() }),
             _ => Err(("ground.labamp", NO_SECTION.to_owned())),
         }
@@ -174,6 +183,7 @@ pub(super) fn check(ground: &GroundConfig) -> Checked {
         z_down::check_kistler(ground)?;
         between("ground.labamp.eight.a_m", eight.a_m, 0.01, 2.0)?;
         between("ground.labamp.eight.b_m", eight.b_m, 0.01, 2.0)?;
+        check_distinct("ground.labamp.eight", eight.names())?;
     }
     config.direct.as_ref().map_or(Ok(()), |direct| direct.check("ground.labamp.direct"))
 }
@@ -197,6 +207,7 @@ impl DirectConfig {
                 "fz must be named, and fx with fy, mx with my: one of the two without the other says nothing";
             return Err((key, what.to_owned()));
         }
-        Ok(())
+        let names = [&self.fx, &self.fy, &self.fz, &self.mx, &self.my, &self.mz];
+        check_distinct(key, names.into_iter().flatten())
     }
 }

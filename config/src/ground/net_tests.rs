@@ -64,6 +64,8 @@ fn a_labamp_is_configured_within_its_limits() {
             .starts_with("ground.frame.surface_height_m: must be given for Kistler's plates")
     );
     assert!(refusal(LABAMP, "a_m = 0.12 ", "a_m = -0.12 ").starts_with("ground.labamp.eight.a_m"));
+    let message = refusal(LABAMP, "fz2 = \"Sensor-6\"", "fz2 = \"sensor-5\"");
+    assert!(message.starts_with("ground.labamp.eight: channel \"sensor-5\" is named twice"), "{message}");
     assert!(refusal(LABAMP, "address = ", "#address = ").starts_with("ground.address: must be given"));
     let direct = "[ground.labamp.direct]\nfz = \"Sensor-1\"\n";
     let both = format!("{direct}[ground.frame]");
@@ -126,6 +128,8 @@ fn a_stream_and_its_channels_are_named() {
     assert!(Config::parse(&with_address, "c").is_ok());
     assert!(refusal(LSL, "AMTI Force Plate", "AMTI's").starts_with("ground.lsl.name: must not be empty"));
     assert!(refusal(LSL, "fz = \"Fz\"\n", "").starts_with("ground.lsl.channels: fz must be named"));
+    let message = refusal(LSL, "my = \"My\"", "my = \"Mx\"");
+    assert!(message.starts_with("ground.lsl.channels: channel \"Mx\" is named twice"), "{message}");
     assert!(refusal(LSL, "#force_unit = \"N\"", "force_unit = \"V\"").starts_with("ground.lsl.force_unit"));
     assert!(
         refusal(LSL, "#moment_unit = \"Nm\"", "moment_unit = \"N\"").starts_with("ground.lsl.moment_unit")

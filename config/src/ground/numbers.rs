@@ -138,6 +138,17 @@ impl ModulusConfig {
             modulus => Ok(u128::from(modulus)),
         }
     }
+
+    /// As [`ModulusConfig::checked`], for a counter with this number of bits: with a larger modulus each wrap would be a
+    /// step back.
+    pub(super) fn checked_of_bits(self, key: &str, bits: u32) -> Result<u128, DescriptionError> {
+        let (modulus, most) = (self.checked(key)?, ModulusConfig::of_bits(bits));
+        if modulus <= most {
+            return Ok(modulus);
+        }
+        let what = format!("its {bits} bits wrap at {most}; leave a larger modulus out");
+        Err(DescriptionError::new(key, what))
+    }
 }
 
 /// Bytes in hexadecimal digits, two for each, optionally separated by spaces.

@@ -7,7 +7,7 @@ use equipoise_adapters::ground::fusion::{self, FusionKind, FusionSettings, SURFA
 use equipoise_adapters::source::SourceError;
 
 use super::channels::ChannelsConfig;
-use super::{Foot, FrameConfig, GroundConfig, GroundSourceKind};
+use super::{Foot, FrameConfig, GroundConfig, GroundSourceKind, Measures, ati_rdt};
 use crate::method::Checked;
 
 /// A key and its error.
@@ -121,8 +121,35 @@ impl GroundConfig {
             );
             return Err(("ground.second.frame", what));
         }
+        if is_same_device(self, second) {
+            let what = "it is the device of [ground], whose force would count twice; name the other device";
+            return Err(("ground.second.address", what.to_owned()));
+        }
         Ok(())
     }
+}
+
+/// Whether both sections read the same plate over the network.
+fn is_same_device(one: &GroundConfig, other: &GroundConfig) -> bool {
+    // What the same readings may be converted with.
+    let readings = |ground: &GroundConfig| GroundConfig {
+        measures: Measures::default(),
+        latency_ms: 0.0,
+        foot: None,
+        frame: FrameConfig::default(),
+        ..ground.clone()
+    };
+    let plate = |ground: &GroundConfig| ground.qtm.as_ref().map(|qtm| qtm.plate);
+    one.source == other.source
+        && match one.source {
+            GroundSourceKind::AtiRdt => ati_rdt::address(one) == ati_rdt::address(other),
+            GroundSourceKind::Qtm => (one.address, plate(one)) == (other.address, plate(other)),
+            _ => {
+                let is_on_network = one.address.is_some() || one.source == GroundSourceKind::Lsl;
+                let one = GroundConfig { second: None, ..readings(one) };
+                is_on_network && one == readings(other)
+            }
+        }
 }
 
 const ONE_FOOT: &str = "say `foot` of both plates, or of neither";
@@ -178,10 +205,15 @@ mod tests {
         format!("{keys}\n{PLATE}")
     }
 
+    /// Another plate than that of `with`.
+    fn other(keys: &str) -> String {
+        with(&format!("address = \"192.168.1.12:49152\"\n{keys}"))
+    }
+
     #[test]
     fn two_plates_under_one_foot_each_are_accepted() {
         let config =
-            parse(&with("foot = \"right\"\nlatency_ms = 3"), &with("foot = \"left\"\nlatency_ms = 8"))
+            parse(&with("foot = \"right\"\nlatency_ms = 3"), &other("foot = \"left\"\nlatency_ms = 8"))
                 .unwrap();
         let fusion = config.ground.fusion().unwrap();
         assert_eq!(fusion.kind, super::FusionKind::TwoPlates { left: Some(1) });
@@ -208,6 +240,7 @@ mod tests {
             (with(""), deep, "ground.second.second: two devices"),
             (with(""), "source = \"external\"".to_owned(), "ground.second.source: with [ground.second]"),
             (with(""), with("contus = 1"), "`contus` is not known"),
+            (foot("left"), foot("right"), "ground.second.address: it is the device of [ground], whose force"),
         ];
         for (first, second, text) in wrong {
             let error = parse(&first, &second).unwrap_err();
@@ -216,5 +249,22 @@ mod tests {
         let single = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\nfoot = \"left\"\n\
                      [subject]\nid = \"a\"\nheight_m = 1.7\n";
         assert!(Config::parse(single, "one").unwrap_err().to_string().contains("not the whole ground"));
+    }
+
+    #[test]
+    fn a_plate_of_a_program_is_not_read_twice() {
+        let qtm = |plate: u32| {
+            format!(
+                "source = \"qtm\"\naddress = \"192.168.0.20:22223\"\nframe = {{ axes = \"z-down\" }}\n\
+                 qtm = {{ coordinates = \"plate\", plate = {plate} }}"
+            )
+        };
+        assert!(parse(&qtm(1), &qtm(2)).is_ok());
+        assert!(parse(&qtm(2), &qtm(2)).unwrap_err().contains("ground.second.address: it is the device"));
+        let lsl = |fz: &str| {
+            format!("source = \"lsl\"\nlsl = {{ name = \"plates\", channels = {{ fz = \"{fz}\" }} }}")
+        };
+        assert!(parse(&lsl("Fz1"), &lsl("Fz2")).is_ok());
+        assert!(parse(&lsl("Fz1"), &lsl("Fz1")).unwrap_err().contains("would count twice"));
     }
 }

@@ -160,6 +160,10 @@ fn the_latency_includes_a_block_and_long_blocks_are_refused() {
     assert!(with(250, late, later).is_ok(), "the suit is late as well");
     // The loop stores a fixed number of samples, which is 51 ms at this rate.
     assert!(with(10_000, late, "").unwrap_err().contains("suit.latency_ms: the streams are 60 ms apart"));
+    // Another process reads the device with the same keys.
+    let external = "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"external\"\n\
+                    [ground.tec_gihan]\nrate_hz = 2500\n[subject]\nid = \"a\"\nheight_m = 1.7\n";
+    assert_eq!(Config::parse(external, "c.toml").unwrap().settings().ground_latency_ns, 40_000_000);
 }
 
 #[test]
@@ -227,6 +231,12 @@ fn errors_in_channels_are_reported_with_key_and_line() {
     assert!(refusal(KISTLER, "38.117", "0").contains("not zero"));
     assert!(refusal(KISTLER, "\"fz4\"", "\"fz5\"").contains("no channel is called `fz4`"));
     assert!(refusal(KISTLER, "a_m = 0.12", "a_m = -0.12").contains("a and b"));
+    let message = refusal(KISTLER, "b_m = 0.20", "b_m = 200");
+    assert!(message.starts_with("ground.channels.kistler.b_m: 200 is not from 0.01 to 2 m"), "{message}");
+    let message = refusal(CELLS, "{ channel = \"back_left\"", "{ channel = \"front_left\"");
+    assert!(message.contains("`front_left` is the channel of two cells"), "{message}");
+    let message = refusal(AMTI, "channels = [\"g0\", \"g1\"", "channels = [\"g0\", \"g0\"");
+    assert!(message.starts_with("ground.channels.matrix.channels: channel `g0` is named twice"), "{message}");
     let other = TEXT.replace("[ground.channels.wrench]", "[ground.channels.wrnch]");
     let message = Config::parse(&other, "c.toml").unwrap_err().to_string();
     assert!(message.contains("did you mean `wrench`?"), "{message}");
@@ -307,6 +317,29 @@ fn errors_in_a_binary_format_are_reported_with_key_and_line() {
         refusal(SCANS, "sequence = {", "time = { at = 12, type = \"u32\", unit = \"us\" }\nsequence = {")
             .contains("leave it out")
     );
+}
+
+#[test]
+fn bits_beyond_a_number_and_bits_of_two_numbers_are_refused() {
+    let message = refusal(BOTA, "mask = 0x000e", "mask = 0x1000e");
+    assert!(message.starts_with("ground.binary.status: must be a number without a sign"), "{message}");
+    let g0 = "name = \"g0\", at = 0, type = ";
+    let message = refusal(AMTI, &format!("{g0}\"u16\""), &format!("{g0}\"u8\""));
+    assert!(
+        message.contains("`g0`: a mask names bits of a number") && message.contains("beyond"),
+        "{message}"
+    );
+    for at in [3, 5] {
+        let message = refusal(BOTA, "name = \"fy\", at = 7", &format!("name = \"fy\", at = {at}"));
+        assert!(message.starts_with("ground.binary.fields: `fy` has bits of `fx`"), "{message}");
+    }
+    let g1 = "{ name = \"g1\", at = 2, type = \"u16\", mask = 0x0fff";
+    let of_one_word = AMTI.replace(g1, "{ name = \"g1\", at = 0, type = \"u16\", mask = 0xf000");
+    assert!(AMTI.contains(g1) && Config::parse(&of_one_word, "c.toml").is_ok());
+    let counter = "sequence = { at = 0, type = ";
+    let message =
+        refusal(RDT, &format!("{counter}\"u32\" }}"), &format!("{counter}\"u16\", modulus = 65537 }}"));
+    assert!(message.starts_with("ground.binary.sequence: its 16 bits wrap at 65536"), "{message}");
 }
 
 #[test]

@@ -101,7 +101,7 @@ pub const PHASES: [&str; 4] = ["waiting", "identifying", "monitoring", "degraded
 pub const LEVELS: [&str; 6] = ["none", "green", "orange", "red", "above_max", "undecided"];
 
 /// The station's own variables.
-pub const STATION: [Row; 18] = [
+pub const STATION: [Row; 19] = [
     cycle("Phase", Type::State(&PHASES), None, "Phase of the station", |reading, _| {
         Phase::from_number(reading.state.phase).map(|phase| Variant::from(phase as u32))
     }),
@@ -172,6 +172,14 @@ pub const STATION: [Row; 18] = [
         BACK,
         "Compression of the L5/S1 disc",
         |reading, _| number(reading.state.l5s1_compression_n),
+    ),
+    sample(
+        "LowBackCompressionSigma",
+        Type::Double,
+        Some(NEWTON),
+        BACK,
+        "1-σ of LowBackCompression",
+        |reading, _| number(reading.state.l5s1_compression_sigma_n),
     ),
     cycle("Lifts", Type::UInt64, None, "Number of lifts in the dose", |reading, _| {
         Some(Variant::from(u64::from(reading.state.lifts)))

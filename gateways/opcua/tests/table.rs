@@ -54,7 +54,7 @@ fn reasons() -> String {
         "| bit of `Valid` | reason | invalidates | status of invalid values |\n|---:|---|---|---|\n"
             .to_owned();
     for (reason, name) in Validity::NAMES {
-        let invalidated: Vec<_> = ["torques", "lifted_mass", "back"]
+        let invalidated: Vec<_> = ["torques", "lifted_mass", "low_back"]
             .into_iter()
             .filter(|wanted| {
                 Validity::FLAG_SETS.iter().any(|(set, name)| name == wanted && set.any_of(*reason))

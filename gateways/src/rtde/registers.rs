@@ -81,13 +81,17 @@ fn word_of_state(value: Value, state: &State, age_ns: u64, sample_age_ns: Option
         Value::LiftedMassKg => Word::Double(state.lifted_mass_kg),
         Value::LiftedMassSigmaKg => Word::Double(state.lifted_mass_sigma_kg),
         Value::ReachM => Word::Double(state.reach_m),
+        Value::ReachSigmaM => Word::Double(state.reach_sigma_m),
         Value::DeltaFzN => Word::Double(state.delta_f_n[2]),
+        Value::DeltaFzSigmaN => Word::Double(state.delta_f_sigma_n),
         Value::L5s1CompressionN => Word::Double(state.l5s1_compression_n),
+        Value::L5s1CompressionSigmaN => Word::Double(state.l5s1_compression_sigma_n),
         Value::AdviceX => Word::Double(state.advice_direction[0]),
         Value::AdviceY => Word::Double(state.advice_direction[1]),
         Value::AdviceZ => Word::Double(state.advice_direction[2]),
         Value::Level(joint) => whole(u64::from(state.joint_level[joint.index()])),
         Value::TorqueNm(joint) => Word::Double(magnitude_nm(joint.index())),
+        Value::SigmaNm(joint) => Word::Double(state.torque_sigma_nm[joint.index()]),
         Value::Fatigue(joint) => Word::Double(state.fatigue[joint.index()]),
     }
 }

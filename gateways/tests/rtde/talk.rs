@@ -136,6 +136,30 @@ fn what_a_reason_spoils_is_zero_and_has_no_bit_of_usable() {
 }
 
 #[test]
+fn the_sigma_of_each_value_is_written_or_withheld_with_it() {
+    let (controller, robot) = start();
+    let registers = "registers = { sequence = 24, state = 25, reach_sigma_m = 24, delta_fz_sigma_n = 25, \
+                     l5s1_compression_sigma_n = 26, sigma_jL5S1_nm = 27 }"
+        .replace("jL5S1", Joint::ALL[0].name());
+    let mut gateway = Rtde::new(&config(robot, &registers)).unwrap();
+    for valid in [Validity::default(), Validity::BELOW_LOAD_THRESHOLD, Validity::GROUND_STALE] {
+        let mut state = state();
+        state.valid = valid.0;
+        let inputs = send_until_accepted(&mut gateway, &controller, &Ok(reading(state)));
+        for (number, sigma, invalidating) in [
+            (24, state.reach_sigma_m, Validity::INVALIDATES_TORQUES),
+            (25, state.delta_f_sigma_n, Validity::INVALIDATES_DELTA_F),
+            (26, state.l5s1_compression_sigma_n, Validity::INVALIDATES_LOW_BACK),
+            (27, state.torque_sigma_nm[0], Validity::INVALIDATES_TORQUES),
+        ] {
+            let written = inputs[&format!("input_double_register_{number}")];
+            let expected = if valid.any_of(invalidating) { 0.0 } else { sigma };
+            assert_eq!(written, expected, "register {number} with {}", valid.0);
+        }
+    }
+}
+
+#[test]
 fn without_a_state_the_reason_is_written_and_the_values_go() {
     let (controller, robot) = start();
     let mut gateway = Rtde::new(&config(robot, "")).unwrap();

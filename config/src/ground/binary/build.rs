@@ -34,8 +34,7 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
             .map_err(|fault| DescriptionError::new(key(name), fault.to_string()))
     };
     let scans = scans(config, &form)?;
-    let fields =
-        config.fields.iter().map(|entry| field(config, &form, entry)).collect::<Result<Vec<_>, _>>()?;
+    let fields = fields(config, &form)?;
     let names: Vec<String> = config.fields.iter().map(|entry| entry.get_ref().name.clone()).collect();
     let mut lookup = Names::new(&names);
     let channels = channels::channels(ground, &mut lookup)?;
@@ -50,9 +49,10 @@ pub(super) fn settings(ground: &GroundConfig) -> Result<BinarySettings, Descript
     let count = |name: &str, count: &Option<CountConfig>| -> Result<Option<Count>, DescriptionError> {
         let Some(count) = count else { return Ok(None) };
         let place = place(count.at, count.number, count.mask, config.endian);
+        let bits = place.mask.count_ones().min(8 * place.number.bytes() as u32);
         let modulus = match count.modulus {
-            Some(modulus) => modulus.checked(&key(name))?,
-            None => ModulusConfig::of_bits(place.mask.count_ones().min(8 * place.number.bytes() as u32)),
+            Some(modulus) => modulus.checked_of_bits(&key(name), bits)?,
+            None => ModulusConfig::of_bits(bits),
         };
         Ok(Some(Count { place: within(name, unsigned(name, place)?)?, modulus }))
     };
@@ -190,6 +190,38 @@ fn scans(config: &BinaryConfig, form: &FrameForm) -> Result<Scans, DescriptionEr
     Ok(Scans { count: scans.count, bytes: scans.bytes })
 }
 
+/// All fields. A copied line with an unchanged position would give two channels the same number.
+fn fields(config: &BinaryConfig, form: &FrameForm) -> Result<Vec<Field>, DescriptionError> {
+    let all =
+        config.fields.iter().map(|entry| field(config, form, entry)).collect::<Result<Vec<Field>, _>>()?;
+    for (index, entry) in config.fields.iter().enumerate() {
+        let other =
+            all[..index].iter().position(|other| have_common_bits(form, other.place, all[index].place));
+        if let Some(other) = other {
+            let (name, other) = (&entry.get_ref().name, &config.fields[other].get_ref().name);
+            let what = format!("`{name}` has bits of `{other}`; each field has its own");
+            return Err(DescriptionError::at(entry, key("fields"), what));
+        }
+    }
+    Ok(all)
+}
+
+/// Whether two numbers certainly have common bits: in frames of any length, positions from the beginning and from the end
+/// cannot be compared, nor masks of numbers that only overlap.
+fn have_common_bits(form: &FrameForm, one: Place, other: Place) -> bool {
+    let (Some(bytes), Some(of_other)) = (one.range(form.most()), other.range(form.most())) else {
+        return false;
+    };
+    let are_comparable = matches!(form.length, Length::Fixed(_)) || (one.at < 0) == (other.at < 0);
+    let overlap = bytes.start < of_other.end && of_other.start < bytes.end;
+    let have_own_bits = if bytes == of_other && one.endian == other.endian {
+        one.mask & other.mask == 0
+    } else {
+        one.mask != u64::MAX || other.mask != u64::MAX
+    };
+    are_comparable && overlap && !have_own_bits
+}
+
 fn field(
     config: &BinaryConfig,
     form: &FrameForm,
@@ -206,8 +238,9 @@ fn field(
         )));
     }
     let place = place(*at, *number, *mask, endian.unwrap_or(config.endian));
-    if mask.is_some() && (!place.number.is_unsigned() || *mask == Some(0)) {
-        return Err(wrong("a mask names bits of a number without a sign, at least one".to_owned()));
+    if mask.is_some() && (!place.number.is_unsigned() || *mask == Some(0) || !has_its_bits_only(place)) {
+        let what = "a mask names bits of a number without a sign, at least one and none beyond it";
+        return Err(wrong(what.to_owned()));
     }
     let (count, bytes) = config.scans.as_ref().map_or((1, 0), |scans| (scans.count, scans.bytes));
     let last = count
@@ -223,20 +256,28 @@ fn place(at: i32, number: NumberType, mask: Option<u32>, endian: EndianConfig) -
     Place { mask: mask.map_or(u64::MAX, u64::from), ..Place::new(at, number.into(), endian.into()) }
 }
 
+/// Whether the mask has no bits beyond the number, which are never set: a status would report no fault.
+fn has_its_bits_only(place: Place) -> bool {
+    let beyond = place.mask.checked_shr(8 * place.number.bytes() as u32).unwrap_or(0);
+    // All bits: there is no mask.
+    place.mask == u64::MAX || beyond == 0
+}
+
 fn unsigned(name: &str, place: Place) -> Result<Place, DescriptionError> {
-    if place.number.is_unsigned() && place.mask != 0 {
+    if place.number.is_unsigned() && place.mask != 0 && has_its_bits_only(place) {
         return Ok(place);
     }
     Err(DescriptionError::new(
         key(name),
-        "must be a number without a sign, u8 to u64, and a mask at least one bit",
+        "must be a number without a sign, u8 to u64, and a mask at least one bit of it and none beyond",
     ))
 }
 
 fn tag_named(key: &str, tag: &TagConfig, endian: EndianConfig) -> Result<Tag, DescriptionError> {
     let place = place(tag.at, tag.number, tag.mask, endian);
     let can_be = |value: &u32| u64::from(*value) & place.mask == u64::from(*value);
-    if !place.number.is_unsigned() || tag.is.is_empty() || !tag.is.iter().all(can_be) {
+    let is_number = place.number.is_unsigned() && has_its_bits_only(place);
+    if !is_number || tag.is.is_empty() || !tag.is.iter().all(can_be) {
         let what = "names a number without a sign and, with `is`, the values that its bits may have where they stand";
         return Err(DescriptionError::new(key, what));
     }

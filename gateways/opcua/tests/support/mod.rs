@@ -24,6 +24,7 @@ pub(crate) fn reading(valid: Validity) -> Reading {
         l5s1_moment_nm: 80.0,
         l5s1_moment_sigma_nm: 9.0,
         l5s1_compression_n: 2000.0,
+        l5s1_compression_sigma_n: 300.0,
         dose_damage: 0.01,
         dose_probability: 0.1,
         ..State::zeroed()
