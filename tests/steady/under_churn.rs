@@ -132,7 +132,7 @@ fn inside() {
         scope.spawn(|| churn.sensors(config.suit.listen, plate, &stop));
         wait_for("the loop to be warm", || (watch.armed_cycles() > 0).then_some(()));
         let before = (descriptors(), nodes());
-        scope.spawn(|| storm.rage(&directory, &stop));
+        scope.spawn(|| storm.run(&directory, &stop));
         scope.spawn(|| churn.page(&page.listen, &stop));
         scope.spawn(|| churn.recorder(&directory, &stop));
         scope.spawn(|| churn.commands(NAME, &stop));
