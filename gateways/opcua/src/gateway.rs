@@ -197,7 +197,7 @@ async fn watch(board: Arc<Board>, silence_max: Duration, pki: std::path::PathBuf
         }
         if cleared.elapsed() >= CLEAR_EVERY {
             cleared = Instant::now();
-            certificates::forget_strangers(&pki);
+            certificates::remove_old_rejected(&pki);
         }
     }
 }

@@ -430,7 +430,7 @@ fn anonymous_clients_are_refused_where_names_are_required() {
 }
 
 #[test]
-fn a_stranger_gets_in_once_its_certificate_is_moved_to_the_trusted() {
+fn an_unknown_client_is_accepted_once_its_certificate_is_trusted() {
     let station = Station::new("");
     let pki = station.folder.path().join("pki");
     let (policy, mode) = (SecurityPolicy::Basic256Sha256, MessageSecurityMode::SignAndEncrypt);
