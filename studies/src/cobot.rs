@@ -1,7 +1,7 @@
 //! The closed loop: a cobot that presents a part where the estimate of the worker's overload says, against a fixed place.
 //!
 //! The controller has the published states and the identified body. The worker reaches by habits that are no input of the
-//! planner (`equipoise_simulator::reach`), and the effect is judged by the simulator's torques.
+//! planner (`equipoise_simulator::reach`), and the effect is computed from the simulator's torques.
 
 pub mod course;
 pub mod held;

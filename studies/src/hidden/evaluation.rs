@@ -56,7 +56,7 @@ impl Compared {
 
 /// An evaluated finding.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
+pub struct Evaluation {
     /// Name of the session.
     pub session: String,
     /// Kind of the session, as in [`super::ladder::deck`].
@@ -111,9 +111,14 @@ pub struct Judged {
 }
 
 /// Evaluates a printed finding; `twin_mm` is the gap before of the clean twin.
-pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>, seconds: f64) -> Judged {
+pub fn evaluate(
+    truth: &Truth,
+    printed: Result<&Value, &str>,
+    twin_mm: Option<f64>,
+    seconds: f64,
+) -> Evaluation {
     let hidden: Vec<String> = truth.effects.iter().map(label_of).collect();
-    let mut judged = Judged {
+    let mut evaluated = Evaluation {
         session: truth.session.clone(),
         kind: truth.kind.clone(),
         class: class_of(truth),
@@ -145,10 +150,10 @@ pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>,
         experiments: Vec::new(),
     };
     match printed {
-        Ok(finding) => judged.take(truth, finding, twin_mm),
-        Err(failure) => judged.failure = Some(failure.to_owned()),
+        Ok(finding) => evaluated.take(truth, finding, twin_mm),
+        Err(failure) => evaluated.failure = Some(failure.to_owned()),
     }
-    judged
+    evaluated
 }
 
 fn label_of(effect: &super::truth::Hidden) -> String {
@@ -171,7 +176,7 @@ fn reported_label(effect: &Value) -> String {
     place.map_or(name.to_owned(), |place| format!("{name} {place}"))
 }
 
-impl Judged {
+impl Evaluation {
     fn take(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
         let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
         self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
@@ -226,8 +231,7 @@ impl Judged {
         self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
     }
 
-    /// Whether a name is one of what is hidden, or declared for what is hidden outside the catalogue; effects with the same
-    /// columns count as one name.
+    /// Whether a name is a hidden effect, has the columns of one, or is declared for one outside the catalogue.
     pub fn is_right(&self, name: &str) -> bool {
         match self.class {
             Class::Single | Class::Pair => {
@@ -272,8 +276,7 @@ impl Judged {
     }
 }
 
-/// Stated probability of each name of a finding, of its effects and of all candidates; effects with the same columns are
-/// one name.
+/// Stated probability of each name of a finding (effects, candidates); effects with the same columns are one name.
 fn stated(finding: &Value) -> BTreeMap<String, f64> {
     let list = |key: &str| finding[key].as_array().map(Vec::as_slice).unwrap_or_default();
     let candidates = list("candidates").iter().filter_map(|candidate| {
@@ -372,23 +375,23 @@ pub(super) mod tests {
     #[test]
     fn the_right_name_at_the_right_place_is_exact_and_its_parameter_is_compared() {
         let answer = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(judged.exact && judged.family && judged.found == 1);
-        assert!((judged.parameters[0].off() - 1.6).abs() < 1e-9);
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
+        assert!(evaluated.exact && evaluated.family && evaluated.found == 1);
+        assert!((evaluated.parameters[0].off() - 1.6).abs() < 1e-9);
         // √(5² − 3²) = 4.
-        assert!((judged.oracle_mm - 4.0).abs() < 1e-12);
-        assert!((judged.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
-        assert!((judge(&truth(&[LOAD]), Ok(&answer), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
+        assert!((evaluated.oracle_mm - 4.0).abs() < 1e-12);
+        assert!((evaluated.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
+        assert!((evaluate(&truth(&[LOAD]), Ok(&answer), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
     }
 
     #[test]
     fn a_forearm_is_family_of_its_hand_and_the_other_hand_is_wrong() {
         let forearm = finding("named", &[("worn_mass", json!({"segment": "RightForearm"}), mass(0.5))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&forearm), None, 1.0);
-        assert!(!judged.exact && judged.family && judged.parameters.is_empty());
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&forearm), None, 1.0);
+        assert!(!evaluated.exact && evaluated.family && evaluated.parameters.is_empty());
         let left = finding("named", &[("hand_load", json!({"hand": "left"}), mass(0.5))], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&left), None, 1.0);
-        assert!(!judged.exact && !judged.family && judged.found == 0);
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&left), None, 1.0);
+        assert!(!evaluated.exact && !evaluated.family && evaluated.found == 0);
     }
 
     #[test]
@@ -396,17 +399,17 @@ pub(super) mod tests {
         let candidates =
             [("plate_gain", 0.6), ("plate_crosstalk", 0.2), ("hand_load right", 0.15), ("plate_yaw", 0.03)];
         let answer = finding("ambiguous", &[], &candidates);
-        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(!judged.exact && judged.family);
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
+        assert!(!evaluated.exact && evaluated.family);
         let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
-        assert!(!judge(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
+        assert!(!evaluate(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
     }
 
     #[test]
     fn effects_with_the_same_columns_are_one_name_with_the_larger_probability() {
         let candidates = [("segment_misalignment T8", 0.8), ("unbalanced_parameters T8", 0.0)];
-        let judged = judge(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
-        assert_eq!(judged.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
+        assert_eq!(evaluated.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
     }
 
     #[test]
@@ -416,8 +419,8 @@ pub(super) mod tests {
         let of = |segment: &str| {
             let answer =
                 finding("named", &[("segment_misalignment", json!({"segment": segment}), json!({}))], &[]);
-            let judged = judge(&hidden, Ok(&answer), None, 1.0);
-            (judged.outcome(), judged.statements().collect::<Vec<_>>())
+            let evaluated = evaluate(&hidden, Ok(&answer), None, 1.0);
+            (evaluated.outcome(), evaluated.statements().collect::<Vec<_>>())
         };
         assert_eq!(of("T8"), (Outcome::Right, vec![(0.98, true)]));
         assert_eq!(of("Pelvis"), (Outcome::Wrong, vec![(0.98, false)]));
@@ -427,8 +430,8 @@ pub(super) mod tests {
     fn a_word_about_a_clean_session_is_a_false_alarm_and_silence_is_not() {
         let clean = truth(&[]);
         let said = finding("named", &[("plate_yaw", json!({}), json!({}))], &[]);
-        assert!(judge(&clean, Ok(&said), None, 1.0).is_false_alarm());
-        assert!(!judge(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
+        assert!(evaluate(&clean, Ok(&said), None, 1.0).is_false_alarm());
+        assert!(!evaluate(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
     }
 
     #[test]
@@ -439,8 +442,8 @@ pub(super) mod tests {
             &[("plate_yaw", json!({}), json!({})), ("hand_load", json!({"hand": "right"}), mass(0.5))],
             &[],
         );
-        assert_eq!(judge(&truth(&[LOAD, yaw]), Ok(&both), None, 1.0).found, 2);
-        let failed = judge(&truth(&[LOAD, yaw]), Err("no still poses"), None, 1.0);
+        assert_eq!(evaluate(&truth(&[LOAD, yaw]), Ok(&both), None, 1.0).found, 2);
+        let failed = evaluate(&truth(&[LOAD, yaw]), Err("no still poses"), None, 1.0);
         assert!(failed.verdict == "failed" && failed.found == 0 && failed.failure.is_some());
     }
 }
