@@ -12,7 +12,7 @@ use crate::clocks::{self, Reading};
 use crate::lifting::PublicationTally;
 use crate::sensors::Rig;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{Coverage, Sums, percent, quartiles};
 use crate::tasks::CopErrors;
@@ -332,11 +332,11 @@ fn withheld_percent(carry: &PublicationTally) -> Option<f64> {
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let ask = |suit_hz: u32, end_s: f64| {
-        ask_all(&crowd, |subject| simulate(subject, subject.settings(), rig(subject, suit_hz), end_s))
+        ask_all(&cohort, |subject| simulate(subject, subject.settings(), rig(subject, suit_hz), end_s))
     };
     let results = ask(SUIT_HZ, READ_S[1]);
     let mut each = Table::new(
@@ -358,7 +358,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "300 s: drift error ppm",
         ],
     );
-    for (subject, result) in crowd.iter().zip(&results) {
+    for (subject, result) in cohort.iter().zip(&results) {
         let mut row: Vec<Cell> = vec![
             subject.seed.into(),
             result.identified_s.into(),
@@ -417,7 +417,7 @@ mod tests {
 
     #[test]
     fn natural_work_without_a_held_pose_identifies_by_default() {
-        let subject = Subject::somebody(5);
+        let subject = Subject::random(5);
         let result = simulate(&subject, subject.settings(), rig(&subject, SUIT_HZ), 0.0);
         assert!(result.identified_s.is_some_and(|seconds| seconds < 60.0), "{:?}", result.identified_s);
         assert!(result.mass_error_kg.abs() < 0.4, "{}", result.mass_error_kg);

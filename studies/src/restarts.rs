@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 
 use crate::natural::Movements;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
 
@@ -193,8 +193,8 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
 }
 
 /// The table.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let subjects = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let subjects = cohort.subjects();
     let outcomes: Vec<Outcome> = ask_all(&subjects, |subject| {
         restarts(subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
     })
@@ -202,7 +202,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     .flatten()
     .collect();
     let mut table = Table::new(
-        format!("Restarts during work ({} subjects, {RESTARTS} restarts each)", crowd.count),
+        format!("Restarts during work ({} subjects, {RESTARTS} restarts each)", cohort.count),
         &[
             "restarted",
             "carrying",
@@ -260,7 +260,7 @@ mod tests {
         // Motion that says little about the heading takes longer in one of 20 restarts of a suit (docs/state.md).
         let (mut times, mut late) = (0, 0);
         for seed in 0..3 {
-            let subject = Subject::somebody(seed);
+            let subject = Subject::random(seed);
             for outcome in restarts(&subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4]) {
                 let found_s = outcome.found_s.unwrap_or(f64::INFINITY);
                 assert!(found_s < AWAY_S[1] + SOON_S, "{seed}: {outcome:?}");

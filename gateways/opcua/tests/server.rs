@@ -227,7 +227,7 @@ fn subscriptions_hear_of_a_value_and_of_its_end() {
     let mut station = Station::new("");
     run(async {
         let session = station.plain().await.unwrap();
-        let (send, mut heard) = tokio::sync::mpsc::unbounded_channel();
+        let (send, mut received) = tokio::sync::mpsc::unbounded_channel();
         let callback = DataChangeCallback::new(move |value, _| {
             let _ = send.send(value.status());
         });
@@ -247,14 +247,14 @@ fn subscriptions_hear_of_a_value_and_of_its_end() {
                 // A value that was withdrawn before a late sampling is sent again.
                 station.gateway.send(beat);
                 let waiting = async {
-                    while let Some(status) = heard.recv().await.filter(|status| *status != expected) {
+                    while let Some(status) = received.recv().await.filter(|status| *status != expected) {
                         before.push(status);
                     }
                 };
                 if tokio::time::timeout(Duration::from_secs(5), waiting).await.is_ok() {
                     break;
                 }
-                assert!(begun.elapsed() < PATIENCE, "after {before:?} never heard {expected}");
+                assert!(begun.elapsed() < PATIENCE, "after {before:?} never received {expected}");
             }
         }
     });
@@ -274,7 +274,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
         let mut station = Station::new("rate_hz = 50.0");
         run(async {
             let session = station.plain().await.unwrap();
-            let (send, mut heard) = tokio::sync::mpsc::unbounded_channel();
+            let (send, mut received) = tokio::sync::mpsc::unbounded_channel();
             let callback = DataChangeCallback::new(move |value, _| {
                 let _ = send.send(value.status().set_overflow(false));
             });
@@ -309,7 +309,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
                 number += 1;
                 station.gateway.send(&other(number));
                 tokio::time::sleep(Duration::from_millis(10)).await;
-                while let Ok(status) = heard.try_recv() {
+                while let Ok(status) = received.try_recv() {
                     good += usize::from(status == StatusCode::Good);
                 }
                 assert!(begun.elapsed() < PATIENCE, "{created} {modified:?}: {good} of {number} values came");
@@ -319,11 +319,11 @@ fn no_interval_brings_an_old_value_after_its_end() {
             }
             station.gateway.send(&silence());
             let gone = StatusCode::BadNoCommunication;
-            let waiting = async { while heard.recv().await.is_some_and(|status| status != gone) {} };
-            assert!(tokio::time::timeout(PATIENCE, waiting).await.is_ok(), "its end is not heard");
+            let waiting = async { while received.recv().await.is_some_and(|status| status != gone) {} };
+            assert!(tokio::time::timeout(PATIENCE, waiting).await.is_ok(), "its end is not received");
             // Ten publishing intervals, during which the watchdog repeats the bad status.
             tokio::time::sleep(10 * every).await;
-            while let Ok(status) = heard.try_recv() {
+            while let Ok(status) = received.try_recv() {
                 assert_eq!(status, gone, "{created} {modified:?}: after the end");
             }
         });
