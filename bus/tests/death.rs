@@ -47,9 +47,9 @@ fn a_killed_reader_is_not_noticed_until_it_is_cleaned_up() {
     let root = root();
     let bus = join(root.path(), "writer");
     let publisher = bus.publisher::<State>().unwrap();
-    for life in 0..3 {
+    for round in 0..3 {
         let child = spawn_child("child_reads", root.path());
-        until("the reader is there", || publisher.send(&state(life)).unwrap() == 1);
+        until("the reader is there", || publisher.send(&state(round)).unwrap() == 1);
         kill(child);
         for cycle in 0..1000 {
             publisher.send(&state(cycle)).unwrap();

@@ -105,25 +105,27 @@ mod tests {
         thread_registry.request("loop", RequestedScheduling::default());
         thread_registry.request("loop", RequestedScheduling::default());
         let (sender, receiver) = crossbeam_channel::bounded::<()>(0);
-        let stranger =
-            std::thread::Builder::new().name("stranger".into()).spawn(move || receiver.recv()).unwrap();
+        let unregistered =
+            std::thread::Builder::new().name("unregistered".into()).spawn(move || receiver.recv()).unwrap();
         let named = |name: &str| -> Vec<ThreadStatus> {
             thread_registry.threads().into_iter().filter(|thread| thread.thread == name).collect()
         };
         // The thread's name is set only once it runs.
-        while named("stranger").is_empty() {
+        while named("unregistered").is_empty() {
             std::thread::yield_now();
         }
         let [the_loop] = &named("loop")[..] else { panic!("{:?}", thread_registry.threads()) };
         assert!(the_loop.has_asked && the_loop.timer_slack_ns.is_some());
-        let [unregistered_listed] = &named("stranger")[..] else { panic!("{:?}", thread_registry.threads()) };
+        let [unregistered_listed] = &named("unregistered")[..] else {
+            panic!("{:?}", thread_registry.threads())
+        };
         assert!(
             !unregistered_listed.has_asked && unregistered_listed.policy == "other",
             "{unregistered_listed:?}"
         );
         assert_eq!(thread_registry.missing(), Vec::<String>::new());
         drop(sender);
-        assert!(stranger.join().unwrap().is_err());
+        assert!(unregistered.join().unwrap().is_err());
     }
 
     #[test]

@@ -44,7 +44,7 @@ impl Gateway for Udp {
     fn send(&mut self, latest: &Latest) {
         self.sequence += 1;
         if let Ok(reading) = latest {
-            // The count may wrap around; consecutive lives still differ.
+            // The count may wrap around; consecutive starts still differ.
             self.daemon_life = reading.daemon_life as u16;
         }
         let Udp { station, session_ns, sequence, daemon_life, .. } = self;

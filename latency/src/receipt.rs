@@ -32,12 +32,12 @@ pub struct ConsumerTimes {
 }
 
 /// Key of a report: process id, start time and name. Process and start distinguish two runs with one name.
-type Life = (u32, u64, [u8; 32]);
+type Instance = (u32, u64, [u8; 32]);
 
 /// The baseline report of a consumer and its newest report.
 #[derive(Debug)]
 struct Reports {
-    life: Life,
+    instance: Instance,
     before: Option<Box<ConsumerReceipt>>,
     newest: Box<ConsumerReceipt>,
 }
@@ -63,8 +63,8 @@ impl ConsumerReceipts {
         if report.time_ns < self.since_ns {
             return;
         }
-        let life = (report.process_id, report.since_ns, report.consumer);
-        if let Some(known) = self.reports.iter_mut().find(|known| known.life == life) {
+        let instance = (report.process_id, report.since_ns, report.consumer);
+        if let Some(known) = self.reports.iter_mut().find(|known| known.instance == instance) {
             if has_grown(&known.newest, report) {
                 *known.newest = *report;
             }
@@ -73,7 +73,7 @@ impl ConsumerReceipts {
         if self.reports.len() < CONSUMERS_MAX {
             // A consumer that started after `since_ns` was observed from its first state on and needs no baseline.
             let before = (report.since_ns < self.since_ns).then(|| Box::new(*report));
-            self.reports.push(Reports { life, before, newest: Box::new(*report) });
+            self.reports.push(Reports { instance, before, newest: Box::new(*report) });
         }
     }
 
@@ -176,9 +176,10 @@ pub fn tell_apart(consumers: &mut [ConsumerTimes]) {
     let names: Vec<(String, u32)> = consumers.iter().map(|one| (one.name.clone(), one.process_id)).collect();
     for (index, (name, process_id)) in names.iter().enumerate() {
         if names.iter().filter(|(other, _)| other == name).count() > 1 {
-            let lives = names[..index].iter().filter(|one| **one == (name.clone(), *process_id)).count();
-            let life = if lives > 0 { format!("-{}", lives + 1) } else { String::new() };
-            consumers[index].name = format!("{name}-{process_id}{life}");
+            let earlier_runs =
+                names[..index].iter().filter(|one| **one == (name.clone(), *process_id)).count();
+            let suffix = if earlier_runs > 0 { format!("-{}", earlier_runs + 1) } else { String::new() };
+            consumers[index].name = format!("{name}-{process_id}{suffix}");
         }
     }
 }

@@ -105,8 +105,8 @@ pub fn record(
 struct Progress<'a> {
     recorder: &'a Recorder,
     summary: &'a RecordSummary,
-    /// [`Status::life`] of the daemon whose configuration is in the file's header.
-    life: (u32, u64),
+    /// [`Status::instance`] of the daemon whose configuration is in the file's header.
+    instance: (u32, u64),
     bus: &'a Bus,
     bus_directory: &'a BusDirectory,
 }
@@ -123,8 +123,8 @@ struct Tap {
     station: String,
     summary: RecordSummary,
     ports: Ports,
-    /// [`Status::life`] of the daemon in the header of the last file.
-    life: (u32, u64),
+    /// [`Status::instance`] of the daemon in the header of the last file.
+    instance: (u32, u64),
     commands: CommandClient,
     // Must be dropped after its ports.
     bus: Bus,
@@ -147,7 +147,7 @@ impl Tap {
         request_checkpoint(&commands)?;
         let bus_directory = BusDirectory::read(&settings.root);
         let (station, summary) = (station.to_owned(), RecordSummary::default());
-        Ok(Tap { station, summary, ports, life: (0, 0), commands, bus, bus_directory })
+        Ok(Tap { station, summary, ports, instance: (0, 0), commands, bus, bus_directory })
     }
 
     /// Whether the bus directory was replaced, so that processes joining now are not received.
@@ -170,7 +170,7 @@ impl Tap {
         let Some(facts) = status::read(&self.station) else {
             bail!("the daemon of station {} has ended", self.station);
         };
-        let life = facts.life();
+        let instance = facts.instance();
         let header = RecordingHeader {
             subject_toml: read_profile(&facts),
             config_toml: recorded_config(&facts)?,
@@ -185,7 +185,7 @@ impl Tap {
         let pictures = Pictures::announce(&mut recorder, pictures_hz)?;
         let (newest_ns, station) = (header.started_monotonic_ns, self.station.clone());
         let subject = facts.subject;
-        Ok(Sink { recorder, pictures, newest_ns, station, subject, life, daemons })
+        Ok(Sink { recorder, pictures, newest_ns, station, subject, instance, daemons })
     }
 
     /// Records into a new file, the successor of `previous`, until `ending` returns true, or up to the first message of
@@ -200,7 +200,7 @@ impl Tap {
         started: impl FnOnce(),
     ) -> anyhow::Result<(String, Syncer)> {
         let mut sink = self.begin(out, previous, contents)?;
-        self.life = sink.life;
+        self.instance = sink.instance;
         let file = sink.recorder.second_handle().context("the recording has no second handle")?;
         let mut syncer = Syncer::start(out, file);
         started();
@@ -210,8 +210,8 @@ impl Tap {
         let (mut flushed, mut lost) = (Instant::now(), summary.lost());
         ports.begin(&mut sink, summary)?;
         while !ports.is_next_daemon() {
-            let (recorder, life) = (&sink.recorder, sink.life);
-            if ending(&Progress { recorder, summary, life, bus, bus_directory }) {
+            let (recorder, instance) = (&sink.recorder, sink.instance);
+            if ending(&Progress { recorder, summary, instance, bus, bus_directory }) {
                 break;
             }
             std::thread::sleep(POLL_INTERVAL);
@@ -277,14 +277,14 @@ struct Sink {
     station: String,
     /// The subject whose profile is already in the file.
     subject: String,
-    life: (u32, u64),
+    instance: (u32, u64),
     daemons: Daemons,
 }
 
 impl Sink {
     /// The status of a daemon that belongs in this file.
     fn status(&self) -> Option<Status> {
-        let belongs = |facts: &Status| self.daemons == Daemons::All || facts.life() == self.life;
+        let belongs = |facts: &Status| self.daemons == Daemons::All || facts.instance() == self.instance;
         status::read(&self.station).filter(belongs)
     }
 

@@ -28,7 +28,7 @@ pub mod udp;
 use std::io;
 
 use self::felt::Felt;
-use self::line::{Line, Suffered};
+use self::line::{FaultCounts, Line};
 use crate::faults::Faults;
 
 /// A device with its connection.
@@ -49,7 +49,7 @@ pub trait Device: Send {
     fn measure(&mut self, felt: &Felt) -> io::Result<()>;
 
     /// Counters of the sent samples.
-    fn suffered(&self) -> Suffered;
+    fn fault_counts(&self) -> FaultCounts;
 
     /// Replaces the faults of the connection.
     fn set_faults(&mut self, faults: Faults);
@@ -145,8 +145,8 @@ impl<P: Protocol> Device for Connected<P> {
         self.protocol.measure(&mut self.line, felt)
     }
 
-    fn suffered(&self) -> Suffered {
-        self.line.suffered()
+    fn fault_counts(&self) -> FaultCounts {
+        self.line.fault_counts()
     }
 
     fn set_faults(&mut self, faults: Faults) {

@@ -23,7 +23,7 @@ pub struct Faults {
 
 /// Counters of a faulty connection, in samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Suffered {
+pub struct FaultCounts {
     /// Sent.
     pub sent: u64,
     /// Never arrived.
@@ -38,11 +38,11 @@ pub struct Suffered {
     pub garbage: u64,
 }
 
-impl core::ops::Add for Suffered {
-    type Output = Suffered;
+impl core::ops::Add for FaultCounts {
+    type Output = FaultCounts;
 
-    fn add(self, other: Suffered) -> Suffered {
-        Suffered {
+    fn add(self, other: FaultCounts) -> FaultCounts {
+        FaultCounts {
             sent: self.sent + other.sent,
             lost: self.lost + other.lost,
             damaged: self.damaged + other.damaged,
@@ -55,7 +55,7 @@ impl core::ops::Add for Suffered {
 
 /// Faults of one packet.
 #[derive(Debug, Clone, Copy)]
-struct Fate {
+struct PacketFaults {
     lost: bool,
     late: bool,
     twice: bool,
@@ -65,17 +65,17 @@ struct Fate {
     chopped: bool,
 }
 
-impl Fate {
-    fn draw(faults: Faults, random: &mut Random) -> Fate {
+impl PacketFaults {
+    fn draw(faults: Faults, random: &mut Random) -> PacketFaults {
         let Faults { loss, reorder, duplicate, corrupt, truncate, garbage, chop } = faults;
         // Every draw is made, so that one fault's probability does not change the random sequence of another.
         let [lost, late, twice, damaged, cut, garbage] =
             [loss, reorder, duplicate, corrupt, truncate, garbage].map(|chance| random.happens(chance));
-        Fate { lost, late, twice, damaged, cut, garbage, chopped: chop > 0.0 && random.happens(chop) }
+        PacketFaults { lost, late, twice, damaged, cut, garbage, chopped: chop > 0.0 && random.happens(chop) }
     }
 
     /// The packet as it arrives.
-    fn leaves(self, packet: &[u8], random: &mut Random) -> Vec<u8> {
+    fn apply(self, packet: &[u8], random: &mut Random) -> Vec<u8> {
         let mut copy = packet.to_vec();
         if self.damaged && !copy.is_empty() {
             let place = random.between(0.0, copy.len() as f64) as usize;
@@ -97,14 +97,14 @@ pub struct FaultyStream {
     held: Option<Vec<u8>>,
     /// The end of a stream's packet, delivered with the next one.
     rest: Vec<u8>,
-    suffered: Suffered,
+    counts: FaultCounts,
 }
 
 impl FaultyStream {
     /// With the faults of a seed.
     pub fn new(faults: Faults, seed: u64) -> FaultyStream {
         let random = Random::new(seed, "faults");
-        FaultyStream { faults, random, held: None, rest: Vec::new(), suffered: Suffered::default() }
+        FaultyStream { faults, random, held: None, rest: Vec::new(), counts: FaultCounts::default() }
     }
 
     /// Replaces the faults from the next packet on.
@@ -113,40 +113,40 @@ impl FaultyStream {
     }
 
     /// Counters of the sent samples.
-    pub fn suffered(&self) -> Suffered {
-        self.suffered
+    pub fn fault_counts(&self) -> FaultCounts {
+        self.counts
     }
 
-    fn fate(&mut self, samples: u32) -> Fate {
-        let fate = Fate::draw(self.faults, &mut self.random);
-        let (samples, reported) = (u64::from(samples), &mut self.suffered);
+    fn draw_faults(&mut self, samples: u32) -> PacketFaults {
+        let drawn = PacketFaults::draw(self.faults, &mut self.random);
+        let (samples, reported) = (u64::from(samples), &mut self.counts);
         reported.sent += samples;
-        reported.garbage += u64::from(fate.garbage);
-        if fate.lost {
+        reported.garbage += u64::from(drawn.garbage);
+        if drawn.lost {
             reported.lost += samples;
-        } else if fate.damaged || fate.cut {
+        } else if drawn.damaged || drawn.cut {
             reported.damaged += samples;
-        } else if fate.twice {
+        } else if drawn.twice {
             reported.doubled += samples;
         }
-        fate
+        drawn
     }
 
     /// Datagrams that arrive when this one is sent.
     pub fn datagrams(&mut self, datagram: &[u8], samples: u32) -> Vec<Vec<u8>> {
         let mut arriving = Vec::new();
-        let fate = self.fate(samples);
+        let drawn = self.draw_faults(samples);
         let before = self.held.take();
-        if fate.garbage {
+        if drawn.garbage {
             arriving.push(vec![0xff; datagram.len()]);
         }
-        if !fate.lost {
-            let copy = fate.leaves(datagram, &mut self.random);
-            if fate.late && before.is_none() {
-                self.suffered.late += u64::from(samples);
+        if !drawn.lost {
+            let copy = drawn.apply(datagram, &mut self.random);
+            if drawn.late && before.is_none() {
+                self.counts.late += u64::from(samples);
                 self.held = Some(copy);
             } else {
-                if fate.twice {
+                if drawn.twice {
                     arriving.push(copy.clone());
                 }
                 arriving.push(copy);
@@ -158,20 +158,20 @@ impl FaultyStream {
 
     /// Bytes that arrive on a stream when this packet is sent: a stream keeps the order.
     pub fn bytes(&mut self, packet: &[u8], samples: u32) -> Vec<u8> {
-        let fate = self.fate(samples);
+        let drawn = self.draw_faults(samples);
         let mut arriving = std::mem::take(&mut self.rest);
-        if fate.garbage {
+        if drawn.garbage {
             let length = self.random.between(1.0, 41.0) as usize;
             arriving.extend((0..length).map(|_| self.random.between(0.0, 256.0) as u8));
         }
-        if !fate.lost {
-            let copy = fate.leaves(packet, &mut self.random);
+        if !drawn.lost {
+            let copy = drawn.apply(packet, &mut self.random);
             arriving.extend_from_slice(&copy);
-            if fate.twice {
+            if drawn.twice {
                 arriving.extend_from_slice(&copy);
             }
         }
-        if fate.chopped {
+        if drawn.chopped {
             self.rest = arriving.split_off(self.random.between(0.0, arriving.len() as f64 + 1.0) as usize);
         }
         arriving
@@ -228,7 +228,7 @@ mod tests {
         let joined = pieces.concat();
         assert!(joined.is_sorted() && joined.len() > 100 * 20 - 120);
         assert!(pieces.iter().filter(|piece| piece.len() != 20).count() > 50);
-        assert_eq!(stream.suffered(), Suffered { sent: 100, ..Suffered::default() });
+        assert_eq!(stream.fault_counts(), FaultCounts { sent: 100, ..FaultCounts::default() });
     }
 
     #[test]
@@ -236,7 +236,7 @@ mod tests {
         let faults = Faults { loss: 0.1, corrupt: 0.1, truncate: 0.1, garbage: 0.1, ..Faults::default() };
         let mut stream = FaultyStream::new(faults, 3);
         let arriving: Vec<_> = (0..400).map(|number| stream.bytes(&[number as u8; 20], 2)).collect();
-        let reported = stream.suffered();
+        let reported = stream.fault_counts();
         let empty = arriving.iter().filter(|bytes| bytes.is_empty()).count() as u64;
         assert!(reported.sent == 800 && reported.lost / 2 >= empty && empty > 20, "{reported:?}");
         let sound =

@@ -80,7 +80,7 @@ mod tests {
         (left - right).norm().copysign((left - right).dot(&leftwards))
     }
 
-    fn somebody(seed: u64) -> Worker {
+    fn worker_of(seed: u64) -> Worker {
         let person = Person::new(seed, 1.5 + 0.0045 * seed as f64, 70.0);
         Worker::with_habits(person, seed, Realism::REALISTIC.habits(seed))
     }
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn the_hands_of_any_person_come_to_be_as_far_apart_as_the_box_is_wide() {
         for seed in 0..100 {
-            let worker = somebody(seed);
+            let worker = worker_of(seed);
             for intention in LIFTING {
                 for wanted_m in [0.30, 0.38, 0.45] {
                     let pose = intention.pose();
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn a_carried_box_keeps_its_width_at_every_time_and_moves_smoothly() {
         for seed in (0..100).step_by(10) {
-            let mut worker = somebody(seed);
+            let mut worker = worker_of(seed);
             worker.lift_and_show(8.0, 1.0);
             let wanted_m = Realism::REALISTIC.habits(seed).hands_apart_m;
             let grip_m = |time_s: f64| worker.sample(time_s).grip_m;
@@ -137,7 +137,7 @@ mod tests {
     #[test]
     fn a_box_is_taken_after_any_pose_and_any_pose_after_a_box_without_a_jerk() {
         for (index, (name, intention)) in REPERTOIRE.iter().enumerate() {
-            let mut worker = somebody(index as u64);
+            let mut worker = worker_of(index as u64);
             worker.intend(intention, 0.0, 1.8);
             worker.lift_and_show(8.0, 2.5);
             worker.intend(intention, 19.5, 1.8);

@@ -3,7 +3,7 @@
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 
-use crate::faults::{Faults, FaultyStream, Suffered};
+use crate::faults::{FaultCounts, Faults, FaultyStream};
 use crate::wires::ati_rdt::{Command, Family, Record, request};
 
 /// Records of a datagram in the buffered mode.
@@ -86,8 +86,8 @@ impl PlateServer {
     }
 
     /// Counters of the sent records.
-    pub fn suffered(&self) -> Suffered {
-        self.network.suffered()
+    pub fn fault_counts(&self) -> FaultCounts {
+        self.network.fault_counts()
     }
 
     /// Power cycle: drops its client.

@@ -127,7 +127,7 @@ impl Shared {
     fn run_suit(&self, mut sender: SuitSender, stop: &AtomicBool) -> io::Result<()> {
         let settings = &self.settings.suit;
         let suit = Suit::new(settings.noise, self.settings.seed);
-        let mut luck = Random::new(self.settings.seed, "suit trouble");
+        let mut random = Random::new(self.settings.seed, "suit trouble");
         let mut before = self.faults();
         self.pace(stop, 0, (settings.rate_hz, settings.latency_s), |clock| {
             let faults = self.faults();
@@ -149,7 +149,7 @@ impl Shared {
             let mut seen = self.with_worker(|worker| {
                 frame_at(worker, &suit, faults.suit_world, settings.streams, settings.avatar, time_s, device)
             });
-            if luck.happens(faults.suit_nan) {
+            if random.happens(faults.suit_nan) {
                 let sound = seen.position_m[0];
                 seen.position_m[0][2] = f64::NAN;
                 sender.send(&seen)?;

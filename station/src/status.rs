@@ -65,7 +65,7 @@ pub struct Status {
 
 impl Status {
     /// Distinguishes daemons: in a container each has the same process id.
-    pub fn life(&self) -> (u32, u64) {
+    pub fn instance(&self) -> (u32, u64) {
         (self.process_id, self.started_ns)
     }
 }

@@ -12,7 +12,7 @@ use equipoise_simulator::truth::back::BackLoad;
 use nalgebra::Vector3;
 
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::Table;
 use crate::tally::{Coverage, Sums, percent};
 
@@ -195,11 +195,11 @@ pub fn subject(subject: &Subject) -> Findings {
 }
 
 /// The table.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let mut sums = Findings::default();
-    for findings in ask_all(&crowd, subject) {
+    for findings in ask_all(&cohort, subject) {
         for (sum, task) in sums.by_task.iter_mut().flatten().zip(findings.by_task.iter().flatten()) {
             sum.merge(task);
         }
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn one_subject_bends_squats_and_lifts() {
-        let Findings { by_task: [as_measured, off], dose } = subject(&Subject::somebody(1));
+        let Findings { by_task: [as_measured, off], dose } = subject(&Subject::random(1));
         for (task, name) in as_measured.iter().zip(TASKS) {
             assert!(task.error_nm.count > 50, "{name}: {task:?}");
             assert!(task.error_nm.rms() < task.true_nm.rms(), "{name}: {task:?}");

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand};
 
 use equipoise_simulator::realism::Realism;
 
-use crate::subject::Crowd;
+use crate::subject::Cohort;
 use crate::table::Table;
 use crate::{
     back, clocks, cobot, coverage, early, faults, handover, hidden, lifting, natural, paper, poses, restarts,
@@ -91,9 +91,9 @@ struct Choices {
 }
 
 impl Choices {
-    fn answer(&self, study: fn(&Crowd) -> Vec<Table>) {
+    fn answer(&self, study: fn(&Cohort) -> Vec<Table>) {
         let count = usize::from(self.subjects);
-        let tables = study(&Crowd { first_seed: self.seed, count, realism: self.realism });
+        let tables = study(&Cohort { first_seed: self.seed, count, realism: self.realism });
         if self.json {
             println!("{:#}", serde_json::Value::from_iter(tables.iter().map(Table::json)));
         } else {

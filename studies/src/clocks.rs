@@ -7,7 +7,7 @@ use equipoise_simulator::repertoire::{BOX_LOW, LIFTING};
 
 use crate::sensors::Rig;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tasks::{CopErrors, publishes_cop};
 
@@ -162,9 +162,9 @@ fn percent(part: u64, of: u64) -> Cell {
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let mut skew = Table::new(
         format!(
             "Skew and drift estimated from squat lifts and bends ({count} subjects): RMS error, RMS 1-sigma"
@@ -200,7 +200,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     );
     let questions: Vec<(Case, Subject, bool)> = CASES
         .iter()
-        .flat_map(|case| crowd.iter().map(move |subject| (*case, *subject)))
+        .flat_map(|case| cohort.iter().map(move |subject| (*case, *subject)))
         .flat_map(|(case, subject)| [false, true].map(|align| (case, subject, align)))
         .collect();
     let sums = ask_all(&questions, |(case, subject, align)| work(subject, *case, *align));

@@ -1,7 +1,7 @@
 //! The closed loop: a cobot that presents a part where the estimate of the worker's overload says, against a fixed place.
 //!
 //! The controller has the published states and the identified body. The worker reaches by habits that are no input of the
-//! planner (`equipoise_simulator::reach`), and the effect is judged by the simulator's torques.
+//! planner (`equipoise_simulator::reach`), and the effect is computed from the simulator's torques.
 
 pub mod course;
 pub mod held;
@@ -11,7 +11,7 @@ pub mod station;
 use equipoise_core::body::Joint;
 use equipoise_core::handover::experience::LimitRatio;
 
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{Sums, quartiles};
 use course::{Course, Purpose};
@@ -88,8 +88,8 @@ pub fn findings(subject: &Subject) -> Option<Findings> {
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let subjects = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let subjects = cohort.subjects();
     let all = ask_all(&subjects, findings);
     let mut workers = Table::new(
         format!("Limit ratio of the worst joint with {PART_KG} kg, fixed place against assisted"),
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn no_assisted_place_overloads_and_the_arm_keeps_its_limits() {
-        let subjects: Vec<Subject> = (720..722).map(Subject::somebody).collect();
+        let subjects: Vec<Subject> = (720..722).map(Subject::random).collect();
         for (subject, findings) in subjects.iter().zip(ask_all(&subjects, findings)) {
             let findings = findings.unwrap();
             let [before, after] = findings.both().unwrap();

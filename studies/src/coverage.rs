@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::Table;
 use crate::tally::{Coverage, GROUPS, PlanarCoverage, joints_of};
 use crate::tasks::{publishes_cop, publishes_torques};
@@ -97,11 +97,11 @@ pub fn deviations(subject: &Subject) -> [Deviations; 2] {
 }
 
 /// The table.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
+pub fn study(cohort: &Cohort) -> Vec<Table> {
     let people =
-        ask_all(&crowd.subjects(), |subject| deviations(subject).map(|deviations| deviations.rows()));
+        ask_all(&cohort.subjects(), |subject| deviations(subject).map(|deviations| deviations.rows()));
     let mut table = Table::new(
-        format!("Coverage of errors by the published sigma ({} subjects, default method)", crowd.count),
+        format!("Coverage of errors by the published sigma ({} subjects, default method)", cohort.count),
         &[
             "quantity",
             "static: 1-sigma %",
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn one_subject_is_seen_still_and_in_motion() {
-        let [still, moving] = deviations(&Subject::somebody(1));
+        let [still, moving] = deviations(&Subject::random(1));
         for coverage in still.cop.iter().chain(&moving.cop).chain(&still.joints) {
             assert!(coverage.count > 100, "{coverage:?}");
             let [once, twice] = coverage.percent().map(Option::unwrap_or_default);

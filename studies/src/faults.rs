@@ -9,7 +9,7 @@ use nalgebra::{Matrix2, Vector2, Vector3};
 use crate::lifting::PublicationTally;
 use crate::natural::Movements;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
 use crate::tasks::publishes_torques;
@@ -146,10 +146,10 @@ fn one(session: &mut Session, movements: &mut Movements, fault: Fault, random: &
 }
 
 /// The table.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let all = ask_all(&crowd.subjects(), |subject| faults(subject, &Fault::ALL));
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let all = ask_all(&cohort.subjects(), |subject| faults(subject, &Fault::ALL));
     let mut table = Table::new(
-        format!("Detection of undeclared sensor faults during work ({} subjects)", crowd.count),
+        format!("Detection of undeclared sensor faults during work ({} subjects)", cohort.count),
         &[
             "fault",
             "count",
@@ -223,7 +223,7 @@ mod tests {
             Fault::IdentityArms,
         ];
         let seeds = [3, 4];
-        let all = ask_all(&seeds, |seed| faults(&Subject::somebody(*seed), &wanted));
+        let all = ask_all(&seeds, |seed| faults(&Subject::random(*seed), &wanted));
         for (seed, outcomes) in seeds.iter().zip(all) {
             for (fault, outcome) in outcomes {
                 let Outcome { wrong, noticed_s, back_s, tally, states, .. } = &outcome;

@@ -22,7 +22,7 @@ use equipoise_simulator::truth::static_overload_nm;
 use nalgebra::Vector3;
 
 use crate::session::Session;
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::quartiles;
 
@@ -262,8 +262,8 @@ fn presentations() -> impl Iterator<Item = Presentation> {
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let subjects = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let subjects = cohort.subjects();
     let mut table = Table::new(
         format!("Worst joint's limit ratio, at {PLACES} random places ({} subjects)", subjects.len()),
         &[
@@ -362,7 +362,7 @@ mod tests {
 
     #[test]
     fn predictions_are_as_sure_as_they_say_and_three_handovers_find_a_good_place() {
-        let subjects: Vec<Subject> = (700..708).map(Subject::somebody).collect();
+        let subjects: Vec<Subject> = (700..708).map(Subject::random).collect();
         let all = ask_all(&subjects, |subject| findings(subject, 3));
         let held: Vec<&Held> = all.iter().flat_map(|findings| &findings.held).collect();
         let within =
@@ -379,7 +379,7 @@ mod tests {
     #[test]
     fn the_truth_has_the_contacts_of_the_subject() {
         let subject = (700..)
-            .map(Subject::somebody)
+            .map(Subject::random)
             .find(|subject| (subject.habits().right_hand_fraction - 0.5).abs() > 0.3);
         let subject = subject.unwrap();
         let state_of = |subject: &Subject| {

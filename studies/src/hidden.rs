@@ -1,16 +1,16 @@
 //! Blind benchmark of the discrepancy workflow: sessions with a hidden effect, and an evaluator of the findings.
 //!
 //! Layers, lowest first: [`truth`] → [`effects`] → [`ladder`] (hidden effect and its size) → [`scenario`] (activity of
-//! the worker) → [`recording`] → [`make`]; [`families`] → [`judge`] → [`score`] (runs the program) →
+//! the worker) → [`recording`] → [`make`]; [`families`] → [`evaluation`] → [`score`] (runs the program) →
 //! [`summary`], [`experiments`] → [`cli`]; independent of them [`long`] (resources of the program for a whole shift).
 //! The generator uses the simulator's physics and sensors and not `core`'s effects: names, places, parameters and units
 //! are those of the catalogue, its columns are not used.
 
 pub mod cli;
 pub mod effects;
+pub mod evaluation;
 pub mod experiments;
 pub mod families;
-pub mod judge;
 pub mod ladder;
 pub mod long;
 pub mod make;

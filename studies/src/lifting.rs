@@ -6,7 +6,7 @@ use equipoise_core::overload::Level;
 
 use crate::sensors::{Ground, Rig};
 use crate::session::{Output, Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, percent};
 use crate::tasks::{CopErrors, publishes_torques};
@@ -131,9 +131,9 @@ pub(crate) fn see_lifted(
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let mut torques = Table::new(
         format!(
             "Torques while lifting at natural speed ({count} subjects): RMS error in N m and in % of the true RMS, published 1-sigma in N m"
@@ -171,7 +171,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         (paper, paper_motion, Ground::Plate),
     ] {
         let mut sum = Findings::default();
-        for findings in ask_all(&crowd, |subject| findings(subject, motion, ground)) {
+        for findings in ask_all(&cohort, |subject| findings(subject, motion, ground)) {
             for ((torques, published), (others, others_published)) in
                 sum.lifting.iter_mut().zip(&findings.lifting)
             {

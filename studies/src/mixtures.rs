@@ -38,7 +38,7 @@ mod tests {
 
     #[test]
     fn mixtures_follow_from_the_seed_and_are_not_of_the_repertoire() {
-        for subject in (1..6).map(Subject::somebody) {
+        for subject in (1..6).map(Subject::random) {
             let worker = Worker::new(subject.person(), subject.seed);
             let mixed = mixtures(&worker, 7, 15);
             assert_eq!(mixed, mixtures(&worker, 7, 15));

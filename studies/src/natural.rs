@@ -12,7 +12,7 @@ use crate::clocks::{self, Reading};
 use crate::lifting::PublicationTally;
 use crate::sensors::Rig;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{Coverage, Sums, percent, quartiles};
 use crate::tasks::CopErrors;
@@ -44,7 +44,7 @@ const LIFTED: f64 = 0.999;
 
 /// Results of one subject.
 #[derive(Debug, Clone, Default)]
-pub struct Shift {
+pub struct SessionResult {
     /// From the first sample to the end of identification, s; `None` if it was stopped by command.
     identified_s: Option<f64>,
     /// Error of the measured body mass, kg.
@@ -171,60 +171,60 @@ pub fn rig(subject: &Subject, suit_hz: u32) -> Rig {
 }
 
 /// Works without a load until identification ends, continues, carries a box, and continues until `end_s`.
-pub fn shift(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> Shift {
+pub fn simulate(subject: &Subject, settings: Settings, rig: Rig, end_s: f64) -> SessionResult {
     let mut session = Session::with(subject, settings, rig, subject.habits());
     let mut movements = Movements::of(subject);
-    let mut shift = Shift::default();
+    let mut result = SessionResult::default();
     let mut index = 0;
-    while session.now_s() < LEARNING_MAX_S && shift.identified_s.is_none() {
+    while session.now_s() < LEARNING_MAX_S && result.identified_s.is_none() {
         let intention = movements.next(index);
         let phase_s = movements.begin(&mut session, &intention);
         if session.run_until(phase_s, |snapshot| snapshot.state.converged == 1) {
-            shift.identified_s = Some(session.now_s());
+            result.identified_s = Some(session.now_s());
         }
         index += 1;
-        shift.read_clocks(&session, &rig);
+        result.read_clocks(&session, &rig);
     }
-    if shift.identified_s.is_none() {
+    if result.identified_s.is_none() {
         session.command(CommandKind::IdentifyStop);
     }
     session.run(2.0, |_| {});
     let state = session.state();
-    shift.mass_error_kg = state.mass_kg - subject.mass_kg;
-    shift.predicted_cop_sigma_m = state.predicted_cop_sigma_m;
-    shift.rows = [state.poses_used, state.motion_samples_used];
+    result.mass_error_kg = state.mass_kg - subject.mass_kg;
+    result.predicted_cop_sigma_m = state.predicted_cop_sigma_m;
+    result.rows = [state.poses_used, state.motion_samples_used];
     let held_out_until_s = session.now_s() + HELD_OUT_S;
     while session.now_s() < held_out_until_s {
         let intention = movements.next(index);
         let phase_s = movements.begin(&mut session, &intention);
         session.run(phase_s, |snapshot| {
-            shift.held_out.add(snapshot);
-            shift.unloaded.add(snapshot.state);
+            result.held_out.add(snapshot);
+            result.unloaded.add(snapshot.state);
             if crate::tasks::publishes_cop(snapshot.state) {
                 for axis in 0..2 {
                     let measured_m = snapshot.truth().cop_without_load_in_motion_m[axis];
                     let error_m = snapshot.state.cop_estimated_m[axis] - measured_m;
-                    shift.coverage[axis].add(error_m, snapshot.state.cop_sigma_m[axis]);
+                    result.coverage[axis].add(error_m, snapshot.state.cop_sigma_m[axis]);
                 }
             }
         });
         index += 1;
-        shift.read_clocks(&session, &rig);
+        result.read_clocks(&session, &rig);
     }
     for _ in 0..CARRIES {
-        carry(&mut session, &mut movements, &mut shift);
+        carry(&mut session, &mut movements, &mut result);
     }
     while session.now_s() < end_s {
         let intention = movements.next(index);
         let phase_s = movements.begin(&mut session, &intention);
         session.run(phase_s, |_| {});
         index += 1;
-        shift.read_clocks(&session, &rig);
+        result.read_clocks(&session, &rig);
     }
-    shift
+    result
 }
 
-impl Shift {
+impl SessionResult {
     fn read_clocks(&mut self, session: &Session, rig: &Rig) {
         for (at_s, kept) in READ_S.iter().zip(&mut self.clocks) {
             if kept.is_none() && session.now_s() >= *at_s {
@@ -235,7 +235,7 @@ impl Shift {
 }
 
 /// Squats to the box, carries it and puts it down in a squat, and continues without it.
-fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
+fn carry(session: &mut Session, movements: &mut Movements, result: &mut SessionResult) {
     let first = movements.squat();
     let mut phase_s = movements.begin(session, &first);
     session.run(phase_s, |_| {});
@@ -247,9 +247,9 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
             if snapshot.worker.sample(snapshot.time_s).load_kg < LIFTED * BOX_KG {
                 return;
             }
-            shift.carry.add(snapshot.state);
+            result.carry.add(snapshot.state);
             if !snapshot.state.validity().any_of(Validity::INVALIDATES_LIFTED_MASS) {
-                shift.box_error_kg.add(snapshot.state.lifted_mass_kg - BOX_KG);
+                result.box_error_kg.add(snapshot.state.lifted_mass_kg - BOX_KG);
             }
         });
     }
@@ -274,7 +274,7 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
         }
     }
     session.command(CommandKind::IdentifyStop);
-    shift.resumed_s.push(resumed_s.unwrap_or(RESUME_MAX_S));
+    result.resumed_s.push(resumed_s.unwrap_or(RESUME_MAX_S));
     session.run(2.0, |_| {});
 }
 
@@ -283,20 +283,20 @@ fn carry(session: &mut Session, movements: &mut Movements, shift: &mut Shift) {
 struct Together {
     identified_s: Vec<f64>,
     resumed_s: Vec<f64>,
-    sum: Shift,
+    sum: SessionResult,
 }
 
 impl Together {
-    fn of(shifts: &[Shift]) -> Together {
+    fn of(results: &[SessionResult]) -> Together {
         let mut all = Together::default();
-        for shift in shifts {
-            all.identified_s.extend(shift.identified_s);
-            all.resumed_s.extend(&shift.resumed_s);
-            all.sum.box_error_kg.merge(&shift.box_error_kg);
-            all.sum.held_out.merge(&shift.held_out);
-            all.sum.unloaded.merge(&shift.unloaded);
-            all.sum.carry.merge(&shift.carry);
-            for (sum, coverage) in all.sum.coverage.iter_mut().zip(&shift.coverage) {
+        for result in results {
+            all.identified_s.extend(result.identified_s);
+            all.resumed_s.extend(&result.resumed_s);
+            all.sum.box_error_kg.merge(&result.box_error_kg);
+            all.sum.held_out.merge(&result.held_out);
+            all.sum.unloaded.merge(&result.unloaded);
+            all.sum.carry.merge(&result.carry);
+            for (sum, coverage) in all.sum.coverage.iter_mut().zip(&result.coverage) {
                 sum.merge(coverage);
             }
         }
@@ -332,13 +332,13 @@ fn withheld_percent(carry: &PublicationTally) -> Option<f64> {
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let ask = |suit_hz: u32, end_s: f64| {
-        ask_all(&crowd, |subject| shift(subject, subject.settings(), rig(subject, suit_hz), end_s))
+        ask_all(&cohort, |subject| simulate(subject, subject.settings(), rig(subject, suit_hz), end_s))
     };
-    let shifts = ask(SUIT_HZ, READ_S[1]);
+    let results = ask(SUIT_HZ, READ_S[1]);
     let mut each = Table::new(
         format!("Natural work without static poses ({count} subjects, suit at {SUIT_HZ} Hz)"),
         &[
@@ -358,20 +358,20 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "300 s: drift error ppm",
         ],
     );
-    for (subject, shift) in crowd.iter().zip(&shifts) {
+    for (subject, result) in cohort.iter().zip(&results) {
         let mut row: Vec<Cell> = vec![
             subject.seed.into(),
-            shift.identified_s.into(),
-            u64::from(shift.rows[0]).into(),
-            u64::from(shift.rows[1]).into(),
-            shift.mass_error_kg.into(),
-            (1e3 * shift.predicted_cop_sigma_m).into(),
-            (1e3 * shift.held_out.distance_rms_m()).into(),
-            shift.box_error_kg.mean().into(),
-            withheld_percent(&shift.carry).into(),
-            shift.resumed_s.iter().copied().reduce(f64::max).into(),
+            result.identified_s.into(),
+            u64::from(result.rows[0]).into(),
+            u64::from(result.rows[1]).into(),
+            result.mass_error_kg.into(),
+            (1e3 * result.predicted_cop_sigma_m).into(),
+            (1e3 * result.held_out.distance_rms_m()).into(),
+            result.box_error_kg.mean().into(),
+            withheld_percent(&result.carry).into(),
+            result.resumed_s.iter().copied().reduce(f64::max).into(),
         ];
-        for reading in shift.clocks {
+        for reading in result.clocks {
             row.push(reading.map(|reading| 1e3 * reading.error_s).into());
             row.push(reading.map(|reading| 1e6 * reading.drift_error).into());
         }
@@ -398,7 +398,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             "resumed s",
         ],
     );
-    rates.push(Together::of(&shifts).row(SUIT_HZ));
+    rates.push(Together::of(&results).row(SUIT_HZ));
     for rate_hz in OTHER_RATES_HZ {
         rates.push(Together::of(&ask(rate_hz, 0.0)).row(rate_hz));
     }
@@ -417,12 +417,12 @@ mod tests {
 
     #[test]
     fn natural_work_without_a_held_pose_identifies_by_default() {
-        let subject = Subject::somebody(5);
-        let shift = shift(&subject, subject.settings(), rig(&subject, SUIT_HZ), 0.0);
-        assert!(shift.identified_s.is_some_and(|seconds| seconds < 60.0), "{:?}", shift.identified_s);
-        assert!(shift.mass_error_kg.abs() < 0.4, "{}", shift.mass_error_kg);
-        assert!(shift.held_out.distance_rms_m() < 0.009, "{}", shift.held_out.distance_rms_m());
-        assert!(withheld_percent(&shift.carry).is_some_and(|percent| percent < 2.0), "{:?}", shift.carry);
-        assert!(shift.resumed_s.iter().all(|seconds| *seconds < 3.0), "{:?}", shift.resumed_s);
+        let subject = Subject::random(5);
+        let result = simulate(&subject, subject.settings(), rig(&subject, SUIT_HZ), 0.0);
+        assert!(result.identified_s.is_some_and(|seconds| seconds < 60.0), "{:?}", result.identified_s);
+        assert!(result.mass_error_kg.abs() < 0.4, "{}", result.mass_error_kg);
+        assert!(result.held_out.distance_rms_m() < 0.009, "{}", result.held_out.distance_rms_m());
+        assert!(withheld_percent(&result.carry).is_some_and(|percent| percent < 2.0), "{:?}", result.carry);
+        assert!(result.resumed_s.iter().all(|seconds| *seconds < 3.0), "{:?}", result.resumed_s);
     }
 }

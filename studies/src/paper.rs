@@ -4,7 +4,7 @@ use equipoise_core::cycle::Settings;
 use equipoise_core::sesc::ReductionKind;
 
 use crate::session::Session;
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, quartiles};
 use crate::tasks::{CopErrors, Identified, publishes_torques};
@@ -74,9 +74,9 @@ fn variants(subject: &Subject) -> [(&'static str, Settings); 4] {
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let subjects = crowd.of_the_paper();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let subjects = cohort.of_the_paper();
     let mut identification = Table::new(
         format!("Identification: 1.77 m, 72 kg, {count} bodies"),
         &[

@@ -7,11 +7,11 @@ use equipoise_core::static_pose::Window;
 use nalgebra::Vector2;
 
 use crate::session::Session;
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::quartiles;
 use crate::tasks::POSE_S;
-use crate::variants::{Belief, POSE_CHOICES, divided_library};
+use crate::variants::{POSE_CHOICES, PriorVariant, divided_library};
 
 /// Maximum number of poses.
 const POSES_MAX: u32 = 30;
@@ -45,7 +45,7 @@ impl Course {
 }
 
 /// Identifies with up to 30 poses and then checks every intermediate model in the held-out poses.
-pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
+pub fn course(subject: &Subject, prior: PriorVariant, choice: PoseChoice) -> Course {
     let (learnt, held_out) = divided_library();
     let mut settings = Settings {
         library: learnt,
@@ -53,7 +53,7 @@ pub fn course(subject: &Subject, belief: Belief, choice: PoseChoice) -> Course {
         stop: StopRule::PredictedCop { sigma_m: 0.0 },
         ..subject.settings()
     };
-    belief.put_into(&mut settings);
+    prior.put_into(&mut settings);
     let mut session = Session::new(subject, settings);
     session.run_until(2.0, |snapshot| snapshot.state.suggested_pose != u32::MAX);
     let model = |session: &Session| Box::new(session.memory().identification);
@@ -91,18 +91,17 @@ fn published_in(window: &Window, model: &Identification) -> Vector2<f64> {
 }
 
 /// The table.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let mut questions = Vec::new();
-    for (belief_name, belief) in Belief::ALL {
+    for (prior_name, prior) in PriorVariant::ALL {
         for (choice_name, choice) in POSE_CHOICES {
             questions
-                .extend(crowd.iter().map(|subject| (*subject, (belief_name, belief), (choice_name, choice))));
+                .extend(cohort.iter().map(|subject| (*subject, (prior_name, prior), (choice_name, choice))));
         }
     }
-    let courses =
-        ask_all(&questions, |(subject, (_, belief), (_, choice))| course(subject, *belief, *choice));
+    let courses = ask_all(&questions, |(subject, (_, prior), (_, choice))| course(subject, *prior, *choice));
     let mut table = Table::new(
         format!("Poses until the CoP error is below 10 mm ({count} subjects each)"),
         &[
@@ -120,13 +119,13 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
         ],
     );
     for (question, courses) in questions.chunks(count).zip(courses.chunks(count)) {
-        let (_, (belief, _), (choice, _)) = question[0];
+        let (_, (prior, _), (choice, _)) = question[0];
         // Subjects that do not reach it count as one pose more than the maximum.
         let never = courses.iter().filter(|course| course.poses_to(ACCURATE_M).is_none()).count() as u64;
         let poses = courses
             .iter()
             .map(|course| course.poses_to(ACCURATE_M).map_or(f64::from(POSES_MAX + 1), |poses| poses as f64));
-        let mut row = vec![belief.into(), choice.into()];
+        let mut row = vec![prior.into(), choice.into()];
         row.extend(quartiles(poses.collect()).unwrap_or_default().map(|poses| Cell::Count(poses as u64)));
         row.push(never.into());
         row.extend(SHOWN.map(|after| {
@@ -168,7 +167,7 @@ mod tests {
 
     #[test]
     fn a_pose_teaches_one_who_believes_nothing() {
-        let course = course(&Subject::somebody(4), Belief::None, PoseChoice::Paper);
+        let course = course(&Subject::random(4), PriorVariant::None, PoseChoice::Paper);
         assert!(course.error_m.len() > 20, "{}", course.error_m.len());
         let (at_first_m, at_last_m) = (course.error_m[0], course.after(30).unwrap_or(f64::NAN));
         assert!(at_first_m > 0.05 && at_last_m < 0.25 * at_first_m, "{at_first_m} {at_last_m}");

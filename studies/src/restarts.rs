@@ -10,7 +10,7 @@ use nalgebra::Vector2;
 
 use crate::natural::Movements;
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{percent, quartiles};
 
@@ -29,7 +29,7 @@ const PATIENCE_S: f64 = 60.0;
 /// … and should be within this.
 const SOON_S: f64 = 10.0;
 /// After that the position is compared with the truth for this long, s.
-const JUDGED_S: f64 = 8.0;
+const EVALUATED_S: f64 = 8.0;
 /// The torques of a box lifted afterwards are reported within this, s.
 const LIFTING_S: f64 = 6.0;
 /// Mass carried in some of the restarts, and lifted at the end, kg.
@@ -165,7 +165,7 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
     let is_device = matches!(restart, Restart::Suit | Restart::Ground);
     let back_s = session.now_s() + if is_device { away_s } else { 0.0 };
     let mut found_s = None;
-    let mut judge = |snapshot: &Snapshot| {
+    let mut evaluate = |snapshot: &Snapshot| {
         errors.add(snapshot);
         // States pending for later samples at a restart are still published afterwards.
         if found_s.is_none() && snapshot.time_s > back_s && Errors::are_of(snapshot) {
@@ -174,14 +174,14 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
         found_s.is_some()
     };
     movements.work(session, AWAY_S[1], |snapshot| {
-        judge(snapshot);
+        evaluate(snapshot);
         false
     });
     if carrying {
         session.order(equipoise_simulator::motion::Worker::put_down);
     }
-    movements.work(session, PATIENCE_S, &mut judge);
-    movements.work(session, JUDGED_S, |snapshot| {
+    movements.work(session, PATIENCE_S, &mut evaluate);
+    movements.work(session, EVALUATED_S, |snapshot| {
         errors.add(snapshot);
         false
     });
@@ -193,8 +193,8 @@ fn one(session: &mut Session, movements: &mut Movements, restart: Restart, rando
 }
 
 /// The table.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let subjects = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let subjects = cohort.subjects();
     let outcomes: Vec<Outcome> = ask_all(&subjects, |subject| {
         restarts(subject, |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
     })
@@ -202,7 +202,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     .flatten()
     .collect();
     let mut table = Table::new(
-        format!("Restarts during work ({} subjects, {RESTARTS} restarts each)", crowd.count),
+        format!("Restarts during work ({} subjects, {RESTARTS} restarts each)", cohort.count),
         &[
             "restarted",
             "carrying",
@@ -261,7 +261,7 @@ mod tests {
         let (mut times, mut late) = (0, 0);
         let seeds = [0, 1, 2];
         let all = ask_all(&seeds, |seed| {
-            restarts(&Subject::somebody(*seed), |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
+            restarts(&Subject::random(*seed), |random| Restart::ALL[(4.0 * random.unit()) as usize % 4])
         });
         for (seed, outcomes) in seeds.iter().zip(all) {
             for outcome in outcomes {

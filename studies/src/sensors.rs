@@ -263,7 +263,7 @@ mod tests {
 
     /// Errors of a ground device on a foot during a second from this time on, at 1 kHz.
     fn errors(ground: Ground, foot: usize, from_s: f64) -> Vec<FootErrors> {
-        let subject = Subject::somebody(6);
+        let subject = Subject::random(6);
         let worker = Worker::with_habits(subject.person(), subject.seed, subject.habits());
         let rigs = [Rig { ground, ..subject.rig() }, Rig { ground, ..Rig::PERFECT }];
         let first = (from_s * f64::from(Rig::PERFECT.plate_hz)) as u32;

@@ -353,7 +353,7 @@ mod tests {
 
     /// A statue with error-free sensors, moving into a pose.
     fn perfect() -> Session {
-        let subject = Subject::somebody(9);
+        let subject = Subject::random(9);
         let mut session = Session::with(&subject, subject.settings(), Rig::PERFECT, Habits::NONE);
         session.run(1.0, |_| {});
         session.order(|worker, at_s| worker.intend(&LIFTING[3], at_s, 1.6));
@@ -389,7 +389,7 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_bytes_and_another_others() {
         let run = |seed: u64| {
-            let subject = Subject::somebody(seed);
+            let subject = Subject::random(seed);
             let mut session = Session::new(&subject, subject.settings());
             session.identify_by_windows(3);
             session

@@ -6,7 +6,7 @@ use equipoise_core::message::Validity;
 use crate::lifting::see_lifted;
 use crate::sensors::{AccelerationNoise, Ground, Rig};
 use crate::session::{Session, Snapshot};
-use crate::subject::{Crowd, Subject, ask_all};
+use crate::subject::{Cohort, Subject, ask_all};
 use crate::table::{Cell, Table};
 use crate::tally::{ByGroup, GROUPS, Sums, percent};
 use crate::tasks::{CopErrors, publishes_cop};
@@ -121,9 +121,9 @@ fn table(title: String, first: &'static str, second: &'static str) -> Table {
     )
 }
 
-fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Findings + Sync) -> Vec<Cell> {
+fn row(names: [&str; 2], cohort: &[Subject], ask: impl Fn(&Subject) -> Findings + Sync) -> Vec<Cell> {
     let mut sum = Findings::default();
-    for findings in ask_all(crowd, ask) {
+    for findings in ask_all(cohort, ask) {
         sum.merge(&findings);
     }
     let mut row: Vec<Cell> = names.map(Cell::from).to_vec();
@@ -144,9 +144,9 @@ fn row(names: [&str; 2], crowd: &[Subject], ask: impl Fn(&Subject) -> Findings +
 }
 
 /// The tables.
-pub fn study(crowd: &Crowd) -> Vec<Table> {
-    let count = crowd.count;
-    let crowd = crowd.subjects();
+pub fn study(cohort: &Cohort) -> Vec<Table> {
+    let count = cohort.count;
+    let cohort = cohort.subjects();
     let mut tables = Vec::new();
     for (ground_name, ground, suit_hz) in [
         ("a plate", Ground::Plate, 60),
@@ -159,7 +159,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
             for (name, how) in HOW {
                 if accelerations.is_some() || how == Accelerations::Positions {
                     let rig = |subject: &Subject| Rig { ground, accelerations, suit_hz, ..subject.rig() };
-                    by_suit.push(row([sends, name], &crowd, |subject| findings(subject, how, rig(subject))));
+                    by_suit.push(row([sends, name], &cohort, |subject| findings(subject, how, rig(subject))));
                 }
             }
         }
@@ -170,7 +170,7 @@ pub fn study(crowd: &Crowd) -> Vec<Table> {
     for (name, ground) in GROUNDS {
         let ask =
             |subject: &Subject| findings(subject, Accelerations::Positions, Rig { ground, ..subject.rig() });
-        by_ground.push(row([name, "positions"], &crowd, ask));
+        by_ground.push(row([name, "positions"], &cohort, ask));
     }
     by_ground.note("CoP: RMS distance of the estimated from the measured one; force: RMS of the published external force; both without a load");
     by_ground
@@ -188,13 +188,13 @@ mod tests {
     /// Rigid bones and exact clocks: only the ground device differs.
     fn of(ground: Ground, insoles: Insoles) -> Findings {
         let realism = Realism { soft_tissue: Severity::Ideal, clocks: Severity::Ideal, ..Realism::REALISTIC };
-        let subject = Subject { realism, ..Subject::somebody(5) };
+        let subject = Subject { realism, ..Subject::random(5) };
         findings(&subject, Accelerations::Positions, Rig { ground, insoles, ..subject.rig() })
     }
 
     /// Measured centres of pressure of natural motion by time, a suit without error, m.
     fn centres_m(ground: Ground) -> Vec<(f64, [f64; 2])> {
-        let subject = Subject::somebody(5);
+        let subject = Subject::random(5);
         let rig = Rig { ground, ..Rig::PERFECT };
         let mut session = Session::with(&subject, subject.settings(), rig, subject.habits());
         session.run(1.0, |_| {});

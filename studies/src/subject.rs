@@ -38,7 +38,7 @@ pub struct Subject {
 
 /// The subjects of a study.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Crowd {
+pub struct Cohort {
     /// Seed of the first subject; the others follow consecutively.
     pub first_seed: u64,
     /// Number of subjects.
@@ -47,10 +47,10 @@ pub struct Crowd {
     pub realism: Realism,
 }
 
-impl Crowd {
+impl Cohort {
     /// `count` subjects with consecutive seeds.
     pub fn subjects(&self) -> Vec<Subject> {
-        self.by_seed(Subject::somebody)
+        self.by_seed(Subject::random)
     }
 
     /// As many bodies of the stature and mass of the paper's subject.
@@ -81,7 +81,7 @@ impl Subject {
     }
 
     /// A random subject: stature, build and sex by the seed.
-    pub fn somebody(seed: u64) -> Subject {
+    pub fn random(seed: u64) -> Subject {
         let mut random = Random::new(seed, "subject");
         let height_m = random.between(HEIGHT_M[0], HEIGHT_M[1]);
         let index = random.between(BODY_MASS_INDEX[0], BODY_MASS_INDEX[1]);
@@ -129,9 +129,9 @@ mod tests {
 
     #[test]
     fn subjects_are_plausible_and_follow_from_their_seed() {
-        let crowd = Crowd { first_seed: 1, count: 200, realism: Realism::REALISTIC };
-        for subject in crowd.subjects() {
-            assert_eq!(subject, Subject::somebody(subject.seed));
+        let cohort = Cohort { first_seed: 1, count: 200, realism: Realism::REALISTIC };
+        for subject in cohort.subjects() {
+            assert_eq!(subject, Subject::random(subject.seed));
             assert!((HEIGHT_M[0]..HEIGHT_M[1]).contains(&subject.height_m));
             assert!((MASS_KG[0]..=MASS_KG[1]).contains(&subject.mass_kg));
             let index = subject.mass_kg / subject.height_m.powi(2);

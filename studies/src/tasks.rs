@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn who_says_what_is_measured_errs_by_nothing() {
-        let subject = Subject { realism: Realism::IDEAL, ..Subject::somebody(2) };
+        let subject = Subject { realism: Realism::IDEAL, ..Subject::random(2) };
         let mut session = Session::new(&subject, subject.settings());
         session.run(1.0, |_| {});
         let (mut perfect, mut off) = (CopErrors::default(), CopErrors::default());
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn a_lift_has_a_box_in_the_hands_and_work_without_a_load_has_none() {
-        let subject = Subject::somebody(2);
+        let subject = Subject::random(2);
         let mut session = Session::new(&subject, subject.settings());
         session.run(0.5, |_| {});
         let (mut lifted, mut all) = (0, 0);

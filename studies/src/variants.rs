@@ -39,7 +39,7 @@ pub fn paper(subject: &Subject, reduction: ReductionKind) -> Settings {
 
 /// Priors, as named in the tables.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Belief {
+pub enum PriorVariant {
     /// No prior; then with the fewest parameters: the paper's hard constraints.
     None,
     /// The anthropometric table.
@@ -48,20 +48,20 @@ pub enum Belief {
     Wrong,
 }
 
-impl Belief {
+impl PriorVariant {
     /// All of them with their names.
-    pub const ALL: [(&str, Belief); 3] =
-        [("none", Belief::None), ("table", Belief::Table), ("wrong", Belief::Wrong)];
+    pub const ALL: [(&str, PriorVariant); 3] =
+        [("none", PriorVariant::None), ("table", PriorVariant::Table), ("wrong", PriorVariant::Wrong)];
 
     /// Writes the prior into settings.
     pub fn put_into(self, settings: &mut Settings) {
         (settings.prior, settings.similar) = match self {
-            Belief::None => {
+            PriorVariant::None => {
                 settings.reduction = ReductionKind::Symmetric;
                 (PriorKind::None, None)
             }
-            Belief::Table => (PriorKind::Table, None),
-            Belief::Wrong => {
+            PriorVariant::Table => (PriorKind::Table, None),
+            PriorVariant::Wrong => {
                 let similar = Similar {
                     deviation_m: wrong_deviation_m(settings),
                     variance_m2: [0.003 * 0.003; PARAMETERS],
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wrong_belief_is_centimetres_off() {
+    fn the_wrong_prior_is_centimetres_off() {
         let settings = Subject::of_the_paper(1).settings();
         let deviation_m = wrong_deviation_m(&settings);
         let forward_m: f64 = (0..SEGMENTS).map(|segment| deviation_m[3 * segment]).sum();

@@ -46,7 +46,7 @@ fn apart_m(worker: &Worker, until_s: f64) -> Vec<f64> {
 #[test]
 fn the_hands_are_as_far_apart_as_a_box_is_wide_in_every_task() {
     for (name, task) in TASKS {
-        let subjects: Vec<Subject> = (0..25).map(Subject::somebody).collect();
+        let subjects: Vec<Subject> = (0..25).map(Subject::random).collect();
         let all = ask_all(&subjects, |subject| {
             // The estimator is not tested: few samples.
             let rig = Rig { suit_hz: 20, plate_hz: 20, ..subject.rig() };

@@ -11,7 +11,7 @@ fn the_skew_of_a_late_suit_is_found_and_none_where_there_is_none() {
     let questions: Vec<(u64, u64)> =
         [0, 12, 30].into_iter().flat_map(|late_ms| [3, 4].map(|seed| (late_ms, seed))).collect();
     let published = ask_all(&questions, |(late_ms, seed)| {
-        let subject = Subject::somebody(*seed);
+        let subject = Subject::random(*seed);
         let rig = Rig { suit_late_ns: late_ms * 1_000_000, ..Rig::ORDINARY };
         let mut session = Session::with(&subject, subject.settings(), rig, subject.habits());
         session.identify(10);
@@ -30,7 +30,7 @@ fn the_skew_of_a_late_suit_is_found_and_none_where_there_is_none() {
 #[test]
 fn a_late_plate_with_another_clock_is_found_in_a_minute_of_lifting_and_a_changed_delay_masks() {
     const CHANGE: (f64, f64) = (75.0, 0.3);
-    let subject = Subject::somebody(5);
+    let subject = Subject::random(5);
     let rig = Rig {
         suit_hz: 100,
         ground_late_s: 0.138,

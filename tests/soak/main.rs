@@ -10,14 +10,14 @@ mod process;
 #[expect(dead_code, reason = "the soak needs a part of it")]
 mod station;
 
-mod chaos;
-mod judge;
+mod checker;
+mod injected_fault;
 mod resources;
 mod rig;
 
 use std::time::{Duration, Instant};
 
-use chaos::Chaos;
+use injected_fault::InjectedFault;
 use rig::Rig;
 
 /// A number of the environment, or the default.
@@ -34,22 +34,22 @@ fn no_fault_gives_a_wrong_valid_value() {
     let (long, seed) = (Duration::from_secs(number("SOAK_SECONDS", 4)), number("SOAK_SEED", 1));
     let mut rig = Rig::start(seed);
     rig.identify();
-    println!("seed {seed}: identified with {} poses", rig.judge.state.poses_used);
+    println!("seed {seed}: identified with {} poses", rig.checker.state.poses_used);
     let started = Instant::now();
     let mut events = 0;
     'soak: loop {
-        for chaos in Chaos::shuffled(seed.wrapping_add(events)) {
+        for fault in InjectedFault::shuffled(seed.wrapping_add(events)) {
             if started.elapsed() > long {
                 break 'soak;
             }
-            rig.judge.during = chaos.name();
+            rig.checker.during = fault.name();
             let begun = Instant::now();
-            rig.suffer(chaos);
-            let took = rig.recover(chaos);
+            rig.inject(fault);
+            let took = rig.recover(fault);
             println!(
                 "{:>7.1} s {:<28} recovered after {:.1} s",
                 begun.duration_since(started).as_secs_f64(),
-                chaos.name(),
+                fault.name(),
                 took.as_secs_f64()
             );
             events += 1;

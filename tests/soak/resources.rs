@@ -24,13 +24,13 @@ impl Resources {
     }
 
     /// Samples at most once a second.
-    pub(crate) fn look(&mut self) {
+    pub(crate) fn sample(&mut self) {
         let now_s = self.started.elapsed().as_secs_f64();
         if self.resident.last().is_some_and(|(last_s, _)| now_s - last_s < 1.0) {
             return;
         }
         let status =
-            std::fs::read_to_string(format!("/proc/{}/status", self.process)).expect("a living daemon");
+            std::fs::read_to_string(format!("/proc/{}/status", self.process)).expect("a running daemon");
         // Anonymous memory only. Shared memory has a fixed size (`bus/src/service.rs`); only its number of touched
         // pages grows for a while.
         let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:")).expect("RssAnon");
@@ -39,21 +39,21 @@ impl Resources {
     }
 
     pub(crate) fn descriptors(&self) -> usize {
-        std::fs::read_dir(format!("/proc/{}/fd", self.process)).expect("a living daemon").count()
+        std::fs::read_dir(format!("/proc/{}/fd", self.process)).expect("a running daemon").count()
     }
 
     /// Reports memory usage and its growth after the first half; an error if that is too much.
-    pub(crate) fn judge_growth(&self) -> Result<String, String> {
+    pub(crate) fn check_growth(&self) -> Result<String, String> {
         let late = &self.resident[self.resident.len() / 2..];
         let slope_kib_per_s = slope(late);
         let most_kib = late.iter().fold(0.0, |most: f64, (_, kib)| most.max(*kib));
         let settled = late.first().is_some_and(|(since_s, _)| *since_s > SETTLED_AFTER_S);
-        let said =
+        let usage =
             format!("{most_kib:.0} KiB in memory, growing by {:.1} KiB a minute", 60.0 * slope_kib_per_s);
         if most_kib > PLATEAU_KIB || (settled && slope_kib_per_s > SETTLED_SLOPE_KIB_PER_S) {
-            return Err(format!("{said}: {:?}", self.resident));
+            return Err(format!("{usage}: {:?}", self.resident));
         }
-        Ok(said)
+        Ok(usage)
     }
 }
 
@@ -78,12 +78,12 @@ mod tests {
     #[test]
     fn steps_of_the_first_minutes_are_no_leak_and_a_leak_is_one() {
         let steps: Vec<_> = (0..160).map(|s| (f64::from(s), 23e3 + 1e3 * f64::from(s / 40))).collect();
-        assert!(resources(steps).judge_growth().is_ok());
+        assert!(resources(steps).check_growth().is_ok());
         let leak = |kib_per_s: f64, seconds: i32| {
             resources((0..seconds).map(|s| (f64::from(s), 23e3 + kib_per_s * f64::from(s))).collect())
         };
-        assert!(leak(100.0, 160).judge_growth().is_err());
-        assert!(leak(5.0, 1600).judge_growth().is_err());
-        assert!(leak(1.0, 1600).judge_growth().is_ok());
+        assert!(leak(100.0, 160).check_growth().is_err());
+        assert!(leak(5.0, 1600).check_growth().is_err());
+        assert!(leak(1.0, 1600).check_growth().is_ok());
     }
 }

@@ -47,14 +47,14 @@ impl Session {
 
 /// Observed activity of the loop: an idle loop would pass the test trivially.
 #[derive(Debug, Default, Clone, Copy)]
-struct Seen {
+struct Activity {
     outcomes: u64,
     poses: u64,
     torques: u64,
     monitoring: u64,
     checkpoints: u64,
     workers: u64,
-    kept: u64,
+    copies: u64,
     reloads: u64,
 }
 
@@ -71,17 +71,18 @@ struct Accelerated<'a> {
     round_ns: u64,
     sent: [usize; 2],
     rounds: u64,
-    naps: u64,
+    sleeps: u64,
     worker: Option<Box<equipoise_core::cycle::SubjectState>>,
     settings: Option<Box<Settings>>,
-    seen: Seen,
-    luck: u64,
+    activity: Activity,
+    random_state: u64,
 }
 
 impl Accelerated<'_> {
-    fn luck(&mut self, below: u64) -> u64 {
-        self.luck = self.luck.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.luck >> 33) % below
+    fn random_below(&mut self, below: u64) -> u64 {
+        self.random_state =
+            self.random_state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.random_state >> 33) % below
     }
 
     fn send_samples(&mut self) {
@@ -112,27 +113,27 @@ impl Accelerated<'_> {
     fn take_outcomes(&mut self) {
         while let Ok(outcome) = self.egress.outcome.pop() {
             let state = &outcome.state;
-            self.seen.outcomes += 1;
-            self.seen.poses = self.seen.poses.max(u64::from(state.poses_used));
-            self.seen.torques += u64::from(!state.validity().any_of(Validity::INVALIDATES_TORQUES));
-            self.seen.monitoring += u64::from(state.phase == Phase::Monitoring as u32);
+            self.activity.outcomes += 1;
+            self.activity.poses = self.activity.poses.max(u64::from(state.poses_used));
+            self.activity.torques += u64::from(!state.validity().any_of(Validity::INVALIDATES_TORQUES));
+            self.activity.monitoring += u64::from(state.phase == Phase::Monitoring as u32);
         }
         while let Ok(checkpoint) = self.egress.checkpoints.pop() {
-            self.seen.checkpoints += 1;
+            self.activity.checkpoints += 1;
             let _ = self.egress.free_checkpoints.push(checkpoint);
         }
-        while let Ok((_, kept)) = self.saving.copies.pop() {
-            self.seen.kept += 1;
-            let _ = self.saving.free_copies.push(kept);
+        while let Ok((_, copy)) = self.saving.copies.pop() {
+            self.activity.copies += 1;
+            let _ = self.saving.free_copies.push(copy);
         }
     }
 
-    fn command_now_and_then(&mut self) {
-        if self.naps.is_multiple_of(3001) {
+    fn send_commands(&mut self) {
+        if self.sleeps.is_multiple_of(3001) {
             let _ = self.commands.command.push(CommandKind::Checkpoint);
         }
         // Change the subject, in the middle of a lift of every other round.
-        if self.naps.is_multiple_of(74_003)
+        if self.sleeps.is_multiple_of(74_003)
             && let Some(worker) = self.worker.take()
         {
             let _ = self.commands.worker.push((1, worker));
@@ -140,17 +141,17 @@ impl Accelerated<'_> {
         }
         if let Ok(back) = self.commands.returned_workers.pop() {
             self.worker = Some(back);
-            self.seen.workers += 1;
+            self.activity.workers += 1;
         }
         // Apply the same settings again, as after a reload.
-        if self.naps.is_multiple_of(50_021)
+        if self.sleeps.is_multiple_of(50_021)
             && let Some(settings) = self.settings.take()
         {
             let _ = self.settings_sender.settings.push((1, settings));
         }
         if let Ok(back) = self.settings_sender.returned.pop() {
             self.settings = Some(back);
-            self.seen.reloads += 1;
+            self.activity.reloads += 1;
         }
     }
 }
@@ -162,13 +163,17 @@ impl Clock for Accelerated<'_> {
     }
 
     fn sleep_until(&mut self, due_ns: u64) {
-        self.naps += 1;
+        self.sleeps += 1;
         // Wake-up slightly late, and occasionally so late that slots are skipped.
-        let late_ns = if self.luck(5000) == 0 { self.luck(4_000_000) } else { self.luck(60_000) };
+        let late_ns = if self.random_below(5000) == 0 {
+            self.random_below(4_000_000)
+        } else {
+            self.random_below(60_000)
+        };
         self.now_ns = self.now_ns.max(due_ns) + late_ns;
         self.send_samples();
         self.take_outcomes();
-        self.command_now_and_then();
+        self.send_commands();
     }
 }
 
@@ -231,11 +236,11 @@ fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
         round_ns: EPOCH_NS,
         sent: [0; 2],
         rounds: 0,
-        naps: 0,
+        sleeps: 0,
         worker,
         settings: Some(Box::new(settings)),
-        seen: Seen::default(),
-        luck: SEED,
+        activity: Activity::default(),
+        random_state: SEED,
     };
     let mut until = Until { watch: Watch::after(warm_cycles), cycles, control, faults: [[0; 2]; 2] };
     let summary = Loop::new(settings, memory, 0, loop_ends, PERIOD_NS).run(&mut clock, &mut until);
@@ -248,11 +253,12 @@ fn millions_of_cycles_touch_neither_the_heap_nor_a_new_page() {
          {summary:?}",
         until.watch.armed_cycles(),
         clock.rounds,
-        clock.seen,
+        clock.activity,
     );
-    let Seen { outcomes, poses, torques, monitoring, checkpoints, workers, kept, reloads } = clock.seen;
-    assert!(poses >= 2 && torques > 100 && monitoring > 1000 && checkpoints > 10, "{:?}", clock.seen);
-    assert!(workers > 0 && kept > 100 && reloads > 0, "{:?}", clock.seen);
+    let Activity { outcomes, poses, torques, monitoring, checkpoints, workers, copies, reloads } =
+        clock.activity;
+    assert!(poses >= 2 && torques > 100 && monitoring > 1000 && checkpoints > 10, "{:?}", clock.activity);
+    assert!(workers > 0 && copies > 100 && reloads > 0, "{:?}", clock.activity);
     assert_eq!(until.watch.armed_cycles(), cycles - warm_cycles);
     assert_eq!((allocations, frees), (0, 0), "the loop touched the heap");
     assert_eq!(faults, [0, 0], "minor and major page faults after the warm-up");

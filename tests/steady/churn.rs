@@ -30,7 +30,7 @@ pub(crate) struct Churn {
 }
 
 /// A pseudo-random number derived from another.
-pub(crate) fn luck(number: u64) -> u64 {
+pub(crate) fn pseudo_random(number: u64) -> u64 {
     let mixed = (number ^ (number >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb) >> 20
 }
@@ -61,7 +61,7 @@ impl Churn {
                 break;
             }
             match round % 8 {
-                0..=3 => person.take_pose(luck(round) as usize % 50).expect("a pose of the library"),
+                0..=3 => person.take_pose(pseudo_random(round) as usize % 50).expect("a pose of the library"),
                 4 => person.lift_and_show(8.0),
                 5 => {
                     person.silence_suit(true);

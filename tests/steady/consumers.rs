@@ -24,7 +24,7 @@ pub(crate) struct Storm {
 
 impl Storm {
     /// Starts consumers until `stop` is set. Their output goes to files in `directory`.
-    pub(crate) fn rage(&self, directory: &Path, stop: &AtomicBool) {
+    pub(crate) fn run(&self, directory: &Path, stop: &AtomicBool) {
         std::thread::scope(|scope| {
             for lane in 0..AT_ONCE {
                 scope.spawn(move || {
@@ -45,7 +45,7 @@ impl Storm {
     }
 
     fn one(&self, directory: &Path, lane: u64, round: u64) {
-        let luck = crate::churn::luck(lane * 1_000_003 + round);
+        let random = crate::churn::pseudo_random(lane * 1_000_003 + round);
         let mut consumer = start(directory, &format!("consumer-{lane}"), &["watch", "--for", "0.2"]);
         match (lane + round) % 3 {
             0 => {
@@ -70,20 +70,20 @@ impl Storm {
                 }
             }
             _ => {
-                std::thread::sleep(Duration::from_micros(luck % 60_000));
+                std::thread::sleep(Duration::from_micros(random % 60_000));
                 consumer.kill();
                 self.killed_joining.fetch_add(1, Ordering::Relaxed);
             }
         }
-        std::thread::sleep(Duration::from_millis(luck % 300));
+        std::thread::sleep(Duration::from_millis(random % 300));
     }
 }
 
 /// Checks that it ended early for lack of a place, and for no other reason.
 pub(crate) fn must_have_found_no_place(process: &mut Process) {
-    let (code, said) = (process.wait().code(), process.stderr());
-    let full = said.contains("all its ") && said.contains(" are taken");
-    assert!(code == Some(1) && full, "it ended with {code:?} and said: {said}");
+    let (code, message) = (process.wait().code(), process.stderr());
+    let full = message.contains("all its ") && message.contains(" are taken");
+    assert!(code == Some(1) && full, "it ended with {code:?} and wrote: {message}");
 }
 
 /// Starts the program on the station given by the environment.

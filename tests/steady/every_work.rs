@@ -100,7 +100,7 @@ parameters = { tau_s = { value = 0.001, sigma = 0.001, unit = "s" } }
 
 /// Loop activity observed by the permanent subscriber.
 #[derive(Debug, Default)]
-struct Seen {
+struct Activity {
     states: u64,
     poses: u32,
     motion_samples: u32,
@@ -109,8 +109,8 @@ struct Seen {
     asked: u64,
 }
 
-impl Seen {
-    fn see(&mut self, state: &State) {
+impl Activity {
+    fn record(&mut self, state: &State) {
         self.states += 1;
         self.poses = self.poses.max(state.poses_used);
         self.motion_samples = self.motion_samples.max(state.motion_samples_used);
@@ -119,7 +119,7 @@ impl Seen {
         self.fatigue = state.fatigue.iter().copied().fold(self.fatigue, f64::max);
     }
 
-    fn everything(&self) -> bool {
+    fn is_complete(&self) -> bool {
         self.states > 0
             && self.poses >= 2
             && self.motion_samples > 0
@@ -131,20 +131,25 @@ impl Seen {
 
 /// Poses are held, then a box is lifted; subscribers join and leave, checkpoints are requested, the configuration is
 /// reloaded, until all kinds of the loop's work have occurred and it has been armed long enough.
-fn keep_busy(station: &str, person: &SimulationHandle, watch: &Watch, mut reload: impl FnMut(usize)) -> Seen {
+fn keep_busy(
+    station: &str,
+    person: &SimulationHandle,
+    watch: &Watch,
+    mut reload: impl FnMut(usize),
+) -> Activity {
     let bus = Bus::join(&BusSettings::new(station, "test")).expect("the bus");
-    let mut living = bus.subscriber::<State>(64).expect("a subscriber");
+    let mut subscriber = bus.subscriber::<State>(64).expect("a subscriber");
     let client = bus.command_client().expect("a client");
-    let (started, mut seen, mut round, mut phase) = (Instant::now(), Seen::default(), 0_usize, 0);
+    let (started, mut activity, mut round, mut phase) = (Instant::now(), Activity::default(), 0_usize, 0);
     let mut lifted_at: Option<Instant> = None;
-    while watch.armed_cycles() < ARMED_CYCLES || !seen.everything() {
+    while watch.armed_cycles() < ARMED_CYCLES || !activity.is_complete() {
         assert!(
             started.elapsed() < Duration::from_secs(600),
-            "too slow, or something is never done: {seen:?}"
+            "too slow, or something is never done: {activity:?}"
         );
         drop(bus.subscriber::<State>(8).expect("a passing subscriber"));
-        while let Some(state) = living.receive().expect("a living bus") {
-            seen.see(&state);
+        while let Some(state) = subscriber.receive().expect("the bus") {
+            activity.record(&state);
             phase = state.phase;
         }
         if round.is_multiple_of(200) {
@@ -165,7 +170,7 @@ fn keep_busy(station: &str, person: &SimulationHandle, watch: &Watch, mut reload
         round += 1;
         std::thread::sleep(Duration::from_millis(20));
     }
-    seen
+    activity
 }
 
 #[test]

@@ -132,7 +132,7 @@ fn inside() {
         scope.spawn(|| churn.sensors(config.suit.listen, plate, &stop));
         wait_for("the loop to be warm", || (watch.armed_cycles() > 0).then_some(()));
         let before = (descriptors(), nodes());
-        scope.spawn(|| storm.rage(&directory, &stop));
+        scope.spawn(|| storm.run(&directory, &stop));
         scope.spawn(|| churn.page(&page.listen, &stop));
         scope.spawn(|| churn.recorder(&directory, &stop));
         scope.spawn(|| churn.commands(NAME, &stop));
@@ -163,7 +163,7 @@ fn inside() {
     if locked.is_locked() {
         assert_eq!(faults, [0, 0], "minor and major page faults after the warm-up");
     } else {
-        println!("faults are not judged: this user may not lock memory");
+        println!("page faults are not checked: this user may not lock memory");
     }
     assert!(summary.cycles.adds_up, "{:?}", summary.cycles);
     assert!(churn.sensor_drops.into_inner() > 0 && churn.page_loads.into_inner() > 0, "no churn");

@@ -17,22 +17,22 @@ pub struct SuggestedPose {
 }
 
 impl SuggestedPose {
-    /// `posture` by somebody of the worker's stature, its feet midway between the feet of `worker_origin_m` and facing
-    /// their way.
+    /// `posture` with the worker's stature: its feet are in the middle of those of `worker_origin_m` and have their
+    /// heading.
     pub fn on_the_spot(posture: &Posture, worker_origin_m: &[[f64; 3]; SEGMENTS]) -> SuggestedPose {
         let skeleton = Skeleton::nominal(height_m(worker_origin_m));
         let origin = pose_of(posture, &skeleton, [0.0; 3]).origin;
-        let (ghost, worker) = (Stance::of(&origin), Stance::of(&worker_origin_m.map(Vector3::from)));
-        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), worker.heading_rad - ghost.heading_rad);
+        let (suggested, worker) = (Stance::of(&origin), Stance::of(&worker_origin_m.map(Vector3::from)));
+        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), worker.heading_rad - suggested.heading_rad);
         SuggestedPose {
             name: Cow::Borrowed(posture.name),
-            segment_origin_m: origin.map(|point| (turn * (point - ghost.spot) + worker.spot).into()),
+            segment_origin_m: origin.map(|point| (turn * (point - suggested.spot) + worker.spot).into()),
         }
     }
 }
 
-/// Stature by the lengths of all bones, which no pose changes: good enough for drawing any wearer. 1.7 m where
-/// no pose came yet.
+/// Stature by the lengths of all bones, which no pose changes: good enough for drawing any wearer. 1.7 m before
+/// the first pose.
 pub(crate) fn height_m(origin_m: &[[f64; 3]; SEGMENTS]) -> f64 {
     const NOMINAL_M: f64 = 1.7;
     let bones_m = |origin_m: &[[f64; 3]; SEGMENTS]| -> f64 {
@@ -75,22 +75,22 @@ mod tests {
     const UPRIGHT: Posture = Posture { name: "upright", rotation_deg: [[0; 3]; SEGMENTS] };
 
     #[test]
-    fn the_ghost_of_the_workers_own_pose_is_the_worker() {
+    fn the_workers_own_pose_suggested_is_the_worker() {
         // The stature is that of the bones, not a configured one.
         let skeleton = Skeleton::nominal(1.93);
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), 2.0);
         let worker = pose_of(&UPRIGHT, &skeleton, [0.0; 3])
             .origin
             .map(|point| <[f64; 3]>::from(turn * point + Vector3::new(0.4, -0.2, 0.95)));
-        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &worker);
-        for (a, b) in ghost.segment_origin_m.iter().zip(&worker) {
+        let suggested = SuggestedPose::on_the_spot(&UPRIGHT, &worker);
+        for (a, b) in suggested.segment_origin_m.iter().zip(&worker) {
             assert!((Vector3::from(*a) - Vector3::from(*b)).norm() < 1e-12);
         }
     }
 
     #[test]
     fn without_a_pose_of_the_worker_the_suggested_pose_is_at_the_origin() {
-        let ghost = SuggestedPose::on_the_spot(&UPRIGHT, &[[0.0; 3]; SEGMENTS]);
-        assert!(ghost.segment_origin_m.as_flattened().iter().all(|metres| metres.abs() < 2.0));
+        let suggested = SuggestedPose::on_the_spot(&UPRIGHT, &[[0.0; 3]; SEGMENTS]);
+        assert!(suggested.segment_origin_m.as_flattened().iter().all(|metres| metres.abs() < 2.0));
     }
 }

@@ -1,7 +1,7 @@
 //! Listening TCP socket for one device that streams MVN datagrams.
 //!
 //! The device is the client whose sample was accepted. Before that, several clients may be connected and are read, so
-//! that neither an idle nor a babbling connection blocks the device.
+//! that neither an idle nor an invalid connection blocks the device.
 //!
 //! The kernel stamps packets, not their contents: a datagram is stamped when it was read, and all datagrams of one read
 //! have the same stamp. The clock fit uses the earliest arrivals, so this matters little as long as reads are not late.

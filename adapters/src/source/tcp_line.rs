@@ -168,16 +168,16 @@ mod tests {
     }
 
     #[test]
-    fn both_ends_speak_and_silence_is_no_error() {
+    fn both_ends_send_and_silence_is_no_error() {
         let (mut line, listener) = pair();
         line.open().unwrap();
         let (mut device, caller) = listener.accept().unwrap();
         assert_eq!(Some(caller), line.local_address());
         assert!(line.receive().unwrap().is_none());
         line.send(b"hello").unwrap();
-        let mut heard = [0; 5];
-        device.read_exact(&mut heard).unwrap();
-        device.write_all(&heard).unwrap();
+        let mut received = [0; 5];
+        device.read_exact(&mut received).unwrap();
+        device.write_all(&received).unwrap();
         assert_eq!(take(&mut line, 5).unwrap(), b"hello");
     }
 

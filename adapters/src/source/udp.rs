@@ -233,7 +233,7 @@ mod tests {
         let mut sender = OneSender::default();
         // Sender, time, whether the datagram is a sample, and whether it is admitted: noise twice a second never
         // reserves the port.
-        let heard = [
+        let datagrams = [
             (other, 0, false, true),
             (one, 10, true, true),
             (other, 500, false, false),
@@ -243,7 +243,7 @@ mod tests {
             (other, 1950, true, true),
             (one, 2000, true, false),
         ];
-        for (ip, ms, is_sample, admitted) in heard {
+        for (ip, ms, is_sample, admitted) in datagrams {
             assert_eq!(sender.admits(ip, ms * 1_000_000), admitted, "{ip} at {ms} ms");
             if admitted && is_sample {
                 sender.hold(ip, ms * 1_000_000);

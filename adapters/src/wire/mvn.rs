@@ -167,8 +167,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_comes_nothing_panics(mut bytes in proptest::collection::vec(any::<u8>(), 0..300), kind in 0..30u8, honest: bool) {
-            if honest && bytes.len() > HEADER_SIZE {
+        fn no_input_panics(mut bytes in proptest::collection::vec(any::<u8>(), 0..300), kind in 0..30u8, is_framed: bool) {
+            if is_framed && bytes.len() > HEADER_SIZE {
                 let size = (bytes.len() - HEADER_SIZE) as u16;
                 bytes[..6].copy_from_slice(format!("MXTP{kind:02}").as_bytes());
                 bytes[22..24].copy_from_slice(&size.to_be_bytes());

@@ -196,8 +196,8 @@ mod tests {
         let inch = newton_metres_of("lbf-in").unwrap();
         assert!((inch - 0.112_984_829_027_616_7).abs() < 1e-15, "{inch}");
         assert!((newton_metres_of("lb-ft").unwrap() / inch - 12.0).abs() < 1e-12);
-        for stranger in ["", "oz", "dyn", "m", "Pa"] {
-            assert_eq!((newtons_of(stranger), newton_metres_of(stranger)), (None, None), "{stranger}");
+        for unit in ["", "oz", "dyn", "m", "Pa"] {
+            assert_eq!((newtons_of(unit), newton_metres_of(unit)), (None, None), "{unit}");
         }
     }
 

@@ -7,5 +7,6 @@ mod capture_mvnx;
 mod capture_pcap;
 mod fusion;
 mod kistler_volts;
+mod mvnx_file;
 mod real_datagrams;
 mod recording;

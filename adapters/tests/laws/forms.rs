@@ -206,9 +206,9 @@ pub(crate) mod seeds {
     pub(crate) fn mvn_stream() -> Vec<Vec<u8>> {
         let sample = |counter: u32| Part::ALL.into_iter().flat_map(move |kind| part(kind, counter, 0.1));
         let stream: Vec<u8> = (0..3).flat_map(sample).collect();
-        let torn = [&stream[..2000], b"MXTP02", &stream[1500..]].concat();
+        let damaged = [&stream[..2000], b"MXTP02", &stream[1500..]].concat();
         let json = [b"{\"type\":\"transport\"}", &stream[..3000]].concat();
-        [stream, torn, json].map(|stream| [&[3, 40, 0, 7, 120, 1, 1, 60], &stream[..]].concat()).to_vec()
+        [stream, damaged, json].map(|stream| [&[3, 40, 0, 7, 120, 1, 1, 60], &stream[..]].concat()).to_vec()
     }
 
     pub(crate) fn netft_xml() -> Vec<Vec<u8>> {

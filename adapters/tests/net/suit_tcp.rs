@@ -162,14 +162,16 @@ fn assert_second_client_waits() {
 }
 
 #[test]
-fn connections_that_are_idle_or_babble_do_not_keep_the_suit_away() {
+fn idle_and_invalid_connections_do_not_block_the_suit() {
     let mut source = source(&[]);
     let address = source.local_address();
     let idle: Vec<_> = (0..3).map(|_| connect(address)).collect();
-    let mut babbling = connect(address);
+    let mut invalid = connect(address);
     // A valid datagram of a character that is not configured.
-    babbling.write_all(&[datagram(1, 7), b"GET / HTTP/1.1\r\n\r\n".repeat(50)].concat()).unwrap();
-    until(&mut source, "the babbling", |source| refused(source, SuitRefusal::OtherAvatar) == 1);
+    invalid.write_all(&[datagram(1, 7), b"GET / HTTP/1.1\r\n\r\n".repeat(50)].concat()).unwrap();
+    until(&mut source, "the datagram of another character", |source| {
+        refused(source, SuitRefusal::OtherAvatar) == 1
+    });
     // No client has been silent for a second yet, and the suit need not wait for that.
     let mut suit = connect(address);
     for counter in 0..5 {
@@ -177,19 +179,19 @@ fn connections_that_are_idle_or_babble_do_not_keep_the_suit_away() {
     }
     assert_eq!(counters(&samples(&mut source, 5)), [0, 1, 2, 3, 4]);
     assert_eq!(refused(&source, SuitRefusal::ForeignSender), 0, "the suit was not turned away");
-    for mut stranger in idle.into_iter().chain([babbling]) {
-        stranger.set_read_timeout(Some(PATIENCE)).unwrap();
+    for mut rejected in idle.into_iter().chain([invalid]) {
+        rejected.set_read_timeout(Some(PATIENCE)).unwrap();
         // A connection that is closed with unread bytes is reset.
-        assert!(stranger.read(&mut [0; 1]).is_ok_and(|count| count == 0) || stranger.peek(&mut [0]).is_err());
+        assert!(rejected.read(&mut [0; 1]).is_ok_and(|count| count == 0) || rejected.peek(&mut [0]).is_err());
     }
     // With any number of clients, the newest is read, and the oldest is closed.
     drop(suit);
-    let crowd: Vec<_> = (0..20).map(|_| connect(address)).collect();
+    let clients: Vec<_> = (0..20).map(|_| connect(address)).collect();
     until(&mut source, "most to be turned away", |source| refused(source, SuitRefusal::ForeignSender) >= 12);
     let mut suit = connect(address);
     suit.write_all(&datagram(5, 0)).unwrap();
     assert_eq!(counters(&samples(&mut source, 1)), [5]);
-    drop(crowd);
+    drop(clients);
 }
 
 #[test]

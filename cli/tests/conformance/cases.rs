@@ -74,16 +74,13 @@ impl Case {
 const NOTHING: Faults =
     Faults { loss: 0.0, reorder: 0.0, duplicate: 0.0, corrupt: 0.0, truncate: 0.0, garbage: 0.0, chop: 0.0 };
 
-const NO_COUNT: &str = "The device counts nothing that it sends: a sample that never came leaves no trace but in the times \
-                        of the others.";
-const HOST_POLLS: &str = "Each block is asked for and waited for: what is lost is a block that never comes, and the device is \
-                          asked again.";
-const NO_FRAMES: &str = "Numbers without header, count or check sum: whatever comes is numbers. A block that is cut is given up \
-                         when the next does not come, and nothing else can be known.";
-const MANY_DATAGRAMS: &str = "A sample comes in a dozen datagrams, and is made of those that arrive.";
+const NO_COUNT: &str = "The device sends no counter: only the times of the other samples show a loss.";
+const HOST_POLLS: &str = "The adapter requests each block, and repeats the request without a response.";
+const NO_FRAMES: &str = "Blocks have no header, counter or checksum: only a wrong length is detected.";
+const MANY_DATAGRAMS: &str = "A sample consists of a dozen datagrams, and is assembled from those that arrive.";
 const NO_LINE: &str = "There is no serial line.";
-const OWN_SPEEDS: &str = "Its speeds are part of its dialogue; none can be configured.";
-const FUSED: &str = "Asked of each device by itself, above.";
+const OWN_SPEEDS: &str = "The dialogue sets the speed; none can be configured.";
+const FUSED: &str = "Tested for each device alone, above.";
 
 const CASE: Case = Case {
     name: "",
@@ -142,7 +139,7 @@ pub(crate) const CASES: &[Case] = &[
         ..CASE
     },
     Case {
-        name: "ati-rdt, Axia, pounds and scale as its page says",
+        name: "ati-rdt, Axia, pounds, scale of its page",
         build: axia,
         rate_hz: 1000.0,
         garbage: Faults { garbage: 0.1, truncate: 0.1, duplicate: 0.1, reorder: 0.1, ..NOTHING },

@@ -119,24 +119,24 @@ fn truth(case: &Case, rig: &mut Rig<'_>) -> Answer {
 
 /// The lost count equals the packets lost on the connection.
 fn loss(case: &Case, rig: &mut Rig<'_>) -> Answer {
-    let (before, suffered_before) = rig.lost();
+    let (before, counts_before) = rig.lost();
     rig.set_faults(Faults { loss: case.loss, ..Faults::default() });
     rig.while_measured("samples of which some are lost", (case.rate_hz * 1.5) as u64)?;
-    rig.until("a lost sample", |rig| rig.device.suffered().lost > suffered_before.lost)?;
+    rig.until("a lost sample", |rig| rig.device.fault_counts().lost > counts_before.lost)?;
     rig.set_faults(Faults::default());
     // Enough for samples after the last lost one to arrive.
     rig.while_measured("samples behind the lost ones", (case.rate_hz * 0.25) as u64)?;
     rig.more("samples behind the lost ones", SETTLED)?;
-    let (after, suffered) = rig.lost();
-    let (reported, is) = (after - before, suffered.lost - suffered_before.lost);
+    let (after, counts) = rig.lost();
+    let (reported, is) = (after - before, counts.lost - counts_before.lost);
     if reported == is { Ok("yes".into()) } else { Err(format!("{reported} are reported, {is} were lost")) }
 }
 
 /// Samples after garbage are as accurate as before.
 fn garbage(case: &Case, rig: &mut Rig<'_>) -> Answer {
-    let before = rig.device.suffered().garbage;
+    let before = rig.device.fault_counts().garbage;
     rig.set_faults(case.garbage);
-    rig.until("garbage", |rig| rig.device.suffered().garbage > before)?;
+    rig.until("garbage", |rig| rig.device.fault_counts().garbage > before)?;
     rig.while_measured("samples with garbage between them", (case.rate_hz * 1.5) as u64)?;
     rig.set_faults(Faults::default());
     // A truncated packet continues into the next.

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use equipoise_simulator::clock::monotonic_ns;
 use equipoise_simulator::devices::running::{Pace, Running};
-use equipoise_simulator::faults::{Faults, Suffered};
+use equipoise_simulator::faults::{FaultCounts, Faults};
 
 use crate::cases::{Built, Case};
 use crate::host::{Host, Sample, Tolerance};
@@ -60,7 +60,7 @@ impl<'a> Rig<'a> {
                     "waited in vain for {what}: {} samples, {:?}, {fault}, device {:?}",
                     self.samples.len(),
                     self.host.refused(),
-                    self.device.suffered(),
+                    self.device.fault_counts(),
                 ));
             }
         }
@@ -94,9 +94,9 @@ impl<'a> Rig<'a> {
         timed.find_map(|sample| sample.wrong(self.person, self.start_ns, &self.tolerance))
     }
 
-    /// Counts of both sides: lost by the host's, suffered by the device's.
-    pub(crate) fn lost(&mut self) -> (u64, Suffered) {
-        (self.host.health().lost, self.device.suffered())
+    /// Counts of both sides: lost by the host, and those of the injected faults.
+    pub(crate) fn lost(&mut self) -> (u64, FaultCounts) {
+        (self.host.health().lost, self.device.fault_counts())
     }
 
     pub(crate) fn set_faults(&self, faults: Faults) {

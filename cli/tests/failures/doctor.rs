@@ -68,8 +68,8 @@ fn a_running_daemon_holds_its_ports_and_reports_suit_and_plate() {
     let facts = report(&station.run(&["doctor", "--json"]));
     assert_eq!(check(&facts, "suit.listen")["verdict"], "ok", "{facts}");
     // Another file, whose port another process holds.
-    let stranger = UdpSocket::bind("127.0.0.1:0").expect("a port");
-    let occupied = stranger.local_addr().expect("its address").to_string();
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let occupied = socket.local_addr().expect("its address").to_string();
     let text = station.configuration().replace(&station.suit.to_string(), &occupied);
     let path = station.write("other.toml", &text).display().to_string();
     let other = report(&station.run(&["doctor", "--json", "--config", &path]));
@@ -96,9 +96,9 @@ fn ports_of_page_and_metrics_are_ok_only_while_page_and_daemon_hold_them() {
         check(&facts, name)["verdict"].as_str().expect("a verdict").to_owned()
     };
     // Another process holds the page's port, while the station is fully operational without it.
-    let stranger = std::net::TcpListener::bind(page).expect("the port");
+    let listener = std::net::TcpListener::bind(page).expect("the port");
     assert_eq!((port("page.listen").as_str(), port("metrics.listen").as_str()), ("fail", "ok"));
-    drop(stranger);
+    drop(listener);
     let _view = station.spawn(&["view", "--config", &path]);
     wait_for("the page", || std::net::TcpStream::connect(page).ok());
     // It listens before it has joined the bus, which identifies it as the station's.

@@ -183,7 +183,7 @@ fn samples_of_another_clock_and_an_overflow_are_reported() {
     let station = Station::new();
     let _daemon = station.daemon(&external(&station));
     let mut monitor = Monitor::open(&station);
-    let settings = BusSettings { station: NAME.to_owned(), role: "liar".to_owned(), root: station.root() };
+    let settings = BusSettings { station: NAME.to_owned(), role: "clock".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");
     let ground = bus.publisher::<GroundSample>().expect("a place");
     let wake = bus.notifier(Channel::Inputs).expect("a place");

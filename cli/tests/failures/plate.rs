@@ -74,16 +74,16 @@ fn records_that_are_not_new_are_counted_and_not_used() {
 
     // A foreign sender that sends to the client's port.
     let client = wait_for("a client of the plate", || plate.client());
-    let stranger = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-    let elsewhere = UdpSocket::bind("127.0.0.2:0").expect("a socket");
+    let other_port = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let other_address = UdpSocket::bind("127.0.0.2:0").expect("a socket");
     for _ in 0..ROUNDS {
-        for socket in [&stranger, &elsewhere] {
+        for socket in [&other_port, &other_address] {
             socket.send_to(&[0; 36], client).expect("a datagram");
         }
     }
     let foreign = GroundRefusal::ForeignSender;
     // The second socket cannot always reach one that is bound to 127.0.0.1, and need not.
-    monitor.until("the stranger to be counted", |monitor| monitor.ground_refused(foreign) >= ROUNDS);
+    monitor.until("the foreign datagrams to be counted", |monitor| monitor.ground_refused(foreign) >= ROUNDS);
     let published = monitor.ground().published;
     monitor.until("more good records", |monitor| monitor.ground().published > published + 50);
     monitor.until("both sensors", Monitor::both_fresh);

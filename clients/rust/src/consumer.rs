@@ -65,7 +65,7 @@ pub struct Consumer {
     withheld: u64,
     missed: u64,
     restarted: bool,
-    /// Number of daemon lives so far.
+    /// Number of daemon starts so far.
     daemon_life: u32,
     /// Why the newest state was not returned, if so.
     refused: Option<NoReading>,

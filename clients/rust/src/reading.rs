@@ -21,7 +21,7 @@ pub struct Reading {
     /// The daemon restarted between the last new state and this one; `missed` then counts states of the new daemon
     /// only.
     pub restarted: bool,
-    /// Number of the daemon's life that published the state, counted by this consumer from 1; it increments with each
+    /// Number of the daemon's start that published the state, counted by this consumer from 1; it increments with each
     /// restart. Unlike `restarted` it is set in every reading.
     pub daemon_life: u32,
     /// Whether it was not returned before; only [`crate::Consumer::latest`] returns a state again.

@@ -89,13 +89,13 @@ fn a_dead_daemon_is_silence_and_the_next_one_is_found() {
     let root = root();
     let mut consumer = root.consumer("patient");
     let mut latest_ns = 0;
-    for life in 0..3 {
+    for start in 0..3 {
         assert!(matches!(consumer.next(Duration::ZERO), Err(NoReading::Silent { .. })));
         let station = station(&root);
         let first = next(&mut consumer);
         assert!(first.state.time_ns > latest_ns, "an old state as new");
-        assert_eq!((first.restarted, first.daemon_life), (life > 0, life + 1));
-        if life > 0 {
+        assert_eq!((first.restarted, first.daemon_life), (start > 0, start + 1));
+        if start > 0 {
             assert!(first.missed >= first.state.cycle - 1, "the new daemon's first states are missed");
         }
         for _ in 0..20 {
@@ -163,8 +163,8 @@ fn a_daemon_with_another_clock_is_refused_with_the_reason() {
     assert!(matches!(consumer.latest(), Err(NoReading::OtherClock { .. })));
     // A state from the future must not make later correct states count as old.
     for cycle in 2..5 {
-        let honest = State { cycle, time_ns: now_ns(), ..State::zeroed() };
-        publisher.send(&honest).unwrap();
+        let correct = State { cycle, time_ns: now_ns(), ..State::zeroed() };
+        publisher.send(&correct).unwrap();
         let reading = if cycle % 2 == 0 { consumer.next(SHORT) } else { consumer.latest() };
         assert_eq!(reading.map(|reading| reading.state.cycle), Ok(cycle));
     }

@@ -30,7 +30,7 @@ pub enum Value {
     Sequence,
     /// 0: not written yet; 1: there is a current state; otherwise the reason why there is none, see the table below.
     State,
-    /// Number of the daemon's life, from 1 in each life of the gateway; without a state that of the last one, 0 before
+    /// Number of the daemon's starts, from 1 after each start of the gateway; without a state that of the last one, 0 before
     /// any.
     DaemonLife,
     /// The 31 lower bits of `State::valid`; −1 without a state.

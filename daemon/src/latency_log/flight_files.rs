@@ -76,11 +76,11 @@ impl FlightFiles {
     /// A path that does not exist yet: cycles restart at 1 with each daemon, so a number may repeat, and the older
     /// record is kept.
     fn free_path(&self, cycle: u64) -> PathBuf {
-        let name = |life: u32| match life {
+        let name = |number: u32| match number {
             1 => format!("{}-cycle-{cycle}.mcap", self.station),
-            life => format!("{}-cycle-{cycle}-{life}.mcap", self.station),
+            number => format!("{}-cycle-{cycle}-{number}.mcap", self.station),
         };
-        let path = |life| self.directory.join(name(life));
+        let path = |number| self.directory.join(name(number));
         // One more candidate than the maximum number of files, so one is free.
         (1..=FILES_MAX as u32 + 1).map(path).find(|path| !path.exists()).unwrap_or_else(|| path(1))
     }
@@ -88,8 +88,8 @@ impl FlightFiles {
     /// The cycle number in the name of a file of this station; `None` for other files.
     fn cycle_of(&self, name: &str) -> Option<u64> {
         let numbers = name.strip_prefix(&self.station)?.strip_prefix("-cycle-")?.strip_suffix(".mcap")?;
-        let (cycle, life) = numbers.split_once('-').unwrap_or((numbers, "1"));
-        life.parse::<u32>().ok()?;
+        let (cycle, number) = numbers.split_once('-').unwrap_or((numbers, "1"));
+        number.parse::<u32>().ok()?;
         cycle.parse().ok()
     }
 

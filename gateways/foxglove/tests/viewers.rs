@@ -262,18 +262,18 @@ fn a_program_whose_server_has_ended_ends_with_an_error() {
     let mut program = Program(program.unwrap());
     let said = || std::fs::read_to_string(folder.path().join("stderr")).unwrap();
     let begun = Instant::now();
-    let mut crowd: Vec<TcpStream> = Vec::new();
+    let mut viewers: Vec<TcpStream> = Vec::new();
     let status = loop {
         assert!(begun.elapsed() < PATIENCE, "it continues without a server: {}", said());
         if let Some(status) = program.0.try_wait().unwrap() {
             break status;
         }
-        if crowd.len() < 100 {
-            crowd.extend(TcpStream::connect(address));
+        if viewers.len() < 100 {
+            viewers.extend(TcpStream::connect(address));
         }
         std::thread::sleep(Duration::from_millis(10));
     };
     assert_eq!(status.code(), Some(1), "{}", said());
     assert!(said().contains("has ended"), "{}", said());
-    assert!(!crowd.is_empty());
+    assert!(!viewers.is_empty());
 }

@@ -23,7 +23,7 @@ pub struct Summary<'a> {
     station: &'a str,
     /// When it was made, s since 1970 UTC.
     t: f64,
-    /// The cycle's number in the daemon's life.
+    /// The cycle's number since the daemon's start.
     sequence: Option<u64>,
     phase: Option<&'static str>,
     /// Reasons why something is `null`; empty if nothing is.

@@ -87,7 +87,7 @@ fn warn_if_foreign(own: &Path, uri: &str) {
 }
 
 /// Deletes all but the newest rejected certificates.
-pub fn forget_strangers(pki: &Path) {
+pub fn remove_old_rejected(pki: &Path) {
     let Ok(entries) = std::fs::read_dir(pki.join(REJECTED)) else { return };
     let when = |entry: &std::fs::DirEntry| entry.metadata().and_then(|facts| facts.modified());
     let mut found: Vec<(SystemTime, PathBuf)> = entries
@@ -123,14 +123,14 @@ mod tests {
     }
 
     #[test]
-    fn strangers_do_not_fill_the_disk() {
+    fn rejected_certificates_do_not_fill_the_disk() {
         let scratch = tempfile::tempdir().unwrap();
         let folder = scratch.path().join(REJECTED);
         std::fs::create_dir(&folder).unwrap();
         for index in 0..REJECTED_KEPT + 7 {
             std::fs::write(folder.join(format!("{index:03}.der")), "x").unwrap();
         }
-        forget_strangers(scratch.path());
+        remove_old_rejected(scratch.path());
         let mut left: Vec<_> =
             std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         left.sort();

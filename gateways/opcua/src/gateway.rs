@@ -15,7 +15,7 @@ use tracing::{error, warn};
 
 use crate::certificates;
 use crate::leftovers::{self, Held};
-use crate::nodes::{Keeper, Newest, renew};
+use crate::nodes::{Newest, StationNodeManager, renew};
 use crate::server::Server;
 use crate::users::Users;
 use crate::values::{Clocks, of_latest, of_no_reading};
@@ -46,7 +46,7 @@ pub struct OpcUa {
 /// The nodes, shared by the publishing loop and the watchdog.
 struct Board {
     handle: ServerHandle,
-    keeper: Arc<Keeper>,
+    node_manager: Arc<StationNodeManager>,
     nodes: Vec<NodeId>,
     published: Mutex<Published>,
 }
@@ -87,7 +87,7 @@ impl OpcUa {
             Published { at: Instant::now(), ever: false, has_values: false, withdrawn: 0, items: 0, newest };
         let board = Arc::new(Board {
             handle: server.handle.clone(),
-            keeper: Arc::clone(&server.keeper),
+            node_manager: Arc::clone(&server.node_manager),
             nodes: server.nodes.clone(),
             published: Mutex::new(published),
         });
@@ -145,8 +145,13 @@ impl Board {
 
     /// The caller holds the lock, so that the watchdog cannot overtake a tick.
     fn put(&self, published: &mut Published, values: Vec<DataValue>, has_values: bool) {
-        let renewed =
-            renew(&self.keeper, self.handle.subscriptions(), &self.nodes, &mut published.newest, values);
+        let renewed = renew(
+            &self.node_manager,
+            self.handle.subscriptions(),
+            &self.nodes,
+            &mut published.newest,
+            values,
+        );
         match renewed {
             Ok(items) => published.items = items,
             Err(code) => error!("nodes cannot be renewed: {code}"),
@@ -179,7 +184,10 @@ impl Board {
             subscriptions: leftovers::subscriptions_held(&self.handle),
             items: self.published().items,
         };
-        held.too_much(leftovers::living(self.handle.subscriptions(), &mut self.keeper.inner().sessions()))
+        held.too_much(leftovers::living(
+            self.handle.subscriptions(),
+            &mut self.node_manager.inner().sessions(),
+        ))
     }
 }
 
@@ -197,7 +205,7 @@ async fn watch(board: Arc<Board>, silence_max: Duration, pki: std::path::PathBuf
         }
         if cleared.elapsed() >= CLEAR_EVERY {
             cleared = Instant::now();
-            certificates::forget_strangers(&pki);
+            certificates::remove_old_rejected(&pki);
         }
     }
 }

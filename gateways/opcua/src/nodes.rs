@@ -24,7 +24,7 @@ use opcua::types::{AttributeId, DataValue, DateTime, NodeId, StatusCode, Timesta
 use crate::space::NAMESPACE;
 
 /// Node manager of this namespace.
-pub type Keeper = InMemoryNodeManager<Nodes>;
+pub type StationNodeManager = InMemoryNodeManager<Nodes>;
 
 /// Shorter than any period, but not zero, which the library treats as "not specified".
 const EVERY_BEAT_MS: f64 = 1e-4;
@@ -65,14 +65,14 @@ fn without_time(mut value: DataValue) -> DataValue {
 /// # Errors
 /// A node does not exist.
 pub fn renew(
-    keeper: &Keeper,
+    node_manager: &StationNodeManager,
     subscriptions: &SubscriptionCache,
     nodes: &[NodeId],
     newest: &mut [Newest],
     values: Vec<DataValue>,
 ) -> Result<usize, StatusCode> {
     {
-        let mut space = keeper.address_space().write();
+        let mut space = node_manager.address_space().write();
         for (node, value) in nodes.iter().zip(&values) {
             match space.find_mut(node) {
                 Some(NodeType::Variable(variable)) => variable.set_data_value(value.clone()),
@@ -80,7 +80,7 @@ pub fn renew(
             }
         }
     }
-    let timed = keeper.inner().timed();
+    let timed = node_manager.inner().timed();
     let mut items = 0;
     let mut notifier = subscriptions.data_notifier();
     for ((node, newest), value) in nodes.iter().zip(newest).zip(values) {
@@ -108,7 +108,7 @@ impl Nodes {
 }
 
 /// Creates the node manager, without nodes.
-pub fn keeper() -> impl NodeManagerBuilder {
+pub fn node_manager_builder() -> impl NodeManagerBuilder {
     InMemoryNodeManagerBuilder::new(|context: ServerContext, space: &mut AddressSpace| {
         let index = context.type_tree.write().namespaces_mut().add_namespace(NAMESPACE);
         space.add_namespace(NAMESPACE, index);

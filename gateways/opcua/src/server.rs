@@ -16,7 +16,7 @@ use socket2::{Domain, Protocol, Socket, TcpKeepalive, Type};
 use tokio::runtime::Runtime;
 
 use crate::certificates;
-use crate::nodes::{Keeper, keeper};
+use crate::nodes::{StationNodeManager, node_manager_builder};
 use crate::space::{NAMESPACE, build};
 use crate::users::Users;
 
@@ -36,7 +36,7 @@ pub struct Server {
     /// The library's server handle.
     pub handle: ServerHandle,
     /// The node manager.
-    pub keeper: Arc<Keeper>,
+    pub node_manager: Arc<StationNodeManager>,
     /// The nodes, in the order of [`crate::values::rows`].
     pub nodes: Vec<NodeId>,
     /// Address of the listening socket.
@@ -61,17 +61,17 @@ impl Server {
         // The library starts tasks while it builds the server.
         let within = runtime.enter();
         let (inner, handle) = builder
-            .with_node_manager(keeper())
+            .with_node_manager(node_manager_builder())
             .with_authenticator(Arc::new(users))
             .build()
             .map_err(|what| anyhow::anyhow!("the OPC UA server cannot be built: {what}"))?;
-        let keeper = handle.node_managers().get_of_type::<Keeper>();
-        let keeper = keeper.context("the OPC UA server has lost its nodes")?;
+        let node_manager = handle.node_managers().get_of_type::<StationNodeManager>();
+        let node_manager = node_manager.context("the OPC UA server has lost its nodes")?;
         let namespace =
             handle.get_namespace_index(NAMESPACE).context("the OPC UA server has lost its namespace")?;
-        let nodes = build(&mut keeper.address_space().write(), namespace, station);
+        let nodes = build(&mut node_manager.address_space().write(), namespace, station);
         drop(within);
-        Ok(Server { handle, keeper, nodes, address, inner: Some((runtime, inner, listener)) })
+        Ok(Server { handle, node_manager, nodes, address, inner: Some((runtime, inner, listener)) })
     }
 
     /// Serves in a thread of its own until the handle is cancelled; `on_end` is called if the server ends otherwise.

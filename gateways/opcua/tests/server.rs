@@ -234,7 +234,7 @@ fn subscriptions_hear_of_a_value_and_of_its_end() {
     let mut station = Station::new("");
     run(async {
         let session = station.plain().await.unwrap();
-        let (send, mut heard) = tokio::sync::mpsc::unbounded_channel();
+        let (send, mut received) = tokio::sync::mpsc::unbounded_channel();
         let callback = DataChangeCallback::new(move |value, _| {
             let _ = send.send(value.status());
         });
@@ -254,14 +254,14 @@ fn subscriptions_hear_of_a_value_and_of_its_end() {
                 // A value that was withdrawn before a late sampling is sent again.
                 station.gateway.send(beat);
                 let waiting = async {
-                    while let Some(status) = heard.recv().await.filter(|status| *status != expected) {
+                    while let Some(status) = received.recv().await.filter(|status| *status != expected) {
                         before.push(status);
                     }
                 };
                 if tokio::time::timeout(Duration::from_secs(5), waiting).await.is_ok() {
                     break;
                 }
-                assert!(begun.elapsed() < PATIENCE, "after {before:?} never heard {expected}");
+                assert!(begun.elapsed() < PATIENCE, "after {before:?} never received {expected}");
             }
         }
     });
@@ -281,7 +281,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
         let mut station = Station::new("rate_hz = 50.0");
         run(async {
             let session = station.plain().await.unwrap();
-            let (send, mut heard) = tokio::sync::mpsc::unbounded_channel();
+            let (send, mut received) = tokio::sync::mpsc::unbounded_channel();
             let callback = DataChangeCallback::new(move |value, _| {
                 let _ = send.send(value.status().set_overflow(false));
             });
@@ -316,7 +316,7 @@ fn no_interval_brings_an_old_value_after_its_end() {
                 number += 1;
                 station.gateway.send(&other(number));
                 tokio::time::sleep(Duration::from_millis(10)).await;
-                while let Ok(status) = heard.try_recv() {
+                while let Ok(status) = received.try_recv() {
                     good += usize::from(status == StatusCode::Good);
                 }
                 assert!(begun.elapsed() < PATIENCE, "{created} {modified:?}: {good} of {number} values came");
@@ -326,11 +326,11 @@ fn no_interval_brings_an_old_value_after_its_end() {
             }
             station.gateway.send(&silence());
             let gone = StatusCode::BadNoCommunication;
-            let waiting = async { while heard.recv().await.is_some_and(|status| status != gone) {} };
-            assert!(tokio::time::timeout(PATIENCE, waiting).await.is_ok(), "its end is not heard");
+            let waiting = async { while received.recv().await.is_some_and(|status| status != gone) {} };
+            assert!(tokio::time::timeout(PATIENCE, waiting).await.is_ok(), "its end is not received");
             // Ten publishing intervals, during which the watchdog repeats the bad status.
             tokio::time::sleep(10 * every).await;
-            while let Ok(status) = heard.try_recv() {
+            while let Ok(status) = received.try_recv() {
                 assert_eq!(status, gone, "{created} {modified:?}: after the end");
             }
         });
@@ -451,7 +451,7 @@ fn anonymous_clients_are_refused_where_names_are_required() {
 }
 
 #[test]
-fn a_stranger_gets_in_once_its_certificate_is_moved_to_the_trusted() {
+fn an_unknown_client_is_accepted_once_its_certificate_is_trusted() {
     let station = Station::new("");
     let pki = station.folder.path().join("pki");
     let (policy, mode) = (SecurityPolicy::Basic256Sha256, MessageSecurityMode::SignAndEncrypt);

@@ -3,6 +3,7 @@
 //! compares them.
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use equipoise_core::message::Validity;
@@ -49,20 +50,16 @@ fn of_rows(rows: &[Row], of: &str) -> String {
     text
 }
 
-fn reasons() -> String {
-    let mut text =
-        "| bit of `Valid` | reason | invalidates | status of invalid values |\n|---:|---|---|---|\n"
-            .to_owned();
-    for (reason, name) in Validity::NAMES {
-        let invalidated: Vec<_> = ["torques", "lifted_mass", "low_back"]
-            .into_iter()
-            .filter(|wanted| {
-                Validity::FLAG_SETS.iter().any(|(set, name)| name == wanted && set.any_of(*reason))
-            })
-            .collect();
-        let bit = reason.0.trailing_zeros();
-        writeln!(text, "| {bit} | `{name}` | {} | {} |", invalidated.join(", "), of_withheld(*reason))
-            .unwrap();
+/// The flags of each status.
+fn statuses() -> String {
+    let mut flags_of: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for (flag, name) in Validity::NAMES {
+        let flags = flags_of.entry(of_withheld(*flag).to_string()).or_default();
+        flags.push(format!("{} `{name}`", flag.0.trailing_zeros()));
+    }
+    let mut text = "| status of invalid values | bits of `Valid` |\n|---|---|\n".to_owned();
+    for (status, flags) in &flags_of {
+        writeln!(text, "| {status} | {} |", flags.join(", ")).unwrap();
     }
     text
 }
@@ -77,7 +74,7 @@ fn the_document_shows_the_nodes_as_they_are_declared() {
         "\n{}\n{}\n{}\n",
         of_rows(&STATION, "of the station"),
         of_rows(&JOINT, "of each joint"),
-        reasons()
+        statuses()
     );
     if std::env::var_os("EQUIPOISE_WRITE").is_some() {
         std::fs::write(path, format!("{head}{BEGIN}{tables}{END}{tail}")).unwrap();

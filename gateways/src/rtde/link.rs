@@ -101,7 +101,7 @@ pub(super) struct Started {
     received: Vec<u8>,
     took_at: Instant,
     /// When the last data package was received.
-    heard_at: Instant,
+    received_at: Instant,
     texts: Texts,
 }
 
@@ -118,7 +118,7 @@ impl Started {
     pub(super) fn send(&mut self, words: impl IntoIterator<Item = Word>) -> io::Result<Sent> {
         self.listen()?;
         self.flush()?;
-        let quiet = self.heard_at.elapsed();
+        let quiet = self.received_at.elapsed();
         if quiet > LEAVE_AFTER {
             return Err(io::Error::new(ErrorKind::TimedOut, "it sends no more packages"));
         }
@@ -163,7 +163,7 @@ impl Started {
             }
             while let Some((kind, payload)) = wire::take(&mut self.received) {
                 if kind == Kind::Data as u8 {
-                    self.heard_at = Instant::now();
+                    self.received_at = Instant::now();
                 } else if kind == Kind::Text as u8 {
                     self.texts.write(&payload);
                 }
@@ -273,7 +273,7 @@ fn start(robot: SocketAddr, recipe: &[Register]) -> Result<Started, LinkError> {
         rest: Vec::new(),
         received: Vec::new(),
         took_at: now,
-        heard_at: now,
+        received_at: now,
         texts,
     })
 }

@@ -13,7 +13,7 @@ use crate::gateway::Latest;
 pub(super) struct Counts {
     /// Sequence number of the package.
     pub(super) sequence: i32,
-    /// Number of the daemon's life in the last state received; 0 before any.
+    /// Number of the daemon's starts in the last state received; 0 before any.
     pub(super) daemon_life: u32,
 }
 

@@ -19,7 +19,7 @@ pub struct Datagram<'a> {
     pub session_ns: u64,
     /// Sequence number of the datagram in the session, from 1.
     pub sequence: u64,
-    /// Number of the daemon's life since the session started.
+    /// Number of the daemon's starts since the session started.
     pub daemon_life: u16,
     /// 0 with a state, otherwise why there is none: an index of [`STATUSES`].
     pub status: u32,

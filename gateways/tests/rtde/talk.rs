@@ -188,14 +188,14 @@ fn without_a_state_the_reason_is_written_and_the_values_go() {
 }
 
 #[test]
-fn another_life_of_the_daemon_is_published_and_outlasts_its_silence() {
+fn another_start_of_the_daemon_is_published_and_outlasts_its_silence() {
     let (controller, robot) = start();
     let registers = "registers = { sequence = 24, state = 25, daemon_life = 26 }";
     let mut gateway = Rtde::new(&config(robot, registers)).unwrap();
     let silent = || Err(NoReading::Silent { silent: Duration::from_secs(1) });
-    let life = |daemon_life| Ok(equipoise_client::Reading { daemon_life, ..reading(state()) });
+    let of_start = |daemon_life| Ok(equipoise_client::Reading { daemon_life, ..reading(state()) });
     for (latest, expected) in
-        [(silent(), 0.0), (life(1), 1.0), (silent(), 1.0), (life(2), 2.0), (life(2), 2.0)]
+        [(silent(), 0.0), (of_start(1), 1.0), (silent(), 1.0), (of_start(2), 2.0), (of_start(2), 2.0)]
     {
         let inputs = send_until_accepted(&mut gateway, &controller, &latest);
         assert_eq!(inputs["input_int_register_26"], expected);

@@ -167,7 +167,7 @@ fn without_a_state_there_is_a_reason_and_nothing_that_may_be_used() {
         assert_eq!(rows["status"].numbers, [status]);
         assert_eq!(rows["status_ns"].numbers, [about_ns]);
         assert_eq!(rows["usable"].numbers, [0.0]);
-        assert_eq!(rows["daemon_life"].numbers, [3.0], "the last that was heard");
+        assert_eq!(rows["daemon_life"].numbers, [3.0], "the last one received");
         for ages in ["age_ns", "sample_age_ns", "suit_age_ns", "ground_age_ns", "valid"] {
             assert_eq!(rows[ages].numbers, [u64::MAX as f64], "{ages}");
         }

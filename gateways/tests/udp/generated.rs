@@ -45,6 +45,17 @@ fn constant_case(name: &str) -> String {
     out
 }
 
+/// The flags of a set, or, if these are fewer, the exceptions from all flags.
+fn flags(set: Validity) -> String {
+    let given: Vec<_> = set.names().collect();
+    let exceptions: Vec<_> = Validity(!set.0).names().collect();
+    match exceptions.len() {
+        0 => "all".to_owned(),
+        count if count < given.len() => format!("all but {}", exceptions.join(", ")),
+        _ => given.join(", "),
+    }
+}
+
 fn documents() -> String {
     let mut out = String::from(
         "| offset | type | name | unit | zero unless `usable` has | meaning |\n|---:|---|---|---|---|---|\n",
@@ -57,13 +68,11 @@ fn documents() -> String {
     }
     writeln!(out, "\n{LENGTH} bytes.\n\n| bit of `usable` | group | its reasons |\n|---:|---|---|").unwrap();
     for (bit, (invalidating, name)) in Validity::FLAG_SETS.iter().enumerate() {
-        let reasons: Vec<_> = invalidating.names().collect();
-        writeln!(out, "| {bit} | {name} | {} |", reasons.join(", ")).unwrap();
+        writeln!(out, "| {bit} | {name} | {} |", flags(*invalidating)).unwrap();
     }
-    out.push_str("\n| bit of `valid` | reason |\n|---:|---|\n");
-    for (reason, name) in Validity::NAMES {
-        writeln!(out, "| {} | {name} |", reason.0.trailing_zeros()).unwrap();
-    }
+    let bits: Vec<_> =
+        Validity::NAMES.iter().map(|(flag, name)| format!("{} {name}", flag.0.trailing_zeros())).collect();
+    writeln!(out, "\nBits of `valid`: {}.", bits.join(", ")).unwrap();
     let joints: Vec<_> =
         Joint::ALL.iter().map(|joint| format!("{} {}", joint.index(), joint.name())).collect();
     writeln!(out, "\nJoints, in the order of the arrays: {}.", joints.join(", ")).unwrap();

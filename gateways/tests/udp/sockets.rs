@@ -51,23 +51,23 @@ fn all_receivers_get_the_same_and_one_that_refuses_is_counted() {
 }
 
 #[test]
-fn each_datagram_contains_the_number_of_the_daemons_life() {
+fn each_datagram_contains_the_number_of_the_daemons_starts() {
     let (socket, address) = receiver();
     let mut gateway = Udp::new("cell-7", &[address]);
     let silent = || Err(NoReading::Silent { silent: Duration::from_millis(40) });
-    let of_life = |daemon_life| Ok(Reading { daemon_life, ..reading(state()) });
-    for (latest, life) in [
+    let after_starts = |daemon_life| Ok(Reading { daemon_life, ..reading(state()) });
+    for (latest, starts) in [
         (silent(), 0),
-        (of_life(1), 1),
-        (of_life(1), 1),
+        (after_starts(1), 1),
+        (after_starts(1), 1),
         (silent(), 1),
-        (of_life(2), 2),
-        (of_life(2), 2),
+        (after_starts(2), 2),
+        (after_starts(2), 2),
         (silent(), 2),
     ] {
         gateway.send(&latest);
         let bytes = received(&socket);
-        assert_eq!(u16::from_le_bytes(bytes[178..180].try_into().unwrap()), life);
+        assert_eq!(u16::from_le_bytes(bytes[178..180].try_into().unwrap()), starts);
     }
 }
 

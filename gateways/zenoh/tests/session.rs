@@ -180,7 +180,7 @@ fn a_ros_subscriber_gets_the_attachment_that_rmw_zenoh_wants_and_the_publishers_
 }
 
 #[test]
-fn the_end_of_a_gateway_is_heard() {
+fn subscribers_detect_the_end_of_a_gateway() {
     let port = free_address().unwrap().port();
     let gateway = ZenohGateway::open("west", &config(port)).unwrap();
     let session = subscriber_session(port);

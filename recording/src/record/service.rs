@@ -110,7 +110,7 @@ fn next_tap(
     heartbeat: &dyn Fn(),
 ) -> anyhow::Result<ControlFlow<RecordSummary, Tap>> {
     if tap.ports.is_next_daemon() {
-        wait_for_next_status(station, tap.life, stopping, heartbeat);
+        wait_for_next_status(station, tap.instance, stopping, heartbeat);
     }
     let (summary, is_replaced) = (tap.summary, tap.is_replaced());
     if stopping() || !is_replaced && status::read(station).is_some() {
@@ -177,9 +177,14 @@ fn wait_for_daemon(
 }
 
 /// Waits until the status is that of another daemon: the next file has its configuration in the header.
-fn wait_for_next_status(station: &str, life: (u32, u64), stopping: &dyn Fn() -> bool, heartbeat: &dyn Fn()) {
+fn wait_for_next_status(
+    station: &str,
+    instance: (u32, u64),
+    stopping: &dyn Fn() -> bool,
+    heartbeat: &dyn Fn(),
+) {
     let started = Instant::now();
-    let is_next = || status::read(station).is_some_and(|facts| facts.life() != life);
+    let is_next = || status::read(station).is_some_and(|facts| facts.instance() != instance);
     while !stopping() && started.elapsed() < STATUS_TIMEOUT && !is_next() {
         heartbeat();
         std::thread::sleep(STATUS_POLL_INTERVAL);
@@ -308,7 +313,7 @@ impl<'a> Until<'a> {
             self.reason.set("was removed or replaced while it was written: the next file begins");
             return true;
         };
-        if facts.is_some_and(|facts| facts.life() != progress.life) {
+        if facts.is_some_and(|facts| facts.instance() != progress.instance) {
             self.reason.set(NEXT_DAEMON);
             return true;
         }

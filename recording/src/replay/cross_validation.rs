@@ -41,7 +41,7 @@ pub fn cross_validate(
     let table = pass.run(Training::Never, None)?;
     let (Some([first_ns, last_ns]), false) = (table.span_ns, table.scored.is_empty()) else {
         bail!(
-            "no suit sample is {selection}: nothing to judge; see [static_pose] and overload.threshold_n of the \
+            "no suit sample is {selection}: nothing to evaluate; see [static_pose] and overload.threshold_n of the \
              configuration"
         );
     };

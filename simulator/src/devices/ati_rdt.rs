@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use super::felt::{Felt, Mounting};
 use super::http::HttpPort;
 use super::port::Port as _;
-use super::{Asked, Device, Suffered};
+use super::{Asked, Device, FaultCounts};
 use crate::faults::Faults;
 use crate::plate_server::{PlateServer, Request};
 use crate::wires::ati_rdt::{Family, Page};
@@ -88,8 +88,8 @@ impl Device for AtiRdt {
         self.server.send(self.mounting.plate.record(wrench, felt.number, 0))
     }
 
-    fn suffered(&self) -> Suffered {
-        self.server.suffered()
+    fn fault_counts(&self) -> FaultCounts {
+        self.server.fault_counts()
     }
 
     fn set_faults(&mut self, faults: Faults) {

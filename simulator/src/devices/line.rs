@@ -5,7 +5,7 @@ use std::io;
 use super::port::Port;
 use crate::faults::{Faults, FaultyStream};
 
-pub use crate::faults::Suffered;
+pub use crate::faults::FaultCounts;
 
 /// A port behind faults. They affect samples, not the answers of a dialogue.
 pub struct Line {
@@ -85,8 +85,8 @@ impl Line {
     }
 
     /// Counters of the sent samples.
-    pub fn suffered(&self) -> Suffered {
-        self.stream.suffered()
+    pub fn fault_counts(&self) -> FaultCounts {
+        self.stream.fault_counts()
     }
 
     /// Replaces the faults from the next packet on.

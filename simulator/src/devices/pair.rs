@@ -3,7 +3,7 @@
 use std::io;
 
 use super::felt::Felt;
-use super::{Asked, Device, Suffered};
+use super::{Asked, Device, FaultCounts};
 use crate::faults::Faults;
 
 /// Two devices that measure together.
@@ -49,8 +49,8 @@ impl Device for Pair {
         Ok(())
     }
 
-    fn suffered(&self) -> Suffered {
-        self.devices[0].suffered() + self.devices[1].suffered()
+    fn fault_counts(&self) -> FaultCounts {
+        self.devices[0].fault_counts() + self.devices[1].fault_counts()
     }
 
     fn set_faults(&mut self, faults: Faults) {

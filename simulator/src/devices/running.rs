@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::felt::{Felt, Ground, OnFeet};
-use super::line::Suffered;
+use super::line::FaultCounts;
 use super::{Asked, Device};
 use crate::clock::{DeviceClock, monotonic_ns, sleep_until_ns, span_ns};
 use crate::dynamics::Wrench;
@@ -41,7 +41,7 @@ struct Orders {
     faults: Option<Faults>,
     plugged: bool,
     silent: bool,
-    suffered: Suffered,
+    fault_counts: FaultCounts,
     measured: u64,
 }
 
@@ -95,8 +95,8 @@ impl Running {
     }
 
     /// Counters of the sent samples, up to the last one.
-    pub fn suffered(&self) -> Suffered {
-        self.order(|orders| orders.suffered)
+    pub fn fault_counts(&self) -> FaultCounts {
+        self.order(|orders| orders.fault_counts)
     }
 
     /// Samples that it measured, sent or not.
@@ -147,7 +147,7 @@ impl Runner {
                 device.measure(&felt)?;
             }
             let mut reported = orders.lock().unwrap_or_else(PoisonError::into_inner);
-            reported.suffered = device.suffered();
+            reported.fault_counts = device.fault_counts();
             reported.measured += 1;
             drop(reported);
             number = number.wrapping_add(1);

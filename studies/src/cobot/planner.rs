@@ -98,7 +98,7 @@ pub(super) mod tests {
 
     /// A planner for an identified subject.
     pub(crate) fn planner() -> Planner {
-        let subject = Subject::somebody(6);
+        let subject = Subject::random(6);
         let mut session = Session::new(&subject, subject.settings());
         session.identify_by_windows(4);
         let body = session.memory().identification.handover_body(session.settings(), Default::default());

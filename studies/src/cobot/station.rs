@@ -138,7 +138,7 @@ mod tests {
 
     #[test]
     fn the_arm_moves_only_while_the_published_state_is_valid() {
-        let mut station = Station::new(&Subject::somebody(5)).unwrap();
+        let mut station = Station::new(&Subject::random(5)).unwrap();
         let begun_m = station.part_m();
         for _ in 0..(1.5 / DECISION_S) as u32 {
             station.advance(None, |_| {});

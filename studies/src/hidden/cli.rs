@@ -7,7 +7,7 @@ use clap::{Args, Subcommand};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::judge::Judged;
+use super::evaluation::Evaluation;
 use super::long;
 use super::make::{self, Order};
 use super::scenario::{Experiment, Performed};
@@ -39,7 +39,7 @@ pub enum Task {
     )]
     Long(LongChoices),
     /// Print the minimum detectable size of each effect, from results of `score` or `bench` with --json
-    #[command(after_help = "Example: equipoise-study hidden detectable judged.json")]
+    #[command(after_help = "Example: equipoise-study hidden detectable results.json")]
     Detectable {
         /// Files written with `--json`; several are combined
         #[arg(required = true, value_name = "FILE")]
@@ -165,8 +165,8 @@ impl DrawChoices {
 pub fn run(task: &Task) -> ExitCode {
     let done = match task {
         Task::Make(choices) => make_sessions(choices),
-        Task::Score(choices) => score::score(&choices.dir, &choices.ask.asking(), print_judged)
-            .and_then(|judged| show(&judged, choices.ask.json.as_deref())),
+        Task::Score(choices) => score::score(&choices.dir, &choices.ask.asking(), print_evaluation)
+            .and_then(|evaluated| show(&evaluated, choices.ask.json.as_deref())),
         Task::Bench(choices) => bench(choices),
         Task::Detectable { files } => detectable(files),
         Task::Long(choices) => long_recordings(choices),
@@ -204,12 +204,12 @@ fn bench(choices: &BenchChoices) -> Result<(), String> {
     let passing = std::env::temp_dir().join(format!("equipoise-bench-{}", std::process::id()));
     let out = choices.out.clone().unwrap_or_else(|| passing.clone());
     let order = choices.draw.order(out, choices.twins);
-    let judged = score::bench(&order, &choices.ask.asking(), print_judged);
+    let evaluated = score::bench(&order, &choices.ask.asking(), print_evaluation);
     if choices.out.is_none() {
         // Only truth files remain in it; the results contain everything required of them.
         let _ = std::fs::remove_dir_all(&passing);
     }
-    show(&judged?, choices.ask.json.as_deref())
+    show(&evaluated?, choices.ask.json.as_deref())
 }
 
 fn long_recordings(choices: &LongChoices) -> Result<(), String> {
@@ -224,43 +224,47 @@ fn long_recordings(choices: &LongChoices) -> Result<(), String> {
 }
 
 fn detectable(files: &[PathBuf]) -> Result<(), String> {
-    let mut judged: Vec<Judged> = Vec::new();
+    let mut evaluated: Vec<Evaluation> = Vec::new();
     for file in files {
         let kept: Kept = read_json(file)?;
-        judged.extend(kept.sessions);
+        evaluated.extend(kept.sessions);
     }
-    println!("{}", summary::detectable(&judged));
+    println!("{}", summary::detectable(&evaluated));
     Ok(())
 }
 
 /// Content of a file of `--json`.
 #[derive(Debug, Serialize, Deserialize)]
 struct Kept {
-    sessions: Vec<Judged>,
+    sessions: Vec<Evaluation>,
     #[serde(default)]
     tables: serde_json::Value,
 }
 
-fn show(judged: &[Judged], json: Option<&Path>) -> Result<(), String> {
-    let tables = summary::tables(judged);
+fn show(evaluated: &[Evaluation], json: Option<&Path>) -> Result<(), String> {
+    let tables = summary::tables(evaluated);
     for table in &tables {
         println!("{table}");
     }
     let Some(path) = json else { return Ok(()) };
     let tables = tables.iter().map(Table::json).collect();
-    let kept = Kept { sessions: judged.to_vec(), tables };
+    let kept = Kept { sessions: evaluated.to_vec(), tables };
     let text = serde_json::to_string_pretty(&kept).map_err(|error| error.to_string())?;
     std::fs::write(path, text + "\n").map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 
 /// Prints the result of a session as progress.
-fn print_judged(judged: &Judged) {
-    let hidden = if judged.hidden.is_empty() { judged.kind.clone() } else { judged.hidden.join(" + ") };
-    let result = match &judged.failure {
+fn print_evaluation(evaluated: &Evaluation) {
+    let hidden =
+        if evaluated.hidden.is_empty() { evaluated.kind.clone() } else { evaluated.hidden.join(" + ") };
+    let result = match &evaluated.failure {
         Some(failure) => failure.clone(),
-        None => format!("{} {}", judged.verdict, judged.named.join(" + ")),
+        None => format!("{} {}", evaluated.verdict, evaluated.named.join(" + ")),
     };
-    eprintln!("{}: {hidden} {:?} -> {result} ({:.1} s)", judged.session, judged.sizes, judged.seconds);
+    eprintln!(
+        "{}: {hidden} {:?} -> {result} ({:.1} s)",
+        evaluated.session, evaluated.sizes, evaluated.seconds
+    );
 }
 
 /// Prints that a session was generated, without its hidden effect.

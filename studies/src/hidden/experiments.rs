@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::judge::{Class, Judged};
+use super::evaluation::{Class, Evaluation};
 use super::scenario::{Experiment, Performed};
 use super::summary::is_detectable;
 use super::truth::Outcome;
@@ -12,7 +12,7 @@ use crate::table::{Cell, Table};
 const DECIDES_BINS: [f64; 5] = [0.0, 0.2, 0.5, 0.8, 1.1];
 
 /// A row: its name, and the sessions that it counts.
-type Group = (&'static str, fn(&Judged) -> bool);
+type Group = (&'static str, fn(&Evaluation) -> bool);
 
 /// Sessions by what is hidden: description, and whether a session belongs to it.
 const GROUPS: [Group; 5] = [
@@ -24,16 +24,20 @@ const GROUPS: [Group; 5] = [
 ];
 
 /// The tables; none if no experiment was performed.
-pub fn tables(judged: &[Judged]) -> Vec<Table> {
-    let most = judged.iter().map(|one| one.experiments.len()).max().unwrap_or(0);
-    if most == 0 { Vec::new() } else { vec![outcomes(judged, most), asked(judged), calibration(judged)] }
+pub fn tables(evaluated: &[Evaluation]) -> Vec<Table> {
+    let most = evaluated.iter().map(|one| one.experiments.len()).max().unwrap_or(0);
+    if most == 0 {
+        Vec::new()
+    } else {
+        vec![outcomes(evaluated, most), asked(evaluated), calibration(evaluated)]
+    }
 }
 
-fn outcomes(judged: &[Judged], most: usize) -> Table {
+fn outcomes(evaluated: &[Evaluation], most: usize) -> Table {
     let columns = ["hidden", "experiments", "sessions", "right", "wrong", "undecided"];
     let mut table = Table::new("Outcomes after at most this many experiments", &columns);
     for (what, belongs) in GROUPS {
-        let of: Vec<&Judged> = judged.iter().filter(|one| belongs(one)).collect();
+        let of: Vec<&Evaluation> = evaluated.iter().filter(|one| belongs(one)).collect();
         for after in (0..=most).filter(|_| !of.is_empty()) {
             let count =
                 |outcome: Outcome| of.iter().filter(|one| one.outcome_after(after) == outcome).count() as u64;
@@ -53,8 +57,8 @@ fn outcomes(judged: &[Judged], most: usize) -> Table {
 }
 
 /// Every experiment performed, with the stated probability that it decides, and whether it did.
-fn performed(judged: &[Judged]) -> impl Iterator<Item = (&Performed, bool)> {
-    judged.iter().flat_map(|one| {
+fn performed(evaluated: &[Evaluation]) -> impl Iterator<Item = (&Performed, bool)> {
+    evaluated.iter().flat_map(|one| {
         let last = one.experiments.len();
         one.experiments
             .iter()
@@ -71,11 +75,11 @@ fn decisions(of: &[(&Performed, bool)]) -> [Cell; 3] {
     [(of.len() as u64).into(), Cell::Number(100.0 * stated), Cell::Number(100.0 * decided)]
 }
 
-fn asked(judged: &[Judged]) -> Table {
+fn asked(evaluated: &[Evaluation]) -> Table {
     let mut table =
         Table::new("Experiments asked", &["experiment", "number", "mean stated to decide %", "decided %"]);
     let mut kinds: BTreeMap<&str, Vec<(&Performed, bool)>> = BTreeMap::new();
-    for (each, decided) in performed(judged) {
+    for (each, decided) in performed(evaluated) {
         kinds.entry(kind(&each.experiment)).or_default().push((each, decided));
     }
     for (kind, of) in kinds {
@@ -94,14 +98,14 @@ fn kind(experiment: &Experiment) -> &'static str {
     }
 }
 
-fn calibration(judged: &[Judged]) -> Table {
+fn calibration(evaluated: &[Evaluation]) -> Table {
     let mut table = Table::new(
         "Stated probability that an experiment decides",
         &["stated from", "to", "experiments", "mean stated %", "decided %"],
     );
     for bin in DECIDES_BINS.windows(2) {
         let of: Vec<(&Performed, bool)> =
-            performed(judged).filter(|(each, _)| (bin[0]..bin[1]).contains(&each.decides)).collect();
+            performed(evaluated).filter(|(each, _)| (bin[0]..bin[1]).contains(&each.decides)).collect();
         if !of.is_empty() {
             let edges = vec![Cell::Number(bin[0]), Cell::Number(bin[1].min(1.0))];
             table.push([edges, decisions(&of).to_vec()].concat());
@@ -113,33 +117,33 @@ fn calibration(judged: &[Judged]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hidden::judge::judge;
-    use crate::hidden::judge::tests::{finding, truth};
+    use crate::hidden::evaluation::evaluate;
+    use crate::hidden::evaluation::tests::{finding, truth};
     use serde_json::json;
 
     /// A session with a hidden load after some experiments, given by their stated probability and the finding before.
-    fn session(named: &str, hand: &str, experiments: &[(f64, Outcome)]) -> Judged {
+    fn session(named: &str, hand: &str, experiments: &[(f64, Outcome)]) -> Evaluation {
         let truth = truth(&[("hand_load", Some(("hand", "right")), ("mass_kg", 0.5))]);
         let found = finding(named, &[("hand_load", json!({"hand": hand}), json!({}))], &[]);
         let experiment = Experiment { turn_deg: 90.0, poses: vec!["T-pose".into()], ..Experiment::default() };
         let performed = |&(decides, before)| Performed { experiment: experiment.clone(), decides, before };
-        Judged {
+        Evaluation {
             decided: named == "named",
             experiments: experiments.iter().map(performed).collect(),
-            ..judge(&truth, Ok(&found), None, 1.0)
+            ..evaluate(&truth, Ok(&found), None, 1.0)
         }
     }
 
     #[test]
     fn sessions_are_counted_before_and_after_each_experiment() {
         use Outcome::Undecided;
-        let judged = [
+        let evaluated = [
             session("named", "right", &[]),
             session("named", "right", &[(0.9, Undecided)]),
             session("named", "left", &[(0.3, Undecided), (0.6, Undecided)]),
             session("ambiguous", "right", &[(0.1, Undecided)]),
         ];
-        let [outcomes, asked, calibration] = tables(&judged).try_into().unwrap();
+        let [outcomes, asked, calibration] = tables(&evaluated).try_into().unwrap();
         let counts = |table: &Table, from: usize| -> Vec<Vec<Cell>> {
             table.rows().iter().map(|row| row[from..].to_vec()).collect()
         };
@@ -170,7 +174,7 @@ mod tests {
     fn a_verdict_is_right_by_what_is_hidden() {
         let found =
             |verdict: &str, name: &str| finding(verdict, &[(name, json!({"hand": "right"}), json!({}))], &[]);
-        let of = |hidden: &[_], finding| judge(&truth(hidden), Ok(&finding), None, 1.0).outcome();
+        let of = |hidden: &[_], finding| evaluate(&truth(hidden), Ok(&finding), None, 1.0).outcome();
         let load = [("hand_load", Some(("hand", "right")), ("mass_kg", 0.5))];
         let outside = [("outside", None, ("of", 1.0))];
         assert_eq!(of(&load, found("named", "hand_load")), Outcome::Right);

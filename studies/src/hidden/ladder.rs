@@ -150,23 +150,23 @@ pub fn draw(kind: &str, size: f64, random: &mut Random, at: &Circumstances) -> D
 fn span_of(kind: &str, random: &mut Random, at: &Circumstances) -> (Span, bool) {
     let [start_s, end_s] = at.spans.work;
     let whole = Span { from_s: start_s, to_s: f64::INFINITY, flips_at_s: None };
-    let luck = random.unit();
+    let choice = random.unit();
     let draw = random.unit();
     if kind == "inertia" {
         return (Span::ALWAYS, true);
     }
-    if luck < 0.15 && FROM_THE_BEGINNING.contains(&kind) {
+    if choice < 0.15 && FROM_THE_BEGINNING.contains(&kind) {
         return (Span::ALWAYS, true);
     }
     let may_come_and_go = !kind.contains("drift");
-    if (0.15..0.30).contains(&luck) && may_come_and_go {
+    if (0.15..0.30).contains(&choice) && may_come_and_go {
         let length_s = end_s - start_s;
         let from_s = start_s + (0.15 + 0.25 * draw) * length_s;
         // Half of these end before the end of the work.
         let to_s = if draw < 0.5 { from_s + 0.45 * length_s } else { f64::INFINITY };
         return (Span { from_s, to_s, flips_at_s: None }, false);
     }
-    if luck > 0.90 && MAY_FLIP.contains(&kind) {
+    if choice > 0.90 && MAY_FLIP.contains(&kind) {
         return (Span { flips_at_s: Some(0.5 * (start_s + end_s)), ..whole }, false);
     }
     (whole, false)

@@ -195,7 +195,7 @@ pub struct Session {
 /// Draws a session.
 pub fn draw(plan: &Plan, fast: bool) -> Session {
     let lengths = if fast { Lengths::FAST } else { Lengths::ORDINARY };
-    let subject = Subject::somebody(plan.seed);
+    let subject = Subject::random(plan.seed);
     let mut random = Random::new(plan.seed, "hidden");
     let noise = if plan.kind.ends_with("coloured") { Noise::COLOURED } else { Noise::ORDINARY };
     // Respiration of half a millimetre at the plate.

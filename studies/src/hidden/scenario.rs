@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn every_script_keeps_the_person_in_balance() {
         for seed in 1..25 {
-            let subject = Subject::somebody(seed);
+            let subject = Subject::random(seed);
             let script = play(&subject, Habits::ORDINARY, &Lengths::FAST);
             for step in 0..(script.length_s * 20.0) as u32 {
                 let time_s = 0.05 * f64::from(step);
@@ -322,9 +322,9 @@ mod tests {
     #[test]
     fn most_scripts_turn_and_a_seed_is_a_script() {
         let turned =
-            (1..30).filter(|seed| play(&Subject::somebody(*seed), Habits::ORDINARY, &Lengths::FAST).turned);
+            (1..30).filter(|seed| play(&Subject::random(*seed), Habits::ORDINARY, &Lengths::FAST).turned);
         assert!((18..29).contains(&turned.count()));
-        let again = || play(&Subject::somebody(5), Habits::ORDINARY, &Lengths::FAST);
+        let again = || play(&Subject::random(5), Habits::ORDINARY, &Lengths::FAST);
         let (one, same) = (again(), again());
         assert_eq!(one.places, same.places);
         assert_eq!(one.worker.sample(33.3).origin_m, same.worker.sample(33.3).origin_m);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use serde_json::Value;
 
-use super::judge::{Judged, judge};
+use super::evaluation::{Evaluation, evaluate};
 use super::make::{self, Order};
 use super::scenario::{Experiment, Performed};
 use super::truth::Truth;
@@ -68,7 +68,11 @@ impl Files {
 ///
 /// # Errors
 /// A message: the folder has no truth, or a truth cannot be read.
-pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
+pub fn score(
+    folder: &Path,
+    asking: &Asking,
+    done: impl Fn(&Evaluation) + Sync,
+) -> Result<Vec<Evaluation>, String> {
     let entries = std::fs::read_dir(folder.join("truth")).map_err(|error| {
         format!("{}: {error}; generate sessions first with hidden make", folder.join("truth").display())
     })?;
@@ -77,45 +81,49 @@ pub fn score(folder: &Path, asking: &Asking, done: impl Fn(&Judged) + Sync) -> R
         .collect();
     sessions.sort();
     asking.check()?;
-    let judged = ask_all(&sessions, |session| {
-        let (judged, _) = score_one(&Files::of(folder, session), asking)?;
-        done(&judged);
-        Ok(judged)
+    let evaluated = ask_all(&sessions, |session| {
+        let (evaluated, _) = score_one(&Files::of(folder, session), asking)?;
+        done(&evaluated);
+        Ok(evaluated)
     });
-    judged.into_iter().collect()
+    evaluated.into_iter().collect()
 }
 
 /// Generates sessions one by one, evaluates each, and deletes its recording.
 ///
 /// # Errors
 /// A message, as of generation and [`score`].
-pub fn bench(order: &Order, asking: &Asking, done: impl Fn(&Judged) + Sync) -> Result<Vec<Judged>, String> {
+pub fn bench(
+    order: &Order,
+    asking: &Asking,
+    done: impl Fn(&Evaluation) + Sync,
+) -> Result<Vec<Evaluation>, String> {
     let plans = make::plans(order)?;
     asking.check()?;
     make::prepare(order)?;
-    let judged = ask_all(&plans, |plan| {
+    let evaluated = ask_all(&plans, |plan| {
         let mut performed: Vec<Performed> = Vec::new();
         loop {
             let files = Files::of(&order.out, &plan.session);
             let experiments: Vec<Experiment> = performed.iter().map(|one| one.experiment.clone()).collect();
             let scored = make::make_one(plan, order, &experiments).and_then(|_| score_one(&files, asking));
             files.delete();
-            let (judged, next) = scored?;
-            match next.filter(|_| !judged.decided && performed.len() < asking.experiments) {
-                Some(next) => performed.push(Performed { before: judged.outcome(), ..next }),
+            let (evaluated, next) = scored?;
+            match next.filter(|_| !evaluated.decided && performed.len() < asking.experiments) {
+                Some(next) => performed.push(Performed { before: evaluated.outcome(), ..next }),
                 None => {
-                    let judged = Judged { experiments: performed, ..judged };
-                    done(&judged);
-                    return Ok(judged);
+                    let evaluated = Evaluation { experiments: performed, ..evaluated };
+                    done(&evaluated);
+                    return Ok(evaluated);
                 }
             }
         }
     });
-    judged.into_iter().collect()
+    evaluated.into_iter().collect()
 }
 
 /// Evaluates one session; also returns the experiment that the program asks for.
-fn score_one(files: &Files, asking: &Asking) -> Result<(Judged, Option<Performed>), String> {
+fn score_one(files: &Files, asking: &Asking) -> Result<(Evaluation, Option<Performed>), String> {
     let text = std::fs::read_to_string(&files.truth)
         .map_err(|error| format!("cannot read {}: {error}", files.truth.display()))?;
     let truth: Truth =
@@ -129,7 +137,7 @@ fn score_one(files: &Files, asking: &Asking) -> Result<(Judged, Option<Performed
         let finding = ask(twin, &truth, asking).ok()?;
         finding["gap"]["before_mm"].as_f64()
     });
-    Ok((judge(&truth, printed.as_ref().map_err(String::as_str), twin_mm, seconds), next))
+    Ok((evaluate(&truth, printed.as_ref().map_err(String::as_str), twin_mm, seconds), next))
 }
 
 /// Runs `reconcile` on a recording; returns its output, or the reason if there is none.
@@ -161,8 +169,8 @@ fn ask(recording: &Path, truth: &Truth, asking: &Asking) -> Result<Value, String
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hidden::judge::Class;
-    use crate::hidden::judge::tests::{finding, truth};
+    use crate::hidden::evaluation::Class;
+    use crate::hidden::evaluation::tests::{finding, truth};
     use crate::hidden::truth::Outcome;
     use serde_json::json;
     use std::os::unix::fs::PermissionsExt;
@@ -190,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn every_session_is_asked_with_its_spans_and_judged() {
+    fn every_session_is_asked_with_its_spans_and_evaluated() {
         let folder = tempfile::tempdir().unwrap();
         sessions(folder.path());
         let load = json!({"mass_kg": {"value": 0.52, "sigma": 0.05, "unit": "kg"}});
@@ -198,10 +206,10 @@ mod tests {
         let asked = "--identify 0.000:60.000 --work 180.000:270.000 --reference 60.000:180.000 --json --out";
         let asking =
             Asking { program: program(folder.path(), &said, asked), finds_spans: false, experiments: 0 };
-        let judged = score(folder.path(), &asking, |_| {}).unwrap();
-        assert_eq!(judged.len(), 2);
-        assert!(judged[0].exact && judged[0].class == Class::Single, "{:?}", judged[0].failure);
-        assert!(judged[1].is_false_alarm(), "{:?}", judged[1].failure);
+        let evaluated = score(folder.path(), &asking, |_| {}).unwrap();
+        assert_eq!(evaluated.len(), 2);
+        assert!(evaluated[0].exact && evaluated[0].class == Class::Single, "{:?}", evaluated[0].failure);
+        assert!(evaluated[1].is_false_alarm(), "{:?}", evaluated[1].failure);
     }
 
     #[test]
@@ -213,9 +221,9 @@ mod tests {
             finds_spans: true,
             experiments: 0,
         };
-        let judged = score(folder.path(), &asking, |_| {}).unwrap();
-        assert_eq!(judged[0].verdict, "failed");
-        let failure = judged[0].failure.as_deref().unwrap();
+        let evaluated = score(folder.path(), &asking, |_| {}).unwrap();
+        assert_eq!(evaluated[0].verdict, "failed");
+        let failure = evaluated[0].failure.as_deref().unwrap();
         assert!(failure.contains("asked: reconcile") && !failure.contains("--work"), "{failure}");
     }
 

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::evaluation::{Class, Evaluation};
 use super::experiments;
-use super::judge::{Class, Judged};
 use super::ladder::{NOMINAL, RUNGS};
 use crate::table::{Cell, Table};
 use crate::tally::percent;
@@ -15,16 +15,16 @@ const DETECTED: f64 = 0.8;
 const STATED_BINS: [f64; 8] = [0.02, 0.2, 0.5, 0.8, 0.95, 0.99, 0.999, 1.1];
 
 /// All tables.
-pub fn tables(judged: &[Judged]) -> Vec<Table> {
+pub fn tables(evaluated: &[Evaluation]) -> Vec<Table> {
     let mut tables = vec![
-        overview(judged),
-        reliability(judged),
-        by_size(judged),
-        confusion(judged),
-        outside(judged),
-        parameters(judged),
+        overview(evaluated),
+        reliability(evaluated),
+        by_size(evaluated),
+        confusion(evaluated),
+        outside(evaluated),
+        parameters(evaluated),
     ];
-    tables.extend(experiments::tables(judged));
+    tables.extend(experiments::tables(evaluated));
     tables
 }
 
@@ -33,12 +33,12 @@ fn percentage(part: usize, whole: usize) -> Cell {
 }
 
 /// Single effects of defined size: not those present during identification.
-fn singles(judged: &[Judged]) -> impl Iterator<Item = &Judged> {
-    judged.iter().filter(|one| one.class == Class::Single && !one.from_beginning)
+fn singles(evaluated: &[Evaluation]) -> impl Iterator<Item = &Evaluation> {
+    evaluated.iter().filter(|one| one.class == Class::Single && !one.from_beginning)
 }
 
 /// A criterion: its description, and whether a session counts and whether it is met.
-type Criterion = (&'static str, fn(&Judged) -> bool, fn(&Judged) -> bool);
+type Criterion = (&'static str, fn(&Evaluation) -> bool, fn(&Evaluation) -> bool);
 
 const CRITERIA: [Criterion; 12] = [
     ("present during identification: exact or in the family", is_early, |one| one.family),
@@ -58,7 +58,7 @@ const CRITERIA: [Criterion; 12] = [
     (
         "clean: verdict other than none, or no finding",
         |one| one.class == Class::Clean,
-        Judged::is_false_alarm,
+        Evaluation::is_false_alarm,
     ),
     (
         "outside the catalogue: unexplained, ambiguous or a declared family",
@@ -73,68 +73,68 @@ const CRITERIA: [Criterion; 12] = [
     ("sessions without a finding", |_| true, |one| one.verdict == "failed"),
 ];
 
-fn is_early(one: &Judged) -> bool {
+fn is_early(one: &Evaluation) -> bool {
     one.class == Class::Single && one.from_beginning
 }
 
-fn is_partial(one: &Judged) -> bool {
+fn is_partial(one: &Evaluation) -> bool {
     one.class == Class::Single && one.comes_and_goes
 }
 
 /// Whether one effect of at least its nominal detectable size is hidden, and not present during identification.
-pub(super) fn is_detectable(one: &Judged) -> bool {
+pub(super) fn is_detectable(one: &Evaluation) -> bool {
     one.class == Class::Single && !one.from_beginning && one.sizes.iter().all(|size| *size >= 1.0)
 }
 
-fn is_outside_or_declared(one: &Judged) -> bool {
+fn is_outside_or_declared(one: &Evaluation) -> bool {
     ["unexplained", "ambiguous"].contains(&one.verdict.as_str()) || one.declared
 }
 
-fn is_named(one: &Judged) -> bool {
+fn is_named(one: &Evaluation) -> bool {
     one.verdict == "named"
 }
 
-fn overview(judged: &[Judged]) -> Table {
+fn overview(evaluated: &[Evaluation]) -> Table {
     let mut table =
-        Table::new(format!("Blind bench: {} sessions", judged.len()), &["criterion", "count", "of", "%"]);
+        Table::new(format!("Blind bench: {} sessions", evaluated.len()), &["criterion", "count", "of", "%"]);
     let mut add = |what: String, right: usize, of: usize| {
         table.push(vec![Cell::Text(what), (right as u64).into(), (of as u64).into(), percentage(right, of)]);
     };
     for size in RUNGS {
-        let at: Vec<&Judged> = singles(judged).filter(|one| one.sizes == [size]).collect();
-        let count = |is: fn(&Judged) -> bool| at.iter().filter(|one| is(one)).count();
+        let at: Vec<&Evaluation> = singles(evaluated).filter(|one| one.sizes == [size]).collect();
+        let count = |is: fn(&Evaluation) -> bool| at.iter().filter(|one| is(one)).count();
         let what = format!("first named effect exact at {size} times the detectable size");
         add(what, count(|one| one.exact), at.len());
         let what = format!("first named effect exact or in the family at {size} times the detectable size");
         add(what, count(|one| one.family), at.len());
     }
     for (what, counts, is_met) in CRITERIA {
-        let of: Vec<&Judged> = judged.iter().filter(|one| counts(one)).collect();
+        let of: Vec<&Evaluation> = evaluated.iter().filter(|one| counts(one)).collect();
         add(what.to_owned(), of.iter().filter(|one| is_met(one)).count(), of.len());
     }
-    let exact = judged.iter().filter(|one| one.exact).flat_map(|one| &one.parameters);
+    let exact = evaluated.iter().filter(|one| one.exact).flat_map(|one| &one.parameters);
     let off: Vec<f64> = exact.map(|one| one.off().abs()).collect();
     let within = off.iter().filter(|off| **off <= 2.0).count();
     add("parameters of exactly named effects within 2 sigma".into(), within, off.len());
-    let hidden = |one: &&Judged| one.class == Class::Single && one.family;
-    let over: Vec<f64> = judged.iter().filter(hidden).filter_map(Judged::over_the_oracle).collect();
+    let hidden = |one: &&Evaluation| one.class == Class::Single && one.family;
+    let over: Vec<f64> = evaluated.iter().filter(hidden).filter_map(Evaluation::over_the_oracle).collect();
     add(
         "held-out gap after at most 1.1 times the oracle's, where exact or in the family".into(),
         over.iter().filter(|over| **over <= 1.1).count(),
         over.len(),
     );
-    notes(&mut table, judged, over);
+    notes(&mut table, evaluated, over);
     table
 }
 
-fn notes(table: &mut Table, judged: &[Judged], over: Vec<f64>) {
+fn notes(table: &mut Table, evaluated: &[Evaluation], over: Vec<f64>) {
     let middle = |values: Vec<f64>| {
         crate::tally::quartiles(values)
             .map_or("-".into(), |[_, median, upper]| format!("median {median:.2}, upper quartile {upper:.2}"))
     };
     table.note(format!("gap after / oracle's gap, where exact or in the family: {}", middle(over)));
-    table.note(format!("run time, s: {}", middle(judged.iter().map(|one| one.seconds).collect())));
-    let per_ten_minutes = judged.iter().map(|one| one.seconds / one.length_s * 600.0).collect();
+    table.note(format!("run time, s: {}", middle(evaluated.iter().map(|one| one.seconds).collect())));
+    let per_ten_minutes = evaluated.iter().map(|one| one.seconds / one.length_s * 600.0).collect();
     table.note(format!("run time for ten minutes of recording, s: {}", middle(per_ten_minutes)));
     table.note("oracle: gap of the clean twin before any effect is named; without twins, sqrt(gap before^2 - effect^2), not below the noise floor");
     table.note(
@@ -143,14 +143,14 @@ fn notes(table: &mut Table, judged: &[Judged], over: Vec<f64>) {
 }
 
 /// Stated probabilities against how often the name was right.
-fn reliability(judged: &[Judged]) -> Table {
+fn reliability(evaluated: &[Evaluation]) -> Table {
     let mut table = Table::new(
         "Reliability of the stated probabilities",
         &["stated from", "to", "names", "mean stated %", "right %"],
     );
-    let stated: Vec<(f64, bool)> = judged
+    let stated: Vec<(f64, bool)> = evaluated
         .iter()
-        .flat_map(Judged::statements)
+        .flat_map(Evaluation::statements)
         .filter(|(probability, _)| *probability >= STATED_BINS[0])
         .collect();
     let mut error = 0.0;
@@ -182,18 +182,18 @@ fn name_of(label: &str) -> &str {
     label.split_once(' ').map_or(label, |(name, _)| name)
 }
 
-fn by_size(judged: &[Judged]) -> Table {
+fn by_size(evaluated: &[Evaluation]) -> Table {
     let columns = ["effect", "x0.5", "x1", "x2", "x4", "exact %", "exact or family %"];
     let mut table = Table::new(
         "First named effect by size over the detectable size: exact / exact or family / sessions",
         &columns,
     );
-    let kinds: BTreeSet<&str> = singles(judged).map(|one| one.kind.as_str()).collect();
+    let kinds: BTreeSet<&str> = singles(evaluated).map(|one| one.kind.as_str()).collect();
     for kind in kinds {
-        let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
+        let of_kind: Vec<&Evaluation> = singles(evaluated).filter(|one| one.kind == kind).collect();
         let mut row = vec![Cell::from(kind)];
         for size in RUNGS {
-            let at: Vec<&&Judged> = of_kind.iter().filter(|one| one.sizes == [size]).collect();
+            let at: Vec<&&Evaluation> = of_kind.iter().filter(|one| one.sizes == [size]).collect();
             let exact = at.iter().filter(|one| one.exact).count();
             let family = at.iter().filter(|one| one.family).count();
             row.push(if at.is_empty() {
@@ -210,20 +210,20 @@ fn by_size(judged: &[Judged]) -> Table {
 }
 
 /// The first reported effect of a session, or its verdict.
-fn first_reported(one: &Judged) -> String {
+fn first_reported(one: &Evaluation) -> String {
     match (one.verdict.as_str(), one.named.first()) {
         ("named", Some(label)) => name_of(label).to_owned(),
         (verdict, _) => format!("({verdict})"),
     }
 }
 
-fn confusion(judged: &[Judged]) -> Table {
+fn confusion(evaluated: &[Evaluation]) -> Table {
     let mut table = Table::new(
         "Confusion matrix: hidden effect, first reported effect",
         &["hidden", "first reported", "sessions"],
     );
     let mut counts: BTreeMap<(String, String), u64> = BTreeMap::new();
-    for one in judged.iter().filter(|one| one.class != Class::Pair) {
+    for one in evaluated.iter().filter(|one| one.class != Class::Pair) {
         let hidden =
             if one.class == Class::Single { name_of(&one.kind).to_owned() } else { one.kind.clone() };
         *counts.entry((hidden, first_reported(one))).or_default() += 1;
@@ -234,15 +234,15 @@ fn confusion(judged: &[Judged]) -> Table {
     table
 }
 
-fn outside(judged: &[Judged]) -> Table {
+fn outside(evaluated: &[Evaluation]) -> Table {
     let columns =
         ["outside the catalogue", "unexplained", "ambiguous", "declared family", "named", "none", "failed"];
     let mut table = Table::new("Verdicts for effects outside the catalogue", &columns);
     let kinds: BTreeSet<&str> =
-        judged.iter().filter(|one| one.class == Class::Outside).map(|one| one.kind.as_str()).collect();
+        evaluated.iter().filter(|one| one.class == Class::Outside).map(|one| one.kind.as_str()).collect();
     for kind in kinds {
-        let of_kind: Vec<&Judged> = judged.iter().filter(|one| one.kind == kind).collect();
-        let count = |is: &dyn Fn(&Judged) -> bool| of_kind.iter().filter(|one| is(one)).count() as u64;
+        let of_kind: Vec<&Evaluation> = evaluated.iter().filter(|one| one.kind == kind).collect();
+        let count = |is: &dyn Fn(&Evaluation) -> bool| of_kind.iter().filter(|one| is(one)).count() as u64;
         table.push(vec![
             kind.into(),
             count(&|one| one.verdict == "unexplained").into(),
@@ -256,13 +256,13 @@ fn outside(judged: &[Judged]) -> Table {
     table
 }
 
-fn parameters(judged: &[Judged]) -> Table {
+fn parameters(evaluated: &[Evaluation]) -> Table {
     let mut table = Table::new(
         "Parameter errors of exactly named effects",
         &["parameter", "compared", "within 2 sigma", "mean error / sigma", "rms error / sigma"],
     );
     let mut errors: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    for compared in judged.iter().filter(|one| one.exact).flat_map(|one| &one.parameters) {
+    for compared in evaluated.iter().filter(|one| one.exact).flat_map(|one| &one.parameters) {
         let parameter = compared.name.rsplit_once(' ').map_or("", |(_, parameter)| parameter);
         errors.entry(format!("{} {parameter}", name_of(&compared.name))).or_default().push(compared.off());
     }
@@ -285,15 +285,15 @@ fn parameters(judged: &[Judged]) -> Table {
 
 /// The smallest size of each effect at and above which it is named in four of five sessions; sizes without a session
 /// count neither way.
-pub fn detectable(judged: &[Judged]) -> Table {
+pub fn detectable(evaluated: &[Evaluation]) -> Table {
     let columns = ["effect", "exact", "exact or family", "unit", "sessions by size"];
     let mut table = Table::new("Minimum detectable size", &columns);
     for (kind, nominal, unit) in NOMINAL {
-        let of_kind: Vec<&Judged> = singles(judged).filter(|one| one.kind == kind).collect();
-        let smallest = |is: fn(&Judged) -> bool| {
+        let of_kind: Vec<&Evaluation> = singles(evaluated).filter(|one| one.kind == kind).collect();
+        let smallest = |is: fn(&Evaluation) -> bool| {
             let mut found = None;
             for size in RUNGS.iter().rev() {
-                let at: Vec<&&Judged> = of_kind.iter().filter(|one| one.sizes == [*size]).collect();
+                let at: Vec<&&Evaluation> = of_kind.iter().filter(|one| one.sizes == [*size]).collect();
                 let right = at.iter().filter(|one| is(one)).count();
                 if (right as f64) < DETECTED * at.len() as f64 {
                     break;
@@ -317,38 +317,38 @@ pub fn detectable(judged: &[Judged]) -> Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hidden::judge::judge;
-    use crate::hidden::judge::tests::{finding, truth};
+    use crate::hidden::evaluation::evaluate;
+    use crate::hidden::evaluation::tests::{finding, truth};
     use crate::hidden::ladder::nominal;
     use serde_json::json;
 
-    fn of_yaw(size: f64, right: bool) -> Judged {
+    fn of_yaw(size: f64, right: bool) -> Evaluation {
         let mut truth = truth(&[("plate_yaw", None, ("psi_rad", 0.1))]);
         truth.effects[0].size = size;
         let name = if right { "plate_yaw" } else { "plate_gain" };
-        judge(&truth, Ok(&finding("named", &[(name, json!({}), json!({}))], &[])), None, 2.0)
+        evaluate(&truth, Ok(&finding("named", &[(name, json!({}), json!({}))], &[])), None, 2.0)
     }
 
     #[test]
     fn the_detectable_size_is_the_smallest_above_which_nothing_is_missed() {
-        let row_of = |judged: &[Judged]| {
-            let table = detectable(judged);
+        let row_of = |evaluated: &[Evaluation]| {
+            let table = detectable(evaluated);
             table.rows().iter().find(|row| row[0] == Cell::from("plate_yaw")).unwrap().clone()
         };
-        let judged = [of_yaw(4.0, true), of_yaw(2.0, true), of_yaw(1.0, false), of_yaw(0.5, true)];
-        assert_eq!(row_of(&judged)[1], Cell::Number(2.0 * nominal("plate_yaw")));
-        assert_eq!(row_of(&judged)[4], Cell::Text("1, 1, 1, 1".into()));
-        assert_eq!(row_of(&judged[2..])[1], Cell::Nothing);
+        let evaluated = [of_yaw(4.0, true), of_yaw(2.0, true), of_yaw(1.0, false), of_yaw(0.5, true)];
+        assert_eq!(row_of(&evaluated)[1], Cell::Number(2.0 * nominal("plate_yaw")));
+        assert_eq!(row_of(&evaluated)[4], Cell::Text("1, 1, 1, 1".into()));
+        assert_eq!(row_of(&evaluated[2..])[1], Cell::Nothing);
         // 4 times the nominal size was not tested.
-        assert_eq!(row_of(&judged[1..3])[1], Cell::Number(2.0 * nominal("plate_yaw")));
-        assert_eq!(row_of(&judged[1..3])[4], Cell::Text("0, 1, 1, 0".into()));
+        assert_eq!(row_of(&evaluated[1..3])[1], Cell::Number(2.0 * nominal("plate_yaw")));
+        assert_eq!(row_of(&evaluated[1..3])[4], Cell::Text("0, 1, 1, 0".into()));
     }
 
     #[test]
     fn the_tables_count_verdicts_and_names() {
-        let clean = judge(&truth(&[]), Ok(&finding("none", &[], &[])), None, 1.0);
-        let judged = [of_yaw(2.0, true), of_yaw(2.0, false), clean];
-        let overview = overview(&judged);
+        let clean = evaluate(&truth(&[]), Ok(&finding("none", &[], &[])), None, 1.0);
+        let evaluated = [of_yaw(2.0, true), of_yaw(2.0, false), clean];
+        let overview = overview(&evaluated);
         let row = |what: &str| {
             let rows = overview.rows().iter();
             rows.clone()
@@ -358,10 +358,10 @@ mod tests {
         };
         assert_eq!(row("first named effect exact at 2")[1..3], [Cell::Count(1), Cell::Count(2)]);
         assert_eq!(row("clean: verdict other than none")[1..3], [Cell::Count(0), Cell::Count(1)]);
-        assert_eq!(confusion(&judged).rows().len(), 3);
-        assert_eq!(tables(&judged).len(), 6);
+        assert_eq!(confusion(&evaluated).rows().len(), 3);
+        assert_eq!(tables(&evaluated).len(), 6);
         // Two names with 0.98, of which one is right.
-        let reliability = reliability(&judged);
+        let reliability = reliability(&evaluated);
         assert_eq!(reliability.rows().len(), 1, "{:?}", reliability.rows());
         assert_eq!(reliability.rows()[0][2], Cell::Count(2));
         assert_eq!(reliability.rows()[0][4], Cell::Number(50.0));

@@ -12,7 +12,7 @@ pub use scale::Page;
 use scale::Scale;
 
 /// An unusable settings page is read again after this, as an operator may have changed the device's settings.
-const JUDGED_AGAIN_NS: u64 = 5_000_000_000;
+const CHECKED_AGAIN_NS: u64 = 5_000_000_000;
 /// Reordering of records changes the count by some steps, never by this many.
 const FALL_MIN: i32 = 20_000;
 
@@ -48,7 +48,7 @@ pub struct AtiRdt {
     fresh: bool,
     /// The settings page was read; it is read again after a restart, as the settings may differ.
     has_page: bool,
-    judged_ns: u64,
+    checked_ns: u64,
     note: Option<String>,
     last_count: Option<u32>,
     /// The sequence restarts with each request.
@@ -64,7 +64,7 @@ impl AtiRdt {
             scale: Scale::configured(&settings),
             fresh: true,
             has_page: false,
-            judged_ns: 0,
+            checked_ns: 0,
             note: None,
             last_count: None,
             asking: Asking::new(Request { command: settings.start, sample_count: 0 }.to_bytes().to_vec()),
@@ -73,7 +73,7 @@ impl AtiRdt {
     }
 
     fn page(&mut self, page: Result<&str, &str>, now_ns: u64) {
-        self.judged_ns = now_ns;
+        self.checked_ns = now_ns;
         self.has_page = page.is_ok();
         (self.scale, self.note) = match Scale::from_page(&self.settings, page) {
             Ok((scale, note)) => (Ok(scale), Some(note)),
@@ -105,17 +105,17 @@ impl AtiRdt {
         if self.asking.is_answer() || self.asking.take_streaming() {
             return Action::Send(Request { command: Command::Stop, sample_count: 0 }.to_bytes().to_vec());
         }
-        if now_ns.saturating_sub(self.judged_ns) < JUDGED_AGAIN_NS {
+        if now_ns.saturating_sub(self.checked_ns) < CHECKED_AGAIN_NS {
             return Action::Nothing;
         }
-        self.judged_ns = now_ns;
+        self.checked_ns = now_ns;
         Action::Reopen(why)
     }
 }
 
 impl GroundDevice for AtiRdt {
     fn opened(&mut self, now_ns: u64) {
-        (self.fresh, self.has_page, self.judged_ns) = (true, false, now_ns);
+        (self.fresh, self.has_page, self.checked_ns) = (true, false, now_ns);
         self.scale = Scale::configured(&self.settings);
         self.last_count = None;
         self.asking.opened();

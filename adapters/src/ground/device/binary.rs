@@ -12,9 +12,9 @@ use crate::wire::frame::{Found, FrameForm, Frames, Length, Look, Number, Place, 
 /// Set in a sample's counter while the device's trigger input, if any, is active.
 pub const TRIGGER: u32 = 1 << 31;
 /// Bytes of this many frames without one valid frame indicate a wrong format …
-const TROUBLE_FRAMES: usize = 20;
+const REPORTED_AFTER_FRAMES: usize = 20;
 /// … if they are at least this many.
-const TROUBLE_BYTES: usize = 512;
+const REPORTED_AFTER_BYTES: usize = 512;
 
 /// One number of a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -252,7 +252,7 @@ impl GroundDevice for Binary {
     }
 
     fn diagnostic(&self) -> Option<String> {
-        let limit = (TROUBLE_FRAMES * self.frames.form().least()).max(TROUBLE_BYTES);
+        let limit = (REPORTED_AFTER_FRAMES * self.frames.form().least()).max(REPORTED_AFTER_BYTES);
         (self.unframed >= limit).then(|| {
             let unframed = self.unframed;
             format!(

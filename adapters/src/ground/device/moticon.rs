@@ -6,7 +6,7 @@
 //! According to the maker, the coordinates are the same for both sides, but the direction of y (medial or lateral) is
 //! not documented: it must be configured, or determined by trial.
 
-use super::text::{Column, Framing, Judge, Text, TextSettings};
+use super::text::{Column, Framing, Text, TextSettings, Validator};
 use super::{Action, GroundDevice};
 use crate::ground::channels::{ChannelFault, Channels, Sole};
 use crate::ground::reading::Decoded;
@@ -20,7 +20,7 @@ const EDGE: f64 = 0.55;
 /// With this force, N, at least one pressure sensor must respond; if none responds, the force must be less.
 const CARRIES_N: f64 = 50.0;
 /// This many contradictory samples in a row are reported.
-const TROUBLE: u32 = 20;
+const REPORTED_AFTER_SAMPLES: u32 = 20;
 const LONGEST: usize = 4096;
 
 /// Direction of y.
@@ -154,7 +154,7 @@ impl Moticon {
             time: Some((time, settings.time)),
             sequence: None,
         };
-        Ok(Moticon { text: Text::judged(text, Insoles { pressures, ..Insoles::default() }) })
+        Ok(Moticon { text: Text::with_validator(text, Insoles { pressures, ..Insoles::default() }) })
     }
 }
 
@@ -199,8 +199,8 @@ struct Insoles {
     contradiction: u32,
 }
 
-impl Judge for Insoles {
-    fn judge(&mut self, values: &[f64]) -> Result<(), GroundRefusal> {
+impl Validator for Insoles {
+    fn validate(&mut self, values: &[f64]) -> Result<(), GroundRefusal> {
         let mut contradicts = false;
         for (foot, (from, to)) in values.chunks_exact(3).zip(self.pressures) {
             let [force_n, x, y] = [foot[0], foot[1], foot[2]];
@@ -220,12 +220,12 @@ impl Judge for Insoles {
     }
 
     fn diagnostic(&self) -> Option<String> {
-        if self.outside >= TROUBLE {
+        if self.outside >= REPORTED_AFTER_SAMPLES {
             let said = "a foot carries force and its centre of pressure lies outside the insole: the fields are not in the order of \
                         ground.moticon.fields; compare it with the channels ticked in Moticon's software";
             return Some(said.to_owned());
         }
-        (self.contradiction >= TROUBLE).then(|| {
+        (self.contradiction >= REPORTED_AFTER_SAMPLES).then(|| {
             "a foot carries force while none of its sensors feels pressure: the fields are not in the order of \
              ground.moticon.fields; compare it with the channels ticked in Moticon's software"
                 .to_owned()

@@ -10,7 +10,7 @@ use crate::wire::text_line::{Fields, LineForm, Lines, Malformed, Unit};
 /// A longer line is not a line of numbers.
 pub const LINE_BYTES_MAX: usize = 64 * 1024;
 /// This many malformed lines in a row are reported.
-const TROUBLE: u32 = 20;
+const REPORTED_AFTER_LINES: u32 = 20;
 
 /// Framing of the lines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,9 +66,9 @@ pub struct TextSettings {
 }
 
 /// Validates the channels of every line, for devices whose numbers can contradict each other.
-pub(super) trait Judge: Send {
+pub(super) trait Validator: Send {
     /// Validates one line's channels.
-    fn judge(&mut self, _values: &[f64]) -> Result<(), GroundRefusal> {
+    fn validate(&mut self, _values: &[f64]) -> Result<(), GroundRefusal> {
         Ok(())
     }
 
@@ -82,7 +82,7 @@ pub(super) trait Judge: Send {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Described;
 
-impl Judge for Described {}
+impl Validator for Described {}
 
 /// A device with configured lines of text.
 #[derive(Debug, Clone)]
@@ -96,7 +96,7 @@ pub struct Text<J = Described> {
 #[derive(Debug, Clone)]
 struct Reader<J> {
     order: Order,
-    judge: J,
+    validator: J,
     header_left: u32,
     /// Fields of the channels, sorted, with the channel of each.
     sorted: Vec<(usize, usize)>,
@@ -113,13 +113,13 @@ struct Reader<J> {
 impl Text {
     /// A device before any data.
     pub fn new(settings: TextSettings) -> Text {
-        Text::judged(settings, Described)
+        Text::with_validator(settings, Described)
     }
 }
 
 impl<J> Text<J> {
     /// The same, with a validator of the numbers.
-    pub(super) fn judged(settings: TextSettings, judge: J) -> Text<J> {
+    pub(super) fn with_validator(settings: TextSettings, validator: J) -> Text<J> {
         let modulus = settings.sequence.map_or(1 << 64, |numbered| numbered.modulus);
         let mut sorted: Vec<(usize, usize)> =
             settings.columns.iter().enumerate().map(|(channel, column)| (column.field, channel)).collect();
@@ -129,7 +129,7 @@ impl<J> Text<J> {
         fields.dedup();
         let reader = Reader {
             order: Order::new(modulus, 1 << 64),
-            judge,
+            validator,
             header_left: settings.header_lines,
             sorted,
             fields,
@@ -162,7 +162,7 @@ impl TextSettings {
     }
 }
 
-impl<J: Judge> GroundDevice for Text<J> {
+impl<J: Validator> GroundDevice for Text<J> {
     fn opened(&mut self, now_ns: u64) {
         self.opened_at_start(now_ns);
         self.lines = self.settings.lines(self.settings.framing == Framing::Joined);
@@ -190,15 +190,15 @@ impl<J: Judge> GroundDevice for Text<J> {
     }
 
     fn diagnostic(&self) -> Option<String> {
-        if self.reader.untimely >= TROUBLE {
+        if self.reader.untimely >= REPORTED_AFTER_LINES {
             return Some(format!(
                 "lines come, but the times in the last {} of them stand still, or do not run as time does: is the unit of the \
                  device's time (s, ms, us, ns) the one that it sends?",
                 self.reader.untimely
             ));
         }
-        let Some(fault) = self.reader.fault.filter(|_| self.reader.wrong >= TROUBLE) else {
-            return self.reader.judge.diagnostic();
+        let Some(fault) = self.reader.fault.filter(|_| self.reader.wrong >= REPORTED_AFTER_LINES) else {
+            return self.reader.validator.diagnostic();
         };
         let noise = match self.settings.framing {
             Framing::Joined => {
@@ -213,7 +213,7 @@ impl<J: Judge> GroundDevice for Text<J> {
     }
 }
 
-impl<J: Judge> Reader<J> {
+impl<J: Validator> Reader<J> {
     fn line(&mut self, settings: &TextSettings, line: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
         if self.header_left > 0 {
             self.header_left -= 1;
@@ -233,7 +233,7 @@ impl<J: Judge> Reader<J> {
                     return;
                 };
                 self.untimely = 0;
-                if let Err(refusal) = self.judge.judge(&self.values) {
+                if let Err(refusal) = self.validator.validate(&self.values) {
                     return decoded.refuse(refusal);
                 }
                 let device_counter = match (sequence, tick) {

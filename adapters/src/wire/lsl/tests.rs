@@ -172,7 +172,7 @@ fn a_feed_that_is_not_what_was_asked_for_is_a_reason() {
 
 proptest! {
     #[test]
-    fn samples_are_found_however_the_stream_is_torn(
+    fn samples_are_found_however_the_stream_is_divided(
         cuts in proptest::collection::vec(1_usize..30, 1..30),
         sent in proptest::collection::vec((any::<bool>(), proptest::array::uniform3(-1e6_f32..1e6)), 0..20),
     ) {

@@ -128,7 +128,7 @@ fn a_packet_too_large_to_keep_is_passed_over() {
 
 proptest! {
     #[test]
-    fn what_is_sent_is_found_however_it_is_torn(
+    fn what_is_sent_is_found_however_it_is_divided(
         plates in proptest::collection::vec(
             (1_u32..4, any::<u32>(), proptest::collection::vec(proptest::array::uniform9(-1e4_f32..1e4), 0..5)), 0..4),
         timestamp_us in 0_i64..i64::MAX, number: u32, cuts in proptest::collection::vec(1_usize..40, 1..60),

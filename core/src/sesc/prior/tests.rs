@@ -207,16 +207,16 @@ fn a_similar_worker_moves_the_mean_and_narrows_the_covariance() {
             table.similar(&reduction, &Similar { deviation_m, variance_m2: variance, likeness })
         };
         for (index, delta) in delta[..reduction.count()].iter().enumerate() {
-            let (stranger, twin, cousin) = (similar(0.0), similar(1.0), similar(0.6));
+            let (unlike, alike, similar_in_part) = (similar(0.0), similar(1.0), similar(0.6));
             let before = table.covariance_m2[index][index];
             assert_eq!(
-                (stranger.theta_m[index], stranger.covariance_m2[index]),
+                (unlike.theta_m[index], unlike.covariance_m2[index]),
                 (table.theta_m[index], table.covariance_m2[index])
             );
-            assert!((twin.theta_m[index] - table.theta_m[index] - delta).abs() < 1e-12);
-            assert!((twin.covariance_m2[index][index] - 1e-6).abs() < 1e-15, "{kind:?} {index}");
-            assert!((cousin.theta_m[index] - table.theta_m[index] - 0.6 * delta).abs() < 1e-12);
-            assert!((cousin.covariance_m2[index][index] - 0.64 * before - 0.36e-6).abs() < 1e-15);
+            assert!((alike.theta_m[index] - table.theta_m[index] - delta).abs() < 1e-12);
+            assert!((alike.covariance_m2[index][index] - 1e-6).abs() < 1e-15, "{kind:?} {index}");
+            assert!((similar_in_part.theta_m[index] - table.theta_m[index] - 0.6 * delta).abs() < 1e-12);
+            assert!((similar_in_part.covariance_m2[index][index] - 0.64 * before - 0.36e-6).abs() < 1e-15);
         }
     }
 }

@@ -52,7 +52,7 @@ fn jitter_is_rejected_and_drift_is_tracked() {
 }
 
 #[test]
-fn sigma_is_honest() {
+fn sigma_covers_the_errors() {
     for mean_jitter_ns in [50e3, 1e6, 5e6] {
         let results = run(60, 20e-6, mean_jitter_ns);
         let within = results.iter().filter(|(error, sigma)| error.abs() <= 3.0 * sigma).count();

@@ -83,7 +83,7 @@ impl fmt::Display for CrossValidation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "cross-validation: each block is judged by a model of the others; unloaded CoP error of samples"
+            "cross-validation: each block is predicted by a model of the others; unloaded CoP error of samples"
         )?;
         writeln!(f, "{}, mm RMS forward (x) / sideways (y):", self.selection)?;
         let names = ["table alone", "table + offset", "identified"];

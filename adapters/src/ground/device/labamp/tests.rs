@@ -96,7 +96,7 @@ fn scans_become_means_with_the_time_of_their_middle() {
 }
 
 #[test]
-fn without_a_wish_about_a_thousand_readings_a_second_are_left() {
+fn by_default_about_a_thousand_readings_a_second_are_used() {
     let mut amp = direct(["Sensor-2", "Sensor-1"], None);
     let mut decoded = Decoded::default();
     amp.take(&opening(62_500, &["Nm", "N"]), 0, &mut decoded);

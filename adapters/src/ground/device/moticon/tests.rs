@@ -86,7 +86,7 @@ fn a_list_in_another_order_than_the_software_sends_is_noticed() {
     mixed.fields.swap(7, 6);
     let mut wrong = protocol(&mixed);
     let mut samples = Vec::new();
-    for index in 0..TROUBLE {
+    for index in 0..REPORTED_AFTER_SAMPLES {
         assert_eq!(wrong.diagnostic(), None);
         let line = VECTOR.replacen("12.34", &format!("{}.00", 12 + index), 1);
         wrong.receive(line.as_bytes(), 1_000_000_000 * u64::from(index + 1), &mut samples);
@@ -95,11 +95,11 @@ fn a_list_in_another_order_than_the_software_sends_is_noticed() {
 
     let mut numb = protocol(&settings());
     let silent = VECTOR.replace(" 0.5", " 0.0");
-    for index in 0..TROUBLE {
+    for index in 0..REPORTED_AFTER_SAMPLES {
         let line = silent.replacen("12.34", &format!("{}.00", 12 + index), 1);
         numb.receive(line.as_bytes(), 1_000_000_000 * u64::from(index + 1), &mut samples);
     }
-    assert_eq!(samples.len(), TROUBLE as usize);
+    assert_eq!(samples.len(), REPORTED_AFTER_SAMPLES as usize);
     assert!(numb.diagnostic().is_some_and(|said| said.contains("feels pressure")));
 }
 

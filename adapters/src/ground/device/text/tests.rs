@@ -127,7 +127,7 @@ fn a_header_stands_at_the_start_of_every_connection_and_not_elsewhere() {
 fn lines_that_never_fit_are_reported_in_words() {
     let mut text = Text::new(settings(Framing::Datagrams));
     let mut decoded = Decoded::default();
-    for _ in 0..TROUBLE {
+    for _ in 0..REPORTED_AFTER_LINES {
         assert_eq!(text.diagnostic(), None);
         text.take(b"1,0;2;3\n", 0, &mut decoded);
     }
@@ -142,13 +142,16 @@ fn times_of_another_unit_are_reported_in_words() {
     let mut protocol = GroundProtocol::new(Box::new(Text::new(settings)), GroundSettings::default());
     let mut samples = Vec::new();
     // Milliseconds where seconds are configured.
-    for index in 0..=u64::from(TROUBLE) {
+    for index in 0..=u64::from(REPORTED_AFTER_LINES) {
         assert_eq!(protocol.diagnostic(), None);
         let line = format!("{};0;-0,7;0;0\n", 1_000_000 + 10 * index);
         protocol.receive(line.as_bytes(), (100 + index) * 10_000_000, &mut samples);
     }
     assert!(protocol.diagnostic().is_some_and(|said| said.contains("unit")), "{:?}", protocol.diagnostic());
-    assert_eq!((samples.len(), refused(&protocol, GroundRefusal::OutOfOrder)), (1, u64::from(TROUBLE)));
+    assert_eq!(
+        (samples.len(), refused(&protocol, GroundRefusal::OutOfOrder)),
+        (1, u64::from(REPORTED_AFTER_LINES))
+    );
 }
 
 /// A line with the eight voltages of a real plate and an unused field between them.

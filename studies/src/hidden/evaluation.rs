@@ -59,7 +59,7 @@ impl Compared {
 
 /// An evaluated finding.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Judged {
+pub struct Evaluation {
     /// Name of the session.
     pub session: String,
     /// Kind of the session, as in [`super::ladder::deck`].
@@ -114,9 +114,14 @@ pub struct Judged {
 }
 
 /// Evaluates a printed finding; `twin_mm` is the gap before of the clean twin.
-pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>, seconds: f64) -> Judged {
+pub fn evaluate(
+    truth: &Truth,
+    printed: Result<&Value, &str>,
+    twin_mm: Option<f64>,
+    seconds: f64,
+) -> Evaluation {
     let hidden: Vec<String> = truth.effects.iter().map(label_of).collect();
-    let mut judged = Judged {
+    let mut evaluated = Evaluation {
         session: truth.session.clone(),
         kind: truth.kind.clone(),
         class: class_of(truth),
@@ -148,11 +153,11 @@ pub fn judge(truth: &Truth, printed: Result<&Value, &str>, twin_mm: Option<f64>,
         experiments: Vec::new(),
     };
     match printed {
-        Ok(finding) if is_complete(finding) => judged.take(truth, finding, twin_mm),
-        Ok(_) => judged.failure = Some("the finding lacks its verdict or its gap".to_owned()),
-        Err(failure) => judged.failure = Some(failure.to_owned()),
+        Ok(finding) if is_complete(finding) => evaluated.take(truth, finding, twin_mm),
+        Ok(_) => evaluated.failure = Some("the finding lacks its verdict or its gap".to_owned()),
+        Err(failure) => evaluated.failure = Some(failure.to_owned()),
     }
-    judged
+    evaluated
 }
 
 /// Whether a finding has a verdict and the numbers of its gap.
@@ -180,7 +185,7 @@ fn reported_label(effect: &Value) -> String {
     place.map_or(name.to_owned(), |place| format!("{name} {place}"))
 }
 
-impl Judged {
+impl Evaluation {
     fn take(&mut self, truth: &Truth, finding: &Value, twin_mm: Option<f64>) {
         let effects = finding["effects"].as_array().map(Vec::as_slice).unwrap_or_default();
         self.verdict = finding["verdict"].as_str().unwrap_or("failed").to_owned();
@@ -234,8 +239,7 @@ impl Judged {
         self.family = self.exact || (self.verdict == "named" && first_is_family) || in_the_set;
     }
 
-    /// Whether a name is one of what is hidden, or declared for what is hidden outside the catalogue; effects with the same
-    /// columns count as one name.
+    /// Whether a name is a hidden effect, has the columns of one, or is declared for one outside the catalogue.
     pub fn is_right(&self, name: &str) -> bool {
         match self.class {
             Class::Single | Class::Pair => {
@@ -284,8 +288,7 @@ impl Judged {
     }
 }
 
-/// Stated probability of each name of a finding, of its effects and of all candidates; effects with the same columns are
-/// one name.
+/// Stated probability of each name of a finding (effects, candidates); effects with the same columns are one name.
 fn stated(finding: &Value) -> BTreeMap<String, f64> {
     let list = |key: &str| finding[key].as_array().map(Vec::as_slice).unwrap_or_default();
     let candidates = list("candidates").iter().filter_map(|candidate| {

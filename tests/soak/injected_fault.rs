@@ -2,7 +2,7 @@
 
 /// A kind of fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Chaos {
+pub(crate) enum InjectedFault {
     Loss,
     Reorder,
     Duplicates,
@@ -28,9 +28,9 @@ pub(crate) enum Chaos {
     OtherClock(i32),
 }
 
-use Chaos::*;
+use InjectedFault::*;
 
-const ALL: [Chaos; 25] = [
+const ALL: [InjectedFault; 25] = [
     Loss,
     Reorder,
     Duplicates,
@@ -58,13 +58,13 @@ const ALL: [Chaos; 25] = [
     OtherClock(-10),
 ];
 
-impl Chaos {
+impl InjectedFault {
     /// All kinds once, in an order that follows from the seed.
-    pub(crate) fn shuffled(seed: u64) -> Vec<Chaos> {
-        let (mut all, mut luck) = (ALL.to_vec(), seed.wrapping_mul(2).wrapping_add(1));
+    pub(crate) fn shuffled(seed: u64) -> Vec<InjectedFault> {
+        let (mut all, mut random) = (ALL.to_vec(), seed.wrapping_mul(2).wrapping_add(1));
         for place in (1..all.len()).rev() {
-            luck = luck.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            all.swap(place, (luck >> 33) as usize % (place + 1));
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            all.swap(place, (random >> 33) as usize % (place + 1));
         }
         all
     }

@@ -61,23 +61,23 @@ fn mass(value: f64) -> Value {
 #[test]
 fn the_right_name_at_the_right_place_is_exact_and_its_parameter_is_compared() {
     let answer = finding("named", &[("hand_load", json!({"hand": "right"}), mass(0.58))], &[]);
-    let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-    assert!(judged.exact && judged.family && judged.found == 1);
-    assert!((judged.parameters[0].off() - 1.6).abs() < 1e-9);
+    let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
+    assert!(evaluated.exact && evaluated.family && evaluated.found == 1);
+    assert!((evaluated.parameters[0].off() - 1.6).abs() < 1e-9);
     // √(5² − 3²) = 4.
-    assert!((judged.oracle_mm - 4.0).abs() < 1e-12);
-    assert!((judged.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
-    assert!((judge(&truth(&[LOAD]), Ok(&answer), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
+    assert!((evaluated.oracle_mm - 4.0).abs() < 1e-12);
+    assert!((evaluated.over_the_oracle().unwrap() - 1.05).abs() < 1e-12);
+    assert!((evaluate(&truth(&[LOAD]), Ok(&answer), Some(4.2), 1.0).oracle_mm - 4.2).abs() < 1e-12);
 }
 
 #[test]
 fn a_forearm_is_family_of_its_hand_and_the_other_hand_is_wrong() {
     let forearm = finding("named", &[("worn_mass", json!({"segment": "RightForearm"}), mass(0.5))], &[]);
-    let judged = judge(&truth(&[LOAD]), Ok(&forearm), None, 1.0);
-    assert!(!judged.exact && judged.family && judged.parameters.is_empty());
+    let evaluated = evaluate(&truth(&[LOAD]), Ok(&forearm), None, 1.0);
+    assert!(!evaluated.exact && evaluated.family && evaluated.parameters.is_empty());
     let left = finding("named", &[("hand_load", json!({"hand": "left"}), mass(0.5))], &[]);
-    let judged = judge(&truth(&[LOAD]), Ok(&left), None, 1.0);
-    assert!(!judged.exact && !judged.family && judged.found == 0);
+    let evaluated = evaluate(&truth(&[LOAD]), Ok(&left), None, 1.0);
+    assert!(!evaluated.exact && !evaluated.family && evaluated.found == 0);
 }
 
 #[test]
@@ -85,17 +85,17 @@ fn an_ambiguous_answer_is_right_if_its_set_holds_the_truth() {
     let candidates =
         [("plate_gain", 0.6), ("plate_crosstalk", 0.2), ("hand_load right", 0.15), ("plate_yaw", 0.03)];
     let answer = finding("ambiguous", &[], &candidates);
-    let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-    assert!(!judged.exact && judged.family);
+    let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
+    assert!(!evaluated.exact && evaluated.family);
     let yaw = ("plate_yaw", None, ("psi_rad", 0.1));
-    assert!(!judge(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
+    assert!(!evaluate(&truth(&[yaw]), Ok(&answer), None, 1.0).family);
 }
 
 #[test]
 fn effects_with_the_same_columns_are_one_name_with_the_larger_probability() {
     let candidates = [("segment_misalignment T8", 0.8), ("unbalanced_parameters T8", 0.0)];
-    let judged = judge(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
-    assert_eq!(judged.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
+    let evaluated = evaluate(&truth(&[LOAD]), Ok(&finding("ambiguous", &[], &candidates)), None, 1.0);
+    assert_eq!(evaluated.stated, [("segment_misalignment T8".to_owned(), 0.8)].into());
 }
 
 #[test]
@@ -105,8 +105,8 @@ fn a_declared_substitute_is_right_in_the_outcome_and_in_its_stated_probability()
     let of = |segment: &str| {
         let answer =
             finding("named", &[("segment_misalignment", json!({"segment": segment}), json!({}))], &[]);
-        let judged = judge(&hidden, Ok(&answer), None, 1.0);
-        (judged.outcome(), judged.statements().collect::<Vec<_>>())
+        let evaluated = evaluate(&hidden, Ok(&answer), None, 1.0);
+        (evaluated.outcome(), evaluated.statements().collect::<Vec<_>>())
     };
     assert_eq!(of("T8"), (Outcome::Right, vec![(0.98, true)]));
     assert_eq!(of("Pelvis"), (Outcome::Wrong, vec![(0.98, false)]));
@@ -116,9 +116,9 @@ fn a_declared_substitute_is_right_in_the_outcome_and_in_its_stated_probability()
 fn a_word_about_a_clean_session_is_a_false_alarm_and_silence_is_not() {
     let clean = truth(&[]);
     let said = finding("named", &[("plate_yaw", json!({}), json!({}))], &[]);
-    assert!(judge(&clean, Ok(&said), None, 1.0).is_false_alarm());
-    assert!(!judge(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
-    assert!(judge(&clean, Err("no still poses"), None, 1.0).is_false_alarm());
+    assert!(evaluate(&clean, Ok(&said), None, 1.0).is_false_alarm());
+    assert!(!evaluate(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
+    assert!(evaluate(&clean, Err("no still poses"), None, 1.0).is_false_alarm());
 }
 
 #[test]
@@ -127,21 +127,21 @@ fn what_a_finding_lacks_is_not_right() {
     for key in GAP {
         let mut answer = finding("named", &load, &[]);
         answer["gap"][key] = Value::Null;
-        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(judged.verdict == "failed" && judged.failure.is_some() && !judged.family, "{judged:?}");
-        assert_eq!(judged.over_the_oracle(), None);
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
+        assert!(evaluated.verdict == "failed" && evaluated.failure.is_some() && !evaluated.family, "{evaluated:?}");
+        assert_eq!(evaluated.over_the_oracle(), None);
     }
     // A verdict without names.
     for hidden in [&[LOAD][..], &[]] {
-        let judged = judge(&truth(hidden), Ok(&finding("named", &[], &[])), None, 1.0);
-        assert_eq!(judged.outcome(), Outcome::Wrong);
+        let evaluated = evaluate(&truth(hidden), Ok(&finding("named", &[], &[])), None, 1.0);
+        assert_eq!(evaluated.outcome(), Outcome::Wrong);
     }
     for part in ["value", "sigma"] {
         let mut parameters = mass(0.5);
         parameters["mass_kg"][part] = Value::Null;
         let answer = finding("named", &[("hand_load", json!({"hand": "right"}), parameters)], &[]);
-        let judged = judge(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(judged.parameters[0].off() > 2.0, "{part}: {:?}", judged.parameters);
+        let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
+        assert!(evaluated.parameters[0].off() > 2.0, "{part}: {:?}", evaluated.parameters);
     }
 }
 
@@ -153,7 +153,7 @@ fn both_of_a_pair_must_be_found_and_a_failure_is_reported() {
         &[("plate_yaw", json!({}), json!({})), ("hand_load", json!({"hand": "right"}), mass(0.5))],
         &[],
     );
-    assert_eq!(judge(&truth(&[LOAD, yaw]), Ok(&both), None, 1.0).found, 2);
-    let failed = judge(&truth(&[LOAD, yaw]), Err("no still poses"), None, 1.0);
+    assert_eq!(evaluate(&truth(&[LOAD, yaw]), Ok(&both), None, 1.0).found, 2);
+    let failed = evaluate(&truth(&[LOAD, yaw]), Err("no still poses"), None, 1.0);
     assert!(failed.verdict == "failed" && failed.found == 0 && failed.failure.is_some());
 }

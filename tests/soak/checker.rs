@@ -52,7 +52,7 @@ const VALUES: [&str; 10] = [
     "low back",
     "compression",
 ];
-const JUDGED_ONE_IN: u64 = 5;
+const CHECKED_ONE_IN: u64 = 5;
 /// Fraction of the bound from which the report includes the other published values.
 const CONTEXT_ABOVE: f64 = 0.8;
 /// At most one of this many states may be missed by the test's subscriber.
@@ -89,16 +89,16 @@ struct Worst {
 }
 
 /// Checks every state.
-pub(crate) struct Judge {
+pub(crate) struct Checker {
     pub(crate) state: State,
     pub(crate) during: &'static str,
     pub(crate) states: u64,
     pub(crate) missed: u64,
     /// States received while a simulated sensor was delayed by the host, or just after; suit, ground.
-    pub(crate) excused: [u64; 2],
+    pub(crate) excluded: [u64; 2],
     held_up: [bool; 2],
     /// Invalid reason required in every state at present.
-    pub(crate) must_say: Option<Validity>,
+    pub(crate) required_reason: Option<Validity>,
     pub(crate) published: BTreeMap<&'static str, u64>,
     worst: BTreeMap<&'static str, Worst>,
     pub(crate) wrong: Vec<Wrong>,
@@ -108,16 +108,16 @@ pub(crate) struct Judge {
     com_sigma_m: f64,
 }
 
-impl Judge {
-    pub(crate) fn new() -> Judge {
-        Judge {
+impl Checker {
+    pub(crate) fn new() -> Checker {
+        Checker {
             state: State::zeroed(),
             during: "identification",
             states: 0,
             missed: 0,
-            excused: [0; 2],
+            excluded: [0; 2],
             held_up: [false; 2],
-            must_say: None,
+            required_reason: None,
             published: BTreeMap::new(),
             worst: BTreeMap::new(),
             wrong: Vec::new(),
@@ -128,7 +128,7 @@ impl Judge {
     }
 
     /// Checks the next state.
-    pub(crate) fn see(&mut self, state: State, person: &SimulationHandle) {
+    pub(crate) fn check(&mut self, state: State, person: &SimulationHandle) {
         assert!(numbers(&state).all(f64::is_finite), "not a number: {state:?}");
         assert!(state.cycle > self.state.cycle, "cycle {} after {}", state.cycle, self.state.cycle);
         self.states += 1;
@@ -138,11 +138,11 @@ impl Judge {
         // from a late device, so its values are excluded. Values of the other sensor are checked all the same.
         let now_ns = state.time_ns.max(person.sent_at_ns()[1]);
         self.held_up = person.held_up_ns().map(|at_ns| now_ns < at_ns + HELD_UP_FOR_NS);
-        for (excused, held_up) in self.excused.iter_mut().zip(self.held_up) {
-            *excused += u64::from(held_up);
+        for (excluded, held_up) in self.excluded.iter_mut().zip(self.held_up) {
+            *excluded += u64::from(held_up);
         }
-        if let Some(reason) = self.must_say {
-            self.hold("another clock", f64::from(!state.validity().any_of(reason)), 0.5);
+        if let Some(reason) = self.required_reason {
+            self.compare_with_bound("another clock", f64::from(!state.validity().any_of(reason)), 0.5);
         }
         self.ages(person);
         self.values(person);
@@ -150,19 +150,15 @@ impl Judge {
 
     /// Starts counting: the model is identified from here on.
     pub(crate) fn begin_to_count(&mut self) {
-        (self.states, self.missed, self.excused) = (0, 0, [0; 2]);
+        (self.states, self.missed, self.excluded) = (0, 0, [0; 2]);
         self.published.clear();
     }
 
-    /// A value that was checked too seldom for a verdict, or too many states that were missed.
-    pub(crate) fn too_little(&self) -> Option<String> {
+    /// A value that was checked too rarely for a verdict, or too many states that were missed.
+    pub(crate) fn insufficient(&self) -> Option<String> {
         let published = |value: &&str| self.published.get(value).copied().unwrap_or(0);
-        if let Some(seldom) = VALUES.iter().find(|value| published(value) * JUDGED_ONE_IN < self.states) {
-            return Some(format!(
-                "{seldom} was judged in {} of {} states only",
-                published(seldom),
-                self.states
-            ));
+        if let Some(rare) = VALUES.iter().find(|value| published(value) * CHECKED_ONE_IN < self.states) {
+            return Some(format!("{rare} was checked in {} of {} states only", published(rare), self.states));
         }
         (self.missed * MISSED_ONE_IN > self.states)
             .then(|| format!("{} states were missed and {} seen", self.missed, self.states))
@@ -184,9 +180,13 @@ impl Judge {
             let newest_ns = state.time_ns - age_ns;
             let sent_ns = if self.held_up[sensor] { sent_at_ns[sensor] } else { sent_ns[sensor] };
             let ahead_ns = newest_ns.saturating_sub(sent_ns);
-            self.hold(of_age, ahead_ns as f64 * 1e-9, AHEAD_AT_MOST_NS as f64 * 1e-9);
+            self.compare_with_bound(of_age, ahead_ns as f64 * 1e-9, AHEAD_AT_MOST_NS as f64 * 1e-9);
             let silent_ns = state.time_ns.saturating_sub(sent_at_ns[sensor]);
-            self.hold(of_silence, silent_ns as f64 * 1e-9, SILENT_AT_MOST_NS[sensor] as f64 * 1e-9);
+            self.compare_with_bound(
+                of_silence,
+                silent_ns as f64 * 1e-9,
+                SILENT_AT_MOST_NS[sensor] as f64 * 1e-9,
+            );
         }
     }
 
@@ -305,10 +305,10 @@ impl Judge {
             least = self.truths.1.iter().map(&error).fold(least, f64::min);
         }
         *self.published.entry(what).or_default() += 1;
-        self.hold(what, least, bound);
+        self.compare_with_bound(what, least, bound);
     }
 
-    fn hold(&mut self, what: &'static str, error: f64, bound: f64) {
+    fn compare_with_bound(&mut self, what: &'static str, error: f64, bound: f64) {
         let bound_ratio = error / bound;
         if self.worst.get(what).is_none_or(|worst| bound_ratio > worst.bound_ratio) {
             let context = if bound_ratio > CONTEXT_ABOVE { self.context() } else { String::new() };
@@ -406,72 +406,4 @@ fn numbers(state: &State) -> impl Iterator<Item = f64> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use equipoise_simulator::settings::SimulationSettings;
-    use equipoise_simulator::simulation::Simulation;
-
-    #[test]
-    fn a_wrong_value_is_found_unless_a_reason_is_given() {
-        let mut settings = SimulationSettings::default();
-        settings.suit.target.set_port(9);
-        settings.plate.address.set_port(0);
-        let person = Simulation::start(settings).expect("a simulated person");
-        std::thread::sleep(std::time::Duration::from_millis(200));
-        let now_ns = person.sent_ns()[0];
-        let truth = person.truth_at((now_ns - person.start_ns()) as f64 * 1e-9);
-        let true_state = State {
-            cycle: 1,
-            time_ns: now_ns,
-            suit_sample_time_ns: now_ns,
-            ground_age_ns: u64::MAX,
-            cop_measured_m: truth.cop_m.into(),
-            ground_force_n: truth.ground.force_n.into(),
-            com_m: truth.com_m.into(),
-            cop_estimated_m: truth.cop_without_load_in_motion_m.into(),
-            segment_origin_m: truth.body.origin_m.map(Into::into),
-            l5s1_moment_nm: truth.back.moment_nm.xy().norm(),
-            l5s1_compression_n: truth.back.moment_nm.xy().norm() / EXTENSOR_LEVER_M + truth.back.axial_n,
-            ..State::zeroed()
-        };
-        let mut judge = Judge::new();
-        // This test must not depend on whether the host delays the sensors now.
-        let mut see = |state: State, held_up: [bool; 2]| {
-            (judge.state, judge.held_up) = (state, held_up);
-            judge.values(&person);
-            judge.wrong.iter().map(|wrong| wrong.what).collect::<Vec<_>>()
-        };
-        assert_eq!(see(true_state, [false; 2]), [""; 0]);
-        let off = State { cycle: 2, cop_measured_m: [truth.cop_m.x + 0.05, truth.cop_m.y], ..true_state };
-        assert_eq!(see(State { valid: Validity::FEET_OFF_PLATE.0, ..off }, [false; 2]), [""; 0], "withheld");
-        assert_eq!(see(off, GROUND), [""; 0], "the plate is held up");
-        assert_eq!(see(off, SUIT), ["measured cop"], "the plate's value needs no suit");
-        assert_eq!(see(State { cycle: 3, ..off }, [false; 2]), ["measured cop"; 2]);
-        judge.see(State { cycle: 4, time_ns: now_ns + 900_000_000, suit_age_ns: 0, ..true_state }, &person);
-        let found: Vec<_> = judge.wrong.iter().map(|wrong| wrong.what).collect();
-        assert!(found.contains(&"suit's age") && found.contains(&"suit's silence"), "{found:?}");
-        judge.must_say = Some(Validity::SUIT_STALE);
-        judge.see(State { cycle: 5, ..true_state }, &person);
-        assert_eq!(judge.wrong.last().map(|wrong| wrong.what), Some("another clock"));
-        let wrong = judge.wrong.len();
-        judge.see(State { cycle: 6, valid: Validity::SUIT_STALE.0, ..true_state }, &person);
-        assert_eq!(judge.wrong.len(), wrong, "{:?}", judge.report());
-    }
-
-    #[test]
-    fn a_verdict_needs_enough_of_every_value() {
-        let mut judge = Judge::new();
-        judge.begin_to_count();
-        assert_eq!(judge.too_little(), None);
-        judge.states = 1000;
-        judge.published = VALUES.map(|value| (value, 200)).into();
-        assert_eq!(judge.too_little(), None);
-        judge.missed = 21;
-        assert!(judge.too_little().is_some_and(|said| said.contains("21 states were missed")));
-        judge.missed = 20;
-        judge.published.insert("torques", 199);
-        assert!(judge.too_little().is_some_and(|said| said.contains("torques")));
-        judge.published.remove("torques");
-        assert!(judge.too_little().is_some_and(|said| said.contains("torques")), "never judged");
-    }
-}
+mod tests;
