@@ -198,7 +198,7 @@ topics! {
 }
 
 /// Upper bound of a station's shared memory with the regular writers, bytes.
-pub const STATION_MEMORY_MAX: usize = 125_000_000;
+pub const STATION_MEMORY_MAX: usize = 126_000_000;
 const _: () = assert!(station_memory_bytes() < STATION_MEMORY_MAX);
 
 /// Upper bound of the shared memory of one station, bytes.
