@@ -77,7 +77,8 @@ const NOTHING: Faults =
 const NO_COUNT: &str = "The device sends no counter: only the times of the other samples show a loss.";
 const HOST_POLLS: &str = "The adapter requests each block, and repeats the request without a response.";
 const NO_FRAMES: &str = "Blocks have no header, counter or checksum: only a wrong length is detected.";
-const MANY_DATAGRAMS: &str = "A sample consists of a dozen datagrams, and is assembled from those that arrive.";
+const MANY_DATAGRAMS: &str =
+    "A sample consists of a dozen datagrams, and is assembled from those that arrive.";
 const NO_LINE: &str = "There is no serial line.";
 const OWN_SPEEDS: &str = "The dialogue sets the speed; none can be configured.";
 const FUSED: &str = "Tested for each device alone, above.";

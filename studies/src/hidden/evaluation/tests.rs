@@ -128,7 +128,10 @@ fn what_a_finding_lacks_is_not_right() {
         let mut answer = finding("named", &load, &[]);
         answer["gap"][key] = Value::Null;
         let evaluated = evaluate(&truth(&[LOAD]), Ok(&answer), None, 1.0);
-        assert!(evaluated.verdict == "failed" && evaluated.failure.is_some() && !evaluated.family, "{evaluated:?}");
+        assert!(
+            evaluated.verdict == "failed" && evaluated.failure.is_some() && !evaluated.family,
+            "{evaluated:?}"
+        );
         assert_eq!(evaluated.over_the_oracle(), None);
     }
     // A verdict without names.
