@@ -33,6 +33,8 @@ const WRONG_NM: f64 = 10.0;
 const WRONG_M: f64 = 0.03;
 /// Errors beyond this many σ are wrong values.
 const WRONG_SIGMAS: f64 = 4.0;
+/// States of two runs whose times differ by less than this are of the same suit sample, s: below half its period.
+const SAME_STATE_S: f64 = 0.005;
 
 /// Results of one fault, or of many.
 #[derive(Debug, Clone, Default)]
@@ -45,6 +47,10 @@ pub struct Outcome {
     pub states: u64,
     /// Those with a wrong value reported as valid: mass, a joint's torque, centre of pressure.
     pub wrong: [u64; 3],
+    /// Of these, the states in which the same value is wrong without the fault, in the same motion with the same noise.
+    pub wrong_without: [u64; 3],
+    /// Times of the states with a wrong value, s.
+    wrong_at_s: [Vec<f64>; 3],
     /// From the start of the fault to the first state that withheld a value because of it, s.
     noticed_s: Vec<f64>,
     /// From its end until torques or "no load" are reported again, s.
@@ -55,29 +61,22 @@ pub struct Outcome {
 
 impl Outcome {
     fn add(&mut self, snapshot: &Snapshot) {
-        let (state, truth) = (snapshot.state, snapshot.truth());
-        let valid = state.validity();
         self.states += 1;
-        if !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) {
-            let off_kg = (state.lifted_mass_kg - snapshot.worker.sample(snapshot.time_s).load_kg).abs();
-            self.wrong[0] +=
-                u64::from(exceeds(off_kg, WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg)));
+        for (kind, is_wrong) in wrong_values(snapshot).into_iter().enumerate() {
+            if is_wrong {
+                self.wrong[kind] += 1;
+                self.wrong_at_s[kind].push(snapshot.time_s);
+            }
         }
-        if publishes_torques(state) {
-            let is_wrong = (0..state.torque_nm.len()).any(|joint| {
-                let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
-                let [xx, xy, yy] = snapshot.state.torque_covariance_nm2[joint];
-                let deviation = Matrix2::new(xx, xy, xy, yy)
-                    .try_inverse()
-                    .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());
-                exceeds(off_nm.norm(), WRONG_NM) && exceeds(deviation, WRONG_SIGMAS)
-            });
-            self.wrong[1] += u64::from(is_wrong);
-        }
-        if !valid.any_of(Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED)) {
-            let off_m = Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m;
-            let sigma_m = state.cop_sigma_m[0].hypot(state.cop_sigma_m[1]);
-            self.wrong[2] += u64::from(exceeds(off_m.norm(), WRONG_M.max(WRONG_SIGMAS * sigma_m)));
+    }
+
+    /// Counts the wrong values that have nothing to do with the fault, from the states of a run without it.
+    fn compare_with(&mut self, without: &Outcome) {
+        for kind in 0..self.wrong.len() {
+            let is_wrong_without = |at_s: &&f64| {
+                without.wrong_at_s[kind].iter().any(|other_s| (*at_s - other_s).abs() < SAME_STATE_S)
+            };
+            self.wrong_without[kind] = self.wrong_at_s[kind].iter().filter(is_wrong_without).count() as u64;
         }
     }
 
@@ -88,10 +87,35 @@ impl Outcome {
         self.noticed_s.extend(&other.noticed_s);
         self.back_s.extend(&other.back_s);
         self.lifts_too_many += other.lifts_too_many;
-        for (sum, count) in self.wrong.iter_mut().zip(other.wrong) {
+        let counts = other.wrong.into_iter().chain(other.wrong_without);
+        for (sum, count) in self.wrong.iter_mut().chain(&mut self.wrong_without).zip(counts) {
             *sum += count;
         }
     }
+}
+
+/// Whether a state has a wrong value reported as valid: mass, a joint's torque, centre of pressure.
+fn wrong_values(snapshot: &Snapshot) -> [bool; 3] {
+    let (state, truth) = (snapshot.state, snapshot.truth());
+    let valid = state.validity();
+    let off_kg = (state.lifted_mass_kg - snapshot.worker.sample(snapshot.time_s).load_kg).abs();
+    let bound_kg = WRONG_KG.max(WRONG_SIGMAS * state.lifted_mass_sigma_kg);
+    let is_joint_wrong = |joint: usize| {
+        let off_nm = Vector3::from(state.torque_nm[joint]) - truth.overload_in_motion_nm[joint];
+        let [xx, xy, yy] = state.torque_covariance_nm2[joint];
+        let deviation = Matrix2::new(xx, xy, xy, yy)
+            .try_inverse()
+            .map_or(f64::INFINITY, |inverse| off_nm.xy().dot(&(inverse * off_nm.xy())).sqrt());
+        exceeds(off_nm.norm(), WRONG_NM) && exceeds(deviation, WRONG_SIGMAS)
+    };
+    let off_m = (Vector2::from(state.cop_estimated_m) - truth.cop_without_load_in_motion_m).norm();
+    let bound_m = WRONG_M.max(WRONG_SIGMAS * state.cop_sigma_m[0].hypot(state.cop_sigma_m[1]));
+    let withholds_cop = Validity::INVALIDATES_COP_ESTIMATED.and(Validity::NOT_IDENTIFIED);
+    [
+        !valid.any_of(Validity::INVALIDATES_LIFTED_MASS) && exceeds(off_kg, bound_kg),
+        publishes_torques(state) && (0..state.torque_nm.len()).any(is_joint_wrong),
+        !valid.any_of(withholds_cop) && exceeds(off_m, bound_m),
+    ]
 }
 
 /// Whether an error is larger than a bound; one that is not a number is.
@@ -124,12 +148,22 @@ fn one(session: &mut Session, movements: &mut Movements, fault: Fault, random: &
     }
     let [begins_s, ends_s] = session.fail(fault, random.between(BEFORE_S[0], BEFORE_S[1]));
     movements.work(session, begins_s - session.now_s(), |_| false);
+    let (mut twin, mut same_movements) = (session.clone(), movements.clone());
     let mut outcome = Outcome { times: 1, ..Outcome::default() };
     session.record_outputs();
-    movements.work(session, ends_s + AFTER_S - session.now_s(), |snapshot| {
-        outcome.add(snapshot);
-        false
-    });
+    let observe = |session: &mut Session, movements: &mut Movements, outcome: &mut Outcome| {
+        movements.work(session, ends_s + AFTER_S - session.now_s(), |snapshot| {
+            outcome.add(snapshot);
+            false
+        });
+    };
+    observe(session, movements, &mut outcome);
+    if outcome.wrong != [0; 3] {
+        let mut without = Outcome::default();
+        twin.fail(Fault::None, 0.0);
+        observe(&mut twin, &mut same_movements, &mut without);
+        outcome.compare_with(&without);
+    }
     let outputs = session.take_outputs();
     outputs.iter().for_each(|output| outcome.tally.add_output(output));
     let first = outputs.iter().find(|output| output.validity.any_of(REASONS));
@@ -161,6 +195,9 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "valid but wrong: mass",
             "torque",
             "CoP",
+            "also without the fault: mass",
+            "torque",
+            "CoP",
             "of states",
             "excess lifts",
             "median recovery s",
@@ -184,6 +221,9 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             sum.wrong[0].into(),
             sum.wrong[1].into(),
             sum.wrong[2].into(),
+            sum.wrong_without[0].into(),
+            sum.wrong_without[1].into(),
+            sum.wrong_without[2].into(),
             sum.states.into(),
             sum.lifts_too_many.to_string().as_str().into(),
             median(&sum.back_s).into(),
@@ -196,6 +236,7 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
     table.note(
         "wrong: states beyond 4 sigma and 3 kg, 10 N m or 30 mm, from the start of the fault to 1 s after its end",
     );
+    table.note("also without the fault: those of them that are wrong in the same motion with the same noise and no fault");
     vec![table]
 }
 

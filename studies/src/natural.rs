@@ -66,6 +66,7 @@ pub struct SessionResult {
 }
 
 /// Draws natural movements: each has its own amplitude, and none comes to rest.
+#[derive(Clone)]
 pub struct Movements {
     random: Random,
     index: usize,

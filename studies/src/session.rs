@@ -45,7 +45,7 @@ impl Snapshot<'_> {
 }
 
 /// A subject, the sensors, and the estimator's memory.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Session {
     subject: Subject,
     settings: Settings,
