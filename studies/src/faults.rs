@@ -195,9 +195,9 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
             "valid but wrong: mass",
             "torque",
             "CoP",
-            "also without the fault: mass",
-            "torque",
-            "CoP",
+            "mass without the fault",
+            "torque without the fault",
+            "CoP without the fault",
             "of states",
             "excess lifts",
             "median recovery s",
@@ -236,7 +236,9 @@ pub fn study(cohort: &Cohort) -> Vec<Table> {
     table.note(
         "wrong: states beyond 4 sigma and 3 kg, 10 N m or 30 mm, from the start of the fault to 1 s after its end",
     );
-    table.note("also without the fault: those of them that are wrong in the same motion with the same noise and no fault");
+    table.note(
+        "without the fault: those of them that are wrong in the same motion with the same noise and no fault",
+    );
     vec![table]
 }
 
