@@ -151,7 +151,10 @@ pub fn run_ground(
             sample.published_ns = now_monotonic_ns();
             publisher.send(sample)?;
         }
-        if !samples.is_empty() {
+        if samples.is_empty() {
+            // A subscriber that joins a silent plate receives its last sample.
+            publisher.update_connections()?;
+        } else {
             wake.notify(Event::NewGround)?;
         }
         let note = source.note();
@@ -167,9 +170,7 @@ pub fn run_ground(
             report_fault(current.as_deref());
             reported = current;
         }
-        if health.publish_if_due(|| source.health())? {
-            publisher.update_connections()?;
-        }
+        health.publish_if_due(|| source.health())?;
     }
     Ok(())
 }

@@ -52,6 +52,8 @@ pub struct Loop {
     checkpointed: IdentificationProgress,
     /// Number of the worker in `memory`.
     worker: u64,
+    /// Number of the reload whose settings are in use; 0 for those of the start.
+    settings_number: u64,
     /// Time of the last copy of the persistent state in `memory`.
     copied_ns: u64,
     /// A copy is due and is made once a free one is available.
@@ -95,6 +97,7 @@ impl Loop {
             checkpoint_due: true,
             checkpointed,
             worker,
+            settings_number: 0,
             copied_ns: 0,
             copy_due: false,
         };
@@ -214,6 +217,7 @@ impl Loop {
             && let Ok((number, mut settings)) = self.ends.settings.pop()
         {
             std::mem::swap(&mut self.settings, &mut *settings);
+            self.settings_number = number;
             let _ = self.ends.returned_settings.push(settings);
             self.record.command_argument[0] = number as f64;
             return Some(CommandKind::Reload);
@@ -257,6 +261,7 @@ impl Loop {
             && let Ok(mut checkpoint) = self.ends.free_checkpoints.pop()
         {
             checkpoint.take(cycle, &self.memory);
+            checkpoint.settings_number = self.settings_number;
             self.checkpoint_due = false;
             self.checkpointed = worker;
             // Cannot fail: the ring has as many slots as there are boxes.

@@ -185,7 +185,7 @@ impl Tap {
         let pictures = Pictures::announce(&mut recorder, pictures_hz)?;
         let (newest_ns, station) = (header.started_monotonic_ns, self.station.clone());
         let subject = facts.subject;
-        Ok(Sink { recorder, pictures, newest_ns, station, subject, instance, daemons })
+        Ok(Sink { recorder, pictures, newest_ns, station, subject, settings_number: 0, instance, daemons })
     }
 
     /// Records into a new file, the successor of `previous`, until `ending` returns true, or up to the first message of
@@ -277,6 +277,8 @@ struct Sink {
     station: String,
     /// The subject whose profile is already in the file.
     subject: String,
+    /// Number of the reload whose configuration was stored last; 0 for none.
+    settings_number: u64,
     instance: (u32, u64),
     daemons: Daemons,
 }
@@ -293,16 +295,16 @@ impl Sink {
         Ok(self.recorder.write(time_ns, message)?)
     }
 
-    /// Stores the configuration of a reload if the status still contains it: the status is written before the loop
-    /// applies the reload.
-    fn record_reload(&mut self, record: &CycleRecord) -> anyhow::Result<()> {
-        if record.command != CommandKind::Reload as u32 {
+    /// Stores the configuration of a reload, once, if the status still contains it: the status is written before the
+    /// loop applies the reload.
+    fn record_reload(&mut self, time_ns: u64, number: u64) -> anyhow::Result<()> {
+        if number == 0 || number == self.settings_number {
             return Ok(());
         }
-        let number = record.command_argument[0] as u64;
-        if let Some(facts) = self.status().filter(|facts| facts.reload == number && number > 0) {
+        if let Some(facts) = self.status().filter(|facts| facts.reload == number) {
             let reloaded = Reloaded { config_toml: recorded_config(&facts)?, model_toml: facts.model_toml };
-            self.recorder.add_reload(record.due_ns, number, &reloaded)?;
+            self.recorder.add_reload(time_ns, number, &reloaded)?;
+            self.settings_number = number;
         }
         Ok(())
     }

@@ -181,17 +181,18 @@ fn difference(stream: Stream, own: toml::Value, of_daemon: toml::Value) -> Optio
     match (stream, is_external) {
         // The daemon uses no key that describes the suit's device.
         (Stream::Suit, true) => None,
-        (Stream::Ground, true) => (without_source(own) != without_source(of_daemon)).then_some(
+        (Stream::Ground, true) => (without_devices(own) != without_devices(of_daemon)).then_some(
             "equipoise runs with the same [ground], except source = \"external\", or with --sensors-apart and this file",
         ),
         (_, false) => (own != of_daemon).then_some("equipoise is restarted"),
     }
 }
 
-/// A section without its `source`.
-fn without_source(mut section: toml::Value) -> toml::Value {
+/// A section without its `source` and `second`, which a daemon with an external ground cannot have.
+fn without_devices(mut section: toml::Value) -> toml::Value {
     if let Some(keys) = section.as_table_mut() {
         keys.remove("source");
+        keys.remove("second");
     }
     section
 }

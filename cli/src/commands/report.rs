@@ -121,9 +121,8 @@ fn configuration(input: &Input, arguments: &Arguments) -> anyhow::Result<Chosen>
     let has_subject = arguments.files.len() > 1 && arguments.config.is_some();
     if has_subject
         && let Input::Recording(_) = input
-        && let Ok(own) = input.configuration(None)
     {
-        chosen.config.subject = own.config.subject;
+        chosen.config.subject = input.configuration(None)?.config.subject;
         chosen.origin += ", with the recording's own [subject]";
     }
     Ok(chosen)

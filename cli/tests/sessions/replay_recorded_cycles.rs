@@ -64,7 +64,7 @@ pub(crate) fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) ->
 
 /// The same on a plate that was tared before.
 pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
-    let mut settings = config().settings();
+    let (mut settings, mut settings_number) = (config().settings(), 0);
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&settings);
     memory.resume_tare(tare);
@@ -127,6 +127,7 @@ pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64,
         if command == Some(CommandKind::Reload) {
             settings = Config::parse(&reloaded_toml(), "test").unwrap().settings();
             record.command_argument[0] = RELOAD as f64;
+            settings_number = RELOAD;
         }
         let inputs = Inputs { suit: &suit, ground: &ground, body: None, command };
         live.states.push(*step(&settings, &mut memory, Tick { cycle, due_ns }, inputs));
@@ -136,6 +137,7 @@ pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64,
         if checkpoint_after.contains(&cycle) {
             let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
             checkpoint.take(cycle, &memory);
+            checkpoint.settings_number = settings_number;
             live.checkpoints.push(checkpoint);
         }
     }
@@ -321,6 +323,22 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
     assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
     assert_eq!(states.last().unwrap().cycle, 899);
     assert!(!summary.is_complete() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
+}
+
+#[test]
+fn a_reload_whose_cycle_record_is_missing_is_found_in_the_next_checkpoint() {
+    let mut live = live(&[101, 1000], &[(900, CommandKind::Reload)]);
+    live.cycles.drain(895..905);
+    live.reloads.push((RELOAD, Reloaded { config_toml: reloaded_toml(), ..Reloaded::default() }));
+    let (summary, _) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.reloads, fidelity.resumed, fidelity.states_differing), (1, 1, 0), "{summary}");
+    assert!(fidelity.states_compared > 1200, "{summary}");
+
+    live.reloads.clear();
+    let (summary, _) = live.replay().unwrap();
+    let fidelity = summary.fidelity.clone().unwrap();
+    assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(1000), 0), "{summary}");
 }
 
 #[test]

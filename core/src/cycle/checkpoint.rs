@@ -9,12 +9,14 @@ const _: () = assert!(size_of::<Memory>() == 8 * WORDS, "the memory is whole wor
 
 message! {
     /// A copy of the loop's memory after one cycle. Opaque: only the version that wrote it reads it.
-    as "equipoise/Checkpoint/1", 1028928 bytes,
+    as "equipoise/Checkpoint/1", 1028936 bytes,
     pub struct Checkpoint {
         /// The cycle after which it was taken.
         pub cycle: u64,
         /// `core::cycle::memory::MEMORY_VERSION`.
         pub memory_version: u64,
+        /// Number of the reload whose settings the loop uses; 0 for those of the daemon's start.
+        pub settings_number: u64,
         /// The bytes of `core::cycle::Memory`.
         pub words: [u64; WORDS],
     }

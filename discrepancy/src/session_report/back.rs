@@ -57,7 +57,8 @@ impl Back {
 
     /// Damage since the first state; `None` as long as there is no dose.
     pub fn added_damage(&self) -> Option<f64> {
-        Some(self.dose?[0] - self.damage_before?)
+        // A lift from before the period may have been removed (`subject undo-lift`).
+        Some((self.dose?[0] - self.damage_before?).max(0.0))
     }
 }
 

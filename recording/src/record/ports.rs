@@ -164,7 +164,9 @@ fn boxed<M: Topic>(message: &M) -> Box<M> {
 
 fn write_cycle(sink: &mut Sink, summary: &mut RecordSummary, record: &CycleRecord) -> anyhow::Result<()> {
     summary.cycles.ingest(record.cycle);
-    sink.record_reload(record)?;
+    if record.command == CommandKind::Reload as u32 {
+        sink.record_reload(record.due_ns, record.command_argument[0] as u64)?;
+    }
     sink.write(record.due_ns, record)
 }
 
@@ -185,6 +187,8 @@ fn write_checkpoint(
     checkpoint: &Checkpoint,
 ) -> anyhow::Result<()> {
     summary.checkpoints += 1;
+    // The record of the cycle that applied a reload may be lost.
+    sink.record_reload(sink.newest_ns, checkpoint.settings_number)?;
     // A checkpoint has no time stamp.
     sink.write(sink.newest_ns, checkpoint)
 }

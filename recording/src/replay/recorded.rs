@@ -41,6 +41,7 @@ pub(super) fn run(
         start,
         settings,
         subjects,
+        settings_number: None,
         exact: false,
         running: false,
         last: None,
@@ -66,6 +67,8 @@ struct Run<'a> {
     start: Start,
     settings: Option<&'a BTreeMap<u64, Settings>>,
     subjects: VecDeque<(u64, Settings)>,
+    /// Number of the reload whose settings are in use; `None` before the first checkpoint or reload.
+    settings_number: Option<u64>,
     /// Whether the memory equals the live loop's, byte for byte.
     exact: bool,
     running: bool,
@@ -90,6 +93,11 @@ impl Run<'_> {
         let complete = self.pop_samples(feed, record);
         let checkpoint = cycle.checkpoint.as_deref().filter(|_| self.start == Start::Checkpoint);
         let resume = checkpoint.and_then(Checkpoint::memory);
+        if let Some(checkpoint) = checkpoint.filter(|_| resume.is_some())
+            && !self.use_settings(checkpoint.settings_number, record.cycle)
+        {
+            return false;
+        }
         // From an empty memory, skip the first cycles, whose samples precede the recording.
         self.running |=
             self.start == Start::Empty && complete && !(self.suit.is_empty() && self.ground.is_empty());
@@ -172,21 +180,30 @@ impl Run<'_> {
 
     /// Applies the settings of a reload; returns false if they are not in the recording.
     fn reload(&mut self, record: &CycleRecord) -> bool {
-        let Some(settings) = self.settings.filter(|_| record.command == CommandKind::Reload as u32) else {
-            return true;
-        };
         // Number 0 only removes the similar subject's parameters, which a replay does not use.
-        match (record.command_argument[0] as u64, settings.get(&(record.command_argument[0] as u64))) {
-            (0, _) => {}
-            (_, Some(settings)) => {
-                self.machine.change_settings(settings);
-                self.fidelity.reloads += 1;
-            }
-            (_, None) => {
-                self.fidelity.unknown_settings_at = Some(record.cycle);
-                return false;
-            }
+        let number = record.command_argument[0] as u64;
+        if record.command != CommandKind::Reload as u32 || number == 0 {
+            return true;
         }
+        self.settings_number.get_or_insert(0);
+        self.use_settings(number, record.cycle)
+    }
+
+    /// Changes to the settings of a reload unless they are in use; returns false if they are not in the recording. The
+    /// first number is that of the header's configuration. A checkpoint reveals a reload whose cycle record is missing.
+    fn use_settings(&mut self, number: u64, cycle: u64) -> bool {
+        let Some(all) = self.settings else { return true };
+        let before = *self.settings_number.get_or_insert(number);
+        if before == number {
+            return true;
+        }
+        let Some(settings) = all.get(&number) else {
+            self.fidelity.unknown_settings_at = Some(cycle);
+            return false;
+        };
+        self.machine.change_settings(settings);
+        self.settings_number = Some(number);
+        self.fidelity.reloads += 1;
         true
     }
 
