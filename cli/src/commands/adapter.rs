@@ -263,6 +263,9 @@ mod tests {
         let of = |daemon: toml::Value| difference(Stream::Ground, own.clone(), daemon);
         assert_eq!(of(config("ati-rdt", "")), None);
         assert_eq!(of(config("external", "")), None);
+        let mut two_devices = own.clone();
+        two_devices.as_table_mut().unwrap().insert("second".to_owned(), toml::Table::new().into());
+        assert_eq!(difference(Stream::Ground, two_devices, config("external", "")), None);
         let moved = "[ground.frame]\nyaw_deg = 90.0\n";
         assert_eq!(of(config("ati-rdt", moved)), Some("equipoise is restarted"));
         for changed in [moved, "latency_ms = 5.0\n", "measures = \"reaction\"\n"] {
