@@ -354,7 +354,7 @@ impl Rig {
         let memory = self.resources.check_growth();
         self.failures.extend(memory.as_ref().err().map(|message| format!("memory: {message}")));
         println!(
-            "{} states checked, {:?} of them with suit and ground held up, {} not seen, {events} faults; {}; {} of {} descriptors\n{}",
+            "{} states checked, {:?} of them with delayed suit and ground samples, {} missed, {events} faults; {}; {} of {} descriptors\n{}",
             self.checker.states,
             self.checker.excluded,
             self.checker.missed,
