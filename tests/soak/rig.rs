@@ -86,7 +86,7 @@ impl Rig {
         let settings =
             BusSettings { station: NAME.to_owned(), role: "soak".to_owned(), root: station.root() };
         let bus = Bus::join(&settings).expect("the bus");
-        let states = bus.subscriber(1024).expect("a place for the states");
+        let states = bus.subscriber(1024).expect("a subscriber");
         let resources = Resources::of(daemon.id());
         Rig {
             checker: Checker::new(),
