@@ -15,7 +15,7 @@ FORCE_N, POINT_M, CENTRE_M, TORQUE_NM = 0.02, 1e-5, 1e-4, 0.01
 
 
 def instants(path):
-    """Columns of the states, one row per instant; null is NaN. Times in s since the begin of the recording."""
+    """Columns of the states, one row per instant; null is NaN. Times in s since the start of the recording."""
     table = pyarrow.parquet.read_table(path)
     started = int(table.schema.metadata[b"equipoise.started_monotonic_ns"])
     numbers = [field.name for field in table.schema if field.name not in ("phase_name", "valid_names")]

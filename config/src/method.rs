@@ -305,7 +305,7 @@ impl StaticPoseConfig {
         // A pose that is held counts once: its own variation must not make it a new one.
         if self.new_pose_deg < self.joint_deg {
             let what = format!(
-                "{} is less than joint_deg, {}, by which a joint of a held pose may vary: it would count several times",
+                "{} must be at least joint_deg ({}); otherwise one held pose is counted repeatedly",
                 self.new_pose_deg, self.joint_deg
             );
             return Err(("static_pose.new_pose_deg", what));

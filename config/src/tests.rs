@@ -127,10 +127,10 @@ fn each_receiver_of_datagrams_is_named_once_with_its_address() {
     assert!(Config::parse(&to("\"192.0.2.17:7411\", \"192.0.2.17:7412\""), "c.toml").is_ok());
     for address in ["192.0.2.17:0", "0.0.0.0:7411", "[::]:7411", "255.255.255.255:7411"] {
         let message = refusal(&to(&format!("\"{address}\"")));
-        assert!(message.contains(&format!("gateways.udp.to: {address} is no receiver")), "{message}");
+        assert!(message.contains(&format!("gateways.udp.to: {address} is not a unicast")), "{message}");
     }
     let message = refusal(&to("\"192.0.2.17:7411\", \"192.0.2.17:7411\""));
-    assert!(message.contains("gateways.udp.to: 192.0.2.17:7411 is named twice"), "{message}");
+    assert!(message.contains("gateways.udp.to: 192.0.2.17:7411 is listed twice"), "{message}");
 }
 
 #[test]

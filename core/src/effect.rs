@@ -303,7 +303,7 @@ impl Term {
 pub struct Model {
     /// The terms.
     pub terms: [Option<Term>; TERMS_MAX],
-    /// Time zero of the spans, CLOCK_MONOTONIC ns: the begin of the recording in which they were found; `None`: the
+    /// Time zero of the spans, CLOCK_MONOTONIC ns: the start of the recording in which they were found; `None`: the
     /// station's first snapshot.
     pub origin_ns: Option<u64>,
 }

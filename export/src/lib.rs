@@ -88,7 +88,7 @@ pub struct Export<'a> {
     pub topic: Topic,
     /// Format of the output.
     pub format: Format,
-    /// Begin and end, s since the begin of the recording; `None` for all of it.
+    /// Begin and end, s since the start of the recording; `None` for all of it.
     pub span_s: Option<[f64; 2]>,
     /// File or folder to write.
     pub out: &'a Path,

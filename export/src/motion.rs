@@ -28,7 +28,7 @@ pub(crate) struct Source<'a> {
     pub(crate) samples: &'a Recording,
     /// Whether a replay computed the states from the samples without the live loop's memory, so without its lag.
     pub(crate) is_replayed: bool,
-    /// Begin and end, s since the begin of the recording.
+    /// Begin and end, s since the start of the recording.
     pub(crate) span_s: Option<[f64; 2]>,
 }
 
@@ -120,7 +120,7 @@ impl<'a> Motion<'a> {
         self.moments.surface_z_m()
     }
 
-    /// Seconds since the begin of the recording.
+    /// Seconds since the start of the recording.
     pub(crate) fn time_s(&self, time_ns: u64) -> f64 {
         (time_ns as f64 - self.source.states.header().started_monotonic_ns as f64) / 1e9
     }

@@ -51,7 +51,7 @@ pub(crate) struct Job<'a> {
     pub(crate) recording: &'a Recording,
     pub(crate) topic: Topic,
     pub(crate) form: Form,
-    /// Begin and end, s since the begin of the recording.
+    /// Begin and end, s since the start of the recording.
     pub(crate) span_s: Option<[f64; 2]>,
     pub(crate) out: &'a Path,
 }

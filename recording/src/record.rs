@@ -24,7 +24,7 @@ use equipoise_adapters::clock::now_monotonic_ns;
 use equipoise_adapters::recording::{Predecessor, Recorded, Recorder, RecordingHeader, Reloaded};
 use equipoise_bus::{Bus, BusSettings, CommandClient};
 use equipoise_config::Config;
-use equipoise_core::message::{Command, CommandKind, CycleRecord};
+use equipoise_core::message::{Command, CommandKind};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
 use equipoise_station::DAEMON_ROLE;
 use equipoise_station::bus_directory::BusDirectory;

@@ -51,7 +51,7 @@ pub struct Replay<'a> {
     pub config: &'a Config,
     /// Whether `config` is the configuration of the recording. Only then are states compared with it.
     pub as_recorded: bool,
-    /// The span over which the loop's residual is summed, s since the begin of the recording; `None` for all of it.
+    /// The span over which the loop's residual is summed, s since the start of the recording; `None` for all of it.
     pub residual_s: Option<[f64; 2]>,
 }
 

@@ -86,7 +86,7 @@ impl Rig {
         let settings =
             BusSettings { station: NAME.to_owned(), role: "soak".to_owned(), root: station.root() };
         let bus = Bus::join(&settings).expect("the bus");
-        let states = bus.subscriber(1024).expect("a place for the states");
+        let states = bus.subscriber(1024).expect("a subscriber");
         let resources = Resources::of(daemon.id());
         Rig {
             checker: Checker::new(),
@@ -354,7 +354,7 @@ impl Rig {
         let memory = self.resources.check_growth();
         self.failures.extend(memory.as_ref().err().map(|message| format!("memory: {message}")));
         println!(
-            "{} states checked, {:?} of them with suit and ground held up, {} not seen, {events} faults; {}; {} of {} descriptors\n{}",
+            "{} states checked, {:?} of them with delayed suit and ground samples, {} missed, {events} faults; {}; {} of {} descriptors\n{}",
             self.checker.states,
             self.checker.excluded,
             self.checker.missed,

@@ -145,7 +145,7 @@ fn keep_busy(
     while watch.armed_cycles() < ARMED_CYCLES || !activity.is_complete() {
         assert!(
             started.elapsed() < Duration::from_secs(600),
-            "too slow, or something is never done: {activity:?}"
+            "timeout: an activity did not occur: {activity:?}"
         );
         drop(bus.subscriber::<State>(8).expect("a passing subscriber"));
         while let Some(state) = subscriber.receive().expect("the bus") {

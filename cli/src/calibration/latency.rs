@@ -47,7 +47,8 @@ pub fn settings_to_change(config: &Config, before: Latencies, after: Latencies) 
     }
 }
 
-/// Advice if another process reads the late sensor: its file dates the samples, and the daemon's the expected arrival.
+/// Advice if another process reads the late sensor: the adapter's latency_ms corrects timestamps; the daemon's sets the
+/// expected arrival.
 pub fn external_setting(config: &Config, before: Latencies, after: Latencies) -> Option<String> {
     let (table, ms) = after.changed(before)?;
     let (external, more_ms) = match table {
@@ -56,8 +57,8 @@ pub fn external_setting(config: &Config, before: Latencies, after: Latencies) ->
     };
     external.then(|| {
         format!(
-            "add {more_ms} to [{table}] latency_ms in the file of the process that reads the {table} and in the daemon's, \
-             and restart both"
+            "add {more_ms} to [{table}] latency_ms in the configurations of the {table} adapter and the daemon, and \
+             restart both"
         )
     })
 }

@@ -23,7 +23,7 @@ const CHECK_INTERVAL: Duration = Duration::from_millis(500);
 ///
 /// SIGHUP reads the configuration again and reopens the sensor. While a daemon runs with another [suit] or [ground], the
 /// adapter keeps that of the daemon, or publishes nothing. A daemon with source = "external" in [ground] must have the
-/// other keys of this file. With source = "external" in this file it ends at once.
+/// same remaining [ground] keys as this file. With source = "external" in this file the adapter exits immediately.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example: equipoise adapter suit --config /etc/equipoise/equipoise.toml")]
 pub(super) struct Arguments {
@@ -170,7 +170,7 @@ fn differs_from_daemon(stream: Stream, config: &Config) -> Option<String> {
     let remedy = difference(stream, config.section(name)?, section)?;
     Some(format!(
         "[{name}] in this adapter's file differs from that of the running daemon of station {station}: nothing is \
-         published until {remedy}"
+         published. {remedy}"
     ))
 }
 
@@ -182,9 +182,10 @@ fn difference(stream: Stream, own: toml::Value, of_daemon: toml::Value) -> Optio
         // The daemon uses no key that describes the suit's device.
         (Stream::Suit, true) => None,
         (Stream::Ground, true) => (without_devices(own) != without_devices(of_daemon)).then_some(
-            "equipoise runs with the same [ground], except source = \"external\", or with --sensors-apart and this file",
+            "Restart equipoise with this file's [ground] keys and source = \"external\", or with this file and \
+             --sensors-apart",
         ),
-        (_, false) => (own != of_daemon).then_some("equipoise is restarted"),
+        (_, false) => (own != of_daemon).then_some("Restart equipoise with this file"),
     }
 }
 
@@ -267,7 +268,7 @@ mod tests {
         two_devices.as_table_mut().unwrap().insert("second".to_owned(), toml::Table::new().into());
         assert_eq!(difference(Stream::Ground, two_devices, config("external", "")), None);
         let moved = "[ground.frame]\nyaw_deg = 90.0\n";
-        assert_eq!(of(config("ati-rdt", moved)), Some("equipoise is restarted"));
+        assert_eq!(of(config("ati-rdt", moved)), Some("Restart equipoise with this file"));
         for changed in [moved, "latency_ms = 5.0\n", "measures = \"reaction\"\n"] {
             assert!(
                 of(config("external", changed)).is_some_and(|remedy| remedy.contains("external")),

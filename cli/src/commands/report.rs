@@ -119,9 +119,7 @@ fn read(file: &Path, arguments: &Arguments) -> anyhow::Result<(Facts, bool)> {
 fn configuration(input: &Input, arguments: &Arguments) -> anyhow::Result<Chosen> {
     let mut chosen = input.configuration(arguments.config.as_deref())?;
     let has_subject = arguments.files.len() > 1 && arguments.config.is_some();
-    if has_subject
-        && let Input::Recording(_) = input
-    {
+    if has_subject && let Input::Recording(_) = input {
         chosen.config.subject = input.configuration(None)?.config.subject;
         chosen.origin += ", with the recording's own [subject]";
     }

@@ -285,8 +285,8 @@ mod tests {
         assert!(advice(-30.0, 2.1, set).unwrap().ends_with("set [ground] latency_ms = 31.5"));
         assert!(advice(-30.0, 2.1, None).unwrap().ends_with("add 30 to [ground] latency_ms"));
         let external = config([20.0, 1.5], "external", "");
-        let message = "add 12 to [suit] latency_ms in the file of the process that reads the suit and in the daemon's, \
-                       and restart both";
+        let message = "add 12 to [suit] latency_ms in the configurations of the suit adapter and the daemon, and \
+                       restart both";
         assert!(advice(12.2, 2.1, Some(&external)).unwrap().ends_with(message));
         let two = config(
             [0.0, 1.5],

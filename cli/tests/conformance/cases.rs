@@ -74,7 +74,7 @@ impl Case {
 const NOTHING: Faults =
     Faults { loss: 0.0, reorder: 0.0, duplicate: 0.0, corrupt: 0.0, truncate: 0.0, garbage: 0.0, chop: 0.0 };
 
-const NO_COUNT: &str = "The device sends no counter: only the times of the other samples show a loss.";
+const NO_COUNT: &str = "The device sends no counter: loss is inferred from sample times.";
 const HOST_POLLS: &str = "The adapter requests each block, and repeats the request without a response.";
 const NO_FRAMES: &str = "Blocks have no header, counter or checksum: only a wrong length is detected.";
 const MANY_DATAGRAMS: &str =

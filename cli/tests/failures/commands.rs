@@ -119,8 +119,8 @@ fn counts_and_incidents_reach_a_new_subscriber_before_the_next_are_published() {
         Bus::join(&settings).expect("the bus")
     };
     let (before, after) = (bus("before"), bus("after"));
-    let mut earlier_health = before.subscriber::<AdapterHealth>(16).expect("a place for the counts");
-    let mut earlier_board = before.subscriber::<Incidents>(8).expect("a place for the incidents");
+    let mut earlier_health = before.subscriber::<AdapterHealth>(16).expect("a subscriber");
+    let mut earlier_board = before.subscriber::<Incidents>(8).expect("a subscriber");
     // Publication times of the newest messages: suit, ground, incidents.
     let mut newest_ns = [0; 3];
     let mut update = move || {
@@ -136,8 +136,8 @@ fn counts_and_incidents_reach_a_new_subscriber_before_the_next_are_published() {
     // Repeated if a message is published meanwhile.
     wait_for("the same messages at a new subscriber", || {
         let expected_ns = update();
-        let mut health = after.subscriber::<AdapterHealth>(16).expect("a place for the counts");
-        let mut board = after.subscriber::<Incidents>(8).expect("a place for the incidents");
+        let mut health = after.subscriber::<AdapterHealth>(16).expect("a subscriber");
+        let mut board = after.subscriber::<Incidents>(8).expect("a subscriber");
         let mut received_ns = [0; 3];
         while received_ns != expected_ns && update() == expected_ns {
             while let Some(health) = health.receive().expect("the bus") {

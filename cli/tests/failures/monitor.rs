@@ -32,9 +32,9 @@ impl Monitor {
             BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
         let bus = Bus::join(&settings).expect("the bus");
         Monitor {
-            states: bus.subscriber(256).expect("a place for the states"),
-            health: bus.subscriber(16).expect("a place for the counts"),
-            incidents: bus.subscriber(1).expect("a place for the incidents"),
+            states: bus.subscriber(256).expect("a subscriber"),
+            health: bus.subscriber(16).expect("a subscriber"),
+            incidents: bus.subscriber(1).expect("a subscriber"),
             board: Incidents::zeroed(),
             state: State::zeroed(),
             adapters: [AdapterHealth::zeroed(); 2],

@@ -18,7 +18,7 @@ fn a_daemon_that_was_stopped_for_a_second_accounts_for_every_slot() {
     let mut daemon = station.daemon(&station.configuration());
     let settings = BusSettings { station: NAME.to_owned(), role: "test".to_owned(), root: station.root() };
     let bus = Bus::join(&settings).expect("the bus");
-    let mut records = bus.subscriber::<CycleRecord>(1024).expect("a place for the records");
+    let mut records = bus.subscriber::<CycleRecord>(1024).expect("a subscriber");
     let mut first: Option<CycleRecord> = None;
     let mut late = Vec::new();
     let mut newest_record = |late: &mut Vec<CycleRecord>| {

@@ -321,7 +321,7 @@ fn sessions_are_compared_with_uncertainties_or_reasons() {
         ("lifts", "1", "1"),
         ("mass of a lift, mean", "12.00 ± 0.30 kg", "12.00 ± 0.30 kg"),
         ("mass of a lift, largest", "12.00 ± 0.30 kg", "12.00 ± 0.30 kg"),
-        ("lifts above the weight limit", "1 of 1", withheld("no valid place of a load").as_str()),
+        ("lifts above the weight limit", "1 of 1", withheld("no valid load position").as_str()),
         (
             "largest lifting index",
             "1.04 ± 0.03, at t = 0.0 s",

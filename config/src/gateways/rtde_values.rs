@@ -30,8 +30,7 @@ pub enum Value {
     Sequence,
     /// 0: not written yet; 1: there is a current state; otherwise the reason why there is none, see the table below.
     State,
-    /// Number of the daemon's starts, from 1 after each start of the gateway; without a state that of the last one, 0 before
-    /// any.
+    /// Daemon starts counted by this gateway, from 1; 0 before the first state. Without a state, the last value.
     DaemonLife,
     /// The 31 lower bits of `State::valid`; −1 without a state.
     Valid,
@@ -98,7 +97,7 @@ const LIFTED: Option<Validity> = Some(Validity::INVALIDATES_LIFTED_MASS);
 const ROWS: [Row; 25] = [
     (Value::Sequence, "sequence", true, None, "increments with each package, 1 to 2³¹ − 1, then 1 again; 0: not written yet"),
     (Value::State, "state", true, None, "1: there is a current state; 0: not written yet; otherwise there is none: 2 silent, 3 stale, 4 other_clock, 5 bus"),
-    (Value::DaemonLife, "daemon_life", true, None, "increments when the daemon restarts (sums restart), not with another subject (`model_changed` in `valid`); 0: no daemon yet; 1 again after a restart of the gateway"),
+    (Value::DaemonLife, "daemon_life", true, None, "daemon starts counted by this gateway, from 1 (sums restart; another subject: `model_changed` in `valid`); 0 before the first state; without a state, the last value"),
     (Value::Valid, "valid", true, None, "invalid reasons (bits); −1 without a state"),
     (Value::Usable, "usable", true, None, "groups of valid values (bits); 0 without a state"),
     (Value::Unavailable, "unavailable", true, None, "quantities that the station's sensors do not provide (bits)"),

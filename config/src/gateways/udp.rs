@@ -29,13 +29,14 @@ impl UdpConfig {
         for (index, address) in self.to.iter().enumerate() {
             let is_broadcast = matches!(address.ip(), IpAddr::V4(ip) if ip.is_broadcast());
             if address.port() == 0 || address.ip().is_unspecified() || is_broadcast {
-                let what = format!("{address} is no receiver: name its own address and port");
+                let what = format!(
+                    "{address} is not a unicast address with a non-zero port; set the receiver's address and port"
+                );
                 return Err(("gateways.udp.to", what));
             }
             if self.to[..index].contains(address) {
                 let what = format!(
-                    "{address} is named twice: its receiver would count every second datagram as old, which means a second \
-                     sender"
+                    "{address} is listed twice; the receiver would report a second sender. Remove the duplicate."
                 );
                 return Err(("gateways.udp.to", what));
             }

@@ -225,7 +225,7 @@ fn kistler(
     z_down::check_kistler(ground)?;
     for (name, metres) in [("a_m", config.a_m), ("b_m", config.b_m)] {
         if !SENSOR_DISTANCES_M.contains(&metres) {
-            let what = format!("{metres} is not from 0.01 to 2 m, as a and b of a plate's sheet are");
+            let what = format!("{metres} must be 0.01 to 2 m; enter the data sheet's a and b in metres");
             return Err(DescriptionError::new(format!("ground.channels.kistler.{name}"), what));
         }
     }

@@ -146,7 +146,7 @@ impl ModulusConfig {
         if modulus <= most {
             return Ok(modulus);
         }
-        let what = format!("its {bits} bits wrap at {most}; leave a larger modulus out");
+        let what = format!("a {bits}-bit counter wraps at {most}; omit `modulus` or reduce it");
         Err(DescriptionError::new(key, what))
     }
 }

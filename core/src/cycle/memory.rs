@@ -24,7 +24,7 @@ use crate::static_pose::Window;
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
 pub const MEMORY_VERSION: u64 = 22;
 
-/// The loop's state between two steps. About 953 kB: allocate it in a `Box`.
+/// The loop's state between two steps. About 1.03 MB: allocate it in a `Box`.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 pub struct Memory {

@@ -11,7 +11,7 @@ use crate::constants::{BODY_INTERVAL_S, BODY_POSITIONS_MAX};
 /// The body at one time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyPosition {
-    /// Time since the begin of the recording, s.
+    /// Time since the start of the recording, s.
     pub time_s: f64,
     /// Segment origins, world, m.
     pub origin_m: [[f64; 3]; SEGMENTS],

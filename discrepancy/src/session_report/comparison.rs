@@ -106,7 +106,7 @@ fn origin(rows: &mut Rows<'_>) {
     let columns = rows.columns;
     rows.add("recording", |column| code(column.facts.name.as_str()));
     rows.add("station", |column| code(column.facts.config.station.as_str()));
-    rows.add("begin of the recording", |column| begin(column.facts).into());
+    rows.add("start of the recording", |column| begin(column.facts).into());
     rows.add("time", |column| {
         let [from_s, to_s] = column.period.span_s.unwrap_or_default();
         format!("{}, from t = {from_s:.1} s", length(to_s - from_s)).into()
@@ -154,7 +154,7 @@ fn lifts(rows: &mut Rows<'_>) {
         let above = excesses.iter().filter(|excess| **excess > 1.0).count();
         match excesses.is_empty() {
             false => format!("{above} of {}", excesses.len()).into(),
-            true => no_lift(column, "no valid place of a load", Validity::INVALIDATES_LOW_BACK),
+            true => no_lift(column, "no valid load position", Validity::INVALIDATES_LOW_BACK),
         }
     });
     rows.add("largest lifting index", |column| {
@@ -163,7 +163,7 @@ fn lifts(rows: &mut Rows<'_>) {
             lifts.filter_map(|lift| Some((lift.index()?, lift.mass_sigma_kg? / lift.limit_kg?, lift.from_s)));
         match indices.max_by(|a, b| a.0.total_cmp(&b.0)) {
             Some((index, sigma, from_s)) => format!("{index:.2} ± {sigma:.2}, at t = {from_s:.1} s").into(),
-            None if column.period.lifts.lifts.is_empty() => "no lift ended".into(),
+            None if column.period.lifts.lifts.is_empty() => "no completed lift".into(),
             None => "no lift with a valid mass within the range of the equation".into(),
         }
     });
@@ -282,7 +282,7 @@ fn masses(column: &Column<'_>) -> Vec<[f64; 2]> {
 
 fn no_lift(column: &Column<'_>, what: &str, invalidating: Validity) -> Text {
     match column.period.lifts.lifts.is_empty() {
-        true => "no lift ended".into(),
+        true => "no completed lift".into(),
         false => because(column, what, invalidating),
     }
 }

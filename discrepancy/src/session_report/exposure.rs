@@ -14,7 +14,7 @@ pub const LEVELS: usize = 6;
 /// The closest approach of a joint to its limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Peak {
-    /// Time since the begin of the recording, s.
+    /// Time since the start of the recording, s.
     pub time_s: f64,
     /// Magnitude of the overload torque, N m.
     pub torque_nm: f64,
@@ -65,7 +65,7 @@ pub struct Exposure {
     pub highest_level_s: [f64; LEVELS],
     /// Duration of valid torques, s.
     pub valid_s: f64,
-    /// Intervals of `COLUMN_S` by their number since the begin of the recording.
+    /// Intervals of `COLUMN_S` by their number since the start of the recording.
     pub columns: Vec<(i64, Column)>,
 }
 

@@ -50,7 +50,7 @@ pub struct Facts {
     pub periods: Vec<Period>,
     /// Number of states.
     pub cycles: u64,
-    /// Times of the first and last state, s since the begin of the recording.
+    /// Times of the first and last state, s since the start of the recording.
     pub span_s: Option<[f64; 2]>,
     /// Progress of the identification.
     pub identification: Identification,

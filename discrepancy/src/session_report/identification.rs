@@ -8,7 +8,7 @@ use equipoise_core::pose_suggestion::library::LIBRARY;
 pub struct Pose {
     /// Number of poses used.
     pub poses: u32,
-    /// Time of the last of them, s since the begin of the recording.
+    /// Time of the last of them, s since the start of the recording.
     pub time_s: f64,
     /// The pose suggested just before.
     pub requested: Option<&'static str>,
@@ -25,12 +25,12 @@ pub struct Pose {
 pub struct Identification {
     /// The model before the first pose of this recording, then one row for each pose.
     pub poses: Vec<Pose>,
-    /// Time at which the identification ended, s; the begin of the recording if it ended before; `None` while it is open
+    /// Time at which the identification ended, s; the start of the recording if it ended before; `None` while it is open
     /// or was opened again.
     pub converged_s: Option<f64>,
     /// Whether a command, not the stop rule, ended it.
     pub stopped: bool,
-    /// Whether the subject was identified at the begin of the recording or when loaded.
+    /// Whether the subject was identified at the start of the recording or when loaded.
     pub identified_before: bool,
     /// Number of resets in the recording.
     pub resets: u32,

@@ -8,7 +8,7 @@ use super::niosh::{Grasp, weight_limit_kg};
 /// One lift. Mass and reach are means over the time in which they were valid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lift {
-    /// Time of the first valid mass, s since the begin of the recording; the end of the lift if there was none.
+    /// Time of the first valid mass, s since the start of the recording; the end of the lift if there was none.
     pub from_s: f64,
     /// Time of the last valid mass, s.
     pub to_s: f64,

@@ -22,7 +22,7 @@ pub enum Cause {
 /// Exposure, lifts and low back of one worker in one shift.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Period {
-    /// Why it began; `None` for the begin of the recording.
+    /// Why it began; `None` for the start of the recording.
     pub cause: Option<Cause>,
     /// Pseudonym of the worker; `None` if unnamed.
     pub subject: Option<String>,

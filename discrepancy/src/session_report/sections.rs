@@ -100,7 +100,7 @@ fn several(facts: &Facts) -> Option<String> {
     })
 }
 
-/// Time of a period's first state, s since the begin of the recording.
+/// Time of a period's first state, s since the start of the recording.
 fn begin_s(period: &Period) -> f64 {
     period.span_s.unwrap_or_default()[0]
 }

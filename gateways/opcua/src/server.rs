@@ -66,9 +66,8 @@ impl Server {
             .build()
             .map_err(|what| anyhow::anyhow!("the OPC UA server cannot be built: {what}"))?;
         let node_manager = handle.node_managers().get_of_type::<StationNodeManager>();
-        let node_manager = node_manager.context("the OPC UA server has lost its nodes")?;
-        let namespace =
-            handle.get_namespace_index(NAMESPACE).context("the OPC UA server has lost its namespace")?;
+        let node_manager = node_manager.context("OPC UA node manager not found")?;
+        let namespace = handle.get_namespace_index(NAMESPACE).context("OPC UA namespace not found")?;
         let nodes = build(&mut node_manager.address_space().write(), namespace, station);
         drop(within);
         Ok(Server { handle, node_manager, nodes, address, inner: Some((runtime, inner, listener)) })

@@ -361,31 +361,31 @@ async fn come_and_go(station: &Station, items: usize, deletes: bool) {
 
 /// A session with 4000 items, next to clients that come and go and leave 1000 each.
 async fn live_while_others_leave(station: &Station, leave: &[bool]) -> Arc<Session> {
-    let living = station.plain().await.unwrap();
+    let active = station.plain().await.unwrap();
     for _ in 0..4 {
-        subscribe(&living, 1000).await;
+        subscribe(&active, 1000).await;
     }
     for deletes in leave {
         come_and_go(station, 1000, *deletes).await;
-        assert_eq!(read(&living, "Lifts").await.status(), StatusCode::BadWaitingForInitialData);
+        assert_eq!(read(&active, "Lifts").await.status(), StatusCode::BadWaitingForInitialData);
     }
-    living
+    active
 }
 
 #[test]
-fn what_lives_does_not_end_the_server() {
+fn active_sessions_do_not_terminate_the_server() {
     let (send, ended) = crossbeam_channel::bounded(1);
     let mut station = Station::with("", move |what| send.send(what).unwrap());
     run(async {
         let leave = [true, false, true, false, true, false, true, false];
-        let living = live_while_others_leave(&station, &leave).await;
+        let active = live_while_others_leave(&station, &leave).await;
         // Longer than the session time-out and several counting intervals: 12 000 items, of which 4 000 belong to a
         // live session.
-        let id = id_of(&living, "Lifts").await;
+        let id = id_of(&active, "Lifts").await;
         let begun = tokio::time::Instant::now();
         while begun.elapsed() < SESSION + Duration::from_secs(5) {
             let good = Ok(reading(Validity(0)));
-            send_and_read(&mut station.gateway, &living, &good, id.clone(), is_good).await;
+            send_and_read(&mut station.gateway, &active, &good, id.clone(), is_good).await;
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
         assert!(ended.try_recv().is_err());
@@ -393,12 +393,12 @@ fn what_lives_does_not_end_the_server() {
 }
 
 #[test]
-fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden() {
+fn abandoned_sessions_terminate_the_server_at_the_limit() {
     let (send, ended) = crossbeam_channel::bounded(1);
     let mut station = Station::with("", move |what| send.send(what).unwrap());
     run(async {
         let leave = [true, false, true, false, true, false, true, false, true, false, false];
-        let living = live_while_others_leave(&station, &leave).await;
+        let active = live_while_others_leave(&station, &leave).await;
         let begun = tokio::time::Instant::now();
         let why = loop {
             station.gateway.send(&Ok(reading(Validity(0))));
@@ -408,7 +408,7 @@ fn what_clients_leave_behind_ends_the_server_before_it_is_a_burden() {
             }
             // A request keeps the session alive.
             let server: NodeId = VariableId::Server_NamespaceArray.into();
-            let _ = living.read(&[server.into()], TimestampsToReturn::Both, 0.0).await;
+            let _ = active.read(&[server.into()], TimestampsToReturn::Both, 0.0).await;
             tokio::time::sleep(Duration::from_millis(50)).await;
         };
         assert!(why.contains("left"), "{why}");

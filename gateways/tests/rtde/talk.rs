@@ -188,7 +188,7 @@ fn without_a_state_the_reason_is_written_and_the_values_go() {
 }
 
 #[test]
-fn another_start_of_the_daemon_is_published_and_outlasts_its_silence() {
+fn another_start_of_the_daemon_is_published_and_is_retained_without_states() {
     let (controller, robot) = start();
     let registers = "registers = { sequence = 24, state = 25, daemon_life = 26 }";
     let mut gateway = Rtde::new(&config(robot, registers)).unwrap();

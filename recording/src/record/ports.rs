@@ -7,7 +7,7 @@ use anyhow::Context;
 use equipoise_bus::{Bus, BusError, Subscriber, Topic};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::message::{
-    AdapterHealth, CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample,
+    AdapterHealth, CommandKind, CycleRecord, EarlyState, GroundSample, State, SuitBody, SuitSample,
 };
 
 use super::Sink;

@@ -70,7 +70,7 @@ impl Survey {
         self.first.as_ref().and_then(|checkpoint| checkpoint.memory())
     }
 
-    /// The memory of a loop that starts at the begin of the recording: empty except for the recording's tare, since
+    /// The memory of a loop that begins at the start of the recording: empty except for the recording's tare, since
     /// recorded samples are those before the tare.
     pub fn initial_memory(&self, settings: &Settings) -> Box<Memory> {
         let mut memory = bytemuck::zeroed_box::<Memory>();

@@ -1,4 +1,4 @@
-//! The sealed side of a session: what was hidden in it. Only the evaluation reads it.
+//! Ground truth: injected effects. Only the evaluation reads it.
 
 use std::collections::BTreeMap;
 

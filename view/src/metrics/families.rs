@@ -248,7 +248,7 @@ impl Snapshot {
                 samples.push(([("joint", joint.name()), ("level", level_name(number as u32))], *count));
             }
         }
-        let help = "Cycles in which a joint had a level of overload; none: it could not be evaluated";
+        let help = "Cycles per joint and overload level; `none`: not evaluated";
         families.counters("joint_level_cycles", help, &samples)
     }
 }

@@ -199,7 +199,7 @@ fn fields(config: &BinaryConfig, form: &FrameForm) -> Result<Vec<Field>, Descrip
             all[..index].iter().position(|other| have_common_bits(form, other.place, all[index].place));
         if let Some(other) = other {
             let (name, other) = (&entry.get_ref().name, &config.fields[other].get_ref().name);
-            let what = format!("`{name}` has bits of `{other}`; each field has its own");
+            let what = format!("field `{name}` overlaps `{other}`; change `at` or `mask`");
             return Err(DescriptionError::at(entry, key("fields"), what));
         }
     }
@@ -239,7 +239,7 @@ fn field(
     }
     let place = place(*at, *number, *mask, endian.unwrap_or(config.endian));
     if mask.is_some() && (!place.number.is_unsigned() || *mask == Some(0) || !has_its_bits_only(place)) {
-        let what = "a mask names bits of a number without a sign, at least one and none beyond it";
+        let what = "mask requires an unsigned type, at least one set bit and none outside the type's width";
         return Err(wrong(what.to_owned()));
     }
     let (count, bytes) = config.scans.as_ref().map_or((1, 0), |scans| (scans.count, scans.bytes));
@@ -269,7 +269,7 @@ fn unsigned(name: &str, place: Place) -> Result<Place, DescriptionError> {
     }
     Err(DescriptionError::new(
         key(name),
-        "must be a number without a sign, u8 to u64, and a mask at least one bit of it and none beyond",
+        "requires an unsigned type, u8 to u64; mask: at least one set bit and none outside the type's width",
     ))
 }
 
@@ -278,7 +278,7 @@ fn tag_named(key: &str, tag: &TagConfig, endian: EndianConfig) -> Result<Tag, De
     let can_be = |value: &u32| u64::from(*value) & place.mask == u64::from(*value);
     let is_number = place.number.is_unsigned() && has_its_bits_only(place);
     if !is_number || tag.is.is_empty() || !tag.is.iter().all(can_be) {
-        let what = "names a number without a sign and, with `is`, the values that its bits may have where they stand";
+        let what = "requires an unsigned type and, in `is`, one or more values without bits outside the mask or type";
         return Err(DescriptionError::new(key, what));
     }
     Ok(Tag { place, values: tag.is.iter().copied().map(u64::from).collect() })

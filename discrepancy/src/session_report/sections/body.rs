@@ -15,9 +15,9 @@ pub(in crate::session_report) fn body(facts: &Facts) -> Section {
     section.scrubber(scrubber);
     section.note(format!(
         "One position every {:.1} s with a valid pose: that at which a joint was closest to its limit, or the first one. \
-         First displayed: that of the whole session. Seen by the heading of the hips, above the middle of the ankles; left \
-         limbs are grey. Dots: joints whose load is medium (the larger, the higher) or not sure. Bars: the highest level of \
-         all joints, as in the drawing of the levels; none while torques were withheld.",
+         First displayed: that of the whole session. Views relative to the pelvis heading, centred between the ankles; \
+         left limbs are grey. Dots: joints at level medium or above (larger dot, higher level), or not sure. Bars: the \
+         highest level of all joints, as in the drawing of the levels; none while torques were withheld.",
         facts.body.interval_s()
     ));
     section

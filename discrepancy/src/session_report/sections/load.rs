@@ -112,8 +112,8 @@ pub(in crate::session_report) fn dose(facts: &Facts) -> Section {
     }
     section.table(table);
     section.note(
-        "Both are average models and include only the time in which torques were valid. They continue over a restart of the \
-         daemon within a shift, so a recording may begin with values above zero.",
+        "Both are population-average models and include only the time in which torques were valid. They continue over \
+         a restart of the daemon within a shift, so a recording may begin with values above zero.",
     );
     section
 }

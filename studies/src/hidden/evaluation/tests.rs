@@ -3,11 +3,11 @@ use crate::hidden::truth::{Hidden, Spans};
 use serde_json::json;
 
 /// Name, place and one parameter of a hidden effect.
-type Thing = (&'static str, Option<(&'static str, &'static str)>, (&'static str, f64));
+type InjectedEffect = (&'static str, Option<(&'static str, &'static str)>, (&'static str, f64));
 
 /// A truth with these hidden effects.
-pub(crate) fn truth(hidden: &[Thing]) -> Truth {
-    let effect = |(name, place, (parameter, value)): &Thing| Hidden {
+pub(crate) fn truth(hidden: &[InjectedEffect]) -> Truth {
+    let effect = |(name, place, (parameter, value)): &InjectedEffect| Hidden {
         name: (*name).into(),
         place: place.iter().map(|(what, place)| ((*what).into(), (*place).into())).collect(),
         parameters: [((*parameter).into(), *value)].into(),
@@ -52,7 +52,7 @@ pub(crate) fn finding(verdict: &str, effects: &[(&str, Value, Value)], candidate
     })
 }
 
-const LOAD: Thing = ("hand_load", Some(("hand", "right")), ("mass_kg", 0.5));
+const LOAD: InjectedEffect = ("hand_load", Some(("hand", "right")), ("mass_kg", 0.5));
 
 fn mass(value: f64) -> Value {
     json!({"mass_kg": {"value": value, "sigma": 0.05, "unit": "kg"}})
@@ -113,10 +113,10 @@ fn a_declared_substitute_is_right_in_the_outcome_and_in_its_stated_probability()
 }
 
 #[test]
-fn a_word_about_a_clean_session_is_a_false_alarm_and_silence_is_not() {
+fn effects_named_in_a_clean_session_are_false_alarms() {
     let clean = truth(&[]);
-    let said = finding("named", &[("plate_yaw", json!({}), json!({}))], &[]);
-    assert!(evaluate(&clean, Ok(&said), None, 1.0).is_false_alarm());
+    let named = finding("named", &[("plate_yaw", json!({}), json!({}))], &[]);
+    assert!(evaluate(&clean, Ok(&named), None, 1.0).is_false_alarm());
     assert!(!evaluate(&clean, Ok(&finding("none", &[], &[])), None, 1.0).is_false_alarm());
     assert!(evaluate(&clean, Err("no still poses"), None, 1.0).is_false_alarm());
 }
