@@ -212,9 +212,10 @@ fn update_models(settings: &Settings, m: &mut Memory, outputs: &Outputs<'_>, res
     if let Some(new) = register(settings, registration, outputs, sigma, &m.identification) {
         m.placement.apply(&new);
         m.identification.reset_stance_offset(new.at_m2);
-        // Their content uses the previous heading, as does the residual.
+        // Their content uses the previous place, as does the residual.
         m.history.clear();
         m.window.clear();
+        m.prediction.terms.restart();
         return;
     }
     if !place_is_lost {
@@ -231,14 +232,25 @@ fn ingest_inputs(settings: &Settings, m: &mut Memory, tick: Tick, inputs: &Input
     let (streams, lag) = ingest(settings, &mut m.align, &m.prediction.terms, &m.identification, tick, inputs);
     m.lag_test.ingest_ground_gap(streams.ground_gap_ns);
     if let LagChange::First { exceeds_window } = lag {
-        m.prediction.noise = bytemuck::Zeroable::zeroed();
-        m.identification.reset_weighing();
-        if m.identification.identified == 0 && exceeds_window {
-            m.identification.reset_to_prior(settings);
-            m.motion_updates.used = 0;
-        }
+        reset_unaligned(settings, m, exceeds_window);
     }
     streams
+}
+
+/// Drops what was computed from force and motion that belonged to different times, before the first lag was known.
+fn reset_unaligned(settings: &Settings, m: &mut Memory, exceeds_window: bool) {
+    m.prediction.noise = bytemuck::Zeroable::zeroed();
+    if m.identification.identified == 1 {
+        // The mean force of minutes hardly depends on the lag, and a load may be carried now, which a new weighing would
+        // include.
+        m.ground.widen_offset();
+        return;
+    }
+    m.identification.reset_weighing();
+    if exceeds_window {
+        m.identification.reset_to_prior(settings);
+        m.motion_updates.used = 0;
+    }
 }
 
 /// Places an aligned sample on the plate; after a gap, samples from before it are dropped.

@@ -115,8 +115,11 @@ impl RegistrationEstimator {
         self.is_unneeded = u64::from(ground.is_by_insoles_alone());
     }
 
-    /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`.
+    /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`, or the present one if that is larger:
+    /// a gap during a search does not reveal the heading.
     pub(super) fn mark_lost(&mut self, sigma_rad: f64) {
+        let present_rad = if self.is_searching() { self.initial_sigma_rad } else { self.sigma_rad };
+        let sigma_rad = sigma_rad.max(present_rad);
         if !self.is_searching() {
             self.previous_sigma_rad = self.sigma_rad;
         }
@@ -336,4 +339,26 @@ pub(super) fn heading_sigma_m(pose: &Pose<StationWorld>, cop_m: [f64; 2], sigma_
     let between = 0.5 * (pose.origin_of(Side::Left.foot()) + pose.origin_of(Side::Right.foot()));
     let [ahead_m, sideways_m] = [cop_m[0] - between.x, cop_m[1] - between.y];
     [sideways_m, ahead_m].map(|lever_m| lever_m.abs() * sigma_rad)
+}
+
+#[cfg(test)]
+mod tests {
+    use core::f64::consts::PI;
+
+    use super::*;
+
+    #[test]
+    fn a_gap_during_a_search_does_not_reveal_the_heading() {
+        let gap_sigma_rad = 0.012;
+        let after = |start: &dyn Fn(&mut RegistrationEstimator)| {
+            let mut estimator = RegistrationEstimator::zeroed();
+            start(&mut estimator);
+            estimator.mark_lost(gap_sigma_rad);
+            estimator.initial_sigma_rad
+        };
+        assert_eq!(after(&|_| {}), gap_sigma_rad);
+        assert_eq!(after(&|estimator| estimator.mark_lost(PI)), PI);
+        assert_eq!(after(&|estimator| estimator.resume(0.3, PI)), PI);
+        assert_eq!(after(&|estimator| estimator.resume(0.3, 0.5)), 0.5, "while it is refined");
+    }
 }

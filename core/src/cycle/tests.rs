@@ -257,6 +257,21 @@ fn the_same_inputs_give_the_same_bytes_from_a_checkpoint_too() {
 }
 
 #[test]
+fn a_lag_that_is_found_after_the_identification_keeps_the_mass() {
+    let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
+    bench.identify(&person);
+    let mass_kg = bench.memory.identification.mass_kg;
+    assert!(mass_kg > 0.0, "weighed");
+    let settings = bench.settings;
+    super::reset_unaligned(&settings, &mut bench.memory, true);
+    let subject = &bench.memory.identification;
+    assert_eq!((subject.mass_kg, subject.identified), (mass_kg, 1));
+    bench.memory.identification.identified = 0;
+    super::reset_unaligned(&settings, &mut bench.memory, true);
+    assert_eq!(bench.memory.identification.mass_kg, 0.0, "during the identification it is weighed again");
+}
+
+#[test]
 fn a_checkpoint_without_bone_lengths_can_be_resumed() {
     let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
     for milliseconds in [0, 50, 100] {

@@ -110,10 +110,7 @@ impl LoadingSigma {
             off[axis] = loading.displaced(by(self.position_by_estimate[axis] * estimated_m));
             off[axis].cop_estimated_m[axis] += estimated_m;
             off[2 + axis] = loading.displaced(by(self.position_m[axis]));
-            off[4 + axis].cop_measured_m[axis] += self.cop_measured_m;
-            if let FootLoads::Measured { cop_m, .. } = &mut off[4 + axis].feet {
-                cop_m.iter_mut().for_each(|cop_m| cop_m[axis] += self.cop_measured_m);
-            }
+            displace_cop(&mut off[4 + axis], axis, self.cop_measured_m);
         }
         self.change_feet(pose, &mut off);
         off[10].eta = [loading.eta[0] - self.eta, loading.eta[1] + self.eta];
@@ -123,7 +120,7 @@ impl LoadingSigma {
         let load_ratio = loading.delta_f_n / loading.vertical_n;
         for axis in 0..2 {
             off[13 + axis].grip_m.iter_mut().for_each(|grip_m| grip_m[axis] += self.contradiction_m);
-            off[15 + axis].cop_measured_m[axis] += self.contradiction_m * load_ratio;
+            displace_cop(&mut off[15 + axis], axis, self.contradiction_m * load_ratio);
         }
         off
     }
@@ -153,6 +150,14 @@ impl LoadingSigma {
         off[19].deviation.unloaded_apart_m =
             [-ahead[1], ahead[0]].map(|part| part * self.unloaded_press_m[1]);
         off[20].deviation.shear = self.shear;
+    }
+}
+
+/// Displaces the measured centre of pressure along an axis, and with it those of the feet.
+fn displace_cop(loading: &mut Loading, axis: usize, by_m: f64) {
+    loading.cop_measured_m[axis] += by_m;
+    if let FootLoads::Measured { cop_m, .. } = &mut loading.feet {
+        cop_m.iter_mut().for_each(|cop_m| cop_m[axis] += by_m);
     }
 }
 

@@ -298,6 +298,23 @@ fn the_forward_sigma_of_the_feet_is_the_distance_of_each_from_the_common_line() 
 }
 
 #[test]
+fn a_contradiction_about_the_load_s_place_displaces_measured_feet_too() {
+    let pose = t_pose();
+    let mut loading = loaded(&pose, 60.0);
+    let cop_m = Side::BOTH.map(|side| [loading.cop_measured_m[0], pose.origin_of(side.foot()).y]);
+    let sigma = LoadingSigma { contradiction_m: 0.1, ..NO_SIGMA };
+    let [by_geometry_nm, measured_nm] = [
+        FootLoads::Geometry { press_m: [[0.0; 2]; 2], stands: [true; 2] },
+        FootLoads::Measured { zeta: [0.5; 2], cop_m },
+    ]
+    .map(|feet| {
+        loading.feet = feet;
+        spread_nm(&torques(&pose, &loading, &sigma), "LeftAnkle")
+    });
+    assert!(by_geometry_nm > 1.0 && measured_nm > 0.5 * by_geometry_nm, "{by_geometry_nm} {measured_nm}");
+}
+
+#[test]
 fn the_sigma_of_the_division_without_the_load_counts_with_the_body_s_weight_in_legs_alone() {
     let pose = t_pose();
     let mut loading = loaded(&pose, 60.0);
