@@ -259,6 +259,7 @@ fn the_same_inputs_give_the_same_bytes_from_a_checkpoint_too() {
 #[test]
 fn a_lag_that_is_found_after_the_identification_keeps_the_mass() {
     let (person, mut bench) = (Person::real(), Bench::new(|settings| settings.mass_kg = None));
+    bench.hold(&person, &postures()[0], None, 1500);
     bench.identify(&person);
     let mass_kg = bench.memory.identification.mass_kg;
     assert!(mass_kg > 0.0, "weighed");
