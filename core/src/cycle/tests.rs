@@ -264,11 +264,11 @@ fn a_lag_that_is_found_after_the_identification_keeps_the_mass() {
     let mass_kg = bench.memory.identification.mass_kg;
     assert!(mass_kg > 0.0, "weighed");
     let settings = bench.settings;
-    super::reset_unaligned(&settings, &mut bench.memory, true);
+    reset_unaligned(&settings, &mut bench.memory, true);
     let subject = &bench.memory.identification;
     assert_eq!((subject.mass_kg, subject.identified), (mass_kg, 1));
     bench.memory.identification.identified = 0;
-    super::reset_unaligned(&settings, &mut bench.memory, true);
+    reset_unaligned(&settings, &mut bench.memory, true);
     assert_eq!(bench.memory.identification.mass_kg, 0.0, "during the identification it is weighed again");
 }
 
