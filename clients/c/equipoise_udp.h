@@ -5,7 +5,7 @@
  * clients/c/udp_controller.c is a complete program; docs/consumers/udp.md lists the checks before a value is used.
  * Generated from the gateway's table: do not edit.
  *
- *     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
+ *     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test wires
  */
 #ifndef EQUIPOISE_UDP_H
 #define EQUIPOISE_UDP_H

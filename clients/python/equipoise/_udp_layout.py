@@ -1,6 +1,6 @@
 """The datagrams of the UDP gateway. Generated from its table: do not edit.
 
-    EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
+    EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test wires
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ const C_HEAD: &str = r#"/* The datagrams of an Equipoise station's UDP gateway, 
  * clients/c/udp_controller.c is a complete program; docs/consumers/udp.md lists the checks before a value is used.
  * Generated from the gateway's table: do not edit.
  *
- *     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
+ *     EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test wires
  */
 #ifndef EQUIPOISE_UDP_H
 #define EQUIPOISE_UDP_H
@@ -261,7 +261,7 @@ fn c_type(kind: Kind) -> &'static str {
 
 const PYTHON_HEAD: &str = r#""""The datagrams of the UDP gateway. Generated from its table: do not edit.
 
-    EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test udp
+    EQUIPOISE_WRITE=1 cargo test -p equipoise-gateways --test wires
 """
 
 from __future__ import annotations

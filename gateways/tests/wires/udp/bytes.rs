@@ -11,7 +11,7 @@ use equipoise_gateways::udp::encode::{Datagram, encode};
 
 use crate::states::{reading, reasons, state};
 
-const DOCUMENT: &str = include_str!("../../../docs/consumers/udp.md");
+const DOCUMENT: &str = include_str!("../../../../docs/consumers/udp.md");
 
 /// A decoded row of the table: its numbers, and its group of values.
 struct Row {

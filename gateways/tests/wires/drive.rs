@@ -1,7 +1,6 @@
 //! Drives a gateway in a process of its own, with a station that publishes, dies, and returns on another bus.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-#[path = "../../clients/rust/tests/common/mod.rs"]
+#[path = "../../../clients/rust/tests/common/mod.rs"]
 mod common;
 
 use std::io::{BufRead as _, BufReader};
@@ -75,7 +74,7 @@ struct Outside {
 impl Outside {
     fn start(root: &Root, rate_hz: f64, environment: &[(&str, &str)]) -> Outside {
         let mut command = Command::new(std::env::current_exe().unwrap());
-        command.args(["--exact", "child_drives", "--nocapture"]).env(RATE, rate_hz.to_string());
+        command.args(["--exact", "drive::child_drives", "--nocapture"]).env(RATE, rate_hz.to_string());
         command.env(ROOT_VARIABLE, root.path()).envs(environment.iter().copied()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let lines = BufReader::new(child.stdout.take().unwrap()).lines();
@@ -124,19 +123,19 @@ fn read(fields: &str) -> Option<Beat> {
 fn a_bus_that_was_removed_and_made_again_is_found_by_the_gateway() {
     let root = root();
     let gateway = Outside::start(&root, 100.0, &[]);
-    let first = Station::start(&root, "child_publishes");
+    let first = Station::start(&root, "drive::child_publishes");
     assert_eq!(gateway.until("a state is published", |beat| beat).daemon_life, 1);
     drop(first);
     gateway.until("silence is published", |beat| beat.is_none().then_some(()));
     root.remove_the_bus();
-    let _second = Station::start(&root, "child_publishes");
+    let _second = Station::start(&root, "drive::child_publishes");
     assert_eq!(gateway.until("the new bus is found", |beat| beat).daemon_life, 2);
 }
 
 #[test]
 fn a_tick_rate_above_the_loop_rate_repeats_states_with_a_higher_age() {
     let root = root();
-    let _station = Station::start(&root, "child_publishes");
+    let _station = Station::start(&root, "drive::child_publishes");
     let gateway = Outside::start(&root, 2.5 / PERIOD.as_secs_f64(), &[]);
     let mut last = gateway.until("a state is published", |beat| beat);
     let (mut new, mut again) = (0, 0);

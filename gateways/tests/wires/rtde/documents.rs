@@ -35,7 +35,7 @@ fn the_documents_name_every_value() {
 
 #[test]
 fn the_script_reads_the_registers_that_are_written() {
-    let script = include_str!("../../../clients/ur/equipoise.script");
+    let script = include_str!("../../../../clients/ur/equipoise.script");
     let config: RtdeConfig = toml::from_str("robot = \"192.0.2.20:30004\"").unwrap();
     for (name, kind) in [
         ("sequence", "integer"),
@@ -51,7 +51,7 @@ fn the_script_reads_the_registers_that_are_written() {
     let torques = Validity::FLAG_SETS.iter().position(|(_, name)| *name == "torques").unwrap();
     assert!(script.contains(&format!("USABLE_TORQUES = {}\n", 1 << torques)));
     assert!(script.contains(&format!("BELOW_LOAD_THRESHOLD = {}\n", Validity::BELOW_LOAD_THRESHOLD.0)));
-    let document = include_str!("../../../docs/consumers/rtde.md");
+    let document = include_str!("../../../../docs/consumers/rtde.md");
     assert!(document.contains(&format!("{} for torques", 1 << torques)));
 }
 

@@ -17,7 +17,7 @@ use equipoise_gateways::gateway::Latest;
 use equipoise_gateways::rtde::Rtde;
 use equipoise_simulator::ports::free_address;
 
-use crate::controller::{Controller, package, start, text};
+use super::controller::{Controller, package, start, text};
 use crate::states::{reading, reasons, state};
 
 /// Test time-out, far above the expected duration; not a measurement.
@@ -254,7 +254,7 @@ fn a_controller_that_comes_late_or_leaves_is_found_again() {
     }
     assert_eq!(gateway.tally().lost, 50);
     let controller = Arc::new(Controller::default());
-    crate::controller::serve(Arc::clone(&controller), TcpListener::bind(robot).unwrap());
+    super::controller::serve(Arc::clone(&controller), TcpListener::bind(robot).unwrap());
     send_until_accepted(&mut gateway, &controller, &Ok(reading(state())));
     controller.leaves.store(true, SeqCst);
     send_until(&mut gateway, "its leaving is noticed", |gateway| gateway.tally().peers == 0);
