@@ -21,7 +21,7 @@ import threading
 import time
 
 PATIENCE_S = 90
-# Bound of each stop with real processes on a busy machine; in simulated time it is 0.1 s (clients/c/tests/handover.rs).
+# Bound of each stop with real processes on a busy machine; in simulated time it is 0.1 s (clients/c/tests/programs/handover.rs).
 STOPPED_WITHIN_S = 0.4
 MOVES_M_PER_S = 0.02
 RTDE_PORT = 30004

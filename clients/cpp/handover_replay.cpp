@@ -68,6 +68,8 @@ bool answer(const std::string &line, Plans &plans) {
 } // namespace
 
 int main() {
+    // Standard streams with buffers of their own, not character by character through those of C.
+    std::ios::sync_with_stdio(false);
     constexpr std::size_t NUMBERS = 22;
     Decision decision;
     Plans plans;

@@ -1,6 +1,6 @@
 //! `clients/c/equipoise.h` is generated from `equipoise.h.in` and the declarations in Rust, including their comments:
 //! `EQUIPOISE_WRITE=1 cargo test -p equipoise-c --test generated` writes it; without the variable the test compares it.
-//! `header.rs` tests that a C compiler computes the same layout as the library.
+//! `programs/header.rs` tests that a C compiler computes the same layout as the library.
 //!
 //! cbindgen is not used: messages are declared through a macro of `core`, which cbindgen can expand with a nightly
 //! compiler only, and it does not compute sets of validity flags, names of joints and the layout hash.

@@ -1,13 +1,5 @@
 //! `equipoise.h` says what the library is: a C program prints what the compiler makes of it.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-mod compiler;
-#[path = "../../rust/tests/common/flag_sets.rs"]
-mod flag_sets;
-#[path = "../../rust/tests/common/names.rs"]
-mod names;
-
-use compiler::{Link, compile, said};
 use equipoise_c::{EarlyReading, Options, Outcome, Reading, layout};
 use equipoise_core::body::{JOINTS, Joint, SEGMENTS};
 use equipoise_core::cycle::{BodyRejection, BodySource};
@@ -17,10 +9,13 @@ use equipoise_core::message::state::{
 };
 use equipoise_core::message::{EarlyState, GroundDevice, Message, State, Validity};
 use equipoise_core::overload::Level;
-use names::constant_case;
 use std::fmt::Write as _;
 use std::mem::offset_of;
 use std::process::Command;
+
+use crate::compiler::{Link, compile, said};
+use crate::flag_sets;
+use crate::names::constant_case;
 
 /// A C expression, and what it must be.
 struct Fact {
@@ -157,7 +152,7 @@ fn every_field_is_declared_as_the_number_it_is() {
 }
 
 fn declares(of: &str, fields: &[Field]) {
-    let header = include_str!("../equipoise.h");
+    let header = include_str!("../../equipoise.h");
     let declared =
         header.split_once(&format!("typedef struct {of} {{")).unwrap().1.split_once("\n}").unwrap().0;
     for Field { name, primitive, count, .. } in fields {

@@ -1,18 +1,14 @@
 //! C programs on a real bus.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
 
-#[path = "../../rust/tests/common/mod.rs"]
-mod common;
-mod compiler;
-
-use common::{PERIOD, Station, root, until};
-use compiler::{Link, compile, said};
 use equipoise_bus::root::ROOT_VARIABLE;
 use equipoise_core::message::ConsumerReceipt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
+
+use crate::common::{PERIOD, Station, publish_until_killed, root, until};
+use crate::compiler::{Link, compile, is_there, said};
 
 const HANGS_AFTER: Duration = Duration::from_secs(20);
 const CONTROLLER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/controller.c");
@@ -23,7 +19,7 @@ const WRONG_USE_CPP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs
 /// Not a test: body of the child process, until it is killed or a time-out passes.
 #[test]
 fn child_publishes() {
-    common::publish_until_killed();
+    publish_until_killed();
 }
 
 fn number(line: &str, key: &str) -> u64 {
@@ -44,7 +40,7 @@ fn wrong_calls_are_refused_with_a_sentence() {
 
 #[test]
 fn the_header_for_cpp_does_not_hang_and_reports_a_leaked_consumer() {
-    if !compiler::is_there("cpp") {
+    if !is_there("cpp") {
         eprintln!("skipped: no compiler of C++ (CXX, or c++)");
         return;
     }
@@ -71,7 +67,7 @@ fn the_controller_reads_a_station_and_reports() {
     let root = root();
     let bus = root.bus("latency");
     let mut reports = bus.subscriber::<ConsumerReceipt>(16).unwrap();
-    let _station = Station::start(&root, "child_publishes");
+    let _station = Station::start(&root, "border::child_publishes");
     let scratch = tempfile::tempdir().unwrap();
     let program = compile(Path::new(CONTROLLER), Link::Shared, scratch.path());
     let mut command = Command::new(program);

@@ -1,8 +1,5 @@
 //! The decision of the handover controllers: in C++ and Python by one table of test vectors, and in C++ with the simulated
 //! cobot in simulated time.
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
-
-mod compiler;
 
 use std::f64::consts::PI;
 use std::io::{BufRead, BufReader, Write};
@@ -10,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::OnceLock;
 
-use compiler::{Link, compile};
 use equipoise_simulator::cobot::motion::STEP_S;
 use equipoise_simulator::cobot::program::{CobotSettings, Inputs, Program};
 use equipoise_simulator::random::Random;
+
+use crate::compiler::{self, Link, compile};
 
 const CLIENTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 const SUIT_STALE: u64 = 1;
@@ -105,11 +103,16 @@ impl Replay {
     }
 
     fn reset(&mut self) {
-        writeln!(self.child.stdin.as_mut().unwrap(), "reset").unwrap();
+        self.send("reset");
+    }
+
+    /// One write for each line: a program that receives part of a line must wait again.
+    fn send(&mut self, line: &str) {
+        self.child.stdin.as_mut().unwrap().write_all(format!("{line}\n").as_bytes()).unwrap();
     }
 
     fn answer(&mut self, line: &str) -> String {
-        writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
+        self.send(line);
         let mut answer = String::new();
         self.answers.read_line(&mut answer).unwrap();
         answer

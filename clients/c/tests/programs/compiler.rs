@@ -14,7 +14,6 @@ fn library_folder() -> PathBuf {
 
 /// How a program is linked with the library.
 #[derive(Debug, Clone, Copy)]
-#[allow(dead_code, clippy::allow_attributes, reason = "one of the tests needs one of them only")]
 pub(crate) enum Link {
     Shared,
     Static,
@@ -30,7 +29,6 @@ fn of(ending: &str) -> (Command, &'static str) {
 }
 
 /// Whether the compiler for this file extension exists.
-#[allow(dead_code, clippy::allow_attributes, reason = "one of the tests needs it only")]
 pub(crate) fn is_there(ending: &str) -> bool {
     of(ending).0.arg("--version").output().is_ok_and(|ended| ended.status.success())
 }
@@ -62,7 +60,6 @@ pub(crate) fn compile(source: &Path, link: Link, scratch: &Path) -> PathBuf {
 }
 
 /// Standard output of a program that must succeed.
-#[allow(dead_code, clippy::allow_attributes, reason = "one of the tests does not need it")]
 pub(crate) fn said(ended: &Output) -> String {
     let (out, err) = (String::from_utf8_lossy(&ended.stdout), String::from_utf8_lossy(&ended.stderr));
     assert!(ended.status.success(), "out: {out} err: {err}");
