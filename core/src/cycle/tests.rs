@@ -66,8 +66,7 @@ fn identification_corrects_the_table() {
 
 #[test]
 fn a_box_overloads_the_joints_that_carry_it() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     let at = lifted_box(&person, &posture);
     bench.hold(&person, &posture, Some((4.0, at)), 600);
@@ -89,8 +88,7 @@ fn a_box_overloads_the_joints_that_carry_it() {
 
 #[test]
 fn an_unloaded_worker_has_no_overload() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let bench = Bench::identified();
     let state = bench.state();
     assert!(state.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));
     assert_eq!(state.torque_nm, [[0.0; 3]; 22]);
@@ -113,8 +111,7 @@ fn a_pose_with_a_load_does_not_update_the_filter() {
 
 #[test]
 fn a_silent_sensor_degrades_and_its_return_restores() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     let poses = bench.state().poses_used;
 
@@ -285,8 +282,7 @@ fn a_checkpoint_without_bone_lengths_can_be_resumed() {
 
 #[test]
 fn a_damaged_checkpoint_is_refused() {
-    let mut bench = Bench::new(|_| {});
-    bench.identify(&Person::real());
+    let bench = Bench::identified();
     let mut checkpoint = bytemuck::zeroed_box::<Checkpoint>();
     let mut is_sound = |damage: &dyn Fn(&mut Memory)| {
         let mut memory = Box::new(*bench.memory);
@@ -342,8 +338,7 @@ fn nothing_is_valid_before_the_first_samples() {
 
 #[test]
 fn torques_return_with_their_values_when_a_flag_clears() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     let at = lifted_box(&person, &posture);
     bench.hold(&person, &posture, Some((6.0, at)), 400);
@@ -359,8 +354,7 @@ fn torques_return_with_their_values_when_a_flag_clears() {
 
 #[test]
 fn a_suit_that_returns_alone_is_stale_until_processed() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     (bench.suit_silent, bench.ground_silent) = (true, true);
     bench.hold(&person, &postures()[0], None, 300);
     bench.suit_silent = false;

@@ -2,6 +2,7 @@
 
 extern crate std;
 use std::boxed::Box;
+use std::sync::OnceLock;
 use std::vec::Vec;
 
 use bytemuck::Zeroable;
@@ -99,6 +100,7 @@ fn between(from: &Posture, to: &Posture, fraction: f64) -> Posture {
     posture
 }
 
+#[derive(Clone)]
 pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) settings: Settings,
     pub(in crate::cycle) memory: Box<Memory>,
@@ -191,6 +193,17 @@ impl Bench {
             suit_session: 0,
             disturbance: Disturbance::default(),
         }
+    }
+
+    /// A bench with the usual settings after the identification of [`Person::real`], computed once for all tests.
+    pub(in crate::cycle) fn identified() -> Bench {
+        static IDENTIFIED: OnceLock<Bench> = OnceLock::new();
+        let identified = IDENTIFIED.get_or_init(|| {
+            let mut bench = Bench::new(|_| {});
+            bench.identify(&Person::real());
+            bench
+        });
+        identified.clone()
     }
 
     /// Adds the readings of two plates: the weight is distributed along the line between the feet.

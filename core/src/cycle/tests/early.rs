@@ -3,9 +3,8 @@
 use super::*;
 use crate::message::EarlyState;
 
-/// Identified, with enough comparisons, then a load.
+/// An identified subject, with enough comparisons, then a load.
 fn carrying(bench: &mut Bench, person: &Person) -> Posture {
-    bench.identify(person);
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
     bench.hold(person, &posture, None, 2500);
     bench.hold(person, &posture, Some((6.0, lifted_box(person, &posture))), 1500);
@@ -18,7 +17,7 @@ fn early(bench: &Bench) -> EarlyState {
 
 #[test]
 fn a_held_load_has_the_torques_of_the_state_about_the_newest_sample() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let (person, mut bench) = (Person::real(), Bench::identified());
     let posture = carrying(&mut bench, &person);
     let (early, state) = (early(&bench), *bench.state());
     assert_eq!((early.valid, state.valid, early.calibrated), (0, 0, 1), "{:?}", early.validity());
@@ -44,7 +43,7 @@ fn a_held_load_has_the_torques_of_the_state_about_the_newest_sample() {
 
 #[test]
 fn a_released_load_is_masked_before_the_state_reports_it() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    let (person, mut bench) = (Person::real(), Bench::identified());
     let posture = carrying(&mut bench, &person);
     bench.takes_ms = 10.0;
     let mut masked = None;
@@ -67,6 +66,7 @@ fn no_value_is_valid_before_a_comparison_or_with_a_silent_sensor() {
     bench.hold(&person, &posture, None, 300);
     assert!(early(&bench).validity().any_of(Validity::MOVING) && early(&bench).calibrated == 0);
     assert_eq!(early(&bench).cop_estimated_m, [0.0; 2]);
+    bench.identify(&person);
     carrying(&mut bench, &person);
     bench.suit_silent = true;
     bench.hold(&person, &posture, None, 200);
@@ -77,12 +77,8 @@ fn no_value_is_valid_before_a_comparison_or_with_a_silent_sensor() {
 
 #[test]
 fn a_memory_without_early_estimates_gives_the_same_states() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    let mut without = Bench::new(|_| {});
+    let (person, mut bench, mut without) = (Person::real(), Bench::identified(), Bench::identified());
     let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
-    for bench in [&mut bench, &mut without] {
-        bench.identify(&person);
-    }
     for _ in 0..50 {
         without.memory.early = Zeroable::zeroed();
         for bench in [&mut bench, &mut without] {

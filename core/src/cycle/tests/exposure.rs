@@ -12,8 +12,7 @@ fn carrying_pose() -> Posture {
 
 /// An identified subject who holds a box in a static pose for some time.
 fn carrying(person: &Person, milliseconds: u64) -> Bench {
-    let mut bench = Bench::new(|_| {});
-    bench.identify(person);
+    let mut bench = Bench::identified();
     let at = lifted_box(person, &carrying_pose());
     // Take the pose first: poses leap on this bench, and a leaping box would exert a force of tons.
     bench.hold(person, &carrying_pose(), None, 900);
@@ -55,8 +54,7 @@ fn mass_reach_and_moment_are_those_of_the_box() {
 
 #[test]
 fn the_back_is_published_without_a_load_and_the_load_is_not() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     bench.hold(&person, &carrying_pose(), None, 1500);
     let state = bench.state();
     assert!(state.validity().any_of(Validity::BELOW_LOAD_THRESHOLD));

@@ -10,8 +10,7 @@ fn posture() -> Posture {
 
 #[test]
 fn an_uncertain_time_masks_state_and_early_state() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     bench.hold(&person, &posture(), None, 2500);
     let is_valid =
         |valid: Validity| !valid.any_of(Validity::INVALIDATES_DELTA_F.and(Validity::INVALIDATES_COM));
@@ -93,8 +92,7 @@ fn without_a_body_there_is_no_external_force() {
 
 #[test]
 fn values_of_the_previous_subject_are_not_published_after_a_load() {
-    let (person, mut bench, mut other) = (Person::real(), Bench::new(|_| {}), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench, mut other) = (Person::real(), Bench::identified(), Bench::new(|_| {}));
     bench.hold(&person, &posture(), None, 2500);
     other.hold(&person, &posture(), None, 500);
     other.command(CommandKind::IdentifyStop);

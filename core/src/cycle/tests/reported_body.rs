@@ -49,8 +49,7 @@ fn the_null_pose_replaces_bone_lengths_from_poses_and_keeps_theta() {
     early.hold(&person, &upright(), None, 20);
     assert_eq!(body_status(&early).0, BodySource::NullPose);
 
-    let mut late = Bench::new(|_| {});
-    late.identify(&person);
+    let mut late = Bench::identified();
     let used = late.state().poses_used;
     assert!(used > 0);
     late.suit_body = Some(null_pose_of(&person.skeleton));
@@ -78,8 +77,7 @@ fn a_null_pose_that_contradicts_the_poses_is_rejected() {
 
 #[test]
 fn a_profile_that_contradicts_the_null_pose_is_reported_and_kept() {
-    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
-    bench.identify(&person);
+    let (person, mut bench) = (Person::real(), Bench::identified());
     let taller = Person {
         skeleton: crate::body::Skeleton::nominal(1.1 * HEIGHT_M),
         phi: person.phi,

@@ -9,9 +9,8 @@ fn posture() -> Posture {
 
 /// An identified subject who stands; the plate never measures exactly zero.
 fn standing(person: &Person) -> Bench {
-    let mut bench = Bench::new(|_| {});
     // The bench changes poses abruptly without the corresponding shear, so shear is added after identification.
-    bench.identify(person);
+    let mut bench = Bench::identified();
     bench.hold(person, &posture(), None, 1000);
     bench.disturbance.shear_n = [0.5, 0.0];
     bench.hold(person, &posture(), None, 2500);
