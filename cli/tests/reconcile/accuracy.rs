@@ -1,5 +1,7 @@
 //! Content of the blocks, compared with the loop's own numbers and with the simulator's truth.
 
+use std::sync::OnceLock;
+
 use equipoise_config::Config;
 use equipoise_core::body::SEGMENTS;
 use equipoise_core::cycle::{Inputs, Memory, Tick, step};
@@ -20,6 +22,17 @@ fn compared(script: &Script, samples: &Samples) -> Compared {
     let config = Config::parse(&script.config(), "test").unwrap();
     let reconcile = Reconcile { input: &input, config: &config, given: Given::default() };
     reconcile.compare(&mut |_| {}).unwrap()
+}
+
+/// The ordinary script, its samples and their blocks, made once.
+fn ordinary() -> &'static (Script, Samples, Compared) {
+    static ORDINARY: OnceLock<(Script, Samples, Compared)> = OnceLock::new();
+    ORDINARY.get_or_init(|| {
+        let script = Script::ordinary();
+        let samples = script.samples();
+        let compared = compared(&script, &samples);
+        (script, samples, compared)
+    })
 }
 
 fn residual_m(block: &Block) -> [f64; 2] {
@@ -83,11 +96,9 @@ fn by_the_loop(compared: &Compared, samples: &Samples, config: &Config) -> Vec<(
 
 #[test]
 fn static_blocks_have_the_residual_of_the_loop() {
-    let script = Script::ordinary();
-    let samples = script.samples();
-    let compared = compared(&script, &samples);
+    let (script, samples, compared) = ordinary();
     let config = Config::parse(&script.config(), "test").unwrap();
-    let residuals = by_the_loop(&compared, &samples, &config);
+    let residuals = by_the_loop(compared, samples, &config);
     let session = &compared.session;
     let mut differences = Vec::new();
     for block in session.blocks.iter().filter(|block| block.still) {
@@ -150,7 +161,7 @@ fn a_suit_that_is_late_is_best_explained_by_its_lag() {
     // frozen.
     let script = Script { rig: Rig { suit_late_ns: 30_000_000, ..Rig::ORDINARY }, ..Script::ordinary() };
     let late = compared(&script, &script.samples());
-    let in_time = compared(&Script::ordinary(), &Script::ordinary().samples());
+    let (_, _, in_time) = ordinary();
     let residual = |compared: &Compared, lag: Option<usize>| {
         rms(compared.session.blocks.iter().filter(|block| !block.still).flat_map(|block| {
             let change = lag.map_or([0.0; 2], |lag| block.by_lag[lag].cop_m);
@@ -165,7 +176,7 @@ fn a_suit_that_is_late_is_best_explained_by_its_lag() {
     println!("without {:.4}; {:?}", residual(&late, None), LAGS_S.iter().zip(&by_lag).collect::<Vec<_>>());
     assert_eq!(LAGS_S[best], 0.03);
     // The remaining residual is that of a suit without lag.
-    let (without, in_time) = (residual(&late, None), residual(&in_time, None));
+    let (without, in_time) = (residual(&late, None), residual(in_time, None));
     assert!(by_lag[best] < 1.2 * in_time, "{by_lag:?} {without} {in_time}");
     // Most of the residual that the lag adds to the sensors' noise is removed.
     let added = |residual: f64| (residual * residual - in_time * in_time).max(0.0).sqrt();

@@ -2,13 +2,13 @@
 //! data.
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+mod a_long_recording;
 mod accuracy;
 mod bad_input;
 #[path = "../common/mod.rs"]
 mod common;
 mod hidden_load;
 mod make;
-mod memory;
 mod models;
 mod spans;
 mod subjects;

@@ -3,6 +3,7 @@
 //! Of twenty hours only some minutes are simulated; their last part is repeated, from standing straight to standing
 //! straight.
 
+use std::convert::Infallible;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -64,49 +65,26 @@ impl Long {
     /// # Errors
     /// The file exists or cannot be written.
     pub fn write(&self, path: &Path, seed: u64) -> Result<(), WriteError> {
+        self.simulate(seed).write(path, self.length_s)
+    }
+
+    /// Simulates the part that recordings of any length have in common.
+    pub fn simulate(&self, seed: u64) -> Simulated {
         let subject = Subject::of_the_paper(seed);
         let mut station = Station::new(&self.script(&subject), Default::default(), Noise::ORDINARY, seed);
-        let header = RecordingHeader {
-            software_version: env!("CARGO_PKG_VERSION").to_owned(),
-            started_monotonic_ns: EPOCH_NS,
-            config_toml: config_toml(&subject, "long", POSES - 2, false),
-            ..RecordingHeader::default()
-        };
-        let mut writer = Writer { recorder: Recorder::create(path, &header)?, written: [0; 2] };
-        let again_ns = EPOCH_NS + ((self.taken_s() + SETTLED_S) * 1e9) as u64;
-        let mut again: Vec<Recorded> = Vec::new();
-        let repeats = self.length_s > self.simulated_s;
-        let mut seen = [0_u32; 2];
-        station.play(|sample| {
+        let (mut samples, mut seen) = (Vec::new(), [0_u32; 2]);
+        let Ok(()) = station.play(|sample| {
             let (recorded, stream) = match sample {
                 Sample::Suit(message) => (Recorded::Suit(message), 0),
                 Sample::Ground { message, .. } => (Recorded::Ground(message), 1),
             };
+            if seen[stream].is_multiple_of(self.every[stream]) {
+                samples.push(recorded);
+            }
             seen[stream] += 1;
-            if !(seen[stream] - 1).is_multiple_of(self.every[stream]) {
-                return Ok(());
-            }
-            writer.write(&recorded, 0)?;
-            if repeats && recorded.time_ns() >= again_ns {
-                again.push(recorded);
-            }
-            Ok::<(), WriteError>(())
-        })?;
-        let span_ns = EPOCH_NS + (self.simulated_s * 1e9) as u64 - again_ns;
-        let end_ns = EPOCH_NS + (self.length_s * 1e9) as u64;
-        for time in 1.. {
-            for recorded in &again {
-                if recorded.time_ns() + time * span_ns >= end_ns {
-                    break;
-                }
-                writer.write(recorded, time * span_ns)?;
-            }
-            if !repeats || again_ns + (time + 1) * span_ns >= end_ns {
-                break;
-            }
-        }
-        writer.recorder.finish()?;
-        Ok(())
+            Ok::<(), Infallible>(())
+        });
+        Simulated { long: *self, subject, samples }
     }
 
     /// Poses, clean work, and the same work with a load in the right hand, all at one place.
@@ -141,6 +119,52 @@ impl Long {
         };
         let length_s = self.simulated_s;
         Script { worker, spans, length_s, unasked_s: length_s, places: Vec::new(), turned: false }
+    }
+}
+
+/// The simulated part of a recording.
+pub struct Simulated {
+    long: Long,
+    subject: Subject,
+    /// In order of time.
+    samples: Vec<Recorded>,
+}
+
+impl Simulated {
+    /// Writes a recording of this length, s: the simulated part, then repetitions of its work.
+    ///
+    /// # Errors
+    /// The file exists or cannot be written.
+    pub fn write(&self, path: &Path, length_s: f64) -> Result<(), WriteError> {
+        let Simulated { long, subject, samples } = self;
+        let header = RecordingHeader {
+            software_version: env!("CARGO_PKG_VERSION").to_owned(),
+            started_monotonic_ns: EPOCH_NS,
+            config_toml: config_toml(subject, "long", POSES - 2, false),
+            ..RecordingHeader::default()
+        };
+        let mut writer = Writer { recorder: Recorder::create(path, &header)?, written: [0; 2] };
+        for recorded in samples {
+            writer.write(recorded, 0)?;
+        }
+        let again_ns = EPOCH_NS + ((long.taken_s() + SETTLED_S) * 1e9) as u64;
+        let span_ns = EPOCH_NS + (long.simulated_s * 1e9) as u64 - again_ns;
+        let end_ns = EPOCH_NS + (length_s * 1e9) as u64;
+        let repeats = length_s > long.simulated_s;
+        let again = || samples.iter().filter(move |recorded| repeats && recorded.time_ns() >= again_ns);
+        for time in 1.. {
+            for recorded in again() {
+                if recorded.time_ns() + time * span_ns >= end_ns {
+                    break;
+                }
+                writer.write(recorded, time * span_ns)?;
+            }
+            if !repeats || again_ns + (time + 1) * span_ns >= end_ns {
+                break;
+            }
+        }
+        writer.recorder.finish()?;
+        Ok(())
     }
 }
 
