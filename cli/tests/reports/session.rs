@@ -8,8 +8,8 @@ use equipoise_adapters::recording::{Recorder, RecordingHeader};
 use equipoise_simulator::motion::{Habits, Worker};
 use equipoise_simulator::noise::Suit;
 use equipoise_simulator::repertoire::{LIFTING, REPERTOIRE};
-use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, sample_time_ns, suit_sample};
-use equipoise_studies::subject::Subject;
+use equipoise_studies::sensors::{EPOCH_NS, Rig, ground_sample, suit_sample};
+use equipoise_studies::subject::{Subject, ask_all};
 use tempfile::TempDir;
 
 /// Masses of the lifts, and when each is in the hands, s.
@@ -26,7 +26,7 @@ pub(crate) struct Session {
     pub(crate) lines: Vec<serde_json::Value>,
 }
 
-/// ScheduledGateway once for all tests of this program.
+/// Made once for all tests of this program, on all processors: they wait for it.
 pub(crate) fn session() -> &'static Session {
     static SESSION: OnceLock<Session> = OnceLock::new();
     SESSION.get_or_init(|| {
@@ -34,10 +34,15 @@ pub(crate) fn session() -> &'static Session {
         let file = |name: &str| directory.path().join(name);
         let (samples, states, json) = (file("samples.mcap"), file("states.mcap"), file("states.jsonl"));
         write(&samples);
-        for out in [&states, &json] {
-            let ended = equipoise(&["replay", text(&samples), "--out", text(out)]);
-            assert!(ended.status.success(), "{ended:?}");
-        }
+        std::thread::scope(|scope| {
+            for out in [&states, &json] {
+                let replay = ["replay", text(&samples), "--out", text(out)];
+                scope.spawn(move || {
+                    let ended = equipoise(&replay);
+                    assert!(ended.status.success(), "{ended:?}");
+                });
+            }
+        });
         let written = std::fs::read_to_string(&json).unwrap();
         let lines = written.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
         Session { directory, samples, states, lines }
@@ -103,23 +108,19 @@ fn write(path: &Path) {
         ..RecordingHeader::default()
     };
     let mut recorder = Recorder::create(path, &header).unwrap();
-    let end_ns = EPOCH_NS + (LENGTH_S * 1e9) as u64;
-    let (mut suits, mut grounds) = (0, 0);
-    loop {
-        let (suit_ns, ground_ns) =
-            (sample_time_ns(suits, rig.suit_hz), sample_time_ns(grounds, rig.plate_hz));
-        if suit_ns.min(ground_ns) >= end_ns {
-            break;
+    let numbers = |rate_hz: u32| -> Vec<u32> { (0..(LENGTH_S * f64::from(rate_hz)) as u32).collect() };
+    let seed = subject.seed;
+    let suits = ask_all(&numbers(rig.suit_hz), |number| suit_sample(&worker, &suit, &rig, seed, *number));
+    let grounds = ask_all(&numbers(rig.plate_hz), |number| ground_sample(&worker, &rig, seed, *number));
+    let mut grounds = grounds.iter().peekable();
+    for suit in &suits {
+        while let Some(ground) = grounds.next_if(|ground| ground.published_ns < suit.published_ns) {
+            recorder.write(ground.published_ns, ground).unwrap();
         }
-        if suit_ns <= ground_ns {
-            let sample = suit_sample(&worker, &suit, &rig, subject.seed, suits);
-            recorder.write(sample.published_ns, &sample).unwrap();
-            suits += 1;
-        } else {
-            let sample = ground_sample(&worker, &rig, subject.seed, grounds);
-            recorder.write(sample.published_ns, &sample).unwrap();
-            grounds += 1;
-        }
+        recorder.write(suit.published_ns, suit).unwrap();
+    }
+    for ground in grounds {
+        recorder.write(ground.published_ns, ground).unwrap();
     }
     recorder.finish().unwrap();
 }
