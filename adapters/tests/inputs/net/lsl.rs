@@ -1,6 +1,6 @@
 //! Lab Streaming Layer: a stream is discovered on the network, described, read, and found again.
 
-use crate::{PATIENCE, until};
+use super::{PATIENCE, until};
 use equipoise_adapters::ground::GroundSettings;
 use equipoise_adapters::ground::device::lsl::{Lsl, LslSettings};
 use equipoise_adapters::ground::plan::Plan;

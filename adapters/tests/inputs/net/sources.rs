@@ -10,7 +10,7 @@ use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-use crate::repeat_after_stall;
+use super::repeat_after_stall;
 
 /// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(90);

@@ -8,7 +8,7 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use crate::repeat_after_stall;
+use super::repeat_after_stall;
 
 /// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(90);

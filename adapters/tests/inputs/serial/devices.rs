@@ -1,7 +1,7 @@
 //! Plates and sensors on a line that is unplugged, truncated, noisy, silent or at a wrong speed, through the engine.
 
-use crate::plate::{FRAME, Plate};
-use crate::pty::Socket;
+use super::plate::{FRAME, Plate};
+use super::pty::Socket;
 use equipoise_adapters::ground::device::amti::{Amti, AmtiSettings, Rate};
 use equipoise_adapters::ground::device::bota::{Bota, BotaSettings};
 use equipoise_adapters::ground::{GroundDevice, GroundRefusal, GroundSettings};

@@ -1,6 +1,6 @@
 //! The line itself: open, in use, forbidden, missing, unplugged and plugged in again.
 
-use crate::pty::{Device, Socket};
+use super::pty::{Device, Socket};
 use equipoise_adapters::source::{Flow, LineSettings, SerialLine, Transport};
 use std::path::PathBuf;
 

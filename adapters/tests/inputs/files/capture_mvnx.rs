@@ -8,7 +8,7 @@ use equipoise_core::message::SuitSample;
 use equipoise_core::message::suit::SuitBlocks;
 use proptest::prelude::*;
 
-use crate::mvnx_file::{
+use super::mvnx_file::{
     Style, TAIL, UNIX_MS, V3, V4, calibration, file, frame, head, null_pose, orientation, positions, read,
     refusal,
 };

@@ -1,5 +1,4 @@
 //! Sources over real sockets on loopback, against simulated devices.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 mod described_over_sockets;
 mod labamp;

@@ -1,6 +1,6 @@
 //! Kistler's LabAmp: requests over HTTP, stream over TCP, and reconnection after the stream ends.
 
-use crate::{PATIENCE, until};
+use super::{PATIENCE, until};
 use crossbeam_channel::{Receiver, Sender, bounded};
 use equipoise_adapters::ground::GroundSettings;
 use equipoise_adapters::ground::device::labamp::{LabAmp, LabAmpSettings};

@@ -1,6 +1,6 @@
 //! Simulated AMTI plate at the far end of a line, minimal and by the protocol: it receives only at its own speed.
 
-use crate::pty::{Device, Socket};
+use super::pty::{Device, Socket};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;

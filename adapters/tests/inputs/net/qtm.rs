@@ -1,6 +1,6 @@
 //! Qualisys Track Manager: commands, frames, and reconnection.
 
-use crate::{PATIENCE, until};
+use super::{PATIENCE, until};
 use equipoise_adapters::ground::device::qtm::{Qtm, QtmSettings};
 use equipoise_adapters::ground::{GroundSettings, SensorAxes};
 use equipoise_adapters::source::{GroundSource, TcpLine};

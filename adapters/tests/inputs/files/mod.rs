@@ -1,5 +1,4 @@
 //! What is read from files: captures, recordings, real data.
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking, in its helpers too")]
 
 mod capture_bioware;
 mod capture_csv;
