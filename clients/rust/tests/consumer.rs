@@ -176,11 +176,11 @@ fn who_asks_seldom_is_given_the_newest() {
     let root = root();
     let _station = station(&root);
     // Long, because the machine may be busy, but shorter than the sleep below.
-    let patient = ConsumerSettings { stale_after: Duration::from_secs(3), ..root.settings("seldom") };
+    let patient = ConsumerSettings { stale_after: Duration::from_millis(2500), ..root.settings("seldom") };
     let mut consumer = Consumer::join_with(patient).unwrap();
     next(&mut consumer);
     // Longer than the silence after which a consumer rejoins.
-    sleep(Duration::from_secs(4));
+    sleep(Duration::from_secs(3));
     let reading = consumer.latest().unwrap();
     assert!(reading.is_new && reading.missed > 0);
 }
