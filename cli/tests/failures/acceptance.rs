@@ -3,5 +3,6 @@
 mod demo;
 mod live;
 mod plan;
+mod random_kills;
 mod reconcile_session;
 mod two_plates;

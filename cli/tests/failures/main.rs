@@ -35,7 +35,6 @@ mod page;
 mod plate;
 mod private;
 mod process;
-mod random_kills;
 mod record_live;
 mod record_pictures;
 mod record_service;
