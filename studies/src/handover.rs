@@ -4,6 +4,8 @@
 //! ([`equipoise_simulator::motion::Habits`]), which are no inputs of the planner; the planner has the bones of the suit, the
 //! identified mass distribution and the feet.
 
+use std::sync::OnceLock;
+
 use equipoise_core::body::JOINTS;
 use equipoise_core::frame::{Pose, StationWorld};
 use equipoise_core::handover::experience::{Experience, LimitRatio};
@@ -89,6 +91,9 @@ impl Best {
     }
 }
 
+/// A presentation that is feasible, by the posture model alone and truly, with both limit ratios.
+type Feasible = (Presentation, handover::Prediction, f64);
+
 /// A subject who is identified, and holds parts.
 struct Holder {
     body: Body,
@@ -98,6 +103,8 @@ struct Holder {
     reach_habits: ReachHabits,
     pressing: Feet,
     experience: Experience,
+    /// Of the grid; computed when first needed, since experience does not change them.
+    feasible: OnceLock<Vec<Feasible>>,
 }
 
 impl Holder {
@@ -119,6 +126,7 @@ impl Holder {
             reach_habits: ReachHabits::of(subject.seed),
             pressing: Feet::new(&habits.feet, subject.seed),
             experience: Experience::default(),
+            feasible: OnceLock::new(),
         };
         holder.hand_over(handovers);
         holder
@@ -127,9 +135,12 @@ impl Holder {
     /// Hands parts over, each as the planner then finds most promising, and learns from each. Places that the person does
     /// not reach are left out.
     fn hand_over(&mut self, handovers: u32) {
-        let presentations: Vec<_> = if handovers == 0 { Vec::new() } else { self.feasible() };
+        if handovers > 0 {
+            self.feasible();
+        }
+        let presentations = self.feasible.get().map_or(&[][..], Vec::as_slice);
         for _ in 0..handovers {
-            let lowest = |(part, model, _): &(Presentation, handover::Prediction, f64)| {
+            let lowest = |(part, model, _): &Feasible| {
                 let corrected = self.experience.correct(part.at_m, model.worst_ratio);
                 corrected.value - corrected.sigma
             };
@@ -140,13 +151,15 @@ impl Holder {
         }
     }
 
-    /// The presentations of the grid that are feasible, by the posture model alone and truly, with both limit ratios.
-    fn feasible(&self) -> Vec<(Presentation, handover::Prediction, f64)> {
-        let all = presentations().enumerate().filter_map(|(number, part)| {
-            let truth = self.true_limit_ratio(part, PART_KG, number)?;
-            Some((part, self.modelled(part, PART_KG)?, truth))
-        });
-        all.collect()
+    /// The feasible presentations of the grid.
+    fn feasible(&self) -> &[Feasible] {
+        self.feasible.get_or_init(|| {
+            let all = presentations().enumerate().filter_map(|(number, part)| {
+                let truth = self.true_limit_ratio(part, PART_KG, number)?;
+                Some((part, self.modelled(part, PART_KG)?, truth))
+            });
+            all.collect()
+        })
     }
 
     /// The worst joint's limit ratio, by the posture model alone.
@@ -182,9 +195,8 @@ impl Holder {
     /// The best presentation of the grid; `None` if none is feasible.
     fn best(&self) -> Option<Best> {
         let feasible = self.feasible();
-        let corrected = |(part, model, _): &(Presentation, handover::Prediction, f64)| {
-            self.experience.correct(part.at_m, model.worst_ratio).value
-        };
+        let corrected =
+            |(part, model, _): &Feasible| self.experience.correct(part.at_m, model.worst_ratio).value;
         let predicted = feasible.iter().min_by(|a, b| corrected(a).total_cmp(&corrected(b)))?;
         let best = feasible.iter().min_by(|a, b| a.2.total_cmp(&b.2))?;
         Some(Best {
