@@ -269,10 +269,11 @@ fn unix_ns() -> u64 {
     u64::try_from(since.as_nanos()).unwrap_or(0)
 }
 
-/// The file, and the newest time in it.
+/// The file, and its state.
 struct Sink {
     recorder: Recorder,
     pictures: Pictures,
+    /// Newest time of the daemon's results in the file, CLOCK_MONOTONIC.
     newest_ns: u64,
     station: String,
     /// The subject whose profile is already in the file.
@@ -290,9 +291,15 @@ impl Sink {
         status::read(&self.station).filter(belongs)
     }
 
-    fn write<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
+    /// Writes a result of the daemon, whose clock determines the newest time in the file.
+    fn write_result<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
         self.newest_ns = self.newest_ns.max(time_ns);
         Ok(self.recorder.write(time_ns, message)?)
+    }
+
+    /// Writes a message of an adapter, which may have another clock: its log time is at most the present.
+    fn write_input<M: Recorded>(&mut self, published_ns: u64, message: &M) -> anyhow::Result<()> {
+        Ok(self.recorder.write(published_ns.min(now_monotonic_ns()), message)?)
     }
 
     /// Stores the configuration of a reload, once, if the status still contains it: the status is written before the
@@ -324,5 +331,40 @@ impl Sink {
             self.recorder.add_subject(self.newest_ns, &profile)?;
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_adapters::recording::Recording;
+    use equipoise_core::message::{AdapterHealth, CycleRecord, GroundSample};
+
+    use super::*;
+
+    fn sink(out: &Path) -> Sink {
+        let mut recorder = Recorder::create(out, &RecordingHeader::default()).unwrap();
+        let pictures = Pictures::announce(&mut recorder, 0.0).unwrap();
+        let (station, subject, daemons) = ("s".to_owned(), "a".to_owned(), Daemons::All);
+        let (newest_ns, settings_number, instance) = (0, 0, (0, 0));
+        Sink { recorder, pictures, newest_ns, station, subject, settings_number, instance, daemons }
+    }
+
+    #[test]
+    fn a_stamp_in_the_future_is_no_log_time_and_does_not_date_later_messages() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap");
+        let (mut sink, due_ns) = (sink(&path), now_monotonic_ns());
+        sink.write_result(due_ns, &CycleRecord { due_ns, ..CycleRecord::zeroed() }).unwrap();
+        for published_ns in [due_ns - 1, u64::MAX / 2] {
+            sink.write_input(published_ns, &GroundSample::zeroed()).unwrap();
+            sink.write_input(published_ns, &AdapterHealth::zeroed()).unwrap();
+        }
+        assert_eq!(sink.newest_ns, due_ns);
+        sink.recorder.finish().unwrap();
+        let recording = Recording::open(&path).unwrap();
+        let times: Vec<u64> = recording.entries().map(|timed| timed.unwrap().log_time_ns).collect();
+        assert_eq!(times[..3], [due_ns, due_ns - 1, due_ns - 1]);
+        assert_eq!(times.len(), 5);
+        assert!(times.iter().all(|time_ns| *time_ns <= now_monotonic_ns()), "{times:?}");
     }
 }
