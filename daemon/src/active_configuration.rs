@@ -6,6 +6,7 @@ use anyhow::{Context, bail};
 use equipoise_config::Config;
 use equipoise_config::method::Build;
 use equipoise_core::cycle::Settings;
+use equipoise_station::ANONYMOUS;
 use equipoise_station::status::Status;
 
 use crate::realtime::now_ns;
@@ -39,6 +40,15 @@ impl ActiveConfiguration {
         match &self.loaded {
             Some(LoadedSubject { id, build }) => self.config.with_subject(id, *build),
             None => self.config.clone(),
+        }
+    }
+
+    /// Pseudonym of the subject in use; empty if it is unnamed.
+    fn subject_in_use(&self) -> &str {
+        match &self.loaded {
+            Some(loaded) if loaded.id == ANONYMOUS => "",
+            Some(loaded) => &loaded.id,
+            None => &self.config.subject.id,
         }
     }
 
@@ -126,6 +136,7 @@ impl SharedConfiguration {
         // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
         // matching configuration.
         let published = Published {
+            subject: active.subject_in_use().to_owned(),
             config_toml: active.with_subject_in_use().to_toml(),
             model_toml: active.config.model_toml(),
             reload: now_ns() / 1000,
@@ -157,6 +168,7 @@ impl SharedConfiguration {
 
 /// The part of the status that a change of the configuration replaces.
 struct Published {
+    subject: String,
     config_toml: String,
     model_toml: String,
     reload: u64,
@@ -164,8 +176,61 @@ struct Published {
 
 impl Published {
     fn swap(&mut self, status: &mut Status) {
+        std::mem::swap(&mut self.subject, &mut status.subject);
         std::mem::swap(&mut self.config_toml, &mut status.config_toml);
         std::mem::swap(&mut self.model_toml, &mut status.model_toml);
         std::mem::swap(&mut self.reload, &mut status.reload);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::rings::Rings;
+
+    /// The configuration of the start, and its status in a file.
+    fn shared(directory: &std::path::Path, settings: SettingsSender) -> (SharedConfiguration, StatusFile) {
+        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
+                    id = \"alice\"\nheight_m = 1.7\n";
+        let config = Config::parse(text, "the test's").unwrap();
+        let status = json!({
+            "version": "", "process_id": 1, "station": "s", "config_toml": text, "memory_lock": "", "threads": [],
+            "subject": "alice",
+        });
+        let mut file = StatusFile::new(serde_json::from_value(status).unwrap());
+        file.path = directory.join("status.json");
+        let shared =
+            SharedConfiguration::new(ActiveConfiguration { config, loaded: None, similar: None }, settings);
+        shared.publish_in(file.clone());
+        (shared, file)
+    }
+
+    #[test]
+    fn a_change_publishes_the_subject_together_with_its_configuration() {
+        let directory = tempfile::tempdir().unwrap();
+        let Rings { mut loop_ends, settings, .. } = Rings::new().unwrap();
+        let (shared, file) = shared(directory.path(), settings);
+        let published = || -> (Value, String) {
+            let status: Value = serde_json::from_slice(&std::fs::read(&file.path).unwrap()).unwrap();
+            let config = Config::parse(status["config_toml"].as_str().unwrap(), "the status").unwrap();
+            (status["subject"].clone(), config.subject.id)
+        };
+        let mut load = |id: Option<&str>, outcome: anyhow::Result<()>| {
+            let loaded = id.map(|id| LoadedSubject { id: id.to_owned(), build: None });
+            let active = ActiveConfiguration { loaded, ..shared.get() };
+            let _ = shared.apply(&mut shared.lock_changes(), active, || outcome);
+            // As the loop, which applies the settings.
+            let _ = loop_ends.settings.pop();
+        };
+        load(Some("bob"), Ok(()));
+        assert_eq!(published(), (json!("bob"), "bob".to_owned()));
+        load(Some(ANONYMOUS), Ok(()));
+        assert_eq!(published(), (json!(""), ANONYMOUS.to_owned()));
+        load(Some("carol"), Err(anyhow::anyhow!("the loop has no slot")));
+        assert_eq!(published(), (json!(""), ANONYMOUS.to_owned()));
+        load(None, Ok(()));
+        assert_eq!(published(), (json!("alice"), "alice".to_owned()));
     }
 }

@@ -318,7 +318,6 @@ impl Start<'_> {
             worker: Arc::clone(&worker_data),
             active_configuration: Arc::clone(self.active_configuration),
             board: Arc::clone(self.board),
-            status: status.clone(),
             station_refused,
             tare,
         };

@@ -26,10 +26,10 @@ use equipoise_bus::{Bus, BusSettings, CommandClient};
 use equipoise_config::Config;
 use equipoise_core::message::{Command, CommandKind};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
-use equipoise_station::DAEMON_ROLE;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status::{self, Status};
+use equipoise_station::{ANONYMOUS, DAEMON_ROLE};
 
 pub use summary::RecordSummary;
 
@@ -259,7 +259,7 @@ fn read_profile(facts: &Status) -> String {
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.for_recording();
     if facts.subject.is_empty() {
-        config.subject.id = equipoise_station::ANONYMOUS.to_owned();
+        config.subject.id = ANONYMOUS.to_owned();
     }
     Ok(config.to_toml())
 }
@@ -318,19 +318,21 @@ impl Sink {
 
     /// Stores the profile of a newly loaded subject, so that a search finds the recording by its pseudonym.
     fn record_subject(&mut self) -> anyhow::Result<()> {
-        let Some(facts) = self.status().filter(|facts| facts.subject != self.subject) else {
+        self.status().map_or(Ok(()), |facts| self.record_subject_of(facts))
+    }
+
+    fn record_subject_of(&mut self, facts: Status) -> anyhow::Result<()> {
+        if facts.subject == self.subject {
             return Ok(());
-        };
-        let mut profile = read_profile(&facts);
+        }
+        let mut profile = if facts.subject.is_empty() { String::new() } else { read_profile(&facts) };
         self.subject = facts.subject;
-        if profile.is_empty() && !self.subject.is_empty() {
-            // A new subject has no profile yet.
-            profile = format!("subject = {:?}\n", self.subject);
+        if profile.is_empty() {
+            // A new subject has no profile yet, an unnamed one none at all.
+            let name = if self.subject.is_empty() { ANONYMOUS } else { &self.subject };
+            profile = format!("subject = {name:?}\n");
         }
-        if !profile.is_empty() {
-            self.recorder.add_subject(self.newest_ns, &profile)?;
-        }
-        Ok(())
+        Ok(self.recorder.add_subject(self.newest_ns, &profile)?)
     }
 }
 
@@ -366,5 +368,27 @@ mod tests {
         assert_eq!(times[..3], [due_ns, due_ns - 1, due_ns - 1]);
         assert_eq!(times.len(), 5);
         assert!(times.iter().all(|time_ns| *time_ns <= now_monotonic_ns()), "{times:?}");
+    }
+
+    #[test]
+    fn every_change_of_the_subject_is_attached_also_to_one_without_a_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap");
+        let state = StateDirectory::at(directory.path());
+        std::fs::create_dir_all(state.profiles()).unwrap();
+        let profile = "format = 3\nsubject = \"b\"\n";
+        std::fs::write(state.profile("b"), profile).unwrap();
+        let mut sink = sink(&path);
+        sink.write_result(1, &CycleRecord::zeroed()).unwrap();
+        for subject in ["a", "b", "", "", "c"] {
+            let status = serde_json::json!({
+                "version": "", "process_id": 1, "station": "s", "config_toml": "", "memory_lock": "", "threads": [],
+                "subject": subject, "state_directory": directory.path(),
+            });
+            sink.record_subject_of(serde_json::from_value(status).unwrap()).unwrap();
+        }
+        sink.recorder.finish().unwrap();
+        let attached = Recording::open(&path).unwrap().header().later_subjects_toml.clone();
+        assert_eq!(attached, [profile, "subject = \"anonymous\"\n", "subject = \"c\"\n"]);
     }
 }
