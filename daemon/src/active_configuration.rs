@@ -3,8 +3,8 @@
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use anyhow::{Context, bail};
-use equipoise_config::Config;
 use equipoise_config::method::Build;
+use equipoise_config::{Config, similar};
 use equipoise_core::cycle::Settings;
 use equipoise_station::ANONYMOUS;
 use equipoise_station::status::Status;
@@ -139,6 +139,7 @@ impl SharedConfiguration {
             subject: active.subject_in_use().to_owned(),
             config_toml: active.with_subject_in_use().to_toml(),
             model_toml: active.config.model_toml(),
+            similar_toml: similar::to_toml(settings.similar.as_ref()),
             reload: now_ns() / 1000,
         };
         let number = published.reload;
@@ -171,6 +172,7 @@ struct Published {
     subject: String,
     config_toml: String,
     model_toml: String,
+    similar_toml: String,
     reload: u64,
 }
 
@@ -179,13 +181,16 @@ impl Published {
         std::mem::swap(&mut self.subject, &mut status.subject);
         std::mem::swap(&mut self.config_toml, &mut status.config_toml);
         std::mem::swap(&mut self.model_toml, &mut status.model_toml);
+        std::mem::swap(&mut self.similar_toml, &mut status.similar_toml);
         std::mem::swap(&mut self.reload, &mut status.reload);
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use serde_json::{Value, json};
+    use equipoise_core::cycle::Similar;
+    use equipoise_core::sesc::PARAMETERS;
+    use serde_json::json;
 
     use super::*;
     use crate::rings::Rings;
@@ -201,8 +206,11 @@ mod tests {
         });
         let mut file = StatusFile::new(serde_json::from_value(status).unwrap());
         file.path = directory.join("status.json");
+        let (deviation_m, variance_m2) = ([0.002; PARAMETERS], [1e-6; PARAMETERS]);
+        let similar = Similar { deviation_m, variance_m2, likeness: 0.7 };
+        let similar = Some(Chosen { subject: "zoe".to_owned(), similar });
         let shared =
-            SharedConfiguration::new(ActiveConfiguration { config, loaded: None, similar: None }, settings);
+            SharedConfiguration::new(ActiveConfiguration { config, loaded: None, similar }, settings);
         shared.publish_in(file.clone());
         (shared, file)
     }
@@ -212,10 +220,13 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let Rings { mut loop_ends, settings, .. } = Rings::new().unwrap();
         let (shared, file) = shared(directory.path(), settings);
-        let published = || -> (Value, String) {
-            let status: Value = serde_json::from_slice(&std::fs::read(&file.path).unwrap()).unwrap();
-            let config = Config::parse(status["config_toml"].as_str().unwrap(), "the status").unwrap();
-            (status["subject"].clone(), config.subject.id)
+        let published = || -> (String, String, bool) {
+            let text = std::fs::read_to_string(&file.path).unwrap();
+            assert!(!text.contains("zoe"), "the name of the similar subject");
+            let status: Status = serde_json::from_str(&text).unwrap();
+            let config = Config::parse(&status.config_toml, "the status").unwrap();
+            let similar = similar::parse(&status.similar_toml, "the status").unwrap();
+            (status.subject, config.subject.id, similar == shared.settings().similar && similar.is_some())
         };
         let mut load = |id: Option<&str>, outcome: anyhow::Result<()>| {
             let loaded = id.map(|id| LoadedSubject { id: id.to_owned(), build: None });
@@ -225,12 +236,12 @@ mod tests {
             let _ = loop_ends.settings.pop();
         };
         load(Some("bob"), Ok(()));
-        assert_eq!(published(), (json!("bob"), "bob".to_owned()));
+        assert_eq!(published(), ("bob".to_owned(), "bob".to_owned(), false));
         load(Some(ANONYMOUS), Ok(()));
-        assert_eq!(published(), (json!(""), ANONYMOUS.to_owned()));
+        assert_eq!(published(), (String::new(), ANONYMOUS.to_owned(), false));
         load(Some("carol"), Err(anyhow::anyhow!("the loop has no slot")));
-        assert_eq!(published(), (json!(""), ANONYMOUS.to_owned()));
+        assert_eq!(published(), (String::new(), ANONYMOUS.to_owned(), false));
         load(None, Ok(()));
-        assert_eq!(published(), (json!("alice"), "alice".to_owned()));
+        assert_eq!(published(), ("alice".to_owned(), "alice".to_owned(), true));
     }
 }

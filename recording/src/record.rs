@@ -178,6 +178,7 @@ impl Tap {
             started_unix_ns: unix_ns(),
             started_monotonic_ns: now_monotonic_ns(),
             model_toml: facts.model_toml,
+            similar_toml: facts.similar_toml,
             previous,
             ..RecordingHeader::default()
         };
@@ -309,7 +310,9 @@ impl Sink {
             return Ok(());
         }
         if let Some(facts) = self.status().filter(|facts| facts.reload == number) {
-            let reloaded = Reloaded { config_toml: recorded_config(&facts)?, model_toml: facts.model_toml };
+            let config_toml = recorded_config(&facts)?;
+            let Status { model_toml, similar_toml, .. } = facts;
+            let reloaded = Reloaded { config_toml, model_toml, similar_toml };
             self.recorder.add_reload(time_ns, number, &reloaded)?;
             self.settings_number = number;
         }
