@@ -14,6 +14,7 @@ mod recording;
 mod remedy;
 mod renamed;
 pub mod sensor_network;
+pub mod similar;
 pub mod suit;
 
 use std::borrow::Cow;

@@ -3,9 +3,10 @@
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use anyhow::{Context, bail};
-use equipoise_config::Config;
 use equipoise_config::method::Build;
+use equipoise_config::{Config, similar};
 use equipoise_core::cycle::Settings;
+use equipoise_station::ANONYMOUS;
 use equipoise_station::status::Status;
 
 use crate::realtime::now_ns;
@@ -39,6 +40,15 @@ impl ActiveConfiguration {
         match &self.loaded {
             Some(LoadedSubject { id, build }) => self.config.with_subject(id, *build),
             None => self.config.clone(),
+        }
+    }
+
+    /// Pseudonym of the subject in use; empty if it is unnamed.
+    fn subject_in_use(&self) -> &str {
+        match &self.loaded {
+            Some(loaded) if loaded.id == ANONYMOUS => "",
+            Some(loaded) => &loaded.id,
+            None => &self.config.subject.id,
         }
     }
 
@@ -126,8 +136,10 @@ impl SharedConfiguration {
         // Publish the configuration before the loop applies it, so that a recorder that receives the cycle finds the
         // matching configuration.
         let published = Published {
+            subject: active.subject_in_use().to_owned(),
             config_toml: active.with_subject_in_use().to_toml(),
             model_toml: active.config.model_toml(),
+            similar_toml: similar::to_toml(settings.similar.as_ref()),
             reload: now_ns() / 1000,
         };
         let number = published.reload;
@@ -157,15 +169,79 @@ impl SharedConfiguration {
 
 /// The part of the status that a change of the configuration replaces.
 struct Published {
+    subject: String,
     config_toml: String,
     model_toml: String,
+    similar_toml: String,
     reload: u64,
 }
 
 impl Published {
     fn swap(&mut self, status: &mut Status) {
+        std::mem::swap(&mut self.subject, &mut status.subject);
         std::mem::swap(&mut self.config_toml, &mut status.config_toml);
         std::mem::swap(&mut self.model_toml, &mut status.model_toml);
+        std::mem::swap(&mut self.similar_toml, &mut status.similar_toml);
         std::mem::swap(&mut self.reload, &mut status.reload);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::cycle::Similar;
+    use equipoise_core::sesc::PARAMETERS;
+    use serde_json::json;
+
+    use super::*;
+    use crate::rings::Rings;
+
+    /// The configuration of the start, and its status in a file.
+    fn shared(directory: &std::path::Path, settings: SettingsSender) -> (SharedConfiguration, StatusFile) {
+        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
+                    id = \"alice\"\nheight_m = 1.7\n";
+        let config = Config::parse(text, "the test's").unwrap();
+        let status = json!({
+            "version": "", "process_id": 1, "station": "s", "config_toml": text, "memory_lock": "", "threads": [],
+            "subject": "alice",
+        });
+        let mut file = StatusFile::new(serde_json::from_value(status).unwrap());
+        file.path = directory.join("status.json");
+        let (deviation_m, variance_m2) = ([0.002; PARAMETERS], [1e-6; PARAMETERS]);
+        let similar = Similar { deviation_m, variance_m2, likeness: 0.7 };
+        let similar = Some(Chosen { subject: "zoe".to_owned(), similar });
+        let shared =
+            SharedConfiguration::new(ActiveConfiguration { config, loaded: None, similar }, settings);
+        shared.publish_in(file.clone());
+        (shared, file)
+    }
+
+    #[test]
+    fn a_change_publishes_the_subject_together_with_its_configuration() {
+        let directory = tempfile::tempdir().unwrap();
+        let Rings { mut loop_ends, settings, .. } = Rings::new().unwrap();
+        let (shared, file) = shared(directory.path(), settings);
+        let published = || -> (String, String, bool) {
+            let text = std::fs::read_to_string(&file.path).unwrap();
+            assert!(!text.contains("zoe"), "the name of the similar subject");
+            let status: Status = serde_json::from_str(&text).unwrap();
+            let config = Config::parse(&status.config_toml, "the status").unwrap();
+            let similar = similar::parse(&status.similar_toml, "the status").unwrap();
+            (status.subject, config.subject.id, similar == shared.settings().similar && similar.is_some())
+        };
+        let mut load = |id: Option<&str>, outcome: anyhow::Result<()>| {
+            let loaded = id.map(|id| LoadedSubject { id: id.to_owned(), build: None });
+            let active = ActiveConfiguration { loaded, ..shared.get() };
+            let _ = shared.apply(&mut shared.lock_changes(), active, || outcome);
+            // As the loop, which applies the settings.
+            let _ = loop_ends.settings.pop();
+        };
+        load(Some("bob"), Ok(()));
+        assert_eq!(published(), ("bob".to_owned(), "bob".to_owned(), false));
+        load(Some(ANONYMOUS), Ok(()));
+        assert_eq!(published(), (String::new(), ANONYMOUS.to_owned(), false));
+        load(Some("carol"), Err(anyhow::anyhow!("the loop has no slot")));
+        assert_eq!(published(), (String::new(), ANONYMOUS.to_owned(), false));
+        load(None, Ok(()));
+        assert_eq!(published(), ("alice".to_owned(), "alice".to_owned(), true));
     }
 }

@@ -12,8 +12,7 @@ use std::sync::Arc;
 use anyhow::{Context, anyhow, bail};
 use crossbeam_channel::{Sender, bounded};
 use equipoise_bus::{Bus, BusError, BusSettings};
-use equipoise_config::Config;
-use equipoise_config::WaitStrategy;
+use equipoise_config::{Config, WaitStrategy, similar};
 use equipoise_core::message::Incident;
 use equipoise_latency::Report;
 use equipoise_station::DAEMON_ROLE;
@@ -297,6 +296,7 @@ impl Start<'_> {
             station: config.station.clone(),
             config_toml: self.active_configuration.with(ActiveConfiguration::with_subject_in_use).to_toml(),
             model_toml: config.model_toml(),
+            similar_toml: similar::to_toml(self.active_configuration.settings().similar.as_ref()),
             state_directory: self.subjects.state().path().to_owned(),
             subject: self.subjects.get(worker).map(|destination| destination.subject).unwrap_or_default(),
             restored: messages,
@@ -318,7 +318,6 @@ impl Start<'_> {
             worker: Arc::clone(&worker_data),
             active_configuration: Arc::clone(self.active_configuration),
             board: Arc::clone(self.board),
-            status: status.clone(),
             station_refused,
             tare,
         };

@@ -24,7 +24,6 @@ use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::SavingEnds;
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
-use crate::status_file::StatusFile;
 use crate::subjects::{ProfileDestination, Subjects};
 
 use lifts::LiftLog;
@@ -51,8 +50,6 @@ pub struct Saver {
     pub active_configuration: Arc<SharedConfiguration>,
     /// Receives the incident of a failed write.
     pub board: Arc<IncidentBoard>,
-    /// The status file, which displays the active subject.
-    pub status: StatusFile,
     /// The station file is not written: saving is disabled, or the existing file cannot be parsed.
     pub station_refused: bool,
     /// The tare of the file and its time, s since 1970 UTC.
@@ -180,7 +177,6 @@ impl Writer {
     fn encode_station(&mut self, number: u64, copy: &StoredState) {
         let subject =
             self.saver.subjects.get(number).map(|destination| destination.subject).unwrap_or_default();
-        self.saver.status.set_subject(&subject);
         if self.saver.station_refused {
             return;
         }

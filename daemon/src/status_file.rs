@@ -35,11 +35,6 @@ impl StatusFile {
         self.change(|status| status.model_mismatch = suspicion);
     }
 
-    /// Sets the active subject; written with the next [`StatusFile::write`].
-    pub fn set_subject(&self, subject: &str) {
-        self.change(|status| subject.clone_into(&mut status.subject));
-    }
-
     /// Sets the active incidents; written with the next [`StatusFile::write`].
     pub fn set_incidents(&self, incidents: BTreeMap<String, String>) {
         self.change(|status| status.incidents = incidents);

@@ -26,10 +26,10 @@ use equipoise_bus::{Bus, BusSettings, CommandClient};
 use equipoise_config::Config;
 use equipoise_core::message::{Command, CommandKind};
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
-use equipoise_station::DAEMON_ROLE;
 use equipoise_station::bus_directory::BusDirectory;
 use equipoise_station::state_directory::StateDirectory;
 use equipoise_station::status::{self, Status};
+use equipoise_station::{ANONYMOUS, DAEMON_ROLE};
 
 pub use summary::RecordSummary;
 
@@ -178,6 +178,7 @@ impl Tap {
             started_unix_ns: unix_ns(),
             started_monotonic_ns: now_monotonic_ns(),
             model_toml: facts.model_toml,
+            similar_toml: facts.similar_toml,
             previous,
             ..RecordingHeader::default()
         };
@@ -259,7 +260,7 @@ fn read_profile(facts: &Status) -> String {
 fn recorded_config(facts: &Status) -> anyhow::Result<String> {
     let mut config = Config::parse(&facts.config_toml, "the daemon's configuration")?.for_recording();
     if facts.subject.is_empty() {
-        config.subject.id = equipoise_station::ANONYMOUS.to_owned();
+        config.subject.id = ANONYMOUS.to_owned();
     }
     Ok(config.to_toml())
 }
@@ -269,10 +270,11 @@ fn unix_ns() -> u64 {
     u64::try_from(since.as_nanos()).unwrap_or(0)
 }
 
-/// The file, and the newest time in it.
+/// The file, and its state.
 struct Sink {
     recorder: Recorder,
     pictures: Pictures,
+    /// Newest time of the daemon's results in the file, CLOCK_MONOTONIC.
     newest_ns: u64,
     station: String,
     /// The subject whose profile is already in the file.
@@ -290,9 +292,15 @@ impl Sink {
         status::read(&self.station).filter(belongs)
     }
 
-    fn write<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
+    /// Writes a result of the daemon, whose clock determines the newest time in the file.
+    fn write_result<M: Recorded>(&mut self, time_ns: u64, message: &M) -> anyhow::Result<()> {
         self.newest_ns = self.newest_ns.max(time_ns);
         Ok(self.recorder.write(time_ns, message)?)
+    }
+
+    /// Writes a message of an adapter, which may have another clock: its log time is at most the present.
+    fn write_input<M: Recorded>(&mut self, published_ns: u64, message: &M) -> anyhow::Result<()> {
+        Ok(self.recorder.write(published_ns.min(now_monotonic_ns()), message)?)
     }
 
     /// Stores the configuration of a reload, once, if the status still contains it: the status is written before the
@@ -302,7 +310,9 @@ impl Sink {
             return Ok(());
         }
         if let Some(facts) = self.status().filter(|facts| facts.reload == number) {
-            let reloaded = Reloaded { config_toml: recorded_config(&facts)?, model_toml: facts.model_toml };
+            let config_toml = recorded_config(&facts)?;
+            let Status { model_toml, similar_toml, .. } = facts;
+            let reloaded = Reloaded { config_toml, model_toml, similar_toml };
             self.recorder.add_reload(time_ns, number, &reloaded)?;
             self.settings_number = number;
         }
@@ -311,18 +321,77 @@ impl Sink {
 
     /// Stores the profile of a newly loaded subject, so that a search finds the recording by its pseudonym.
     fn record_subject(&mut self) -> anyhow::Result<()> {
-        let Some(facts) = self.status().filter(|facts| facts.subject != self.subject) else {
+        self.status().map_or(Ok(()), |facts| self.record_subject_of(facts))
+    }
+
+    fn record_subject_of(&mut self, facts: Status) -> anyhow::Result<()> {
+        if facts.subject == self.subject {
             return Ok(());
-        };
-        let mut profile = read_profile(&facts);
+        }
+        let mut profile = if facts.subject.is_empty() { String::new() } else { read_profile(&facts) };
         self.subject = facts.subject;
-        if profile.is_empty() && !self.subject.is_empty() {
-            // A new subject has no profile yet.
-            profile = format!("subject = {:?}\n", self.subject);
+        if profile.is_empty() {
+            // A new subject has no profile yet, an unnamed one none at all.
+            let name = if self.subject.is_empty() { ANONYMOUS } else { &self.subject };
+            profile = format!("subject = {name:?}\n");
         }
-        if !profile.is_empty() {
-            self.recorder.add_subject(self.newest_ns, &profile)?;
+        Ok(self.recorder.add_subject(self.newest_ns, &profile)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_adapters::recording::Recording;
+    use equipoise_core::message::{AdapterHealth, CycleRecord, GroundSample};
+
+    use super::*;
+
+    fn sink(out: &Path) -> Sink {
+        let mut recorder = Recorder::create(out, &RecordingHeader::default()).unwrap();
+        let pictures = Pictures::announce(&mut recorder, 0.0).unwrap();
+        let (station, subject, daemons) = ("s".to_owned(), "a".to_owned(), Daemons::All);
+        let (newest_ns, settings_number, instance) = (0, 0, (0, 0));
+        Sink { recorder, pictures, newest_ns, station, subject, settings_number, instance, daemons }
+    }
+
+    #[test]
+    fn a_stamp_in_the_future_is_no_log_time_and_does_not_date_later_messages() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap");
+        let (mut sink, due_ns) = (sink(&path), now_monotonic_ns());
+        sink.write_result(due_ns, &CycleRecord { due_ns, ..CycleRecord::zeroed() }).unwrap();
+        for published_ns in [due_ns - 1, u64::MAX / 2] {
+            sink.write_input(published_ns, &GroundSample::zeroed()).unwrap();
+            sink.write_input(published_ns, &AdapterHealth::zeroed()).unwrap();
         }
-        Ok(())
+        assert_eq!(sink.newest_ns, due_ns);
+        sink.recorder.finish().unwrap();
+        let recording = Recording::open(&path).unwrap();
+        let times: Vec<u64> = recording.entries().map(|timed| timed.unwrap().log_time_ns).collect();
+        assert_eq!(times[..3], [due_ns, due_ns - 1, due_ns - 1]);
+        assert_eq!(times.len(), 5);
+        assert!(times.iter().all(|time_ns| *time_ns <= now_monotonic_ns()), "{times:?}");
+    }
+
+    #[test]
+    fn every_change_of_the_subject_is_attached_also_to_one_without_a_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.mcap");
+        let state = StateDirectory::at(directory.path());
+        std::fs::create_dir_all(state.profiles()).unwrap();
+        let profile = "format = 3\nsubject = \"b\"\n";
+        std::fs::write(state.profile("b"), profile).unwrap();
+        let mut sink = sink(&path);
+        sink.write_result(1, &CycleRecord::zeroed()).unwrap();
+        for subject in ["a", "b", "", "", "c"] {
+            let status = serde_json::json!({
+                "version": "", "process_id": 1, "station": "s", "config_toml": "", "memory_lock": "", "threads": [],
+                "subject": subject, "state_directory": directory.path(),
+            });
+            sink.record_subject_of(serde_json::from_value(status).unwrap()).unwrap();
+        }
+        sink.recorder.finish().unwrap();
+        let attached = Recording::open(&path).unwrap().header().later_subjects_toml.clone();
+        assert_eq!(attached, [profile, "subject = \"anonymous\"\n", "subject = \"c\"\n"]);
     }
 }

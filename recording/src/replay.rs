@@ -84,7 +84,7 @@ impl Replay<'_> {
         mut write: impl FnMut(&State, Option<&CycleRecord>) -> anyhow::Result<()>,
     ) -> anyhow::Result<Summary> {
         let survey = self.input.survey();
-        let settings = self.config.settings();
+        let settings = self.settings()?;
         let mut machine = Machine::new(settings, survey.initial_memory(&settings));
         let mut summary = Summary::new(self.input.started_ns(), self.residual_s);
         match self.input {
@@ -144,6 +144,12 @@ impl Replay<'_> {
         Ok(summary)
     }
 
+    /// The settings at the begin. The similar subject's numbers are of no configuration.
+    fn settings(&self) -> anyhow::Result<Settings> {
+        let similar = if self.as_recorded { self.input.similar()? } else { None };
+        Ok(Settings { similar, ..self.config.settings() })
+    }
+
     /// Due time of the first cycle, ns, and settings of each later subject.
     fn later_subjects(&self, survey: &Survey, recording: &Recording) -> VecDeque<(u64, Settings)> {
         let mut later = VecDeque::new();
@@ -167,6 +173,7 @@ impl Replay<'_> {
             started_monotonic_ns: self.input.started_ns(),
             config_toml: self.config.clone().for_recording().to_toml(),
             model_toml: self.config.model_toml(),
+            similar_toml: String::new(),
             previous: None,
             ..base
         }

@@ -33,6 +33,9 @@ pub struct Status {
     /// The model in use in addition to the body; empty without one.
     #[serde(default)]
     pub model_toml: String,
+    /// Numbers of the similar subject in the prior, without its name; empty without one.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub similar_toml: String,
     /// State directory of the daemon; empty if its version does not publish it.
     #[serde(default)]
     pub state_directory: PathBuf,
@@ -42,7 +45,7 @@ pub struct Status {
     /// Messages on stored data of earlier runs: what is restored, and what is not.
     #[serde(default)]
     pub restored: Vec<String>,
-    /// Number of the reload that set `config_toml` and `model_toml`; 0 for the start.
+    /// Number of the reload that set `config_toml`, `model_toml` and `similar_toml`; 0 for the start.
     #[serde(default)]
     pub reload: u64,
     /// Whether memory is locked, or the reason that it is not.

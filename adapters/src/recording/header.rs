@@ -20,6 +20,7 @@ const PREVIOUS_SHA256_KEY: &str = "previous_sha256";
 const CONFIG_NAME: &str = "config.toml";
 const SUBJECT_NAME: &str = "subject.toml";
 const MODEL_NAME: &str = "model.toml";
+const SIMILAR_NAME: &str = "similar.toml";
 
 /// The header of a recording. Contains no names of host or person: the subject has a pseudonym.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -36,6 +37,8 @@ pub struct RecordingHeader {
     pub subject_toml: String,
     /// The model in use, TOML; empty if none was loaded.
     pub model_toml: String,
+    /// Numbers of the similar subject in the prior, TOML, without its name; empty if there is none.
+    pub similar_toml: String,
     /// Configurations and models that became active later, by number.
     pub reloads: BTreeMap<u64, Reloaded>,
     /// Profiles of later subjects, TOML, in order.
@@ -72,15 +75,18 @@ pub struct Reloaded {
     pub config_toml: String,
     /// The model that became active, TOML; empty if there was none.
     pub model_toml: String,
+    /// The similar subject from then on, as in the header.
+    pub similar_toml: String,
 }
 
 impl Reloaded {
     /// The texts to attach, by file name; `number` is that of the cycle record.
-    pub(super) fn attachments(&self, number: u64) -> [(String, &str); 2] {
+    pub(super) fn attachments(&self, number: u64) -> [(String, &str); 3] {
         // Without a model an empty one is attached, as the initial model is no longer in use.
         [
             (format!("config.{number}.toml"), &self.config_toml),
             (format!("model.{number}.toml"), &self.model_toml),
+            (format!("similar.{number}.toml"), &self.similar_toml),
         ]
     }
 }
@@ -146,6 +152,7 @@ impl RecordingHeader {
             (CONFIG_NAME, self.config_toml.as_str()),
             (SUBJECT_NAME, self.subject_toml.as_str()),
             (MODEL_NAME, self.model_toml.as_str()),
+            (SIMILAR_NAME, self.similar_toml.as_str()),
         ]
         .into_iter()
         .filter(|(_, text)| !text.is_empty())
@@ -173,6 +180,7 @@ impl RecordingHeader {
             CONFIG_NAME => self.config_toml = text,
             SUBJECT_NAME => self.subject_toml = text,
             MODEL_NAME => self.model_toml = text,
+            SIMILAR_NAME => self.similar_toml = text,
             LATER_SUBJECT_NAME => {
                 self.later_subjects_toml.push(text);
                 self.later_subjects_ns.push(log_time_ns);
@@ -182,6 +190,8 @@ impl RecordingHeader {
                     self.reloads.entry(number).or_default().config_toml = text;
                 } else if let Some(number) = number("model.") {
                     self.reloads.entry(number).or_default().model_toml = text;
+                } else if let Some(number) = number("similar.") {
+                    self.reloads.entry(number).or_default().similar_toml = text;
                 }
             }
         }

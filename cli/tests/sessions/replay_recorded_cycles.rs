@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
 use equipoise_adapters::recording::{Recorder, RecordingHeader, Reloaded};
-use equipoise_config::Config;
+use equipoise_config::{Config, similar};
 use equipoise_core::body::{SEGMENTS, Skeleton};
 use equipoise_core::cycle::Checkpoint;
 use equipoise_core::cycle::memory::MEMORY_VERSION;
-use equipoise_core::cycle::{Inputs, Memory, Tare, Tick, step};
+use equipoise_core::cycle::{Inputs, Memory, Settings, Similar, Tare, Tick, step};
 use equipoise_core::message::{CommandKind, CycleRecord, GroundSample, State, SuitSample};
+use equipoise_core::sesc::PARAMETERS;
 use equipoise_recording::replay::input::Input;
 use equipoise_recording::replay::{Replay, Summary};
 
@@ -39,6 +40,7 @@ pub(crate) struct Live {
     suit: Vec<SuitSample>,
     ground: Vec<GroundSample>,
     pub(crate) format: u64,
+    header: RecordingHeader,
     /// The recorder's data on reloads.
     reloads: Vec<(u64, Reloaded)>,
     /// Cycles after which the recorder attached the profile of another subject, and its pseudonym.
@@ -53,10 +55,6 @@ fn reloaded_toml() -> String {
     format!("{CONFIG}[overload]\nmotion_window_ms = 50.0\n")
 }
 
-fn config() -> Config {
-    Config::parse(CONFIG, "test").unwrap()
-}
-
 /// A slightly swaying worker. Checkpoints are taken after the named cycles, commands given before them.
 pub(crate) fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
     live_with(&Tare::zeroed(), checkpoint_after, commands)
@@ -64,7 +62,19 @@ pub(crate) fn live(checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) ->
 
 /// The same on a plate that was tared before.
 pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64, CommandKind)]) -> Live {
-    let (mut settings, mut settings_number) = (config().settings(), 0);
+    live_of([CONFIG, &reloaded_toml()], None, tare, checkpoint_after, commands)
+}
+
+/// The same with the configurations before and after a reload, and the similar subject of both.
+fn live_of(
+    configs: [&str; 2],
+    similar: Option<Similar>,
+    tare: &Tare,
+    checkpoint_after: &[u64],
+    commands: &[(u64, CommandKind)],
+) -> Live {
+    let settings_of = |text: &str| Settings { similar, ..Config::parse(text, "test").unwrap().settings() };
+    let (mut settings, mut settings_number) = (settings_of(configs[0]), 0);
     let mut memory = bytemuck::zeroed_box::<Memory>();
     memory.start(&settings);
     memory.resume_tare(tare);
@@ -75,6 +85,13 @@ pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64,
         suit: Vec::new(),
         ground: Vec::new(),
         format: MEMORY_VERSION,
+        header: RecordingHeader {
+            config_toml: configs[0].to_owned(),
+            software_version: "9.9.9".to_owned(),
+            started_monotonic_ns: START_NS,
+            similar_toml: similar::to_toml(similar.as_ref()),
+            ..RecordingHeader::default()
+        },
         reloads: Vec::new(),
         subjects: Vec::new(),
     };
@@ -125,7 +142,7 @@ pub(crate) fn live_with(tare: &Tare, checkpoint_after: &[u64], commands: &[(u64,
             memory.identification.mass_kg = 81.5;
         }
         if command == Some(CommandKind::Reload) {
-            settings = Config::parse(&reloaded_toml(), "test").unwrap().settings();
+            settings = settings_of(configs[1]);
             record.command_argument[0] = RELOAD as f64;
             settings_number = RELOAD;
         }
@@ -149,13 +166,7 @@ impl Live {
     fn record(&self, directory: &Path) -> PathBuf {
         let path = directory.join("live.mcap");
         let _ = std::fs::remove_file(&path);
-        let header = RecordingHeader {
-            config_toml: CONFIG.to_owned(),
-            software_version: "9.9.9".to_owned(),
-            started_monotonic_ns: START_NS,
-            ..RecordingHeader::default()
-        };
-        let mut recorder = Recorder::create(&path, &header).unwrap();
+        let mut recorder = Recorder::create(&path, &self.header).unwrap();
         for (number, reloaded) in &self.reloads {
             recorder.add_reload(START_NS, *number, reloaded).unwrap();
         }
@@ -323,6 +334,30 @@ fn a_reload_is_replayed_with_its_configuration_and_without_it_the_replay_stops()
     assert_eq!((fidelity.unknown_settings_at, fidelity.states_differing), (Some(900), 0), "{summary}");
     assert_eq!(states.last().unwrap().cycle, 899);
     assert!(!summary.is_complete() && summary.to_string().contains("stopped at cycle 900"), "{summary}");
+}
+
+#[test]
+fn a_similar_subject_in_the_prior_is_replayed_before_and_after_a_reload() {
+    let (deviation_m, variance_m2) = ([2e-3; PARAMETERS], [1e-6; PARAMETERS]);
+    let similar = Similar { deviation_m, variance_m2, likeness: 0.7 };
+    let prior = "[identification]\nprior = \"similar-subject\"\n";
+    let configs = [format!("{CONFIG}{prior}"), format!("{}{prior}", reloaded_toml())];
+    let commands = [(900, CommandKind::Reload), (1000, CommandKind::IdentifyReset)];
+    let texts = [&*configs[0], &*configs[1]];
+    let mut live = live_of(texts, Some(similar), &Tare::zeroed(), &[101], &commands);
+    let (config_toml, similar_toml) = (configs[1].clone(), live.header.similar_toml.clone());
+    live.reloads.push((RELOAD, Reloaded { config_toml, similar_toml, ..Reloaded::default() }));
+    let replay = |live: &Live| live.replay().unwrap().0.fidelity.unwrap();
+    assert!(replay(&live).is_exact(), "{}", replay(&live));
+    live.reloads[0].1.similar_toml.clear();
+    let first_differing = replay(&live).first_differing;
+    assert!(
+        first_differing.is_some_and(|cycle| cycle >= 900),
+        "the prior has an effect: {first_differing:?}"
+    );
+    live.header.similar_toml.clear();
+    let first_differing = replay(&live).first_differing;
+    assert!(first_differing.is_some_and(|cycle| cycle < 900), "the prior has an effect: {first_differing:?}");
 }
 
 #[test]

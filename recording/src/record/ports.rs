@@ -90,16 +90,16 @@ impl Ports {
         }
         write_pending(&mut self.suit, |sample| {
             summary.suit.ingest(sample.sequence);
-            sink.write(sample.published_ns, sample)
+            sink.write_input(sample.published_ns, sample)
         })?;
         write_pending(&mut self.ground, |sample| {
             summary.ground.ingest(sample.sequence);
-            sink.write(sample.published_ns, sample)
+            sink.write_input(sample.published_ns, sample)
         })?;
-        write_pending(&mut self.body, |body| sink.write(body.published_ns, body))?;
+        write_pending(&mut self.body, |body| sink.write_input(body.published_ns, body))?;
         write_pending(&mut self.health, |health| {
             summary.health += 1;
-            sink.write(health.time_ns, health)
+            sink.write_input(health.time_ns, health)
         })
     }
 }
@@ -167,18 +167,18 @@ fn write_cycle(sink: &mut Sink, summary: &mut RecordSummary, record: &CycleRecor
     if record.command == CommandKind::Reload as u32 {
         sink.record_reload(record.due_ns, record.command_argument[0] as u64)?;
     }
-    sink.write(record.due_ns, record)
+    sink.write_result(record.due_ns, record)
 }
 
 fn write_state(sink: &mut Sink, summary: &mut RecordSummary, state: &State) -> anyhow::Result<()> {
     summary.states.ingest(state.cycle);
-    sink.write(state.time_ns, state)?;
+    sink.write_result(state.time_ns, state)?;
     sink.pictures.add(&mut sink.recorder, state)
 }
 
 fn write_early(sink: &mut Sink, summary: &mut RecordSummary, early: &EarlyState) -> anyhow::Result<()> {
     summary.early += 1;
-    sink.write(early.time_ns, early)
+    sink.write_result(early.time_ns, early)
 }
 
 fn write_checkpoint(
@@ -190,7 +190,7 @@ fn write_checkpoint(
     // The record of the cycle that applied a reload may be lost.
     sink.record_reload(sink.newest_ns, checkpoint.settings_number)?;
     // A checkpoint has no time stamp.
-    sink.write(sink.newest_ns, checkpoint)
+    sink.write_result(sink.newest_ns, checkpoint)
 }
 
 /// Reads every pending message in place.

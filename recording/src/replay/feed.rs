@@ -39,6 +39,7 @@ pub(super) struct Feed<'a> {
     pub(super) suit: Pending<SuitSample>,
     pub(super) ground: Pending<GroundSample>,
     bodies: VecDeque<Box<SuitBody>>,
+    /// Newest time of a cycle that was read: stamps of samples may be of another clock.
     newest_ns: u64,
     ended: bool,
     /// Damage that ended reading before the end of the file.
@@ -108,23 +109,59 @@ impl<'a> Feed<'a> {
                 self.damage = Some(error.to_string());
                 self.ended = true;
             }
-            Some(Ok(timed)) => {
-                self.newest_ns = self.newest_ns.max(timed.log_time_ns);
-                match timed.entry {
-                    Entry::Cycle(record) => self.cycles.push_back(record),
-                    Entry::State(state) => self.states.push_back(state),
-                    Entry::Early(early) => self.early.push_back(early),
-                    Entry::Checkpoint(checkpoint) => {
-                        // A checkpoint has no time stamp, but the state in its memory has one.
-                        let time_ns = checkpoint.memory().map(|memory| memory.state.time_ns);
-                        self.checkpoints.extend(time_ns.map(|time_ns| (time_ns, checkpoint)));
-                    }
-                    Entry::Suit(sample) => self.suit.push(sample),
-                    Entry::Ground(sample) => self.ground.push(sample),
-                    Entry::Body(body) => self.bodies.push_back(body),
-                    _ => {}
+            Some(Ok(timed)) => match timed.entry {
+                Entry::Cycle(record) => {
+                    self.newest_ns = self.newest_ns.max(record.due_ns);
+                    self.cycles.push_back(record);
                 }
-            }
+                Entry::State(state) => {
+                    self.newest_ns = self.newest_ns.max(state.time_ns);
+                    self.states.push_back(state);
+                }
+                Entry::Early(early) => self.early.push_back(early),
+                Entry::Checkpoint(checkpoint) => {
+                    // A checkpoint has no time stamp, but the state in its memory has one.
+                    let time_ns = checkpoint.memory().map(|memory| memory.state.time_ns);
+                    self.checkpoints.extend(time_ns.map(|time_ns| (time_ns, checkpoint)));
+                }
+                Entry::Suit(sample) => self.suit.push(sample),
+                Entry::Ground(sample) => self.ground.push(sample),
+                Entry::Body(body) => self.bodies.push_back(body),
+                _ => {}
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use equipoise_adapters::recording::{Recorder, RecordingHeader};
+
+    use super::*;
+    use crate::replay::pending::IngestedSamples;
+
+    #[test]
+    fn a_sample_stamped_in_the_future_does_not_end_the_read_ahead() {
+        let mut recorder = Recorder::in_memory("a.mcap", &RecordingHeader::default()).unwrap();
+        let sample =
+            |sequence, published_ns| GroundSample { sequence, published_ns, ..GroundSample::zeroed() };
+        let in_the_future = u64::MAX / 2;
+        // As recorders of earlier releases write it, with its own stamp as log time.
+        recorder.write(in_the_future, &sample(100, in_the_future)).unwrap();
+        for cycle in 1..=3 {
+            let due_ns = cycle * 1_000_000;
+            recorder.write(due_ns, &CycleRecord { cycle, due_ns, ..CycleRecord::zeroed() }).unwrap();
+        }
+        for sequence in 1..=3 {
+            recorder.write(sequence, &sample(sequence, sequence)).unwrap();
+        }
+        let recording = Recording::from_bytes(recorder.into_bytes().unwrap()).unwrap();
+        let (mut feed, mut into) = (Feed::new(&recording), Vec::new());
+        for number in 1..=3 {
+            assert_eq!(feed.next_cycle().unwrap().record.cycle, number);
+            let ingested = IngestedSamples { first: number, last: number, count: 1, last_sample_time_ns: 0 };
+            assert!(feed.ground.pop(ingested, &mut into), "the sample of cycle {number}");
         }
     }
 }

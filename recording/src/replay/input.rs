@@ -8,8 +8,8 @@ use equipoise_adapters::capture::csv::TIME_BASE_NS;
 use equipoise_adapters::recording::{Recording, Reloaded};
 use equipoise_config::method::MASS_KG;
 use equipoise_config::model::LoadedModel;
-use equipoise_config::{Config, SuitPosition};
-use equipoise_core::cycle::Settings;
+use equipoise_config::{Config, SuitPosition, similar};
+use equipoise_core::cycle::{Settings, Similar};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
 use equipoise_core::time::NS_PER_S;
 
@@ -182,6 +182,16 @@ impl Input {
         Ok(Chosen { config, origin })
     }
 
+    /// The similar subject in the prior of a recording, if any.
+    ///
+    /// # Errors
+    /// This release cannot read it.
+    pub fn similar(&self) -> anyhow::Result<Option<Similar>> {
+        let Input::Recording(recording) = self else { return Ok(None) };
+        let text = &recording.header().similar_toml;
+        similar::parse(text, "the recording's similar subject").map_err(anyhow::Error::msg)
+    }
+
     /// The settings of each reload in a recording, by number.
     ///
     /// # Errors
@@ -194,7 +204,9 @@ impl Input {
             if !reloaded.model_toml.is_empty() {
                 config.loaded_model = Some(LoadedModel::parse(reloaded.model_toml.clone(), name)?);
             }
-            Ok((*number, config.settings()))
+            let name = format!("the recording's similar subject of reload {number}");
+            let similar = similar::parse(&reloaded.similar_toml, &name).map_err(anyhow::Error::msg)?;
+            Ok((*number, Settings { similar, ..config.settings() }))
         };
         recording.header().reloads.iter().map(settings).collect()
     }

@@ -10,6 +10,7 @@ pub(super) struct Machine {
     settings: Settings,
     memory: Box<Memory>,
     table: Box<Memory>,
+    table_settings: Settings,
     scored: Vec<Scored>,
 }
 
@@ -18,7 +19,7 @@ impl Machine {
     pub(super) fn new(settings: Settings, memory: Box<Memory>) -> Machine {
         let mut table = memory.clone();
         table.identification.identifying = 0;
-        Machine { settings, memory, table, scored: Vec::new() }
+        Machine { settings, memory, table, table_settings: of_table(&settings), scored: Vec::new() }
     }
 
     /// Resumes from a memory of the live loop.
@@ -26,14 +27,14 @@ impl Machine {
         copy_memory(&mut self.memory, memory);
         copy_memory(&mut self.table, memory);
         if self.table.identification.has_body() {
-            self.table.identification.reset_to_prior(&self.settings);
+            self.table.identification.reset_to_prior(&self.table_settings);
         }
         self.table.identification.identifying = 0;
     }
 
     /// Replaces the subject by one without data, with these settings from the next step on.
     pub(super) fn begin_subject(&mut self, settings: &Settings) {
-        self.settings = *settings;
+        self.change_settings(settings);
         let mut subject = bytemuck::zeroed_box::<SubjectState>();
         subject.identification.start(settings);
         self.memory.replace_subject(&subject);
@@ -43,7 +44,7 @@ impl Machine {
 
     /// Changes the settings from the next step on.
     pub(super) fn change_settings(&mut self, settings: &Settings) {
-        self.settings = *settings;
+        (self.settings, self.table_settings) = (*settings, of_table(settings));
     }
 
     /// The samples that count for the error of the CoP.
@@ -67,7 +68,7 @@ impl Machine {
         let command = inputs.command.filter(|command| {
             matches!(command, CommandKind::Tare | CommandKind::Reload | CommandKind::SubjectLoad)
         });
-        step(&self.settings, &mut self.table, tick, Inputs { command, ..inputs });
+        step(&self.table_settings, &mut self.table, tick, Inputs { command, ..inputs });
         if self.memory.state.suit_sample_time_ns != before_ns {
             self.scored.extend(Scored::of(
                 &self.memory.state,
@@ -79,7 +80,42 @@ impl Machine {
     }
 }
 
+/// The settings without the similar subject: the table alone.
+fn of_table(settings: &Settings) -> Settings {
+    Settings { similar: None, ..*settings }
+}
+
 /// Copies in place: a memory is too large for the stack.
 fn copy_memory(to: &mut Memory, from: &Memory) {
     bytemuck::bytes_of_mut(to).copy_from_slice(bytemuck::bytes_of(from));
+}
+
+#[cfg(test)]
+mod tests {
+    use equipoise_core::body::{SEGMENTS, Skeleton};
+    use equipoise_core::cycle::{PriorKind, Similar};
+    use equipoise_core::frame::{Pose, SuitWorld, rotation};
+    use equipoise_core::sesc::PARAMETERS;
+
+    use super::*;
+
+    #[test]
+    fn the_model_of_the_table_has_no_part_of_a_similar_subject() {
+        let (deviation_m, variance_m2) = ([2e-3; PARAMETERS], [1e-6; PARAMETERS]);
+        let similar = Some(Similar { deviation_m, variance_m2, likeness: 0.7 });
+        let settings = Settings { prior: PriorKind::SimilarSubject, similar, ..Settings::for_height(1.77) };
+        let mut memory = bytemuck::zeroed_box::<Memory>();
+        memory.start(&settings);
+        let origin = Skeleton::nominal(1.77).t_pose_m().map(Into::into);
+        let pose: Pose<SuitWorld> = Pose::new(origin, [rotation([1.0, 0.0, 0.0, 0.0]); SEGMENTS]);
+        while !memory.identification.has_body() {
+            memory.identification.update_skeleton(&pose, &settings);
+        }
+        let mut machine = Machine::new(settings, memory.clone());
+        machine.resume(&memory);
+        memory.identification.reset_to_prior(&Settings { prior: PriorKind::Table, ..settings });
+        let filter = |memory: &Memory| bytemuck::bytes_of(&memory.identification.filter).to_vec();
+        assert!(filter(&machine.table) == filter(&memory));
+        assert!(filter(&machine.memory) != filter(&memory));
+    }
 }

@@ -180,7 +180,7 @@ impl Run<'_> {
 
     /// Applies the settings of a reload; returns false if they are not in the recording.
     fn reload(&mut self, record: &CycleRecord) -> bool {
-        // Number 0 only removes the similar subject's parameters, which a replay does not use.
+        // Number 0, of an earlier release, only removes the similar subject, which its recordings lack.
         let number = record.command_argument[0] as u64;
         if record.command != CommandKind::Reload as u32 || number == 0 {
             return true;

@@ -140,7 +140,16 @@ impl<'a> Samples<'a> {
     /// Unused parts so far; complete once the iterator has ended.
     pub fn skipped(&self) -> SkippedData {
         match &self.source {
-            Source::Recording(recording, ordered) => skipped_of(recording, ordered.damage.clone()),
+            Source::Recording(recording, ordered) => {
+                let mut skipped = skipped_of(recording, ordered.damage.clone());
+                let ahead = Some(ordered.ahead).filter(|ahead| *ahead > 0);
+                skipped.rejected.extend(ahead.map(|ahead| {
+                    format!(
+                        "{ahead} samples are dated after they were recorded: their adapter had another clock"
+                    )
+                }));
+                skipped
+            }
             Source::Csv(capture, ..) => {
                 let rejected = capture.rejected();
                 let note = (!rejected.is_empty()).then(|| format!("rows left out: {rejected}"));
@@ -206,16 +215,22 @@ impl Iterator for Samples<'_> {
 struct Ordered<'a> {
     entries: Entries<'a>,
     pending: VecDeque<Sample>,
+    /// Number of samples that were stamped later than they were recorded: the live loop refuses them.
+    ahead: u64,
     damage: Option<String>,
 }
 
 impl<'a> Ordered<'a> {
     fn new(entries: Entries<'a>) -> Ordered<'a> {
-        Ordered { entries, pending: VecDeque::new(), damage: None }
+        Ordered { entries, pending: VecDeque::new(), ahead: 0, damage: None }
     }
 
-    fn insert(&mut self, sample: Sample) {
+    fn insert(&mut self, log_time_ns: u64, sample: Sample) {
         let time_ns = sample.delivered_ns();
+        if time_ns > log_time_ns {
+            self.ahead += 1;
+            return;
+        }
         // Insertion sort from the end, since the order is nearly correct. Equal times keep the file's order.
         let later = self.pending.iter().rev().take_while(|other| other.delivered_ns() > time_ns).count();
         self.pending.insert(self.pending.len() - later, sample);
@@ -236,9 +251,9 @@ impl Iterator for Ordered<'_> {
         while !self.spans_enough() {
             match self.entries.next() {
                 Some(Ok(timed)) => match timed.entry {
-                    Entry::Suit(sample) => self.insert(Sample::Suit(sample)),
-                    Entry::Ground(sample) => self.insert(Sample::Ground(sample)),
-                    Entry::Body(body) => self.insert(Sample::Body(body)),
+                    Entry::Suit(sample) => self.insert(timed.log_time_ns, Sample::Suit(sample)),
+                    Entry::Ground(sample) => self.insert(timed.log_time_ns, Sample::Ground(sample)),
+                    Entry::Body(body) => self.insert(timed.log_time_ns, Sample::Body(body)),
                     _ => {}
                 },
                 Some(Err(error)) => self.damage = Some(error.to_string()),
@@ -246,5 +261,29 @@ impl Iterator for Ordered<'_> {
             }
         }
         self.pending.pop_front()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use equipoise_adapters::recording::{Recorder, RecordingHeader};
+
+    use super::*;
+
+    #[test]
+    fn a_sample_stamped_in_the_future_is_rejected_and_the_others_stay_in_order() {
+        let mut recorder = Recorder::in_memory("a.mcap", &RecordingHeader::default()).unwrap();
+        for (log_time_s, published_s) in [(1, 1), (2, 90), (3, 3), (2, 2), (4, 4)] {
+            let published_ns = published_s * NS_PER_S;
+            let sample = GroundSample { published_ns, ..GroundSample::zeroed() };
+            recorder.write(log_time_s * NS_PER_S, &sample).unwrap();
+        }
+        let recording = Recording::from_bytes(recorder.into_bytes().unwrap()).unwrap();
+        let mut samples = Samples::of_recording(&recording);
+        let times_s: Vec<u64> = samples.by_ref().map(|sample| sample.delivered_ns() / NS_PER_S).collect();
+        assert_eq!(times_s, [1, 2, 3, 4]);
+        let rejected = samples.skipped().rejected;
+        assert!(rejected.len() == 1 && rejected[0].starts_with("1 samples are dated after"), "{rejected:?}");
     }
 }

@@ -22,6 +22,7 @@ fn header() -> RecordingHeader {
         started_monotonic_ns: 5_000 * MS,
         config_toml: "station = \"station-1\"\n".to_owned(),
         subject_toml: "id = \"anon-1\"\n".to_owned(),
+        similar_toml: "likeness = 0.7\n".to_owned(),
         ..RecordingHeader::default()
     }
 }
@@ -85,6 +86,7 @@ fn a_reloaded_configuration_is_found_by_its_cycle_number() {
     let reloaded = |number: u64| Reloaded {
         config_toml: format!("station = \"s\" # {number}\n"),
         model_toml: if number == 7 { "version = 1\n".to_owned() } else { String::new() },
+        similar_toml: if number == 7 { String::new() } else { "likeness = 0.5\n".to_owned() },
     };
     for number in [7, 123_456_789_012] {
         recorder.write(number, &CycleRecord::zeroed()).unwrap();
