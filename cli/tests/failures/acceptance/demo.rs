@@ -6,7 +6,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::time::Duration;
 
 use equipoise_simulator::ports::free_address;
-use rustix::process::{Pid, Signal, setpriority_process};
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::process::wait_for;
@@ -26,8 +26,6 @@ fn number(of: &Value, key: &str) -> f64 {
 
 /// Number of runs, of which one must agree: late samples on a busy machine enlarge the errors. A defect is in each run.
 const ATTEMPTS: usize = 3;
-/// Nice value of the demonstration: the less its samples wait for the other tests, the fewer runs are repeated.
-const NICE: i32 = -10;
 
 #[test]
 fn each_load_agrees_with_the_truth() {
@@ -38,9 +36,6 @@ fn each_load_agrees_with_the_truth() {
 fn assert_demo_agrees() {
     let station = Station::new();
     let mut demo = station.spawn(&["demo", "--once", "--headless", "--json", "--duration", "600"]);
-    let id = Pid::from_raw(demo.id() as i32).expect("a process");
-    // All its threads inherit it. Without the right to raise a priority, that of the other tests remains.
-    let _unprivileged = setpriority_process(Some(id), NICE);
     // It has a limit of its own.
     while demo.is_running() {
         std::thread::sleep(Duration::from_millis(100));
