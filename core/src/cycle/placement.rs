@@ -95,6 +95,7 @@ pub(super) fn anchor(
     let mut snapshot = Snapshot::new(suit.sample_time_ns, &in_suit_world, &pose, subject.anthropometry());
     (snapshot.stance, snapshot.stance_sigma_m) = (anchor.stance(), anchor.stance_sigma_m());
     snapshot.both_feet_stand = u64::from(anchor.both_feet_stand());
+    state.registration.ingest_stance(snapshot.stance, snapshot.stance_sigma_m);
     snapshot.time_sigma_ns = suit.sample_time_sigma_ns;
     if suit.has(SuitBlocks::CentreOfMass) {
         let ([x, y, z], [shift_x, shift_y]) = (suit.com_m, snapshot.station_from_suit_m);
