@@ -121,6 +121,8 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
+    /// Time at which the suit's counter was zero, ns.
+    pub(in crate::cycle) suit_started_ns: u64,
     /// Disturbances of the sensors.
     pub(in crate::cycle) disturbance: Disturbance,
 }
@@ -189,6 +191,7 @@ impl Bench {
             last_input: None,
             takes_ms: 100.0,
             suit_session: 0,
+            suit_started_ns: 0,
             disturbance: Disturbance::default(),
         }
     }
@@ -276,7 +279,7 @@ impl Bench {
             suit.session = self.suit_session;
             suit.sample_time_sigma_ns = self.disturbance.suit_time_sigma_ns;
             (suit.blocks, suit.com_m) = (SuitBlocks::CentreOfMass as u32, centre.into());
-            suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
+            suit.device_counter = ((self.now_ns - self.suit_started_ns) / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
