@@ -17,8 +17,8 @@ use serde::{Deserialize, Serialize};
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
 /// Increments with every change of the file's layout or meaning. Format 1 had no checksum; format 2 did not distinguish
-/// an unnamed subject from the configured one.
-const FORMAT: u32 = 3;
+/// an unnamed subject from the configured one; the position of format 3 is without the stance offset.
+const FORMAT: u32 = 4;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
 const TARE_AGE_MAX_S: u64 = 12 * 3600;
@@ -113,6 +113,9 @@ pub struct RegistrationPart {
     #[serde(default)]
     station_from_suit_sigma_rad: f64,
     station_from_suit_m: [f64; 2],
+    /// Its 1-σ by the stance offset, m; absent before format 4.
+    #[serde(default)]
+    station_from_suit_sigma_m: [f64; 2],
     /// CLOCK_MONOTONIC; 0 if the registration was lost and the suit has sent no sample since.
     suit_time_ns: u64,
     suit_counter: u64,
@@ -256,6 +259,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -268,6 +272,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -302,6 +307,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -312,6 +318,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -360,6 +367,7 @@ mod tests {
             station_from_suit_rad: 0.7,
             station_from_suit_sigma_rad: 0.1,
             station_from_suit_m: [0.1, -0.2],
+            station_from_suit_sigma_m: [0.02, 0.03],
             suit_time_ns: now_ns(),
             suit_counter: 77,
             suit_period_ns: 10_000_000,
@@ -389,7 +397,7 @@ mod tests {
         assert_eq!(file.loaded_subject(&config), Some(""), "unnamed is not the configured subject");
         assert_eq!(SubjectPart::of("a", &config), None);
         assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(copy.registration));
-        for (change, reason) in [("format = 3", "format = 4"), ("format", "formats"), ("station", "= =")] {
+        for (change, reason) in [("format = 4", "format = 5"), ("format", "formats"), ("station", "= =")] {
             fs::write(&path, file.to_toml().unwrap().replacen(change, reason, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }

@@ -12,7 +12,7 @@ use super::stored_state::{Registration, SHIFT_VALID_NS};
 use super::streams::Streams;
 use super::{foot_outline, insoles};
 use crate::anchor::Anchor;
-use crate::frame::{Pose, SuitWorld};
+use crate::frame::{Pose, SuitWorld, Turn};
 use crate::math;
 use crate::message::suit::SuitBlocks;
 use crate::message::{GroundSample, SuitBody, SuitSample};
@@ -134,6 +134,12 @@ impl Placement {
     /// Moves the anchor to a new registration.
     pub(super) fn apply(&mut self, new: &NewRegistration) {
         self.anchor.move_world(new.turn, new.by_m);
+    }
+
+    /// Moves the body on the plate, m.
+    pub(super) fn displace(&mut self, by_m: [f64; 2]) {
+        self.anchor.move_world(Turn::by(0.0), by_m);
+        self.registration.displace(by_m);
     }
 
     /// Drops a shift from before the start unless this sample shows that the same suit continued after a short gap.

@@ -124,6 +124,11 @@ impl RegistrationEstimator {
         }
     }
 
+    /// Moves the suit world in the station world, m: the pairs so far move with it.
+    pub(super) fn displace(&mut self, by_m: [f64; 2]) {
+        self.fit.transform(Turn::by(0.0), by_m);
+    }
+
     /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`, or the present one if that is larger:
     /// a gap during a search does not reveal the heading.
     pub(super) fn mark_lost(&mut self, sigma_rad: f64) {
@@ -398,6 +403,18 @@ mod tests {
         for variance_m2 in placement.registration.fit.variance_m2([0.0; 2]) {
             assert!((variance_m2 - expected_m2).abs() < 1e-12, "{variance_m2} {expected_m2}");
         }
+    }
+
+    #[test]
+    fn pairs_move_with_the_suit_world() {
+        let mut estimator = RegistrationEstimator::zeroed();
+        estimator.mark_lost(0.01);
+        for x_m in [0.0, 0.1] {
+            assert!(estimator.fit.ingest_pair([x_m, 0.0], [x_m, 0.2], [1e-6; 2]));
+        }
+        estimator.displace([0.5, -0.3]);
+        let [x_m, y_m] = estimator.fit.image_m([0.1, 0.0]);
+        assert!((x_m - 0.6).abs() < 1e-9 && (y_m + 0.1).abs() < 1e-9, "{x_m} {y_m}");
     }
 
     #[test]

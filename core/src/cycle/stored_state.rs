@@ -11,6 +11,7 @@ use super::settings::Settings;
 use super::skew_monitor::LAG_MAX_S;
 use super::tare::Tare;
 use crate::exposure::Shift;
+use crate::math;
 use crate::overload::GRAVITY_M_PER_S2;
 use crate::time::NS_PER_S;
 
@@ -29,8 +30,10 @@ pub struct Registration {
     pub station_from_suit_rad: f64,
     /// … its 1-σ beyond the configured uncertainty, rad: π if position and heading were unavailable …
     pub station_from_suit_sigma_rad: f64,
-    /// … and the shift after the rotation, m.
+    /// … the shift after the rotation, with the stance offset, m …
     pub station_from_suit_m: [f64; 2],
+    /// … and its 1-σ by the stance offset, m; 0 if unavailable.
+    pub station_from_suit_sigma_m: [f64; 2],
     /// Time of the suit sample, CLOCK_MONOTONIC; 0 before the first sample: the registration is unavailable then.
     pub suit_time_ns: u64,
     /// The suit's own counter in that sample.
@@ -70,7 +73,8 @@ impl StoredState {
         self.registration = Registration {
             station_from_suit_rad: memory.placement.registration.station_from_suit_rad(),
             station_from_suit_sigma_rad: memory.placement.registration.sigma_rad(),
-            station_from_suit_m: memory.placement.anchor.station_from_suit_m(),
+            station_from_suit_m: memory.station_from_suit_m(),
+            station_from_suit_sigma_m: memory.identification.stance_variance_m2().map(math::sqrt),
             suit_time_ns: memory.placement.suit_time_ns,
             suit_counter: memory.placement.suit_counter,
             suit_period_ns: memory.align.alignment.suit_period_ns(),
@@ -96,20 +100,23 @@ impl Memory {
     }
 
     /// Restores a stored registration. The first suit sample decides whether it is valid: it is dropped if the suit
-    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. Returns whether the registration is
-    /// sound; if not, or if the suit does not drift, nothing changes.
+    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. After the subject is restored, whose stance
+    /// offset is not less uncertain than the stored one. Returns whether the registration is sound; if not, or if the
+    /// suit does not drift, nothing changes.
     pub fn resume_registration(&mut self, registration: &Registration, settings: &Settings) -> bool {
-        let shift_m = registration.station_from_suit_m;
+        let (shift_m, sigma_m) = (registration.station_from_suit_m, registration.station_from_suit_sigma_m);
         let sound = registration.suit_time_ns > 0
             && registration.suit_period_ns > 0
             && registration.station_from_suit_rad.is_finite()
             && (0.0..=core::f64::consts::PI).contains(&registration.station_from_suit_sigma_rad)
             && registration.suit_lag_s.abs() < LAG_MAX_S
-            && shift_m.iter().all(|metres| metres.is_finite() && metres.abs() < SHIFT_MAX_M);
+            && shift_m.iter().all(|metres| metres.is_finite() && metres.abs() < SHIFT_MAX_M)
+            && sigma_m.iter().all(|metres| (0.0..SHIFT_MAX_M).contains(metres));
         if !sound || !settings.suit_drifts {
             return false;
         }
         self.placement.resume(registration);
+        self.identification.widen_stance_offset_to(sigma_m.map(|metres| metres * metres));
         self.align.alignment.expect_suit_period(registration.suit_period_ns);
         // Most of the lag is a property of the devices and survives a restart of the daemon; otherwise the estimator
         // detects the change.

@@ -26,7 +26,7 @@ impl Machine {
         copy_memory(&mut self.memory, memory);
         copy_memory(&mut self.table, memory);
         if self.table.identification.has_body() {
-            self.table.identification.reset_to_prior(&self.settings);
+            self.table.reset_to_prior(&self.settings);
         }
         self.table.identification.identifying = 0;
     }

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 use crate::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton};
 use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
+use crate::kalman::STATES;
 use crate::message::Component;
 use crate::message::state::Phase;
 use crate::message::suit::SuitBlocks;
@@ -310,6 +311,16 @@ impl Bench {
         self.now_ns += TICK_NS;
         let inputs = Inputs { command: Some(command), ..Inputs::default() };
         step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
+    }
+
+    /// Measures the stance offset, m, almost exactly.
+    pub(in crate::cycle) fn set_stance_offset(&mut self, offset_m: [f64; 2]) {
+        let filter = &mut self.memory.identification.filter;
+        for (axis, offset_m) in offset_m.into_iter().enumerate() {
+            let mut h = [0.0; STATES];
+            h[filter.count() + axis] = 1.0;
+            filter.update(&h, offset_m, 1e-12);
+        }
     }
 
     pub(in crate::cycle) fn identify(&mut self, person: &Person) {

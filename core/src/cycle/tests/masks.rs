@@ -103,6 +103,8 @@ fn values_of_the_previous_subject_are_not_published_after_a_load() {
     assert!((before_m[0] - expected_m[0]).abs() > 0.005, "{before_m:?} {expected_m:?}");
     let subject =
         SubjectState { identification: other.memory.identification, exposure: other.memory.exposure };
+    // Otherwise it would move the anchor, and with it the next subject.
+    bench.memory.identification.reset_stance_offset([0.0; 2]);
     bench.memory.replace_subject(&subject);
     bench.command(CommandKind::SubjectLoad);
     let (mut published, mut published_early) = (0, 0);
