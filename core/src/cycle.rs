@@ -83,7 +83,7 @@ pub use settings::{
     Accelerations, Method, Motion, POSE_REQUESTS_MAX, PoseChoice, PoseRequest, PriorKind, Settings, Similar,
     StopRule,
 };
-pub use stored_state::{Registration, StoredState};
+pub use stored_state::{Registration, StoredForceOffset, StoredState};
 pub use tare::Tare;
 
 /// Tolerance of a stream's delay in addition to two of its periods, ns.

@@ -16,8 +16,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
+mod force_offset;
+
+pub use force_offset::ForceOffsetPart;
+
 /// Increments with every change of the file's layout or meaning. Format 1 had no checksum; format 2 did not distinguish
-/// an unnamed subject from the configured one; the position of format 3 is without the stance offset.
+/// an unnamed subject from the configured one; format 3 lacked the force offset, and its position the stance offset.
 const FORMAT: u32 = 4;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
@@ -45,6 +49,9 @@ pub struct StationFile {
     /// Position of the suit world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationPart>,
+    /// Force offset of the subject on the plate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_offset: Option<ForceOffsetPart>,
 }
 
 /// `[subject]`
@@ -146,6 +153,7 @@ impl StationFile {
             model: None,
             tare: None,
             registration: None,
+            force_offset: None,
         }
     }
 
@@ -349,10 +357,12 @@ fn boot() -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use equipoise_core::cycle::StoredForceOffset;
+
     use super::*;
     use crate::realtime::now_ns;
 
-    fn config(change: &str) -> Config {
+    pub(super) fn config(change: &str) -> Config {
         let text = format!(
             "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n{change}\n[subject]\nid = \"a\"\n\
              height_m = 1.7\n"
@@ -360,9 +370,10 @@ mod tests {
         Config::parse(&text, "the test's").unwrap()
     }
 
-    fn copy() -> Box<StoredState> {
+    pub(super) fn copy() -> Box<StoredState> {
         let mut copy = bytemuck::zeroed_box::<StoredState>();
         copy.tare.force_n = [0.5, -0.25, 41.0];
+        copy.force_offset = StoredForceOffset { mean_n: 7.5, sigma_n: 0.5, mass_kg: 71.3, time_ns: now_ns() };
         copy.registration = Registration {
             station_from_suit_rad: 0.7,
             station_from_suit_sigma_rad: 0.1,
@@ -382,6 +393,8 @@ mod tests {
         let mut file = StationFile::new("s");
         file.tare = TarePart::of(&copy.tare, 1000, &config);
         file.registration = RegistrationPart::of(&copy, &config);
+        file.force_offset = ForceOffsetPart::of(&copy, "b", &config);
+        assert!(file.force_offset.is_some());
         file.subject = SubjectPart::of("b", &config);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");

@@ -211,6 +211,12 @@ impl GroundState {
         rest_n.abs() < zero_limit_n(sigma_n, settings.load_threshold_n)
     }
 
+    /// Continues with a stored force offset and its 1-σ, N, at least as uncertain as with a mass from another source, kg.
+    pub(super) fn resume_offset(&mut self, mass_kg: f64, mean_n: f64, sigma_n: f64) {
+        let sigma_n = sigma_n.max(GRAVITY_M_PER_S2 * OTHER_MASS_SIGMA_KG);
+        self.force_offset.resume(mass_kg, mean_n, sigma_n);
+    }
+
     /// Makes the force offset as uncertain as with a mass from another source: the terms of another model may explain
     /// what it has absorbed.
     pub(super) fn widen_offset(&mut self) {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::cycle::stored_state::SHIFT_VALID_NS;
 use crate::message::GroundDevice;
+use crate::motion::ForceSigma;
 use crate::pose_suggestion::coordinates;
 
 fn stored_state(memory: &Memory) -> Box<StoredState> {
@@ -18,6 +19,7 @@ fn restored_bench(bench: &Bench, stored: &StoredState, gap_ns: u64) -> Bench {
     assert!(again.memory.identification.restore(&stored.subject, &bench.settings));
     again.memory.exposure.resume(&stored.shift);
     assert!(again.memory.resume_tare(&stored.tare));
+    again.memory.resume_force_offset(&stored.force_offset);
     assert!(again.memory.resume_registration(&stored.registration, &bench.settings));
     again
 }
@@ -145,6 +147,42 @@ fn the_stance_offset_is_part_of_the_stored_position() {
             assert!((after_m[axis] - before_m[axis]).abs() < 1e-9, "{after_m:?} {before_m:?}");
             assert!((subject.stance_variance_m2()[axis] - expected_m2).abs() < 1e-6, "{variance_m2}");
         }
+    }
+}
+
+#[test]
+fn a_zero_that_drifted_before_a_restart_is_no_load_after_it() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    // The machine has run for days, in which the zero did not drift unobserved.
+    bench.now_ns = 1_000_000 * NS_PER_S;
+    bench.disturbance.zero_n = 18.0;
+    bench.hold(&person, &postures()[0], None, 500);
+    let offset = &mut bench.memory.ground.force_offset;
+    for _ in 0..2000 {
+        offset.update(18.0 - offset.mean_n(), 0.01, ForceSigma { at_rest_n: 2.0, by_motion_n: 0.0 });
+    }
+    let restarted = |change: &dyn Fn(&mut StoredState)| {
+        let mut stored = stored_state(&bench.memory);
+        change(&mut stored);
+        let mut again = restored_bench(&bench, &stored, NS_PER_S);
+        again.disturbance.zero_n = 18.0;
+        again.hold(&person, &postures()[0], None, 1000);
+        assert!(!again.state().validity().any_of(Validity::INVALIDATES_DELTA_F));
+        let is_loaded = !again.state().validity().any_of(Validity::BELOW_LOAD_THRESHOLD);
+        (is_loaded, again.state().delta_f_n[2], again.memory.ground.force_offset.mean_sigma_n())
+    };
+    let (is_loaded, delta_f_n, sigma_n) = restarted(&|_| {});
+    assert!(!is_loaded && delta_f_n.abs() < 1.0, "{delta_f_n}");
+    assert!((4.9..5.0).contains(&sigma_n), "that of a mass of another source: {sigma_n}");
+    assert_eq!(restarted(&|stored| stored.force_offset.sigma_n = 20.0).2.round(), 20.0);
+    let unusable: [(&str, &dyn Fn(&mut StoredState)); 4] = [
+        ("another mass", &|stored| stored.force_offset.mass_kg += 1.0),
+        ("not finite", &|stored| stored.force_offset.mean_n = f64::NAN),
+        ("larger than any drift", &|stored| stored.force_offset.mean_n = 1e3),
+        ("a negative σ", &|stored| stored.force_offset.sigma_n = -1.0),
+    ];
+    for (name, change) in unusable {
+        assert!(restarted(change).1 > 17.0, "{name}");
     }
 }
 
