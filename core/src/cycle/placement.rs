@@ -39,7 +39,7 @@ pub(super) struct Placement {
     session: u64,
     /// The suit's own counter in that sample.
     pub(super) suit_counter: u64,
-    /// The suit's counter in the last sample in which it continued from the sample before, and the time of that sample.
+    /// The suit's counter in the last sample in which it continued from the sample before, and that sample's time.
     steady_counter: u64,
     steady_ns: u64,
     /// 1 while the anchor's shift stems from before the start and no suit sample has confirmed it.
@@ -200,9 +200,9 @@ impl Placement {
         counted_since(suit, self.suit_counter, self.suit_time_ns, period_s).is_some_and(|counted| counted > 0)
     }
 
-    /// Whether the suit restarted: its counter started at zero and is not larger than the elapsed time allows. A counter
-    /// that jumps to another value is no restart. An adapter that restarts with the suit begins with the same session;
-    /// then the counter must be lower in two consecutive samples, because a single one may be an error.
+    /// Whether the suit restarted: its counter started at zero and is not larger than the elapsed time allows. A
+    /// counter that jumps to another value is no restart. An adapter that restarts with the suit may have the same
+    /// session; then the counter must be lower in two consecutive samples, because a single one may be an error.
     fn has_restarted(&self, suit: &SuitSample, period_s: f64) -> bool {
         let started_since = |time_ns: u64| {
             let counted_s = f64::from(suit.device_counter) * period_s;

@@ -115,8 +115,8 @@ impl RegistrationEstimator {
         self.is_unneeded = u64::from(ground.is_by_insoles_alone());
     }
 
-    /// Ingests the anchor's stance of a snapshot, with the 1-σ of its position relative to the previous stance, m. Also
-    /// without pairs: while a load is carried, each step adds its own error.
+    /// Ingests the anchor's stance of a snapshot, with the 1-σ of its position relative to the previous stance, m.
+    /// Each step adds its own error, also without pairs while a load is carried.
     pub(super) fn ingest_stance(&mut self, stance: u64, [x_m, y_m]: [f64; 2]) {
         if stance != self.stance {
             self.stance = stance;

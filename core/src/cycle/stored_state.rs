@@ -19,8 +19,8 @@ use crate::time::NS_PER_S;
 /// misses may add 5 mm of error (`anchor::STANCE_SIGMA_M`); two steps per second over 20 s add up to 32 mm, and a new
 /// registration is accepted within 30 mm.
 pub const SHIFT_VALID_NS: u64 = 20 * NS_PER_S;
-/// Maximum age at which a stored force offset is better than none, ns: a plate that drifts by 0.01 N/s changes it by 6 N
-/// in this time, about the 1-σ with which it is restored.
+/// Maximum age at which a stored force offset is better than none, ns: a plate that drifts by 0.01 N/s changes it by
+/// 6 N in this time, about the 1-σ with which it is restored.
 pub const FORCE_OFFSET_VALID_NS: u64 = 600 * NS_PER_S;
 /// Upper bound of a plausible drift of the suit, m.
 const SHIFT_MAX_M: f64 = 1e4;
@@ -125,8 +125,8 @@ impl Memory {
         sound
     }
 
-    /// Restores a stored force offset, at least as uncertain as at a first start. After the subject and the tare, to which
-    /// it belongs. Returns whether it is sound and of the mass in use; if not, nothing changes.
+    /// Restores a stored force offset, at least as uncertain as at a first start. After the subject and the tare, to
+    /// which it belongs. Returns whether it is sound and of the mass in use; if not, nothing changes.
     pub fn resume_force_offset(&mut self, stored: &StoredForceOffset) -> bool {
         let StoredForceOffset { mean_n, sigma_n, mass_kg, time_ns } = *stored;
         let is_usable = mass_kg > 0.0
@@ -142,9 +142,9 @@ impl Memory {
     }
 
     /// Restores a stored registration. The first suit sample decides whether it is valid: it is dropped if the suit
-    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. After the subject is restored, whose stance
-    /// offset is not less uncertain than the stored one. Returns whether the registration is sound; if not, or if the
-    /// suit does not drift, nothing changes.
+    /// restarted in the meantime or the gap is longer than [`SHIFT_VALID_NS`]. After the subject is restored, whose
+    /// stance offset is not less uncertain than the stored one. Returns whether the registration is sound; if not, or
+    /// if the suit does not drift, nothing changes.
     pub fn resume_registration(&mut self, registration: &Registration, settings: &Settings) -> bool {
         let (shift_m, sigma_m) = (registration.station_from_suit_m, registration.station_from_suit_sigma_m);
         let sound = registration.suit_time_ns > 0

@@ -88,7 +88,7 @@ impl Identification {
         }
     }
 
-    /// Sets the stance offset to zero, with its present uncertainty, and returns it, m: the caller moves the anchor by it.
+    /// Sets the stance offset to zero, with its present uncertainty, and returns it, m; the caller moves the anchor.
     pub(in crate::cycle) fn take_stance_offset(&mut self) -> [f64; 2] {
         [0, 1].map(|axis| self.filter.take_state(self.reduction.count() + axis))
     }

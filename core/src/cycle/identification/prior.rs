@@ -12,8 +12,8 @@ use crate::sesc::{Phi, Prior, Reduction};
 
 impl Identification {
     /// Scales the table to the bone lengths and initialises the filter with the prior: the body's distribution, general
-    /// constraints on bodies, and the effect of the suit's errors. The stance offset, which the caller has moved into the
-    /// anchor, is not less uncertain than before.
+    /// constraints on bodies, and the effect of the suit's errors. The stance offset, which the caller has moved into
+    /// the anchor, is not less uncertain than before.
     pub(super) fn initialise_prior(&mut self, settings: &Settings) {
         let (skeleton, stance_m2) = (self.skeleton(), self.stance_variance_m2());
         self.anthropometry = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
