@@ -63,7 +63,7 @@ use pose_request::compare_with_suggestion;
 use prediction::predict_unloaded;
 use publish::{Freshness, Status};
 use registration::register;
-use reported_body::validate_body;
+use reported_body::{BoneUpdate, validate_body};
 use residual::{Residual, residual};
 use skew_monitor::LagChange;
 use stillness::detect_static;
@@ -83,7 +83,7 @@ pub use settings::{
     Accelerations, Method, Motion, POSE_REQUESTS_MAX, PoseChoice, PoseRequest, PriorKind, Settings, Similar,
     StopRule,
 };
-pub use stored_state::{Registration, StoredState};
+pub use stored_state::{Registration, StoredForceOffset, StoredState};
 pub use tare::Tare;
 
 /// Tolerance of a stream's delay in addition to two of its periods, ns.
@@ -248,7 +248,7 @@ fn reset_unaligned(settings: &Settings, m: &mut Memory, exceeds_window: bool) {
     }
     m.identification.reset_weighing();
     if exceeds_window {
-        m.identification.reset_to_prior(settings);
+        m.reset_to_prior(settings);
         m.motion_updates.used = 0;
     }
 }
@@ -263,6 +263,9 @@ fn place(settings: &Settings, m: &mut Memory, aligned: &Aligned, streams: &Strea
     let subject = &m.identification;
     let has_results = subject.poses_used > 0 || subject.identified > 0 || m.motion_updates.used > 0;
     let bones = validate_body(&mut m.reported_body, &followed, subject, has_results);
+    if matches!(bones, BoneUpdate::Adopt { stays: false } | BoneUpdate::Reset) {
+        m.move_stance_offset_to_anchor();
+    }
     let suit_body = m.reported_body.body();
     if m.identification.update_bones(bones, suit_body, &followed.in_suit_world, settings) {
         // The change to another body model would otherwise look like a leap of the centre of mass.

@@ -91,6 +91,11 @@ impl Filter {
         self.covariance_m2[index][index] = variance_m2;
     }
 
+    /// Sets a state to zero and returns its value, m, by which the caller moves the origin. The covariance is kept.
+    pub fn take_state(&mut self, index: usize) -> f64 {
+        core::mem::take(&mut self.theta_m[index])
+    }
+
     /// θ, m: the first `count` entries, followed by the nuisance states.
     pub fn theta_m(&self) -> &[f64; STATES] {
         &self.theta_m

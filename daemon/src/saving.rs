@@ -23,15 +23,20 @@ use crate::planner::SharedWorker;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::SavingEnds;
+<<<<<<< HEAD
 use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
+=======
+use crate::station_file::{ForceOffsetPart, ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
+use crate::status_file::StatusFile;
+>>>>>>> a3f964d8a97b2111b7e6f775e21dfe7b30202537
 use crate::subjects::{ProfileDestination, Subjects};
 
 use lifts::LiftLog;
 
 /// Polling interval for the loop's copies: the loop wakes no thread for them.
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
-/// The registration changes with every sample; without other changes it is written at this interval.
-const REGISTRATION_INTERVAL: Duration = Duration::from_millis(900);
+/// Registration and force offset change with every sample; without other changes they are written at this interval.
+const TRACKED_INTERVAL: Duration = Duration::from_millis(900);
 /// An unchanged shift gets a new date at this interval while the subject is present.
 const SHIFT_DATE_INTERVAL: Duration = Duration::from_secs(600);
 /// Maximum age of the suit data of a present subject, ns. The shift of an absent subject keeps its date.
@@ -191,14 +196,16 @@ impl Writer {
                 model: ModelPart::of(config),
                 tare: TarePart::of(&tare, taken_unix_s, config),
                 registration: RegistrationPart::of(copy, config),
+                force_offset: ForceOffsetPart::of(copy, &subject, config),
                 ..StationFile::new(&config.station)
             }
         });
-        let only_registration_changed = self.station.as_ref().is_some_and(|before| {
-            StationFile { registration: undated.registration.clone(), ..before.clone() } == undated
+        let only_tracked_changed = self.station.as_ref().is_some_and(|before| {
+            let StationFile { registration, force_offset, .. } = undated.clone();
+            StationFile { registration, force_offset, ..before.clone() } == undated
         });
-        let recently = self.station_written.is_some_and(|at| at.elapsed() < REGISTRATION_INTERVAL);
-        if self.station.as_ref() == Some(&undated) || (only_registration_changed && recently) {
+        let recently = self.station_written.is_some_and(|at| at.elapsed() < TRACKED_INTERVAL);
+        if self.station.as_ref() == Some(&undated) || (only_tracked_changed && recently) {
             return;
         }
         match (StationFile { saved_unix_s: unix_s(), ..undated.clone() }).to_toml() {

@@ -16,9 +16,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::stored_file::{self, Formats, Refusal, sealed};
 
+mod force_offset;
+
+pub use force_offset::ForceOffsetPart;
+
 /// Increments with every change of the file's layout or meaning. Format 1 had no checksum; format 2 did not distinguish
-/// an unnamed subject from the configured one.
-const FORMAT: u32 = 3;
+/// an unnamed subject from the configured one; format 3 lacked the force offset, and its position the stance offset.
+const FORMAT: u32 = 4;
 const FORMATS: Formats = Formats { read: 1..=FORMAT, sealed_since: 2 };
 /// Age from which a tare is reported as old, s: one shift, in which a plate warms up and cools down.
 const TARE_AGE_MAX_S: u64 = 12 * 3600;
@@ -45,6 +49,9 @@ pub struct StationFile {
     /// Position of the suit world.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationPart>,
+    /// Force offset of the subject on the plate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub force_offset: Option<ForceOffsetPart>,
 }
 
 /// `[subject]`
@@ -113,6 +120,9 @@ pub struct RegistrationPart {
     #[serde(default)]
     station_from_suit_sigma_rad: f64,
     station_from_suit_m: [f64; 2],
+    /// Its 1-σ by the stance offset, m; absent before format 4.
+    #[serde(default)]
+    station_from_suit_sigma_m: [f64; 2],
     /// CLOCK_MONOTONIC; 0 if the registration was lost and the suit has sent no sample since.
     suit_time_ns: u64,
     suit_counter: u64,
@@ -143,6 +153,7 @@ impl StationFile {
             model: None,
             tare: None,
             registration: None,
+            force_offset: None,
         }
     }
 
@@ -256,6 +267,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -268,6 +280,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -302,6 +315,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -312,6 +326,7 @@ impl RegistrationPart {
             station_from_suit_rad,
             station_from_suit_sigma_rad,
             station_from_suit_m,
+            station_from_suit_sigma_m,
             suit_time_ns,
             suit_counter,
             suit_period_ns,
@@ -342,10 +357,12 @@ fn boot() -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use equipoise_core::cycle::StoredForceOffset;
+
     use super::*;
     use crate::realtime::now_ns;
 
-    fn config(change: &str) -> Config {
+    pub(super) fn config(change: &str) -> Config {
         let text = format!(
             "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n{change}\n[subject]\nid = \"a\"\n\
              height_m = 1.7\n"
@@ -353,13 +370,15 @@ mod tests {
         Config::parse(&text, "the test's").unwrap()
     }
 
-    fn copy() -> Box<StoredState> {
+    pub(super) fn copy() -> Box<StoredState> {
         let mut copy = bytemuck::zeroed_box::<StoredState>();
         copy.tare.force_n = [0.5, -0.25, 41.0];
+        copy.force_offset = StoredForceOffset { mean_n: 7.5, sigma_n: 0.5, mass_kg: 71.3, time_ns: now_ns() };
         copy.registration = Registration {
             station_from_suit_rad: 0.7,
             station_from_suit_sigma_rad: 0.1,
             station_from_suit_m: [0.1, -0.2],
+            station_from_suit_sigma_m: [0.02, 0.03],
             suit_time_ns: now_ns(),
             suit_counter: 77,
             suit_period_ns: 10_000_000,
@@ -374,6 +393,8 @@ mod tests {
         let mut file = StationFile::new("s");
         file.tare = TarePart::of(&copy.tare, 1000, &config);
         file.registration = RegistrationPart::of(&copy, &config);
+        file.force_offset = ForceOffsetPart::of(&copy, "b", &config);
+        assert!(file.force_offset.is_some());
         file.subject = SubjectPart::of("b", &config);
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("s.toml");
@@ -389,7 +410,7 @@ mod tests {
         assert_eq!(file.loaded_subject(&config), Some(""), "unnamed is not the configured subject");
         assert_eq!(SubjectPart::of("a", &config), None);
         assert_eq!(read.registration.unwrap().registration(&config, now_ns()), Ok(copy.registration));
-        for (change, reason) in [("format = 3", "format = 4"), ("format", "formats"), ("station", "= =")] {
+        for (change, reason) in [("format = 4", "format = 5"), ("format", "formats"), ("station", "= =")] {
             fs::write(&path, file.to_toml().unwrap().replacen(change, reason, 1)).unwrap();
             assert!(StationFile::read(&path).unwrap_err().to_string().contains("left as it is"));
         }

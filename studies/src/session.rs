@@ -213,6 +213,7 @@ impl Session {
         let comes_back = self.memory.identification.restore(&kept.subject, &self.settings)
             && self.memory.resume_tare(&kept.tare)
             && self.memory.resume_registration(&kept.registration, &self.settings);
+        self.memory.resume_force_offset(&kept.force_offset);
         self.now_ns += (down_s * 1e9) as u64 / TICK_NS * TICK_NS;
         self.suit_next = self.rig.suit_number_at(self.now_ns) + 1;
         self.ground_next = (self.now_s() * f64::from(self.rig.plate_hz)) as u32 + 1;

@@ -20,6 +20,7 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
             // Samples from before the command must not update the filter again.
             memory.clear_windows();
             memory.load.reset_position();
+            memory.move_stance_offset_to_anchor();
             memory.identification.restart(settings);
             memory.pose_request.restart(settings);
             memory.motion_updates.used = 0;
@@ -57,11 +58,11 @@ pub(super) fn apply(settings: &Settings, memory: &mut Memory, command: CommandKi
                 memory.early.reset_differences();
             }
             // Before the first measurement the prior is that of the settings.
-            let subject = &mut memory.identification;
+            let subject = &memory.identification;
             let is_measured =
                 subject.poses_used > 0 || memory.motion_updates.used > 0 || subject.identified == 1;
             if subject.has_body() && !is_measured && subject.body_source() != BodySource::Stored {
-                subject.reset_to_prior(settings);
+                memory.reset_to_prior(settings);
             }
             memory.pose_request.restart(settings);
             memory.model_changed_ns = tick.due_ns;

@@ -211,6 +211,13 @@ impl GroundState {
         rest_n.abs() < zero_limit_n(sigma_n, settings.load_threshold_n)
     }
 
+    /// Continues with a stored force offset and its 1-σ, N, of this mass, kg: at least as uncertain as with a mass from
+    /// another source.
+    pub(super) fn resume_offset(&mut self, mass_kg: f64, mean_n: f64, sigma_n: f64) {
+        let sigma_n = sigma_n.max(GRAVITY_M_PER_S2 * OTHER_MASS_SIGMA_KG);
+        self.force_offset.resume(mass_kg, mean_n, sigma_n);
+    }
+
     /// Makes the force offset as uncertain as with a mass from another source: the terms of another model may explain
     /// what it has absorbed.
     pub(super) fn widen_offset(&mut self) {

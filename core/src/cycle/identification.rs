@@ -219,7 +219,8 @@ impl Identification {
         }
     }
 
-    /// Discards all poses; the bone lengths are kept.
+    /// Discards all poses and the stance offset, which [`super::Memory::reset_to_prior`] moves into the anchor; the
+    /// bone lengths are kept.
     pub fn reset_to_prior(&mut self, settings: &Settings) {
         self.initialise_prior(settings);
         self.performed = Zeroable::zeroed();

@@ -22,7 +22,7 @@ use crate::motion::History;
 use crate::static_pose::Window;
 
 /// Increments with every change of layout or meaning of [`Memory`]; a checkpoint of another version is rejected.
-pub const MEMORY_VERSION: u64 = 22;
+pub const MEMORY_VERSION: u64 = 23;
 
 /// The loop's state between two steps. About 1.03 MB: allocate it in a `Box`.
 #[repr(C)]
@@ -97,7 +97,10 @@ impl Memory {
 
     /// Replaces the subject as a whole; [`crate::message::CommandKind::SubjectLoad`] informs the cycle.
     pub fn replace_subject(&mut self, subject: &SubjectState) {
+        self.move_stance_offset_to_anchor();
+        let stance_m2 = self.identification.stance_variance_m2();
         self.identification = subject.identification;
+        self.identification.widen_stance_offset_to(stance_m2);
         self.exposure = subject.exposure;
         // Its differences belong to the previous subject's motion.
         self.early = Zeroable::zeroed();
@@ -107,6 +110,31 @@ impl Memory {
         self.reported_body.compare_again();
         // Update the state even if nothing is measured, so that it never shows the previous subject's exposure.
         self.publication.begin_shift(&self.exposure);
+    }
+
+    /// Discards what was identified about the subject, except the bone lengths.
+    pub fn reset_to_prior(&mut self, settings: &Settings) {
+        self.move_stance_offset_to_anchor();
+        self.identification.reset_to_prior(settings);
+    }
+
+    /// Moves the stance offset from the filter into the anchor, before the filter is reset or replaced: the offset
+    /// belongs to the anchor's shift, whose errors accumulate over the steps.
+    pub(super) fn move_stance_offset_to_anchor(&mut self) {
+        let by_m = self.identification.take_stance_offset();
+        if by_m != [0.0; 2] {
+            self.placement.displace(by_m);
+            // Their content uses the previous place.
+            self.history.clear();
+            self.window.clear();
+        }
+    }
+
+    /// Shift from the suit world to the station world, with the stance offset, m.
+    pub(super) fn station_from_suit_m(&self) -> [f64; 2] {
+        let (shift_m, offset_m) =
+            (self.placement.anchor.station_from_suit_m(), self.identification.stance_offset_m());
+        [0, 1].map(|axis| shift_m[axis] + offset_m[axis])
     }
 
     /// Whether a tare in the next cycle is applied: the plate is empty and reports no fault.

@@ -12,7 +12,7 @@ use super::stored_state::{Registration, SHIFT_VALID_NS};
 use super::streams::Streams;
 use super::{foot_outline, insoles};
 use crate::anchor::Anchor;
-use crate::frame::{Pose, SuitWorld};
+use crate::frame::{Pose, SuitWorld, Turn};
 use crate::math;
 use crate::message::suit::SuitBlocks;
 use crate::message::{GroundSample, SuitBody, SuitSample};
@@ -39,6 +39,9 @@ pub(super) struct Placement {
     session: u64,
     /// The suit's own counter in that sample.
     pub(super) suit_counter: u64,
+    /// The suit's counter in the last sample in which it continued from the sample before, and that sample's time.
+    steady_counter: u64,
+    steady_ns: u64,
     /// 1 while the anchor's shift stems from before the start and no suit sample has confirmed it.
     shift_unconfirmed: u64,
 }
@@ -95,6 +98,7 @@ pub(super) fn anchor(
     let mut snapshot = Snapshot::new(suit.sample_time_ns, &in_suit_world, &pose, subject.anthropometry());
     (snapshot.stance, snapshot.stance_sigma_m) = (anchor.stance(), anchor.stance_sigma_m());
     snapshot.both_feet_stand = u64::from(anchor.both_feet_stand());
+    state.registration.ingest_stance(snapshot.stance, snapshot.stance_sigma_m);
     snapshot.time_sigma_ns = suit.sample_time_sigma_ns;
     if suit.has(SuitBlocks::CentreOfMass) {
         let ([x, y, z], [shift_x, shift_y]) = (suit.com_m, snapshot.station_from_suit_m);
@@ -123,12 +127,19 @@ impl Placement {
             .resume(registration.station_from_suit_rad, registration.station_from_suit_sigma_rad);
         self.suit_time_ns = registration.suit_time_ns;
         self.suit_counter = registration.suit_counter;
+        (self.steady_counter, self.steady_ns) = (0, 0);
         self.shift_unconfirmed = 1;
     }
 
     /// Moves the anchor to a new registration.
     pub(super) fn apply(&mut self, new: &NewRegistration) {
         self.anchor.move_world(new.turn, new.by_m);
+    }
+
+    /// Moves the body on the plate, m.
+    pub(super) fn displace(&mut self, by_m: [f64; 2]) {
+        self.anchor.move_world(Turn::by(0.0), by_m);
+        self.registration.displace(by_m);
     }
 
     /// Drops a shift from before the start unless this sample shows that the same suit continued after a short gap.
@@ -160,6 +171,9 @@ impl Placement {
         let is_new_world = self.has_restarted(suit, period_s) || streams.moved_ns == suit.sample_time_ns;
         let is_new_session = u64::from(suit.session) != self.session;
         let is_restart = self.suit_time_ns > 0 && (gap_ns > GAP_RESET_NS || is_new_session || is_new_world);
+        if is_new_session || self.counter_advanced(suit, period_s) {
+            (self.steady_counter, self.steady_ns) = (u64::from(suit.device_counter), suit.sample_time_ns);
+        }
         self.session = u64::from(suit.session);
         self.suit_counter = u64::from(suit.device_counter);
         if !is_restart {
@@ -178,30 +192,46 @@ impl Placement {
 
     /// Whether the suit's counter has advanced since the last sample in proportion to the time.
     fn suit_continued(&self, suit: &SuitSample, period_s: f64) -> bool {
-        let gap_s = self.since_last_s(suit);
-        let counted = u64::from(suit.device_counter).checked_sub(self.suit_counter);
-        counted.is_some_and(|counted| {
-            (counted as f64 * period_s - gap_s).abs() <= COUNTER_SLACK_S + COUNTER_TOLERANCE * gap_s
-        })
+        counted_since(suit, self.suit_counter, self.suit_time_ns, period_s).is_some()
     }
 
-    /// Whether the suit restarted since the last sample: its counter started at zero and is not larger than the elapsed
-    /// time allows. A counter that jumps to another value is no restart.
+    /// Likewise, by at least one.
+    fn counter_advanced(&self, suit: &SuitSample, period_s: f64) -> bool {
+        counted_since(suit, self.suit_counter, self.suit_time_ns, period_s).is_some_and(|counted| counted > 0)
+    }
+
+    /// Whether the suit restarted: its counter started at zero and is not larger than the elapsed time allows. A
+    /// counter that jumps to another value is no restart. An adapter that restarts with the suit may have the same
+    /// session; then the counter must be lower in two consecutive samples, because a single one may be an error.
     fn has_restarted(&self, suit: &SuitSample, period_s: f64) -> bool {
-        let gap_s = self.since_last_s(suit);
-        let counted_s = f64::from(suit.device_counter) * period_s;
-        u64::from(suit.session) != self.session
-            && !self.suit_continued(suit, period_s)
-            && counted_s <= COUNTER_SLACK_S + (1.0 + COUNTER_TOLERANCE) * gap_s
-    }
-
-    /// Time since the last sample, s.
-    fn since_last_s(&self, suit: &SuitSample) -> f64 {
-        suit.sample_time_ns.saturating_sub(self.suit_time_ns) as f64 * 1e-9
+        let started_since = |time_ns: u64| {
+            let counted_s = f64::from(suit.device_counter) * period_s;
+            counted_s <= COUNTER_SLACK_S + (1.0 + COUNTER_TOLERANCE) * since_s(suit, time_ns)
+        };
+        if u64::from(suit.session) != self.session {
+            return !self.suit_continued(suit, period_s) && started_since(self.suit_time_ns);
+        }
+        self.counter_advanced(suit, period_s)
+            && u64::from(suit.device_counter) < self.steady_counter
+            && counted_since(suit, self.steady_counter, self.steady_ns, period_s).is_none()
+            && started_since(self.steady_ns)
     }
 
     /// Whether every number is in range; a stored one is checked before use.
     pub(super) fn is_sound(&self) -> bool {
         self.anchor.is_sound() && self.registration.is_sound() && self.shift_unconfirmed <= 1
     }
+}
+
+/// Time from `time_ns` to the sample, s.
+fn since_s(suit: &SuitSample, time_ns: u64) -> f64 {
+    suit.sample_time_ns.saturating_sub(time_ns) as f64 * 1e-9
+}
+
+/// Samples that the suit has counted since it had this counter at `time_ns`; `None` if the time contradicts them. The
+/// counter wraps.
+fn counted_since(suit: &SuitSample, counter: u64, time_ns: u64, period_s: f64) -> Option<u32> {
+    let (counted, gap_s) = (suit.device_counter.wrapping_sub(counter as u32), since_s(suit, time_ns));
+    let off_s = (f64::from(counted) * period_s - gap_s).abs();
+    (off_s <= COUNTER_SLACK_S + COUNTER_TOLERANCE * gap_s).then_some(counted)
 }

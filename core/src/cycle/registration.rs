@@ -75,7 +75,7 @@ pub(super) struct RegistrationEstimator {
     fit: PlanarFit,
     /// Time of the last pair, ns.
     paired_ns: u64,
-    /// Stance of the last pair.
+    /// The anchor's stance.
     stance: u64,
     /// Sensitivity of the first pair's predicted CoP to θ, with the suit in its present heading: rows x and y.
     first_rows: [[f64; PARAMETERS]; 2],
@@ -115,19 +115,34 @@ impl RegistrationEstimator {
         self.is_unneeded = u64::from(ground.is_by_insoles_alone());
     }
 
+    /// Ingests the anchor's stance of a snapshot, with the 1-σ of its position relative to the previous stance, m.
+    /// Each step adds its own error, also without pairs while a load is carried.
+    pub(super) fn ingest_stance(&mut self, stance: u64, [x_m, y_m]: [f64; 2]) {
+        if stance != self.stance {
+            self.stance = stance;
+            self.fit.add_process_noise(x_m.max(y_m) * x_m.max(y_m));
+        }
+    }
+
+    /// Moves the suit world in the station world, m: the pairs so far move with it.
+    pub(super) fn displace(&mut self, by_m: [f64; 2]) {
+        self.fit.transform(Turn::by(0.0), by_m);
+    }
+
     /// Marks the registration as lost; the 1-σ of the heading is then `sigma_rad`, or the present one if that is larger:
     /// a gap during a search does not reveal the heading.
     pub(super) fn mark_lost(&mut self, sigma_rad: f64) {
-        let present_rad = if self.is_searching() { self.initial_sigma_rad } else { self.sigma_rad };
-        let sigma_rad = sigma_rad.max(present_rad);
-        if !self.is_searching() {
+        let present_rad = if self.is_searching() {
+            self.initial_sigma_rad
+        } else {
             self.previous_sigma_rad = self.sigma_rad;
-        }
+            self.sigma_rad
+        };
+        self.initial_sigma_rad = sigma_rad.max(present_rad);
         self.quality = RegistrationQuality::Lost as u64;
-        self.initial_sigma_rad = sigma_rad;
         self.contradictions = 0;
         self.turned_rad = 0.0;
-        self.fit.start(sigma_rad);
+        self.fit.start(self.initial_sigma_rad);
     }
 
     /// If the fit agrees with the heading before the search, whose prior probability equals that of all others
@@ -273,11 +288,7 @@ impl RegistrationEstimator {
     ) -> [f64; 2] {
         let Outputs { instant, ground, prediction, estimate, .. } = *outputs;
         let (snapshot, body) = (&instant.snapshot, &prediction.body);
-        if snapshot.stance != self.stance {
-            let [x_m, y_m] = snapshot.stance_sigma_m;
-            self.fit.add_process_noise(x_m.max(y_m) * x_m.max(y_m));
-        }
-        (self.paired_ns, self.stance) = (snapshot.time_ns, snapshot.stance);
+        self.paired_ns = snapshot.time_ns;
         let rows = subject.reduction.rows(&instant.pose, body.slope);
         if !self.fit.has_begun() {
             self.first_rows = rows.h;
@@ -346,6 +357,65 @@ mod tests {
     use core::f64::consts::PI;
 
     use super::*;
+    use crate::anchor::STANCE_SIGMA_M;
+    use crate::body::{SEGMENTS, Skeleton};
+    use crate::cycle::alignment::Aligned;
+    use crate::cycle::placement::{Placement, anchor, follow};
+    use crate::cycle::streams::Streams;
+
+    const PERIOD_NS: u64 = 10_000_000;
+
+    /// Samples of a body that walks on the spot: the left foot is lifted and put down this many times.
+    fn walk(placement: &mut Placement, steps: u64) {
+        let (settings, subject) = (Settings::for_height(1.77), bytemuck::zeroed_box::<Identification>());
+        let streams = Streams {
+            suit_period_ns: PERIOD_NS,
+            ground_period_ns: PERIOD_NS,
+            lag_sigma_s: 0.0,
+            lag_is_off: false,
+            suit_suspect: Zeroable::zeroed(),
+            ground_suspect: Zeroable::zeroed(),
+            ground_gap_ns: 0,
+            ground_late_ns: 0,
+            moved_ns: 0,
+        };
+        for sample in 0..=2 * steps {
+            let mut suit = SuitSample::zeroed();
+            suit.sample_time_ns = (100 + sample) * PERIOD_NS;
+            suit.orientation_wxyz = [[1.0, 0.0, 0.0, 0.0]; SEGMENTS];
+            suit.position_m = Skeleton::nominal(1.77).t_pose_m().map(|[x, y, z]| [x, y, z + 0.96]);
+            for segment in [Side::Left.foot(), Side::Left.toe()] {
+                suit.position_m[segment.index()][2] += if sample % 2 == 1 { 0.1 } else { 0.0 };
+            }
+            let followed = follow(&settings, placement, &Aligned { suit, ground: None }, &streams);
+            anchor(&settings, placement, &followed, &subject, None);
+        }
+    }
+
+    #[test]
+    fn each_step_without_a_pair_adds_its_error_to_the_fit() {
+        let mut placement = bytemuck::zeroed_box::<Placement>();
+        placement.registration.mark_lost(0.01);
+        assert!(placement.registration.fit.ingest_pair([0.0; 2], [0.0; 2], [1e-6; 2]));
+        walk(&mut placement, 10);
+        assert_eq!(placement.anchor.stance(), 10);
+        let expected_m2 = 1e-6 + 10.0 * STANCE_SIGMA_M * STANCE_SIGMA_M;
+        for variance_m2 in placement.registration.fit.variance_m2([0.0; 2]) {
+            assert!((variance_m2 - expected_m2).abs() < 1e-12, "{variance_m2} {expected_m2}");
+        }
+    }
+
+    #[test]
+    fn pairs_move_with_the_suit_world() {
+        let mut estimator = RegistrationEstimator::zeroed();
+        estimator.mark_lost(0.01);
+        for x_m in [0.0, 0.1] {
+            assert!(estimator.fit.ingest_pair([x_m, 0.0], [x_m, 0.2], [1e-6; 2]));
+        }
+        estimator.displace([0.5, -0.3]);
+        let [x_m, y_m] = estimator.fit.image_m([0.1, 0.0]);
+        assert!((x_m - 0.6).abs() < 1e-9 && (y_m + 0.1).abs() < 1e-9, "{x_m} {y_m}");
+    }
 
     #[test]
     fn a_gap_during_a_search_does_not_reveal_the_heading() {

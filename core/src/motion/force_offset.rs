@@ -44,6 +44,11 @@ impl ForceOffset {
         }
     }
 
+    /// Continues with a stored offset and its 1-σ, N, that were estimated with this mass, kg.
+    pub fn resume(&mut self, mass_kg: f64, mean_n: f64, sigma_n: f64) {
+        (self.mass_kg, self.mean_n, self.variance_n2) = (mass_kg, mean_n, sigma_n * sigma_n);
+    }
+
     /// Discards the offset: the plate's zero has changed.
     pub fn reset(&mut self) {
         (self.mass_kg, self.mean_n) = (0.0, 0.0);
@@ -81,6 +86,16 @@ impl ForceOffset {
     /// The offset, N.
     pub fn mean_n(&self) -> f64 {
         self.mean_n
+    }
+
+    /// 1-σ of the offset, N.
+    pub fn mean_sigma_n(&self) -> f64 {
+        math::sqrt(self.variance_n2)
+    }
+
+    /// The mass with which it was estimated, kg; 0 before any.
+    pub fn mass_kg(&self) -> f64 {
+        self.mass_kg
     }
 
     /// 1-σ of the external force at rest, N: of the offset, and of the noise with this prior.

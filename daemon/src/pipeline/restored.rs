@@ -9,7 +9,7 @@ use tracing::{info, warn};
 use crate::active_configuration::{ActiveConfiguration, LoadedSubject};
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
-use crate::station_file::{RegistrationPart, StationFile};
+use crate::station_file::{ForceOffsetPart, RegistrationPart, StationFile};
 use crate::subjects::{self, DELETED, ProfileDestination, Subjects};
 
 /// The loop's initial memory and related data.
@@ -47,6 +47,10 @@ impl Restored {
             restored.subject(active, settings, subjects, station.as_ref());
             if let Some(station) = &station {
                 restored.restore_station(config, settings, station);
+                let in_use = subjects.get(restored.worker).map(|in_use| in_use.subject).unwrap_or_default();
+                if let Some(part) = &station.force_offset {
+                    restored.restore_force_offset(config, part, &in_use);
+                }
             }
         }
         restored
@@ -205,6 +209,19 @@ impl Restored {
         }
     }
 
+    /// After the tare, to which the offset refers.
+    fn restore_force_offset(&mut self, config: &Config, part: &ForceOffsetPart, in_use: &str) {
+        let mass_kg = self.memory.identification.mass_kg;
+        let restored = part.offset(in_use, mass_kg, config, now_ns()).and_then(|offset| {
+            let is_sound = self.memory.resume_force_offset(&offset);
+            is_sound.then_some(offset.mean_n).ok_or_else(|| "a number of it is out of range".to_owned())
+        });
+        self.report(match restored {
+            Ok(mean_n) => format!("the force offset of {mean_n:.1} N is restored"),
+            Err(reason) => format!("the force offset is estimated again: {reason}"),
+        });
+    }
+
     fn restore_registration(&mut self, config: &Config, settings: &Settings, part: &RegistrationPart) {
         let restored = part.registration(config, now_ns()).and_then(|registration| {
             let is_sound = self.memory.resume_registration(&registration, settings);
@@ -238,7 +255,7 @@ impl Restored {
 mod tests {
     use std::fs;
 
-    use equipoise_core::cycle::StoredState;
+    use equipoise_core::cycle::{StoredForceOffset, StoredState};
     use equipoise_station::state_directory::StateDirectory;
 
     use super::*;
@@ -247,7 +264,7 @@ mod tests {
 
     fn config() -> Config {
         let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
-                    id = \"alice\"\nheight_m = 1.7\n";
+                    id = \"alice\"\nheight_m = 1.7\nmass_kg = 70.0\n";
         Config::parse(text, "the test's").unwrap()
     }
 
@@ -338,6 +355,21 @@ mod tests {
             "{:?}",
             restored.messages
         );
+    }
+
+    #[test]
+    fn a_force_offset_is_restored_for_the_same_subject_and_mass() {
+        let restored_n = |subject: &str, mass_kg: f64| {
+            let mut copy = bytemuck::zeroed_box::<StoredState>();
+            copy.force_offset = StoredForceOffset { mean_n: 18.0, sigma_n: 1.0, mass_kg, time_ns: now_ns() };
+            let force_offset = ForceOffsetPart::of(&copy, subject, &config());
+            let file = StationFile { force_offset, ..StationFile::new("s") };
+            let (.., restored) = restore(None, Some(&file.to_toml().unwrap()));
+            assert!(restored.messages.join("\n").contains("the force offset"), "{:?}", restored.messages);
+            stored(&restored).force_offset.mean_n
+        };
+        assert_eq!(restored_n("alice", 70.0), 18.0);
+        assert_eq!((restored_n("bob", 70.0), restored_n("alice", 71.0)), (0.0, 0.0));
     }
 
     #[test]

@@ -27,7 +27,7 @@ impl Machine {
         copy_memory(&mut self.memory, memory);
         copy_memory(&mut self.table, memory);
         if self.table.identification.has_body() {
-            self.table.identification.reset_to_prior(&self.table_settings);
+            self.table.reset_to_prior(&self.table_settings);
         }
         self.table.identification.identifying = 0;
     }

@@ -49,8 +49,10 @@ impl Scored {
             .and(Validity::CLOCK_UNSYNCHRONISED);
         let valid = state.validity();
         let unloaded = valid.any_of(Validity::BELOW_LOAD_THRESHOLD);
-        // Zero σ: no model is available yet.
-        let estimated = state.cop_sigma_m[0] > 0.0 && table.cop_sigma_m[0] > 0.0;
+        // Zero σ: no model is available yet. Another sample: the table's motion window is not full again.
+        let estimated = state.cop_sigma_m[0] > 0.0
+            && table.cop_sigma_m[0] > 0.0
+            && table.suit_sample_time_ns == state.suit_sample_time_ns;
         let is_selected = match selection {
             SampleSelection::QuasiStatic => state.static_pose == 1 && unloaded,
             SampleSelection::AllUnloaded => !valid.any_of(Validity::MOVING),
@@ -138,6 +140,20 @@ impl fmt::Display for Pair {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_states_of_the_same_sample_are_compared() {
+        let state = State {
+            suit_sample_time_ns: 7,
+            static_pose: 1,
+            valid: Validity::BELOW_LOAD_THRESHOLD.0,
+            cop_sigma_m: [0.01; 2],
+            ..bytemuck::Zeroable::zeroed()
+        };
+        assert!(Scored::of(&state, &state, SampleSelection::QuasiStatic).is_some());
+        let earlier = State { suit_sample_time_ns: 6, ..state };
+        assert_eq!(Scored::of(&state, &earlier, SampleSelection::QuasiStatic), None);
+    }
 
     #[test]
     fn root_mean_square_in_millimetres() {

@@ -88,6 +88,24 @@ impl Identification {
         }
     }
 
+    /// Sets the stance offset to zero, with its present uncertainty, and returns it, m; the caller moves the anchor.
+    pub(in crate::cycle) fn take_stance_offset(&mut self) -> [f64; 2] {
+        [0, 1].map(|axis| self.filter.take_state(self.reduction.count() + axis))
+    }
+
+    /// Variance of the stance offset per axis, m².
+    pub(in crate::cycle) fn stance_variance_m2(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.filter.variance_m2(self.reduction.count() + axis))
+    }
+
+    /// Increases the variance of the stance offset to at least this per axis, m².
+    pub(in crate::cycle) fn widen_stance_offset_to(&mut self, variance_m2: [f64; 2]) {
+        for (axis, present_m2) in self.stance_variance_m2().into_iter().enumerate() {
+            let more_m2 = (variance_m2[axis] - present_m2).max(0.0);
+            self.filter.add_process_noise(self.reduction.count() + axis, more_m2);
+        }
+    }
+
     /// Predicted CoP of the unloaded body by the present estimate, m; including the stance offset.
     pub fn predict_cop_m(&self, rows: &Rows) -> [f64; 2] {
         [0, 1].map(|axis| rows.offset_m[axis] + self.filter.project(&self.with_stance(rows, axis)))

@@ -12,9 +12,10 @@ use crate::sesc::{Phi, Prior, Reduction};
 
 impl Identification {
     /// Scales the table to the bone lengths and initialises the filter with the prior: the body's distribution, general
-    /// constraints on bodies, and the effect of the suit's errors.
+    /// constraints on bodies, and the effect of the suit's errors. The stance offset, which the caller has moved into
+    /// the anchor, is not less uncertain than before.
     pub(super) fn initialise_prior(&mut self, settings: &Settings) {
-        let skeleton = self.skeleton();
+        let (skeleton, stance_m2) = (self.skeleton(), self.stance_variance_m2());
         self.anthropometry = Anthropometry::de_leva(&skeleton, settings.height_m, settings.sex);
         let phi = Phi::of(&skeleton, &self.anthropometry);
         self.reduction = Reduction::new(settings.reduction, &phi);
@@ -39,6 +40,7 @@ impl Identification {
         }
         self.consistency = Consistency::start();
         self.new_stance(settings);
+        self.widen_stance_offset_to(stance_m2);
     }
 
     /// Factor by which the prior's covariance was inflated because this subject contradicts it; 1 for none.

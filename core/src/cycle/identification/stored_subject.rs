@@ -1,7 +1,8 @@
 //! Stored data of a subject: what a later start needs and cannot recompute.
 //!
 //! It excludes the stance offset and its covariance with θ: after a restart there is a gap in the data, and the offset
-//! starts again (`placement`). The part of P for θ alone is its marginal, so it remains correct without the offset.
+//! starts again; its value is part of the stored registration. The part of P for θ alone is its marginal, so it remains
+//! correct without the offset.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 use crate::body::{Anthropometry, SEGMENTS, Segment, Sex, Skeleton};
 use crate::cycle::*;
 use crate::frame::{Pose, StationWorld, wxyz};
+use crate::kalman::STATES;
 use crate::message::Component;
 use crate::message::state::Phase;
 use crate::message::suit::SuitBlocks;
@@ -123,6 +124,8 @@ pub(in crate::cycle) struct Bench {
     pub(in crate::cycle) takes_ms: f64,
     /// Number of restarts of the suit.
     pub(in crate::cycle) suit_session: u32,
+    /// Time at which the suit's counter was zero, ns.
+    pub(in crate::cycle) suit_started_ns: u64,
     /// Disturbances of the sensors.
     pub(in crate::cycle) disturbance: Disturbance,
 }
@@ -191,6 +194,7 @@ impl Bench {
             last_input: None,
             takes_ms: 100.0,
             suit_session: 0,
+            suit_started_ns: 0,
             disturbance: Disturbance::default(),
         }
     }
@@ -289,7 +293,7 @@ impl Bench {
             suit.session = self.suit_session;
             suit.sample_time_sigma_ns = self.disturbance.suit_time_sigma_ns;
             (suit.blocks, suit.com_m) = (SuitBlocks::CentreOfMass as u32, centre.into());
-            suit.device_counter = (self.now_ns / SUIT_PERIOD_NS) as u32;
+            suit.device_counter = ((self.now_ns - self.suit_started_ns) / SUIT_PERIOD_NS) as u32;
             suit.position_m = pose.origin.map(|at| [at.x + self.suit_drift_m + 1e-12 * unlike, at.y, at.z]);
             suit.orientation_wxyz = pose.world_from_segment.map(|rotation| wxyz(&rotation));
             let has_suit = self.now_ns.is_multiple_of(SUIT_PERIOD_NS) && !self.suit_silent;
@@ -320,6 +324,16 @@ impl Bench {
         self.now_ns += TICK_NS;
         let inputs = Inputs { command: Some(command), ..Inputs::default() };
         step(&self.settings, &mut self.memory, Tick { cycle: self.cycle, due_ns: self.now_ns }, inputs);
+    }
+
+    /// Measures the stance offset, m, almost exactly.
+    pub(in crate::cycle) fn set_stance_offset(&mut self, offset_m: [f64; 2]) {
+        let filter = &mut self.memory.identification.filter;
+        for (axis, offset_m) in offset_m.into_iter().enumerate() {
+            let mut h = [0.0; STATES];
+            h[filter.count() + axis] = 1.0;
+            filter.update(&h, offset_m, 1e-12);
+        }
     }
 
     pub(in crate::cycle) fn identify(&mut self, person: &Person) {

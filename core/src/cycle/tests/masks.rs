@@ -101,6 +101,8 @@ fn values_of_the_previous_subject_are_not_published_after_a_load() {
     assert!((before_m[0] - expected_m[0]).abs() > 0.005, "{before_m:?} {expected_m:?}");
     let subject =
         SubjectState { identification: other.memory.identification, exposure: other.memory.exposure };
+    // Otherwise it would move the anchor, and with it the next subject.
+    bench.memory.identification.reset_stance_offset([0.0; 2]);
     bench.memory.replace_subject(&subject);
     bench.command(CommandKind::SubjectLoad);
     let (mut published, mut published_early) = (0, 0);
@@ -139,4 +141,37 @@ fn insoles_need_no_registration_with_a_load_and_a_plate_does() {
     assert!(state.validity().any_of(Validity::POSITION_UNKNOWN));
     assert_eq!((state.suit_com_m(), state.suit_com_m), (None, [0.0; 3]), "masked: it is in the suit world");
     assert!(state.segment_origin_m().is_some(), "the figure is displayed");
+}
+
+#[test]
+fn a_suit_that_restarts_with_its_adapter_is_elsewhere_and_one_with_an_odd_counter_is_not() {
+    let person = Person::real();
+    // Silent for `gap_ms`, then with a counter from zero for `restarted_ms`. The session is always 0.
+    let is_lost = |gap_ms: u64, restarted_ms: u64| {
+        let mut bench = Bench::new(|_| {});
+        bench.hold(&person, &posture(), None, 1000);
+        bench.suit_silent = true;
+        bench.hold(&person, &posture(), None, gap_ms);
+        (bench.suit_silent, bench.suit_started_ns) = (false, bench.now_ns);
+        bench.hold(&person, &posture(), None, restarted_ms);
+        let is_lost = bench.state().validity().any_of(Validity::POSITION_UNKNOWN);
+        bench.suit_started_ns = 0;
+        bench.hold(&person, &posture(), None, 200);
+        assert_eq!(bench.state().validity().any_of(Validity::POSITION_UNKNOWN), is_lost);
+        is_lost
+    };
+    assert!(is_lost(2000, 300) && is_lost(0, 300));
+    for gap_ms in [0, 200, 2000] {
+        assert!(!is_lost(gap_ms, 10), "one odd counter after {gap_ms} ms");
+    }
+}
+
+#[test]
+fn an_odd_counter_at_the_start_of_a_suit_is_no_restart() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    for (started_ns, milliseconds) in [(bench.now_ns, 300), (0, 10), (bench.now_ns, 200)] {
+        bench.suit_started_ns = started_ns;
+        bench.hold(&person, &posture(), None, milliseconds);
+    }
+    assert!(!bench.state().validity().any_of(Validity::POSITION_UNKNOWN), "it is higher, then as before");
 }

@@ -363,3 +363,33 @@ fn a_load_term_causes_no_overload() {
         cop_error_m(&without)
     );
 }
+
+/// The last output of the plate's low pass is half a metre away after a new registration.
+#[test]
+fn a_new_registration_restarts_the_low_pass() {
+    let person = Person::real();
+    let posture = stand(20, 0, [0, 0, -80], [0, 0, 80], 30);
+    let mut bench = bench(&[], |_| {});
+    bench.identify(&person);
+    bench.settings.model = model(&[term(Effect::PlateLowpass, Place::Whole, 0.5, [0.5, 0.0, 0.0, 0.0])]);
+    bench.hold(&person, &posture, None, 3000);
+    let heading_sigma_rad = bench.settings.suit_orientation_sigma_rad();
+    // As after a long silence of the suit, with the filter at the place of the drifted body.
+    bench.memory.placement.registration.mark_lost(heading_sigma_rad);
+    bench.memory.placement.displace([0.5, 0.0]);
+    bench.memory.clear_windows();
+    bench.memory.prediction.terms.restart();
+    let (mut was_lost, mut compared) = (false, 0);
+    for _ in 0..10_000 {
+        bench.hold(&person, &posture, None, 1);
+        was_lost |= bench.memory.placement.registration.is_lost();
+        if !bench.state().validity().any_of(Validity::INVALIDATES_RESIDUAL) {
+            compared += 1;
+            assert!(cop_error_m(bench.state()) < 0.05, "{}", cop_error_m(bench.state()));
+        }
+        if compared == 1000 {
+            break;
+        }
+    }
+    assert!(was_lost && compared == 1000, "{was_lost} {compared}");
+}

@@ -53,6 +53,49 @@ fn another_subject_starts_without_a_load_and_without_a_force_offset() {
 }
 
 #[test]
+fn a_reset_moves_the_stance_offset_into_the_anchor_and_keeps_its_uncertainty() {
+    let person = Person::real();
+    let upright = stand(0, 0, [-80, 0, 0], [80, 0, 0], 0);
+    let another_subject = |bench: &mut Bench| {
+        let mut subject = bytemuck::zeroed_box::<SubjectState>();
+        subject.identification.start(&bench.settings);
+        bench.memory.replace_subject(&subject);
+        bench.command(CommandKind::SubjectLoad);
+    };
+    let null_pose = |bench: &mut Bench| {
+        let origin_m = person.skeleton.t_pose_m().map(|[x, y, z]| [x, y, z + 0.95]);
+        bench.suit_body = Some(SuitBody { origin_m, ..Zeroable::zeroed() });
+        bench.hold(&person, &upright, None, 20);
+        assert_eq!(bench.memory.identification.body_source(), BodySource::NullPose);
+    };
+    let resets: [(&str, &dyn Fn(&mut Bench)); 5] = [
+        ("identify reset", &|bench| bench.command(CommandKind::IdentifyReset)),
+        ("reload before the first measurement", &|bench| bench.command(CommandKind::Reload)),
+        ("another subject", &another_subject),
+        ("null pose", &null_pose),
+        ("first lag", &|bench| {
+            let settings = bench.settings;
+            reset_unaligned(&settings, &mut bench.memory, true);
+        }),
+    ];
+    for (name, reset) in resets {
+        let mut bench = Bench::new(|settings| settings.start_identifying = false);
+        bench.hold(&person, &upright, None, 400);
+        bench.set_stance_offset([0.02, -0.01]);
+        bench.memory.identification.widen_stance_offset_to([0.01; 2]);
+        let before_m = bench.memory.station_from_suit_m();
+        reset(&mut bench);
+        let (after_m, subject) = (bench.memory.station_from_suit_m(), &bench.memory.identification);
+        assert_eq!(subject.stance_offset_m(), [0.0; 2], "{name}");
+        for (axis, offset_m) in [0.02, -0.01].into_iter().enumerate() {
+            assert!((before_m[axis] - offset_m).abs() < 1e-6, "{before_m:?}");
+            assert!((after_m[axis] - before_m[axis]).abs() < 1e-9, "{name}: {after_m:?} {before_m:?}");
+            assert!(subject.stance_variance_m2()[axis] > 0.0099, "{name}");
+        }
+    }
+}
+
+#[test]
 fn a_reload_keeps_the_measured_errors_of_motion_unless_the_differentiation_changed() {
     let person = Person::real();
     let is_reset = |change: fn(&mut Settings)| {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::cycle::stored_state::SHIFT_VALID_NS;
 use crate::message::GroundDevice;
+use crate::motion::ForceSigma;
 use crate::pose_suggestion::coordinates;
 
 fn stored_state(memory: &Memory) -> Box<StoredState> {
@@ -18,6 +19,7 @@ fn restored_bench(bench: &Bench, stored: &StoredState, gap_ns: u64) -> Bench {
     assert!(again.memory.identification.restore(&stored.subject, &bench.settings));
     again.memory.exposure.resume(&stored.shift);
     assert!(again.memory.resume_tare(&stored.tare));
+    again.memory.resume_force_offset(&stored.force_offset);
     assert!(again.memory.resume_registration(&stored.registration, &bench.settings));
     again
 }
@@ -105,8 +107,8 @@ fn a_stored_registration_is_valid_for_the_same_suit_and_a_short_gap_only() {
         bench.suit_drift_m += 0.002;
         bench.hold(&person, &posture, None, 10);
     }
-    let stored = stored_state(&bench.memory);
-    assert!((stored.registration.station_from_suit_m[0] + bench.suit_drift_m).abs() < 1e-9);
+    let (stored, offset_m) = (stored_state(&bench.memory), bench.memory.identification.stance_offset_m()[0]);
+    assert!((stored.registration.station_from_suit_m[0] + bench.suit_drift_m - offset_m).abs() < 1e-9);
     let published_m = |gap_ns: u64, change: &dyn Fn(&mut StoredState)| {
         let mut stored = stored.clone();
         change(&mut stored);
@@ -114,7 +116,10 @@ fn a_stored_registration_is_valid_for_the_same_suit_and_a_short_gap_only() {
         again.hold(&person, &posture, None, 300);
         anchored_m(&again) - true_m
     };
-    assert!(published_m(3 * NS_PER_S, &|_| {}).abs() < 1e-9, "the drift is restored");
+    assert!(
+        (published_m(3 * NS_PER_S, &|_| {}) - offset_m).abs() < 1e-9,
+        "drift and stance offset are restored"
+    );
     let new_drift_m = bench.suit_drift_m;
     assert!((published_m(SHIFT_VALID_NS + NS_PER_S, &|_| {}) - new_drift_m).abs() < 1e-9, "too long ago");
     let restarted = |stored: &mut StoredState| stored.registration.suit_counter += 100_000;
@@ -124,6 +129,61 @@ fn a_stored_registration_is_valid_for_the_same_suit_and_a_short_gap_only() {
     );
     let jumped = |stored: &mut StoredState| stored.registration.suit_counter -= 100;
     assert!((published_m(NS_PER_S / 2, &jumped) - new_drift_m).abs() < 1e-9, "another stream");
+}
+
+#[test]
+fn the_stance_offset_is_part_of_the_stored_position() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    bench.hold(&person, &postures()[0], None, 500);
+    bench.set_stance_offset([0.02, -0.01]);
+    let before_m = bench.memory.station_from_suit_m();
+    // An accurate offset is uncertain again by that of a first start, an uncertain one remains it.
+    for (variance_m2, expected_m2) in [(0.0, 9e-4), (0.01, 0.01)] {
+        bench.memory.identification.widen_stance_offset_to([variance_m2; 2]);
+        let again = restored_bench(&bench, &stored_state(&bench.memory), NS_PER_S);
+        let (after_m, subject) = (again.memory.station_from_suit_m(), &again.memory.identification);
+        assert_eq!(subject.stance_offset_m(), [0.0; 2]);
+        for axis in 0..2 {
+            assert!((after_m[axis] - before_m[axis]).abs() < 1e-9, "{after_m:?} {before_m:?}");
+            assert!((subject.stance_variance_m2()[axis] - expected_m2).abs() < 1e-6, "{variance_m2}");
+        }
+    }
+}
+
+#[test]
+fn a_zero_that_drifted_before_a_restart_is_no_load_after_it() {
+    let (person, mut bench) = (Person::real(), Bench::new(|_| {}));
+    // The machine has run for days, in which the zero did not drift unobserved.
+    bench.now_ns = 1_000_000 * NS_PER_S;
+    bench.disturbance.zero_n = 18.0;
+    bench.hold(&person, &postures()[0], None, 500);
+    let offset = &mut bench.memory.ground.force_offset;
+    for _ in 0..2000 {
+        offset.update(18.0 - offset.mean_n(), 0.01, ForceSigma { at_rest_n: 2.0, by_motion_n: 0.0 });
+    }
+    let restarted = |change: &dyn Fn(&mut StoredState)| {
+        let mut stored = stored_state(&bench.memory);
+        change(&mut stored);
+        let mut again = restored_bench(&bench, &stored, NS_PER_S);
+        again.disturbance.zero_n = 18.0;
+        again.hold(&person, &postures()[0], None, 1000);
+        assert!(!again.state().validity().any_of(Validity::INVALIDATES_DELTA_F));
+        let is_loaded = !again.state().validity().any_of(Validity::BELOW_LOAD_THRESHOLD);
+        (is_loaded, again.state().delta_f_n[2], again.memory.ground.force_offset.mean_sigma_n())
+    };
+    let (is_loaded, delta_f_n, sigma_n) = restarted(&|_| {});
+    assert!(!is_loaded && delta_f_n.abs() < 1.0, "{delta_f_n}");
+    assert!((4.9..5.0).contains(&sigma_n), "that of a mass of another source: {sigma_n}");
+    assert_eq!(restarted(&|stored| stored.force_offset.sigma_n = 20.0).2.round(), 20.0);
+    let unusable: [(&str, &dyn Fn(&mut StoredState)); 4] = [
+        ("another mass", &|stored| stored.force_offset.mass_kg += 1.0),
+        ("not finite", &|stored| stored.force_offset.mean_n = f64::NAN),
+        ("larger than any drift", &|stored| stored.force_offset.mean_n = 1e3),
+        ("a negative σ", &|stored| stored.force_offset.sigma_n = -1.0),
+    ];
+    for (name, change) in unusable {
+        assert!(restarted(change).1 > 17.0, "{name}");
+    }
 }
 
 #[test]
@@ -179,6 +239,7 @@ fn unsound_data_are_not_restored() {
     assert!(!fits(&|stored| stored.subject.last_pose_wxyz[0][0] = f64::NAN));
     assert!(!fits(&|stored| stored.tare.moment_nm[1] = f64::NAN));
     assert!(!fits(&|stored| stored.registration.station_from_suit_m[0] = f64::NAN));
+    assert!(!fits(&|stored| stored.registration.station_from_suit_sigma_m[1] = f64::NAN));
     assert!(!fits(&|stored| stored.registration.suit_time_ns = 0));
 }
 
