@@ -6,6 +6,7 @@ mod bombs;
 mod common;
 mod faulty_captures;
 mod import_pairs;
+mod impossible_numbers;
 #[path = "../reconcile/make.rs"]
 #[expect(dead_code, reason = "captures need a part of it")]
 mod make;
