@@ -47,8 +47,8 @@ pub struct LatencyLog {
     /// Directory of flight records.
     flights: PathBuf,
     hlog_failed: bool,
-    /// The newest flight record that could not be written.
-    unwritten: Option<Flight>,
+    /// The newest flight record that could not be written, and the reason.
+    unwritten: Option<(Flight, String)>,
     flight_tried: Instant,
     dropped_reported: u64,
     reported_at: Instant,
@@ -159,33 +159,38 @@ impl LatencyLog {
     /// Writes a new flight record and the one that could not be written before, if any.
     fn write_flights(&mut self, new: Option<Flight>) {
         let Some((_, files)) = &self.flight else { return };
-        let mut failed = None;
-        for flight in self.unwritten.take().into_iter().chain(new) {
+        let (is_new, mut failed) = (new.is_some(), None);
+        let before = self.unwritten.take().map(|(flight, _)| flight);
+        for flight in before.into_iter().chain(new) {
             match files.write(&flight) {
                 Ok(path) => {
                     info!(cycle = flight.cycle, cycles = flight.outcomes.len(), "kept {}", path.display());
                 }
                 Err(error) => {
-                    failed = Some(format!(
+                    let reason = format!(
                         "cannot keep the cycles around the deadline missed by cycle {}: {error:#}; it is tried again every \
                          ten seconds: make room in the state directory or correct its permissions, or set `[latency] \
                          flight_cycles = 0`",
                         flight.cycle
-                    ));
-                    self.unwritten = Some(flight);
+                    );
+                    failed = Some(reason.clone());
+                    self.unwritten = Some((flight, reason));
                 }
             }
         }
         self.flight_tried = Instant::now();
-        self.set_incident(failed);
+        // A failed retry is no news for the journal.
+        if is_new || failed.is_none() {
+            self.set_incident(failed);
+        }
     }
 
     /// Sets the incident that both kinds of file share; it ends once all writes succeed.
     fn set_incident(&self, failed: Option<String>) {
-        if let Some(what) = failed {
-            self.board.begin(Incident::LatencyNotLogged, &what);
-        } else if !self.hlog_failed && self.unwritten.is_none() {
-            self.board.end(Incident::LatencyNotLogged);
+        match failed.or_else(|| self.unwritten.as_ref().map(|(_, reason)| reason.clone())) {
+            Some(what) => self.board.begin(Incident::LatencyNotLogged, &what),
+            None if self.hlog_failed => {}
+            None => self.board.end(Incident::LatencyNotLogged),
         }
     }
 
