@@ -25,7 +25,7 @@ use support::{reading, silence};
 
 const PATIENCE: Duration = Duration::from_secs(90);
 /// Session time-out, which the tests of leftovers wait for.
-const SESSION: Duration = Duration::from_secs(4);
+const SESSION: Duration = Duration::from_secs(20);
 /// Keys and certificates of server and client.
 const KEYS: [&str; 4] =
     ["pki/private/private.pem", "pki/own/cert.der", "client/private/private.pem", "client/own/cert.der"];
