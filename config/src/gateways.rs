@@ -8,6 +8,7 @@ mod rtde_values;
 mod udp;
 mod zenoh;
 
+use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use equipoise_files::{TEXT_BYTES_MAX, read_text};
@@ -141,6 +142,14 @@ impl StationFile {
 
 fn list(addresses: &[impl ToString]) -> String {
     addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+}
+
+/// Whether a text is a host name or an address alone: without scheme, port and path.
+fn is_host(text: &str) -> bool {
+    let plain = |letter: char| letter.is_ascii_alphanumeric() || ".-:_".contains(letter);
+    // Only an address of IPv6 has colons; others come before a port.
+    let has_port = text.contains(':') && text.parse::<IpAddr>().is_err();
+    !text.is_empty() && !has_port && text.chars().all(plain)
 }
 
 /// A number within bounds.

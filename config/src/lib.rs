@@ -269,11 +269,11 @@ impl Config {
         self.suit.check()?;
         self.suit.check_others(&self.station)?;
         self.ground.check()?;
-        latencies::check(&self.suit, &self.ground)?;
         self.subject.check()?;
         self.identification.check()?;
         self.static_pose.check()?;
         self.overload.check()?;
+        latencies::check(&self.suit, &self.ground, &self.overload)?;
         self.gateways.check()?;
         self.recording.as_ref().map_or(Ok(()), RecordingConfig::check)?;
         let open = |page: &PageConfig| !page.listen.ip().is_loopback() && page.token_file.is_none();

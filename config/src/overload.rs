@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::method::{Checked, between};
 
+/// Default of `motion_window_ms`.
+const HALF_WINDOW_MS: f64 = 70.0;
+
 /// `[overload]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -38,7 +41,7 @@ impl Default for OverloadConfig {
             threshold_n: 15.0,
             load_hand_distance_max_m: 0.35,
             motion: MotionConfig::Compensated,
-            motion_window_ms: 70.0,
+            motion_window_ms: HALF_WINDOW_MS,
             accelerations: AccelerationsConfig::Blend,
             cop_sigma_mm: 1.0,
             force_sigma_n: 2.0,
@@ -82,6 +85,14 @@ impl OverloadConfig {
         between("overload.insole_cop_sigma_mm", self.insole_cop_sigma_mm, 0.1, 100.0)?;
         between("overload.insole_force_sigma_n", self.insole_force_sigma_n, 0.1, 500.0)?;
         between("overload.level_margin_percent", self.level_margin_percent, 0.0, 25.0)
+    }
+
+    /// Half the motion window in use, ms. The paper's equations use that of a model's terms, which is the default.
+    pub(super) fn half_window_ms(&self) -> f64 {
+        match self.motion {
+            MotionConfig::Compensated => self.motion_window_ms,
+            MotionConfig::Paper => HALF_WINDOW_MS,
+        }
     }
 
     pub(super) fn apply(&self, settings: &mut Settings) {

@@ -212,6 +212,13 @@ fn a_latency_reaches_adapters_and_cycle_and_is_bounded() {
     for [suit_ms, ground_ms] in [[1000.0, 950.0], [500.0, 0.0], [0.0, 500.0]] {
         assert!(Config::parse(&with(suit_ms, ground_ms), "c.toml").is_ok(), "{suit_ms} and {ground_ms}");
     }
+    // Of 819 ms of ground samples, the window needs 500.
+    let wide = |suit_ms: f64| format!("{}[overload]\nmotion_window_ms = 250.0\n", with(suit_ms, 0.0));
+    assert!(Config::parse(&wide(310.0), "c.toml").is_ok());
+    let message = refusal(&wide(330.0));
+    assert!(message.contains("suit.latency_ms: the streams are 330 ms apart"), "{message}");
+    assert!(message.contains("overload.motion_window_ms the suit may be 319 ms later"), "{message}");
+    assert!(Config::parse(&format!("{}motion = \"paper\"\n", wide(500.0)), "c.toml").is_ok(), "not in use");
 }
 
 #[test]

@@ -20,8 +20,13 @@ use self::plate::PlateHistory;
 /// Refusal of a tare without current data of the plate.
 pub const PLATE_SILENT: &str = "the plate is silent or faulty; nothing to tare";
 
+/// Refusal of a command that is not executed because the daemon ends.
+pub const STOPPING: &str = "the daemon is stopping; ask again after its next start";
+
 /// Polling interval for commands.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
+/// Polling interval for the loop's receipt of a command.
+const RECEIPT_POLL_INTERVAL: Duration = Duration::from_millis(1);
 
 /// Refusal of a tare until the plate was empty for half a second.
 pub const PLATE_LOADED_RECENTLY: &str =
@@ -51,7 +56,8 @@ impl Commands {
         Ok(Commands { server, state, ends, latest: None, plate: PlateHistory::default(), _bus: bus })
     }
 
-    /// Answers commands until stopped. The command server stays open until this value is dropped.
+    /// Answers commands until a stop is requested, and refuses them from then on until `is_released` returns that the
+    /// station's other threads have ended. The command server stays open until this value is dropped.
     ///
     /// # Errors
     /// The bus fails.
@@ -59,26 +65,43 @@ impl Commands {
         &mut self,
         active_configuration: &SharedConfiguration,
         subjects: &Subjects,
+        is_released: impl Fn() -> bool,
     ) -> Result<(), BusError> {
-        while !self.ends.control.is_stopping() {
-            if let Some(state) = self.state.latest()? {
-                self.latest = Some(state);
-                self.plate.update(&state);
+        loop {
+            // Checked before the commands, so that those sent before the release are answered.
+            let ended = self.ends.control.is_stopping() && is_released();
+            self.serve(active_configuration, subjects)?;
+            if ended {
+                return Ok(());
             }
-            let (ends, latest, plate) = (&mut self.ends, self.latest.as_ref(), &self.plate);
-            while self
-                .server
-                .poll(|command| answer(command, ends, active_configuration, subjects, latest, plate))?
-            {
-            }
-            while self.ends.returned_workers.pop().is_ok() {}
-            active_configuration.free_returned_settings();
             std::thread::sleep(POLL_INTERVAL);
         }
+    }
+
+    /// Answers all pending commands.
+    fn serve(
+        &mut self,
+        active_configuration: &SharedConfiguration,
+        subjects: &Subjects,
+    ) -> Result<(), BusError> {
+        if !self.ends.control.is_stopping()
+            && let Some(state) = self.state.latest()?
+        {
+            self.latest = Some(state);
+            self.plate.update(&state);
+        }
+        let (ends, latest, plate) = (&mut self.ends, self.latest.as_ref(), &self.plate);
+        while self
+            .server
+            .poll(|command| answer(command, ends, active_configuration, subjects, latest, plate))?
+        {}
+        while self.ends.returned_workers.pop().is_ok() {}
+        active_configuration.free_returned_settings();
         Ok(())
     }
 }
 
+/// Executes a command, waits until the loop has received its part of it, and returns the reply.
 fn answer(
     command: &Command,
     ends: &mut CommandEnds,
@@ -87,7 +110,28 @@ fn answer(
     latest: Option<&State>,
     plate: &PlateHistory,
 ) -> Reply {
-    let outcome = match CommandKind::from_number(command.kind) {
+    let outcome = execute(command, ends, active_configuration, subjects, latest, plate)
+        .and_then(|text| await_receipt(ends).map(|()| text));
+    let outcome = match outcome {
+        // The stop may be the cause of any failure, such as that of a wait for the loop.
+        Err(_) if ends.control.is_stopping() => Err(STOPPING.to_owned()),
+        outcome => outcome,
+    };
+    reply(ends.control.last_cycle() + 1, outcome)
+}
+
+fn execute(
+    command: &Command,
+    ends: &mut CommandEnds,
+    active_configuration: &SharedConfiguration,
+    subjects: &Subjects,
+    latest: Option<&State>,
+    plate: &PlateHistory,
+) -> Answer {
+    if ends.control.is_stopping() {
+        return Err(STOPPING.to_owned());
+    }
+    match CommandKind::from_number(command.kind) {
         None => Err(format!("this version does not know command {}", command.kind)),
         Some(CommandKind::Tare) => plate::tare(ends, latest, plate),
         Some(CommandKind::SubjectLoad) => subjects::load(command, ends, active_configuration, subjects),
@@ -121,14 +165,28 @@ fn answer(
         Some(kind @ CommandKind::Checkpoint) => {
             push_command(ends, kind).map(|()| "a checkpoint is being published".to_owned())
         }
-    };
-    reply(ends.control.last_cycle() + 1, outcome)
+    }
 }
 
 const TOO_MANY: &str = "too many commands at once; ask again";
 
 fn push_command(ends: &mut CommandEnds, kind: CommandKind) -> Result<(), String> {
     ends.command.push(kind).map_err(|_| TOO_MANY.to_owned())
+}
+
+/// Waits until the loop has received all commands, which it executes in the same cycle, or has ended without.
+fn await_receipt(ends: &CommandEnds) -> Result<(), String> {
+    loop {
+        // Checked before the ring: the loop may receive a command in its last cycle.
+        let ended = ends.control.has_ended();
+        if ends.command.slots() == ends.command.buffer().capacity() {
+            return Ok(());
+        }
+        if ended {
+            return Err(STOPPING.to_owned());
+        }
+        std::thread::sleep(RECEIPT_POLL_INTERVAL);
+    }
 }
 
 /// The accuracy reached by an identification that was stopped.
@@ -166,7 +224,112 @@ fn reply(cycle: u64, outcome: Answer) -> Reply {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use equipoise_bus::root::shared_memory_prefix;
+    use equipoise_bus::{BusSettings, parse_text};
+    use equipoise_config::Config;
+    use equipoise_station::state_directory::StateDirectory;
+
     use super::*;
+    use crate::active_configuration::ActiveConfiguration;
+    use crate::rings::{LoopEnds, Rings};
+    use crate::subjects::ProfileDestination;
+
+    const RESET: CommandKind = CommandKind::IdentifyReset;
+
+    /// A daemon without a loop, whose configured subject is alice.
+    pub(super) fn daemon(state: &StateDirectory) -> (CommandEnds, LoopEnds, SharedConfiguration, Subjects) {
+        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\n\
+                    id = \"alice\"\nheight_m = 1.7\n";
+        let config = Config::parse(text, "the test's").unwrap();
+        let Rings { commands, loop_ends, settings, .. } = Rings::new().unwrap();
+        let active = ActiveConfiguration { config, loaded: None, similar: None };
+        let configured = ProfileDestination::of(state, "alice", None, true);
+        let subjects = Subjects::new(state.clone(), "s", configured);
+        (commands, loop_ends, SharedConfiguration::new(active, settings), subjects)
+    }
+
+    /// Whether a reply is a refusal, and its text.
+    fn parts(reply: &Reply) -> (u32, String) {
+        (reply.refused, parse_text(&reply.text))
+    }
+
+    #[test]
+    fn a_command_that_the_loop_does_not_execute_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let (mut commands, mut loop_ends, active, subjects) = daemon(&StateDirectory::at(directory.path()));
+        let control = Arc::clone(&commands.control);
+        let ask = |ends: &mut CommandEnds| {
+            let command = Command { kind: RESET as u32, ..Command::zeroed() };
+            parts(&answer(&command, ends, &active, &subjects, None, &PlateHistory::default()))
+        };
+        let mut running = Some(control.mark_loop_running());
+        for stops in [false, true] {
+            let reply = std::thread::scope(|scope| {
+                let reply = scope.spawn(|| ask(&mut commands));
+                while loop_ends.command.is_empty() && !reply.is_finished() {
+                    std::thread::sleep(RECEIPT_POLL_INTERVAL);
+                }
+                if stops {
+                    control.stop();
+                    drop(running.take());
+                } else {
+                    assert_eq!(loop_ends.command.pop().ok(), Some(RESET));
+                }
+                reply.join().unwrap()
+            });
+            if stops {
+                assert_eq!(reply, (1, STOPPING.to_owned()));
+            } else {
+                assert_eq!(reply.0, 0, "{}", reply.1);
+            }
+        }
+        // Nothing is passed on after the stop.
+        assert_eq!(loop_ends.command.pop().ok(), Some(RESET));
+        assert_eq!(ask(&mut commands), (1, STOPPING.to_owned()));
+        assert!(loop_ends.command.is_empty());
+    }
+
+    #[test]
+    fn commands_are_refused_until_the_station_is_released() {
+        // The root of a bus has at most 46 bytes.
+        let directory = tempfile::Builder::new().prefix("eq").tempdir_in("/tmp").unwrap();
+        let join = |role: &str| {
+            Bus::join(&BusSettings { root: directory.path().to_owned(), ..BusSettings::new("s", role) })
+        };
+        let (ends, _loop_ends, active, subjects) = daemon(&StateDirectory::at(directory.path()));
+        let control = Arc::clone(&ends.control);
+        let (open, released) = (AtomicBool::new(false), AtomicBool::new(false));
+        let reply = std::thread::scope(|scope| {
+            let server = scope.spawn(|| {
+                let bus = join("daemon").unwrap();
+                let server = bus.command_server().unwrap();
+                let mut commands = Commands::open(bus, server, ends).unwrap();
+                open.store(true, Ordering::SeqCst);
+                commands.run(&active, &subjects, || released.load(Ordering::SeqCst))
+            });
+            while !open.load(Ordering::SeqCst) && !server.is_finished() {
+                std::thread::sleep(POLL_INTERVAL);
+            }
+            control.stop();
+            let command = Command { kind: RESET as u32, ..Command::zeroed() };
+            let client = join("client").and_then(|bus| bus.command_client());
+            let reply = client.and_then(|client| client.ask(&command, Duration::from_secs(60)));
+            released.store(true, Ordering::SeqCst);
+            server.join().unwrap().unwrap();
+            reply
+        });
+        assert_eq!(parts(&reply.unwrap()), (1, STOPPING.to_owned()));
+        // iceoryx2 leaves small files behind for each root.
+        let prefix = shared_memory_prefix(directory.path());
+        for file in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            if file.file_name().to_string_lossy().starts_with(&prefix) {
+                let _ = std::fs::remove_file(file.path());
+            }
+        }
+    }
 
     #[test]
     fn an_early_stop_reports_the_uncertainty_of_the_estimate() {

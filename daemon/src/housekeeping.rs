@@ -181,17 +181,11 @@ impl Housekeeping {
 
     /// Reports only; a person decides whether to change the model.
     fn check_model(&mut self) {
-        let Some(state) = self.newest else { return };
-        if let Some(suspicion) = self.model.update(&state) {
-            self.board.begin(Incident::ModelMismatch, &suspicion.to_string());
+        let Some(state) = &self.newest else { return };
+        if self.model.check(state, &self.board, &self.status) {
             // A failed bus is reported by its other users.
             let _ = self.events.notify(Event::ModelMismatch);
         }
-        let suspicion = self.model.suspicion().map(|suspicion| suspicion.to_string());
-        if suspicion.is_none() {
-            self.board.end(Incident::ModelMismatch);
-        }
-        self.status.set_model_mismatch(suspicion);
     }
 
     /// Invalid input that the loop detects: not a failure of the daemon, but it requires a person's attention.

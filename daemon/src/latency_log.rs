@@ -31,6 +31,8 @@ use crate::rings::Outcome;
 const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Minimum interval between reports of lost cycles.
 const REPORT_INTERVAL: Duration = Duration::from_secs(10);
+/// Interval between attempts to write a flight record.
+const RETRY_INTERVAL: Duration = Duration::from_secs(10);
 
 /// The latency log before it runs.
 pub struct LatencyLog {
@@ -45,7 +47,9 @@ pub struct LatencyLog {
     /// Directory of flight records.
     flights: PathBuf,
     hlog_failed: bool,
-    flight_failed: bool,
+    /// The newest flight record that could not be written, and the reason.
+    unwritten: Option<(Flight, String)>,
+    flight_tried: Instant,
     dropped_reported: u64,
     reported_at: Instant,
 }
@@ -69,7 +73,8 @@ impl LatencyLog {
             flights: state.flights(),
             flight_cycles: config.latency.flight_cycles,
             hlog_failed: false,
-            flight_failed: false,
+            unwritten: None,
+            flight_tried: Instant::now(),
             dropped_reported: 0,
             reported_at: Instant::now(),
         }
@@ -90,9 +95,12 @@ impl LatencyLog {
             self.write_hlog(ended);
             if ended {
                 let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
-                self.write_flight(last);
+                self.write_flights(last);
                 self.report_dropped();
                 return Report::of(&self.total);
+            }
+            if self.unwritten.is_some() && self.flight_tried.elapsed() >= RETRY_INTERVAL {
+                self.write_flights(None);
             }
             if self.reported_at.elapsed() >= REPORT_INTERVAL {
                 self.report_dropped();
@@ -107,7 +115,9 @@ impl LatencyLog {
             hlog.record(&outcome.record);
         }
         let flight = self.flight.as_mut().and_then(|(recorder, _)| recorder.record(outcome));
-        self.write_flight(flight);
+        if flight.is_some() {
+            self.write_flights(flight);
+        }
     }
 
     /// Switches interval log and flight recorder after a reload.
@@ -123,10 +133,10 @@ impl LatencyLog {
         }
         if latency.flight_cycles != self.flight_cycles {
             let last = self.flight.as_mut().and_then(|(recorder, _)| recorder.end());
-            self.write_flight(last);
+            self.write_flights(last);
             self.flight = open_flight(&self.active_configuration.get().config, &self.flights);
             self.flight_cycles = latency.flight_cycles;
-            if std::mem::take(&mut self.flight_failed) {
+            if self.unwritten.take().is_some() {
                 self.set_incident(None);
             }
         }
@@ -146,29 +156,41 @@ impl LatencyLog {
         self.set_incident(failed);
     }
 
-    fn write_flight(&mut self, flight: Option<Flight>) {
-        let (Some(flight), Some((_, files))) = (flight, &self.flight) else { return };
-        let failed = match files.write(&flight) {
-            Ok(path) => {
-                info!(cycle = flight.cycle, cycles = flight.outcomes.len(), "kept {}", path.display());
-                None
+    /// Writes a new flight record and the one that could not be written before, if any.
+    fn write_flights(&mut self, new: Option<Flight>) {
+        let Some((_, files)) = &self.flight else { return };
+        let (is_new, mut failed) = (new.is_some(), None);
+        let before = self.unwritten.take().map(|(flight, _)| flight);
+        for flight in before.into_iter().chain(new) {
+            match files.write(&flight) {
+                Ok(path) => {
+                    info!(cycle = flight.cycle, cycles = flight.outcomes.len(), "kept {}", path.display());
+                }
+                Err(error) => {
+                    let reason = format!(
+                        "cannot keep the cycles around the deadline missed by cycle {}: {error:#}; it is tried again every \
+                         ten seconds: make room in the state directory or correct its permissions, or set `[latency] \
+                         flight_cycles = 0`",
+                        flight.cycle
+                    );
+                    failed = Some(reason.clone());
+                    self.unwritten = Some((flight, reason));
+                }
             }
-            Err(error) => Some(format!(
-                "cannot keep the cycles around the deadline missed by cycle {}: {error}; make room in the state \
-                 directory or correct its permissions, or set `[latency] flight_cycles = 0`",
-                flight.cycle
-            )),
-        };
-        self.flight_failed = failed.is_some();
-        self.set_incident(failed);
+        }
+        self.flight_tried = Instant::now();
+        // A failed retry is no news for the journal.
+        if is_new || failed.is_none() {
+            self.set_incident(failed);
+        }
     }
 
     /// Sets the incident that both kinds of file share; it ends once all writes succeed.
     fn set_incident(&self, failed: Option<String>) {
-        if let Some(what) = failed {
-            self.board.begin(Incident::LatencyNotLogged, &what);
-        } else if !self.hlog_failed && !self.flight_failed {
-            self.board.end(Incident::LatencyNotLogged);
+        match failed.or_else(|| self.unwritten.as_ref().map(|(_, reason)| reason.clone())) {
+            Some(what) => self.board.begin(Incident::LatencyNotLogged, &what),
+            None if self.hlog_failed => {}
+            None => self.board.end(Incident::LatencyNotLogged),
         }
     }
 
@@ -203,4 +225,58 @@ fn open_flight(config: &Config, directory: &Path) -> Option<(FlightRecorder, Fli
         let files = FlightFiles::new(directory, config);
         (FlightRecorder::new(cycles), files)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+    use equipoise_core::message::{CycleRecord, State};
+
+    use super::*;
+    use crate::active_configuration::ActiveConfiguration;
+    use crate::rings::Rings;
+
+    /// A log with flight records of four cycles, and its incidents.
+    fn log(state: &StateDirectory) -> (LatencyLog, Arc<IncidentBoard>) {
+        let text = "station = \"s\"\n[suit]\nsource = \"external\"\n[ground]\nsource = \"external\"\n[subject]\nid = \
+                    \"a\"\nheight_m = 1.77\n[latency]\nflight_cycles = 4\n";
+        let config = Config::parse(text, "the test's").unwrap();
+        let active = ActiveConfiguration { config, loaded: None, similar: None };
+        let active = SharedConfiguration::new(active, Rings::new().unwrap().settings);
+        let board = Arc::new(IncidentBoard::default());
+        let (_, drain) = feed::feed(4);
+        (LatencyLog::new(drain, Arc::new(active), Arc::clone(&board), state), board)
+    }
+
+    #[test]
+    fn a_failed_flight_record_is_written_later_which_ends_the_incident() {
+        let directory = tempfile::tempdir().unwrap();
+        let state = StateDirectory::at(directory.path());
+        let (mut log, board) = log(&state);
+        let miss = |log: &mut LatencyLog, cycle: u64| {
+            // The cycle after the missed deadline completes the record; ten seconds pass before the next.
+            for (cycle, deadline_missed) in [(cycle, 1), (cycle + 1, 0)] {
+                let due_ns = cycle * flight::PAUSE_NS;
+                let record = CycleRecord { cycle, due_ns, deadline_missed, ..CycleRecord::zeroed() };
+                log.record(&Outcome { state: State::zeroed(), record });
+            }
+        };
+        let records = || std::fs::read_dir(state.flights()).unwrap().count();
+        std::fs::write(state.flights(), "no directory").unwrap();
+        miss(&mut log, 1);
+        assert!(board.messages()["latency_not_logged"].contains("missed by cycle 1: "));
+        std::fs::remove_file(state.flights()).unwrap();
+        log.write_flights(None);
+        assert!(!board.is_active(Incident::LatencyNotLogged));
+        assert_eq!(records(), 1);
+        // The next record is a later write too.
+        std::fs::rename(state.flights(), directory.path().join("moved")).unwrap();
+        std::fs::write(state.flights(), "no directory").unwrap();
+        miss(&mut log, 3);
+        assert!(board.is_active(Incident::LatencyNotLogged));
+        std::fs::remove_file(state.flights()).unwrap();
+        miss(&mut log, 5);
+        assert!(!board.is_active(Incident::LatencyNotLogged));
+        assert_eq!(records(), 2);
+    }
 }

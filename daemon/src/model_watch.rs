@@ -11,8 +11,11 @@ use std::fmt;
 
 use equipoise_core::body::Segment;
 use equipoise_core::message::state::Phase;
-use equipoise_core::message::{State, Validity};
+use equipoise_core::message::{Incident, State, Validity};
 use equipoise_core::time::NS_PER_S;
+
+use crate::incidents::IncidentBoard;
+use crate::status_file::StatusFile;
 
 mod pose;
 
@@ -110,8 +113,18 @@ pub struct ModelWatch {
 }
 
 impl ModelWatch {
+    /// Ingests a state and sets incident and status to the current discrepancy. Returns whether it is to be reported, at
+    /// most once in five minutes.
+    pub fn check(&mut self, state: &State, board: &IncidentBoard, status: &StatusFile) -> bool {
+        let is_reported = self.update(state).is_some();
+        let suspicion = self.current.map(|suspicion| suspicion.to_string());
+        board.set(Incident::ModelMismatch, suspicion.is_some(), || suspicion.clone().unwrap_or_default());
+        status.set_model_mismatch(suspicion);
+        is_reported
+    }
+
     /// Ingests a state; returns a discrepancy to report, at most once in five minutes.
-    pub fn update(&mut self, state: &State) -> Option<Suspicion> {
+    fn update(&mut self, state: &State) -> Option<Suspicion> {
         // With a changed model the residuals are those of another subject, model or tare.
         let phase =
             Phase::from_number(state.phase).filter(|_| !state.validity().any_of(Validity::MODEL_CHANGED));
@@ -143,11 +156,6 @@ impl ModelWatch {
         let reported = self.current.filter(|_| !recently_reported)?;
         self.reported_ns = Some(sample.time_ns);
         Some(reported)
-    }
-
-    /// The current discrepancy, reported or not.
-    pub fn suspicion(&self) -> Option<Suspicion> {
-        self.current
     }
 
     /// The signal with the largest discrepancy above the limit.

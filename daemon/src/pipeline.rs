@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow, bail};
-use crossbeam_channel::{Sender, bounded};
+use crossbeam_channel::{Sender, TryRecvError, bounded};
 use equipoise_bus::{Bus, BusError, BusSettings};
 use equipoise_config::{Config, WaitStrategy, similar};
 use equipoise_core::message::Incident;
@@ -132,10 +132,9 @@ impl Pipeline {
             let _ = ready.send(());
             // No command is answered before the state is read.
             let Ok((active_configuration, subjects)) = shared.recv() else { return Ok(()) };
-            commands.run(&active_configuration, &subjects)?;
             // Keep the station until all other threads have ended, so that a next daemon reads their final output.
-            let _ = shared.recv();
-            Ok(())
+            let is_released = || matches!(shared.try_recv(), Err(TryRecvError::Disconnected));
+            Ok(commands.run(&active_configuration, &subjects, is_released)?)
         })?;
         // This daemon owns the station: no other process writes the files read from here on.
         let similar = similar_to_configured(config, &state);

@@ -171,6 +171,14 @@ impl Subjects {
         });
     }
 
+    /// Enables saving of the active subject again; returns whether it was disabled.
+    pub fn end_refusal(&self) -> bool {
+        let number = self.in_use();
+        self.with(|all| {
+            all.get_mut(number as usize).is_some_and(|destination| destination.refusal.take().is_some())
+        })
+    }
+
     /// Claims the files of a subject for this daemon until [`Subjects::release_unused`], at least while the returned
     /// value exists. `None` if the claim cannot be stored, for example on a full disk: [`Subjects::write`] tries again.
     ///

@@ -324,7 +324,9 @@ fn two_plates_are_tared_together_and_only_while_empty(station: &Station) {
     let _daemon = station.daemon(&station.configuration().replace("[subject]\n", &both));
     let mut monitor = Monitor::open(station);
     monitor.until("the person", |monitor| monitor.both_fresh() && monitor.state.ground_force_n[2] > 600.0);
-    station.run(&["tare"]).assert_failed(1, &["N stand on the plate; step off"]);
+    let refusal = "N stand on the plate; step off";
+    let tare = station.run_until(refusal, &["tare"], |ended| ended.stderr.contains(refusal));
+    tare.assert_failed(1, &[refusal]);
     monitor.until("the person as before", |monitor| monitor.state.ground_force_n[2] > 600.0);
 
     // A box of 3 kg stays on the first plate.

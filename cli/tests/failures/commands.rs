@@ -10,7 +10,7 @@ use rustix::process::Signal;
 
 use crate::monitor::Monitor;
 use crate::process::wait_for;
-use crate::station::{NAME, Station};
+use crate::station::{NAME, Output, Station};
 
 #[test]
 fn without_a_daemon_every_command_fails_with_a_message() {
@@ -65,7 +65,9 @@ fn identification_and_profiles_are_controlled_and_invalid_commands_refused() {
     monitor.until("learning", |monitor| monitor.state.phase_name() == "identifying");
 
     // A person stands on the plate.
-    station.run(&["tare"]).assert_failed(1, &["refused", "stand on the plate", "step off"]);
+    let refusal = "stand on the plate";
+    let tare = station.run_until(refusal, &["tare"], |ended| ended.stderr.contains(refusal));
+    tare.assert_failed(1, &["refused", refusal, "step off"]);
 
     let characters = "made of letters, digits, '-' and '_'";
     station.run(&["subject", "load", "anon-9"]).assert_failed(1, &["there is no profile anon-9"]);
@@ -91,20 +93,20 @@ fn status_fits_on_a_screen_and_all_adds_the_details() {
     let _daemon = station.daemon(&station.configuration());
     let mut monitor = Monitor::open(&station);
     monitor.until("both sensors", Monitor::both_fresh);
-    let status = station.run(&["status"]).assert_done().to_owned();
+    let parts = ["  overload  ", "  body  ", "  suit  ", "  ground  "];
+    let has_all = |ended: &Output, parts: &[&str]| parts.iter().all(|part| ended.stdout.contains(part));
+    let status = station.run_until("all lines", &["status"], |ended| has_all(ended, &parts));
+    let status = status.assert_done();
     // A busy machine may cause incidents, which take further lines.
     let lines: Vec<&str> = status.lines().filter(|line| !line.starts_with("  INCIDENT")).collect();
     // The shell's prompt takes the last of 24 lines.
     assert!(lines.len() < 24, "{status}");
     assert!(lines.iter().all(|line| line.chars().count() <= 80), "{status}");
-    for part in ["  overload  ", "  body  ", "  suit  ", "  ground  "] {
-        assert!(status.contains(part), "{part}: {status}");
-    }
     let details = ["  thread loop", "  memory  ", " received, ", "  feet    on plate"];
-    let all = station.run(&["status", "--all"]);
+    let all = station.run_until("all details", &["status", "--all"], |ended| has_all(ended, &details));
+    all.assert_done();
     for detail in details {
         assert!(!status.contains(detail), "{detail}: {status}");
-        assert!(all.assert_done().contains(detail), "{detail}: {}", all.stdout);
     }
 }
 
@@ -224,8 +226,10 @@ fn loading_another_subject_leaves_the_first_profile_unchanged() {
     monitor.until("one lift", |monitor| monitor.state.lifts == 1);
     assert!((monitor.state.dose_damage - 1e-5).abs() < 1e-12, "{}", monitor.state.dose_damage);
     let list = station.profile("anon-2").with_extension("lifts.csv");
-    let list = wait_for("a list of lifts", || std::fs::read_to_string(&list).ok());
-    assert!(list.contains(",undone,2,3.00,12.00,0.50,0.400,4e-5\n"), "{list}");
+    wait_for("the lift in the list", || {
+        let list = std::fs::read_to_string(&list).ok()?;
+        list.contains(",undone,2,3.00,12.00,0.50,0.400,4e-5\n").then_some(())
+    });
     wait_for("a profile without it", || saved("anon-2").contains("lifts = 1\n").then_some(()));
 
     assert!(station.run(&["subject", "save"]).assert_done().contains("anon-2"));

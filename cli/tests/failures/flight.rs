@@ -128,8 +128,9 @@ fn full_disks_cause_an_incident_only() {
         let message = daemon.stderr();
         (message.contains("latency_not_logged") && message.contains("/dev/full")).then_some(())
     });
-    stall(&daemon);
+    // A stop between the end of one cycle's work and the choice of the next slot delays no cycle.
     wait_for("the record that cannot be kept", || {
+        stall(&daemon);
         daemon.stderr().contains("cannot keep the cycles").then_some(())
     });
     let mut monitor = Monitor::open(&station);

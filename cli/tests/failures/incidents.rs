@@ -36,17 +36,21 @@ fn silence_is_reported_by_all_interfaces_with_its_remedy_and_ends_with_the_next_
         silence(true);
         monitor.until(kind.name(), |monitor| monitor.is_active(kind));
         wait_for("the journal's line", || daemon.stderr().contains(&journal(kind)).then_some(()));
-        let text = station.run(&["status"]).assert_done().to_owned();
-        assert!(text.contains(&format!("INCIDENT {}", kind.name())), "{text}");
+        let line = format!("INCIDENT {}", kind.name());
+        let text = station.run_until(&line, &["status"], |ended| ended.stdout.contains(&line));
+        let text = text.assert_done();
         assert!(text.contains("sends nothing any more: is") && !text.contains("to do:"), "{text}");
-        let watched = station.run(&["watch", "--for", "2.5"]).assert_done().to_owned();
-        assert!(watched.contains(&format!("{} for ", kind.name())), "{watched}");
+        let line = format!("{} for ", kind.name());
+        station
+            .run_until(&line, &["watch", "--for", "2.5"], |ended| ended.stdout.contains(&line))
+            .assert_done();
         let listed = |status: &serde_json::Value, list: &str| {
             let list = status["incidents"][list].as_array().cloned().unwrap_or_default();
             list.into_iter().find(|incident| incident["name"] == kind.name())
         };
-        let status = station.current_status();
-        let active = listed(&status, "active").expect("it goes on");
+        let is_active = |status: &serde_json::Value| listed(status, "active").is_some();
+        let status = station.status_when("it goes on", is_active);
+        let active = listed(&status, "active").expect("it was there");
         assert!(active["message"].as_str().is_some_and(|what| what.contains("sends nothing")), "{active}");
         silence(false);
         monitor.until("its end", |monitor| !monitor.is_active(kind));
@@ -131,15 +135,23 @@ fn an_adapter_whose_socket_fails_is_restarted_and_the_daemon_continues() {
     let mut monitor = Monitor::open(&station);
     monitor.until_poses(&person, 1);
     let (poses, cycle) = (monitor.state.poses_used, monitor.state.cycle);
-    for round in 1..=2 {
-        let Some(sockets) = udp_sockets_of(&daemon) else { return };
-        assert_eq!(sockets.len(), 2, "one of the suit, one of the plate");
+    for _ in 0..2 {
+        let downs = [Incident::SuitAdapterDown, Incident::GroundAdapterDown];
+        monitor.update();
+        let before = downs.map(|down| monitor.count(down));
+        // One of the suit, one of the plate.
+        let both = wait_for("both sockets", || match udp_sockets_of(&daemon) {
+            Some(sockets) if sockets.len() != 2 => None,
+            found => Some(found),
+        });
+        let Some(sockets) = both else { return };
         for socket in sockets {
             // The kernel returns "not connected", and shuts it down all the same.
             let _ = socket2::Socket::from(socket).shutdown(std::net::Shutdown::Both);
         }
-        for down in [Incident::SuitAdapterDown, Incident::GroundAdapterDown] {
-            monitor.until(down.name(), |monitor| monitor.count(down) == round);
+        for (down, before) in downs.into_iter().zip(before) {
+            // A plate that is late on a busy machine counts too.
+            monitor.until(down.name(), |monitor| monitor.count(down) > before);
             assert!(daemon.stderr().contains(&journal(down)), "{}", daemon.stderr());
             monitor.until("its end", |monitor| !monitor.is_active(down));
         }
@@ -175,7 +187,7 @@ fn a_stalled_loop_is_reported_with_its_duration() {
         assert!(stops < 10, "ten stops and no cycle was late: {}", daemon.stderr());
     }
     assert!(daemon.stderr().contains("the loop stood still for "), "{}", daemon.stderr());
-    assert!(!monitor.is_active(Incident::LoopStalled), "it runs again");
+    monitor.until("the end of the stall", |monitor| !monitor.is_active(Incident::LoopStalled));
 }
 
 #[test]

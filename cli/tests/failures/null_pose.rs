@@ -72,7 +72,7 @@ fn segments_and_foot_outlines_are_those_of_the_suit() {
 
     // A recorder that starts late still receives the body, and the replay applies it at the same cycle as the loop.
     let out = station.file("live.mcap");
-    let recorded = station.command("record").arg(&out).args(["--for", "4"]).output().unwrap();
+    let recorded = station.command("record").arg(&out).args(["--for", "8"]).output().unwrap();
     assert!(matches!(recorded.status.code(), Some(0 | 3)), "{}", describe_output(&recorded));
     let recording = Recording::open(&out).unwrap();
     let (mut bodies, mut taken) = (Vec::new(), 0);

@@ -5,8 +5,9 @@ use std::time::Duration;
 use equipoise_bus::{Bus, BusSettings};
 use equipoise_core::message::CycleRecord;
 use rustix::process::Signal;
+use serde_json::Value;
 
-use crate::process::wait_for;
+use crate::process::{Process, wait_for};
 use crate::station::{NAME, Station};
 
 /// Cycles a second of [`Station::configuration`].
@@ -111,12 +112,24 @@ fn status_reports_requested_and_granted_scheduling_and_faults_of_every_thread() 
         assert_eq!(thread["policy"], "other", "{thread}");
         assert!(thread["cpus"].as_array().is_some_and(|cores| !cores.is_empty()), "{thread}");
         assert!(thread["timer_slack_ns"].as_u64() <= Some(1), "{thread}");
-        let task = format!("/proc/{}/task/{}", daemon.id(), thread["id"]);
-        assert!(std::path::Path::new(&task).exists(), "{task}");
-        assert!(thread["minor_faults"].as_u64() > Some(0), "{thread}");
+        let counted = thread["minor_faults"].as_u64().unwrap_or_else(|| panic!("no count in {thread}"));
+        let by_kernel = minor_faults(&daemon, thread);
+        assert!(counted <= by_kernel, "{thread}, and {by_kernel} by now");
+        // Another thread may have no fault of its own: it uses the stack and the heap of one that has ended, such as that
+        // of a request to the plate's settings page.
+        assert!(counted > 0 || !["main", "loop"].contains(&name), "{thread}");
     }
     assert!(status["daemon"]["memory"]["resident_kib"].as_u64() > Some(1000), "{status}");
-    let ended = station.run(&["status", "--all"]);
-    assert!(ended.assert_done().contains("asked other, granted other"), "{}", ended.stdout);
-    assert_eq!(daemon.stop(Signal::TERM), Some(0));
+    let line = "asked other, granted other";
+    station.run_until(line, &["status", "--all"], |ended| ended.stdout.contains(line)).assert_done();
+    assert_eq!(daemon.stop(Signal::TERM), Some(0), "{}", daemon.stderr());
+}
+
+/// Page faults of a living thread that needed no disk, by the kernel (proc_pid_stat(5)).
+fn minor_faults(daemon: &Process, thread: &Value) -> u64 {
+    let path = format!("/proc/{}/task/{}/stat", daemon.id(), thread["id"]);
+    let stat = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"));
+    // The name may contain spaces; field 3 follows it, and this is field 10.
+    let (_, fields) = stat.rsplit_once(')').expect("its name");
+    fields.split_whitespace().nth(7).expect("a count").parse().expect("a number")
 }

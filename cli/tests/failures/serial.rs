@@ -64,11 +64,9 @@ fn a_daemon_runs_without_its_sensor_and_uses_it_once_plugged_in() {
     monitor.until("word of the missing port", |monitor| monitor.is_active(Incident::GroundAdapterDown));
     let message = format!("the serial port {} is not there", port.display());
     wait_for("the journal's line", || daemon.stderr().contains(&message).then_some(()));
-    let status = station.run(&["status"]).assert_done().to_owned();
-    assert!(
-        status.contains(&message) && status.contains("plug it in, or set ground.serial.port"),
-        "{status}"
-    );
+    let status = station.run_until(&message, &["status"], |ended| ended.stdout.contains(&message));
+    let remedy = "plug it in, or set ground.serial.port";
+    assert!(status.assert_done().contains(remedy), "{}", status.stdout);
 
     let sensor = plugged(&port);
     for _ in 0..2 {
@@ -111,7 +109,7 @@ fn a_port_of_another_program_is_reported_and_used_once_free() {
     let port = port(&station);
     let _sensor = plugged(&port);
     // Without a child process: the program that holds the port is the one started here.
-    let other = Command::new("flock").arg("--no-fork").arg(&port).args(["sleep", "60"]).spawn();
+    let other = Command::new("flock").arg("--no-fork").arg(&port).args(["sleep", "600"]).spawn();
     let other = OtherProgram(other.expect("flock of util-linux"));
     let real = std::fs::canonicalize(&port).expect("a terminal");
     wait_for("the other program to have it", || {

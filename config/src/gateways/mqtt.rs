@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Checked, between};
+use super::{Checked, between, is_host};
 
 /// `[gateways.mqtt]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -56,10 +56,7 @@ impl MqttConfig {
     pub(super) fn check(&self) -> Checked {
         between("gateways.mqtt.rate_hz", self.rate_hz, 0.1, 10.0)?;
         let wrong = |key, what: &str| Err((key, what.to_owned()));
-        let plain = |letter: char| letter.is_ascii_alphanumeric() || ".-:_".contains(letter);
-        // Only an address of IPv6 has colons; others come before a port.
-        let has_port = self.broker.contains(':') && self.broker.parse::<IpAddr>().is_err();
-        if self.broker.is_empty() || has_port || !self.broker.chars().all(plain) {
+        if !is_host(&self.broker) {
             return wrong(
                 "gateways.mqtt.broker",
                 "give only its name or address: no scheme, no path; the port is a key",

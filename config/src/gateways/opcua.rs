@@ -1,11 +1,11 @@
 //! `[gateways.opcua]`
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Checked, between};
+use super::{Checked, between, is_host};
 
 /// `[gateways.opcua]`
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -69,10 +69,7 @@ impl OpcUaConfig {
             }
             return Ok(());
         };
-        let plain = |letter: char| letter.is_ascii_alphanumeric() || ".-:".contains(letter);
-        // Only an address of IPv6 has colons; others come before a port.
-        let has_port = host.contains(':') && host.parse::<IpAddr>().is_err();
-        if host.is_empty() || has_port || !host.chars().all(plain) {
+        if !is_host(host) {
             let what = format!("{host:?} is neither a name nor an address: no scheme, no port, no path");
             return Err(("gateways.opcua.host", what));
         }
@@ -107,6 +104,7 @@ mod tests {
         let users = "users_file = \"users\"\nlisten = \"0.0.0.0:4840\"\n";
         assert!(refused(users).is_some_and(|what| what.starts_with("gateways.opcua.host")));
         assert_eq!(refused(&format!("{users}host = \"station-1.plant.example\"")), None);
+        assert_eq!(refused(&format!("{users}host = \"station_1.plant.example\"")), None, "as of a broker");
         assert!(refused(&format!("{users}host = \"opc.tcp://x/\"")).is_some());
         assert!(refused(&format!("{users}host = \"station-1:4840\"")).is_some());
         assert_eq!(refused(&format!("{users}host = \"2001:db8::7\"")), None);

@@ -121,16 +121,19 @@ impl GroundConfig {
             );
             return Err(("ground.second.frame", what));
         }
-        if is_same_device(self, second) {
-            let what = "it is the device of [ground], whose force would count twice; name the other device";
-            return Err(("ground.second.address", what.to_owned()));
+        match key_of_same_device(self, second) {
+            Some(key) => {
+                let what =
+                    "it is the device of [ground], whose force would count twice; name the other device";
+                Err((key, what.to_owned()))
+            }
+            None => Ok(()),
         }
-        Ok(())
     }
 }
 
-/// Whether both sections read the same plate over the network.
-fn is_same_device(one: &GroundConfig, other: &GroundConfig) -> bool {
+/// If both sections read the same plate over the network: the key that must differ.
+fn key_of_same_device(one: &GroundConfig, other: &GroundConfig) -> Option<&'static str> {
     // What the same readings may be converted with.
     let readings = |ground: &GroundConfig| GroundConfig {
         measures: Measures::default(),
@@ -139,17 +142,19 @@ fn is_same_device(one: &GroundConfig, other: &GroundConfig) -> bool {
         frame: FrameConfig::default(),
         ..ground.clone()
     };
+    let is_alike = || GroundConfig { second: None, ..readings(one) } == readings(other);
     let plate = |ground: &GroundConfig| ground.qtm.as_ref().map(|qtm| qtm.plate);
-    one.source == other.source
-        && match one.source {
-            GroundSourceKind::AtiRdt => ati_rdt::address(one) == ati_rdt::address(other),
-            GroundSourceKind::Qtm => (one.address, plate(one)) == (other.address, plate(other)),
-            _ => {
-                let is_on_network = one.address.is_some() || one.source == GroundSourceKind::Lsl;
-                let one = GroundConfig { second: None, ..readings(one) };
-                is_on_network && one == readings(other)
-            }
+    let (is_same, key) = match one.source {
+        GroundSourceKind::AtiRdt => {
+            (ati_rdt::address(one) == ati_rdt::address(other), "ground.second.address")
         }
+        GroundSourceKind::Qtm => {
+            ((one.address, plate(one)) == (other.address, plate(other)), "ground.second.qtm.plate")
+        }
+        GroundSourceKind::Lsl => (is_alike(), "ground.second.lsl"),
+        _ => (one.address.is_some() && is_alike(), "ground.second.address"),
+    };
+    (one.source == other.source && is_same).then_some(key)
 }
 
 const ONE_FOOT: &str = "say `foot` of both plates, or of neither";
@@ -260,11 +265,16 @@ mod tests {
             )
         };
         assert!(parse(&qtm(1), &qtm(2)).is_ok());
-        assert!(parse(&qtm(2), &qtm(2)).unwrap_err().contains("ground.second.address: it is the device"));
+        let message = parse(&qtm(2), &qtm(2)).unwrap_err();
+        assert!(
+            message.contains("line 13: ground.second.qtm.plate: it is the device of [ground]"),
+            "{message}"
+        );
         let lsl = |fz: &str| {
             format!("source = \"lsl\"\nlsl = {{ name = \"plates\", channels = {{ fz = \"{fz}\" }} }}")
         };
         assert!(parse(&lsl("Fz1"), &lsl("Fz2")).is_ok());
-        assert!(parse(&lsl("Fz1"), &lsl("Fz1")).unwrap_err().contains("would count twice"));
+        let message = parse(&lsl("Fz1"), &lsl("Fz1")).unwrap_err();
+        assert!(message.contains("ground.second.lsl: it is the device of [ground]"), "{message}");
     }
 }

@@ -160,6 +160,11 @@ fn the_latency_includes_a_block_and_long_blocks_are_refused() {
     assert!(with(250, late, later).is_ok(), "the suit is late as well");
     // The loop stores a fixed number of samples, which is 51 ms at this rate.
     assert!(with(10_000, late, "").unwrap_err().contains("suit.latency_ms: the streams are 60 ms apart"));
+    let message = with(2500, "[overload]\nmotion_window_ms = 250.0\n", "").unwrap_err();
+    assert!(
+        message.starts_with("c.toml, line 5: overload.motion_window_ms: the window spans 500 ms"),
+        "{message}"
+    );
     // Another process reads the device with the same keys.
     let external = "station = \"s\"\n[suit]\nsource = \"mvn-udp\"\n[ground]\nsource = \"external\"\n\
                     [ground.tec_gihan]\nrate_hz = 2500\n[subject]\nid = \"a\"\nheight_m = 1.7\n";

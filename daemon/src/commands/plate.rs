@@ -78,7 +78,9 @@ pub(super) fn tare(ends: &mut CommandEnds, latest: Option<&State>, plate: &Plate
     let before = ends.control.tares();
     push_command(ends, CommandKind::Tare)?;
     let started = Instant::now();
-    while started.elapsed() < RESULT_TIMEOUT {
+    loop {
+        // Checked before the counters: a loop that has ended does not change them any more.
+        let ended = ends.control.has_ended();
         let now = ends.control.tares();
         if now.tared > before.tared {
             return Ok("the readings of the empty plate are zero from now on".to_owned());
@@ -86,9 +88,11 @@ pub(super) fn tare(ends: &mut CommandEnds, latest: Option<&State>, plate: &Plate
         if now.refused > before.refused {
             return Err(PLATE_LOADED_RECENTLY.to_owned());
         }
+        if ended || started.elapsed() >= RESULT_TIMEOUT {
+            return Err("the loop has not tared the plate within a second; see `equipoise status`".to_owned());
+        }
         std::thread::sleep(RESULT_POLL_INTERVAL);
     }
-    Err("the loop has not tared the plate within a second; see `equipoise status`".to_owned())
 }
 
 #[cfg(test)]

@@ -49,7 +49,11 @@ impl FlightFiles {
         let path = self.free_path(flight.cycle);
         let bytes = self.recording(&path, flight)?;
         write_atomically(&path, &bytes).with_context(|| path.display().to_string())?;
-        self.remove_oldest().with_context(|| self.directory.display().to_string())?;
+        if let Err(error) = self.remove_oldest() {
+            // An error means that no file was added: the caller tries again.
+            let _ = fs::remove_file(&path);
+            return Err(error).with_context(|| self.directory.display().to_string());
+        }
         Ok(path)
     }
 
@@ -209,5 +213,19 @@ mod tests {
         fs::write(&file, "no directory").unwrap();
         let message = format!("{:#}", files(&file.join("flight")).write(&flight(9)).unwrap_err());
         assert!(message.contains("s-1-cycle-9.mcap"), "{message}");
+    }
+
+    #[test]
+    fn no_record_is_added_while_the_oldest_cannot_be_removed() {
+        let directory = tempfile::tempdir().unwrap();
+        fs::create_dir(directory.path().join("s-1-cycle-1.mcap")).unwrap();
+        let files = files(directory.path());
+        for cycle in 10..9 + FILES_MAX as u64 {
+            files.write(&flight(cycle)).unwrap();
+        }
+        for _ in 0..2 {
+            files.write(&flight(100)).unwrap_err();
+            assert_eq!(names(directory.path()).len(), FILES_MAX);
+        }
     }
 }

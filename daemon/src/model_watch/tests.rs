@@ -123,7 +123,7 @@ fn a_hidden_mass_is_reported_with_its_place_once_in_five_minutes() {
     assert_eq!(reported.signal, Signal::Force);
     // The first window that reveals the mass still contains samples from before.
     assert!((0.6..1.1).contains(&(reported.size / (HIDDEN_KG * 9.81))), "{reported:?}");
-    assert!(session.watch.suspicion().is_some(), "and the status goes on saying so");
+    assert!(session.watch.current.is_some(), "and the status goes on saying so");
     session.poses(3, 110);
     assert!(session.reported.len() >= 2, "and again later");
     assert!(session.reported[1].0 - first_ns >= REPORT_INTERVAL_NS);
@@ -220,4 +220,23 @@ fn few_outliers_are_no_suspicion() {
         let deviation_m = if second % 5 == 0 { 0.2 } else { 0.002 };
         assert_eq!(watch.update(&state(second, [deviation_m, -deviation_m], second % 3 == 0, 0.0)), None);
     }
+}
+
+#[test]
+fn incident_and_status_agree_also_in_the_five_minutes_after_a_report() {
+    let directory = tempfile::tempdir().unwrap();
+    let status = StatusFile::example(directory.path());
+    let (mut watch, board, mut reports) = (ModelWatch::default(), IncidentBoard::default(), 0);
+    for second in 1..=250 {
+        // It ends and returns.
+        let deviation_m = if (61..=140).contains(&second) { 0.001 } else { 0.05 };
+        let state = state(second, [deviation_m, 0.0], true, 0.0);
+        reports += u32::from(watch.check(&state, &board, &status));
+        let mut published: Option<String> = None;
+        status.change(|status| published.clone_from(&status.model_mismatch));
+        assert_eq!(board.messages().get("model_mismatch"), published.as_ref(), "second {second}");
+        assert_eq!(board.is_active(Incident::ModelMismatch), published.is_some(), "second {second}");
+    }
+    assert_eq!(reports, 1);
+    assert_eq!(board.message().begun[Incident::ModelMismatch as usize], 2);
 }

@@ -155,10 +155,9 @@ impl Restored {
             }
             Err(reason) => {
                 self.warn(format!("{reason}; what is learnt now is not saved"));
-                subjects.refuse(
-                    subjects::CONFIGURED,
-                    format!("{reason} (not overwritten; move it away and restart)"),
-                );
+                let id = &destination.subject;
+                let remedy = format!("move it away, and load it again: `equipoise subject load {id}`");
+                subjects.refuse(subjects::CONFIGURED, format!("{reason} (not overwritten; {remedy})"));
             }
         }
     }

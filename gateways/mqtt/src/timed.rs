@@ -67,8 +67,10 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let socket = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
         let (mut other, _) = listener.accept().unwrap();
+        // The first byte is there before the deadline, however late the thread begins.
+        other.write_all(b"x").unwrap();
         let trickle = std::thread::spawn(move || while other.write_all(b"x").is_ok() {});
-        let mut timed = Timed::new(socket, Instant::now() + Duration::from_millis(200));
+        let mut timed = Timed::new(socket, Instant::now() + Duration::from_secs(1));
         let mut read = 0;
         let error = loop {
             match timed.read(&mut [0]) {

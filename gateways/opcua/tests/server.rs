@@ -25,7 +25,7 @@ use support::{reading, silence};
 
 const PATIENCE: Duration = Duration::from_secs(90);
 /// Session time-out, which the tests of leftovers wait for.
-const SESSION: Duration = Duration::from_secs(3);
+const SESSION: Duration = Duration::from_secs(4);
 /// Longer than the interval at which the gateway counts what clients have left.
 const COUNTED: Duration = Duration::from_secs(3);
 /// Keys and certificates of server and client.

@@ -160,12 +160,12 @@ fn a_slow_gateway_feeds_the_watchdog_between_its_beats() {
     let manager = root.path().with_file_name("manager");
     let notifications = UnixDatagram::bind(&manager).unwrap();
     notifications.set_read_timeout(Some(PATIENCE)).unwrap();
-    let gateway = Outside::start(&root, 0.05, &[("NOTIFY_SOCKET", manager.to_str().unwrap())]);
+    let gateway = Outside::start(&root, 0.01, &[("NOTIFY_SOCKET", manager.to_str().unwrap())]);
     let mut watchdog = 0;
     while watchdog < 3 {
         let mut bytes = [0; 200];
         let count = notifications.recv(&mut bytes).unwrap();
         watchdog += usize::from(bytes[..count].starts_with(b"WATCHDOG=1"));
     }
-    assert_eq!(gateway.beats.try_iter().count(), 1, "the next beat is 20 s away");
+    assert_eq!(gateway.beats.try_iter().count(), 1, "the next beat is 100 s away");
 }

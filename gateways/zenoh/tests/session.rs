@@ -157,7 +157,7 @@ fn a_ros_subscriber_gets_the_attachment_that_rmw_zenoh_wants_and_the_publishers_
     let port = free_address().unwrap().port();
     let mut gateway = ZenohGateway::open("south-2", &config(port)).unwrap();
     let session = subscriber_session(port);
-    let tokens = session.liveliness().get("@ros2_lv/5/**").wait().unwrap();
+    let tokens = session.liveliness().get("@ros2_lv/5/**").timeout(PATIENCE).wait().unwrap();
     let mut found: Vec<String> = Vec::new();
     while let Ok(Some(reply)) = tokens.recv_timeout(PATIENCE) {
         found.extend(reply.result().ok().map(|sample| sample.key_expr().to_string()));

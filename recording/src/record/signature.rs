@@ -200,12 +200,12 @@ mod tests {
         let mut finisher = Finisher::new(None);
         let (release, held) = crossbeam_channel::bounded::<()>(0);
         let slow = move || -> anyhow::Result<()> {
-            held.recv_timeout(Duration::from_secs(10))?;
+            held.recv_timeout(Duration::from_secs(90))?;
             Err(anyhow!("the disk is full"))
         };
         finisher.start(Path::new("a.mcap"), "", slow).unwrap();
         finisher.start(Path::new("b.mcap"), "", || Ok(())).unwrap();
-        release.send_timeout((), Duration::from_secs(60)).expect("the first one is still being written");
+        release.send_timeout((), Duration::from_secs(90)).expect("the first one is still being written");
         assert_eq!(finisher.finish().unwrap_err().to_string(), "the disk is full");
         finisher.finish().unwrap();
     }

@@ -59,12 +59,10 @@ fn the_best_place_of_an_identified_worker_is_printed_and_others_are_refused() {
     assert_eq!([&running, &stored].map(|plan| plan["handovers"].as_u64()), [Some(1); 2]);
     let now = live(&["--now", "0.55,0,0.9"]);
     assert!(now.contains("\nnow   0.55 m forward") && now.contains("\ngain  "), "{now}");
-    let elsewhere = plan(&["--live", "--subject", "anon-2"]);
-    assert!(
-        elsewhere.stderr.contains("anon-2 is not the subject at the station, anon-1"),
-        "{}",
-        elsewhere.stderr
-    );
+    wait_for("the other subject's refusal", || {
+        let elsewhere = plan(&["--live", "--subject", "anon-2"]);
+        elsewhere.stderr.contains("anon-2 is not the subject at the station, anon-1").then_some(())
+    });
     daemon.kill();
     let dead = plan(&["--live"]);
     assert_eq!(dead.code, Some(1));

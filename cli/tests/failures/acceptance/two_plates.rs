@@ -19,7 +19,7 @@ use equipoise_simulator::wires::moticon::ALL;
 use nalgebra::Vector3;
 
 use crate::monitor::Monitor;
-use crate::process::wait_for;
+use crate::process::{TIMEOUT, wait_for};
 use crate::station::{NAME, Station, simulate};
 
 /// Poses of both plates: origin (m), rotation (degrees), height of the surface above the origin (m).
@@ -27,6 +27,10 @@ const POSITIONS: [([f64; 3], f64, f64); 2] =
     [([0.05, 0.21, -0.045], 12.0, 0.045), ([-0.02, -0.2, -0.03], -90.0, 0.03)];
 /// Poses for the identification: torques of the legs depend on the ground, not on their number.
 const POSES: u32 = 3;
+/// Duration of a lift with its demonstration.
+const LIFT: Duration = Duration::from_secs(14);
+/// Minimum number of samples with torques.
+const SAMPLES_MIN: f64 = 100.0;
 
 /// A station whose person has each foot on its own plate, and its configuration.
 struct TwoPlates {
@@ -82,14 +86,21 @@ fn legs_error_nm(
     monitor.until_poses(person, POSES);
     station.run(&["identify", "stop"]).assert_done();
     monitor.until("the monitoring", |monitor| monitor.state.phase_name() == "monitoring");
-    person.lift_and_show(8.0);
     let legs: Vec<Joint> = Joint::ALL
         .into_iter()
         .filter(|joint| ["Hip", "Knee", "Ankle"].iter().any(|name| joint.name().ends_with(name)))
         .collect();
-    let (started, mut before_ns) = (Instant::now(), 0);
+    let (started, mut lifted, mut before_ns) = (Instant::now(), None::<Instant>, 0);
     let (mut square_nm2, mut samples, mut as_expected) = (0.0, 0.0, 0.0);
-    while started.elapsed() < Duration::from_secs(14) {
+    loop {
+        if lifted.is_none_or(|at| at.elapsed() > LIFT) {
+            // Repeated where a busy machine has too few usable samples of one.
+            if lifted.is_some() && (samples > SAMPLES_MIN || started.elapsed() > TIMEOUT) {
+                break;
+            }
+            person.lift_and_show(8.0);
+            lifted = Some(Instant::now());
+        }
         let state = *monitor.update();
         if state.suit_sample_time_ns != before_ns && !state.validity().any_of(Validity::INVALIDATES_TORQUES) {
             as_expected += f64::from(u8::from(state.sharing_source == source as u32));
@@ -116,8 +127,9 @@ fn two_plates_measure_each_foot_and_improve_leg_torques() {
         let _daemon = station.daemon(&station.configuration());
         let mut monitor = Monitor::open(&station);
         let error = legs_error_nm(&station, &mut monitor, &person, SharingSource::Geometry);
-        let status = station.current_status();
-        assert_eq!(status["ground"]["devices"], serde_json::json!(["plate"]), "{status}");
+        station.status_when("the plate in the status", |status| {
+            status["ground"]["devices"] == serde_json::json!(["plate"])
+        });
         error
     });
     let two = TwoPlates::new();
@@ -125,8 +137,9 @@ fn two_plates_measure_each_foot_and_improve_leg_torques() {
     let _daemon = two.station.daemon(&two.configuration());
     let mut monitor = Monitor::open(&two.station);
     let (two_nm, two_samples) = legs_error_nm(&two.station, &mut monitor, &person, SharingSource::Measured);
-    let status = two.station.current_status();
-    assert_eq!(status["ground"]["devices"], serde_json::json!(["plate", "second_plate"]), "{status}");
+    let status = two.station.status_when("both plates in the status", |status| {
+        status["ground"]["devices"] == serde_json::json!(["plate", "second_plate"])
+    });
     assert_eq!(status["ground"]["per_foot"], true, "{status}");
     // The sum over both feet is the person's weight, at the person's centre of pressure.
     let state = monitor.until("a measured force", |monitor| {
@@ -134,18 +147,14 @@ fn two_plates_measure_each_foot_and_improve_leg_torques() {
     });
     let truth = person.truth_at((state.suit_sample_time_ns as f64 - person.start_ns() as f64) * 1e-9);
     assert!((state.ground_force_n[2] - truth.ground.force_n.z).abs() < 15.0, "{:?}", state.ground_force_n);
-    let plain = two.station.run(&["status"]);
-    assert!(
-        plain.assert_done().contains("feet    on plate and second plate, each measured by itself"),
-        "{}",
-        plain.stdout
-    );
+    let line = "feet    on plate and second plate, each measured by itself";
+    two.station.run_until(line, &["status"], |ended| ended.stdout.contains(line)).assert_done();
 
     let (one_nm, one_samples) = one.join().expect("the station with one plate");
     println!(
         "legs while lifting: one plate {one_nm:.2} N m ({one_samples}), two {two_nm:.2} N m ({two_samples})"
     );
-    assert!(one_samples > 100.0 && two_samples > 100.0, "{one_samples} {two_samples}");
+    assert!(one_samples > SAMPLES_MIN && two_samples > SAMPLES_MIN, "{one_samples} {two_samples}");
     assert!(two_nm < 0.7 * one_nm, "{one_nm} → {two_nm} N m");
 }
 
@@ -245,5 +254,8 @@ fn one_unplugged_plate_of_two_invalidates_the_ground_until_it_recovers() {
     assert!(daemon.is_running());
 
     // A person stands there.
-    two.station.run(&["tare", "--station", NAME]).assert_failed(1, &["stand on the plate; step off"]);
+    let refusal = "stand on the plate; step off";
+    let tare = ["tare", "--station", NAME];
+    let tare = two.station.run_until(refusal, &tare, |ended| ended.stderr.contains(refusal));
+    tare.assert_failed(1, &[refusal]);
 }
