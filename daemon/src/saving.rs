@@ -23,12 +23,7 @@ use crate::planner::SharedWorker;
 use crate::profile::{Profile, unix_s};
 use crate::realtime::now_ns;
 use crate::rings::SavingEnds;
-<<<<<<< HEAD
-use crate::station_file::{ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
-=======
 use crate::station_file::{ForceOffsetPart, ModelPart, RegistrationPart, StationFile, SubjectPart, TarePart};
-use crate::status_file::StatusFile;
->>>>>>> a3f964d8a97b2111b7e6f775e21dfe7b30202537
 use crate::subjects::{ProfileDestination, Subjects};
 
 use lifts::LiftLog;

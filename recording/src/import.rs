@@ -16,7 +16,7 @@ use self::plate::PlateFile;
 pub use self::plate::PlateOptions;
 use crate::replay::input::{Chosen, Input};
 use crate::replay::samples::{Sample, Samples, SkippedData};
-use crate::replay::skipped_lines;
+use crate::replay::{skipped_lines, with_skipped};
 
 /// A vertical force on the person below this, N, is more than noise: the plate's sign or axes are wrong.
 const WRONG_SIGN_N: f64 = -50.0;
@@ -123,8 +123,8 @@ fn write(
 ) -> anyhow::Result<ImportSummary> {
     // Read the first sample before creating a file, so that none is created without data.
     let Some(mut sample) = samples.next() else {
-        let skipped = skipped_lines(&samples.skipped());
-        bail!("{}: there is no sample in it that can be used\n{}", file.display(), skipped.trim_end());
+        let what = format!("{}: there is no sample in it that can be used", file.display());
+        bail!("{}", with_skipped(&what, &samples.skipped()));
     };
     let header = RecordingHeader {
         software_version: env!("CARGO_PKG_VERSION").to_owned(),

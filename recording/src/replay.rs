@@ -111,7 +111,8 @@ impl Replay<'_> {
                         write(state, Some(record))
                     })?;
                 if summary.cycles == 0 && survey.samples == 0 {
-                    bail!("there is no sample of suit or ground in it that can be used");
+                    let skipped = input::skipped_of(recording, fidelity.damage);
+                    bail!("{}", with_skipped(free::NO_SAMPLE, &skipped));
                 }
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
@@ -127,7 +128,7 @@ impl Replay<'_> {
                 match ran {
                     // Unused parts of the input explain why there are no cycles.
                     Err(cause) if summary.cycles == 0 => {
-                        bail!("{}", format!("{cause}\n{}", skipped_lines(&summary.skipped)).trim_end())
+                        bail!("{}", with_skipped(&cause.to_string(), &summary.skipped))
                     }
                     ran => ran?,
                 }
@@ -178,6 +179,11 @@ impl Replay<'_> {
             ..base
         }
     }
+}
+
+/// An error about an input without usable data: `what`, then the reasons why its data were not used, a line each.
+pub fn with_skipped(what: &str, skipped: &SkippedData) -> String {
+    format!("{what}\n{}", skipped_lines(skipped)).trim_end().to_owned()
 }
 
 /// Unused data in words, for the end of a summary.

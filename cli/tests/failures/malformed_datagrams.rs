@@ -160,6 +160,7 @@ fn malformed_datagrams_are_counted_by_reason_only() {
     }
     assert!(!status["state"].to_string().contains("null"), "{status}");
     assert!(daemon.is_running());
+    daemon.assert_memory_bounded();
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 }
 

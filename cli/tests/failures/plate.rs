@@ -88,6 +88,7 @@ fn records_that_are_not_new_are_counted_and_not_used() {
     monitor.until("more good records", |monitor| monitor.ground().published > published + 50);
     monitor.until("both sensors", Monitor::both_fresh);
     assert!(daemon.is_running());
+    daemon.assert_memory_bounded();
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 }
 

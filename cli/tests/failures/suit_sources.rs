@@ -116,6 +116,7 @@ fn a_suit_over_tcp_survives_damage_and_reconnection() {
     monitor.until("the suit's silence", |monitor| monitor.has(Validity::SUIT_STALE));
     let _suit = streams::suits_over_tcp(port, &[0]);
     monitor.until("the suit again", Monitor::both_fresh);
+    daemon.assert_memory_bounded();
     assert!(!daemon.stderr().contains("panicked"), "{}", daemon.stderr());
 
     // The daemon holds the port, so the doctor queries it.

@@ -160,6 +160,7 @@ fn a_recording_that_is_cut_before_its_samples_is_refused() {
         std::fs::write(&trial.recording, &bytes[..length]).unwrap();
         trial.refuses(&[], &[phrases]);
     }
+    trial.refuses(&[], &["rejected: the recording was cut short"]);
 }
 
 /// A refusal neither mixes its output with an older report nor deletes that.
@@ -229,6 +230,21 @@ fn one_stream_is_not_sufficient() {
         samples.ground.clear();
     })
     .refuses(&[], &["no sample of suit or plate"]);
+}
+
+#[test]
+fn samples_that_cannot_be_used_are_counted_in_the_refusal() {
+    let (suits, plates) = (session().1.suit.len(), session().1.ground.len());
+    let no_suit = |samples: &mut Samples| {
+        samples.suit.iter_mut().for_each(|sample| sample.position_m[0][0] = f64::NAN);
+    };
+    let counted = |count: usize| format!("rejected: {count} messages hold numbers that are not finite");
+    Trial::corrupted(no_suit).refuses(&[], &["none of the suit", &counted(suits)]);
+    Trial::corrupted(|samples| {
+        no_suit(samples);
+        samples.ground.iter_mut().for_each(|sample| sample.force_n[2] = f64::INFINITY);
+    })
+    .refuses(&[], &["no sample of suit or plate", &counted(suits + plates)]);
 }
 
 #[test]

@@ -21,10 +21,32 @@ fn equipoise(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Replays the file; returns the output. The program must have ended by itself.
-fn replayed(path: &Path, codes: &[i32]) -> String {
-    let output = equipoise(&["replay", path.to_str().unwrap()]);
-    let describe_output = describe_output(&output);
+/// Gives the file to every command that reads such a file; returns the outputs. Each program must have ended by itself.
+fn read_by_all(path: &Path, codes: &[i32]) -> Vec<String> {
+    let file = path.to_str().unwrap();
+    let results =
+        ["html", "result.csv", "result.mcap"].map(|ending| path.with_extension(ending).display().to_string());
+    let [page, table, recording] = results.each_ref().map(String::as_str);
+    let mut commands = vec![
+        vec!["replay", file],
+        vec!["report", file, "--out", page],
+        vec!["export", file, "--out", table],
+        vec!["reconcile", file],
+    ];
+    if path.extension().is_some_and(|ending| ending != "mcap") {
+        commands.push(vec!["import", file, "-o", recording]);
+    }
+    std::thread::scope(|scope| {
+        let start = |arguments| scope.spawn(move || read(arguments, codes));
+        let running: Vec<_> = commands.iter().map(|arguments| start(&arguments[..])).collect();
+        running.into_iter().map(|command| command.join().unwrap()).collect()
+    })
+}
+
+/// Runs one command; returns the output.
+fn read(arguments: &[&str], codes: &[i32]) -> String {
+    let output = equipoise(arguments);
+    let describe_output = format!("{}: {}", arguments[0], describe_output(&output));
     assert!(output.status.code().is_some_and(|code| codes.contains(&code)), "{describe_output}");
     assert!(
         describe_output.len() < 4000,
@@ -47,11 +69,9 @@ fn a_chunk_that_unpacks_to_gigabytes_is_refused() {
         chunk.repeat(0, 2048 * MIB);
         file.chunk_that_claims(&chunk, claimed);
         file.end();
-        let describe_output = replayed(&path, &[1, 3]);
-        assert!(
-            claimed == 1000 || describe_output.contains("a chunk of 2147483648 bytes"),
-            "{describe_output}"
-        );
+        for output in read_by_all(&path, &[1, 3]) {
+            assert!(claimed == 1000 || output.contains("a chunk of 2147483648 bytes"), "{output}");
+        }
     }
 }
 
@@ -68,11 +88,9 @@ fn floods_of_schemas_and_of_topics_are_refused() {
             file.chunk(&chunk);
         }
         file.end();
-        let describe_output = replayed(&path, &[1, 3]);
-        assert!(
-            describe_output.contains("its topics and schemas have more than 16777216 bytes"),
-            "{describe_output}"
-        );
+        for output in read_by_all(&path, &[1, 3]) {
+            assert!(output.contains("its topics and schemas have more than 16777216 bytes"), "{output}");
+        }
     }
 }
 
@@ -87,8 +105,9 @@ fn a_flood_of_messages_under_a_long_name_is_read() {
     chunk.messages(7, 500_000);
     file.chunk(&chunk);
     file.end();
-    let describe_output = replayed(&path, &[1]);
-    assert!(describe_output.contains("not of Equipoise: it holds the topics aaa"), "{describe_output}");
+    for output in read_by_all(&path, &[1]) {
+        assert!(output.contains("not of Equipoise: it holds the topics aaa"), "{output}");
+    }
 }
 
 #[test]
@@ -98,8 +117,9 @@ fn a_flood_of_attachments_is_refused() {
     let mut file = Mcap::create(&path);
     (0..1500).for_each(|_| file.attachment("subject.later.toml", MIB));
     file.end();
-    let describe_output = replayed(&path, &[1]);
-    assert!(describe_output.contains("its attachments have more than"), "{describe_output}");
+    for output in read_by_all(&path, &[1]) {
+        assert!(output.contains("its attachments have more than"), "{output}");
+    }
 }
 
 #[test]
@@ -111,13 +131,10 @@ fn a_foreign_file_s_names_are_printed_short_and_in_one_line() {
     (1..=100).for_each(|id| chunk.channel_named(id, "/\u{1b}[2Jwiped\n/b"));
     file.chunk(&chunk);
     file.end();
-    let describe_output = replayed(&path, &[1]);
-    assert!(
-        describe_output.contains("and 92 more")
-            && !describe_output.contains('\u{1b}')
-            && describe_output.contains("\\u{1b}"),
-        "{describe_output}"
-    );
+    for output in read_by_all(&path, &[1]) {
+        let is_escaped = !output.contains('\u{1b}') && output.contains("\\u{1b}");
+        assert!(is_escaped && output.contains("and 92 more"), "{output}");
+    }
 }
 
 #[test]
@@ -127,16 +144,15 @@ fn a_capture_is_read_piece_by_piece() {
     let mut file = Pcap::create(&path);
     (0..6000).for_each(|_| file.packet_of_nothing(262_144));
     file.end();
-    let describe_output = replayed(&path, &[1]);
-    assert!(
-        describe_output.contains("6000 packets") && describe_output.contains("there is no sample"),
-        "{describe_output}"
-    );
+    for output in read_by_all(&path, &[1]) {
+        assert!(output.contains("6000 packets") && output.contains("there is no sample"), "{output}");
+    }
 
     let path = directory.path().join("block.pcapng");
     Pcap::one_block_of(&path, 1900 * MIB);
-    let describe_output = replayed(&path, &[1]);
-    assert!(describe_output.contains("a record of more than 67108864 bytes"), "{describe_output}");
+    for output in read_by_all(&path, &[1]) {
+        assert!(output.contains("a record of more than 67108864 bytes"), "{output}");
+    }
 }
 
 #[test]
@@ -146,8 +162,24 @@ fn incomplete_fragments_are_discarded() {
     let mut file = Pcap::create(&path);
     (0..200_000).for_each(|number| file.last_fragment(number));
     file.end();
-    let describe_output = replayed(&path, &[1]);
-    assert!(describe_output.contains("200000 packets fragments_missing"), "{describe_output}");
+    for output in read_by_all(&path, &[1]) {
+        assert!(output.contains("200000 packets fragments_missing"), "{output}");
+    }
+}
+
+/// Each fragment ends more than 32 kB behind the start of the datagram: a buffer for each would exceed the limit.
+#[test]
+fn fragments_of_one_datagram_share_its_memory() {
+    let directory = tempfile::tempdir().unwrap();
+    for (name, step, eights) in [("apart.pcap", 2, 1), ("overlapping.pcap", 1, 2)] {
+        let path = directory.path().join(name);
+        let mut file = Pcap::create(&path);
+        (0..30_000_u16).for_each(|number| file.inner_fragment(4000 + number % (4000 / step) * step, eights));
+        file.end();
+        for output in read_by_all(&path, &[1]) {
+            assert!(output.contains("1 packets fragments_missing"), "{output}");
+        }
+    }
 }
 
 #[test]
@@ -167,6 +199,8 @@ fn oversized_configurations_and_special_files_are_refused() {
     for name in ["a.mcap", "a.csv", "a.mvnx", "a.pcap"] {
         let path = directory.path().join(name);
         assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
-        assert!(replayed(&path, &[1]).contains("no regular file"), "{name}");
+        for output in read_by_all(&path, &[1]) {
+            assert!(output.contains("no regular file"), "{output}");
+        }
     }
 }

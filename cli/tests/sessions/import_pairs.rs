@@ -291,6 +291,32 @@ fn a_suit_file_is_joined_with_a_recording_of_the_plate() {
 }
 
 #[test]
+fn a_file_without_a_usable_sample_is_refused_with_the_counted_reasons() {
+    let session = Session::new();
+    let join = ["--join", "offset=0"];
+    let [suit, station] = ["10.0.0.7:50123", "10.0.0.2:9763"].map(|text| text.parse::<SocketAddr>().unwrap());
+    let mut writer = PcapWriter::create(session.file("damaged.pcap")).unwrap();
+    for index in 0..7 {
+        writer.write_udp(SUIT_UNIX_MS * 1_000_000 + index, suit, station, b"MXTP02").unwrap();
+    }
+    writer.finish().unwrap();
+    let output_text = session.refused(&session.join_files("damaged.pcap", "plate.txt", "no.mcap", &join));
+    assert!(output_text.contains("the first file has no sample of the suit"), "{output_text}");
+    assert!(output_text.contains("rejected: 7 suit datagrams too_short"), "{output_text}");
+
+    let mut recorder = Recorder::create(session.file("damaged.mcap"), &RecordingHeader::default()).unwrap();
+    for time_ns in 1..6 {
+        let sample =
+            GroundSample { sample_time_ns: time_ns, force_n: [0.0, 0.0, f64::NAN], ..Zeroable::zeroed() };
+        recorder.write(time_ns, &sample).unwrap();
+    }
+    recorder.finish().unwrap();
+    let output_text = session.refused(&session.join_files("take.mvnx", "damaged.mcap", "no.mcap", &join));
+    assert!(output_text.contains("the file given with --with has no sample of the plate"), "{output_text}");
+    assert!(output_text.contains("rejected: 5 messages hold numbers that are not finite"), "{output_text}");
+}
+
+#[test]
 fn a_suit_capture_is_joined_with_a_text_file_of_the_plate() {
     use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
     let session = Session::new();

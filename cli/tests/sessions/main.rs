@@ -4,7 +4,12 @@
 mod bombs;
 #[path = "../common/mod.rs"]
 mod common;
+mod faulty_captures;
 mod import_pairs;
+mod impossible_numbers;
+#[path = "../reconcile/make.rs"]
+#[expect(dead_code, reason = "captures need a part of it")]
+mod make;
 mod replay_captures;
 mod replay_latency;
 mod replay_model;

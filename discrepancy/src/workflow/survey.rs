@@ -8,9 +8,9 @@ use equipoise_adapters::recording::{Entry, TimedEntry};
 use equipoise_config::Config;
 use equipoise_core::message::{GroundSample, SuitSample};
 use equipoise_core::overload::GRAVITY_M_PER_S2;
-use equipoise_recording::replay;
-use equipoise_recording::replay::input::Input;
-use equipoise_recording::replay::samples::Sample;
+use equipoise_recording::replay::input::{Input, skipped_of};
+use equipoise_recording::replay::samples::{Sample, SkippedData};
+use equipoise_recording::replay::{self, with_skipped};
 
 use super::Progress;
 use crate::constants::{SAMPLES_MIN, STANDING_N, WEIGHT_DEVIATION_MAX};
@@ -26,6 +26,8 @@ pub struct Survey {
     /// Mean vertical force of each second since the begin in which a person stands on the plate, N.
     weight_n: Vec<(f64, f64)>,
     second: Second,
+    /// Unused parts of the input.
+    skipped: SkippedData,
     /// Its cycles, checkpoints and commands.
     pub(super) recorded: replay::survey::Survey,
 }
@@ -83,29 +85,41 @@ impl Survey {
             ground: Stream::default(),
             weight_n: Vec::new(),
             second: Second::default(),
+            skipped: SkippedData::default(),
             recorded: replay::survey::Survey::default(),
         };
         if let Input::Recording(recording) = input {
-            // Stop at damage: later passes stop at the same entry and report it.
-            let entries = recording.entries().map_while(Result::ok);
-            for timed in entries.filter(|timed| part_ns.contains(&time_ns(timed))) {
-                match &timed.entry {
-                    Entry::Suit(sample) => survey.ingest_suit(sample),
-                    Entry::Ground(sample) => survey.ingest_ground(sample),
-                    entry => survey.recorded.ingest(entry),
+            let mut damage = None;
+            for timed in recording.entries() {
+                match timed {
+                    Ok(timed) if part_ns.contains(&time_ns(&timed)) => survey.ingest(&timed.entry),
+                    Ok(_) => {}
+                    // Later passes stop at the same entry and report it.
+                    Err(error) => damage = Some(error.to_string()),
                 }
             }
+            survey.skipped = skipped_of(recording, damage);
         } else {
-            for sample in input.samples(config)? {
+            let mut samples = input.samples(config)?;
+            for sample in samples.by_ref() {
                 match sample {
                     Sample::Suit(sample) => survey.ingest_suit(&sample),
                     Sample::Ground(sample) => survey.ingest_ground(&sample),
                     Sample::Body(_) => {}
                 }
             }
+            survey.skipped = samples.skipped();
         }
         survey.end_second();
         Ok(survey)
+    }
+
+    fn ingest(&mut self, entry: &Entry) {
+        match entry {
+            Entry::Suit(sample) => self.ingest_suit(sample),
+            Entry::Ground(sample) => self.ingest_ground(sample),
+            entry => self.recorded.ingest(entry),
+        }
     }
 
     fn ingest_suit(&mut self, sample: &SuitSample) {
@@ -162,15 +176,15 @@ impl Survey {
     /// One sentence for each defect.
     pub fn check(&self) -> anyhow::Result<()> {
         match [self.suit.samples, self.ground.samples] {
-            [0, 0] => bail!("no sample of suit or plate in it is usable"),
-            [0, plate] => bail!(
+            [0, 0] => bail!(self.with_skipped("there is no sample of suit or plate in it that can be used")),
+            [0, plate] => bail!(self.with_skipped(&format!(
                 "it contains {plate} samples of the plate and none of the suit; a comparison needs both: was the suit's \
                  adapter running, and is suit.listen its port?"
-            ),
-            [suit, 0] => bail!(
+            ))),
+            [suit, 0] => bail!(self.with_skipped(&format!(
                 "it contains {suit} samples of the suit and none of the plate; a comparison needs both: was the plate's \
                  adapter running, and is ground.address its address?"
-            ),
+            ))),
             [suit, plate] if suit.min(plate) < SAMPLES_MIN => bail!(
                 "it contains {suit} samples of the suit and {plate} of the plate, too few for a comparison; record at \
                  least 30 s"
@@ -206,6 +220,11 @@ impl Survey {
             bail!("no person stands on the plate: its vertical force stays below {STANDING_N:.0} N");
         }
         Ok(())
+    }
+
+    /// An error about missing samples, with the reasons why data were not used, in one line.
+    fn with_skipped(&self, what: &str) -> String {
+        with_skipped(what, &self.skipped).replace('\n', "; ")
     }
 
     /// Checks the weight on the plate against the configured mass, in a span with held poses, s.

@@ -17,6 +17,7 @@ use equipoise_core::time::NS_PER_S;
 use super::plate::{PlateFile, PlateSamples};
 use crate::replay::input::Input;
 use crate::replay::samples::{Sample, Samples, SkippedData};
+use crate::replay::with_skipped;
 
 /// A larger difference between the clocks means two different sessions, ns.
 const OFFSET_MAX_NS: u64 = 86_400 * NS_PER_S;
@@ -171,10 +172,12 @@ impl Survey {
         }
         survey.plate_unix_ns = plates.wall_clock_ns();
         if survey.suit.0.is_none() {
-            bail!("the first file has no sample of the suit that can be used");
+            let what = "the first file has no sample of the suit that can be used";
+            bail!("{}", with_skipped(what, &samples.skipped()));
         }
         if survey.plate.0.is_none() {
-            bail!("the file given with --with has no sample of the plate that can be used");
+            let what = "the file given with --with has no sample of the plate that can be used";
+            bail!("{}", with_skipped(what, &plates.skipped()));
         }
         Ok(survey)
     }

@@ -10,6 +10,8 @@ use super::samples::Sample;
 /// Slots of a silence longer than this are skipped, ns: they compute nothing, and a capture with a wrong time stamp
 /// must not run for days.
 const SILENCE_NS: u64 = 10 * NS_PER_S;
+/// Error of an input without a sample.
+pub(super) const NO_SAMPLE: &str = "there is no sample of suit or ground in it that can be used";
 
 /// Calls `step` for every tick; a sample is passed to the first tick whose due time is at or after its delivery, or to
 /// a later one. Tares of the empty plate at `tares_ns`, in order, are repeated: recorded samples are those before the
@@ -27,7 +29,7 @@ pub fn run(
 ) -> anyhow::Result<()> {
     let mut samples = samples.peekable();
     let Some(mut due_ns) = samples.peek().map(Sample::delivered_ns) else {
-        bail!("there is no sample of suit or ground in it that can be used");
+        bail!(NO_SAMPLE);
     };
     let mut tares_ns = tares_ns.iter().copied().peekable();
     let (mut suit, mut ground, mut cycle) = (Vec::new(), Vec::new(), 0);

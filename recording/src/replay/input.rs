@@ -233,8 +233,8 @@ fn plausible_mass_kg(samples: Samples<'_>) -> Option<f64> {
     MASS_KG.contains(&mass_kg).then_some(mass_kg)
 }
 
-/// Gaps of an input that are found only at its end.
-pub(super) fn skipped_of(recording: &Recording, damage: Option<String>) -> SkippedData {
+/// Unused parts of a recording; `damage` is the error that ended its entries, if any.
+pub fn skipped_of(recording: &Recording, damage: Option<String>) -> SkippedData {
     let mut skipped = SkippedData::default();
     skipped.rejected.extend(damage);
     if recording.truncated() {

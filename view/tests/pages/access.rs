@@ -8,6 +8,8 @@ use bytemuck::Zeroable;
 use equipoise_core::message::State;
 use equipoise_view::{Page, PageError, PageFrame, Token};
 
+use crate::assert_memory_bounded;
+
 const SECRET: &str = "0123456789abcdefghijklmnopqrstuv";
 /// All paths.
 const PATHS: [&str; 9] = [
@@ -164,6 +166,7 @@ fn what_is_too_long_too_many_or_has_a_body_is_refused() {
     assert_eq!(ask("/healthz", &"X-Many: 1\r\n".repeat(80), ""), 431);
     let long = format!("X-Long: {}\r\n", "a".repeat(40_000));
     assert_eq!(ask("/healthz", &long, ""), 431);
+    assert_memory_bounded();
     page.stop();
 }
 
@@ -197,6 +200,7 @@ fn no_more_connections_are_held_than_there_are_places() {
         asked.is_ok() && &first == b"HTTP/1.1 200"
     });
     assert!(taken);
+    assert_memory_bounded();
     page.stop();
 }
 
@@ -214,5 +218,6 @@ fn a_connection_that_asks_for_nothing_is_closed() {
         // The server closes the stream well before the test's read time-out.
         stream.read_to_end(&mut rest).unwrap();
     }
+    assert_memory_bounded();
     page.stop();
 }

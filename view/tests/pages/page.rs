@@ -10,6 +10,8 @@ use equipoise_core::message::{State, Validity};
 use equipoise_view::page::{LiftResult, SimulatedHuman};
 use equipoise_view::{Page, PageError, PageFrame};
 
+use crate::assert_memory_bounded;
+
 const ANY_PORT: ([u8; 4], u16) = ([127, 0, 0, 1], 0);
 /// Long enough for a loaded machine; no test here measures speed.
 const TIMEOUT: Duration = Duration::from_secs(90);
@@ -214,6 +216,7 @@ fn a_client_that_stops_reading_misses_frames_instead_of_falling_behind() {
         }
     }
     assert!(widest_gap > 20, "{widest_gap} frames were missed at once");
+    assert_memory_bounded();
     page.stop();
 }
 

@@ -223,6 +223,39 @@ fn fragments_are_put_together_in_any_order() {
     assert_eq!(capture.rejected().of("fragments_missing"), 1);
 }
 
+/// CPU time of this thread, s.
+fn thread_cpu_s() -> f64 {
+    let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
+}
+
+#[test]
+fn the_time_for_fragments_of_one_datagram_is_proportional_to_their_number() {
+    // 8 bytes at every second multiple of 8, again and again: no two places are adjacent, and the last fragment never
+    // arrives.
+    let fragment = |number: usize| {
+        let mut header = Ipv4Header::new(8, 64, IpNumber::UDP, [192, 168, 0, 7], [192, 168, 0, 9]).unwrap();
+        header.dont_fragment = false;
+        header.more_fragments = true;
+        header.fragment_offset = IpFragOffset::try_new((number % 4095 * 2) as u16).unwrap();
+        let mut packet = Vec::new();
+        header.write(&mut packet).unwrap();
+        packet.extend([0; 8]);
+        packet
+    };
+    let cost_s = |count: usize| {
+        let bytes = pcap(101, &(0..count).map(fragment).collect::<Vec<_>>(), false);
+        let begun_s = thread_cpu_s();
+        let mut capture = PcapCapture::from_bytes(bytes).unwrap();
+        assert_eq!(capture.by_ref().count(), 0);
+        assert_eq!(capture.rejected().to_string(), format!("1 fragments_missing (first at packet {count})"));
+        thread_cpu_s() - begun_s
+    };
+    // The first 4095 fragments cost less than the others. Quadratic in their number, the ratio would be 16.
+    let [few_s, many_s] = [8192, 4 * 8192].map(cost_s);
+    assert!(many_s < 10.0 * few_s, "{few_s} s, {many_s} s");
+}
+
 #[test]
 fn other_packets_are_counted_by_reason() {
     let mut tcp = Vec::new();

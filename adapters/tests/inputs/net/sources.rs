@@ -10,7 +10,7 @@ use equipoise_adapters::wire::mvn::{Header, SegmentPose, pose_quaternion};
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-use super::repeat_after_stall;
+use super::{assert_memory_bounded, repeat_after_stall};
 
 /// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(90);
@@ -82,6 +82,7 @@ fn assert_stray_byte_is_refused() {
         (9, 1),
         "the first was read"
     );
+    assert_memory_bounded();
 }
 
 #[test]
@@ -110,6 +111,7 @@ fn assert_port_is_held() {
     };
     assert!(sent(&stray, false) && sent(&device, false), "no sender holds it yet");
     assert!(sent(&device, true) && !sent(&stray, true) && sent(&device, false));
+    assert_memory_bounded();
 }
 
 /// A device that answers only the second request, streams, and ends at the stop request.

@@ -8,7 +8,7 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use super::repeat_after_stall;
+use super::{assert_memory_bounded, repeat_after_stall};
 
 /// Long enough for a loaded machine; no test here measures speed.
 const PATIENCE: Duration = Duration::from_secs(90);
@@ -99,6 +99,7 @@ fn a_stream_in_any_portions_becomes_samples_and_damage_is_counted_once() {
     let mut arrivals = got.iter().map(|sample| sample.arrival_ns);
     assert!(arrivals.next().unwrap() > 0);
     assert!(got.windows(2).all(|pair| pair[0].arrival_ns <= pair[1].arrival_ns));
+    assert_memory_bounded();
 }
 
 #[test]
@@ -192,6 +193,7 @@ fn idle_and_invalid_connections_do_not_block_the_suit() {
     suit.write_all(&datagram(5, 0)).unwrap();
     assert_eq!(counters(&samples(&mut source, 1)), [5]);
     drop(clients);
+    assert_memory_bounded();
 }
 
 #[test]

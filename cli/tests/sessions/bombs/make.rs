@@ -172,15 +172,25 @@ impl Pcap {
 
     /// The last fragment of a datagram of 64 KiB whose other fragments never arrive (RFC 791).
     pub(crate) fn last_fragment(&mut self, number: u32) {
-        let mut packet = vec![0x45, 0, 0, 28];
+        // 8 bytes at 65512, nothing after them. A different sender each time: no two belong to one datagram.
+        self.fragment(number, 65_512 / 8, 1);
+    }
+
+    /// A fragment of one datagram, with others to follow: from this multiple of 8 bytes on, of this many.
+    pub(crate) fn inner_fragment(&mut self, at: u16, eights: u16) {
+        const MORE_FRAGMENTS: u16 = 0x2000;
+        self.fragment(0, MORE_FRAGMENTS | at, eights);
+    }
+
+    fn fragment(&mut self, number: u32, flags_and_offset: u16, eights: u16) {
+        let mut packet = vec![0x45, 0];
+        packet.extend((20 + 8 * eights).to_be_bytes());
         packet.extend(&number.to_be_bytes()[2..]);
-        // 8 bytes at 65512, nothing after them.
-        packet.extend((65_512_u16 / 8).to_be_bytes());
+        packet.extend(flags_and_offset.to_be_bytes());
         packet.extend([64, 17, 0, 0, 10, 0]);
-        // A different sender each time: no two belong to one datagram.
         packet.extend(&number.to_be_bytes()[1..3]);
         packet.extend([10, 1, 0, 1]);
-        packet.extend([0; 8]);
+        packet.resize(packet.len() + 8 * usize::from(eights), 0);
         self.packet_head(packet.len());
         self.0.write_all(&packet).unwrap();
     }
