@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use equipoise_config::model_file::Ask;
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Effect, Place};
-use faer::Mat;
+use nalgebra::DMatrix;
 use serde_json::Value;
 
 use crate::candidate::{Candidate, Scope, place_name};
@@ -14,7 +14,7 @@ use crate::finding::{AxisGap, Estimate, Finding, Gap, Generic, Named, Verdict};
 use crate::floor::{Floor, root_mean};
 use crate::gram::Gram;
 use crate::holdout::HeldOut;
-use crate::linear::norm;
+use crate::linear::{column, norm};
 use crate::locate::locate;
 use crate::picture::Signal;
 use crate::reconcile::Fitted;
@@ -143,7 +143,7 @@ fn identification_error(gram: &Gram<'_>, segment: Segment) -> f64 {
     let first = 3 * segment.index();
     let prior_m2 = |row: usize, axis: usize| prior_m2[row * PARAMETERS + first + axis];
     let before = 2 * rows.work_from;
-    let mut on_cop = Mat::from_fn(before, 3, |row, axis| {
+    let mut on_cop = DMatrix::from_fn(before, 3, |row, axis| {
         let rotation = &rows.blocks[row / 2].observation.rotation;
         let moved = |world: usize| {
             (0..PARAMETERS).map(|j| rotation[j / 3][world][j % 3] * prior_m2(j, axis)).sum::<f64>()
@@ -152,7 +152,7 @@ fn identification_error(gram: &Gram<'_>, segment: Segment) -> f64 {
     });
     gram.noise.cop.whiten_from(0, &mut on_cop);
     let explained_m2: f64 =
-        (0..3).flat_map(|axis| on_cop.col_as_slice(axis)).map(|value| value * value).sum();
+        (0..3).flat_map(|axis| column(&on_cop, axis)).map(|value| value * value).sum();
     let before_m2: f64 = (0..3).map(|axis| prior_m2(first + axis, axis)).sum();
     let phi_m = rows.blocks[0].observation.phi_m[segment.index()];
     (before_m2 - explained_m2).max(0.0).sqrt() / norm(phi_m)

@@ -120,7 +120,7 @@ impl Question {
 mod tests {
     use super::*;
     use crate::linear::Factor;
-    use faer::Mat;
+    use nalgebra::DMatrix;
 
     #[test]
     fn an_experiment_decides_where_the_names_become_certain() {
@@ -128,11 +128,11 @@ mod tests {
             let predictor = |names: &[&str]| Predictor {
                 names: names.iter().map(|&name| name.to_owned()).collect(),
                 probability: 0.5,
-                prediction: Prediction { mean: Vec::new(), covariance: Mat::new() },
+                prediction: Prediction { mean: Vec::new(), covariance: DMatrix::zeros(0, 0) },
             };
             let question = Question::of(names.map(predictor).into()).unwrap();
             let response =
-                |mean| Response { mean: vec![mean], factor: Factor::of(&Mat::identity(1, 1)).unwrap() };
+                |mean| Response { mean: vec![mean], factor: Factor::of(&DMatrix::identity(1, 1)).unwrap() };
             [0.0, 3.0, 30.0].map(|apart| question.decides(&[response(0.0), response(apart)]))
         };
         let (load, sway): (&[&str], &[&str]) = (&["hand_load right"], &["hand_load right", "periodic_sway"]);

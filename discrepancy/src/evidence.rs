@@ -1,6 +1,6 @@
 //! Evidence of terms and their parameters, in closed form from the inner products.
 
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::gram::{Gram, Term};
 use crate::linear::Factor;
@@ -15,7 +15,7 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    fn of((value, covariance): (Vec<f64>, Mat<f64>)) -> Estimate {
+    fn of((value, covariance): (Vec<f64>, DMatrix<f64>)) -> Estimate {
         let sigma = (0..value.len()).map(|i| covariance[(i, i)].max(0.0).sqrt()).collect();
         Estimate { value, sigma }
     }
@@ -37,7 +37,7 @@ impl Gram<'_> {
     }
 
     /// The same as mean and covariance.
-    pub(crate) fn posterior(&self, terms: &[usize]) -> Option<(Vec<f64>, Mat<f64>)> {
+    pub(crate) fn posterior(&self, terms: &[usize]) -> Option<(Vec<f64>, DMatrix<f64>)> {
         let columns = self.columns_of(terms);
         let (mean, sigma) = self.priors(terms);
         posterior(
@@ -143,17 +143,17 @@ fn posterior(
     with_residual: &dyn Fn(usize) -> f64,
     mean: &[f64],
     sigma: &[f64],
-) -> Option<(Vec<f64>, Mat<f64>)> {
+) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let count = mean.len();
     // In units of the prior's sigma, so that metres and newtons are comparable.
     let scaled =
-        Mat::from_fn(count, count, |i, j| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j));
-    let inverse = Factor::inverse(&scaled)?;
+        DMatrix::from_fn(count, count, |i, j| f64::from(u8::from(i == j)) + sigma[i] * sigma[j] * products(i, j));
+    let inverse = Factor::of(&scaled)?.inverse();
     let right: Vec<f64> = (0..count).map(|i| sigma[i] * with_residual(i) + mean[i] / sigma[i]).collect();
     let value = (0..count)
         .map(|i| sigma[i] * (0..count).map(|j| inverse[(i, j)] * right[j]).sum::<f64>())
         .collect::<Vec<_>>();
-    let covariance = Mat::from_fn(count, count, |i, j| sigma[i] * sigma[j] * inverse[(i, j)]);
+    let covariance = DMatrix::from_fn(count, count, |i, j| sigma[i] * sigma[j] * inverse[(i, j)]);
     value.iter().all(|value| value.is_finite()).then_some((value, covariance))
 }
 

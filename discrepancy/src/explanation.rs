@@ -7,7 +7,7 @@
 use std::rc::Rc;
 
 use equipoise_core::effect::{Columns, Effect};
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
@@ -404,8 +404,8 @@ fn log_evidence_at(gram: &Gram<'_>, parts: &[&Whitened], scale: f64) -> Option<f
     let columns: Vec<&Vec<f64>> =
         parts.iter().flat_map(|part| &part.columns).chain([&gram.residual]).collect();
     let weighted =
-        Mat::from_fn(weight.len(), columns.len(), |row, column| weight[row] * columns[column][row]);
-    let products = inner(weighted.as_ref(), weighted.as_ref());
+        DMatrix::from_fn(weight.len(), columns.len(), |row, column| weight[row] * columns[column][row]);
+    let products = inner(&weighted, &weighted);
     let last = columns.len() - 1;
     let (mut mean, mut sigma) = (Vec::with_capacity(last), Vec::with_capacity(last));
     for part in parts {

@@ -1,6 +1,6 @@
 //! Expected deviation by noise alone in the work phase, conditioned on the clean rows.
 
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::block::Phase;
 use crate::gram::Gram;
@@ -40,9 +40,9 @@ impl Floor {
 /// counts on neither side of the gap.
 pub(crate) fn stances_m(gram: &Gram<'_>, after: &[f64]) -> Vec<[f64; 2]> {
     let count = gram.cop_rows();
-    let mut weighted = Mat::from_fn(count, 1, |row, _| after[row]);
+    let mut weighted = DMatrix::from_fn(count, 1, |row, _| after[row]);
     gram.noise.cop.solve_transposed(&mut weighted);
-    let offset_m = product(gram.noise.stances_m2.as_ref(), weighted.as_ref());
+    let offset_m = product(&gram.noise.stances_m2, &weighted);
     (0..gram.rows.len()).map(|block| [offset_m[(2 * block, 0)], offset_m[(2 * block + 1, 0)]]).collect()
 }
 
@@ -60,17 +60,17 @@ fn mean(gram: &Gram<'_>, stances_m: &[[f64; 2]], explained: impl Fn(usize) -> [f
     cop.whiten_from(0, &mut residual_m);
     let vertical = gram.noise.force.first().map(|factor| {
         let residual_n = |block, _| rows.force_residual_n(block, 2) - explained(block)[2];
-        let mut residual_n = Mat::from_fn(rows.len(), 1, residual_n);
+        let mut residual_n = DMatrix::from_fn(rows.len(), 1, residual_n);
         factor.whiten_from(0, &mut residual_n);
         (factor, residual_n)
     });
-    let given_clean = |factor: &Factor, row: usize, clean: usize, whitened: &Mat<f64>| -> f64 {
+    let given_clean = |factor: &Factor, row: usize, clean: usize, whitened: &DMatrix<f64>| -> f64 {
         (0..clean).map(|column| factor.lower()[(row, column)] * whitened[(column, 0)]).sum()
     };
     let of_block = |block: usize| {
         let of_axis = |axis: usize| given_clean(cop, 2 * block + axis, 2 * from, &residual_m);
         let of_vertical =
-            |(factor, residual_n): &(&Factor, Mat<f64>)| given_clean(factor, block, from, residual_n);
+            |(factor, residual_n): &(&Factor, DMatrix<f64>)| given_clean(factor, block, from, residual_n);
         [of_axis(0), of_axis(1), vertical.as_ref().map_or(0.0, of_vertical)]
     };
     (from..rows.len()).map(of_block).collect()
@@ -128,13 +128,13 @@ mod tests {
         let (from, work) = (rows.work_from, rows.len() - rows.work_from);
         let clean_rows = 2 * from;
         let inverse =
-            Factor::inverse(&covariance.submatrix(0, 0, clean_rows, clean_rows).to_owned()).unwrap();
+            Factor::of(&covariance.view((0, 0), (clean_rows, clean_rows)).into_owned()).unwrap().inverse();
         for block in [0, work / 2, work - 1] {
             let row = 2 * (from + block);
-            let with_clean = Mat::from_fn(1, clean_rows, |_, column| covariance[(row, column)]);
+            let with_clean = DMatrix::from_fn(1, clean_rows, |_, column| covariance[(row, column)]);
             let gain = &with_clean * &inverse;
             let residual_m =
-                Mat::from_fn(clean_rows, 1, |other, _| rows.cop_residual_m(other / 2)[other % 2]);
+                DMatrix::from_fn(clean_rows, 1, |other, _| rows.cop_residual_m(other / 2)[other % 2]);
             let mean_m = (&gain * &residual_m)[(0, 0)];
             let variance_m2 = covariance[(row, row)] - (&gain * with_clean.transpose())[(0, 0)];
             let sigma_m = floor.sigma[block][0];

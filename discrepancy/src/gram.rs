@@ -4,10 +4,10 @@
 //! model error (see [`Gram::marginalise`]) are projected out of all inner products.
 
 use equipoise_core::effect::Columns;
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::candidate::Candidate;
-use crate::linear::{dot, inner};
+use crate::linear::{self, dot, inner};
 use crate::noise::Noise;
 use crate::rows::Rows;
 
@@ -202,8 +202,8 @@ impl<'a> Gram<'a> {
     }
 
     fn multiply_all(&mut self) {
-        let matrix = Mat::from_fn(self.residual.len(), self.columns.len(), |i, j| self.columns[j][i]);
-        let products = inner(matrix.as_ref(), matrix.as_ref());
+        let matrix = DMatrix::from_fn(self.residual.len(), self.columns.len(), |i, j| self.columns[j][i]);
+        let products = inner(&matrix, &matrix);
         let count = self.columns.len();
         self.products = (0..count).map(|i| (0..count).map(|j| products[(i, j)]).collect()).collect();
         self.with_residual = self.columns.iter().map(|column| dot(column, &self.residual)).collect();
@@ -255,20 +255,20 @@ pub(crate) fn whiten_each(
         return whitened;
     }
     let some = rows.len() - from;
-    let mut cop = Mat::from_fn(2 * some, count, |row, column| of(from + row / 2, column).0[row % 2]);
+    let mut cop = DMatrix::from_fn(2 * some, count, |row, column| of(from + row / 2, column).0[row % 2]);
     noise.cop.whiten_from(2 * from, &mut cop);
     copy_rows(&mut whitened, 2 * from, &cop);
     for (channel, &axis) in rows.force_axes().iter().enumerate() {
-        let mut force = Mat::from_fn(some, count, |row, column| of(from + row, column).1[axis]);
+        let mut force = DMatrix::from_fn(some, count, |row, column| of(from + row, column).1[axis]);
         noise.force[channel].whiten_from(from, &mut force);
         copy_rows(&mut whitened, (2 + channel) * rows.len() + from, &force);
     }
     whitened
 }
 
-fn copy_rows(whitened: &mut [Vec<f64>], from: usize, columns: &Mat<f64>) {
+fn copy_rows(whitened: &mut [Vec<f64>], from: usize, columns: &DMatrix<f64>) {
     for (column, into) in whitened.iter_mut().enumerate() {
-        into[from..from + columns.nrows()].copy_from_slice(columns.col_as_slice(column));
+        into[from..from + columns.nrows()].copy_from_slice(linear::column(columns, column));
     }
 }
 

@@ -1,12 +1,12 @@
 //! Gap between model and measurement before and after, by cross-validation: parameters from four fifths of the work's
 //! intervals, the gap on the remaining fifth.
 
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::constants::{FOLDS, INTERVALS_PER_FOLD};
 use crate::evidence::estimate;
 use crate::gram::Gram;
-use crate::linear::{Factor, dot, inner};
+use crate::linear::{self, Factor, dot, inner};
 use crate::rows::Rows;
 
 /// Residuals of the work, by block: x, y (m), vertical (N); minus the stance offset, and finally minus the expectation
@@ -92,7 +92,7 @@ fn estimate_without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Op
             .flat_map(|(from, part)| {
                 let rows = part.nrows();
                 let column = &column[*from..from + rows];
-                (0..part.ncols()).map(|j| dot(part.col_as_slice(j), column)).collect::<Vec<_>>()
+                (0..part.ncols()).map(|j| dot(linear::column(part, j), column)).collect::<Vec<_>>()
             })
             .collect()
     };
@@ -108,21 +108,21 @@ fn estimate_without(gram: &Gram<'_>, accepted: &[usize], blocks: &[usize]) -> Op
 }
 
 /// Orthonormal directions of the whitened rows that these blocks span, per channel: first row, and directions.
-fn held_out_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, Mat<f64>)>> {
+fn held_out_directions(gram: &Gram<'_>, blocks: &[usize]) -> Option<Vec<(usize, DMatrix<f64>)>> {
     let count = gram.rows.len();
     let first = blocks[0];
     let mut parts = Vec::new();
     let mut channel = |factor: &Factor, rows: Vec<usize>, from_row: usize, offset: usize| {
-        let mut units = Mat::zeros(factor.len() - from_row, rows.len());
+        let mut units = DMatrix::zeros(factor.len() - from_row, rows.len());
         for (column, row) in rows.iter().enumerate() {
             units[(row - from_row, column)] = 1.0;
         }
         factor.whiten_from(from_row, &mut units);
-        let square = inner(units.as_ref(), units.as_ref());
+        let square = inner(&units, &units);
         let root = Factor::of(&square)?;
-        let mut transposed = units.transpose().to_owned();
+        let mut transposed = units.transpose();
         root.whiten_from(0, &mut transposed);
-        parts.push((offset + from_row, transposed.transpose().to_owned()));
+        parts.push((offset + from_row, transposed.transpose()));
         Some(())
     };
     let cop_rows = blocks.iter().flat_map(|&block| [2 * block, 2 * block + 1]).collect();

@@ -9,7 +9,7 @@ pub(crate) mod cop;
 mod force;
 mod likelihood;
 
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::linear::{Factor, inner};
 use crate::reconcile::ReconcileError;
@@ -23,7 +23,7 @@ pub(crate) struct Noise {
     /// The same without the uncertainty of the stance offsets.
     pub(crate) cop_without_stances: Factor,
     /// Covariance of the stance offsets, m².
-    pub(crate) stances_m2: Mat<f64>,
+    pub(crate) stances_m2: DMatrix<f64>,
     /// Factor of each measured force channel, in the order of [`Rows::force_axes`].
     pub(crate) force: Vec<Factor>,
     /// Fitted sizes: of the centre of pressure, and of each force channel.
@@ -34,9 +34,9 @@ pub(crate) struct Noise {
 #[derive(Debug)]
 pub(crate) struct Continuation {
     /// Covariance with the whitened rows of the recording: a row each, a column for each further row.
-    pub(crate) with_whitened: Mat<f64>,
+    pub(crate) with_whitened: DMatrix<f64>,
     /// Covariance of the further rows given the recording's.
-    pub(crate) covariance: Mat<f64>,
+    pub(crate) covariance: DMatrix<f64>,
 }
 
 impl Noise {
@@ -75,13 +75,13 @@ impl Noise {
 
 impl Continuation {
     /// Of a covariance whose first rows have this factor `L`: with `[K Cᵀ; C D]`, `L⁻¹ Cᵀ` and `D − C K⁻¹ Cᵀ`.
-    fn of(factor: &Factor, covariance: &Mat<f64>) -> Continuation {
+    fn of(factor: &Factor, covariance: &DMatrix<f64>) -> Continuation {
         let before = factor.len();
         let further = covariance.nrows() - before;
-        let mut with_whitened = covariance.as_ref().submatrix(0, before, before, further).to_owned();
+        let mut with_whitened = covariance.view((0, before), (before, further)).into_owned();
         factor.whiten_from(0, &mut with_whitened);
-        let own = covariance.as_ref().submatrix(before, before, further, further);
-        let covariance = own - inner(with_whitened.as_ref(), with_whitened.as_ref());
+        let own = covariance.view((before, before), (further, further));
+        let covariance = own - inner(&with_whitened, &with_whitened);
         Continuation { with_whitened, covariance }
     }
 }
@@ -121,12 +121,12 @@ mod tests {
         // Of a Markov chain with correlation r per step, variance 1: given the last, the next has mean r times it and
         // variance 1 − r², whatever came before.
         let r = 0.8_f64;
-        let covariance = Mat::from_fn(5, 5, |i, j| r.powi(i.abs_diff(j) as i32));
-        let before = Factor::of(&covariance.as_ref().submatrix(0, 0, 3, 3).to_owned()).unwrap();
+        let covariance = DMatrix::from_fn(5, 5, |i, j| r.powi(i.abs_diff(j) as i32));
+        let before = Factor::of(&covariance.view((0, 0), (3, 3)).into_owned()).unwrap();
         let Continuation { with_whitened, covariance } = Continuation::of(&before, &covariance);
-        let mut whitened = Mat::from_fn(3, 1, |i, _| [5.0, -7.0, 2.0][i]);
+        let mut whitened = DMatrix::from_fn(3, 1, |i, _| [5.0, -7.0, 2.0][i]);
         before.whiten_from(0, &mut whitened);
-        let mean = inner(with_whitened.as_ref(), whitened.as_ref());
+        let mean = inner(&with_whitened, &whitened);
         for (i, expected) in [r * 2.0, r * r * 2.0].into_iter().enumerate() {
             assert!((mean[(i, 0)] - expected).abs() < 1e-12, "{}", mean[(i, 0)]);
         }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use faer::Mat;
+use nalgebra::DMatrix;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -56,7 +56,7 @@ pub(crate) fn chance_level(gram: &Gram<'_>, draws: usize) -> f64 {
     }
     // Columns differ by orders of magnitude, so the correlation matrix is factored.
     let scale: Vec<f64> = (0..count).map(|i| gram.products[i][i].max(1e-12 * trace).sqrt()).collect();
-    let correlation = Mat::from_fn(count, count, |i, j| {
+    let correlation = DMatrix::from_fn(count, count, |i, j| {
         gram.products[i][j] / (scale[i] * scale[j]) + if i == j { 1e-8 } else { 0.0 }
     });
     let Some(factor) = Factor::of(&correlation) else { return 0.0 };

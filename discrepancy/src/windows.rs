@@ -3,7 +3,7 @@
 
 use equipoise_core::body::Segment;
 use equipoise_core::effect::{Columns, Effect, Place};
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::candidate::{Candidate, Scope, place_log_prior};
 use crate::constants::{
@@ -31,8 +31,8 @@ pub(crate) struct Part {
 /// One candidate, whitened piece by piece.
 struct Pieces {
     candidate: Candidate,
-    columns: Mat<f64>,
-    products: Mat<f64>,
+    columns: DMatrix<f64>,
+    products: DMatrix<f64>,
 }
 
 /// All temporary candidates, prepared for repeated searches.
@@ -92,7 +92,7 @@ impl Windows {
     /// The best part for each candidate, conditioned on the accepted terms; best first.
     pub(crate) fn best(&self, gram: &Gram<'_>, accepted: &[usize]) -> Vec<Part> {
         let (directions, residual) = gram.directions_given(accepted);
-        let others = Mat::from_fn(residual.len(), directions.len() + 1, |row, column| {
+        let others = DMatrix::from_fn(residual.len(), directions.len() + 1, |row, column| {
             directions.get(column).map_or(residual[row], |direction| direction[row])
         });
         let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, &residual)).collect();
@@ -103,9 +103,9 @@ impl Windows {
     }
 
     /// The best part of a candidate. `others`: the directions to be projected out, then the residual.
-    fn best_part(&self, pieces: &Pieces, others: &Mat<f64>, on_residual: &[f64]) -> Option<Part> {
+    fn best_part(&self, pieces: &Pieces, others: &DMatrix<f64>, on_residual: &[f64]) -> Option<Part> {
         let count = pieces.candidate.count();
-        let (with_others, directions) = (inner(pieces.columns.as_ref(), others.as_ref()), on_residual.len());
+        let (with_others, directions) = (inner(&pieces.columns, others), on_residual.len());
         let along: Vec<Vec<f64>> = (0..pieces.columns.ncols())
             .map(|column| (0..directions).map(|direction| with_others[(column, direction)]).collect())
             .collect();
@@ -193,8 +193,8 @@ impl Pieces {
             }));
         }
         let rows = gram.residual.len();
-        let columns = Mat::from_fn(rows, columns.len(), |row, column| columns[column][row]);
-        let products = inner(columns.as_ref(), columns.as_ref());
+        let columns = DMatrix::from_fn(rows, columns.len(), |row, column| columns[column][row]);
+        let products = inner(&columns, &columns);
         Pieces { candidate, columns, products }
     }
 }

@@ -1,12 +1,12 @@
 //! Signals of further blocks as each explanation predicts them: a normal distribution, conditioned on the recording.
 
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::candidate::{Candidate, Scope};
 use crate::constants::OPEN_END_BLOCKS;
 use crate::explanation::{Explanation, Outside, model_error};
 use crate::gram::Gram;
-use crate::linear::{Factor, dot, inner, product};
+use crate::linear::{Factor, dot, inner, outer, product};
 use crate::noise::Continuation;
 use crate::noise::cop::pose_correlation;
 use crate::picture::Signal;
@@ -21,7 +21,7 @@ pub(super) struct Prediction {
     /// Mean of measured minus predicted without effects.
     pub(super) mean: Vec<f64>,
     /// Covariance.
-    pub(super) covariance: Mat<f64>,
+    pub(super) covariance: DMatrix<f64>,
 }
 
 /// Predicted signals of an experiment.
@@ -52,7 +52,7 @@ impl<'a> Forecast<'a> {
     pub(super) fn prediction(&self, explanation: &Explanation) -> Option<Prediction> {
         let (given, terms) = explanation.condition(self.gram);
         let (value, covariance) =
-            if terms.is_empty() { (Vec::new(), Mat::new()) } else { given.posterior(&terms)? };
+            if terms.is_empty() { (Vec::new(), DMatrix::zeros(0, 0)) } else { given.posterior(&terms)? };
         let columns: Vec<&Vec<f64>> =
             given.columns_of(&terms).into_iter().map(|column| &given.columns[column]).collect();
         let mut residual = given.residual.clone();
@@ -66,11 +66,11 @@ impl<'a> Forecast<'a> {
         let effects = self.effects(explanation, &value);
         let count = value.len();
         let size = continued.nrows();
-        let own = Mat::from_fn(size, count, |row, k| effects.columns[(row, k)] - continued[(row, 1 + k)]);
-        let misfit = continued.as_ref().submatrix(0, 1 + count, size, continued.ncols() - 1 - count);
+        let own = DMatrix::from_fn(size, count, |row, k| effects.columns[(row, k)] - continued[(row, 1 + k)]);
+        let misfit = continued.columns_range(1 + count..).into_owned();
         let mut sum = self.noise_covariance();
-        sum += product(misfit, misfit.transpose());
-        sum += product(product(own.as_ref(), covariance.as_ref()).as_ref(), own.transpose());
+        sum += outer(&misfit, &misfit);
+        sum += outer(&product(&own, &covariance), &own);
         for row in 0..size {
             sum[(row, row)] += effects.variance[row];
         }
@@ -88,23 +88,23 @@ impl<'a> Forecast<'a> {
     }
 
     /// Whitened columns of the recording, continued by the noise's covariance: a row for each signal.
-    fn continued(&self, whitened: &[Vec<f64>]) -> Mat<f64> {
+    fn continued(&self, whitened: &[Vec<f64>]) -> DMatrix<f64> {
         let [before, further] = self.counts();
         let of = |channel: usize, from: usize, rows: usize| {
-            let part = Mat::from_fn(rows, whitened.len(), |row, column| whitened[column][from + row]);
-            inner(self.noise[channel].with_whitened.as_ref(), part.as_ref())
+            let part = DMatrix::from_fn(rows, whitened.len(), |row, column| whitened[column][from + row]);
+            inner(&self.noise[channel].with_whitened, &part)
         };
         let (cop, vertical) = (of(0, 0, 2 * before), of(1, 2 * before, before));
-        Mat::from_fn(SIGNALS * further, whitened.len(), |row, column| {
+        DMatrix::from_fn(SIGNALS * further, whitened.len(), |row, column| {
             let (block, signal) = (row / SIGNALS, row % SIGNALS);
             if signal < 2 { cop[(2 * block + signal, column)] } else { vertical[(block, column)] }
         })
     }
 
-    fn noise_covariance(&self) -> Mat<f64> {
+    fn noise_covariance(&self) -> DMatrix<f64> {
         let [_, further] = self.counts();
         let [cop, vertical] = self.noise.each_ref().map(|noise| &noise.covariance);
-        Mat::from_fn(SIGNALS * further, SIGNALS * further, |i, j| {
+        DMatrix::from_fn(SIGNALS * further, SIGNALS * further, |i, j| {
             match (i / SIGNALS, i % SIGNALS, j / SIGNALS, j % SIGNALS) {
                 (one, a, other, b) if a < 2 && b < 2 => cop[(2 * one + a, 2 * other + b)],
                 (one, 2, other, 2) => vertical[(one, other)],
@@ -119,7 +119,7 @@ impl<'a> Forecast<'a> {
         let size = SIGNALS * further;
         let mut sum = Contribution {
             mean: vec![0.0; size],
-            columns: Mat::zeros(size, value.len()),
+            columns: DMatrix::zeros(size, value.len()),
             variance: vec![0.0; size],
         };
         let mut first = 0;
@@ -147,10 +147,10 @@ impl<'a> Forecast<'a> {
     }
 
     /// Covariance of what is outside the catalogue: each signal is an unknown function of the pose, as large as in the work.
-    fn outside_covariance(&self, outside: &Outside) -> Mat<f64> {
+    fn outside_covariance(&self, outside: &Outside) -> DMatrix<f64> {
         let [before, further] = self.counts();
         let alike = pose_correlation(&self.all.blocks[before..]);
-        Mat::from_fn(SIGNALS * further, SIGNALS * further, |i, j| {
+        DMatrix::from_fn(SIGNALS * further, SIGNALS * further, |i, j| {
             let is_same = i % SIGNALS == j % SIGNALS;
             let size = outside.size[i % SIGNALS];
             if is_same { size * size * alike[(i / SIGNALS, j / SIGNALS)] } else { 0.0 }
@@ -162,7 +162,7 @@ impl<'a> Forecast<'a> {
 /// variance of each signal by misfit.
 struct Contribution {
     mean: Vec<f64>,
-    columns: Mat<f64>,
+    columns: DMatrix<f64>,
     variance: Vec<f64>,
 }
 
@@ -173,7 +173,7 @@ impl Prediction {
             .iter()
             .flat_map(|block| (0..SIGNALS).map(move |signal| SIGNALS * block + signal))
             .collect();
-        let covariance = Mat::from_fn(rows.len(), rows.len(), |i, j| self.covariance[(rows[i], rows[j])]);
+        let covariance = DMatrix::from_fn(rows.len(), rows.len(), |i, j| self.covariance[(rows[i], rows[j])]);
         let mean = rows.iter().map(|&row| self.mean[row]).collect();
         Some(Response { mean, factor: Factor::of(&covariance)? })
     }
@@ -233,13 +233,13 @@ mod tests {
     fn distance(prediction: &Prediction, all: &Rows<'_>, before: usize) -> f64 {
         let further = all.len() - before;
         let Response { mean, factor } = prediction.of_blocks(&(0..further).collect::<Vec<usize>>()).unwrap();
-        let mut off = Mat::from_fn(mean.len(), 1, |row, _| {
+        let mut off = DMatrix::from_fn(mean.len(), 1, |row, _| {
             let ([x, y], z) =
                 (all.cop_residual_m(before + row / SIGNALS), all.force_residual_n(before + row / SIGNALS, 2));
             [x, y, z][row % SIGNALS] - mean[row]
         });
         factor.whiten_from(0, &mut off);
-        off.squared_norm_l2() / mean.len() as f64
+        off.norm_squared() / mean.len() as f64
     }
 
     #[test]

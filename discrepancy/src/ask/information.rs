@@ -1,21 +1,21 @@
 //! Expected information of a response about which explanation is true.
 
-use faer::Mat;
+use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use super::forecast::Response;
 use crate::constants::{EVIDENCE_TEMPER, RESPONSES, SEEDS};
 use crate::evidence::log_sum_exp;
-use crate::linear::{Factor, dot, outer, product};
+use crate::linear::{Factor, column, column_mut, dot, outer, product};
 use crate::trials::normal;
 
 impl Response {
     /// Log likelihoods of signals, one column each, up to a constant.
-    fn log_likelihoods(&self, drawn: &Mat<f64>) -> Vec<f64> {
-        let mut off = Mat::from_fn(drawn.nrows(), drawn.ncols(), |i, j| drawn[(i, j)] - self.mean[i]);
+    fn log_likelihoods(&self, drawn: &DMatrix<f64>) -> Vec<f64> {
+        let mut off = DMatrix::from_fn(drawn.nrows(), drawn.ncols(), |i, j| drawn[(i, j)] - self.mean[i]);
         self.factor.whiten_from(0, &mut off);
-        let square = |j: usize| off.col_as_slice(j).iter().map(|value| value * value).sum::<f64>();
+        let square = |j: usize| column(&off, j).iter().map(|value| value * value).sum::<f64>();
         (0..off.ncols()).map(|j| -0.5 * square(j) - self.factor.half_log_det()).collect()
     }
 }
@@ -31,14 +31,14 @@ pub(super) fn information_nats(prior: &[f64], class: &[usize], responses: &[Resp
 pub(super) fn expectation(prior: &[f64], responses: &[Response], mut of: impl FnMut(&[f64]) -> f64) -> f64 {
     let size = responses.first().map_or(0, |response| response.mean.len());
     let mut random = Pcg64Mcg::seed_from_u64(SEEDS[2]);
-    let mut standard = Mat::zeros(size, RESPONSES);
+    let mut standard = DMatrix::zeros(size, RESPONSES);
     for response in 0..RESPONSES {
-        standard.col_as_slice_mut(response).iter_mut().for_each(|value| *value = normal(&mut random));
+        column_mut(&mut standard, response).iter_mut().for_each(|value| *value = normal(&mut random));
     }
     let mut expected = 0.0;
     for (truth, probability) in responses.iter().zip(prior) {
-        let spread = product(truth.factor.lower(), standard.as_ref());
-        let drawn = Mat::from_fn(size, RESPONSES, |i, j| truth.mean[i] + spread[(i, j)]);
+        let spread = product(truth.factor.lower(), &standard);
+        let drawn = DMatrix::from_fn(size, RESPONSES, |i, j| truth.mean[i] + spread[(i, j)]);
         let of_each: Vec<Vec<f64>> = responses.iter().map(|one| one.log_likelihoods(&drawn)).collect();
         let of_responses = (0..RESPONSES).map(|response| of_each.iter().map(move |one| one[response]));
         for log_likelihoods in of_responses {
@@ -67,10 +67,10 @@ pub(super) fn of_classes(class: &[usize], probabilities: &[f64]) -> Vec<f64> {
 /// What both leave open to the same extent (noise, parameters, something outside the catalogue) separates nothing.
 pub(super) fn separation_sigma(one: &Response, other: &Response) -> f64 {
     let [first, second] = [one, other].map(|one| outer(one.factor.lower(), one.factor.lower()));
-    let Some(middle) = Factor::of(&(faer::Scale(0.5) * (first + second))) else { return 0.0 };
-    let mut apart = Mat::from_fn(one.mean.len(), 1, |i, _| one.mean[i] - other.mean[i]);
+    let Some(middle) = Factor::of(&(0.5 * (first + second))) else { return 0.0 };
+    let mut apart = DMatrix::from_fn(one.mean.len(), 1, |i, _| one.mean[i] - other.mean[i]);
     middle.whiten_from(0, &mut apart);
-    let by_mean = dot(apart.col_as_slice(0), apart.col_as_slice(0));
+    let by_mean = dot(column(&apart, 0), column(&apart, 0));
     let by_spread = middle.half_log_det() - 0.5 * (one.factor.half_log_det() + other.factor.half_log_det());
     (by_mean + 8.0 * by_spread).max(0.0).sqrt()
 }
@@ -90,7 +90,7 @@ mod tests {
     }
 
     fn with_variance(mean: f64, variance: f64) -> Response {
-        Response { mean: vec![mean], factor: Factor::of(&Mat::from_fn(1, 1, |_, _| variance)).unwrap() }
+        Response { mean: vec![mean], factor: Factor::of(&DMatrix::from_fn(1, 1, |_, _| variance)).unwrap() }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Greedy search of a library by the evidence, term after term, and the level that it reaches by chance.
 
 use equipoise_core::effect::Columns;
-use faer::Mat;
+use nalgebra::DMatrix;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
@@ -10,7 +10,7 @@ use crate::constants::{CLEAR_LEAD, DRAWS, SEEDS};
 use crate::evidence::{estimate, log_odds, log_sum_exp};
 use crate::finding::Generic;
 use crate::gram::{Gram, direction, score};
-use crate::linear::{dot, inner};
+use crate::linear::{column, column_mut, dot, inner};
 use crate::trials::normal;
 
 /// A library, whitened.
@@ -19,7 +19,7 @@ pub(crate) struct Library {
     entries: Vec<Entry>,
     /// First column of each entry.
     first: Vec<usize>,
-    columns: Mat<f64>,
+    columns: DMatrix<f64>,
 }
 
 /// A fitted term of the library.
@@ -59,17 +59,17 @@ impl Library {
     /// The best log odds that any entry reaches in [`DRAWS`] draws of white noise.
     pub(super) fn chance_level(&self) -> f64 {
         let mut random = Pcg64Mcg::seed_from_u64(SEEDS[1]);
-        let mut noise = Mat::zeros(self.columns.nrows(), DRAWS);
+        let mut noise = DMatrix::zeros(self.columns.nrows(), DRAWS);
         for draw in 0..DRAWS {
-            for value in noise.col_as_slice_mut(draw) {
+            for value in column_mut(&mut noise, draw) {
                 *value = normal(&mut random);
             }
         }
-        let with_noise = inner(self.columns.as_ref(), noise.as_ref());
+        let with_noise = inner(&self.columns, &noise);
         let mut projected = self.projected(&[], &[]);
         let mut best = f64::NEG_INFINITY;
         for draw in 0..DRAWS {
-            projected.with_residual.copy_from_slice(with_noise.col_as_slice(draw));
+            projected.with_residual.copy_from_slice(column(&with_noise, draw));
             best = (0..self.entries.len()).map(|entry| self.score(&projected, entry)).fold(best, f64::max);
         }
         best
@@ -96,7 +96,7 @@ impl Library {
             let entry = &self.entries[index];
             accepted_terms.push(Generic { what: entry.what.clone(), log_odds });
             for (k, &sigma) in entry.sigma.iter().enumerate() {
-                let column = self.columns.col_as_slice(self.first[index] + k);
+                let column = column(&self.columns, self.first[index] + k);
                 directions.push(direction(column, sigma, &directions));
                 self.project_out(&mut projected, &directions[directions.len() - 1..], &residual);
             }
@@ -146,7 +146,7 @@ impl Library {
             &vec![0.0; sigma.len()],
             sigma,
         )?;
-        let columns = (first..first + sigma.len()).map(|k| self.columns.col_as_slice(k).to_vec()).collect();
+        let columns = (first..first + sigma.len()).map(|k| column(&self.columns, k).to_vec()).collect();
         let generic = Generic { what: entry.what.clone(), log_odds: best };
         let (columns_at, model_error) = (&*entry.columns, entry.model_error);
         let fitted = FittedEntry { generic, columns_at, columns, sigma, value: fitted.value, model_error };
@@ -176,13 +176,13 @@ impl Library {
         let (rows, sigma) = (gram.cop_rows(), &self.entries[entry].sigma);
         let part = |column: &[f64]| column[..rows].to_vec();
         let columns: Vec<Vec<f64>> =
-            (0..sigma.len()).map(|k| part(self.columns.col_as_slice(self.first[entry] + k))).collect();
+            (0..sigma.len()).map(|k| part(column(&self.columns, self.first[entry] + k))).collect();
         let directions: Vec<Vec<f64>> = directions.iter().map(|direction| part(direction)).collect();
         score(&columns, &directions, &residual[..rows], &vec![0.0; sigma.len()], sigma)
     }
 
     fn projected(&self, directions: &[Vec<f64>], residual: &[f64]) -> Projected {
-        let column = |index: usize| self.columns.col_as_slice(index);
+        let column = |index: usize| column(&self.columns, index);
         let products = self.entries.iter().zip(&self.first).map(|(entry, &first)| {
             let count = entry.sigma.len();
             (0..count * count).map(|k| dot(column(first + k / count), column(first + k % count))).collect()
@@ -195,44 +195,44 @@ impl Library {
     }
 
     fn project_out(&self, projected: &mut Projected, directions: &[Vec<f64>], residual: &[f64]) {
-        let matrix = Mat::from_fn(self.columns.nrows(), directions.len(), |i, j| directions[j][i]);
-        let along = inner(matrix.as_ref(), self.columns.as_ref());
+        let matrix = DMatrix::from_fn(self.columns.nrows(), directions.len(), |i, j| directions[j][i]);
+        let along = inner(&matrix, &self.columns);
         let on_residual: Vec<f64> = directions.iter().map(|direction| dot(direction, residual)).collect();
         for (entry, products) in projected.products.iter_mut().enumerate() {
             let (first, count) = (self.first[entry], self.entries[entry].sigma.len());
             for (k, product) in products.iter_mut().enumerate() {
                 let [i, j] = [first + k / count, first + k % count];
-                *product -= dot(along.col_as_slice(i), along.col_as_slice(j));
+                *product -= dot(column(&along, i), column(&along, j));
             }
         }
         for (index, product) in projected.with_residual.iter_mut().enumerate() {
-            *product -= dot(along.col_as_slice(index), &on_residual);
+            *product -= dot(column(&along, index), &on_residual);
         }
     }
 }
 
 /// All columns of all entries, channel by channel; zero before the work.
-fn whitened(gram: &Gram<'_>, entries: &[Entry], count: usize) -> Mat<f64> {
+fn whitened(gram: &Gram<'_>, entries: &[Entry], count: usize) -> DMatrix<f64> {
     let rows = gram.rows;
     let (from, work) = (rows.work_from, rows.len() - rows.work_from);
     let places: Vec<(usize, usize)> =
         (0..entries.len()).flat_map(|e| (0..entries[e].sigma.len()).map(move |k| (e, k))).collect();
     let at = |column: usize, block: usize| (&entries[places[column].0].columns[block], places[column].1);
-    let mut all = Mat::zeros(gram.cop_rows() + rows.force_axes().len() * rows.len(), count);
-    let mut cop = Mat::from_fn(2 * work, count, |row, column| {
+    let mut all = DMatrix::zeros(gram.cop_rows() + rows.force_axes().len() * rows.len(), count);
+    let mut cop = DMatrix::from_fn(2 * work, count, |row, column| {
         let (columns, k) = at(column, row / 2);
         columns.cop_m[k][row % 2]
     });
     gram.noise.cop.whiten_from(2 * from, &mut cop);
-    all.as_mut().submatrix_mut(2 * from, 0, 2 * work, count).copy_from(&cop);
+    all.view_mut((2 * from, 0), (2 * work, count)).copy_from(&cop);
     for (channel, &axis) in rows.force_axes().iter().enumerate() {
-        let mut force = Mat::from_fn(work, count, |row, column| {
+        let mut force = DMatrix::from_fn(work, count, |row, column| {
             let (columns, k) = at(column, row);
             columns.force_n[k][axis]
         });
         gram.noise.force[channel].whiten_from(from, &mut force);
         let first = gram.cop_rows() + channel * rows.len() + from;
-        all.as_mut().submatrix_mut(first, 0, work, count).copy_from(&force);
+        all.view_mut((first, 0), (work, count)).copy_from(&force);
     }
     all
 }

@@ -2,7 +2,7 @@
 //! question.
 
 use equipoise_core::body::{SEGMENTS, Segment};
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use super::likelihood::{ChannelLikelihood, SizePrior, blocks_of_fit};
 use crate::block::{Block, Phase};
@@ -24,11 +24,11 @@ const WHITE: usize = 4;
 pub(super) type Sizes = [f64; COUNT];
 
 /// Covariance of the centre of pressure over all rows, m².
-pub(super) fn covariance_m2(rows: &Rows<'_>, sizes: &Sizes) -> Mat<f64> {
+pub(super) fn covariance_m2(rows: &Rows<'_>, sizes: &Sizes) -> DMatrix<f64> {
     let mut sum = fixed_covariance_m2(rows);
     for part in (0..COUNT).filter(|&part| part != WHITE) {
         let square = (2.0 * sizes[part]).exp();
-        sum += faer::Scale(square) * unit_kernel(rows, part);
+        sum += square * unit_kernel(rows, part);
     }
     add_white(&mut sum, sizes);
     sum
@@ -56,7 +56,7 @@ pub(super) fn fit(rows: &Rows<'_>) -> Option<Sizes> {
 fn likelihood(rows: &Rows<'_>) -> ChannelLikelihood<COUNT> {
     let inertia = cop_columns(rows, 1, |block, _| rows.inertia_m(block));
     let mut fixed = fixed_covariance_m2(rows);
-    fixed += faer::Scale(INERTIA_ERROR * INERTIA_ERROR) * outer(inertia.as_ref(), inertia.as_ref());
+    fixed += INERTIA_ERROR * INERTIA_ERROR * outer(&inertia, &inertia);
     let mut residual = cop_columns(rows, 1, |block, _| rows.cop_residual_m(block));
     if !rows.session.has_inertia {
         residual -= inertia;
@@ -66,7 +66,7 @@ fn likelihood(rows: &Rows<'_>) -> ChannelLikelihood<COUNT> {
 }
 
 /// Adds the white part to a covariance.
-fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
+fn add_white(sum: &mut DMatrix<f64>, sizes: &Sizes) {
     let square_m2 = (2.0 * sizes[WHITE]).exp() + WHITE_MIN_M * WHITE_MIN_M;
     for row in 0..sum.nrows() {
         sum[(row, row)] += square_m2;
@@ -74,7 +74,7 @@ fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
 }
 
 /// A part of unit size, except the white one.
-fn unit_kernel(rows: &Rows<'_>, part: usize) -> Mat<f64> {
+fn unit_kernel(rows: &Rows<'_>, part: usize) -> DMatrix<f64> {
     match part {
         0..3 => orientation_walk(rows, &[0, 1, 2], ORIENTATION_S[part]),
         3 => soft_tissue(rows),
@@ -85,16 +85,16 @@ fn unit_kernel(rows: &Rows<'_>, part: usize) -> Mat<f64> {
 }
 
 /// All parts whose size is not fitted, m².
-fn fixed_covariance_m2(rows: &Rows<'_>) -> Mat<f64> {
+fn fixed_covariance_m2(rows: &Rows<'_>) -> DMatrix<f64> {
     let mut sum = parameters_m2(rows);
     sum += turning_m2(rows);
     sum += suit_heading_m2(rows);
     let [pose_m, body_m, room_m] = UNSHARED_M;
     let unshared = scaled_by_pairs(rows, pose(rows), |i, j| matern(rows, i, j, UNSHARED_S));
-    sum += faer::Scale(pose_m * pose_m) * unshared;
+    sum += pose_m * pose_m * unshared;
     sum += stance_covariance_m2(rows);
     sum += slope_height_m2(rows);
-    sum += faer::Scale(MISALIGNMENT_RAD * MISALIGNMENT_RAD) * misalignment(rows);
+    sum += MISALIGNMENT_RAD * MISALIGNMENT_RAD * misalignment(rows);
     let (plate_m, plate_s) = PLATE_NOISE;
     sum += by_pairs(rows.len(), |i, j| {
         let apart_s = (rows.time_s(i) - rows.time_s(j)).abs();
@@ -109,7 +109,7 @@ fn fixed_covariance_m2(rows: &Rows<'_>) -> Mat<f64> {
 }
 
 /// Stance offsets: a random walk with one step per change of stance.
-pub(super) fn stance_covariance_m2(rows: &Rows<'_>) -> Mat<f64> {
+pub(super) fn stance_covariance_m2(rows: &Rows<'_>) -> DMatrix<f64> {
     let [first_m, step_m] = STANCE_M[usize::from(!rows.session.suit_drifts)];
     let begin = rows.blocks.iter().map(|block| block.stance).min().unwrap_or(0);
     by_pairs(rows.len(), |i, j| {
@@ -120,68 +120,68 @@ pub(super) fn stance_covariance_m2(rows: &Rows<'_>) -> Mat<f64> {
 }
 
 /// Constant error of the height at which the reaction's slope acts.
-fn slope_height_m2(rows: &Rows<'_>) -> Mat<f64> {
+fn slope_height_m2(rows: &Rows<'_>) -> DMatrix<f64> {
     let column = cop_columns(rows, 1, |block, _| rows.slope(block).map(|slope| SLOPE_HEIGHT_M * slope));
-    outer(column.as_ref(), column.as_ref())
+    outer(&column, &column)
 }
 
 /// Uncertainty of the identified parameters of the chain.
-fn parameters_m2(rows: &Rows<'_>) -> Mat<f64> {
+fn parameters_m2(rows: &Rows<'_>) -> DMatrix<f64> {
     let size = 3 * SEGMENTS;
     let root = root(&rows.session.prior_covariance_m2, size);
     let on_cop = cop_columns(rows, size, |block, column| {
         let rotation = &rows.blocks[block].observation.rotation[column / 3];
         rows.on_cop(block, [0, 1, 2].map(|axis| rotation[axis][column % 3]))
     });
-    let columns = product(on_cop.as_ref(), root.as_ref());
-    outer(columns.as_ref(), columns.as_ref())
+    let columns = product(&on_cop, &root);
+    outer(&columns, &columns)
 }
 
 /// Error of the tabulated inertias in the body's rotation.
-fn turning_m2(rows: &Rows<'_>) -> Mat<f64> {
+fn turning_m2(rows: &Rows<'_>) -> DMatrix<f64> {
     let columns = cop_columns(rows, 4, |block, group| {
         rows.blocks[block].turning_by_group_m[group].map(|turning_m| INERTIA_ERROR * turning_m)
     });
-    outer(columns.as_ref(), columns.as_ref())
+    outer(&columns, &columns)
 }
 
 /// Heading drift of the whole suit.
-fn suit_heading_m2(rows: &Rows<'_>) -> Mat<f64> {
+fn suit_heading_m2(rows: &Rows<'_>) -> DMatrix<f64> {
     let (sigma_rad, time_s) = SUIT_HEADING;
     let column = cop_columns(rows, 1, |block, _| {
         let seen = &rows.blocks[block].observation;
         let [x, y] = [0, 1].map(|axis| seen.com_m[axis] - seen.feet_m[axis]);
         [-y * sigma_rad, x * sigma_rad]
     });
-    scaled_by_pairs(rows, outer(column.as_ref(), column.as_ref()), |i, j| matern(rows, i, j, time_s))
+    scaled_by_pairs(rows, outer(&column, &column), |i, j| matern(rows, i, j, time_s))
 }
 
 /// Random walk of the segments' orientations about some of the world's axes.
-fn orientation_walk(rows: &Rows<'_>, axes: &[usize], time_s: f64) -> Mat<f64> {
+fn orientation_walk(rows: &Rows<'_>, axes: &[usize], time_s: f64) -> DMatrix<f64> {
     let columns = cop_columns(rows, axes.len() * SEGMENTS, |block, column| {
         let mut turn = [0.0; 3];
         turn[axes[column % axes.len()]] = 1.0;
         rows.effect_of_rotation(block, column / axes.len(), turn).0
     });
-    scaled_by_pairs(rows, outer(columns.as_ref(), columns.as_ref()), |i, j| matern(rows, i, j, time_s))
+    scaled_by_pairs(rows, outer(&columns, &columns), |i, j| matern(rows, i, j, time_s))
 }
 
 /// Constant misalignment of the sensors.
-fn misalignment(rows: &Rows<'_>) -> Mat<f64> {
+fn misalignment(rows: &Rows<'_>) -> DMatrix<f64> {
     let columns = cop_columns(rows, 3 * SEGMENTS, |block, column| {
         rows.effect_of_misalignment(block, column / 3, column % 3).0
     });
-    outer(columns.as_ref(), columns.as_ref())
+    outer(&columns, &columns)
 }
 
 /// Soft tissue: each axis of a segment's error is any linear function of its joint's rotation.
-fn soft_tissue(rows: &Rows<'_>) -> Mat<f64> {
+fn soft_tissue(rows: &Rows<'_>) -> DMatrix<f64> {
     let columns = cop_columns(rows, 9 * SEGMENTS, |block, column| {
         let (segment, axis, joint) = (column / 9, column / 3 % 3, column % 3);
         let (cop_m, _) = rows.effect_of_soft_tissue(block, segment, [axis, joint]);
         cop_m.map(|moved_m| soft_tissue_scale(segment) * moved_m)
     });
-    outer(columns.as_ref(), columns.as_ref())
+    outer(&columns, &columns)
 }
 
 /// Amount of soft tissue between sensor and bone, relative to an arm's: less on pelvis, legs and feet.
@@ -199,7 +199,7 @@ pub(super) fn soft_tissue_scale(segment: usize) -> f64 {
 }
 
 /// Errors that grow with motion, m² per (m/s)².
-fn motion(rows: &Rows<'_>) -> Mat<f64> {
+fn motion(rows: &Rows<'_>) -> DMatrix<f64> {
     let speed: Vec<f64> = rows
         .blocks
         .iter()
@@ -216,7 +216,7 @@ fn motion(rows: &Rows<'_>) -> Mat<f64> {
 }
 
 /// An unknown smooth function of the pose that rotates with the feet (Kennedy and O'Hagan's model inadequacy).
-fn pose(rows: &Rows<'_>) -> Mat<f64> {
+fn pose(rows: &Rows<'_>) -> DMatrix<f64> {
     let alike = pose_correlation(&rows.blocks);
     by_pairs(rows.len(), |i, j| {
         let (sin, cos) = feet_rotation(rows, i, j);
@@ -226,13 +226,13 @@ fn pose(rows: &Rows<'_>) -> Mat<f64> {
 }
 
 /// Correlation of an unknown smooth function of the pose between blocks.
-pub(crate) fn pose_correlation(blocks: &[&Block]) -> Mat<f64> {
-    let joints = Mat::from_fn(blocks.len(), 3 * SEGMENTS, |block, column| {
+pub(crate) fn pose_correlation(blocks: &[&Block]) -> DMatrix<f64> {
+    let joints = DMatrix::from_fn(blocks.len(), 3 * SEGMENTS, |block, column| {
         blocks[block].joint_rad[column / 3][column % 3]
     });
-    let inner = outer(joints.as_ref(), joints.as_ref());
+    let inner = outer(&joints, &joints);
     let (constant, [(wide, wide_rad2), (narrow, narrow_rad2)]) = POSE_KERNEL;
-    Mat::from_fn(blocks.len(), blocks.len(), |i, j| {
+    DMatrix::from_fn(blocks.len(), blocks.len(), |i, j| {
         let apart_rad2 = (inner[(i, i)] + inner[(j, j)] - 2.0 * inner[(i, j)]).max(0.0);
         constant + wide * (-apart_rad2 / wide_rad2).exp() + narrow * (-apart_rad2 / narrow_rad2).exp()
     })
@@ -250,8 +250,8 @@ fn matern(rows: &Rows<'_>, i: usize, j: usize, time_s: f64) -> f64 {
 }
 
 /// Columns on the centre of pressure, two rows a block.
-pub(crate) fn cop_columns(rows: &Rows<'_>, count: usize, of: impl Fn(usize, usize) -> [f64; 2]) -> Mat<f64> {
-    let mut columns = Mat::zeros(2 * rows.len(), count);
+pub(crate) fn cop_columns(rows: &Rows<'_>, count: usize, of: impl Fn(usize, usize) -> [f64; 2]) -> DMatrix<f64> {
+    let mut columns = DMatrix::zeros(2 * rows.len(), count);
     for column in 0..count {
         for block in 0..rows.len() {
             let [x, y] = of(block, column);
@@ -263,8 +263,8 @@ pub(crate) fn cop_columns(rows: &Rows<'_>, count: usize, of: impl Fn(usize, usiz
 }
 
 /// A symmetric matrix from the covariance of each pair of blocks, rows: axes of the first block.
-fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> Mat<f64> {
-    let mut matrix = Mat::zeros(2 * blocks, 2 * blocks);
+fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(2 * blocks, 2 * blocks);
     for j in 0..blocks {
         for i in j..blocks {
             let pair = of(i, j);
@@ -280,7 +280,7 @@ fn by_pairs(blocks: usize, of: impl Fn(usize, usize) -> [[f64; 2]; 2]) -> Mat<f6
 }
 
 /// Multiplies each pair of blocks by a factor.
-fn scaled_by_pairs(rows: &Rows<'_>, mut matrix: Mat<f64>, of: impl Fn(usize, usize) -> f64) -> Mat<f64> {
+fn scaled_by_pairs(rows: &Rows<'_>, mut matrix: DMatrix<f64>, of: impl Fn(usize, usize) -> f64) -> DMatrix<f64> {
     for j in 0..rows.len() {
         for i in j..rows.len() {
             let factor = of(i, j);

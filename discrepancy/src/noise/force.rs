@@ -2,7 +2,7 @@
 //! adds its own noise.
 
 use equipoise_core::body::SEGMENTS;
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use super::cop::soft_tissue_scale;
 use super::likelihood::{ChannelLikelihood, SizePrior, blocks_of_fit};
@@ -25,16 +25,16 @@ const ORIENTATION: usize = 4;
 pub(super) type Sizes = [f64; COUNT];
 
 /// Covariance of one force channel over all rows, N².
-pub(super) fn covariance_n2(rows: &Rows<'_>, axis: usize, sizes: &Sizes) -> Mat<f64> {
+pub(super) fn covariance_n2(rows: &Rows<'_>, axis: usize, sizes: &Sizes) -> DMatrix<f64> {
     let mut sum = fixed_covariance_n2(rows, axis);
     for part in (0..COUNT).filter(|&part| part != WHITE) {
-        sum += faer::Scale((2.0 * sizes[part]).exp()) * unit_kernel(rows, axis, part);
+        sum += (2.0 * sizes[part]).exp() * unit_kernel(rows, axis, part);
     }
     add_white(&mut sum, sizes);
     sum
 }
 
-fn add_white(sum: &mut Mat<f64>, sizes: &Sizes) {
+fn add_white(sum: &mut DMatrix<f64>, sizes: &Sizes) {
     for row in 0..sum.nrows() {
         sum[(row, row)] += (2.0 * sizes[WHITE]).exp();
     }
@@ -51,7 +51,7 @@ pub(super) fn fit(rows: &Rows<'_>, axis: usize) -> Option<Sizes> {
     let likelihood = ChannelLikelihood {
         fixed: fixed_covariance_n2(&some, axis),
         parts: std::array::from_fn(|part| (part != WHITE).then(|| unit_kernel(&some, axis, part))),
-        residual: Mat::from_fn(some.len(), 1, |block, _| {
+        residual: DMatrix::from_fn(some.len(), 1, |block, _| {
             some.force_residual_n(block, axis) - some.lacking_inertia_n(block)[axis]
         }),
         add_white,
@@ -69,15 +69,15 @@ pub(super) fn fit(rows: &Rows<'_>, axis: usize) -> Option<Sizes> {
 
 /// A zero that all rows share, and the error of the identified parameters: each channel has an independent copy of it,
 /// so that errors of differentiated motion carry no information about the parameters.
-fn fixed_covariance_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
+fn fixed_covariance_n2(rows: &Rows<'_>, axis: usize) -> DMatrix<f64> {
     let size = 3 * SEGMENTS;
     let root = root(&rows.session.prior_covariance_m2, size);
-    let on_force = Mat::from_fn(rows.len(), size, |block, column| {
+    let on_force = DMatrix::from_fn(rows.len(), size, |block, column| {
         let turned = &rows.blocks[block].observation.rotation_acceleration_per_s2[column / 3];
         rows.session.mass_kg * turned[axis][column % 3]
     });
-    let columns = product(on_force.as_ref(), root.as_ref());
-    let mut sum = outer(columns.as_ref(), columns.as_ref());
+    let columns = product(&on_force, &root);
+    let mut sum = outer(&columns, &columns);
     for j in 0..rows.len() {
         for i in 0..rows.len() {
             sum[(i, j)] += FORCE_ZERO_N * FORCE_ZERO_N;
@@ -86,7 +86,7 @@ fn fixed_covariance_n2(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
     sum
 }
 
-fn unit_kernel(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
+fn unit_kernel(rows: &Rows<'_>, axis: usize, part: usize) -> DMatrix<f64> {
     let mass_kg = rows.session.mass_kg;
     let force_n = |i: usize| rows.blocks[i].observation.com_acceleration_m_per_s2.map(|a| mass_kg * a);
     match part {
@@ -105,30 +105,30 @@ fn unit_kernel(rows: &Rows<'_>, axis: usize, part: usize) -> Mat<f64> {
 }
 
 /// Effect of orientation errors on the accelerations of the segments' masses.
-fn orientation(rows: &Rows<'_>, axis: usize) -> Mat<f64> {
+fn orientation(rows: &Rows<'_>, axis: usize) -> DMatrix<f64> {
     let (walk_rad, soft_tissue) = FORCE_ORIENTATION;
-    let columns = Mat::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
+    let columns = DMatrix::from_fn(rows.len(), 3 * SEGMENTS, |block, column| {
         let mut turn = [0.0; 3];
         turn[column % 3] = if column % 3 == 2 { FORCE_HEADING_FACTOR * walk_rad } else { walk_rad };
         rows.effect_of_rotation(block, column / 3, turn).1[axis]
     });
-    let slow = outer(columns.as_ref(), columns.as_ref());
+    let slow = outer(&columns, &columns);
     let mut sum = by_pairs(rows, |i, j, apart_s| {
         let apart = 3.0_f64.sqrt() * apart_s / HEADING_S;
         let (constant, matern, fast, fast_s) = FORCE_ORIENTATION_KERNEL;
         slow[(i, j)] * (constant + matern * (1.0 + apart) * (-apart).exp() + fast * (-apart_s / fast_s).exp())
     });
-    let skin = Mat::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
+    let skin = DMatrix::from_fn(rows.len(), 9 * SEGMENTS, |block, column| {
         let (segment, along, joint) = (column / 9, column / 3 % 3, column % 3);
         let (_, force_n) = rows.effect_of_soft_tissue(block, segment, [along, joint]);
         soft_tissue * soft_tissue_scale(segment) * force_n[axis]
     });
-    sum += outer(skin.as_ref(), skin.as_ref());
+    sum += outer(&skin, &skin);
     sum
 }
 
-fn by_pairs(rows: &Rows<'_>, of: impl Fn(usize, usize, f64) -> f64) -> Mat<f64> {
-    let mut matrix = Mat::zeros(rows.len(), rows.len());
+fn by_pairs(rows: &Rows<'_>, of: impl Fn(usize, usize, f64) -> f64) -> DMatrix<f64> {
+    let mut matrix = DMatrix::zeros(rows.len(), rows.len());
     for j in 0..rows.len() {
         for i in j..rows.len() {
             let value = of(i, j, (rows.time_s(i) - rows.time_s(j)).abs());

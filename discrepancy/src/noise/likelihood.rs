@@ -1,25 +1,25 @@
 //! Likelihood of a channel's residuals given the sizes of its kernels, and the most probable sizes: a small
 //! quasi-Newton search between bounds, with a gradient and a good initial curvature.
 
-use faer::Mat;
+use nalgebra::DMatrix;
 
 use crate::block::Phase;
 use crate::constants::{
     FIT_BLOCKS_MAX, INITIAL_CURVATURE, MINIMISER_GAIN_MIN, MINIMISER_STEP, MINIMISER_STEPS,
 };
-use crate::linear::{Factor, dot, outer};
+use crate::linear::{Factor, column, dot, outer};
 use crate::rows::Rows;
 
 /// The parts of a channel's likelihood that do not depend on the sizes.
 pub(super) struct ChannelLikelihood<const N: usize> {
     /// Covariance of the parts without a fitted size.
-    pub(super) fixed: Mat<f64>,
+    pub(super) fixed: DMatrix<f64>,
     /// Parts of unit size; `None` for the white one, which `add_white` adds.
-    pub(super) parts: [Option<Mat<f64>>; N],
+    pub(super) parts: [Option<DMatrix<f64>>; N],
     /// One column.
-    pub(super) residual: Mat<f64>,
+    pub(super) residual: DMatrix<f64>,
     /// Adds the white part of these sizes.
-    pub(super) add_white: fn(&mut Mat<f64>, &[f64; N]),
+    pub(super) add_white: fn(&mut DMatrix<f64>, &[f64; N]),
 }
 
 /// Prior of the logarithms of the sizes, and their bounds.
@@ -52,17 +52,17 @@ impl<const N: usize> ChannelLikelihood<N> {
         let mut covariance = self.fixed.clone();
         for (part, &size) in self.parts.iter().zip(sizes) {
             if let Some(part) = part {
-                covariance += faer::Scale((2.0 * size).exp()) * part;
+                covariance += (2.0 * size).exp() * part;
             }
         }
         (self.add_white)(&mut covariance, sizes);
         let factor = Factor::of(&covariance)?;
         let mut weighted = self.residual.clone();
         factor.whiten_from(0, &mut weighted);
-        let value = 0.5 * weighted.squared_norm_l2() + factor.half_log_det();
+        let value = 0.5 * weighted.norm_squared() + factor.half_log_det();
         factor.solve_transposed(&mut weighted);
-        let mut inverse = Factor::inverse(&covariance)?;
-        inverse -= outer(weighted.as_ref(), weighted.as_ref());
+        let mut inverse = factor.inverse();
+        inverse -= outer(&weighted, &weighted);
         let slope = std::array::from_fn(|part| {
             let trace = match &self.parts[part] {
                 Some(shape) => elementwise_product_sum(&inverse, shape),
@@ -86,8 +86,8 @@ pub(super) fn blocks_of_fit(rows: &Rows<'_>) -> Vec<usize> {
 }
 
 /// Sum of the elementwise products.
-fn elementwise_product_sum(a: &Mat<f64>, b: &Mat<f64>) -> f64 {
-    (0..a.ncols()).map(|j| dot(a.col_as_slice(j), b.col_as_slice(j))).sum()
+fn elementwise_product_sum(a: &DMatrix<f64>, b: &DMatrix<f64>) -> f64 {
+    (0..a.ncols()).map(|j| dot(column(a, j), column(b, j))).sum()
 }
 
 /// Minimises `of` (value and gradient; `None` where it is undefined) from `start`, within `min` and `max`.
