@@ -3,16 +3,15 @@
 //!
 //! There are two schedules. If a recording has cycle records, their ticks, samples and commands are repeated from the
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
-//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`free`).
+//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`synthetic_ticks`).
 //!
 //! Layers, lowest first: `capture_file` → `samples`, `pcap`, [`survey`] → [`input`] → `pending` → `feed` → [`score`], [`residual`] →
-//! `machine` → [`fidelity`], `recorded`, `free` → `output`, [`cross_validation`]
+//! `machine` → [`fidelity`], `recorded`, `synthetic_ticks` → `output`, [`cross_validation`]
 
 mod capture_file;
 pub mod cross_validation;
 mod feed;
 pub mod fidelity;
-pub mod free;
 pub mod input;
 mod machine;
 mod output;
@@ -24,6 +23,7 @@ pub mod samples;
 pub mod score;
 pub mod summary;
 pub mod survey;
+pub mod synthetic_ticks;
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -111,18 +111,19 @@ impl Replay<'_> {
                         write(state, Some(record))
                     })?;
                 if summary.cycles == 0 && survey.samples == 0 {
-                    bail!("there is no sample of suit or ground in it that can be used");
+                    bail!("the recording contains no usable suit or ground sample");
                 }
                 summary.skipped = input::skipped_of(recording, None);
                 summary.fidelity = Some(fidelity);
             }
             input => {
                 let mut samples = input.samples(self.config)?;
-                let ran = free::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
-                    let state = machine.step(tick, inputs);
-                    summary.ingest(state, self.config.period_ns());
-                    write(state, None)
-                });
+                let ran =
+                    synthetic_ticks::run(samples.by_ref(), self.config.period_ns(), &[], |tick, inputs| {
+                        let state = machine.step(tick, inputs);
+                        summary.ingest(state, self.config.period_ns());
+                        write(state, None)
+                    });
                 summary.skipped = samples.skipped();
                 match ran {
                     // Unused parts of the input explain why there are no cycles.

@@ -22,7 +22,7 @@ use crate::reach::{HeldPart, ReachHabits, inclined, reach};
 use crate::schedule::Schedule;
 use crate::stance::Stance;
 use crate::stomp::Stomps;
-use crate::walk::{Place, Walk};
+use crate::walk::{StandingPosition, Walk};
 
 /// Half the span of the central differences of dynamics, s.
 pub(crate) const DIFFERENCE_S: f64 = 0.002;
@@ -226,7 +226,7 @@ impl Worker {
     ///
     /// The upper body continues its motion, in the new direction; it should be upright meanwhile, without a box and not
     /// marching.
-    pub fn go(&mut self, at_s: f64, to: Place) -> f64 {
+    pub fn go(&mut self, at_s: f64, to: StandingPosition) -> f64 {
         self.walk.go(at_s, to)
     }
 

@@ -6,8 +6,8 @@
 mod number;
 mod stream;
 
-pub use number::{Endian, Number, Place};
-pub use stream::{Found, Frames};
+pub use number::{Endian, Number, NumberPosition};
+pub use stream::{Frames, StreamElement};
 
 use super::checksum::Checksum;
 
@@ -37,7 +37,7 @@ pub enum Length {
     /// A length field: `plus` bytes more than its value, at most `most`.
     InHead {
         /// Position of the field.
-        place: Place,
+        place: NumberPosition,
         /// Bytes that the field does not count.
         plus: usize,
         /// The maximum length.
@@ -49,7 +49,7 @@ pub enum Length {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tag {
     /// Position of the field.
-    pub place: Place,
+    pub place: NumberPosition,
     /// The values, masked and not shifted.
     pub values: Vec<u64>,
 }
@@ -131,7 +131,7 @@ impl FrameForm {
     ///
     /// # Errors
     /// [`FormFault::Beyond`].
-    pub fn check_place(&self, place: Place) -> Result<(), FormFault> {
+    pub fn check_place(&self, place: NumberPosition) -> Result<(), FormFault> {
         let most = self.most();
         match place.range(most) {
             Some(_) => Ok(()),

@@ -217,7 +217,7 @@ mod tests {
     use std::time::Duration;
 
     /// Polls until there is a result, for a bounded time.
-    fn until<Found>(mut look: impl FnMut() -> Option<Found>) -> Found {
+    fn until<T>(mut look: impl FnMut() -> Option<T>) -> T {
         for _ in 0..2000 {
             if let Some(found) = look() {
                 return found;

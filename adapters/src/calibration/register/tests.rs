@@ -1,4 +1,4 @@
-use super::holds::{Holds, Moment, Progress};
+use super::holds::{Holds, Observation, Progress};
 use super::*;
 use equipoise_simulator::random::Random;
 use proptest::prelude::*;
@@ -129,9 +129,9 @@ fn a_hold_is_two_seconds_of_stillness_at_a_new_place() {
         let mut last = Progress::Moving;
         for _ in 0..(seconds * 60.0) as u32 {
             time_ns += 16_666_667;
-            let seen = Hold { measured_m: place_m, expected_m: place_m, heading_rad };
-            last = holds.take(Moment { time_ns, stance, still, seen });
-            got += usize::from(matches!(last, Progress::Got(_)));
+            let values = Hold { measured_m: place_m, expected_m: place_m, heading_rad };
+            last = holds.ingest(Observation { time_ns, stance, still, values });
+            got += usize::from(matches!(last, Progress::Completed(_)));
         }
         (got, last)
     };
@@ -140,7 +140,7 @@ fn a_hold_is_two_seconds_of_stillness_at_a_new_place() {
     assert_eq!(stand([0.0, 0.2], 0.0, 0, 2.1, true).0, 1);
     assert_eq!(
         stand([0.0, 0.2], 0.0, 0, 5.0, true),
-        (1, Progress::Known),
+        (1, Progress::AlreadyUsed),
         "the same place does not count twice"
     );
     assert_eq!(stand([0.0, 0.0], 0.0, 1, 1.9, true).0, 1);

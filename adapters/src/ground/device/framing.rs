@@ -46,18 +46,18 @@ impl Framing {
     }
 
     /// These bytes belong to no frame.
-    pub fn passed(&mut self, bytes: usize) {
+    pub fn skipped(&mut self, bytes: usize) {
         self.unframed = self.unframed.saturating_add(bytes as u64);
-        self.named |= self.is_hopeless();
+        self.named |= self.is_mismatched();
     }
 
     /// Whether the data do not match the expected format.
-    pub fn is_hopeless(&self) -> bool {
+    pub fn is_mismatched(&self) -> bool {
         self.unframed >= self.limit
     }
 
     /// The device is addressed again: restarts the count, but keeps the fault until a frame arrives.
-    pub fn hope_again(&mut self) {
+    pub fn restart_count(&mut self) {
         self.unframed = 0;
     }
 
@@ -91,18 +91,18 @@ mod tests {
     fn noise_between_frames_is_none_and_noise_alone_is_named_until_a_frame_comes() {
         let mut framing = Framing::new("a plate", 24, 9600, "57600");
         for _ in 0..1000 {
-            framing.passed(23);
+            framing.skipped(23);
             framing.frame();
         }
         assert_eq!(framing.diagnostic(), None);
-        framing.passed(511);
+        framing.skipped(511);
         assert_eq!(framing.diagnostic(), None);
-        framing.passed(1);
+        framing.skipped(1);
         let said = framing.diagnostic().unwrap();
         assert!(said.contains("none of the last 512 make a frame of a plate"), "{said}");
         assert!(said.contains("It is 9600 baud, a plate usually has 57600"), "{said}");
-        framing.hope_again();
-        assert!(framing.diagnostic().is_some() && !framing.is_hopeless());
+        framing.restart_count();
+        assert!(framing.diagnostic().is_some() && !framing.is_mismatched());
         framing.frame();
         assert_eq!(framing.diagnostic(), None);
     }

@@ -5,7 +5,7 @@
 
 mod dialogue;
 
-use self::dialogue::{Dialogue, Known, Next};
+use self::dialogue::{Dialogue, DialogueResult, Next};
 use super::{Action, GroundDevice};
 use crate::ground::frame::Wrench;
 use crate::ground::reading::{Decoded, Load, Reading, Tick};
@@ -85,11 +85,11 @@ impl TecGihan {
         self.phase = Phase::Talking(Dialogue::new(self.settings));
     }
 
-    fn began(&mut self, known: &Known, now_ns: u64) {
-        let size = block_size(known.plates, self.settings.rate);
-        self.surface = known.surface_height_m.and_then(|metres| self.other_surface(metres));
+    fn start_measuring(&mut self, result: &DialogueResult, now_ns: u64) {
+        let size = block_size(result.plates, self.settings.rate);
+        self.surface = result.surface_height_m.and_then(|metres| self.other_surface(metres));
         self.phase = Phase::Measuring(Blocks {
-            scales: known.scales,
+            scales: result.scales,
             size,
             block: Vec::with_capacity(size),
             since_ns: now_ns,
@@ -191,8 +191,8 @@ impl GroundDevice for TecGihan {
             Phase::Talking(dialogue) => match dialogue.next(now_ns) {
                 Next::Wait => Action::Nothing,
                 Next::Say(line) => Action::Send(line.to_bytes()),
-                Next::Start(known) => {
-                    self.began(&known, now_ns);
+                Next::Start(result) => {
+                    self.start_measuring(&result, now_ns);
                     Action::Send(Line::Start.to_bytes())
                 }
                 Next::GiveUp(why) => {
