@@ -59,8 +59,8 @@ pub fn trial(subject: &Subject, settings: Settings) -> Trial {
             }
         }
     });
-    let sole = subject.person().sole_m;
-    Trial { identified, cop, base_m: sole.back + sole.forward, before, lifting }
+    let outline = subject.person().foot_outline_m;
+    Trial { identified, cop, base_m: outline.back + outline.forward, before, lifting }
 }
 
 /// The settings of the tables' rows.

@@ -44,7 +44,7 @@ pub enum Load {
         not_measured: u32,
     },
     /// Vertical force on the left and the right sole; insoles measure neither shear nor free moment.
-    Soles([FootLoad; 2]),
+    Insoles([FootLoad; 2]),
 }
 
 /// Load on one sole.
@@ -63,7 +63,7 @@ impl Load {
             Load::Wrench(wrench) | Load::Part { wrench, .. } => {
                 wrench.force_n.iter().chain(&wrench.moment_nm).all(|x| x.is_finite())
             }
-            Load::Soles(feet) => feet
+            Load::Insoles(feet) => feet
                 .iter()
                 .all(|foot| foot.vertical_n.is_finite() && foot.cop_m.iter().all(|m| m.is_finite())),
         }
@@ -75,7 +75,7 @@ impl Load {
             Load::Wrench(wrench) | Load::Part { wrench, .. } => {
                 wrench.force_n.iter().chain(&wrench.moment_nm).all(|number| number.abs() <= largest)
             }
-            Load::Soles(feet) => feet.iter().all(|foot| {
+            Load::Insoles(feet) => feet.iter().all(|foot| {
                 foot.vertical_n.abs() <= largest && foot.cop_m.iter().all(|metres| metres.abs() <= 1.0)
             }),
         }

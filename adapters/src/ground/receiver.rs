@@ -196,7 +196,7 @@ impl GroundReceiver {
                 let whole = self.placed(sample, &Load::Wrench(*wrench));
                 GroundSample { not_measured: *not_measured, ..whole }.mask_unmeasured()
             }
-            Load::Soles(feet) => GroundSample {
+            Load::Insoles(feet) => GroundSample {
                 per_foot: 1,
                 force_n: [0.0, 0.0, feet[0].vertical_n + feet[1].vertical_n],
                 foot_vertical_n: feet.map(|foot| foot.vertical_n),
