@@ -6,7 +6,7 @@ use equipoise_adapters::ground::device::binary::{Binary, BinarySettings, Count, 
 use equipoise_adapters::ground::{Channels, GroundDevice};
 use equipoise_adapters::wire::checksum::Checksum;
 use equipoise_adapters::wire::frame::{
-    Endian, FrameForm, Frames, Length, Look, Number, NumberPosition, StreamElement, Summed, Tag,
+    ChecksumField, Endian, FrameForm, FrameMatch, Frames, Length, Number, NumberPosition, StreamElement, Tag,
 };
 use equipoise_adapters::wire::mvn::{Cut, HEADER_SIZE, Header, StreamCutter};
 use equipoise_adapters::wire::netft_xml::NetFtPage;
@@ -38,7 +38,7 @@ const FORM_BYTES: usize = 64;
 fn form(choices: &mut Choices<'_>) -> FrameForm {
     if choices.byte() == 0 {
         let checksum = Checksum::named("CRC-16/CCITT-FALSE").unwrap();
-        let summed = Summed { checksum, from: 0, to: 32, at: 32, endian: Endian::Little };
+        let summed = ChecksumField { checksum, from: 0, to: 32, at: 32, endian: Endian::Little };
         return FrameForm {
             sync: wires::binary::SYNC.to_vec(),
             length: Length::Fixed(wires::binary::FRAME_LEN),
@@ -63,7 +63,7 @@ fn form(choices: &mut Choices<'_>) -> FrameForm {
     let checksum = checksum.map(|checksum| {
         let [from, to, at] =
             [choices.byte(), choices.byte(), choices.byte()].map(|at| i32::from(at.cast_signed()));
-        Summed { checksum, from, to, at, endian: endian(choices) }
+        ChecksumField { checksum, from, to, at, endian: endian(choices) }
     });
     FrameForm { sync, length, tags, kind, checksum }
 }
@@ -116,7 +116,7 @@ pub(crate) fn binary(bytes: &[u8]) {
     while let Some(element) = frames.advance() {
         match element {
             StreamElement::Frame(frame) => {
-                assert!(matches!(form.look(frame), Look::Frame(whole) if whole == frame));
+                assert!(matches!(form.match_start(frame), FrameMatch::Frame(whole) if whole == frame));
                 assert!((form.least()..=form.most()).contains(&frame.len()));
                 declared += frame.len();
             }

@@ -7,7 +7,7 @@ use equipoise_core::cycle::{Identification, Inputs, Memory, Settings, StopRule, 
 use equipoise_recording::replay::synthetic_ticks;
 
 use crate::constants::{IDENTIFY_DELAY_S, TICK_NS};
-use crate::spans::Shown;
+use crate::spans::RecordingEvents;
 
 use super::survey::Survey;
 use super::{Progress, Reconcile};
@@ -28,8 +28,8 @@ pub struct Identified {
 
 impl Identified {
     /// The phases of the recording.
-    pub fn phases(&self, samples_s: [f64; 2]) -> Shown {
-        Shown {
+    pub fn phases(&self, samples_s: [f64; 2]) -> RecordingEvents {
+        RecordingEvents {
             samples_s,
             identified_s: self.identified_s,
             last_learnt_s: self.last_learnt_s,

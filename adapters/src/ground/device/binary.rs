@@ -7,7 +7,7 @@ use crate::ground::channels::Channels;
 use crate::ground::order::{Order, Stamps, Trust};
 use crate::ground::reading::{Decoded, Reading, Tick};
 use crate::ground::refusal::GroundRefusal;
-use crate::wire::frame::{FrameForm, Frames, Length, Look, Number, NumberPosition, StreamElement, Tag};
+use crate::wire::frame::{FrameForm, FrameMatch, Frames, Length, Number, NumberPosition, StreamElement, Tag};
 
 /// Set in a sample's counter while the device's trigger input, if any, is active.
 pub const TRIGGER: u32 = 1 << 31;
@@ -150,22 +150,22 @@ impl Binary {
         let mut rest = bytes;
         while !rest.is_empty() {
             let form = self.frames.form();
-            let length = match form.look(rest) {
-                Look::Frame(frame) => {
+            let length = match form.match_start(rest) {
+                FrameMatch::Frame(frame) => {
                     (self.skipped, self.unframed) = (0, 0);
                     self.reader.frame(frame, arrival_ns, decoded);
                     self.asking.iter_mut().for_each(|asking| asking.register_arrival(arrival_ns));
                     frame.len()
                 }
-                Look::Other(frame) => {
+                FrameMatch::Other(frame) => {
                     decoded.refuse(GroundRefusal::UnknownKind);
                     frame.len()
                 }
-                Look::TooFew => {
+                FrameMatch::TooFew => {
                     decoded.refuse(GroundRefusal::Length);
                     rest.len()
                 }
-                Look::Nothing => {
+                FrameMatch::Nothing => {
                     let damaged = form.begins_damaged(rest);
                     decoded.refuse(if damaged { GroundRefusal::Checksum } else { GroundRefusal::Garbage });
                     if damaged && self.reader.counts_nothing() {

@@ -35,8 +35,8 @@ pub struct TecGihanSettings {
 pub struct TecGihan {
     settings: TecGihanSettings,
     phase: Phase,
-    /// Refusals found while no bytes arrived; counted with the next bytes.
-    owed: Owed,
+    /// Refusals and losses detected while no bytes arrived; counted with the next bytes.
+    deferred: Deferred,
     surface: Option<String>,
     diagnostic: Option<String>,
 }
@@ -63,7 +63,7 @@ struct Blocks {
 }
 
 #[derive(Debug, Clone, Copy, Default)]
-struct Owed {
+struct Deferred {
     incomplete: bool,
     lost: u32,
 }
@@ -74,7 +74,7 @@ impl TecGihan {
         TecGihan {
             settings,
             phase: Phase::Talking(Dialogue::new(settings)),
-            owed: Owed::default(),
+            deferred: Deferred::default(),
             surface: None,
             diagnostic: None,
         }
@@ -160,10 +160,10 @@ impl GroundDevice for TecGihan {
     }
 
     fn take(&mut self, bytes: &[u8], arrival_ns: u64, decoded: &mut Decoded) {
-        if core::mem::take(&mut self.owed.incomplete) {
+        if core::mem::take(&mut self.deferred.incomplete) {
             decoded.refuse(GroundRefusal::Incomplete);
         }
-        match core::mem::take(&mut self.owed.lost) {
+        match core::mem::take(&mut self.deferred.lost) {
             0 => {}
             lost => decoded.lost(lost),
         }
@@ -179,7 +179,7 @@ impl GroundDevice for TecGihan {
                 "the controller sent {what}: it is stopped and started again; check the cable, and that the line has \
                  RTS/CTS"
             ));
-            self.owed = Owed { incomplete: partly, lost: self.settings.rate.block_samples };
+            self.deferred = Deferred { incomplete: partly, lost: self.settings.rate.block_samples };
             self.restart_block();
         }
         match &mut self.phase {

@@ -1,6 +1,6 @@
 //! Extracts frames from a stream, independently of its division into pieces.
 
-use super::{FrameForm, Look};
+use super::{FrameForm, FrameMatch};
 
 /// The next element of a stream.
 #[derive(Debug, PartialEq, Eq)]
@@ -62,18 +62,18 @@ impl Frames {
         loop {
             let rest = bytes.get(*read..).unwrap_or_default();
             let skipped = *read - begin;
-            match form.look(rest) {
-                Look::Nothing => *read += 1,
-                Look::Frame(frame) if skipped == 0 => {
+            match form.match_start(rest) {
+                FrameMatch::Nothing => *read += 1,
+                FrameMatch::Frame(frame) if skipped == 0 => {
                     *read += frame.len();
                     return Some(StreamElement::Frame(frame));
                 }
-                Look::Other(frame) if skipped == 0 => {
+                FrameMatch::Other(frame) if skipped == 0 => {
                     *read += frame.len();
                     return Some(StreamElement::Other);
                 }
                 // The data after the skipped bytes are read in the next call.
-                Look::Frame(_) | Look::Other(_) | Look::TooFew => {
+                FrameMatch::Frame(_) | FrameMatch::Other(_) | FrameMatch::TooFew => {
                     let damaged = form.begins_damaged(bytes.get(begin..).unwrap_or_default());
                     return (skipped > 0).then_some(StreamElement::Skipped { bytes: skipped, damaged });
                 }

@@ -10,7 +10,7 @@ fn declared() -> FrameForm {
         length: Length::InHead { place: place(4, Number::U16), plus: 6, most: 200 },
         tags: vec![],
         kind: Some(Tag { place: place(8, Number::U8), values: vec![7] }),
-        checksum: Some(Summed {
+        checksum: Some(ChecksumField {
             checksum: Checksum::named("CRC-16/CCITT-FALSE").unwrap(),
             from: 6,
             to: -2,
@@ -88,21 +88,21 @@ fn forms_that_describe_no_frame_are_refused() {
         ),
         (
             FrameForm {
-                checksum: fixed.checksum.clone().map(|summed| Summed { to: 0, ..summed }),
+                checksum: fixed.checksum.clone().map(|summed| ChecksumField { to: 0, ..summed }),
                 ..fixed.clone()
             },
             FormFault::Checksum,
         ),
         (
             FrameForm {
-                checksum: fixed.checksum.clone().map(|summed| Summed { from: 8, ..summed }),
+                checksum: fixed.checksum.clone().map(|summed| ChecksumField { from: 8, ..summed }),
                 ..fixed.clone()
             },
             FormFault::Checksum,
         ),
         (
             FrameForm {
-                checksum: fixed.checksum.clone().map(|summed| Summed { at: 7, ..summed }),
+                checksum: fixed.checksum.clone().map(|summed| ChecksumField { at: 7, ..summed }),
                 ..fixed.clone()
             },
             FormFault::Checksum,
@@ -175,16 +175,16 @@ proptest! {
             length: Length::Fixed(37),
             tags: vec![],
             kind: None,
-            checksum: Some(Summed {
+            checksum: Some(ChecksumField {
                 checksum: Checksum::named("CRC-16/IBM-SDLC").unwrap(), from: 1, to: 35, at: 35, endian: Endian::Little,
             }),
         };
         let known = BotaFrame { status, force_n: [force; 3], torque_nm: [1.0; 3], timestamp_us: 7, temperature_c: 1.0 };
         let bytes = if sound { known.to_bytes().to_vec() } else { bytes };
         let own = BotaFrame::parse(bytes.first_chunk().unwrap());
-        let looked = bota.look(&bytes);
-        prop_assert_eq!(matches!(looked, Look::Frame(_)), own.is_some());
-        if let (Look::Frame(frame), Some(own)) = (looked, own) {
+        let matched = bota.match_start(&bytes);
+        prop_assert_eq!(matches!(matched, FrameMatch::Frame(_)), own.is_some());
+        if let (FrameMatch::Frame(frame), Some(own)) = (matched, own) {
             let read = NumberPosition::new(3, Number::F32, Endian::Little).value(frame).unwrap();
             prop_assert_eq!(read.to_bits(), f64::from(own.force_n[0]).to_bits());
         }
@@ -201,7 +201,7 @@ proptest! {
             length: if declared { Length::InHead { place, plus: length, most: 20 } } else { Length::Fixed(length) },
             tags: vec![Tag { place, values: vec![0, 1, 2] }],
             kind: Some(Tag { place, values: vec![0, 1] }),
-            checksum: Some(Summed { checksum: Checksum::named("SUM-8").unwrap(), from, to, at, endian: Endian::Big }),
+            checksum: Some(ChecksumField { checksum: Checksum::named("SUM-8").unwrap(), from, to, at, endian: Endian::Big }),
         };
         if form.check(true).is_ok() {
             let mut frames = Frames::new(form);

@@ -3,7 +3,7 @@
 use equipoise_adapters::ground::device::binary::{BinarySettings, Count, Field, Scans, Time};
 use equipoise_adapters::wire::checksum::{Checksum, NAMES};
 use equipoise_adapters::wire::frame::{
-    Endian, FormFault, FrameForm, Length, Number, NumberPosition, Summed, Tag,
+    ChecksumField, Endian, FormFault, FrameForm, Length, Number, NumberPosition, Tag,
 };
 use toml::Spanned;
 
@@ -165,7 +165,7 @@ fn form(config: &BinaryConfig, datagrams: bool) -> Result<FrameForm, Description
     Ok(form)
 }
 
-fn summed(crc: &CrcConfig, endian: EndianConfig) -> Result<Summed, DescriptionError> {
+fn summed(crc: &CrcConfig, endian: EndianConfig) -> Result<ChecksumField, DescriptionError> {
     let CrcConfig { name, from, to, at, endian: own } = crc;
     let Some(checksum) = Checksum::named(name) else {
         let hint = nearest(name, NAMES.iter().flat_map(|names| names.iter().copied()));
@@ -174,7 +174,7 @@ fn summed(crc: &CrcConfig, endian: EndianConfig) -> Result<Summed, DescriptionEr
             format!("no checksum that is offered is called `{name}`{hint}"),
         ));
     };
-    Ok(Summed { checksum, from: *from, to: *to, at: *at, endian: own.unwrap_or(endian).into() })
+    Ok(ChecksumField { checksum, from: *from, to: *to, at: *at, endian: own.unwrap_or(endian).into() })
 }
 
 fn scans(config: &BinaryConfig, form: &FrameForm) -> Result<Scans, DescriptionError> {

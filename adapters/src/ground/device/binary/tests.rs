@@ -3,7 +3,7 @@ use crate::ground::channels::{Direct, ForceUnit, MomentUnit};
 use crate::ground::protocol::GroundProtocol;
 use crate::ground::receiver::GroundSettings;
 use crate::wire::checksum::Checksum;
-use crate::wire::frame::{Endian, Summed};
+use crate::wire::frame::{ChecksumField, Endian};
 use equipoise_core::message::GroundSample;
 use proptest::prelude::*;
 
@@ -19,7 +19,7 @@ fn settings() -> BinarySettings {
             length: Length::Fixed(8),
             tags: vec![],
             kind: None,
-            checksum: Some(Summed {
+            checksum: Some(ChecksumField {
                 checksum: Checksum::named("SUM-8").unwrap(),
                 from: 0,
                 to: 7,
@@ -90,7 +90,7 @@ fn a_coarse_clock_stands_still_between_counted_frames() {
     // `5A count:u8 time:u32 ms fz:i24 sum` at 2 kHz: every second frame has the time of the one before.
     let mut settings = settings();
     settings.form.length = Length::Fixed(10);
-    settings.form.checksum = settings.form.checksum.map(|summed| Summed { to: 9, at: 9, ..summed });
+    settings.form.checksum = settings.form.checksum.map(|summed| ChecksumField { to: 9, at: 9, ..summed });
     settings.fields[0].place = NumberPosition::new(6, Number::I24, Endian::Big);
     settings.time = Some(Time { place: NumberPosition::new(2, Number::U32, Endian::Big), unit_ns: MS });
     let mut protocol = GroundProtocol::new(Box::new(Binary::new(settings)), GroundSettings::default());
