@@ -3,7 +3,8 @@
 //!
 //! There are two schedules. If a recording has cycle records, their ticks, samples and commands are repeated from the
 //! first checkpoint on: the states are the live loop's, and are compared with it (`recorded`). Imports have no cycle
-//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery (`synthetic_ticks`).
+//! records: ticks follow the configured rate, and a sample enters the first tick after its delivery
+//! (`synthetic_ticks`).
 //!
 //! Layers, lowest first: `capture_file` → `samples`, `pcap`, [`survey`] → [`input`] → `pending` → `feed` → [`score`], [`residual`] →
 //! `machine` → [`fidelity`], `recorded`, `synthetic_ticks` → `output`, [`cross_validation`]

@@ -84,8 +84,8 @@ impl BandLimitedNoise {
     }
 }
 
-/// An Ornstein–Uhlenbeck process, smoothed, as a function of time: noise with a broad spectrum, unlike a [`BandLimitedNoise`], in
-/// which a search for a period would find one.
+/// A smoothed Ornstein–Uhlenbeck process as a function of time. Its spectrum is broad; in a [`BandLimitedNoise`] a search
+/// for a period would find one.
 ///
 /// Evaluated at any time in any order; it has a velocity and an acceleration.
 #[derive(Debug, Clone)]

@@ -108,8 +108,8 @@ impl UdpAssembler {
         }
     }
 
-    /// Discards the datagrams with `is_kept(time of the newest fragment) == false`; returns the count of the others, and
-    /// the time of the oldest.
+    /// Keeps the datagrams for which `is_kept` is true of the time of their newest fragment; returns their count, and the
+    /// time of the oldest.
     fn retain(&mut self, is_kept: impl Fn(u64) -> bool) -> (u64, u64) {
         let (waiting, discarded, oldest_ns) = (Cell::new(0), Cell::new(0), Cell::new(u64::MAX));
         // The pool provides neither its size nor its times, but calls the predicate once for each datagram.

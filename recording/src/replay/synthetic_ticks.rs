@@ -7,8 +7,8 @@ use equipoise_core::time::NS_PER_S;
 
 use super::samples::Sample;
 
-/// Ticks in gaps longer than this are skipped, ns: no inputs. A wrong time stamp in a capture would otherwise cause days
-/// of empty ticks.
+/// Ticks in gaps longer than this are skipped, ns: no inputs. A wrong time stamp in a capture would otherwise cause
+/// days of empty ticks.
 const GAP_SKIPPED_NS: u64 = 10 * NS_PER_S;
 
 /// Calls `step` for every tick. A sample is passed to the first tick whose due time is at or after its delivery, or to
